@@ -957,7 +957,7 @@ typedef struct sps_stats_report {
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
     uint64_t surface_points; /* passed to shade_fn */
     uint64_t layers;         /* of pixels: translucent polygons, and those at edges if coverage_samples is set */
-    uint64_t shadow_rays;    /* from pixels' polygons towards lights */
+    uint64_t shadow_rays;    /* from pixels' polygons towards lights, with those whose way is known to be clear */
     uint64_t particles;      /* that have a radius and an optical depth */
     /* Transmittance maps: particles that reach beyond near_depth or far_depth. message_fn is told of these, and of such
        voxels. */
@@ -6972,7 +6972,8 @@ static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const
    by (e, e^2) for an infinitesimal e > 0. All of this depends only on the ray and the edge's two corners, and changes
    sign when they are swapped. So triangles that share corners neither leave gaps nor overlap, not even for a ray
    through an edge or a corner. Cost: triangles times rows of tiles to cull, then three edge functions per pixel of a
-   triangle's bounding box, whose rows the rasteriser first narrows to the edges. */
+   triangle's bounding box, whose rows the rasteriser first narrows to the edges; vectors of pixels within a triangle
+   are tested at their ends only. */
 
 typedef struct spsi_face {
     double position[3][3]; /* in the world */
@@ -7391,6 +7392,51 @@ static inline int spsi_face_depth(const spsi_edges *e, const spsi_rays *rays, in
     return 1;
 }
 
+/* Stores what a pixel sees of a face, unless another is nearer. */
+static inline void spsi_raster_store(const spsi_raster *raster, size_t at, int face, float depth, float w1, float w2) {
+    if (raster->depths) {
+        if (!(depth < raster->depths[at])) return;
+        raster->depths[at] = depth;
+        raster->numbers[at] = face;
+    } else if (depth < raster->hits[at].depth) {
+        const spsi_hit hit = {depth, face, {w1, w2}};
+        raster->hits[at] = hit;
+    }
+}
+
+/* Whether the rays of a vector of pixels certainly hit a face, as those at its ends do: edge functions are linear. */
+static inline int spsi_face_holds(const spsi_edges *e, int x, int y) {
+    int held = 1;
+    for (int i = 0; i < 3; ++i) {
+        const double first = e->edge[i][0] * x + e->edge[i][1] * y + e->edge[i][2];
+        const double last = e->edge[i][0] * (x + SPSI_LANES - 1) + e->edge[i][1] * y + e->edge[i][2];
+        held &= first > 2 * e->rounding[i] && last > 2 * e->rounding[i];
+    }
+    return held;
+}
+
+/* Rasterises a face at a vector of pixels whose rays hit it, as spsi_face_depth does. */
+static inline void spsi_raster_vector(const spsi_raster *raster, const spsi_edges *e, int face, int x, int y,
+                                      size_t at) {
+    const double reference = raster->rays->depth_reference, begin = raster->rays->near_depth;
+    double w[3][SPSI_LANES], t[SPSI_LANES];
+    float depth[SPSI_LANES], weights[2][SPSI_LANES];
+    for (int i = 0; i < 3; ++i) {
+        const double step = e->edge[i][0], row = e->edge[i][1] * y, rest = e->edge[i][2];
+        for (int n = 0; n < SPSI_LANES; ++n) w[i][n] = step * (x + n) + row + rest;
+    }
+    for (int n = 0; n < SPSI_LANES; ++n) {
+        const double sum = w[0][n] + w[1][n] + w[2][n], a = w[0][n] / sum, b = w[1][n] / sum, c = w[2][n] / sum;
+        t[n] = a * e->depth[0] + b * e->depth[1] + c * e->depth[2];
+        depth[n] = (float)t[n];
+        weights[0][n] = (float)b;
+        weights[1][n] = (float)c;
+    }
+    for (int n = 0; n < SPSI_LANES; ++n)
+        if (t[n] + reference > begin)
+            spsi_raster_store(raster, at + (size_t)n, face, depth[n], weights[0][n], weights[1][n]);
+}
+
 /* Rasterises an opaque face. */
 static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1) {
     const int *box = raster->boxes + 4 * face;
@@ -7404,14 +7450,11 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
             const size_t at = (size_t)(y - raster->first_row) * (size_t)raster->pitch + (size_t)x;
             double w[3];
             float depth;
-            if (!spsi_face_depth(&e, raster->rays, x, y, w, &depth)) continue;
-            if (raster->depths) {
-                if (!(depth < raster->depths[at])) continue;
-                raster->depths[at] = depth;
-                raster->numbers[at] = face;
-            } else if (depth < raster->hits[at].depth) {
-                const spsi_hit hit = {depth, face, {(float)w[1], (float)w[2]}};
-                raster->hits[at] = hit;
+            if (SPSI_LANES > 1 && x + SPSI_LANES - 1 <= x1 && spsi_face_holds(&e, x, y)) {
+                spsi_raster_vector(raster, &e, face, x, y, at);
+                x += SPSI_LANES - 1;
+            } else if (spsi_face_depth(&e, raster->rays, x, y, w, &depth)) {
+                spsi_raster_store(raster, at, face, depth, (float)w[1], (float)w[2]);
             }
         }
     }
@@ -7485,6 +7528,59 @@ static void spsi_surface_place(const spsi_face *face, const double plane[3], con
         spsi_along(rasterised, plane, way / spsi_dot(plane, plane), point);
 }
 
+/* A vector of points by component, so that compilers make vectors of loops over them. Lanes without a point repeat
+   another one. */
+typedef struct spsi_points {
+    int lanes; /* bit mask of those that hold a point */
+    double at[3][SPSI_LANES];
+} spsi_points;
+
+/* A vector of rays that meet faces, likewise. */
+typedef struct spsi_meetings {
+    int lanes;
+    double x[SPSI_LANES], y[SPSI_LANES], t[SPSI_LANES]; /* as rasterised */
+    double corner[3][SPSI_LANES], plane[3][SPSI_LANES]; /* of the faces: their first corners, and their normals */
+} spsi_meetings;
+
+/* Fills the lanes that hold none with another one. */
+static void spsi_meetings_fill(spsi_meetings *m) {
+    const int from = spsi_lowest_bit(m->lanes);
+    for (int n = 0; n < SPSI_LANES; ++n) {
+        if (m->lanes >> n & 1) continue;
+        m->x[n] = m->x[from], m->y[n] = m->y[from], m->t[n] = m->t[from];
+        for (int i = 0; i < 3; ++i) m->corner[i][n] = m->corner[i][from], m->plane[i][n] = m->plane[i][from];
+    }
+}
+
+/* The same as spsi_surface_place, to the bit. `facing`: the planes' normals times the rays. */
+static void spsi_meetings_place(const spsi_rays *eye, const spsi_meetings *m, spsi_points *points,
+                                double facing[SPSI_LANES]) {
+    const double grazing = 1e-16, turned = eye->perspective ? 1 : 0, moved = 1 - turned;
+    double ray[3][SPSI_LANES], way[SPSI_LANES], square[SPSI_LANES], across[SPSI_LANES];
+    for (int i = 0; i < 3; ++i)
+        for (int n = 0; n < SPSI_LANES; ++n) {
+            const double x = m->x[n] * eye->a[i], y = m->y[n] * eye->b[i];
+            ray[i][n] = eye->c[i] + turned * x + turned * y;
+            points->at[i][n] = eye->origin[i] + m->t[n] * ray[i][n] + moved * x + moved * y;
+        }
+    for (int n = 0; n < SPSI_LANES; ++n) {
+        const double p[3] = {m->plane[0][n], m->plane[1][n], m->plane[2][n]};
+        const double r[3] = {ray[0][n], ray[1][n], ray[2][n]};
+        way[n] = p[0] * (m->corner[0][n] - points->at[0][n]) + p[1] * (m->corner[1][n] - points->at[1][n]) +
+                 p[2] * (m->corner[2][n] - points->at[2][n]);
+        facing[n] = p[0] * r[0] + p[1] * r[1] + p[2] * r[2];
+        square[n] = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
+        across[n] = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
+    }
+    for (int i = 0; i < 3; ++i)
+        for (int n = 0; n < SPSI_LANES; ++n) {
+            const int steep = facing[n] * facing[n] > grazing * square[n] * across[n];
+            const double along = steep ? ray[i][n] : m->plane[i][n], by = steep ? facing[n] : square[n];
+            points->at[i][n] += way[n] / by * along;
+        }
+    points->lanes = m->lanes;
+}
+
 /* Origin of rays to lights on a mesh with normals of its own: raised from the facet to the surface that the normals
    describe, so that neighbouring facets do not shadow what shading shows as lit [Hanika 2021, "Hacking the Shadow
    Terminator"]. Round-off in a flat mesh's normals raises nothing. */
@@ -7517,20 +7613,27 @@ static int spsi_face_is_flat(const spsi_face *face) {
            memcmp(face->normal[0], face->normal[2], sizeof face->normal[0]) == 0;
 }
 
+/* The normal at a hit of a face that is not flat, not normalised. `plane`: the face's own. */
+static void spsi_face_normal(const spsi_face *face, const spsi_hit *hit, const double plane[3], double normal[3]) {
+    double w[3];
+    spsi_hit_weights(hit, w);
+    for (int i = 0; i < 3; ++i)
+        normal[i] =
+            w[0] * (double)face->normal[0][i] + w[1] * (double)face->normal[1][i] + w[2] * (double)face->normal[2][i];
+    if (!(spsi_dot(normal, normal) > 0)) memcpy(normal, plane, 3 * sizeof *plane);
+}
+
 /* Sets the normal and the start of shadow rays at surface->point, which a ray meets. `plane`: the face's normal. */
 static void spsi_surface_face(const spsi_face *face, const spsi_hit *hit, const double plane[3], const double ray[3],
                               spsi_surface *surface) {
     const int turned = spsi_dot(plane, ray) > 0;
-    double w[3];
     memcpy(surface->start, surface->point, sizeof surface->start);
     for (int i = 0; i < 3; ++i) surface->normal[i] = (double)face->normal[0][i];
     if (!spsi_face_is_flat(face)) {
+        double w[3];
+        spsi_face_normal(face, hit, plane, surface->normal);
         spsi_hit_weights(hit, w);
-        for (int i = 0; i < 3; ++i)
-            surface->normal[i] = w[0] * (double)face->normal[0][i] + w[1] * (double)face->normal[1][i] +
-                                 w[2] * (double)face->normal[2][i];
         spsi_surface_raise(face, w, plane, turned, surface);
-        if (!(spsi_dot(surface->normal, surface->normal) > 0)) memcpy(surface->normal, plane, 3 * sizeof *plane);
     }
     if ((spsi_dot(surface->normal, plane) < 0) != turned)
         for (int i = 0; i < 3; ++i) surface->normal[i] = -surface->normal[i];
@@ -8136,7 +8239,8 @@ static sps_result spsi_layers_build(sps_context *context, const spsi_frame *fram
 
 /* ============================================================================================ >>surfaces
    14 Where the eye sees surfaces, what they look like, and how rays towards lights find what shades them. Their shadows
-   on each other are exact: one ray per place through a tree of triangles, with neither texels nor a bias. Translucent
+   on each other are exact: one ray per place through a tree of triangles, with neither texels nor a bias; none where a
+   tile of the image shows a few flat polygons, and no triangle can be between these and the light. Translucent
    triangles filter the ray, by color. Gas is shaded by depth maps, which are rasterised like the eye's image,
    >>depthmaps. Cost: the tree's height per place and light. */
 
@@ -8204,8 +8308,8 @@ static size_t spsi_surface_index(const spsi_frame *frame, const spsi_place *plac
 
 /* What shade_fn has set at a place; NULL: nothing. */
 static const sps_surface *spsi_surface_set(const spsi_frame *frame, const sps_surface *set, const spsi_place *place) {
-    const size_t at = spsi_surface_index(frame, place);
-    return set && at != SIZE_MAX && set[at].color[0] >= 0 ? &set[at] : NULL;
+    const size_t at = set ? spsi_surface_index(frame, place) : SIZE_MAX;
+    return at != SIZE_MAX && set[at].color[0] >= 0 ? &set[at] : NULL;
 }
 
 static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, const sps_surface *set,
@@ -8769,6 +8873,65 @@ static int spsi_shafts_meet(const spsi_shafts *shafts, const spsi_faces *faces) 
         stack[top++] = node->first + 1;
     }
     return met;
+}
+
+/* --- whether any face is between a box and a light --- */
+
+#define SPSI_PASSAGE_NODES 64 /* most that are looked at: where there are more, some face is likely in the way */
+
+/* Rays from points of a box towards a light. */
+typedef struct spsi_passage {
+    spsi_ray ray;     /* from the box's centre: the box, moved along it, holds all rays */
+    double half[3];   /* of the box's extent */
+    double light[3];  /* a position, or a direction towards the light */
+    int is_direction; /* 1: a direction */
+} spsi_passage;
+
+static int spsi_passage_meets_node(const spsi_tree *tree, const spsi_passage *passage, const spsi_tree_node *node) {
+    spsi_tree_node wide = *node;
+    for (int i = 0; i < 3; ++i) {
+        wide.low[i] = spsi_outward((double)node->low[i] - passage->half[i], 0);
+        wide.high[i] = spsi_outward((double)node->high[i] + passage->half[i], 1);
+    }
+    return spsi_ray_meets_node(tree, &passage->ray, &wide);
+}
+
+/* Whether a face may stop or filter rays that begin on another: part of that one is on the far side of its plane from
+   the light, by half the room that spsi_face_stops grants to round-off. */
+static int spsi_passage_may_meet(const spsi_faces *faces, const spsi_passage *passage, int number, int own) {
+    const spsi_face *face = &faces->list[number];
+    double plane[3], offset[3], room, side, side_room, low = 0, high = 0;
+    spsi_face_plane(face, plane);
+    room = 0.5 * ((double)face->rounding + 16 * DBL_EPSILON * faces->extent) * spsi_reach_of(plane);
+    memcpy(offset, passage->light, sizeof offset);
+    if (!passage->is_direction) spsi_along(passage->light, face->position[0], -1, offset);
+    side = spsi_dot(plane, offset);
+    side_room = 1e-14 * spsi_reach_of(plane) * spsi_reach_of(offset) + (passage->is_direction ? 0 : room);
+    for (int i = 0; i < 3; ++i) {
+        spsi_along(faces->list[own].position[i], face->position[0], -1, offset);
+        low = spsi_minimum(low, spsi_dot(plane, offset));
+        high = spsi_maximum(high, spsi_dot(plane, offset));
+    }
+    return (side > -side_room && low < -room) || (side < side_room && high > room);
+}
+
+/* Whether nothing can be in the way of rays that begin in the box, on any of `count` faces. */
+static int spsi_passage_is_clear(const spsi_faces *faces, const spsi_passage *passage, const int *own, int count) {
+    int stack[SPSI_TREE_STACK], top = 0, seen = 0;
+    if (faces->tree.count > 0) stack[top++] = 0;
+    while (top > 0) {
+        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
+        if (++seen > SPSI_PASSAGE_NODES) return 0;
+        if (!spsi_passage_meets_node(&faces->tree, passage, node)) continue;
+        for (int i = 0; i < node->count * count; ++i) {
+            const int number = faces->tree.order[node->first + i / count], from = own[i % count];
+            if (number != from && spsi_passage_may_meet(faces, passage, number, from)) return 0;
+        }
+        if (node->count > 0) continue;
+        stack[top++] = node->first;
+        stack[top++] = node->first + 1;
+    }
+    return 1;
 }
 
 /* --- the nearest face on a ray --- */
@@ -17838,46 +18001,64 @@ static spsi_v spsi_planes_lookup(const spsi_planes *planes, spsi_v x, spsi_v y, 
     return depth;
 }
 
-/* Optical depth between the lamp and up to SPSI_LANES places on polygons. What is behind the lamp has none. */
-static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, int count, const spsi_surface *at,
-                                 float *depths) {
+/* Optical depth between the lamp and a vector of points on polygons. What is behind the lamp has none. */
+static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, const spsi_points *points, float *depths) {
+    static const double zero[3] = {0, 0, 0};
     const spsi_rays *rays = sliced->target.rays;
-    float x[SPSI_LANES] = {0}, y[SPSI_LANES] = {0}, slab[SPSI_LANES], ahead[SPSI_LANES] = {0}, found[SPSI_LANES];
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        const double *point = at[i < count ? i : 0].point; /* so that unused lanes are in a slab that is looked up */
-        double q[3];
-        spsi_project(rays, point, q);
-        slab[i] = (float)fmin(fmax(spsi_slab_at(sliced->target.slabs, point) - first_slab, 0), SPSI_CHUNK);
-        if (rays->perspective && !(q[2] > 0)) continue;
-        ahead[i] = 1;
-        x[i] = (float)fmin(fmax(q[0], -1), rays->width);
-        y[i] = (float)fmin(fmax(q[1], -1), rays->height);
+    const spsi_slabs *slabs = sliced->target.slabs;
+    const double start = slabs->start + first_slab * slabs->thickness;
+    const int parallel = !rays->perspective;
+    double q[4][SPSI_LANES]; /* column, row, whether it is in front of the lamp, and slab */
+    float at[4][SPSI_LANES];
+    for (int i = 0; i < 4; ++i) {
+        const double *row = i < 3 ? rays->inverse[i] : slabs->normal, *from = i < 3 ? rays->origin : zero;
+        for (int n = 0; n < SPSI_LANES; ++n)
+            q[i][n] = row[0] * (points->at[0][n] - from[0]) + row[1] * (points->at[1][n] - from[1]) +
+                      row[2] * (points->at[2][n] - from[2]);
     }
-    spsi_store(found, spsi_mul(spsi_load(ahead),
-                               spsi_planes_lookup(&sliced->planes, spsi_load(x), spsi_load(y), spsi_load(slab))));
-    memcpy(depths, found, (size_t)count * sizeof *depths);
+    for (int n = 0; n < SPSI_LANES; ++n) {
+        const double t = parallel ? 1 : q[2][n], by = t > 0 ? t : 1;
+        q[0][n] = spsi_minimum(spsi_maximum(q[0][n] / by, -1), rays->width);
+        q[1][n] = spsi_minimum(spsi_maximum(q[1][n] / by, -1), rays->height);
+        q[2][n] = t > 0 ? 1 : 0;
+        q[3][n] = spsi_minimum(spsi_maximum((q[3][n] - start) / slabs->thickness, 0), SPSI_CHUNK);
+    }
+    for (int i = 0; i < 4; ++i)
+        for (int n = 0; n < SPSI_LANES; ++n) at[i][n] = (float)q[i][n];
+    spsi_store(depths, spsi_mul(spsi_load(at[2]), spsi_planes_lookup(&sliced->planes, spsi_load(at[0]),
+                                                                     spsi_load(at[1]), spsi_load(at[3]))));
+}
+
+/* One of the points. */
+static void spsi_points_get(const spsi_points *points, int n, double point[3]) {
+    for (int i = 0; i < 3; ++i) point[i] = points->at[i][n];
 }
 
 /* The same from a map. */
-static void spsi_mapped_surfaces(const sps_tmap *map, int count, const spsi_surface *at, float *depths) {
-    double points[3 * SPSI_LANES], lit[SPSI_LANES];
-    for (int i = 0; i < count; ++i) memcpy(points + 3 * i, at[i].point, sizeof at[i].point);
-    spsi_tmap_at(map, count, points, depths, lit);
+static void spsi_mapped_surfaces(const sps_tmap *map, const spsi_points *points, float *depths) {
+    double packed[3 * SPSI_LANES], lit[SPSI_LANES];
+    float found[SPSI_LANES];
+    int count = 0;
+    for (int n = 0; n < SPSI_LANES; ++n)
+        if (points->lanes >> n & 1) spsi_points_get(points, n, packed + 3 * count++);
+    spsi_tmap_at(map, count, packed, found, lit);
+    for (int n = SPSI_LANES - 1; n >= 0; --n) depths[n] = points->lanes >> n & 1 ? found[--count] : 0;
 }
 
-/* Optical depth between the lamp and up to SPSI_LANES places on polygons, in or next to the chunk that begins with
+/* Optical depth between the lamp and a vector of points on polygons, in or next to the chunk that begins with
    `first_slab`. */
-static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, int count, const spsi_surface *at,
-                                 float *depths) {
+static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, const spsi_points *points, float *depths) {
+    memset(depths, 0, SPSI_LANES * sizeof *depths);
     if (shadow->kind == SPSI_SHADOW_MAP)
-        spsi_mapped_surfaces(shadow->tmap, count, at, depths);
+        spsi_mapped_surfaces(shadow->tmap, points, depths);
     else if (shadow->kind == SPSI_SHADOW_SHEETS && !shadow->sliced->is_soft)
-        spsi_sliced_surfaces(shadow->sliced, first_slab, count, at, depths);
+        spsi_sliced_surfaces(shadow->sliced, first_slab, points, depths);
     else
-        for (int i = 0; i < count; ++i)
-            depths[i] = shadow->kind == SPSI_SHADOW_NONE
-                            ? 0
-                            : (float)spsi_penumbra_depth(&shadow->sliced->penumbra, at[i].point);
+        for (int n = 0; n < SPSI_LANES && shadow->kind == SPSI_SHADOW_SHEETS; ++n) {
+            double point[3];
+            spsi_points_get(points, n, point);
+            if (points->lanes >> n & 1) depths[n] = (float)spsi_penumbra_depth(&shadow->sliced->penumbra, point);
+        }
 }
 
 /* --- the choice between sheets and a table --- */
@@ -20671,6 +20852,147 @@ static int spsi_sight_tiles(int first, int pixels) {
     return (first + pixels - 1) / SPSI_SIGHT_TILE - first / SPSI_SIGHT_TILE + 1;
 }
 
+/* --- tiles that no polygon can shade --- */
+
+#define SPSI_SIGHT_FACES 8 /* most that such a tile shows */
+
+/* What a tile shows. */
+typedef struct spsi_sight_view {
+    int x0, y0, x1, y1; /* its first and last pixels */
+    int face[SPSI_SIGHT_FACES], count;
+    int points[SPSI_SIGHT_FACES]; /* of the light that each faces */
+    float low, high;              /* range of depths */
+} spsi_sight_view;
+
+/* The place of a face in the list; that beyond its end if it is not there. */
+static int spsi_sight_find(const spsi_sight_view *view, int face) {
+    int at = 0;
+    while (at < view->count && view->face[at] != face) ++at;
+    return at;
+}
+
+/* Lists the faces that a tile shows. Returns 0 if they are too many. */
+static int spsi_sight_list(const spsi_sight_job *job, spsi_sight_view *view) {
+    int last = -1;
+    view->count = 0;
+    view->low = SPSI_INFINITY;
+    view->high = -SPSI_INFINITY;
+    for (int y = view->y0; y <= view->y1; ++y) {
+        const spsi_hit *hits = job->visible->hits + (size_t)y * (size_t)job->frame->content->eye.width;
+        for (int x = view->x0; x <= view->x1; ++x) {
+            if (hits[x].face < 0) continue;
+            view->low = spsi_lower(hits[x].depth, view->low);
+            view->high = spsi_higher(hits[x].depth, view->high);
+            if (hits[x].face == last) continue;
+            last = hits[x].face;
+            if (spsi_sight_find(view, last) < view->count) continue;
+            if (view->count == SPSI_SIGHT_FACES) return 0;
+            view->face[view->count++] = last;
+        }
+    }
+    return 1;
+}
+
+/* The side of a face that the tile's rays see: 1: that which its plane's normal points to, -1: the other; 0: some
+   graze it, so that round-off may move what they see by more than a box is widened. */
+static int spsi_sight_side(const spsi_rays *eye, const spsi_sight_view *view, const double plane[3]) {
+    int front = 0, back = 0;
+    for (int i = 0; i < 4; ++i) {
+        double ray[3], facing, graze;
+        spsi_ray_direction(eye, i & 1 ? view->x1 : view->x0, i & 2 ? view->y1 : view->y0, ray);
+        facing = spsi_dot(plane, ray);
+        graze = 1e-3 * spsi_length(plane) * spsi_length(ray);
+        front += facing < -graze;
+        back += facing > graze;
+    }
+    return (front == 4) - (back == 4);
+}
+
+/* Whether all of a face faces a point of the light (1), or none of it (0); -1: neither is certain, or the face is not
+   flat, so that its rays do not begin on it. */
+static int spsi_sight_faces(const spsi_sight_job *job, const spsi_sight_view *view, const spsi_face *face,
+                            const spsi_lamp *point) {
+    double plane[3], normal[3];
+    int side, lit = 0, dark = 0;
+    spsi_face_plane(face, plane);
+    side = spsi_sight_side(&job->frame->content->eye, view, plane);
+    if (side == 0 || !spsi_face_is_flat(face)) return -1;
+    for (int i = 0; i < 3; ++i) normal[i] = (double)face->normal[0][i];
+    if (spsi_dot(normal, plane) < 0) side = -side;
+    for (int corner = 0; corner < 3; ++corner) {
+        double toward[3], cosine;
+        spsi_toward_lamp(point, face->position[corner], toward);
+        cosine = side * spsi_dot(normal, toward);
+        lit += cosine > 1e-6 * spsi_length(toward);
+        dark += cosine < -1e-6 * spsi_length(toward);
+    }
+    return lit == 3 ? 1 : dark == 3 ? 0 : -1;
+}
+
+/* The rays from all that a tile shows towards a point of the light. */
+static void spsi_sight_passage(const spsi_sight_job *job, const spsi_sight_view *view, const spsi_lamp *point,
+                               spsi_passage *passage) {
+    const spsi_rays *eye = &job->frame->content->eye;
+    const double room = 1e-6 * fmax(fabs((double)view->low), fabs((double)view->high));
+    spsi_bounds box = spsi_nowhere;
+    for (int i = 0; i < 8; ++i) {
+        const double t = (i & 4 ? (double)view->high + room : (double)view->low - room) + eye->depth_reference;
+        double corner[3];
+        spsi_ray_point(eye, i & 1 ? view->x1 : view->x0, i & 2 ? view->y1 : view->y0, t, corner);
+        spsi_bounds_add(&box, corner);
+    }
+    spsi_bounds_centre(&box, passage->ray.origin);
+    spsi_toward_lamp(point, passage->ray.origin, passage->ray.direction);
+    passage->ray.low = 0;
+    passage->ray.high = point->is_point ? 1 : HUGE_VAL;
+    passage->is_direction = !point->is_point;
+    memcpy(passage->light, point->is_point ? point->position : passage->ray.direction, sizeof passage->light);
+    for (int i = 0; i < 3; ++i) passage->half[i] = 0.501 * (box.high[i] - box.low[i]) + 1e-12 * job->faces->extent;
+}
+
+/* Whether no polygon can shade what a tile shows from a point of the light. Counts the point for faces that it is
+   on the eye's side of. */
+static int spsi_sight_is_clear(const spsi_sight_job *job, const spsi_lamp *point, spsi_sight_view *view) {
+    int lit[SPSI_SIGHT_FACES], count = 0;
+    spsi_passage passage;
+    for (int i = 0; i < view->count; ++i) {
+        const int faces = spsi_sight_faces(job, view, &job->faces->list[view->face[i]], point);
+        if (faces < 0) return 0;
+        view->points[i] += faces;
+        if (faces) lit[count++] = view->face[i];
+    }
+    if (count == 0) return 1;
+    spsi_sight_passage(job, view, point, &passage);
+    return spsi_passage_is_clear(job->faces, &passage, lit, count);
+}
+
+/* Finds what is lit of a tile without tracing any ray, where it shows a few flat polygons, and none can be in the way
+   of their light; returns 0 elsewhere. The whole tile decides, whatever the region. A light that throws an image counts
+   as unseen where the image is black, which only rays find. */
+static int spsi_sight_open(const spsi_sight_job *job, int x0, int y0, int worker) {
+    const int width = job->frame->content->eye.width, *region = job->frame->view.region;
+    const int channels = spsi_lit_channels(job->frame, job->lamp);
+    spsi_sight_view view;
+    memset(&view, 0, sizeof view);
+    view.x0 = x0;
+    view.y0 = y0;
+    view.x1 = spsi_least(x0 + SPSI_SIGHT_TILE, width) - 1;
+    view.y1 = spsi_least(y0 + SPSI_SIGHT_TILE, job->frame->content->eye.height) - 1;
+    if (job->lamp->projection.exists || !spsi_sight_list(job, &view)) return 0;
+    for (int i = 0; i < job->lamp->point_count && view.count > 0; ++i)
+        if (!spsi_sight_is_clear(job, &job->lamp->points[i], &view)) return 0;
+    for (int y = spsi_most(y0, region[1]); y <= spsi_least(view.y1, region[1] + region[3] - 1); ++y)
+        for (int x = spsi_most(x0, region[0]); x <= spsi_least(view.x1, region[0] + region[2] - 1); ++x) {
+            const size_t index = (size_t)y * (size_t)width + (size_t)x;
+            const int face = job->visible->hits[index].face;
+            const int points = face < 0 ? 0 : view.points[spsi_sight_find(&view, face)];
+            job->rays[worker] += (uint64_t)points;
+            for (int c = 0; c < channels; ++c)
+                job->lit[(size_t)channels * index + (size_t)c] = points > 0 ? 1.0f : 0.0f;
+        }
+    return 1;
+}
+
 /* Traces a tile, block by block. Blocks are aligned to the image, not to the region, since within round-off the rays
    that share a packet decide which faces each is tested against. */
 static void spsi_sight_task(void *data, int index, int worker) {
@@ -20679,6 +21001,7 @@ static void spsi_sight_task(void *data, int index, int worker) {
     const int columns = spsi_sight_tiles(region[0], region[2]);
     const int x0 = (region[0] / SPSI_SIGHT_TILE + index % columns) * SPSI_SIGHT_TILE;
     const int y0 = (region[1] / SPSI_SIGHT_TILE + index / columns) * SPSI_SIGHT_TILE;
+    if (spsi_sight_open(job, x0, y0, worker)) return;
     for (int y = y0; y < y0 + SPSI_SIGHT_TILE; y += SPSI_SIGHT_BLOCK)
         for (int x = x0; x < x0 + SPSI_SIGHT_TILE; x += SPSI_SIGHT_BLOCK)
             job->rays[worker] += (uint64_t)spsi_sight_block(job, x, y);
@@ -20782,49 +21105,119 @@ static void spsi_add_spread_on(const spsi_shadow *shadow, const spsi_surface *su
    Where they are, and how far from lights, is double precision; cosines, distances in a unit near them, transmittance
    and colors are floats, within 1e-6 of what a place reflects. */
 
+/* What places on a face share. */
+typedef struct spsi_facet {
+    int number;                 /* of the face; -1: none */
+    double corner[3], plane[3]; /* its first corner, and its normal */
+    int flat;                   /* 1: light is reflected by the same normal everywhere */
+    float normal[3], turn;      /* that one, of unit length; turn: 1: on the plane's side, -1: on the other */
+    int plain;                  /* 1: all corners have this color */
+    float color[3];
+} spsi_facet;
+
 typedef struct spsi_surfaces {
-    int count;
-    spsi_place place[SPSI_LANES];
-    spsi_surface at[SPSI_LANES];
-    float normal[3][SPSI_LANES], pixel[SPSI_LANES]; /* as of `at`: unit normals, sizes of pixels */
+    spsi_place place[SPSI_LANES]; /* of the lanes in use */
+    spsi_facet facet;             /* of the last one */
+    spsi_meetings meetings;
+    spsi_points points;
+    float normal[3][SPSI_LANES], turn[SPSI_LANES]; /* of unit length; turn: as a facet's, before they face the eye */
     float color[3][SPSI_LANES], emission[3][SPSI_LANES];
-    float radiance[3][SPSI_LANES]; /* that they send towards the eye */
+    float radiance[3][SPSI_LANES]; /* that they send towards the eye; 0 in other lanes */
 } spsi_surfaces;
 
 static void spsi_surfaces_begin(spsi_surfaces *list) {
-    list->count = 0;
+    list->meetings.lanes = 0;
+    list->facet.number = -1;
     memset(list->normal, 0, sizeof list->normal);
-    memset(list->pixel, 0, sizeof list->pixel);
+    memset(list->turn, 0, sizeof list->turn);
     memset(list->color, 0, sizeof list->color);
     memset(list->emission, 0, sizeof list->emission);
 }
 
-static void spsi_surfaces_add(const spsi_shader *shader, const spsi_place *place, spsi_surfaces *list) {
-    const int n = list->count++;
-    spsi_surface *at = &list->at[n];
+/* Sets a unit normal, and on which side of its face's plane it is. */
+static void spsi_normal_set(const double normal[3], const double plane[3], float unit[3], float *turn) {
+    const double size = spsi_length(normal);
+    for (int i = 0; i < 3; ++i) unit[i] = size > 0 ? (float)(normal[i] / size) : 0;
+    *turn = spsi_dot(normal, plane) < 0 ? -1.0f : 1.0f;
+}
+
+static void spsi_facet_build(const spsi_faces *faces, int number, spsi_facet *facet) {
+    const spsi_face *face = &faces->list[number];
+    double normal[3];
+    facet->number = number;
+    facet->flat = spsi_face_is_flat(face);
+    facet->plain = memcmp(face->color[0], face->color[1], sizeof face->color[0]) == 0 &&
+                   memcmp(face->color[0], face->color[2], sizeof face->color[0]) == 0;
+    memcpy(facet->corner, face->position[0], sizeof facet->corner);
+    memcpy(facet->color, face->color[0], sizeof facet->color);
+    spsi_face_plane(face, facet->plane);
+    for (int i = 0; i < 3; ++i) normal[i] = (double)face->normal[0][i];
+    spsi_normal_set(normal, facet->plane, facet->normal, &facet->turn);
+}
+
+/* Adds the place of a lane, which is set. */
+static void spsi_surfaces_add(const spsi_shader *shader, int n, spsi_surfaces *list) {
+    const spsi_place *place = &list->place[n];
+    const sps_surface *set = spsi_surface_set(shader->frame, shader->visible->set, place);
+    const spsi_face *face = &shader->faces->list[place->hit->face];
+    spsi_facet *facet = &list->facet;
+    spsi_meetings *meetings = &list->meetings;
     spsi_appearance look;
-    double size;
-    list->place[n] = *place;
-    spsi_surface_at(shader->eye, shader->faces, place->hit, place->at[0], place->at[1], at);
-    spsi_appearance_at(shader->faces, place->hit, spsi_surface_set(shader->frame, shader->visible->set, place), &look);
-    size = spsi_length(at->normal);
-    list->pixel[n] = (float)at->pixel;
+    if (facet->number != place->hit->face) spsi_facet_build(shader->faces, place->hit->face, facet);
+    meetings->lanes |= 1 << n;
+    meetings->x[n] = place->at[0];
+    meetings->y[n] = place->at[1];
+    meetings->t[n] = (double)place->hit->depth + shader->eye->depth_reference;
     for (int i = 0; i < 3; ++i) {
-        list->normal[i][n] = size > 0 ? (float)(at->normal[i] / size) : 0;
+        meetings->corner[i][n] = facet->corner[i];
+        meetings->plane[i][n] = facet->plane[i];
+        list->normal[i][n] = facet->normal[i];
+        list->color[i][n] = facet->color[i];
+    }
+    list->turn[n] = facet->turn;
+    if (!facet->flat) {
+        double normal[3];
+        float unit[3];
+        spsi_face_normal(face, place->hit, facet->plane, normal);
+        spsi_normal_set(normal, facet->plane, unit, &list->turn[n]);
+        for (int i = 0; i < 3; ++i) list->normal[i][n] = unit[i];
+    }
+    if (facet->plain && !set) return;
+    spsi_appearance_at(shader->faces, place->hit, set, &look);
+    for (int i = 0; i < 3; ++i) {
         list->color[i][n] = (float)look.color[i];
         list->emission[i][n] = look.emission[i];
     }
 }
 
+/* Finds where all places are, and turns their normals towards the eye. */
+static void spsi_surfaces_place(const spsi_shader *shader, spsi_surfaces *list) {
+    double facing[SPSI_LANES];
+    spsi_meetings_fill(&list->meetings);
+    spsi_meetings_place(shader->eye, &list->meetings, &list->points, facing);
+    for (int n = 0; n < SPSI_LANES; ++n) {
+        const float turn = facing[n] > 0 ? -list->turn[n] : list->turn[n];
+        for (int i = 0; i < 3; ++i) list->normal[i][n] *= turn;
+    }
+}
+
+/* World sizes of the pixels at the places. */
+static spsi_v spsi_surfaces_pixels(const spsi_shader *shader, const spsi_surfaces *list) {
+    float pixel[SPSI_LANES];
+    for (int n = 0; n < SPSI_LANES; ++n) pixel[n] = (float)spsi_pixel_size_at(shader->eye, list->meetings.t[n]);
+    return spsi_load(pixel);
+}
+
 /* A power of two near the largest distance of a light from the places, in which squares of distances stay in range;
    1 for directional light. */
 static double spsi_surfaces_unit(const spsi_lamp *lamp, const spsi_surfaces *list) {
-    double largest = 0;
+    double largest = 1e-100;
     int power;
     if (!lamp->is_point) return 1;
-    for (int n = 0; n < list->count; ++n)
-        for (int i = 0; i < 3; ++i) largest = fmax(largest, fabs(lamp->position[i] - list->at[n].point[i]));
-    frexp(fmax(largest, 1e-100), &power);
+    for (int i = 0; i < 3; ++i)
+        for (int n = 0; n < SPSI_LANES; ++n)
+            largest = spsi_maximum(largest, fabs(lamp->position[i] - list->points.at[i][n]));
+    frexp(largest, &power);
     return ldexp(1, power);
 }
 
@@ -20832,15 +21225,15 @@ static double spsi_surfaces_unit(const spsi_lamp *lamp, const spsi_surfaces *lis
 static void spsi_surfaces_ways(const spsi_surfaces *list, const double from[3], double unit, spsi_v ways[3]) {
     const double per_unit = 1 / unit;
     for (int i = 0; i < 3; ++i) {
-        float lanes[SPSI_LANES] = {0};
-        for (int n = 0; n < list->count; ++n) lanes[n] = (float)((list->at[n].point[i] - from[i]) * per_unit);
+        float lanes[SPSI_LANES];
+        for (int n = 0; n < SPSI_LANES; ++n) lanes[n] = (float)((list->points.at[i][n] - from[i]) * per_unit);
         ways[i] = spsi_load(lanes);
     }
 }
 
 /* Adds the irradiance from a point of a light per unit of the light's color, before any shadow; where light falls off,
    times the square of the unit. Only the shading normal decides which side is lit, as for spsi_sight. */
-static void spsi_surfaces_add_point(const spsi_frame *frame, const spsi_lamp *point, const spsi_surfaces *list,
+static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_lamp *point, const spsi_surfaces *list,
                                     double unit, spsi_v irradiance[3]) {
     const spsi_v zero = spsi_set(0);
     spsi_v travel[3], normal[3], image[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, square = spsi_set(1), share;
@@ -20861,7 +21254,7 @@ static void spsi_surfaces_add_point(const spsi_frame *frame, const spsi_lamp *po
     if (point->projection.exists) {
         spsi_v ways[3];
         spsi_surfaces_ways(list, point->position, 1, ways);
-        spsi_projection_lookup(frame, point, ways, spsi_load(list->pixel), image);
+        spsi_projection_lookup(shader->frame, point, ways, spsi_surfaces_pixels(shader, list), image);
     }
     for (int c = 0; c < 3; ++c) irradiance[c] = spsi_fma(share, image[c], irradiance[c]);
 }
@@ -20872,11 +21265,12 @@ static int spsi_surfaces_lit(const spsi_frame *frame, const spsi_shadow *shadow,
     const size_t channels = (size_t)spsi_lit_channels(frame, shadow->lamp);
     float lanes[3][SPSI_LANES] = {{0}};
     int any = 0;
-    for (int n = 0; n < list->count; ++n)
-        for (size_t c = 0; c < channels; ++c) {
-            lanes[c][n] = shadow->lit[list->place[n].index * channels + c];
-            any |= lanes[c][n] > 0;
-        }
+    for (int n = 0; list->points.lanes >> n; ++n) {
+        const float *found;
+        if (!(list->points.lanes >> n & 1)) continue;
+        found = shadow->lit + list->place[n].index * channels;
+        for (size_t c = 0; c < channels; ++c) lanes[c][n] = found[c], any |= found[c] > 0;
+    }
     for (size_t c = 0; c < 3; ++c) lit[c] = spsi_load(lanes[channels == 3 ? c : 0]);
     return any;
 }
@@ -20885,9 +21279,9 @@ static int spsi_surfaces_lit(const spsi_frame *frame, const spsi_shadow *shadow,
 static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list,
                                     spsi_v lit[3]) {
     const int alike = !shader->frame->content->cells;
-    float lanes[SPSI_LANES] = {0};
+    float lanes[SPSI_LANES];
     spsi_v passes = spsi_set(1);
-    spsi_shadow_surfaces(shadow, shader->first_slab, list->count, list->at, lanes);
+    spsi_shadow_surfaces(shadow, shader->first_slab, &list->points, lanes);
     for (int c = 0; c < 3; ++c) {
         const float scale = (float)spsi_straight_scale(shader->frame, c);
         if (c == 0 || !alike) passes = spsi_exp(spsi_mul(spsi_load(lanes), spsi_set(-scale)));
@@ -20901,7 +21295,7 @@ static void spsi_surfaces_add_lamp(const spsi_shader *shader, const spsi_lamp *l
     const double unit = spsi_surfaces_unit(lamp, list), scale = lamp->falls_off ? 1 / (unit * unit) : 1;
     spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     for (int i = 0; i < lamp->point_count; ++i)
-        spsi_surfaces_add_point(shader->frame, &lamp->points[i], list, unit, irradiance);
+        spsi_surfaces_add_point(shader, &lamp->points[i], list, unit, irradiance);
     for (int c = 0; c < 3; ++c) {
         const double color = (double)lamp->color[c] * scale / (SPSI_PI * lamp->point_count);
         const spsi_v share = spsi_mul(spsi_mul(irradiance[c], lit[c]), spsi_load(list->color[c]));
@@ -20914,14 +21308,18 @@ static void spsi_surfaces_add_lamp(const spsi_shader *shader, const spsi_lamp *l
 /* Adds, place by place, what they reflect of light that has scattered: from cells, or beside a light's own rays
    (`shadow`; NULL: none). */
 static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_shadow *shadow, spsi_surfaces *list) {
-    for (int n = 0; n < list->count; ++n) {
+    for (int n = 0; list->points.lanes >> n; ++n) {
+        const spsi_place *place = &list->place[n];
         double color[3];
         float radiance[3];
+        spsi_surface surface;
+        if (!(list->points.lanes >> n & 1)) continue;
+        spsi_surface_at(shader->eye, shader->faces, place->hit, place->at[0], place->at[1], &surface);
         for (int c = 0; c < 3; ++c) color[c] = (double)list->color[c][n], radiance[c] = list->radiance[c][n];
         if (shadow)
-            spsi_add_spread_on(shadow, &list->at[n], color, radiance);
+            spsi_add_spread_on(shadow, &surface, color, radiance);
         else
-            spsi_add_flux(shader, &list->at[n], list->place[n].hit->face, color, radiance);
+            spsi_add_flux(shader, &surface, place->hit->face, color, radiance);
         for (int c = 0; c < 3; ++c) list->radiance[c][n] = radiance[c];
     }
 }
@@ -20930,7 +21328,8 @@ static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_sh
 static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) {
     const spsi_frame *frame = shader->frame;
     memset(list->radiance, 0, sizeof list->radiance);
-    if (list->count == 0) return;
+    if (!list->meetings.lanes) return;
+    spsi_surfaces_place(shader, list);
     for (int c = 0; c < 3 && shader->sweep->first; ++c)
         spsi_store(list->radiance[c], spsi_fma(spsi_load(list->color[c]), spsi_set(frame->ambient.radiance[c]),
                                                spsi_load(list->emission[c])));
@@ -21055,21 +21454,18 @@ static void spsi_add_layers(const spsi_shader *shader, const spsi_pixels *p, int
                  d = spsi_load(ahead->depth);
     float sent[3][SPSI_LANES] = {{0}}, covered[SPSI_LANES] = {0}, opaque[SPSI_LANES] = {0};
     spsi_surfaces list;
-    int shown = 0;
     spsi_surfaces_begin(&list);
     for (int lane = 0; bits >> lane; ++lane) {
-        spsi_place place;
         if (!(bits >> lane & 1)) continue;
-        spsi_place_of_layer(shader->frame, shader->visible, spsi_ahead_next(shader, ahead, lane), &place);
-        spsi_surfaces_add(shader, &place, &list);
+        spsi_place_of_layer(shader->frame, shader->visible, spsi_ahead_next(shader, ahead, lane), &list.place[lane]);
+        spsi_surfaces_add(shader, lane, &list);
     }
     spsi_surfaces_shade(shader, &list);
     for (int lane = 0; bits >> lane; ++lane) {
         const spsi_layer *layer;
         if (!(bits >> lane & 1)) continue;
         layer = &ahead->list[spsi_ahead_next(shader, ahead, lane)];
-        for (int c = 0; c < 3; ++c) sent[c][lane] = list.radiance[c][shown] * layer->seen[c];
-        shown += 1;
+        for (int c = 0; c < 3; ++c) sent[c][lane] = list.radiance[c][lane] * layer->seen[c];
         covered[lane] = layer->covered;
         spsi_ahead_pass(shader, lane, ahead);
         if (!backwards && ahead->first[lane] == ahead->end[lane] && spsi_black(layer->behind))
@@ -21086,29 +21482,26 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
                               const spsi_ahead *ahead, spsi_gathered *sum) {
     const spsi_m here =
         spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY)));
-    const spsi_v before = spsi_set(low), open = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
-    const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, before));
-    float lanes[3][SPSI_LANES] = {{0}}, opaque[SPSI_LANES] = {0};
+    const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, spsi_set(low)));
+    float opaque[SPSI_LANES] = {0};
     spsi_surfaces list;
-    spsi_v share;
+    spsi_v open, share;
     if (!bits || shader->again.measures) return;
+    open = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
     spsi_surfaces_begin(&list);
     for (int i = 0; i < width; ++i) {
-        spsi_place place;
         if (!(bits >> i & 1)) continue;
-        spsi_place_of_pixel(shader->frame, shader->visible, p->line.x + i, p->line.y, &place);
-        if (place.hit->face >= 0) spsi_surfaces_add(shader, &place, &list); /* else an edge, which layers show */
-    }
-    spsi_surfaces_shade(shader, &list);
-    for (int n = 0; n < list.count; ++n) {
-        const int i = list.place[n].x - p->line.x;
-        for (int c = 0; c < 3; ++c)
-            lanes[c][i] = ahead ? list.radiance[c][n] * ahead->filter[c][i] : list.radiance[c][n];
+        spsi_place_of_pixel(shader->frame, shader->visible, p->line.x + i, p->line.y, &list.place[i]);
+        if (list.place[i].hit->face < 0) continue; /* an edge, which layers show */
+        spsi_surfaces_add(shader, i, &list);
         opaque[i] = SPSI_DEPTH_MAX;
     }
+    spsi_surfaces_shade(shader, &list);
+    for (int c = 0; c < 3 && ahead; ++c)
+        spsi_store(list.radiance[c], spsi_mul(spsi_load(list.radiance[c]), spsi_load(ahead->filter[c])));
     share = spsi_select(spsi_less(spsi_set(0), spsi_load(opaque)), open, spsi_set(0));
     if (ahead) share = spsi_mul(share, spsi_ahead_mean(ahead));
-    spsi_add_sent(shader, p, lanes, open, share, p->line.polygon, sum);
+    spsi_add_sent(shader, p, list.radiance, open, share, p->line.polygon, sum);
     sum->depth = spsi_min(spsi_add(sum->depth, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
 }
 
@@ -22176,6 +22569,16 @@ static void spsi_cell_hits_add(const spsi_cell_view *view, const spsi_ray *ray, 
     hits->weight[hits->count++] = 1 / (1 + ray->high * ray->high);
 }
 
+/* The points of a vector of hits, from number `first` on. */
+static void spsi_cell_hits_points(const spsi_cell_hits *hits, int first, int end, spsi_points *points) {
+    points->lanes = 0;
+    for (int n = 0; n < SPSI_LANES; ++n) {
+        const double *point = hits->surface[first + n < end ? first + n : first].point;
+        points->lanes |= (first + n < end) << n;
+        for (int i = 0; i < 3; ++i) points->at[i][n] = point[i];
+    }
+}
+
 /* Lights up to SPSI_PACKET of them, from number `first` on, by one lamp. */
 static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *shadow, int first,
                                  spsi_cell_hits *hits) {
@@ -22194,8 +22597,11 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
     }
     if (!faces) return;
     if (shadow) spsi_packet_trace(job->faces, &packet);
-    for (int i = first; i < end && shadow; i += SPSI_LANES)
-        spsi_shadow_surfaces(shadow, 0, spsi_least(SPSI_LANES, end - i), &hits->surface[i], depths + (i - first));
+    for (int i = first; i < end && shadow; i += SPSI_LANES) {
+        spsi_points points;
+        spsi_cell_hits_points(hits, i, end, &points);
+        spsi_shadow_surfaces(shadow, 0, &points, depths + (i - first));
+    }
     for (int i = first; i < end; ++i) {
         const double depth = (double)depths[i - first];
         double through[3] = {1, 1, 1};
@@ -23646,15 +24052,34 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, float *pixel) {
     if (run->frame->wants_depth) pixel[4] = pixel[3] > 0 ? shader->distance[at] / pixel[3] : SPSI_INFINITY;
 }
 
-/* The same for all pixels of the sweep's part of the image. */
-static void spsi_add_sweep(const spsi_run *run, float *total) {
-    const int *region = run->frame->view.region, *part = run->sweep->part;
-    const int x1 = spsi_least(part[2], region[0] + region[2]), y1 = spsi_least(part[3], region[1] + region[3]);
-    for (int y = spsi_most(part[1], region[1]); y < y1; ++y)
+#define SPSI_SUM_ROWS 8 /* rows of pixels of a task */
+
+typedef struct spsi_sum_job {
+    const spsi_run *run;
+    float *total;
+} spsi_sum_job;
+
+/* The same for some rows of the region, as far as they are in the sweep's part of the image. */
+static void spsi_sum_task(void *data, int index, int worker) {
+    const spsi_sum_job *job = (const spsi_sum_job *)data;
+    const spsi_frame *frame = job->run->frame;
+    const int *region = frame->view.region, *part = job->run->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
+    const int x1 = spsi_least(part[2], region[0] + region[2]);
+    const int y1 = spsi_least(part[3], spsi_least(region[1] + region[3], top + SPSI_SUM_ROWS));
+    (void)worker;
+    for (int y = spsi_most(part[1], top); y < y1; ++y)
         for (int x = spsi_most(part[0], region[0]); x < x1; ++x) {
             const size_t pixel = (size_t)(y - region[1]) * (size_t)region[2] + (size_t)(x - region[0]);
-            spsi_add_pixel(run, x, y, total + pixel * spsi_total_floats(run->frame));
+            spsi_add_pixel(job->run, x, y, job->total + pixel * spsi_total_floats(frame));
         }
+}
+
+/* The same for all pixels of the sweep's part. */
+static void spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
+    spsi_sum_job job;
+    job.run = run;
+    job.total = total;
+    spsi_parallel(context, (run->frame->view.region[3] + SPSI_SUM_ROWS - 1) / SPSI_SUM_ROWS, spsi_sum_task, &job);
 }
 
 static void spsi_write_image(const spsi_frame *frame, const float *total, const sps_image *image) {
@@ -23719,7 +24144,7 @@ static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *pict
     context->stats.seconds_bin += swept - start;
     light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
     if (spsi_run_sweep(run, part)) return context->result;
-    if (!run->shader.again.measures) spsi_add_sweep(run, picture->total);
+    if (!run->shader.again.measures) spsi_add_sweep(context, run, picture->total);
     context->stats.seconds_eye +=
         spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
     return SPS_OK;

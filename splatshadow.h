@@ -1751,11 +1751,12 @@ static inline void spsi_lookup_quad(const float *grid, int stride, spsi_v x, sps
     quad[3] = spsi_lookup(grid + stride + 1, stride, x, y);
 }
 
-/* Prefetches memory that will be read soon, if the compiler has a way to. */
+/* Prefetches memory that will be read soon, if the compiler has a way to. A function that does nothing else is taken
+   for one without effect, unless it is as short as this one. */
 static inline void spsi_prefetch(const void *data, size_t size) {
 #if defined(__GNUC__)
     for (size_t i = 0; i < size; i += 64) __builtin_prefetch((const char *)data + i);
-    __builtin_prefetch((const char *)data + size - 1); /* the data may begin within a line */
+    if (size > 1) __builtin_prefetch((const char *)data + size - 1); /* the data may begin within a line */
 #else
     (void)data, (void)size;
 #endif
@@ -17616,6 +17617,17 @@ static void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
     }
 }
 
+/* Columns and rows of the texels of a light's planes. */
+static inline void spsi_sliced_project(const spsi_sliced *sliced, const spsi_v at[3], spsi_v q[2]) {
+    q[0] = at[0];
+    q[1] = at[1];
+    if (sliced->target.rays->perspective) {
+        const spsi_v t = spsi_max(at[2], spsi_set(FLT_MIN * 16));
+        q[0] = spsi_div(q[0], t);
+        q[1] = spsi_div(q[1], t);
+    }
+}
+
 /* Optical depth between the lamp and a vector of points, given by the coordinates of `along`, on plane k. */
 static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], int k) {
     const spsi_planes *planes;
@@ -17623,15 +17635,19 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     if (shadow->kind == SPSI_SHADOW_NONE) return spsi_set(0);
     if (shadow->kind == SPSI_SHADOW_MAP) return spsi_tmap_lookup(shadow->tmap, at);
     planes = &shadow->sliced->planes;
-    q[0] = at[0];
-    q[1] = at[1];
-    if (shadow->sliced->target.rays->perspective) {
-        const spsi_v t = spsi_max(at[2], spsi_set(FLT_MIN * 16));
-        q[0] = spsi_div(q[0], t);
-        q[1] = spsi_div(q[1], t);
-    }
+    spsi_sliced_project(shadow->sliced, at, q);
     if (planes->cubic) return spsi_bicubic(planes->depth[k], planes->width, planes->height, q[0], q[1]);
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
+}
+
+/* Indices of the texels in which such points lie, or of some nearby where floats cannot tell. */
+static inline void spsi_sliced_texels(const spsi_sliced *sliced, const spsi_v at[3], int texels[SPSI_LANES]) {
+    const spsi_planes *planes = &sliced->planes;
+    spsi_v q[2];
+    spsi_sliced_project(sliced, at, q);
+    q[0] = spsi_floor(spsi_clamp(q[0], spsi_set(0), spsi_set((float)(planes->width - 1))));
+    q[1] = spsi_floor(spsi_clamp(q[1], spsi_set(0), spsi_set((float)(planes->height - 2))));
+    spsi_store_int(texels, spsi_fma(q[1], spsi_set((float)planes->width), q[0]));
 }
 
 /* Optical depth at places of a slab coordinate within the chunk, linear between the planes. Mostly all lie in one slab;
@@ -20156,13 +20172,36 @@ static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map
     lit[0] = spsi_mul(lit[0], spsi_set(1.0f / SPSI_PARTS));
 }
 
+/* Arguments of spsi_shadow_lookup for points at depth d of the rays through the same columns of a row of pixels. */
+static inline void spsi_shadow_follow(const spsi_shadow *shadow, const spsi_pixels *p, float y, spsi_v d,
+                                      spsi_v at[3]) {
+    for (int i = 0; i < 3; ++i)
+        at[i] = spsi_fma(d, spsi_linear_slope(&shadow->along[i], p->line.at, y),
+                         spsi_linear_base(&shadow->along[i], p->line.at, y));
+}
+
+/* Rows of pixels from which light is prefetched: far enough for memory, near enough for a level-2 cache. */
+#define SPSI_ROWS_AHEAD 8
+
 /* Optical depth from a light to the rays' points at depth d, on plane k. */
 static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
     spsi_v at[3];
-    for (int i = 0; i < 3; ++i)
-        at[i] = spsi_fma(d, spsi_linear_slope(&shadow->along[i], p->line.at, (float)p->line.y),
-                         spsi_linear_base(&shadow->along[i], p->line.at, (float)p->line.y));
+    spsi_shadow_follow(shadow, p, (float)p->line.y, d, at);
     return spsi_shadow_lookup(shadow, at, k);
+}
+
+/* The same where the rays meet plane k. Planes are too large for a cache, and a row of pixels crosses them at a slant:
+   what a row further down will need is prefetched. */
+static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, int k) {
+    const spsi_v d = spsi_plane_depth(&p->line, k);
+    if (shadow->kind == SPSI_SHADOW_SHEETS) {
+        int texels[SPSI_LANES];
+        spsi_v at[3];
+        spsi_shadow_follow(shadow, p, (float)(p->line.y + SPSI_ROWS_AHEAD), d, at);
+        spsi_sliced_texels(shadow->sliced, at, texels);
+        for (int i = 0; i < SPSI_LANES; ++i) spsi_prefetch(shadow->sliced->planes.depth[k] + texels[i], 1);
+    }
+    return spsi_pixels_shadow(shadow, p, k, d);
 }
 
 /* Whether the light at the last lookup serves a slab, too. */
@@ -20178,8 +20217,8 @@ static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow
                             const spsi_slab *slab, spsi_arrival *arrival) {
     spsi_v a0 = arrival->plane_light, a1 = a0;
     if (!spsi_slab_skips(shader, slab, arrival)) {
-        a1 = spsi_pixels_shadow(shadow, p, slab->k + 1, spsi_plane_depth(&p->line, slab->k + 1));
-        if (arrival->plane != slab->k) a0 = spsi_pixels_shadow(shadow, p, slab->k, spsi_plane_depth(&p->line, slab->k));
+        a1 = spsi_plane_light(shadow, p, slab->k + 1);
+        if (arrival->plane != slab->k) a0 = spsi_plane_light(shadow, p, slab->k);
         arrival->plane = slab->k + 1;
         arrival->plane_light = a1;
         arrival->skipped = spsi_set(0);
@@ -23117,8 +23156,8 @@ static void spsi_eye_task(void *data, int index, int worker) {
     shading.slab_count = touched ? SPSI_CHUNK : 0;
     shading.low = run->low;
     shading.high = run->high;
-    for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y)
-        for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
+    for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
+        for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y) /* down: see spsi_plane_light */
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
                 run->shaded[worker] += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_least(SPSI_LANES, width - x));
     spsi_tile_count(&run->eye, &tile, worker);

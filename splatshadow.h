@@ -1762,6 +1762,15 @@ static inline void spsi_prefetch(const void *data, size_t size) {
 #endif
 }
 
+/* The same for memory that will be written. */
+static inline void spsi_prefetch_to_write(void *data) {
+#if defined(__GNUC__)
+    __builtin_prefetch(data, 1);
+#else
+    (void)data;
+#endif
+}
+
 static inline spsi_v spsi_clamp(spsi_v a, spsi_v low, spsi_v high) { return spsi_max(low, spsi_min(a, high)); }
 static inline spsi_v spsi_abs(spsi_v a) { return spsi_max(a, spsi_sub(spsi_set(0), a)); }
 static inline spsi_v spsi_mix(spsi_v a, spsi_v b, spsi_v t) { return spsi_fma(spsi_sub(b, a), t, a); }
@@ -17418,9 +17427,10 @@ static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi
     return spsi_clamp(sum, low, high);
 }
 
-/* Accumulates a tile's sheets from plane to plane. */
+/* Accumulates a tile's sheets from plane to plane. Each row of a plane is far from the last one, in memory that no
+   cache holds. */
 static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *shader, const spsi_tile *tile) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, rows_ahead = 2;
     for (int y = tile->y0; y <= tile->y1; ++y)
         for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
             const size_t to = (size_t)y * (size_t)planes->width + (size_t)x;
@@ -17429,6 +17439,8 @@ static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *
             const int count = spsi_least(SPSI_LANES, tile->x1 - x + 1);
             spsi_v depth = spsi_load_first(planes->depth[SPSI_CHUNK] + to, count);
             for (int k = 0; k <= SPSI_CHUNK; ++k) {
+                if (y + rows_ahead <= tile->y1)
+                    spsi_prefetch_to_write(planes->depth[k] + to + rows_ahead * planes->width);
                 spsi_store_first(planes->depth[k] + to, depth, count);
                 if (k == SPSI_CHUNK) break;
                 const spsi_v sheet =

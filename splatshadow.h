@@ -2680,6 +2680,22 @@ static inline spsi_v spsi_linear_slope_at(const spsi_linear *linear, spsi_v x, s
     return spsi_fma(x, spsi_set(slope[1]), spsi_fma(y, spsi_set(slope[2]), spsi_set(slope[0])));
 }
 
+/* Three linear quantities along a vector of a row's rays. */
+typedef struct spsi_courses {
+    spsi_v base[3], slope[3];
+} spsi_courses;
+
+static inline void spsi_courses_build(const spsi_linear linear[3], spsi_v x, float y, spsi_courses *courses) {
+    for (int i = 0; i < 3; ++i) {
+        courses->base[i] = spsi_linear_base(&linear[i], x, y);
+        courses->slope[i] = spsi_linear_slope(&linear[i], x, y);
+    }
+}
+
+static inline void spsi_courses_at(const spsi_courses *courses, spsi_v d, spsi_v at[3]) {
+    for (int i = 0; i < 3; ++i) at[i] = spsi_fma(d, courses->slope[i], courses->base[i]);
+}
+
 /* World length per unit of t along the rays of a row of pixels. */
 static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) {
     spsi_v sum = spsi_set(0);
@@ -19477,6 +19493,8 @@ typedef struct spsi_arrival {
     int plane;              /* plane of the last lookup; -1: none */
     spsi_v plane_light;     /* optical depth found there */
     spsi_v skipped;         /* optical depth of the gas that was passed since */
+    spsi_courses courses;   /* arguments of spsi_shadow_lookup along these pixels' rays */
+    spsi_courses ahead;     /* along those of a row further down */
     spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave lit; of an undivided slab, lit[0] */
 } spsi_arrival;
 
@@ -20184,36 +20202,38 @@ static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map
     lit[0] = spsi_mul(lit[0], spsi_set(1.0f / SPSI_PARTS));
 }
 
-/* Arguments of spsi_shadow_lookup for points at depth d of the rays through the same columns of a row of pixels. */
-static inline void spsi_shadow_follow(const spsi_shadow *shadow, const spsi_pixels *p, float y, spsi_v d,
-                                      spsi_v at[3]) {
-    for (int i = 0; i < 3; ++i)
-        at[i] = spsi_fma(d, spsi_linear_slope(&shadow->along[i], p->line.at, y),
-                         spsi_linear_base(&shadow->along[i], p->line.at, y));
+/* Optical depth from a light to the rays' points at depth d, on plane k. */
+static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
+    spsi_courses courses;
+    spsi_v at[3];
+    spsi_courses_build(shadow->along, p->line.at, (float)p->line.y, &courses);
+    spsi_courses_at(&courses, d, at);
+    return spsi_shadow_lookup(shadow, at, k);
 }
 
 /* Rows of pixels from which light is prefetched: far enough for memory, near enough for a level-2 cache. */
 #define SPSI_ROWS_AHEAD 8
 
-/* Optical depth from a light to the rays' points at depth d, on plane k. */
-static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
-    spsi_v at[3];
-    spsi_shadow_follow(shadow, p, (float)p->line.y, d, at);
-    return spsi_shadow_lookup(shadow, at, k);
+static void spsi_arrival_begin(const spsi_shadow *shadow, const spsi_pixels *p, spsi_arrival *arrival) {
+    const float y = (float)p->line.y;
+    arrival->plane = -1;
+    spsi_courses_build(shadow->along, p->line.at, y, &arrival->courses);
+    spsi_courses_build(shadow->along, p->line.at, y + SPSI_ROWS_AHEAD, &arrival->ahead);
 }
 
-/* The same where the rays meet plane k. Planes are too large for a cache, and a row of pixels crosses them at a slant:
-   what a row further down will need is prefetched. */
-static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, int k) {
+/* Optical depth from a light to where the rays meet plane k. Planes are too large for a cache, and a row of pixels
+   crosses them at a slant: what a row further down will need is prefetched. */
+static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, const spsi_arrival *arrival, int k) {
     const spsi_v d = spsi_plane_depth(&p->line, k);
+    spsi_v at[3];
     if (shadow->kind == SPSI_SHADOW_SHEETS) {
         int texels[SPSI_LANES];
-        spsi_v at[3];
-        spsi_shadow_follow(shadow, p, (float)(p->line.y + SPSI_ROWS_AHEAD), d, at);
+        spsi_courses_at(&arrival->ahead, d, at);
         spsi_sliced_texels(shadow->sliced, at, texels);
         for (int i = 0; i < SPSI_LANES; ++i) spsi_prefetch(shadow->sliced->planes.depth[k] + texels[i], 1);
     }
-    return spsi_pixels_shadow(shadow, p, k, d);
+    spsi_courses_at(&arrival->courses, d, at);
+    return spsi_shadow_lookup(shadow, at, k);
 }
 
 /* Whether the light at the last lookup serves a slab, too. */
@@ -20229,8 +20249,8 @@ static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow
                             const spsi_slab *slab, spsi_arrival *arrival) {
     spsi_v a0 = arrival->plane_light, a1 = a0;
     if (!spsi_slab_skips(shader, slab, arrival)) {
-        a1 = spsi_plane_light(shadow, p, slab->k + 1);
-        if (arrival->plane != slab->k) a0 = spsi_plane_light(shadow, p, slab->k);
+        a1 = spsi_plane_light(shadow, p, arrival, slab->k + 1);
+        if (arrival->plane != slab->k) a0 = spsi_plane_light(shadow, p, arrival, slab->k);
         arrival->plane = slab->k + 1;
         arrival->plane_light = a1;
         arrival->skipped = spsi_set(0);
@@ -21278,8 +21298,9 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     row.slab.material_count = shader->frame->matter.material_count;
     row.slab.part_count = shader->frame->matter.classifies ? SPSI_PARTS : 1;
     row.width = width;
-    for (int i = 0; i < shader->shadow_count; ++i) row.slab.arrivals[i].plane = -1;
     spsi_pixels_build(shader, x, y, &row.pixels);
+    for (int i = 0; i < shader->shadow_count; ++i)
+        spsi_arrival_begin(&shader->shadows[i], &row.pixels, &row.slab.arrivals[i]);
     for (int i = 0; i < 4 * shader->frame->gradients.reach && shading->slab_count > 0; ++i) {
         const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
         spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &row.pixels.around[i]);

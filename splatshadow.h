@@ -1755,13 +1755,23 @@ static inline void spsi_lookup_quad(const float *grid, int stride, spsi_v x, sps
     quad[3] = spsi_lookup(grid + stride + 1, stride, x, y);
 }
 
-/* Prefetches memory that will be read soon, if the compiler has a way to. */
+/* Prefetches memory that will be read soon, if the compiler has a way to. A function that does nothing else is taken
+   for one without effect, unless it is as short as this one. */
 static inline void spsi_prefetch(const void *data, size_t size) {
 #if defined(__GNUC__)
     for (size_t i = 0; i < size; i += 64) __builtin_prefetch((const char *)data + i);
-    __builtin_prefetch((const char *)data + size - 1); /* the data may begin within a line */
+    if (size > 1) __builtin_prefetch((const char *)data + size - 1); /* the data may begin within a line */
 #else
     (void)data, (void)size;
+#endif
+}
+
+/* The same for memory that will be written. */
+static inline void spsi_prefetch_to_write(void *data) {
+#if defined(__GNUC__)
+    __builtin_prefetch(data, 1);
+#else
+    (void)data;
 #endif
 }
 
@@ -2672,6 +2682,22 @@ static inline spsi_v spsi_linear_base_at(const spsi_linear *linear, spsi_v x, sp
 static inline spsi_v spsi_linear_slope_at(const spsi_linear *linear, spsi_v x, spsi_v y) {
     const float *slope = linear->slope;
     return spsi_fma(x, spsi_set(slope[1]), spsi_fma(y, spsi_set(slope[2]), spsi_set(slope[0])));
+}
+
+/* Three linear quantities along a vector of a row's rays. */
+typedef struct spsi_courses {
+    spsi_v base[3], slope[3];
+} spsi_courses;
+
+static inline void spsi_courses_build(const spsi_linear linear[3], spsi_v x, float y, spsi_courses *courses) {
+    for (int i = 0; i < 3; ++i) {
+        courses->base[i] = spsi_linear_base(&linear[i], x, y);
+        courses->slope[i] = spsi_linear_slope(&linear[i], x, y);
+    }
+}
+
+static inline void spsi_courses_at(const spsi_courses *courses, spsi_v d, spsi_v at[3]) {
+    for (int i = 0; i < 3; ++i) at[i] = spsi_fma(d, courses->slope[i], courses->base[i]);
 }
 
 /* World length per unit of t along the rays of a row of pixels. */
@@ -17762,9 +17788,10 @@ static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi
     return spsi_clamp(sum, low, high);
 }
 
-/* Accumulates a tile's sheets from plane to plane. */
+/* Accumulates a tile's sheets from plane to plane. Each row of a plane is far from the last one, in memory that no
+   cache holds. */
 static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *shader, const spsi_tile *tile) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, rows_ahead = 2;
     for (int y = tile->y0; y <= tile->y1; ++y)
         for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
             const size_t to = (size_t)y * (size_t)planes->width + (size_t)x;
@@ -17773,6 +17800,8 @@ static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *
             const int count = spsi_least(SPSI_LANES, tile->x1 - x + 1);
             spsi_v depth = spsi_load_first(planes->depth[SPSI_CHUNK] + to, count);
             for (int k = 0; k <= SPSI_CHUNK; ++k) {
+                if (y + rows_ahead <= tile->y1)
+                    spsi_prefetch_to_write(planes->depth[k] + to + rows_ahead * planes->width);
                 spsi_store_first(planes->depth[k] + to, depth, count);
                 if (k == SPSI_CHUNK) break;
                 const spsi_v sheet =
@@ -17963,6 +17992,17 @@ static void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
     }
 }
 
+/* Columns and rows of the texels of a light's planes. */
+static inline void spsi_sliced_project(const spsi_sliced *sliced, const spsi_v at[3], spsi_v q[2]) {
+    q[0] = at[0];
+    q[1] = at[1];
+    if (sliced->target.rays->perspective) {
+        const spsi_v t = spsi_max(at[2], spsi_set(FLT_MIN * 16));
+        q[0] = spsi_div(q[0], t);
+        q[1] = spsi_div(q[1], t);
+    }
+}
+
 /* Optical depth between the lamp and a vector of points, given by the coordinates of `along`, on plane k. */
 static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], int k) {
     const spsi_planes *planes;
@@ -17970,15 +18010,19 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     if (shadow->kind == SPSI_SHADOW_NONE) return spsi_set(0);
     if (shadow->kind == SPSI_SHADOW_MAP) return spsi_tmap_lookup(shadow->tmap, at);
     planes = &shadow->sliced->planes;
-    q[0] = at[0];
-    q[1] = at[1];
-    if (shadow->sliced->target.rays->perspective) {
-        const spsi_v t = spsi_max(at[2], spsi_set(FLT_MIN * 16));
-        q[0] = spsi_div(q[0], t);
-        q[1] = spsi_div(q[1], t);
-    }
+    spsi_sliced_project(shadow->sliced, at, q);
     if (planes->cubic) return spsi_bicubic(planes->depth[k], planes->width, planes->height, q[0], q[1]);
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
+}
+
+/* Indices of the texels in which such points lie, or of some nearby where floats cannot tell. */
+static inline void spsi_sliced_texels(const spsi_sliced *sliced, const spsi_v at[3], int texels[SPSI_LANES]) {
+    const spsi_planes *planes = &sliced->planes;
+    spsi_v q[2];
+    spsi_sliced_project(sliced, at, q);
+    q[0] = spsi_floor(spsi_clamp(q[0], spsi_set(0), spsi_set((float)(planes->width - 1))));
+    q[1] = spsi_floor(spsi_clamp(q[1], spsi_set(0), spsi_set((float)(planes->height - 2))));
+    spsi_store_int(texels, spsi_fma(q[1], spsi_set((float)planes->width), q[0]));
 }
 
 /* Optical depth at places of a slab coordinate within the chunk, linear between the planes. Mostly all lie in one slab;
@@ -19814,6 +19858,8 @@ typedef struct spsi_arrival {
     int plane;              /* plane of the last lookup; -1: none */
     spsi_v plane_light;     /* optical depth found there */
     spsi_v skipped;         /* optical depth of the gas that was passed since */
+    spsi_courses courses;   /* arguments of spsi_shadow_lookup along these pixels' rays */
+    spsi_courses ahead;     /* along those of a row further down */
     spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave lit; of an undivided slab, lit[0] */
 } spsi_arrival;
 
@@ -20523,10 +20569,35 @@ static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map
 
 /* Optical depth from a light to the rays' points at depth d, on plane k. */
 static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
+    spsi_courses courses;
     spsi_v at[3];
-    for (int i = 0; i < 3; ++i)
-        at[i] = spsi_fma(d, spsi_linear_slope(&shadow->along[i], p->line.at, (float)p->line.y),
-                         spsi_linear_base(&shadow->along[i], p->line.at, (float)p->line.y));
+    spsi_courses_build(shadow->along, p->line.at, (float)p->line.y, &courses);
+    spsi_courses_at(&courses, d, at);
+    return spsi_shadow_lookup(shadow, at, k);
+}
+
+/* Rows of pixels from which light is prefetched: far enough for memory, near enough for a level-2 cache. */
+#define SPSI_ROWS_AHEAD 8
+
+static void spsi_arrival_begin(const spsi_shadow *shadow, const spsi_pixels *p, spsi_arrival *arrival) {
+    const float y = (float)p->line.y;
+    arrival->plane = -1;
+    spsi_courses_build(shadow->along, p->line.at, y, &arrival->courses);
+    spsi_courses_build(shadow->along, p->line.at, y + SPSI_ROWS_AHEAD, &arrival->ahead);
+}
+
+/* Optical depth from a light to where the rays meet plane k. Planes are too large for a cache, and a row of pixels
+   crosses them at a slant: what a row further down will need is prefetched. */
+static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, const spsi_arrival *arrival, int k) {
+    const spsi_v d = spsi_plane_depth(&p->line, k);
+    spsi_v at[3];
+    if (shadow->kind == SPSI_SHADOW_SHEETS) {
+        int texels[SPSI_LANES];
+        spsi_courses_at(&arrival->ahead, d, at);
+        spsi_sliced_texels(shadow->sliced, at, texels);
+        for (int i = 0; i < SPSI_LANES; ++i) spsi_prefetch(shadow->sliced->planes.depth[k] + texels[i], 1);
+    }
+    spsi_courses_at(&arrival->courses, d, at);
     return spsi_shadow_lookup(shadow, at, k);
 }
 
@@ -20543,8 +20614,8 @@ static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow
                             const spsi_slab *slab, spsi_arrival *arrival) {
     spsi_v a0 = arrival->plane_light, a1 = a0;
     if (!spsi_slab_skips(shader, slab, arrival)) {
-        a1 = spsi_pixels_shadow(shadow, p, slab->k + 1, spsi_plane_depth(&p->line, slab->k + 1));
-        if (arrival->plane != slab->k) a0 = spsi_pixels_shadow(shadow, p, slab->k, spsi_plane_depth(&p->line, slab->k));
+        a1 = spsi_plane_light(shadow, p, arrival, slab->k + 1);
+        if (arrival->plane != slab->k) a0 = spsi_plane_light(shadow, p, arrival, slab->k);
         arrival->plane = slab->k + 1;
         arrival->plane_light = a1;
         arrival->skipped = spsi_set(0);
@@ -21804,8 +21875,9 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     row.slab.material_count = shader->frame->matter.material_count;
     row.slab.part_count = shader->frame->matter.classifies ? SPSI_PARTS : 1;
     row.width = width;
-    for (int i = 0; i < shader->shadow_count; ++i) row.slab.arrivals[i].plane = -1;
     spsi_pixels_build(shader, x, y, &row.pixels);
+    for (int i = 0; i < shader->shadow_count; ++i)
+        spsi_arrival_begin(&shader->shadows[i], &row.pixels, &row.slab.arrivals[i]);
     for (int i = 0; i < 4 * shader->frame->gradients.reach && shading->slab_count > 0; ++i) {
         const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
         spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &row.pixels.around[i]);
@@ -23717,8 +23789,8 @@ static void spsi_eye_task(void *data, int index, int worker) {
     shading.slab_count = touched ? SPSI_CHUNK : 0;
     shading.low = run->low;
     shading.high = run->high;
-    for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y)
-        for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
+    for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
+        for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y) /* down: see spsi_plane_light */
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
                 run->shaded[worker] += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_least(SPSI_LANES, width - x));
     spsi_tile_count(&run->eye, &tile, worker);

@@ -781,15 +781,13 @@ typedef enum sps_filling {
     SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
     /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3 per
        voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per slab.
-       Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where voxels are smaller
-       than 0.55 pixels, a pixel has four rays, and where they are smaller than 0.27, voxels of a coarser level are
-       sampled, at draft and medium and unless they are classified. A picture with surfaces of voxels smaller than 0.9
-       pixels has four rays in these, by which it finds their gradients. A texel of a light's sheets has one ray, on
-       such a level or, if the volume is classified, through voxels of any size. Volumes are splatted nevertheless, one
-       by one and in each pass, if no level fits all of them, if they are not all well before the eye or the light, if
-       rays cross more than 15 voxels in a slab (11 at high and ultra), or if they are scattered too thinly. Cost
-       besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10800 at high and ultra, and roughly an eighth
-       as many on each coarser level. */
+       Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where a gas's voxels are
+       smaller than 0.55 pixels, a pixel has four rays, and where they are smaller than 0.27, voxels of a coarser level
+       are sampled, at draft and medium. A texel of a light's sheets has one ray, on such a level. Through classified
+       voxels of any size, there is one ray. Volumes are splatted nevertheless, one by one and in each pass, if no level
+       fits all of them, if they are not all well before the eye or the light, if rays cross more than 15 voxels in a
+       slab (11 at high and ultra), or if they are scattered too thinly. Cost besides: 5800 bytes per brick of 8^3
+       voxels within reach of one, 10800 at high and ultra, and roughly an eighth as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -2713,6 +2711,7 @@ typedef struct spsi_material {
     sps_shading shading;
     float gradient_scale; /* per change of value per voxel */
     float voxel_length;   /* world; the cube root of a voxel's volume */
+    int medium;           /* the volume, if it has a table */
     float specular, shininess;
     int scatters, emits, extinguishes;
     const spsi_forward *forward; /* NULL: light scatters once */
@@ -4424,7 +4423,7 @@ typedef struct spsi_lamps {
     int image_count;  /* number of lamps that throw an image */
 } spsi_lamps;
 
-/* Gradients of volumes that are shaded as surfaces. */
+/* Gradients of volumes that are shaded as surfaces. Fields have their own. */
 typedef struct spsi_gradients {
     int exist;    /* 1: some volume has such gradients */
     int reach;    /* pixels to either side of a difference: 1, or 2 if voxels are less than 4 pixels wide */
@@ -4496,6 +4495,7 @@ typedef struct spsi_fields {
     int taps;                                /* along each axis: 4 or 6 */
     int filled;                              /* 1: bricks have their values */
     float weights[SPSI_TAP_STEPS + 1][8];    /* by place; those beyond `taps` are 0 */
+    float changes[SPSI_TAP_STEPS + 1][8];    /* of the weights, per voxel */
     spsi_voxel_field list[SPSI_VOLUMES_MAX]; /* by medium */
     int leveled;                             /* 1: so have those of coarser levels */
     float *bends;                            /* per brick of relevant voxels, see spsi_field_bend; NULL: unknown */
@@ -5296,6 +5296,7 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, con
         material.shading = volume->shading;
         material.gradient_scale = 1 / fmaxf(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
         material.voxel_length = (float)cbrt(medium->lattice->voxel_volume);
+        material.medium = (int)(medium - frame->media);
         material.specular = volume->specular;
         material.shininess = volume->shininess > 0 ? volume->shininess : 32;
         if (spsi_transfer_tabulate(context, volume->transfer, medium->index, &material)) return context->result;
@@ -5671,10 +5672,10 @@ static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medi
            (pixel * fmax(0.5 * (fmax(low, 0) + high), DBL_MIN));
 }
 
-/* Chooses how gradients are computed. Differences over two pixels fall short of a sharp edge by up to a sixth of
-   (pixels / 0.65 voxels)^2, and normals lean towards the slabs' normal; over four pixels, which costs a tenth of a
-   frame's time, they are right to 1 % down to one pixel per voxel. Below that they need sheets of their own, with three
-   times as much splatting, or four rays a pixel. */
+/* Chooses how gradients of what is splatted are computed. Differences over two pixels fall short of a sharp edge by up
+   to a sixth of (pixels / 0.65 voxels)^2, and normals lean towards the slabs' normal; over four pixels, which costs a
+   tenth of a frame's time, they are right to 1 % down to one pixel per voxel. Below that they need sheets of their own,
+   with three times as much splatting. */
 static void spsi_resolve_gradients(spsi_frame *frame) {
     double pixels = HUGE_VAL;
     int near_by = 0;
@@ -11820,17 +11821,17 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    slab is h times their sum plus h / 24 times the change of the field's differences from its first to its last step
    (midpoint rule with its end correction, error of order h^4), and where a polygon or the near plane cuts it, its rest
    has samples of its own. The rays of a vector of pixels are followed side by side: only taps are read one sample after
-   the other. Where voxels are smaller than pixels, a pixel has four rays. Those of a surface lie near its centre, where
-   it is classified anyway, and their differences are its slopes: rays half a pixel apart would let steep ones fall
-   short, much nearer ones would show that weights come in steps. Of a light's sheets, a texel has one ray: on a level
-   whose voxels are about as wide, or, where it is classified, wherever it hits, since samples at places are right in
-   the mean, and looks of means are not. Volumes that are not classified have a pyramid: each level's voxels are twice
-   as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3.
+   the other. Where a gas's voxels are smaller than pixels, a pixel has four rays. Of a light's sheets, a texel has one
+   ray: on a level whose voxels are about as wide, or, where it is classified, wherever it hits, since samples at places
+   are right in the mean, and looks of means are not. Volumes that are not classified have a pyramid: a level's voxels
+   are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Gradients of
+   surfaces are sums of the same voxels, weighted by the kernel's derivative.
    With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels where gas is smooth: cubics across the patch, and
    midpoints along it, are off by what a bound on the field's third derivatives allows, the greatest third differences
    of voxels about a brick. These are differences of a smooth field to within the kernel's ripple.
-   Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3, and 60 per vector of samples; 5 per vector of
-   what is interpolated; a level is made from its finer one in about 60 operations per voxel. */
+   Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3, twice as many per gradient, and 60 per vector
+   of samples or gradients; 5 per vector of what is interpolated; a level is made from its finer one in about 60
+   operations per voxel. */
 
 #define SPSI_TAP_MOST     11       /* samples of a ray in a slab; thicker slabs are splatted */
 #define SPSI_TAP_STEP     1.45     /* voxels between samples of a ray, at most: one in a slab of a voxel at any slant */
@@ -11839,7 +11840,6 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 #define SPSI_TAP_VARIANCE 0.125    /* least of a voxel, relative to rays' distances: half that of the pixel filter */
 #define SPSI_TAP_WIDEST   1.0      /* most of a voxel of a coarser level */
 #define SPSI_TAP_ASIDE    0.25f    /* pixels from a pixel's centre to four rays of it, along each axis */
-#define SPSI_TAP_BESIDE   0.0625f  /* the same if their differences are slopes */
 #define SPSI_FIELD_BATCH  16       /* bricks that a task fills */
 #define SPSI_FIELD_CELLS  16777216 /* 2^24: floats count bricks of a grid */
 
@@ -11867,14 +11867,20 @@ static inline double spsi_tap_step(const spsi_fields *fields) {
 static void spsi_fields_weigh(spsi_fields *fields, int taps) {
     fields->taps = taps;
     memset(fields->weights, 0, sizeof fields->weights);
+    memset(fields->changes, 0, sizeof fields->changes);
     for (int i = 0; i <= SPSI_TAP_STEPS; ++i) {
-        double weight[8], sum = 0;
+        double weight[8], change[8], sum = 0, sum_change = 0;
         for (int k = 0; k < taps; ++k) {
             const double off = (k + 1 - taps / 2 - (double)i / SPSI_TAP_STEPS) / SPSI_SIGMA;
             weight[k] = exp(-0.5 * off * off);
+            change[k] = off / SPSI_SIGMA * weight[k];
             sum += weight[k];
+            sum_change += change[k];
         }
-        for (int k = 0; k < taps; ++k) fields->weights[i][k] = (float)(weight[k] / sum);
+        for (int k = 0; k < taps; ++k) {
+            fields->weights[i][k] = (float)(weight[k] / sum);
+            fields->changes[i][k] = (float)((change[k] - weight[k] / sum * sum_change) / sum);
+        }
     }
 }
 
@@ -12207,10 +12213,11 @@ typedef struct spsi_tapper {
     int across;                    /* rays along each side of a pixel: 1 or 2 */
     float aside;                   /* pixels from its centre to them, along each axis */
     spsi_linear at[3], slab;
-    int whole;    /* 1: neither polygons nor the near plane cut slabs */
-    int lone;     /* 1: a ray has one sample in a slab, however thick that is */
-    float near_d; /* t at which rays begin, as t - depth_reference */
-    float scale;  /* of values */
+    int whole;        /* 1: neither polygons nor the near plane cut slabs */
+    int lone;         /* 1: a ray has one sample in a slab, however thick that is */
+    float near_d;     /* t at which rays begin, as t - depth_reference */
+    float scale;      /* of values */
+    float rows[3][3]; /* change of a place with world position, per cube root of a voxel's volume */
 } spsi_tapper;
 
 /* The taps of a place, still to be added up: those of each column along x. */
@@ -12239,6 +12246,58 @@ static inline spsi_four spsi_taps_six(const float *from, const float *x, const f
         }
     sum[0] = spsi_four_mul(spsi_four_load(x), sum[0]);
     return spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
+}
+
+/* The weights of a place along each axis, and how they change. */
+typedef struct spsi_tap_weights {
+    const float *at[3], *change[3];
+} spsi_tap_weights;
+
+/* The field's change per voxel along each axis at a place, still to be added up, as for spsi_taps_four. */
+static inline void spsi_taps_four_changes(const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
+    enum { EDGE = SPSI_BRICK + 3, PITCH = 12 };
+    const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
+    const spsi_four none = spsi_four_scale(0, spsi_four_load(from));
+    spsi_four sum = none, sum_y = none, sum_z = none;
+    for (int k = 0; k < 4; ++k, from += EDGE * PITCH) {
+        spsi_four row = spsi_four_load(from), plane = spsi_four_scale(y[0], row), plane_y = spsi_four_scale(dy[0], row);
+        for (int j = 1; j < 4; ++j) {
+            row = spsi_four_load(from + j * PITCH);
+            plane = spsi_four_add(y[j], row, plane);
+            plane_y = spsi_four_add(dy[j], row, plane_y);
+        }
+        sum = spsi_four_add(z[k], plane, sum);
+        sum_y = spsi_four_add(z[k], plane_y, sum_y);
+        sum_z = spsi_four_add(dz[k], plane, sum_z);
+    }
+    changes[0] = spsi_four_mul(spsi_four_load(w->change[0]), sum);
+    changes[1] = spsi_four_mul(spsi_four_load(w->at[0]), sum_y);
+    changes[2] = spsi_four_mul(spsi_four_load(w->at[0]), sum_z);
+}
+
+static inline void spsi_taps_six_changes(const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
+    enum { EDGE = SPSI_BRICK + 5, PITCH = 16 };
+    const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
+    for (int half = 0; half < 2; ++half, from += 4) {
+        const spsi_four x = spsi_four_load(w->at[0] + 4 * half), dx = spsi_four_load(w->change[0] + 4 * half);
+        const spsi_four none = spsi_four_scale(0, spsi_four_load(from));
+        spsi_four sum = none, sum_y = none, sum_z = none;
+        for (int k = 0; k < 6; ++k) {
+            spsi_four plane = none, plane_y = none;
+            for (int j = 0; j < 6; ++j) {
+                const spsi_four row = spsi_four_load(from + (k * EDGE + j) * PITCH);
+                plane = spsi_four_add(y[j], row, plane);
+                plane_y = spsi_four_add(dy[j], row, plane_y);
+            }
+            sum = spsi_four_add(z[k], plane, sum);
+            sum_y = spsi_four_add(z[k], plane_y, sum_y);
+            sum_z = spsi_four_add(dz[k], plane, sum_z);
+        }
+        if (half == 0) changes[0] = changes[1] = changes[2] = none;
+        changes[0] = spsi_four_add(1, spsi_four_mul(dx, sum), changes[0]);
+        changes[1] = spsi_four_add(1, spsi_four_mul(x, sum_y), changes[1]);
+        changes[2] = spsi_four_add(1, spsi_four_mul(x, sum_z), changes[2]);
+    }
 }
 
 /* Where a vector of places finds its taps. */
@@ -12290,6 +12349,38 @@ static inline spsi_v spsi_tap_values(const spsi_fields *fields, const spsi_voxel
     return spsi_sum_fours(fours);
 }
 
+/* The field's gradient in the world, per cube root of a voxel's volume, at a vector of places, in those of `lanes`, as
+   spsi_tap_values has it. */
+static void spsi_tap_gradient(const spsi_tapper *t, const spsi_v place[3], int lanes, spsi_v gradient[3]) {
+    const spsi_fields *fields = t->fields;
+    const size_t floats = spsi_field_floats(fields->taps);
+    float fours[3][4 * SPSI_LANES];
+    spsi_tap_places at;
+    for (int i = 0; i < 3; ++i) gradient[i] = spsi_set(0);
+    lanes &= spsi_tap_find(t->field, fields->taps, place, &at);
+    if (!lanes) return;
+    memset(fours, 0, sizeof fours);
+    for (; lanes; lanes &= lanes - 1) {
+        const int i = spsi_lowest_bit(lanes);
+        const float *from = t->field->values + (size_t)(at.eighths[i] >> 8) * floats + at.first[i];
+        spsi_tap_weights w;
+        spsi_four changes[3];
+        for (int k = 0; k < 3; ++k) {
+            w.at[k] = fields->weights[at.weights[k][i]];
+            w.change[k] = fields->changes[at.weights[k][i]];
+        }
+        if (fields->taps == 4)
+            spsi_taps_four_changes(from, &w, changes);
+        else
+            spsi_taps_six_changes(from, &w, changes);
+        for (int k = 0; k < 3; ++k) spsi_four_store(fours[k] + 4 * i, changes[k]);
+    }
+    for (int k = 0; k < 3; ++k) {
+        const spsi_v change = spsi_sum_fours(fours[k]);
+        for (int i = 0; i < 3; ++i) gradient[i] = spsi_fma(change, spsi_set(t->rows[k][i]), gradient[i]);
+    }
+}
+
 /* The rays of a vector of pixels through the slabs of a tile: slab s begins at depth (s - base) * per_slab. */
 typedef struct spsi_tap_rays {
     spsi_v base, per_slab;
@@ -12299,7 +12390,6 @@ typedef struct spsi_tap_rays {
     spsi_v first, end;        /* samples of which rays have any */
     int steps;                /* samples in a slab */
     int lanes;                /* the pixels whose rays are followed, as bits */
-    int part;                 /* which of a pixel's rays these are */
 } spsi_tap_rays;
 
 /* Narrows the range of samples to those inside the field's bricks. */
@@ -12322,7 +12412,6 @@ static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *ti
     const spsi_v slope = spsi_linear_slope_at(&t->slab, x, y), per_step = spsi_set(1 / (float)steps);
     rays->steps = steps;
     rays->lanes = (1 << SPSI_LANES) - 1;
-    rays->part = 0;
     rays->base = spsi_linear_base_at(&t->slab, x, y);
     rays->per_slab = spsi_div(spsi_set(1), slope);
     for (int k = 0; k < 3; ++k) {
@@ -12424,16 +12513,6 @@ static spsi_v spsi_tap_cut(const spsi_tapper *t, const spsi_tap_rays *rays, spsi
     return spsi_load(sums);
 }
 
-/* Adds a ray's share, a quarter, of pixels' sheets to sheets of their slopes: d/dx is the difference of the means of
-   the two rays on either side, divided by how far they are apart. */
-static inline void spsi_tap_slopes(const spsi_tapper *t, const spsi_tile *tile, size_t at, int part, spsi_v share) {
-    const spsi_v change = spsi_mul(share, spsi_set(1 / t->aside));
-    for (int axis = 0; axis < 2; ++axis) {
-        float *slopes = tile->slopes + at + (size_t)axis * tile->channel_size;
-        spsi_store(slopes, spsi_fma(change, spsi_set(part >> axis & 1 ? 1.0f : -1.0f), spsi_load(slopes)));
-    }
-}
-
 /* The slabs, of `count`, in which a vector's rays have samples, or their neighbours: the first, and the one behind the
    last. */
 static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int count, int slabs[2]) {
@@ -12480,7 +12559,6 @@ static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_r
         first = next;
         sum = spsi_select(spsi_less(spsi_set(0), sum), sum, spsi_set(0));
         spsi_store(sheets + at, spsi_add(spsi_load(sheets + at), sum));
-        if (tile->slopes) spsi_tap_slopes(t, tile, at, rays->part, sum);
     }
 }
 
@@ -12493,7 +12571,6 @@ static void spsi_tap_row(const spsi_tapper *t, spsi_tile *tile, int x, int y, in
         spsi_tap_rays rays;
         spsi_tap_rays_build(t, tile, fx, fy, steps, &rays);
         rays.lanes = lanes;
-        rays.part = part;
         if (tile->clamped && !t->whole) spsi_tap_rays_limit(t, tile, x, y, &rays);
         spsi_tap_add(t, tile, &rays, sheets, at, tile->sheet_size);
     }
@@ -12601,7 +12678,7 @@ static void spsi_tap_cubic(int i, int count, float weights[4]) {
 static void spsi_tap_patch_spread(const spsi_tile *tile, const spsi_tap_patch *patch, const float *sums,
                                   float *sheets) {
     const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
-    float across[4][SPSI_PATCH + 8 + SPSI_LANES], down[SPSI_PATCH + 8][4]; /* with a margin on either side */
+    float across[4][SPSI_PATCH + SPSI_LANES], down[SPSI_PATCH][4];
     memset(across, 0, sizeof across);
     for (int i = 0; i < width; ++i) {
         float weights[4];
@@ -12666,6 +12743,7 @@ static int spsi_tap_steps(const spsi_tapper *t, float way) {
 static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
                               const spsi_slabs *slabs, int level, int across, spsi_tapper *tapper) {
     const int medium = lattice->medium;
+    const double edge = cbrt(lattice->voxel_volume);
     double rows[3][3];
     memset(tapper, 0, sizeof *tapper);
     tapper->fields = fields;
@@ -12676,6 +12754,7 @@ static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lat
     spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
     for (int k = 0; k < 3; ++k) {
         for (int i = 0; i < 3; ++i) rows[k][i] /= 1 << level;
+        for (int i = 0; i < 3; ++i) tapper->rows[k][i] = (float)(rows[k][i] * edge);
         spsi_linear_build(rays, rows[k], lattice->corner, -0.5 - SPSI_BRICK * tapper->field->low[k], &tapper->at[k]);
     }
     spsi_linear_of_slabs(rays, slabs, &tapper->slab);
@@ -12824,7 +12903,6 @@ static double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *lat
 /* What a pixel's or a texel's rays are for. */
 typedef enum spsi_tapping {
     SPSI_TAP_PIXELS, /* one ray, or four where voxels are smaller */
-    SPSI_TAP_SLOPES, /* four: those of the gradient, too */
     SPSI_TAP_SHEETS  /* of a light: one on any level, if there is one that serves all of the volume, before four */
 } spsi_tapping;
 
@@ -12849,10 +12927,9 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
     for (int n = 0; n <= levels && tapping == SPSI_TAP_SHEETS && verdict == SPSI_SPLAT_SMALL; ++n)
         verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, 1, tapper);
-    for (int n = tapping == SPSI_TAP_SLOPES; n < 2 + levels && verdict == SPSI_SPLAT_SMALL; ++n)
+    for (int n = 0; n < 2 + levels && verdict == SPSI_SPLAT_SMALL; ++n)
         verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, spsi_most(n - 1, 0), n > 0 ? 2 : 1, tapper);
     tapper->whole = splatter->whole;
-    if (tapping == SPSI_TAP_SLOPES) tapper->aside = SPSI_TAP_BESIDE;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (spsi_medium_depth(frame, lattice) > SPSI_TAP_OPAQUE) return SPSI_SPLAT_OPAQUE;
     return spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
@@ -13227,8 +13304,8 @@ typedef struct spsi_sheets {
 /* Extents of a tile's sheets. */
 typedef struct spsi_shape {
     int channels;
-    int margin;      /* pixels around a tile, for gradients, which read neighbours */
-    int slab_margin; /* slabs before and after a chunk: one for profiles, one for gradients */
+    int margin;      /* pixels around a tile, for gradients that read neighbours */
+    int slab_margin; /* slabs before and after a chunk: one for profiles, one for such gradients */
 } spsi_shape;
 
 typedef struct spsi_target {
@@ -13312,13 +13389,19 @@ static size_t spsi_shape_floats(const spsi_shape *shape) {
     return (size_t)(shape->channels * slabs) * width * height + width + 2 * SPSI_LANES; /* vectors reach beyond */
 }
 
-/* The eye's sheets have a channel for each material. Classified volumes interpolate from slab to slab, and gradients
-   read up to two slabs and pixels to either side. */
-static spsi_shape spsi_eye_shape(const spsi_frame *frame) {
+/* Whether a material has gradients, which decide how much of a surface it is, and its normal. */
+static int spsi_has_gradient(const spsi_frame *frame, const spsi_material *material) {
+    return frame->gradients.exist && material->table && material->shading == SPS_SHADING_SURFACE;
+}
+
+/* The eye's sheets have a channel for each material. Classified volumes interpolate from slab to slab. `differences`: 1
+   if gradients are differences of sheets, up to two slabs and pixels to either side; 0 if there are none, or if
+   fields have them. */
+static spsi_shape spsi_eye_shape(const spsi_frame *frame, int differences) {
     spsi_shape shape;
-    shape.channels = frame->matter.material_count * (frame->gradients.splatted ? 3 : 1);
-    shape.margin = frame->gradients.reach;
-    shape.slab_margin = frame->matter.classifies + frame->gradients.exist;
+    shape.channels = frame->matter.material_count * (differences && frame->gradients.splatted ? 3 : 1);
+    shape.margin = differences ? frame->gradients.reach : 0;
+    shape.slab_margin = frame->matter.classifies + differences;
     return shape;
 }
 
@@ -13360,8 +13443,8 @@ static sps_result spsi_target_refuse(sps_context *context, const spsi_medium *me
 /* The eye as a target; `backwards`: its rays cross the slabs against their order. */
 static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      int backwards, spsi_target *target) {
+    int differences = 0;
     spsi_target_place(frame, &frame->content->eye, slabs, target);
-    target->shape = spsi_eye_shape(frame);
     target->tolerance = frame->view.tolerance;
     spsi_crossing_build(&frame->content->eye, slabs, backwards, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
@@ -13370,17 +13453,18 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
         const spsi_material *material = &frame->matter.materials[medium->channel];
         spsi_splatter *splatter = &target->splatters[i];
         target->channels[i] = medium->channel;
-        if (frame->gradients.splatted && material->table && material->shading == SPS_SHADING_SURFACE)
-            target->slope_channels[i] = spsi_slope_channel(frame, medium->channel);
         if (!spsi_splatter_build(medium->lattice, &frame->content->eye, slabs, 1, frame->accuracy.cut, splatter))
             return spsi_target_refuse(context, medium);
         if (backwards) splatter->sign = -1;
         if (material->table) spsi_splatter_classified(splatter);
-        target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, target->rays, slabs, splatter,
-                                                target->slope_channels[i] >= 0 ? SPSI_TAP_SLOPES : SPSI_TAP_PIXELS,
+        target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, target->rays, slabs, splatter, SPSI_TAP_PIXELS,
                                                 &target->tappers[i]);
         target->tappers[i].scale = 1;
+        if (!spsi_has_gradient(frame, material) || spsi_gathers(target->verdicts[i])) continue;
+        differences = 1;
+        if (frame->gradients.splatted) target->slope_channels[i] = spsi_slope_channel(frame, medium->channel);
     }
+    target->shape = spsi_eye_shape(frame, differences);
     return SPS_OK;
 }
 
@@ -13726,14 +13810,14 @@ static void spsi_tile_bends(const spsi_tile_fill *fill, int medium, float bends[
     }
 }
 
-/* Places a patch of a tile, with the margin beside it. Returns 0 if it has no pixels. */
+/* Places a patch of a tile. Returns 0 if it has no pixels. */
 static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_tap_patch *patch) {
-    const int column = number % 8, row = number / 8;
-    const int x = tile->x0 + tile->margin + column * SPSI_PATCH, y = tile->y0 + tile->margin + row * SPSI_PATCH;
-    const int x1 = column == 7 ? tile->x1 : spsi_least(tile->x1, x + SPSI_PATCH - 1);
-    const int y1 = row == 7 ? tile->y1 : spsi_least(tile->y1, y + SPSI_PATCH - 1);
+    const int x = tile->x0 + tile->margin + number % 8 * SPSI_PATCH;
+    const int y = tile->y0 + tile->margin + number / 8 * SPSI_PATCH;
+    const int x1 = spsi_least(tile->x1 - tile->margin, x + SPSI_PATCH - 1);
+    const int y1 = spsi_least(tile->y1 - tile->margin, y + SPSI_PATCH - 1);
     if (x > x1 || y > y1) return 0;
-    spsi_tap_patch_place(column == 0 ? tile->x0 : x, row == 0 ? tile->y0 : y, x1, y1, patch);
+    spsi_tap_patch_place(x, y, x1, y1, patch);
     return 1;
 }
 
@@ -13783,61 +13867,36 @@ static uint64_t spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *h
     return added;
 }
 
-/* The patches of a tile that matter to a row of its pixels, as bits by column. */
-typedef struct spsi_patch_row {
-    int own, beside; /* those that it crosses, and those within the margin above and below it, too */
-    int done;        /* of its own, those that are filled already */
-} spsi_patch_row;
-
-static spsi_patch_row spsi_patch_row_at(const spsi_tile *tile, uint64_t patches, uint64_t done, int y) {
-    const int margin = tile->margin, at = y - tile->y0 - margin;
-    const int rows[3] = {spsi_patch_at(at), spsi_patch_at(at - margin), spsi_patch_at(at + margin)};
-    spsi_patch_row row;
-    row.own = (int)(patches >> 8 * rows[0] & 0xff);
-    row.beside = row.own | (int)((patches >> 8 * rows[1] | patches >> 8 * rows[2]) & 0xff);
-    row.done = (int)(done >> 8 * rows[0] & 0xff);
-    return row;
-}
-
-/* The pixels of a vector in such a row that lie in patches or that gradients in these read, as bits. */
-static int spsi_patch_lanes(const spsi_tile *tile, const spsi_patch_row *row, int x) {
+/* The pixels of a vector in a tile's row that lie in patches, as bits. */
+static int spsi_patch_lanes(const spsi_tile *tile, uint64_t patches, int x, int y) {
     const int margin = tile->margin, at = x - tile->x0 - margin;
+    const int row = (int)(patches >> 8 * spsi_patch_at(y - tile->y0 - margin) & 0xff);
     int lanes = 0;
-    for (int i = 0; i < spsi_least(SPSI_LANES, tile->x1 + 1 - x); ++i) {
-        const int column = spsi_patch_at(at + i);
-        const int read = row->own >> spsi_patch_at(at + i - margin) | row->own >> spsi_patch_at(at + i + margin);
-        lanes |= ((row->beside >> column | read) & ~(row->done >> column) & 1) << i;
-    }
+    for (int i = 0; i < spsi_least(SPSI_LANES, tile->x1 - margin + 1 - x); ++i)
+        lanes |= (row >> spsi_patch_at(at + i) & 1) << i;
     return lanes;
 }
 
-/* Adds a gathered volume to the patches of a tile, and to what their gradients read beside them: there, rays may have
-   ended, or be none of the image's. A vector of pixels goes down row by row, so that bricks stay in the level-1
-   cache. */
+/* Adds a gathered volume to the patches of a tile, without the margin, which nothing reads of it. A vector of pixels
+   goes down row by row, so that bricks stay in the level-1 cache. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
-    const int slopes = target->slope_channels[medium];
     spsi_tile *tile = fill->tile;
+    const int margin = tile->margin, y0 = tile->y0 + margin;
     spsi_tapper here = target->tappers[medium];
-    uint64_t done = 0;
     float *channel, way;
     here.slab.base[0] -= (float)(fill->contents->first_slab - target->shape.slab_margin);
     here.scale /= (float)(here.across * here.across);
     spsi_tile_touch(fill);
     channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
-    tile->slopes = slopes < 0 ? NULL : tile->sheets + (size_t)slopes * tile->channel_size;
     way = spsi_tap_way(&here, tile);
     if (spsi_target_interpolates(target, medium))
-        done = spsi_tile_interpolate(fill, &here, medium, patches, way, channel);
-    for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
-        spsi_patch_row row, above = {-1, -1, -1};
-        int lanes = 0;
-        for (int y = tile->y0; y <= tile->y1; ++y, above = row) {
-            row = spsi_patch_row_at(tile, patches, done, y);
-            if (memcmp(&row, &above, sizeof row) != 0) lanes = spsi_patch_lanes(tile, &row, x);
+        patches &= ~spsi_tile_interpolate(fill, &here, medium, patches, way, channel);
+    for (int x = tile->x0 + margin; x <= tile->x1 - margin; x += SPSI_LANES)
+        for (int y = y0, lanes = 0; y <= tile->y1 - margin; ++y) {
+            if ((y - y0) % SPSI_PATCH == 0) lanes = spsi_patch_lanes(tile, patches, x, y);
             if (lanes) spsi_tap_row(&here, tile, x, y, lanes, spsi_tap_steps(&here, way), channel);
         }
-    }
 }
 
 static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
@@ -19465,6 +19524,7 @@ typedef struct spsi_again {
 typedef struct spsi_shader {
     const spsi_frame *frame;
     const spsi_rays *eye;
+    const spsi_target *target; /* the eye's sheets */
     const spsi_sweep *sweep;
     spsi_again again;
     const spsi_faces *faces;
@@ -19627,6 +19687,7 @@ static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out
 /* A slab on a vector of rays. If any volume is classified it is shaded in parts, in the light's order. */
 typedef struct spsi_slab {
     int k, part_count, material_count;
+    int open;                      /* the rays that have not ended, as bits */
     spsi_sample *samples;          /* material_count per part */
     spsi_v enter, leave;           /* depths along the ray */
     spsi_v first, last;            /* range of the slab that the ray crosses, as shares of it in the light's order */
@@ -19764,7 +19825,17 @@ static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *ti
                                        spsi_set(SPSI_INFINITY), profile->determinant);
 }
 
-/* A sample's normal, and how much of a surface it is. */
+/* Sets a sample's normal, and how much of a surface it is, by its gradient: the change of value per voxel, relative to
+   `unit`. */
+static void spsi_sample_face(const spsi_material *material, const spsi_v g[3], float unit, spsi_sample *sample) {
+    const spsi_v size = spsi_sqrt(spsi_dot_v(g, g));
+    for (int c = 0; c < 3; ++c)
+        sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
+    sample->surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
+    sample->has_normal = 1;
+}
+
+/* The gradient of a part of a slab by differences of sheets. */
 static void spsi_sample_gradient(const spsi_material *material, const spsi_profile *profile,
                                  const spsi_portion *portion, spsi_sample *sample) {
     const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: squares stay finite */
@@ -19772,16 +19843,55 @@ static void spsi_sample_gradient(const spsi_material *material, const spsi_profi
     const spsi_v x = spsi_mul(spsi_parabola_mean(&profile->aside[0], portion), scale);
     const spsi_v y = spsi_mul(spsi_parabola_mean(&profile->aside[1], portion), scale);
     const spsi_v along = spsi_mul(spsi_parabola_mean(&profile->along, portion), scale);
-    spsi_v g[3], size;
+    spsi_v g[3];
     for (int c = 0; c < 3; ++c) {
         g[c] = spsi_fma(y, profile->cofactor[1][c], spsi_mul(x, profile->cofactor[0][c]));
         g[c] = spsi_div(spsi_fma(along, profile->cofactor[2][c], g[c]), profile->determinant);
     }
-    size = spsi_sqrt(spsi_dot_v(g, g));
-    for (int c = 0; c < 3; ++c)
-        sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
-    sample->surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
-    sample->has_normal = 1;
+    spsi_sample_face(material, g, unit, sample);
+}
+
+/* The depth at which what a slab holds of a classified volume is seen, on average. Returns the rays that see any of it,
+   as bits. */
+static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int channel, spsi_v *depth) {
+    const int backwards = shader->sweep->back_to_front;
+    const spsi_v way = spsi_sub(slab->leave, slab->enter), zero = spsi_set(0);
+    const float share = 1 / (float)slab->part_count;
+    spsi_v before = zero, weight = zero, sum = zero;
+    for (int i = 0; i < slab->part_count; ++i) { /* away from the eye */
+        const int part = backwards ? slab->part_count - 1 - i : i;
+        const spsi_v own = slab->samples[part * slab->material_count + channel].depth, after = spsi_add(before, own);
+        const spsi_v seen = spsi_mul(own, spsi_mean_transmittance(before, after));
+        weight = spsi_add(weight, seen);
+        sum = spsi_fma(seen, spsi_set(((float)i + 0.5f) * share), sum);
+        before = after;
+    }
+    *depth = spsi_fma(way, spsi_div(sum, spsi_max(weight, spsi_set(FLT_MIN))), slab->enter);
+    return slab->open & spsi_bits(spsi_less(zero, weight));
+}
+
+/* The gradient of a classified volume in a slab, from its field: all parts have that of the place where it is seen. */
+static void spsi_samples_gradient(const spsi_shader *shader, const spsi_tapper *t, const spsi_pixels *p, int channel,
+                                  spsi_slab *slab) {
+    const spsi_material *material = &shader->frame->matter.materials[channel];
+    const float unit = material->table_scale / SPSI_TABLE_SIZE;
+    spsi_v depth, place[3], g[3];
+    spsi_sample seen;
+    int lanes = spsi_slab_seen(shader, slab, channel, &depth);
+    if (!lanes) return;
+    for (int k = 0; k < 3; ++k)
+        place[k] = spsi_fma(depth, spsi_linear_slope(&t->at[k], p->line.at, (float)p->line.y),
+                            spsi_linear_base(&t->at[k], p->line.at, (float)p->line.y));
+    lanes &= spsi_tap_inside(t->field, place);
+    spsi_tap_gradient(t, place, lanes, g);
+    for (int c = 0; c < 3; ++c) g[c] = spsi_mul(g[c], spsi_set(unit));
+    spsi_sample_face(material, g, unit, &seen);
+    for (int part = 0; part < slab->part_count; ++part) {
+        spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
+        memcpy(sample->normal, seen.normal, sizeof seen.normal);
+        sample->surface = seen.surface;
+        sample->has_normal = seen.has_normal;
+    }
 }
 
 /* Fills the parts of a slab for a gas, which is constant within the slab. */
@@ -19803,9 +19913,11 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
+    const spsi_target *target = shader->target;
     const spsi_v share = spsi_set(1.0f / (float)slab->part_count), zero = spsi_set(0);
     const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
-    const int surface = shader->frame->gradients.exist && material->shading == SPS_SHADING_SURFACE;
+    const int surface = spsi_has_gradient(shader->frame, material);
+    const int differences = surface && !spsi_gathers(target->verdicts[material->medium]);
     spsi_v means[3];
     spsi_profile profile;
     int has_gradient = 0;
@@ -19823,11 +19935,13 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
         for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
-        if (!surface || !spsi_bits(spsi_less(zero, sample->depth))) continue;
+        if (!differences || !spsi_bits(spsi_less(zero, sample->depth))) continue;
         if (!has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, means, &profile);
         has_gradient = 1;
         spsi_sample_gradient(material, &profile, &portion, sample);
     }
+    if (surface && !differences)
+        spsi_samples_gradient(shader, &target->tappers[material->medium], p, channel, slab);
 }
 
 /* Blinn-Phong highlight (n + 8) / (8 pi) (n.h)^n, normalised to reflect about what arrives: at perpendicular incidence
@@ -21147,7 +21261,10 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
     const float high = k + 1 == shading->slab_count ? shading->high : (float)(shader->first_slab + k + 1);
     const int backwards = shader->sweep->back_to_front;
-    const int held = spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
+    const int all = (1 << SPSI_LANES) - 1;
+    int held;
+    row->slab.open = backwards ? all : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
+    held = spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
     if (shader->hits && backwards)
         spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
     if (row->has_layers && spsi_ahead_before(&row->ahead, high))
@@ -21229,7 +21346,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     row.width = width;
     for (int i = 0; i < shader->shadow_count; ++i) row.slab.arrivals[i].plane = -1;
     spsi_pixels_build(shader, x, y, &row.pixels);
-    for (int i = 0; i < 4 * shader->frame->gradients.reach && shading->slab_count > 0; ++i) {
+    for (int i = 0; i < 4 * shading->tile->margin && shading->slab_count > 0; ++i) {
         const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
         spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &row.pixels.around[i]);
     }
@@ -23279,6 +23396,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     run->sweep = sweep;
     shader->frame = frame;
     shader->eye = &frame->content->eye;
+    shader->target = &run->eye;
     shader->sweep = sweep;
     shader->faces = faces;
     shader->shadows = run->shadows;
@@ -23807,7 +23925,7 @@ static size_t spsi_plan_spent_bytes(const spsi_frame *frame, size_t side) {
 
 /* Floats of a worker's sheets, for any target. */
 static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
-    const spsi_shape eye = spsi_eye_shape(frame), light = spsi_light_shape(frame);
+    const spsi_shape eye = spsi_eye_shape(frame, frame->gradients.exist), light = spsi_light_shape(frame);
     const size_t shadow = frame->lamps.shadow_count > 0 ? spsi_shape_floats(&light) : 0;
     return shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye);
 }
@@ -23921,8 +24039,7 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, 
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_medium *medium = &frame->media[i];
         const spsi_material *material = &frame->matter.materials[medium->channel];
-        const int slopes = frame->gradients.splatted && material->table && material->shading == SPS_SHADING_SURFACE;
-        const spsi_tapping tapping = of_light ? SPSI_TAP_SHEETS : slopes ? SPSI_TAP_SLOPES : SPSI_TAP_PIXELS;
+        const spsi_tapping tapping = of_light ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS;
         const double cut = of_light && material->table ? frame->accuracy.light_cut : frame->accuracy.cut;
         spsi_verdict verdict;
         spsi_splatter splatter;

@@ -781,15 +781,14 @@ typedef enum sps_filling {
     SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
     /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3 per
        voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per slab.
-       Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where voxels are smaller
-       than 0.55 pixels, a pixel has two rays, or four if they are smaller than 0.38 or classified, and where they are
-       smaller than 0.27, voxels of a coarser level are sampled, at draft and medium and unless classified. A picture
-       with surfaces of voxels smaller than 0.9 pixels has four rays in these, by which it finds their gradients. A
-       texel of a light's sheets has one ray, on such a level or, if the volume is classified, through voxels of any
-       size. Volumes are splatted nevertheless, one by one and in each pass, if no level fits all of them, if they are
-       not all well before the eye or the light, if rays cross more than 15 voxels in a slab (11 at high and ultra), or
-       if they are scattered too thinly. Cost besides: 5900 bytes per brick of 8^3 voxels within reach of one, 10900 at
-       high and ultra, and roughly an eighth as many on each coarser level. */
+       Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where a gas's voxels are
+       smaller than 0.55 pixels, a pixel has two rays, or four if they are smaller than 0.38, and where they are smaller
+       than 0.27, voxels of a coarser level are sampled, at draft and medium. A texel of a light's sheets has one ray,
+       on such a level. Through classified voxels of any size, there is one ray. Volumes are splatted nevertheless, one
+       by one and in each pass, if no level fits all of them, if they are not all well before the eye or the light, if
+       rays cross more than 15 voxels in a slab (11 at high and ultra), or if they are scattered too thinly. Cost
+       besides: 5900 bytes per brick of 8^3 voxels within reach of one, 10900 at high and ultra, and roughly an eighth
+       as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -2743,6 +2742,7 @@ typedef struct spsi_material {
     sps_shading shading;
     float gradient_scale; /* per change of value per voxel */
     float voxel_length;   /* world; the cube root of a voxel's volume */
+    int medium;           /* the volume, if it has a table */
     float specular, shininess;
     int scatters, emits, extinguishes;
     const spsi_forward *forward; /* NULL: light scatters once */
@@ -4454,7 +4454,7 @@ typedef struct spsi_lamps {
     int image_count;  /* number of lamps that throw an image */
 } spsi_lamps;
 
-/* Gradients of volumes that are shaded as surfaces. */
+/* Gradients of volumes that are shaded as surfaces. Fields have their own. */
 typedef struct spsi_gradients {
     int exist;    /* 1: some volume has such gradients */
     int reach;    /* pixels to either side of a difference: 1, or 2 if voxels are less than 4 pixels wide */
@@ -4528,6 +4528,7 @@ typedef struct spsi_fields {
     int taps;                                /* along each axis: 4 or 6 */
     int filled;                              /* 1: bricks have their values */
     float weights[SPSI_TAP_STEPS + 1][8];    /* by place; those beyond `taps` are 0 */
+    float changes[SPSI_TAP_STEPS + 1][8];    /* of the weights, per voxel */
     spsi_voxel_field list[SPSI_VOLUMES_MAX]; /* by medium */
     int leveled;                             /* 1: so have those of coarser levels */
     float *bends;                            /* per brick of relevant voxels, see spsi_field_bend; NULL: unknown */
@@ -5328,6 +5329,7 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, con
         material.shading = volume->shading;
         material.gradient_scale = 1 / fmaxf(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
         material.voxel_length = (float)cbrt(medium->lattice->voxel_volume);
+        material.medium = (int)(medium - frame->media);
         material.specular = volume->specular;
         material.shininess = volume->shininess > 0 ? volume->shininess : 32;
         if (spsi_transfer_tabulate(context, volume->transfer, medium->index, &material)) return context->result;
@@ -5703,10 +5705,10 @@ static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medi
            (pixel * fmax(0.5 * (fmax(low, 0) + high), DBL_MIN));
 }
 
-/* Chooses how gradients are computed. Differences over two pixels fall short of a sharp edge by up to a sixth of
-   (pixels / 0.65 voxels)^2, and normals lean towards the slabs' normal; over four pixels, which costs a tenth of a
-   frame's time, they are right to 1 % down to one pixel per voxel. Below that they need sheets of their own, with three
-   times as much splatting, or four rays a pixel. */
+/* Chooses how gradients of what is splatted are computed. Differences over two pixels fall short of a sharp edge by up
+   to a sixth of (pixels / 0.65 voxels)^2, and normals lean towards the slabs' normal; over four pixels, which costs a
+   tenth of a frame's time, they are right to 1 % down to one pixel per voxel. Below that they need sheets of their own,
+   with three times as much splatting. */
 static void spsi_resolve_gradients(spsi_frame *frame) {
     double pixels = HUGE_VAL;
     int near_by = 0;
@@ -12022,17 +12024,17 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    samples of its own. The rays of a vector of pixels are followed side by side: only taps are read one sample after the
    other. Where voxels are smaller than pixels, a pixel of gas has two rays, at opposite corners of its middle half,
    which swing to the other two corners from sample to sample: along a ray that is as good as four. The smallest voxels
-   that are not left to a coarser level have four, and so has what is classified. The rays of a surface lie near its
-   centre, where it is classified anyway, and their differences are its slopes: rays half a pixel apart would let steep
-   ones fall short, much nearer ones would show that weights come in steps. Of a light's sheets, a texel has one ray: on
-   a level whose voxels are about as wide, or, where it is classified, wherever it hits, since samples at places are
-   right in the mean, and looks of means are not. Volumes that are not classified have a pyramid: each level's voxels
-   are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3.
+   that are not left to a coarser level have four. Of a light's sheets, a texel has one ray: on a level whose voxels are
+   about as wide, or, where it is classified, wherever it hits, since samples at places are right in the mean, and looks
+   of means are not. Volumes that are not classified have a pyramid: each level's voxels are twice as large, halved
+   along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Gradients of surfaces are sums of the same
+   voxels, weighted by the kernel's derivative.
    With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels where gas is smooth: cubics across the patch, and
    midpoints along it, are off by what a bound on the field's third derivatives allows, the greatest third differences
    of voxels about a brick. These are differences of a smooth field to within the kernel's ripple.
-   Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3, and 60 per vector of samples; 5 per vector of
-   what is interpolated; a level is made from its finer one in about 60 operations per voxel. */
+   Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3, twice as many per gradient, and 60 per vector
+   of samples or gradients; 5 per vector of what is interpolated; a level is made from its finer one in about 60
+   operations per voxel. */
 
 #define SPSI_TAP_MOST     11       /* samples of a ray in a slab; thicker slabs are splatted */
 #define SPSI_TAP_STEP     1.45     /* voxels between samples of a ray, at most: one in a slab of a voxel at any slant */
@@ -12042,7 +12044,6 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 #define SPSI_TAP_TWO      0.25     /* the same where two rays swing, which miss more of what is as narrow as they */
 #define SPSI_TAP_WIDEST   1.0      /* most of a voxel of a coarser level */
 #define SPSI_TAP_ASIDE    0.25f    /* pixels from a pixel's centre to two or four rays of it, along each axis */
-#define SPSI_TAP_BESIDE   0.0625f  /* the same if their differences are slopes */
 #define SPSI_FIELD_BATCH  16       /* bricks that a task fills */
 #define SPSI_FIELD_CELLS  16777216 /* 2^24: floats count bricks of a grid */
 
@@ -12070,14 +12071,20 @@ static inline double spsi_tap_step(const spsi_fields *fields) {
 static void spsi_fields_weigh(spsi_fields *fields, int taps) {
     fields->taps = taps;
     memset(fields->weights, 0, sizeof fields->weights);
+    memset(fields->changes, 0, sizeof fields->changes);
     for (int i = 0; i <= SPSI_TAP_STEPS; ++i) {
-        double weight[8], sum = 0;
+        double weight[8], change[8], sum = 0, sum_change = 0;
         for (int k = 0; k < taps; ++k) {
             const double off = (k + 1 - taps / 2 - (double)i / SPSI_TAP_STEPS) / SPSI_SIGMA;
             weight[k] = exp(-0.5 * off * off);
+            change[k] = off / SPSI_SIGMA * weight[k];
             sum += weight[k];
+            sum_change += change[k];
         }
-        for (int k = 0; k < taps; ++k) fields->weights[i][k] = (float)(weight[k] / sum);
+        for (int k = 0; k < taps; ++k) {
+            fields->weights[i][k] = (float)(weight[k] / sum);
+            fields->changes[i][k] = (float)((change[k] - weight[k] / sum * sum_change) / sum);
+        }
     }
 }
 
@@ -12473,10 +12480,11 @@ typedef struct spsi_tapper {
     int rays;                      /* of a pixel: 1, 2 or 4 */
     float aside;                   /* pixels from its centre to them, along each axis */
     spsi_linear at[3], slab;
-    int whole;    /* 1: neither polygons nor the near plane cut slabs */
-    int lone;     /* 1: a ray has one sample in a slab, however thick that is */
-    float near_d; /* t at which rays begin, as t - depth_reference */
-    float scale;  /* of values */
+    int whole;        /* 1: neither polygons nor the near plane cut slabs */
+    int lone;         /* 1: a ray has one sample in a slab, however thick that is */
+    float near_d;     /* t at which rays begin, as t - depth_reference */
+    float scale;      /* of values */
+    float rows[3][3]; /* change of a place with world position, per cube root of a voxel's volume */
 } spsi_tapper;
 
 /* The taps of a place, still to be added up: those of each column along x. */
@@ -12505,6 +12513,58 @@ static inline spsi_four spsi_taps_six(const float *from, const float *x, const f
         }
     sum[0] = spsi_four_mul(spsi_four_load(x), sum[0]);
     return spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
+}
+
+/* The weights of a place along each axis, and how they change. */
+typedef struct spsi_tap_weights {
+    const float *at[3], *change[3];
+} spsi_tap_weights;
+
+/* The field's change per voxel along each axis at a place, still to be added up, as for spsi_taps_four. */
+static inline void spsi_taps_four_changes(const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
+    enum { EDGE = SPSI_BRICK + 3, PITCH = 12 };
+    const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
+    const spsi_four none = spsi_four_scale(0, spsi_four_load(from));
+    spsi_four sum = none, sum_y = none, sum_z = none;
+    for (int k = 0; k < 4; ++k, from += EDGE * PITCH) {
+        spsi_four row = spsi_four_load(from), plane = spsi_four_scale(y[0], row), plane_y = spsi_four_scale(dy[0], row);
+        for (int j = 1; j < 4; ++j) {
+            row = spsi_four_load(from + j * PITCH);
+            plane = spsi_four_add(y[j], row, plane);
+            plane_y = spsi_four_add(dy[j], row, plane_y);
+        }
+        sum = spsi_four_add(z[k], plane, sum);
+        sum_y = spsi_four_add(z[k], plane_y, sum_y);
+        sum_z = spsi_four_add(dz[k], plane, sum_z);
+    }
+    changes[0] = spsi_four_mul(spsi_four_load(w->change[0]), sum);
+    changes[1] = spsi_four_mul(spsi_four_load(w->at[0]), sum_y);
+    changes[2] = spsi_four_mul(spsi_four_load(w->at[0]), sum_z);
+}
+
+static inline void spsi_taps_six_changes(const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
+    enum { EDGE = SPSI_BRICK + 5, PITCH = 16 };
+    const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
+    for (int half = 0; half < 2; ++half, from += 4) {
+        const spsi_four x = spsi_four_load(w->at[0] + 4 * half), dx = spsi_four_load(w->change[0] + 4 * half);
+        const spsi_four none = spsi_four_scale(0, spsi_four_load(from));
+        spsi_four sum = none, sum_y = none, sum_z = none;
+        for (int k = 0; k < 6; ++k) {
+            spsi_four plane = none, plane_y = none;
+            for (int j = 0; j < 6; ++j) {
+                const spsi_four row = spsi_four_load(from + (k * EDGE + j) * PITCH);
+                plane = spsi_four_add(y[j], row, plane);
+                plane_y = spsi_four_add(dy[j], row, plane_y);
+            }
+            sum = spsi_four_add(z[k], plane, sum);
+            sum_y = spsi_four_add(z[k], plane_y, sum_y);
+            sum_z = spsi_four_add(dz[k], plane, sum_z);
+        }
+        if (half == 0) changes[0] = changes[1] = changes[2] = none;
+        changes[0] = spsi_four_add(1, spsi_four_mul(dx, sum), changes[0]);
+        changes[1] = spsi_four_add(1, spsi_four_mul(x, sum_y), changes[1]);
+        changes[2] = spsi_four_add(1, spsi_four_mul(x, sum_z), changes[2]);
+    }
 }
 
 /* Where a vector of places finds its taps. */
@@ -12560,6 +12620,39 @@ static inline spsi_v spsi_tap_values(const spsi_tapper *t, const spsi_v place[3]
     return spsi_sum_fours(fours);
 }
 
+/* The field's gradient in the world, per cube root of a voxel's volume, at a vector of places, in those of `lanes`
+   that have voxels within reach, and 0 in others. */
+static void spsi_tap_gradient(const spsi_tapper *t, const spsi_v place[3], int lanes, spsi_v gradient[3]) {
+    const spsi_fields *fields = t->fields;
+    const size_t floats = spsi_field_floats(fields->taps);
+    float fours[3][4 * SPSI_LANES];
+    spsi_tap_places at;
+    for (int i = 0; i < 3; ++i) gradient[i] = spsi_set(0);
+    spsi_tap_find(t, place, &at);
+    memset(fours, 0, sizeof fours);
+    for (; lanes; lanes &= lanes - 1) {
+        const int i = spsi_lowest_bit(lanes);
+        const int held = t->field->grid[at.brick[i]];
+        const float *from = t->field->values + (size_t)spsi_most(held, 0) * floats + at.first[i];
+        spsi_tap_weights w;
+        spsi_four changes[3];
+        if (held < 0) continue;
+        for (int k = 0; k < 3; ++k) {
+            w.at[k] = fields->weights[at.weights[k][i]];
+            w.change[k] = fields->changes[at.weights[k][i]];
+        }
+        if (fields->taps == 4)
+            spsi_taps_four_changes(from, &w, changes);
+        else
+            spsi_taps_six_changes(from, &w, changes);
+        for (int k = 0; k < 3; ++k) spsi_four_store(fours[k] + 4 * i, changes[k]);
+    }
+    for (int k = 0; k < 3; ++k) {
+        const spsi_v change = spsi_sum_fours(fours[k]);
+        for (int i = 0; i < 3; ++i) gradient[i] = spsi_fma(change, spsi_set(t->rows[k][i]), gradient[i]);
+    }
+}
+
 /* Equally spaced samples on the rays of a vector of pixels. */
 typedef struct spsi_tap_line {
     spsi_v start[3], step[3]; /* place of sample 0, half a step behind the first slab's beginning, and to the next */
@@ -12575,7 +12668,6 @@ typedef struct spsi_tap_rays {
     int swings;              /* 1: these differ, else all lie on the first */
     int steps;               /* samples in a slab */
     int lanes;                /* the pixels whose rays are followed, as bits */
-    int part;                 /* which of a pixel's rays these are */
 } spsi_tap_rays;
 
 /* Narrows the range of samples to those inside the field's bricks. */
@@ -12615,7 +12707,6 @@ static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *ti
     const spsi_v down = spsi_set((part & 2 || (t->rays == 2 && part)) ? t->aside : -t->aside);
     rays->steps = steps;
     rays->lanes = SPSI_ALL_LANES;
-    rays->part = part;
     rays->swings = t->rays == 2;
     x = spsi_add(x, right);
     spsi_tap_line_build(t, tile, x, spsi_add(y, down), steps, &rays->lines[0]);
@@ -12719,16 +12810,6 @@ static spsi_v spsi_tap_cut(const spsi_tapper *t, const spsi_tap_rays *rays, spsi
     return spsi_load(sums);
 }
 
-/* Adds a ray's share, a quarter, of pixels' sheets to sheets of their slopes: d/dx is the difference of the means of
-   the two rays on either side, divided by how far they are apart. */
-static inline void spsi_tap_slopes(const spsi_tapper *t, const spsi_tile *tile, size_t at, int part, spsi_v share) {
-    const spsi_v change = spsi_mul(share, spsi_set(1 / t->aside));
-    for (int axis = 0; axis < 2; ++axis) {
-        float *slopes = tile->slopes + at + (size_t)axis * tile->channel_size;
-        spsi_store(slopes, spsi_fma(change, spsi_set(part >> axis & 1 ? 1.0f : -1.0f), spsi_load(slopes)));
-    }
-}
-
 /* The slabs, of `count`, in which a vector's rays have samples, or their neighbours: the first, and the one behind the
    last. */
 static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int count, int slabs[2]) {
@@ -12778,7 +12859,6 @@ static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_r
         first = next;
         sum = spsi_select(spsi_less(spsi_set(0), sum), sum, spsi_set(0));
         spsi_store(sheets + at, spsi_add(spsi_load(sheets + at), sum));
-        if (tile->slopes) spsi_tap_slopes(t, tile, at, rays->part, sum);
     }
 }
 
@@ -12897,7 +12977,7 @@ static void spsi_tap_cubic(int i, int count, float weights[4]) {
 static void spsi_tap_patch_spread(const spsi_tile *tile, const spsi_tap_patch *patch, const float *sums,
                                   float *sheets) {
     const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
-    float across[4][SPSI_PATCH + 8 + SPSI_LANES], down[SPSI_PATCH + 8][4]; /* with a margin on either side */
+    float across[4][SPSI_PATCH + SPSI_LANES], down[SPSI_PATCH][4];
     memset(across, 0, sizeof across);
     for (int i = 0; i < width; ++i) {
         float weights[4];
@@ -12963,6 +13043,7 @@ static int spsi_tap_steps(const spsi_tapper *t, float way) {
 static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
                               const spsi_slabs *slabs, int level, int count, spsi_tapper *tapper) {
     const int medium = lattice->medium;
+    const double edge = cbrt(lattice->voxel_volume);
     double rows[3][3];
     memset(tapper, 0, sizeof *tapper);
     tapper->fields = fields;
@@ -12973,6 +13054,7 @@ static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lat
     spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
     for (int k = 0; k < 3; ++k) {
         for (int i = 0; i < 3; ++i) rows[k][i] /= 1 << level;
+        for (int i = 0; i < 3; ++i) tapper->rows[k][i] = (float)(rows[k][i] * edge);
         spsi_linear_build(rays, rows[k], lattice->corner, -0.5 - SPSI_BRICK * tapper->field->low[k], &tapper->at[k]);
     }
     spsi_linear_of_slabs(rays, slabs, &tapper->slab);
@@ -13122,7 +13204,6 @@ static double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *lat
 /* What a pixel's or a texel's rays are for. */
 typedef enum spsi_tapping {
     SPSI_TAP_PIXELS, /* one ray, or two or four where voxels are smaller */
-    SPSI_TAP_SLOPES, /* four: those of the gradient, too */
     SPSI_TAP_SHEETS  /* of a light: one on any level, if there is one that serves all of the volume, before four */
 } spsi_tapping;
 
@@ -13142,19 +13223,16 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
                                       spsi_tapper *tapper) {
     const spsi_fields *fields = frame->content->fields;
     const int levels = spsi_levels_wanted(frame, lattice->medium);
-    const int classified = frame->matter.materials[frame->media[lattice->medium].channel].table != NULL;
     spsi_verdict verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
     for (int n = 0; n <= levels && tapping == SPSI_TAP_SHEETS && verdict == SPSI_SPLAT_SMALL; ++n)
         verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, 1, tapper);
-    if (tapping != SPSI_TAP_SLOPES && verdict == SPSI_SPLAT_SMALL)
-        verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, 0, 1, tapper);
+    if (verdict == SPSI_SPLAT_SMALL) verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, 0, 1, tapper);
     for (int n = 0; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
-        for (int count = classified ? 4 : 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
+        for (int count = 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
             verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, count, tapper);
     tapper->whole = splatter->whole;
-    if (tapping == SPSI_TAP_SLOPES) tapper->aside = SPSI_TAP_BESIDE;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (spsi_medium_depth(frame, lattice) > SPSI_TAP_OPAQUE) return SPSI_SPLAT_OPAQUE;
     return spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
@@ -13543,8 +13621,8 @@ typedef struct spsi_sheets {
 /* Extents of a tile's sheets. */
 typedef struct spsi_shape {
     int channels;
-    int margin;      /* pixels around a tile, for gradients, which read neighbours */
-    int slab_margin; /* slabs before and after a chunk: one for profiles, one for gradients */
+    int margin;      /* pixels around a tile, for gradients that read neighbours */
+    int slab_margin; /* slabs before and after a chunk: one for profiles, one for such gradients */
 } spsi_shape;
 
 typedef struct spsi_target {
@@ -13629,13 +13707,19 @@ static size_t spsi_shape_floats(const spsi_shape *shape) {
     return (size_t)(shape->channels * slabs) * width * height + width + 2 * SPSI_LANES; /* vectors reach beyond */
 }
 
-/* The eye's sheets have a channel for each material. Classified volumes interpolate from slab to slab, and gradients
-   read up to two slabs and pixels to either side. */
-static spsi_shape spsi_eye_shape(const spsi_frame *frame) {
+/* Whether a material has gradients, which decide how much of a surface it is, and its normal. */
+static int spsi_has_gradient(const spsi_frame *frame, const spsi_material *material) {
+    return frame->gradients.exist && material->table && material->shading == SPS_SHADING_SURFACE;
+}
+
+/* The eye's sheets have a channel for each material. Classified volumes interpolate from slab to slab. `differences`: 1
+   if gradients are differences of sheets, up to two slabs and pixels to either side; 0 if there are none, or if
+   fields have them. */
+static spsi_shape spsi_eye_shape(const spsi_frame *frame, int differences) {
     spsi_shape shape;
-    shape.channels = frame->matter.material_count * (frame->gradients.splatted ? 3 : 1);
-    shape.margin = frame->gradients.reach;
-    shape.slab_margin = frame->matter.classifies + frame->gradients.exist;
+    shape.channels = frame->matter.material_count * (differences && frame->gradients.splatted ? 3 : 1);
+    shape.margin = differences ? frame->gradients.reach : 0;
+    shape.slab_margin = frame->matter.classifies + differences;
     return shape;
 }
 
@@ -13677,8 +13761,8 @@ static sps_result spsi_target_refuse(sps_context *context, const spsi_medium *me
 /* The eye as a target; `backwards`: its rays cross the slabs against their order. */
 static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      int backwards, spsi_target *target) {
+    int differences = 0;
     spsi_target_place(frame, &frame->content->eye, slabs, target);
-    target->shape = spsi_eye_shape(frame);
     target->tolerance = frame->view.tolerance;
     spsi_crossing_build(&frame->content->eye, slabs, backwards, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
@@ -13687,17 +13771,18 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
         const spsi_material *material = &frame->matter.materials[medium->channel];
         spsi_splatter *splatter = &target->splatters[i];
         target->channels[i] = medium->channel;
-        if (frame->gradients.splatted && material->table && material->shading == SPS_SHADING_SURFACE)
-            target->slope_channels[i] = spsi_slope_channel(frame, medium->channel);
         if (!spsi_splatter_build(medium->lattice, &frame->content->eye, slabs, 1, frame->accuracy.cut, splatter))
             return spsi_target_refuse(context, medium);
         if (backwards) splatter->sign = -1;
         if (material->table) spsi_splatter_classified(splatter);
-        target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, target->rays, slabs, splatter,
-                                                target->slope_channels[i] >= 0 ? SPSI_TAP_SLOPES : SPSI_TAP_PIXELS,
+        target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, target->rays, slabs, splatter, SPSI_TAP_PIXELS,
                                                 &target->tappers[i]);
         target->tappers[i].scale = 1;
+        if (!spsi_has_gradient(frame, material) || spsi_gathers(target->verdicts[i])) continue;
+        differences = 1;
+        if (frame->gradients.splatted) target->slope_channels[i] = spsi_slope_channel(frame, medium->channel);
     }
+    target->shape = spsi_eye_shape(frame, differences);
     return SPS_OK;
 }
 
@@ -14054,14 +14139,14 @@ static void spsi_tile_bends(const spsi_tile_fill *fill, int medium, float bends[
     }
 }
 
-/* Places a patch of a tile, with the margin beside it. Returns 0 if it has no pixels. */
+/* Places a patch of a tile. Returns 0 if it has no pixels. */
 static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_tap_patch *patch) {
-    const int column = number % 8, row = number / 8;
-    const int x = tile->x0 + tile->margin + column * SPSI_PATCH, y = tile->y0 + tile->margin + row * SPSI_PATCH;
-    const int x1 = column == 7 ? tile->x1 : spsi_least(tile->x1, x + SPSI_PATCH - 1);
-    const int y1 = row == 7 ? tile->y1 : spsi_least(tile->y1, y + SPSI_PATCH - 1);
+    const int x = tile->x0 + tile->margin + number % 8 * SPSI_PATCH;
+    const int y = tile->y0 + tile->margin + number / 8 * SPSI_PATCH;
+    const int x1 = spsi_least(tile->x1 - tile->margin, x + SPSI_PATCH - 1);
+    const int y1 = spsi_least(tile->y1 - tile->margin, y + SPSI_PATCH - 1);
     if (x > x1 || y > y1) return 0;
-    spsi_tap_patch_place(column == 0 ? tile->x0 : x, row == 0 ? tile->y0 : y, x1, y1, patch);
+    spsi_tap_patch_place(x, y, x1, y1, patch);
     return 1;
 }
 
@@ -14112,17 +14197,7 @@ static uint64_t spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *h
     return added;
 }
 
-/* The pixels of a row of a tile, as bits from the margin's first on. */
-typedef struct spsi_row_bits {
-    uint64_t low, high;
-} spsi_row_bits;
-
-static inline void spsi_row_mark(spsi_row_bits *row, uint64_t bits, int at) {
-    row->low |= bits << at;
-    row->high |= at > 0 ? bits >> (64 - at) : 0;
-}
-
-/* Bits of the tile's own pixels in a row of its patches. */
+/* Bits of the pixels in a row of a tile's patches. */
 static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
     uint64_t pixels = 0;
     for (int n = 0; n < 8; ++n)
@@ -14130,7 +14205,7 @@ static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
     return pixels;
 }
 
-/* The pixels of a tile's own rows that lie in patches and whose rays have not ended. */
+/* The pixels of a tile, without the margin, that lie in patches and whose rays have not ended, as bits by row. */
 static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t live[SPSI_TILE_HEIGHT]) {
     const int width = tile->x1 - tile->x0 + 1 - 2 * tile->margin, height = tile->y1 - tile->y0 + 1 - 2 * tile->margin;
     for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
@@ -14143,70 +14218,36 @@ static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t liv
     }
 }
 
-/* The pixels of row `y` of a tile, the margin included, that are live or that gradients in live ones read, up to the
-   margin to either side, or above and below. Patches that are done, with the margin beside them, are left out. */
-static spsi_row_bits spsi_tile_row(const spsi_tile *tile, const uint64_t live[SPSI_TILE_HEIGHT], uint64_t done, int y) {
-    const int margin = tile->margin, at = y - tile->y0 - margin;
-    const uint64_t filled = spsi_patch_pixels(done, spsi_patch_at(at));
-    spsi_row_bits row = {0, 0}, out = {0, 0};
-    for (int k = -margin; k <= margin; ++k) {
-        if (at + k >= 0 && at + k < SPSI_TILE_HEIGHT) spsi_row_mark(&row, live[at + k], margin);
-        if (at >= 0 && at < SPSI_TILE_HEIGHT) spsi_row_mark(&row, live[at], margin + k);
-    }
-    spsi_row_mark(&out, filled & 0xff, 0);
-    spsi_row_mark(&out, filled, margin);
-    spsi_row_mark(&out, filled & ~(~UINT64_C(0) >> 8), 2 * margin);
-    row.low &= ~out.low;
-    row.high &= ~out.high;
-    return row;
-}
-
-/* A vector of such a row's pixels, from the one on that is `at` from the first. */
-static inline int spsi_row_lanes(const spsi_row_bits *row, int at) {
-    return (int)((at < 64 ? row->low >> at : row->high >> (at - 64)) & SPSI_ALL_LANES);
-}
-
-/* Within which reach of what is shown a tile takes samples of a volume. A classified slab looks as it and those beside
-   it say, `slab_margin` on either side, in which rays cross `way` voxels each, and pixels within the margin. At draft
-   quality, the last voxel of that is left out. */
-static int spsi_tile_reach(const spsi_target *target, const spsi_tile *tile, const spsi_tapper *here, int medium,
-                           float way) {
-    float farthest = (float)target->shape.slab_margin * way;
-    spsi_tap_patch whole;
-    if (!target->frame->matter.materials[target->frame->media[medium].channel].table) return 0;
-    spsi_tap_patch_place(tile->x0, tile->y0, tile->x0 + 1, tile->y0 + 1, &whole);
-    for (int axis = 0; axis < 2; ++axis) {
-        const float pixel = spsi_tap_patch_extent(here, tile, &whole, axis);
-        farthest = spsi_higher(farthest, (float)tile->margin * pixel);
-    }
-    farthest = ceilf(farthest) - (float)(target->frame->view.quality == SPS_QUALITY_DRAFT);
+/* Within which reach of what is shown samples of a volume are taken, where rays cross `way` voxels in a slab. What a
+   classified slab looks like depends on those beside it, whose ends depend on a sample more. At draft quality, the last
+   voxel of that is left out. */
+static int spsi_reach_wanted(const spsi_frame *frame, int medium, float way) {
+    const float farthest = ceilf(2 * way) - (float)(frame->view.quality == SPS_QUALITY_DRAFT);
+    if (!frame->matter.materials[frame->media[medium].channel].table) return 0;
     return (int)spsi_lower(spsi_higher(farthest, 0), SPSI_FIELD_REACHES - 1);
 }
 
-/* Adds a gathered volume to the patches of a tile, and to what their gradients read beside them: there, rays may have
-   ended, or be none of the image's. A vector of pixels goes down row by row, so that bricks stay in the level-1
-   cache. */
+/* Adds a gathered volume to the patches of a tile, without the margin, which nothing reads of it. A vector of pixels
+   goes down row by row, so that bricks stay in the level-1 cache. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
-    const int slopes = target->slope_channels[medium];
     spsi_tile *tile = fill->tile;
+    const int margin = tile->margin, y0 = tile->y0 + margin;
     spsi_tapper here = target->tappers[medium];
-    uint64_t done = 0, live[SPSI_TILE_HEIGHT];
+    uint64_t live[SPSI_TILE_HEIGHT];
     float *channel, way;
     here.slab.base[0] -= (float)(fill->contents->first_slab - target->shape.slab_margin);
     here.scale /= (float)here.rays;
     spsi_tile_touch(fill);
     channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
-    tile->slopes = slopes < 0 ? NULL : tile->sheets + (size_t)slopes * tile->channel_size;
     way = spsi_tap_way(&here, tile);
-    here.cells = (const uint32_t(*)[2])here.field->cells[spsi_tile_reach(target, tile, &here, medium, way)];
+    here.cells = (const uint32_t(*)[2])here.field->cells[spsi_reach_wanted(target->frame, medium, way)];
     if (spsi_target_interpolates(target, medium))
-        done = spsi_tile_interpolate(fill, &here, medium, patches, way, channel);
+        patches &= ~spsi_tile_interpolate(fill, &here, medium, patches, way, channel);
     spsi_tile_live(tile, patches, live);
-    for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES)
-        for (int y = tile->y0; y <= tile->y1; ++y) {
-            const spsi_row_bits row = spsi_tile_row(tile, live, done, y);
-            const int lanes = spsi_row_lanes(&row, x - tile->x0);
+    for (int x = tile->x0 + margin; x <= tile->x1 - margin; x += SPSI_LANES)
+        for (int y = y0; y <= tile->y1 - margin; ++y) {
+            const int lanes = (int)(live[y - y0] >> (x - tile->x0 - margin) & SPSI_ALL_LANES);
             if (lanes) spsi_tap_row(&here, tile, x, y, lanes, spsi_tap_steps(&here, way), channel);
         }
 }
@@ -19876,6 +19917,7 @@ typedef struct spsi_again {
 typedef struct spsi_shader {
     const spsi_frame *frame;
     const spsi_rays *eye;
+    const spsi_target *target; /* the eye's sheets */
     const spsi_sweep *sweep;
     spsi_again again;
     const spsi_faces *faces;
@@ -20038,6 +20080,7 @@ static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out
 /* A slab on a vector of rays. If any volume is classified it is shaded in parts, in the light's order. */
 typedef struct spsi_slab {
     int k, part_count, material_count;
+    int open;                      /* the rays that have not ended, as bits */
     spsi_sample *samples;          /* material_count per part */
     spsi_v enter, leave;           /* depths along the ray */
     spsi_v first, last;            /* range of the slab that the ray crosses, as shares of it in the light's order */
@@ -20175,7 +20218,17 @@ static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *ti
                                        spsi_set(SPSI_INFINITY), profile->determinant);
 }
 
-/* A sample's normal, and how much of a surface it is. */
+/* Sets a sample's normal, and how much of a surface it is, by its gradient: the change of value per voxel, relative to
+   `unit`. */
+static void spsi_sample_face(const spsi_material *material, const spsi_v g[3], float unit, spsi_sample *sample) {
+    const spsi_v size = spsi_sqrt(spsi_dot_v(g, g));
+    for (int c = 0; c < 3; ++c)
+        sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
+    sample->surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
+    sample->has_normal = 1;
+}
+
+/* The gradient of a part of a slab by differences of sheets. */
 static void spsi_sample_gradient(const spsi_material *material, const spsi_profile *profile,
                                  const spsi_portion *portion, spsi_sample *sample) {
     const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: squares stay finite */
@@ -20183,16 +20236,55 @@ static void spsi_sample_gradient(const spsi_material *material, const spsi_profi
     const spsi_v x = spsi_mul(spsi_parabola_mean(&profile->aside[0], portion), scale);
     const spsi_v y = spsi_mul(spsi_parabola_mean(&profile->aside[1], portion), scale);
     const spsi_v along = spsi_mul(spsi_parabola_mean(&profile->along, portion), scale);
-    spsi_v g[3], size;
+    spsi_v g[3];
     for (int c = 0; c < 3; ++c) {
         g[c] = spsi_fma(y, profile->cofactor[1][c], spsi_mul(x, profile->cofactor[0][c]));
         g[c] = spsi_div(spsi_fma(along, profile->cofactor[2][c], g[c]), profile->determinant);
     }
-    size = spsi_sqrt(spsi_dot_v(g, g));
-    for (int c = 0; c < 3; ++c)
-        sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
-    sample->surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
-    sample->has_normal = 1;
+    spsi_sample_face(material, g, unit, sample);
+}
+
+/* The depth at which what a slab holds of a classified volume is seen, on average. Returns the rays that see any of it,
+   as bits. */
+static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int channel, spsi_v *depth) {
+    const int backwards = shader->sweep->back_to_front;
+    const spsi_v way = spsi_sub(slab->leave, slab->enter), zero = spsi_set(0);
+    const float share = 1 / (float)slab->part_count;
+    spsi_v before = zero, weight = zero, sum = zero;
+    for (int i = 0; i < slab->part_count; ++i) { /* away from the eye */
+        const int part = backwards ? slab->part_count - 1 - i : i;
+        const spsi_v own = slab->samples[part * slab->material_count + channel].depth, after = spsi_add(before, own);
+        const spsi_v seen = spsi_mul(own, spsi_mean_transmittance(before, after));
+        weight = spsi_add(weight, seen);
+        sum = spsi_fma(seen, spsi_set(((float)i + 0.5f) * share), sum);
+        before = after;
+    }
+    *depth = spsi_fma(way, spsi_div(sum, spsi_max(weight, spsi_set(FLT_MIN))), slab->enter);
+    return slab->open & spsi_bits(spsi_less(zero, weight));
+}
+
+/* The gradient of a classified volume in a slab, from its field: all parts have that of the place where it is seen. */
+static void spsi_samples_gradient(const spsi_shader *shader, const spsi_tapper *t, const spsi_pixels *p, int channel,
+                                  spsi_slab *slab) {
+    const spsi_material *material = &shader->frame->matter.materials[channel];
+    const float unit = material->table_scale / SPSI_TABLE_SIZE;
+    spsi_v depth, place[3], g[3];
+    spsi_sample seen;
+    int lanes = spsi_slab_seen(shader, slab, channel, &depth);
+    if (!lanes) return;
+    for (int k = 0; k < 3; ++k)
+        place[k] = spsi_fma(depth, spsi_linear_slope(&t->at[k], p->line.at, (float)p->line.y),
+                            spsi_linear_base(&t->at[k], p->line.at, (float)p->line.y));
+    lanes &= spsi_tap_inside(t->field, place);
+    spsi_tap_gradient(t, place, lanes, g);
+    for (int c = 0; c < 3; ++c) g[c] = spsi_mul(g[c], spsi_set(unit));
+    spsi_sample_face(material, g, unit, &seen);
+    for (int part = 0; part < slab->part_count; ++part) {
+        spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
+        memcpy(sample->normal, seen.normal, sizeof seen.normal);
+        sample->surface = seen.surface;
+        sample->has_normal = seen.has_normal;
+    }
 }
 
 /* Fills the parts of a slab for a gas, which is constant within the slab. */
@@ -20214,9 +20306,11 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
+    const spsi_target *target = shader->target;
     const spsi_v share = spsi_set(1.0f / (float)slab->part_count), zero = spsi_set(0);
     const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
-    const int surface = shader->frame->gradients.exist && material->shading == SPS_SHADING_SURFACE;
+    const int surface = spsi_has_gradient(shader->frame, material);
+    const int differences = surface && !spsi_gathers(target->verdicts[material->medium]);
     spsi_v means[3];
     spsi_profile profile;
     int has_gradient = 0;
@@ -20234,11 +20328,13 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
         for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
-        if (!surface || !spsi_bits(spsi_less(zero, sample->depth))) continue;
+        if (!differences || !spsi_bits(spsi_less(zero, sample->depth))) continue;
         if (!has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, means, &profile);
         has_gradient = 1;
         spsi_sample_gradient(material, &profile, &portion, sample);
     }
+    if (surface && !differences)
+        spsi_samples_gradient(shader, &target->tappers[material->medium], p, channel, slab);
 }
 
 /* Blinn-Phong highlight (n + 8) / (8 pi) (n.h)^n, normalised to reflect about what arrives: at perpendicular incidence
@@ -21795,7 +21891,10 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
     const float high = k + 1 == shading->slab_count ? shading->high : (float)(shader->first_slab + k + 1);
     const int backwards = shader->sweep->back_to_front;
-    const int held = spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
+    const int all = (1 << SPSI_LANES) - 1;
+    int held;
+    row->slab.open = backwards ? all : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
+    held = spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
     if (shader->hits && backwards)
         spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
     if (row->has_layers && spsi_ahead_before(&row->ahead, high))
@@ -21878,7 +21977,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     spsi_pixels_build(shader, x, y, &row.pixels);
     for (int i = 0; i < shader->shadow_count; ++i)
         spsi_arrival_begin(&shader->shadows[i], &row.pixels, &row.slab.arrivals[i]);
-    for (int i = 0; i < 4 * shader->frame->gradients.reach && shading->slab_count > 0; ++i) {
+    for (int i = 0; i < 4 * shading->tile->margin && shading->slab_count > 0; ++i) {
         const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
         spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &row.pixels.around[i]);
     }
@@ -23951,6 +24050,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     run->sweep = sweep;
     shader->frame = frame;
     shader->eye = &frame->content->eye;
+    shader->target = &run->eye;
     shader->sweep = sweep;
     shader->faces = faces;
     shader->shadows = run->shadows;
@@ -24498,7 +24598,7 @@ static size_t spsi_plan_spent_bytes(const spsi_frame *frame, size_t side) {
 
 /* Floats of a worker's sheets, for any target. */
 static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
-    const spsi_shape eye = spsi_eye_shape(frame), light = spsi_light_shape(frame);
+    const spsi_shape eye = spsi_eye_shape(frame, frame->gradients.exist), light = spsi_light_shape(frame);
     const size_t shadow = frame->lamps.shadow_count > 0 ? spsi_shape_floats(&light) : 0;
     return shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye);
 }
@@ -24612,8 +24712,7 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, 
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_medium *medium = &frame->media[i];
         const spsi_material *material = &frame->matter.materials[medium->channel];
-        const int slopes = frame->gradients.splatted && material->table && material->shading == SPS_SHADING_SURFACE;
-        const spsi_tapping tapping = of_light ? SPSI_TAP_SHEETS : slopes ? SPSI_TAP_SLOPES : SPSI_TAP_PIXELS;
+        const spsi_tapping tapping = of_light ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS;
         const double cut = of_light && material->table ? frame->accuracy.light_cut : frame->accuracy.cut;
         spsi_verdict verdict;
         spsi_splatter splatter;

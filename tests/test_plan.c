@@ -369,12 +369,23 @@ static void test_no_map_without_extinction(void) {
     check_free_triangles(&t.triangles);
 }
 
-/* Gradients only if a volume is shaded as a surface and lit; only then each tile's sheets have a margin. */
+/* Gradients only if a volume is shaded as a surface and lit; only then each tile's sheets have a margin, and only if
+   they are differences of these. */
 static void test_gradient(void) {
+    const spsi_shape narrow = {1, 0, 1}, wide = {1, 2, 2}; /* voxels are less than 4 pixels wide */
     setup t;
-    outcome surface, gas, dark;
+    outcome surface, gas, dark, sampled[2];
     setup_build(&t);
     t.s.volume[0].transfer = &grey_transfer;
+    for (int i = 0; i < 2; ++i) {
+        t.s.view.filling = SPS_FILLING_GATHER;
+        t.s.volume[0].shading = i ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
+        sampled[i] = measure(&t);
+        CHECK(sampled[i].stats.eye_samples > 0);
+    }
+    CHECK(sampled[0].peak == sampled[1].peak);
+    t.s.view.filling = SPS_FILLING_SPLAT;
+    t.s.volume[0].shading = SPS_SHADING_GAS;
     gas = measure(&t);
     t.s.volume[0].shading = SPS_SHADING_SURFACE;
     surface = measure(&t);
@@ -383,7 +394,8 @@ static void test_gradient(void) {
     check_left_out(&gas, &surface, SPS_PASS_GRADIENT);
     check_left_out(&dark, &surface, SPS_PASS_GRADIENT);
     CHECK(runs(&surface, SPS_PASS_GRADIENT) == 1);
-    CHECK(gas.peak_without_depth < surface.peak_without_depth);
+    CHECK(surface.peak_without_depth - gas.peak_without_depth ==
+          sizeof(float) * (spsi_shape_floats(&wide) - spsi_shape_floats(&narrow)));
     CHECK(dark.peak_without_depth < surface.peak_without_depth);
     check_free_triangles(&t.triangles);
 }

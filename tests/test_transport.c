@@ -1083,16 +1083,17 @@ static void test_transfer_gas(void) {
     check_orders("classified, as a gas", &s, MIDDLE, 1.8);
 }
 
-/* As a surface: slopes are differences over two pixels and two sheets. Over a quarter of a voxel to each side their
-   error is (1/4)^2 / 6 * 3 / 2.1^2 = 0.7 % of the slope; half of the brightest light follows the slope, the mean pixel
-   has a third of that. So pixels are a fifth as wide, and the reference's rays are the middle ones of every five by
-   five. */
+/* As a surface, splatted: slopes are differences over two pixels and two sheets. Over a quarter of a voxel to each side
+   their error is (1/4)^2 / 6 * 3 / 2.1^2 = 0.7 % of the slope; half of the brightest light follows the slope, the mean
+   pixel has a third of that. So pixels are a fifth as wide, and the reference's rays are the middle ones of every five
+   by five. */
 static void test_transfer_surface(void) {
     static float fine[4 * 25 * MIDDLE];
     check_scene s;
     sps_transfer transfer;
     double most, error;
     classified(&s, &transfer, SPS_SHADING_SURFACE);
+    s.view.filling = SPS_FILLING_SPLAT;
     if (!check_march(context, &s, 0.5, image_c, NULL)) return;
     most = largest_of(image_c, 4 * MIDDLE);
     s.view.width *= 5;

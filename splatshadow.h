@@ -786,11 +786,11 @@ typedef enum sps_filling {
        than 0.55 pixels, a pixel has four rays, and where they are smaller than 0.27, voxels of a coarser level are
        sampled, at draft and medium and unless they are classified. A picture with surfaces of voxels smaller than 0.9
        pixels has four rays in these, by which it finds their gradients. A texel of a light's sheets has one ray, on
-       such a level or, if the volume is classified, through voxels of any size. Volumes are splatted nevertheless, one
-       by one and in each pass, if no level fits all of them, if they are not all well before the eye or the light, if
-       rays cross more than 15 voxels in a slab (11 at high and ultra), or if they are scattered too thinly. Cost
-       besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10800 at high and ultra, and roughly an eighth
-       as many on each coarser level. */
+       such a level or, if the volume is classified, through voxels of any size; of a table that only cells use, the
+       latter. Volumes are splatted nevertheless, one by one and in each pass, if no level fits all of them, if they are
+       not all well before the eye or the light, if rays cross more than 15 voxels in a slab (11 at high and ultra), or
+       if they are scattered too thinly. Cost besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10800 at
+       high and ultra, and roughly an eighth as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -13389,11 +13389,18 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* The rays of a light's sheets (1) or of a map's face (0) as a target, which holds the optical depth of gases and the
-   values of classified volumes. In a light's sheets, kernels of these end early, and are not widened to a texel: it
-   would be the look of a mean. */
+/* What a light's rays fill. */
+typedef enum spsi_light_target {
+    SPSI_LIGHT_MAP,
+    SPSI_LIGHT_COARSE, /* a map whose texels are meant to be wider than classified voxels */
+    SPSI_LIGHT_SHEETS
+} spsi_light_target;
+
+/* The rays of a light's sheets or of a map's face as a target, which holds the optical depth of gases and the values of
+   classified volumes. In sheets and coarse maps, kernels of these end early, and are not widened to a texel: it would
+   be the look of a mean. */
 static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                       const spsi_slabs *slabs, int of_sheets, spsi_target *target) {
+                                       const spsi_slabs *slabs, spsi_light_target kind, spsi_target *target) {
     spsi_target_place(frame, rays, slabs, target);
     target->shape = spsi_light_shape(frame);
     spsi_crossing_build(rays, slabs, 0, &target->crossing);
@@ -13402,14 +13409,16 @@ static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *f
         const spsi_medium *medium = &frame->media[i];
         const spsi_material *material = &frame->matter.materials[medium->channel];
         const float scale = material->table ? 1 : material->extinction;
-        const double cut = of_sheets && material->table ? frame->accuracy.light_cut : frame->accuracy.cut;
+        const int looks = kind != SPSI_LIGHT_MAP && material->table;
+        const double cut = looks ? frame->accuracy.light_cut : frame->accuracy.cut;
+        const spsi_tapping tapping = looks || kind == SPSI_LIGHT_SHEETS ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS;
         if (!material->extinguishes) continue;
         target->channels[i] = medium->light_channel;
         if (!spsi_splatter_build(medium->lattice, rays, slabs, scale, cut, &target->splatters[i]))
             return spsi_target_refuse(context, medium);
-        if (of_sheets && material->table) target->splatters[i].filter = 0;
-        target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, rays, slabs, &target->splatters[i],
-                                                of_sheets ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS, &target->tappers[i]);
+        if (looks) target->splatters[i].filter = 0;
+        target->verdicts[i] =
+            spsi_tapper_judge(frame, medium->lattice, rays, slabs, &target->splatters[i], tapping, &target->tappers[i]);
         target->tappers[i].scale = scale;
     }
     return SPS_OK;
@@ -14514,6 +14523,7 @@ typedef struct spsi_occluders {
     const uint32_t *tile_starts, *tile_balls; /* of each tile, plus one more; tile_balls NULL: all, for every tile */
     int *boxes;                               /* of triangles, in texels of the current face */
     spsi_map_volumes *volumes;                /* NULL: none */
+    int coarse;                               /* 1: texels are meant to be wider than classified voxels */
     spsi_part_of_call part;
 } spsi_occluders;
 
@@ -15445,13 +15455,15 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
 }
 
 /* Prepares the splatting of volumes into a face. */
-static sps_result spsi_map_volumes_build(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                         spsi_map_volumes *volumes) {
+static sps_result spsi_map_volumes_build(sps_context *context, const spsi_occluders *occluders, const spsi_rays *rays) {
+    const spsi_frame *frame = occluders->frame;
+    const spsi_light_target kind = occluders->coarse ? SPSI_LIGHT_COARSE : SPSI_LIGHT_MAP;
+    spsi_map_volumes *volumes = occluders->volumes;
     spsi_target *target = &volumes->target;
     memset(volumes, 0, sizeof *volumes);
     if (spsi_tmap_slabs(context, frame, rays, &volumes->slabs)) return context->result;
     spsi_light_shader_build(frame, rays, &volumes->slabs, &volumes->shader);
-    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, 0, target)) return context->result;
+    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, kind, target)) return context->result;
     return spsi_contents_build(context, target, NULL, &volumes->contents);
 }
 
@@ -15596,8 +15608,7 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
     if (occluders->volumes) {
         const double per_depth = spsi_length(rays->inverse[2]) * map->per_depth;
         const spsi_slabs *slabs = &occluders->volumes->slabs;
-        if (spsi_map_volumes_build(filling->context, occluders->frame, rays, occluders->volumes))
-            return filling->context->result;
+        if (spsi_map_volumes_build(filling->context, occluders, rays)) return filling->context->result;
         filling->u_per_slab = slabs->thickness * per_depth;
         filling->slab_u = (slabs->start - spsi_dot(slabs->normal, rays->origin)) * per_depth -
                           map->settings.near_depth * map->per_depth;
@@ -17520,7 +17531,8 @@ static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *fram
     if (sweep->soft && spsi_penumbra_begin(context, frame, sweep, faces, &sliced->penumbra)) return context->result;
     spsi_light_shader_build(frame, &sweep->rays, &sweep->slabs, &sliced->shader);
     if (spsi_planes_build(context, frame, &sweep->rays, &sliced->planes)) return context->result;
-    if (spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, 1, &sliced->target)) return context->result;
+    if (spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, SPSI_LIGHT_SHEETS, &sliced->target))
+        return context->result;
     sliced->target.tolerance = frame->view.tolerance;
     return SPS_OK;
 }
@@ -21671,6 +21683,7 @@ static sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp
     if (spsi_lamp_tmap_aim(job->context, job->frame, &coarse, map)) return job->context->result;
     memset(&occluders, 0, sizeof occluders);
     occluders.frame = job->frame;
+    occluders.coarse = 1;
     occluders.part = *part;
     return spsi_tmap_fill(map, &occluders);
 }

@@ -751,9 +751,9 @@ typedef enum sps_scattering {
        light's rays, so that a beam has a halo, and light reaches what lies beside it. The kernels are Gaussian; their
        variance follows from the gas's phase function, whatever the number of sheets. Polygons receive this light, and
        stop it. See sps_view.scatter_size; the light in the sheets is held for the next call like that of FULL. A light
-       with an extent spreads from its centre, and lights without shadows scatter once. Cost: voxels splatted once more
-       per light, a pass over its sheets per channel of color, and one more lookup per light beside those of FORWARD.
-       [Zhang & Crawfis; Eyges 1948] */
+       with an extent spreads from its centre, and lights without shadows scatter once. Cost: sheets filled once more
+       per light, a pass over them per channel of color, and one more lookup per light beside those of FORWARD. [Zhang &
+       Crawfis; Eyges 1948] */
     SPS_SCATTERING_CONVOLUTION,
     /* Any number of times in every direction, on a grid of cubic cells about all gas, or up to four about gas that is
        far apart, for all lights at once: what comes back, what leaves by the sides, what goes from gas to gas, and
@@ -770,8 +770,9 @@ typedef enum sps_scattering {
     SPS_SCATTERING_FULL
 } sps_scattering;
 
-/* How voxels fill the sheets of the eye, of lights, and of maps' faces. The field is the same either way. Particles are
-   always splatted. */
+/* How voxels fill the sheets of the eye, of lights, and of maps' faces, and, of classified volumes, the samples from
+   which cells are made and the sheets in which light spreads. The field is the same either way. Particles are always
+   splatted. */
 typedef enum sps_filling {
     /* Each volume, in each pass, as costs less by the number and size of its footprints, and the number of its samples.
        The same in every build and for any number of workers; but from frame to frame it may change, and the picture
@@ -924,10 +925,12 @@ typedef struct sps_plan_report {
     int slab_count;                  /* of the longest sweep */
     int shadow_width, shadow_height; /* of the largest shadow buffer */
     int light_points; /* maximum number of points that stand for a light: 1 without an extent; 0: no light */
-    /* Volumes that are gathered into the eye's sheets, and into any light's, and a static string that says why the
-       first volume is gathered or splatted there. Before voxels are read, as if all that may be relevant were. */
-    int eye_gathered, light_gathered;
-    const char *eye_filling, *light_filling;
+    /* Volumes that are gathered into the eye's sheets, into any light's, and into the samples from which cells are
+       made, or the sheets in which light spreads (the first light's), and a static string that says why the first
+       volume is gathered or splatted there. Before voxels are read, as if all that may be relevant were; cells as if
+       there were one grid of them. */
+    int eye_gathered, light_gathered, cells_gathered;
+    const char *eye_filling, *light_filling, *cells_filling;
     /* SPS_SCATTERING_AUTO: as in sps_stats_report beside polygons, or if all gas is held from the last call; otherwise
        -1, and cells are planned. */
     double scatter_bound;
@@ -13100,6 +13103,8 @@ typedef enum spsi_verdict {
     SPSI_SPLAT_SPREAD, /* there is no field */
     SPSI_SPLAT_OPAQUE, /* taps' ends would shade the skin of matter that is opaque within them */
     SPSI_SPLAT_CHEAPER,
+    SPSI_SPLAT_MASS, /* into cells: gas, of which samples would not keep all */
+    SPSI_DEPOSITED,  /* the same, in voxels that are small against samples */
     SPSI_GATHER_ASKED,
     SPSI_GATHER_CHEAPER
 } spsi_verdict;
@@ -13786,11 +13791,18 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* The rays of a light's sheets (1) or of a map's face (0) as a target, which holds the optical depth of gases and the
-   values of classified volumes. In a light's sheets, kernels of these end early, and are not widened to a texel: it
-   would be the look of a mean. */
+/* What a light's rays fill. */
+typedef enum spsi_light_target {
+    SPSI_LIGHT_MAP,
+    SPSI_LIGHT_COARSE, /* a map whose texels are meant to be wider than classified voxels */
+    SPSI_LIGHT_SHEETS
+} spsi_light_target;
+
+/* The rays of a light's sheets or of a map's face as a target, which holds the optical depth of gases and the values of
+   classified volumes. In sheets and coarse maps, kernels of these end early, and are not widened to a texel: it would
+   be the look of a mean. */
 static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                       const spsi_slabs *slabs, int of_sheets, spsi_target *target) {
+                                       const spsi_slabs *slabs, spsi_light_target kind, spsi_target *target) {
     spsi_target_place(frame, rays, slabs, target);
     target->shape = spsi_light_shape(frame);
     spsi_crossing_build(rays, slabs, 0, &target->crossing);
@@ -13799,14 +13811,16 @@ static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *f
         const spsi_medium *medium = &frame->media[i];
         const spsi_material *material = &frame->matter.materials[medium->channel];
         const float scale = material->table ? 1 : material->extinction;
-        const double cut = of_sheets && material->table ? frame->accuracy.light_cut : frame->accuracy.cut;
+        const int looks = kind != SPSI_LIGHT_MAP && material->table;
+        const double cut = looks ? frame->accuracy.light_cut : frame->accuracy.cut;
+        const spsi_tapping tapping = looks || kind == SPSI_LIGHT_SHEETS ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS;
         if (!material->extinguishes) continue;
         target->channels[i] = medium->light_channel;
         if (!spsi_splatter_build(medium->lattice, rays, slabs, scale, cut, &target->splatters[i]))
             return spsi_target_refuse(context, medium);
-        if (of_sheets && material->table) target->splatters[i].filter = 0;
-        target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, rays, slabs, &target->splatters[i],
-                                                of_sheets ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS, &target->tappers[i]);
+        if (looks) target->splatters[i].filter = 0;
+        target->verdicts[i] =
+            spsi_tapper_judge(frame, medium->lattice, rays, slabs, &target->splatters[i], tapping, &target->tappers[i]);
         target->tappers[i].scale = scale;
     }
     return SPS_OK;
@@ -14921,6 +14935,7 @@ typedef struct spsi_occluders {
     const uint32_t *tile_starts, *tile_balls; /* of each tile, plus one more; tile_balls NULL: all, for every tile */
     int *boxes;                               /* of triangles, in texels of the current face */
     spsi_map_volumes *volumes;                /* NULL: none */
+    int coarse;                               /* 1: texels are meant to be wider than classified voxels */
     spsi_part_of_call part;
 } spsi_occluders;
 
@@ -15852,13 +15867,15 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
 }
 
 /* Prepares the splatting of volumes into a face. */
-static sps_result spsi_map_volumes_build(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                         spsi_map_volumes *volumes) {
+static sps_result spsi_map_volumes_build(sps_context *context, const spsi_occluders *occluders, const spsi_rays *rays) {
+    const spsi_frame *frame = occluders->frame;
+    const spsi_light_target kind = occluders->coarse ? SPSI_LIGHT_COARSE : SPSI_LIGHT_MAP;
+    spsi_map_volumes *volumes = occluders->volumes;
     spsi_target *target = &volumes->target;
     memset(volumes, 0, sizeof *volumes);
     if (spsi_tmap_slabs(context, frame, rays, &volumes->slabs)) return context->result;
     spsi_light_shader_build(frame, rays, &volumes->slabs, &volumes->shader);
-    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, 0, target)) return context->result;
+    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, kind, target)) return context->result;
     return spsi_contents_build(context, target, NULL, &volumes->contents);
 }
 
@@ -16003,8 +16020,7 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
     if (occluders->volumes) {
         const double per_depth = spsi_length(rays->inverse[2]) * map->per_depth;
         const spsi_slabs *slabs = &occluders->volumes->slabs;
-        if (spsi_map_volumes_build(filling->context, occluders->frame, rays, occluders->volumes))
-            return filling->context->result;
+        if (spsi_map_volumes_build(filling->context, occluders, rays)) return filling->context->result;
         filling->u_per_slab = slabs->thickness * per_depth;
         filling->slab_u = (slabs->start - spsi_dot(slabs->normal, rays->origin)) * per_depth -
                           map->settings.near_depth * map->per_depth;
@@ -17930,7 +17946,8 @@ static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *fram
     if (sweep->soft && spsi_penumbra_begin(context, frame, sweep, faces, &sliced->penumbra)) return context->result;
     spsi_light_shader_build(frame, &sweep->rays, &sweep->slabs, &sliced->shader);
     if (spsi_planes_build(context, frame, &sweep->rays, &sliced->planes)) return context->result;
-    if (spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, 1, &sliced->target)) return context->result;
+    if (spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, SPSI_LIGHT_SHEETS, &sliced->target))
+        return context->result;
     sliced->target.tolerance = frame->view.tolerance;
     return SPS_OK;
 }
@@ -21996,14 +22013,15 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 
 /* ============================================================================================== >>lighting
    31 Filling the cells, and lighting them. Gas goes into sheets across z, two samples along a cell's edge, by the same
-   targets as the eye's: it is deposited where voxels are small against samples, and splatted elsewhere. Each light,
-   with a table of its own as fine as the samples, sends a sample E exp(-k t) Y(d) / 4 pi for each moment: t is the
-   optical depth on the way of light, k the scale of the cell's extinction, d the direction. Ambient light need not be
-   carried: cells are solved for what they lack of it. With A from everywhere, a cell that keeps w' of what it receives
-   sends A less (1 - w') A, so that a cloud that absorbs nothing vanishes before a white sky, exactly. Cost: 27
-   additions or a footprint per voxel, a footprint more per light, and eight lookups per cell and light. Opaque polygons
-   reflect E color / pi, where E is what lights and cells send there: a ray for each link that they close, and one from
-   there to each light. What polygons send to each other is left out, as it is elsewhere. */
+   targets as the eye's: it is deposited where voxels are small against samples, and splatted elsewhere, both of which
+   keep its mass. Classified volumes, with samples up to a voxel apart, are gathered or splatted. Each light, with a
+   table of its own as fine as the samples, sends a sample E exp(-k t) Y(d) / 4 pi for each moment: t is the optical
+   depth on the way of light, k the scale of the cell's extinction, d the direction. Ambient light need not be carried:
+   cells are solved for what they lack of it. With A from everywhere, a cell that keeps w' of what it receives sends A
+   less (1 - w') A, so that a cloud that absorbs nothing vanishes before a white sky, exactly. Cost: 27 additions or a
+   footprint per voxel, or a sample of the field per sample; as much per light; eight lookups per cell and light. Opaque
+   polygons reflect E color / pi, where E is what lights and cells send there: a ray for each link that they close, and
+   one from there to each light. What polygons send to each other is left out, as it is elsewhere. */
 
 /* Opaque polygons as cells see them: on the mean of those that close a cell's links. */
 typedef struct spsi_cell_walls {
@@ -22188,14 +22206,14 @@ static size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid
 /* --- gas --- */
 
 /* Sheets' samples along one of that length: one, or more if a classified volume's voxels are smaller than that, since
-   its transfer function is not linear. */
+   its transfer function is not linear. Up to a voxel apart, footprints are wider than the pixel filter. */
 static int spsi_samples_fineness(const spsi_frame *frame, double sample) {
     double voxel = HUGE_VAL;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         if (material->table) voxel = fmin(voxel, (double)material->voxel_length);
     }
-    return voxel < HUGE_VAL ? (int)fmin(4, fmax(1, ceil(sample / (0.7 * voxel)))) : 1;
+    return voxel < HUGE_VAL ? (int)fmin(4, fmax(1, ceil(sample / voxel))) : 1;
 }
 
 /* Rays along z, through the samples, or, finer, through those of the sheets. */
@@ -22215,6 +22233,15 @@ static int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays,
     return spsi_rays_complete(rays);
 }
 
+/* How a volume fills samples, whose splatter is built. Gas keeps its mass: it is deposited if its voxels are small. */
+static spsi_verdict spsi_samples_judge(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *rays,
+                                       const spsi_slabs *slabs, spsi_splatter *splatter, spsi_tapper *tapper) {
+    if (frame->matter.materials[medium->channel].table)
+        return spsi_tapper_judge(frame, medium->lattice, rays, slabs, splatter, SPSI_TAP_PIXELS, tapper);
+    spsi_splatter_deposits(splatter, rays, &frame->content->bounds);
+    return splatter->deposits ? SPSI_DEPOSITED : SPSI_SPLAT_MASS;
+}
+
 /* Begins to sample, with a channel per material. Rays and slabs are set. */
 static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *frame, spsi_sampling *sheets) {
     spsi_target *target = &sheets->target;
@@ -22222,8 +22249,7 @@ static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *fr
     sheets->frame = frame;
     spsi_target_place(frame, &sheets->rays, &sheets->slabs, target);
     target->shape.channels = frame->matter.material_count;
-    target->shape.margin = 0;
-    target->shape.slab_margin = frame->matter.classifies;
+    target->shape.margin = target->shape.slab_margin = 0;
     spsi_crossing_build(&sheets->rays, &sheets->slabs, 0, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
     for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
@@ -22232,8 +22258,9 @@ static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *fr
         if (!spsi_splatter_build(medium->lattice, &sheets->rays, &sheets->slabs, 1, frame->accuracy.cut,
                                  &target->splatters[i]))
             return spsi_target_refuse(context, medium);
-        if (!frame->matter.materials[medium->channel].table)
-            spsi_splatter_deposits(&target->splatters[i], &sheets->rays, &frame->content->bounds);
+        target->verdicts[i] = spsi_samples_judge(frame, medium, &sheets->rays, &sheets->slabs, &target->splatters[i],
+                                                 &target->tappers[i]);
+        target->tappers[i].scale = 1;
     }
     spsi_light_shader_build(frame, &sheets->rays, &sheets->slabs, &sheets->shader);
     if (spsi_contents_build(context, target, NULL, &sheets->contents)) return context->result;
@@ -22294,8 +22321,8 @@ typedef void (*spsi_sample_fn)(const void *data, const spsi_sample_place *place,
 static void spsi_sampling_visit_place(const spsi_sampling *sheets, const spsi_tile *tile,
                                       const spsi_sample_place *place, spsi_sample_fn sample_fn, const void *data) {
     const spsi_row_slabs slabs = spsi_row_slabs_at(&sheets->shader, place->x, place->y);
-    const size_t sheet = (size_t)(place->k + sheets->target.shape.slab_margin) * tile->sheet_size;
-    const size_t at = sheet + (size_t)((place->y - tile->y0) * tile->pitch + place->x - tile->x0);
+    const size_t row = (size_t)((place->y - tile->y0) * tile->pitch);
+    const size_t at = (size_t)place->k * tile->sheet_size + row + (size_t)(place->x - tile->x0);
     for (int m = 0; m < sheets->frame->matter.material_count; ++m) {
         const spsi_v sum = spsi_sheet_sum(tile, m, at);
         spsi_cell_sample sample;
@@ -22404,6 +22431,7 @@ static sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp
     if (spsi_lamp_tmap_aim(job->context, job->frame, &coarse, map)) return job->context->result;
     memset(&occluders, 0, sizeof occluders);
     occluders.frame = job->frame;
+    occluders.coarse = 1;
     occluders.part = *part;
     return spsi_tmap_fill(map, &occluders);
 }
@@ -23586,23 +23614,39 @@ static void spsi_spread_carry_task(void *data, int c, int worker) {
     }
 }
 
-/* Sets up a face: its rays, and sheets of samples finer than texels where a transfer function calls for them. */
+/* Samples of a light's sheets along each side of a texel: more than one where a transfer function calls for them. A
+   chunk is of whole texels. */
+static int spsi_spread_fineness(const spsi_frame *frame, const spsi_spread *spread) {
+    const sps_tmap_settings *range = &spread->map.settings;
+    const double texel = spsi_pixel_size_at(&spread->map.rays[0], 0.5 * (range->near_depth + range->far_depth));
+    int fine = 1;
+    while (fine < spsi_samples_fineness(frame, texel)) fine *= 2;
+    return fine;
+}
+
+/* Rays through the samples of a face, and their slabs: `fine` samples along each side of a texel. Returns 0 if texels
+   are too much alike. */
+static int spsi_spread_aim_fine(const spsi_spread *spread, int face, int fine, spsi_rays *rays, spsi_slabs *slabs) {
+    const spsi_rays *texels = &spread->map.rays[face];
+    const double per_length = spsi_length(texels->inverse[2]);
+    memset(slabs, 0, sizeof *slabs);
+    memcpy(slabs->normal, texels->inverse[2], sizeof slabs->normal);
+    spsi_normalise(slabs->normal);
+    slabs->start = spsi_dot(slabs->normal, texels->origin) + spread->map.settings.near_depth / per_length;
+    slabs->thickness = spsi_spread_thickness(spread) / (per_length * fine);
+    slabs->count = spread->sheet_count * fine;
+    return spsi_rays_split(texels, fine, rays);
+}
+
+/* Sets up a face: its rays, and sheets of samples. */
 static sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory) {
     const spsi_spread *spread = job->spread;
     const spsi_frame *frame = job->frame;
     const size_t all = SPSI_CHUNK * job->plane, channels = (size_t)spread->channels;
     spsi_slabs *slabs = &job->sheets.slabs;
-    double normal[3];
     job->rays = spread->map.rays[job->face];
     memset(&job->sheets, 0, sizeof job->sheets);
-    memcpy(normal, job->rays.inverse[2], sizeof normal);
-    spsi_normalise(normal);
-    memcpy(slabs->normal, normal, sizeof normal);
-    slabs->start =
-        spsi_dot(normal, job->rays.origin) + spread->map.settings.near_depth / spsi_length(job->rays.inverse[2]);
-    slabs->thickness = spsi_spread_thickness(spread) / (spsi_length(job->rays.inverse[2]) * job->fine);
-    slabs->count = spread->sheet_count * job->fine;
-    if (!spsi_rays_split(&job->rays, job->fine, &job->sheets.rays))
+    if (!spsi_spread_aim_fine(spread, job->face, job->fine, &job->sheets.rays, slabs))
         return spsi_fail_that(job->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, job->lamp.index, "position", 0,
                               SPSI_TEXELS_ALIKE);
     job->shader.frame = frame;
@@ -23672,13 +23716,12 @@ static sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame,
 /* Sets up a job for a light. Returns the floats of its memory. */
 static size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spread, spsi_spread_job *job) {
     const spsi_rays *rays = &spread->map.rays[0];
-    double texel = spsi_pixel_size_at(rays, 0.5 * (spread->map.settings.near_depth + spread->map.settings.far_depth));
     job->spread = spread;
+    job->fine = spsi_spread_fineness(frame, spread);
     job->plane = (size_t)spread->pitch * (size_t)rays->height;
     job->lamp = *spread->lamp;
     job->lamp.falls_off = job->lamp.extent.exists = 0;
     job->lamp.few_count = 1;
-    for (job->fine = 1; job->fine < spsi_samples_fineness(frame, texel);) job->fine *= 2;
     for (int c = 0; c < spread->channels; ++c) {
         spsi_spread_light *light = &job->light[c];
         light->size[0] = rays->width;
@@ -24695,18 +24738,22 @@ static int spsi_plan_shadow_count(const spsi_frame *frame, int n) {
 
 /* --- sweeps --- */
 
+/* Why a volume is filled as it is, by verdict. */
+static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks for it",
+                                                   "splatted: voxels are smaller than pixels or texels",
+                                                   "splatted: voxels are near the eye or the light, or behind it",
+                                                   "splatted: rays cross too many voxels in a slab",
+                                                   "splatted: voxels are scattered too thinly, or none is relevant",
+                                                   "splatted: gas is opaque within a fraction of a voxel",
+                                                   "splatted: footprints cost less than samples would",
+                                                   "splatted: gas keeps its mass",
+                                                   "deposited: gas keeps its mass, and voxels are small",
+                                                   "gathered: view.filling asks for it",
+                                                   "gathered: samples cost less than footprints would"};
+
 /* How volumes fill the sheets of the eye, or of a sweep's light. */
 static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, int of_light, int *gathered,
                               const char **why) {
-    static const char *const reasons[] = {"splatted: view.filling asks for it",
-                                          "splatted: voxels are smaller than pixels or texels",
-                                          "splatted: voxels are near the eye or the light, or behind it",
-                                          "splatted: rays cross too many voxels in a slab",
-                                          "splatted: voxels are scattered too thinly, or none is relevant",
-                                          "splatted: gas is opaque within a fraction of a voxel",
-                                          "splatted: footprints cost less than samples would",
-                                          "gathered: view.filling asks for it",
-                                          "gathered: samples cost less than footprints would"};
     const spsi_rays *rays = of_light ? &sweep->rays : &frame->content->eye;
     int count = 0, judged = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -24722,10 +24769,44 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, 
         if (!of_light && material->table) spsi_splatter_classified(&splatter);
         if (of_light && material->table) splatter.filter = 0;
         verdict = spsi_tapper_judge(frame, medium->lattice, rays, &sweep->slabs, &splatter, tapping, &tapper);
-        if (judged++ == 0) *why = reasons[verdict];
+        if (judged++ == 0) *why = spsi_filling_reasons[verdict];
         count += spsi_gathers(verdict);
     }
     *gathered = spsi_most(*gathered, count);
+}
+
+/* Aims at the samples of cells about all gas, or at those of the first light that spreads. Returns 0 if there is
+   neither. */
+static int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_rays *rays, spsi_slabs *slabs) {
+    spsi_cell_grid grid;
+    spsi_spread spread;
+    if (spsi_bounds_empty(&frame->content->bounds)) return 0;
+    if (spsi_scatters_fully(frame))
+        return spsi_cells_place(frame, &frame->content->bounds, &grid) &&
+               spsi_cells_aim(&grid, spsi_samples_fineness(frame, 0.5 * grid.edge), rays, slabs);
+    for (int i = 0; i < frame->lamps.count && spsi_scatters_aside(frame); ++i)
+        if (frame->lamps.list[i].shadows)
+            return !spsi_spread_aim(context, frame, &frame->lamps.list[i], &spread) &&
+                   spsi_spread_aim_fine(&spread, 0, spsi_spread_fineness(frame, &spread), rays, slabs);
+    return 0;
+}
+
+/* How volumes fill these samples. */
+static sps_result spsi_plan_samples(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
+    int judged = 0;
+    spsi_rays rays;
+    spsi_slabs slabs;
+    if (!spsi_plan_aim(context, frame, &rays, &slabs)) return context->result;
+    for (int i = 0; i < frame->medium_count; ++i) {
+        spsi_verdict verdict;
+        spsi_splatter splatter;
+        spsi_tapper tapper;
+        if (!spsi_splatter_build(frame->media[i].lattice, &rays, &slabs, 1, frame->accuracy.cut, &splatter)) continue;
+        verdict = spsi_samples_judge(frame, &frame->media[i], &rays, &slabs, &splatter, &tapper);
+        if (judged++ == 0) report->cells_filling = spsi_filling_reasons[verdict];
+        report->cells_gathered += spsi_gathers(verdict);
+    }
+    return SPS_OK;
 }
 
 /* Bytes of the largest sweep's planes, sheets, queues and pixels. */
@@ -24978,6 +25059,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
     uint64_t bricks;
     report->eye_filling = "no volume that could be seen";
     report->light_filling = "no volume casts shadows by sheets";
+    report->cells_filling = "no volume, or its light does not go from cell to cell, nor spread";
     if (spsi_plan_reading(context, frame, report, &reading) || spsi_plan_fields(context, frame, &reading))
         return context->result;
     if (frame->view.scattering == SPS_SCATTERING_AUTO) report->scatter_bound = -1;
@@ -24986,7 +25068,8 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
         if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
     spsi_plan_choices(context, frame);
     bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
-    if (spsi_plan_sweeps(context, frame, bricks, report)) return context->result;
+    if (spsi_plan_sweeps(context, frame, bricks, report) || spsi_plan_samples(context, frame, report))
+        return context->result;
     spsi_plan_tmaps(frame, bricks, report);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_held(context, frame); ++i)
         report->triangle_calls +=

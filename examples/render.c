@@ -261,8 +261,8 @@ static void make_view(const arguments *all, sps_view *view) {
 /* clang-format off */
 #define PLAN_COUNTS(X)                                                                                                 \
     X(sweep_count) X(color_channels) X(sheet_channels) X(slab_count) X(shadow_width) X(shadow_height)                  \
-    X(light_points) X(eye_gathered) X(light_gathered) X(range_calls) X(read_calls) X(eval_calls)                       \
-    X(triangle_calls) X(particle_calls) X(projector_calls) X(voxels_read) X(bytes)
+    X(light_points) X(eye_gathered) X(light_gathered) X(cells_gathered) X(range_calls) X(read_calls)                   \
+    X(eval_calls) X(triangle_calls) X(particle_calls) X(projector_calls) X(voxels_read) X(bytes)
 /* clang-format on */
 
 /* The option that a field of the library comes from; NULL where none is. */
@@ -346,6 +346,7 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
     PLAN_COUNTS(PRINT_COUNT)
 #undef PRINT_COUNT
     printf("%-16s %s\n%-16s %s\n", "eye_filling", plan.eye_filling, "light_filling", plan.light_filling);
+    printf("%-16s %s\n", "cells_filling", plan.cells_filling);
     printf("%-16s %d\n", "tables_made",
            has_maps(all) && !shadow_is(all, "table") ? 0 : plan.pass[SPS_PASS_LIGHT_MAPS].runs);
     return 0;

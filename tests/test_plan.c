@@ -527,6 +527,59 @@ static void test_triangle_batches(void) {
     check_free_triangles(&t.triangles);
 }
 
+/* How the last picture's samples of cells, or those of its light, were filled. */
+static spsi_verdict filled(const sps_context *context, int cells) {
+    const void *job = context->buffers[SPSI_BUFFER_CELL_JOB].data;
+    return cells ? ((const spsi_cell_job *)job)->sheets.target.verdicts[0]
+                 : ((const spsi_spread_job *)job)->sheets.target.verdicts[0];
+}
+
+/* How cells, and sheets in which light spreads, are filled is planned as it is done, before and after voxels are read.
+ */
+static void test_cells_filling(void) {
+    static const struct {
+        sps_scattering scattering;
+        int classified, cells;
+        sps_filling filling;
+        const char *reason;
+    } cases[] = {
+        {SPS_SCATTERING_OFF, 1, 10, SPS_FILLING_AUTO, "no volume, or its light"},
+        {SPS_SCATTERING_FULL, 1, 10, SPS_FILLING_AUTO, "gathered: samples cost less"},
+        {SPS_SCATTERING_FULL, 1, 10, SPS_FILLING_SPLAT, "splatted: view.filling asks"},
+        {SPS_SCATTERING_FULL, 1, 10, SPS_FILLING_GATHER, "gathered: view.filling asks"},
+        {SPS_SCATTERING_FULL, 0, 20, SPS_FILLING_GATHER, "splatted: gas keeps"},
+        {SPS_SCATTERING_FULL, 0, 5, SPS_FILLING_GATHER, "deposited: gas keeps"},
+        {SPS_SCATTERING_CONVOLUTION, 1, 10, SPS_FILLING_AUTO, "gathered: samples cost less"},
+        {SPS_SCATTERING_CONVOLUTION, 1, 10, SPS_FILLING_SPLAT, "splatted: view.filling asks"},
+        {SPS_SCATTERING_CONVOLUTION, 0, 30, SPS_FILLING_GATHER, "splatted: gas keeps"},
+    };
+    static float rgba[4 * WIDTH * HEIGHT];
+    for (int n = 0; n < 9; ++n) {
+        const int cells = cases[n].scattering == SPS_SCATTERING_FULL;
+        sps_context *context = check_context(NULL);
+        setup t;
+        setup_build(&t);
+        check_color(t.s.volume[0].emission, 0, 0, 0);
+        t.disc.radius = 0.9; /* a small ball's samples cost more than its footprints */
+        if (cases[n].classified) t.s.volume[0].transfer = &grey_transfer;
+        t.s.volume[0].revision = 1;
+        t.s.view.scattering = cases[n].scattering;
+        t.s.view.scatter_size = cases[n].cells;
+        t.s.view.filling = cases[n].filling;
+        for (int held = 0; held < 2; ++held) {
+            sps_plan_report plan;
+            if (!CHECK_OK(context, sps_plan(context, &t.s.scene, &t.s.view, &plan))) return;
+            if (!CHECK(strstr(plan.cells_filling, cases[n].reason) == plan.cells_filling) ||
+                !CHECK(plan.cells_gathered == (plan.cells_filling[0] == 'g')))
+                printf("    case %d, held %d: %d, %s\n", n, held, plan.cells_gathered, plan.cells_filling);
+            check_render(context, &t.s, rgba);
+            if (n > 0) CHECK(strcmp(plan.cells_filling, spsi_filling_reasons[filled(context, cells)]) == 0);
+        }
+        check_free_triangles(&t.triangles);
+        sps_destroy(context);
+    }
+}
+
 /* Distances are kept only if the caller wants them. */
 static void test_depth_only_when_asked(const outcome *full) { CHECK(full->peak_without_depth < full->peak); }
 
@@ -829,6 +882,7 @@ int main(void) {
     test_eval_counts();
     test_borders_count();
     test_triangle_batches();
+    test_cells_filling();
     test_depth_only_when_asked(&full);
     test_sweeps(&full);
     test_particles();

@@ -97,7 +97,8 @@ int main(int argc, char **argv) {
     scene.lights = lights, scene.light_count = LIGHTS;
     for (int c = 0; c < 3; ++c) scene.ambient[c] = 0.015f, scene.background[c] = 0.01f;
 
-    sps_view view = {.width = WIDTH, .height = HEIGHT, .scattering = SPS_SCATTERING_OFF}; /* not AUTO: it may change */
+    sps_view view = {.width = WIDTH, .height = HEIGHT};
+    view.scattering = SPS_SCATTERING_OFF; /* the same for all pictures: AUTO, 0, decides for each */
     view.camera =
         (sps_camera){.position = {1.2, 3.1, 4.6}, .target = {0, 0.45, 0}, .field_of_view = 0.62, .up = {0, 1, 0}};
     sps_context *context = sps_create(NULL, NULL);

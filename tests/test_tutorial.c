@@ -4,7 +4,7 @@
 #include "check.h"
 #include "command_line.h"
 
-enum { STEPS = 6, CHANNELS_MAX = 384 * 256 * 3 };
+enum { STEPS = 7, CHANNELS_MAX = 384 * 256 * 3 };
 
 typedef struct step {
     const char *name;
@@ -22,7 +22,8 @@ static const step steps[STEPS] = {
      {230, 150}}, /* the ground behind and in front of a stone, as seen from the lamp */
     {"4_engine", 320, 240, {84, 174}, {250, 174}},      /* the ground in the smoke's shadow, and beside it */
     {"5_progressive", 384, 256, {245, 208}, {60, 208}}, /* likewise */
-    {"6_shadow_map", 320, 240, {190, 162}, {60, 162}}}; /* likewise */
+    {"6_shadow_map", 320, 240, {190, 162}, {60, 162}},  /* likewise */
+    {"7_relight", 320, 240, {174, 172}, {204, 170}}};   /* the ground in all lights' shadows, and within the ring's */
 
 /* ----------------------------------------------------------------------------------------------------------- quotes */
 

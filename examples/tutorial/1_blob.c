@@ -30,9 +30,10 @@ static void print_stats(const sps_context *context) {
     sps_get_stats(context, &stats);
     printf("%llu voxels read, %llu of them relevant\n", (unsigned long long)stats.voxels_read,
            (unsigned long long)stats.voxels_relevant);
-    printf("%llu fragments for the eye, %llu for the light, %llu shadow rays\n",
-           (unsigned long long)stats.eye_fragments, (unsigned long long)stats.light_fragments,
-           (unsigned long long)stats.shadow_rays);
+    printf("for the eye: %llu samples, %llu fragments\n", (unsigned long long)stats.eye_samples,
+           (unsigned long long)stats.eye_fragments);
+    printf("for the light: %llu samples, %llu fragments, %llu shadow rays\n", (unsigned long long)stats.light_samples,
+           (unsigned long long)stats.light_fragments, (unsigned long long)stats.shadow_rays);
 }
 
 int main(int argc, char **argv) {

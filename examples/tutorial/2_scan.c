@@ -34,8 +34,10 @@ static void make_scan(void) {
 static void print_stats(const sps_context *context, const char *what) {
     sps_stats_report stats;
     sps_get_stats(context, &stats);
-    printf("%s: %llu blocks read, %llu skipped, %llu voxels relevant\n", what, (unsigned long long)stats.read_calls,
-           (unsigned long long)stats.blocks_skipped, (unsigned long long)stats.voxels_relevant);
+    printf("%s: %llu blocks read, %llu skipped, %llu voxels relevant, %.1f M samples, %.1f M fragments for the eye\n",
+           what, (unsigned long long)stats.read_calls, (unsigned long long)stats.blocks_skipped,
+           (unsigned long long)stats.voxels_relevant, 1e-6 * (double)stats.eye_samples,
+           1e-6 * (double)stats.eye_fragments);
 }
 
 int main(int argc, char **argv) {

@@ -100,6 +100,8 @@ int main(int argc, char **argv) {
     sps_get_stats(context, &stats);
     printf("%llu particles, %llu triangles, %llu shadow rays, %.1f MB\n", (unsigned long long)stats.particles,
            (unsigned long long)stats.triangles, (unsigned long long)stats.shadow_rays, 1e-6 * (double)stats.bytes_peak);
+    printf("%.1f M fragments for the eye, %.1f M for the light, %llu table made\n", 1e-6 * (double)stats.eye_fragments,
+           1e-6 * (double)stats.light_fragments, (unsigned long long)stats.tables_made);
     sps_destroy(context);
 
     ex_error error;

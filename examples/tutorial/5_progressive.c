@@ -50,12 +50,13 @@ static int draw_tile(sps_context *context, const sps_scene *scene, const sps_vie
     const sps_image image = {.rgba = w->rgba[y][x], .row_pixels = WIDTH};
     sps_view tile = *view;
     sps_stats_report stats;
-    char what[80];
+    char what[100];
     tile.region[0] = x, tile.region[1] = y, tile.region[2] = tile.region[3] = TILE;
     if (sps_render(context, scene, &tile, &image)) return puts(sps_error(context)), 1;
     sps_get_stats(context, &stats);
-    snprintf(what, sizeof what, "tile at %3d, %3d: %3d M fragments for the eye, %3d M for the light", x, y,
-             (int)(stats.eye_fragments / 1000000), (int)(stats.light_fragments / 1000000));
+    snprintf(what, sizeof what, "tile at %3d, %3d: %.2f M samples for the eye, %.2f M for the light; %.0f M fragments",
+             x, y, 1e-6 * (double)stats.eye_samples, 1e-6 * (double)stats.light_samples,
+             1e-6 * (double)(stats.eye_fragments + stats.light_fragments));
     return show(w, what);
 }
 

@@ -12572,13 +12572,14 @@ static inline void spsi_taps_six_changes(const float *from, const spsi_tap_weigh
 
 /* Where a vector of places finds its taps. */
 typedef struct spsi_tap_places {
-    int brick[SPSI_LANES]; /* of the field's grid */
+    spsi_v bricks, cells;  /* of the field's grid; of bricks */
+    int brick[SPSI_LANES]; /* the same as `bricks` */
     int first[SPSI_LANES]; /* float of it */
     int weights[3][SPSI_LANES];
 } spsi_tap_places;
 
-/* Returns the lanes in which samples are taken, as bits. */
-static inline int spsi_tap_find(const spsi_tapper *t, const spsi_v place[3], spsi_tap_places *at) {
+/* Finds the taps of places, and the bricks and the cells of these that they are in. */
+static inline void spsi_tap_find(const spsi_tapper *t, const spsi_v place[3], spsi_tap_places *at) {
     const spsi_voxel_field *field = t->field;
     const int taps = t->fields->taps;
     const float pitch = (float)spsi_field_pitch(taps), layer = pitch * (float)spsi_field_edge(taps);
@@ -12597,7 +12598,8 @@ static inline int spsi_tap_find(const spsi_tapper *t, const spsi_v place[3], sps
     }
     spsi_store_int(at->brick, brick);
     spsi_store_int(at->first, first);
-    return spsi_lookup_bit(t->cells, brick, cell);
+    at->bricks = brick;
+    at->cells = cell;
 }
 
 /* The field at a vector of places, in those of `lanes`, bits, in which samples are taken, and 0 in others. Places of
@@ -12609,7 +12611,8 @@ static inline spsi_v spsi_tap_values(const spsi_tapper *t, const spsi_v place[3]
     const size_t floats = spsi_field_floats(taps);
     float fours[4 * SPSI_LANES];
     spsi_tap_places at;
-    lanes &= spsi_tap_find(t, place, &at);
+    spsi_tap_find(t, place, &at);
+    lanes &= spsi_lookup_bit(t->cells, at.bricks, at.cells);
     if (!lanes) return spsi_set(0);
     memset(fours, 0, sizeof fours);
     for (; lanes; lanes &= lanes - 1) {

@@ -280,7 +280,7 @@ static double blob_error(const void *truth, const frame *f) {
     return image_error(f->rgba, (const double *)truth, GOAL_SIZE, NULL);
 }
 
-static double smoke_error(const void *t, const frame *f) { return sampled_error((const sampled *)t, f); }
+static double marched_error(const void *t, const frame *f) { return sampled_error((const sampled *)t, f); }
 
 /* Time and error at medium, and the gain of a second worker. */
 static void goals_medium(const char *name, const frame *f, ex_session *one, ex_session *two, error_fn error_of,
@@ -326,8 +326,8 @@ static void goals_smoke(void) {
     ex_session_measure(&two, program, WORKERS);
     smoke_ground_frame(&f, &grid, GOAL_SIZE);
     sampled_march(&t, &two, &f, 5, 1);
-    goals_medium("smoke over a ground, 111 x 222 x 112", &f, &one, &two, smoke_error, &t);
-    search_begin(&s, &two, &f, 1, smoke_error, &t);
+    goals_medium("smoke over a ground, 111 x 222 x 112", &f, &one, &two, marched_error, &t);
+    search_begin(&s, &two, &f, 1, marched_error, &t);
     goal_search(&s, "...", 0.003, 0.05);
     search_end(&s);
     sampled_end(&t);
@@ -341,6 +341,7 @@ static void goals_full(void) {
     ex_session session;
     contender c;
     sampled t;
+    search s;
     frame f;
     ex_session_measure(&session, program, 1);
     full_frame(&f, GOAL_SIZE);
@@ -348,6 +349,9 @@ static void goals_full(void) {
     contender_set(&c, &session, &f, 0);
     race(&c, 1, REPEATS);
     goal_time("256^3 voxels full of gas, medium, 1 worker", c.seconds, sampled_error(&t, &f), 0.25);
+    search_begin(&s, &session, &f, 1, marched_error, &t);
+    goal_search(&s, "...", 0.001, 0.25);
+    search_end(&s);
     sampled_end(&t);
     frame_end(&f);
     ex_session_end(&session);

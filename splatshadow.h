@@ -12184,7 +12184,7 @@ static void spsi_field_number(const spsi_brick *bricks, int taps, spsi_voxel_fie
 /* A field whose bricks are being filled. */
 typedef struct spsi_field_job {
     const sps_context *context;
-    const spsi_brick *bricks;       /* of relevant voxels */
+    const spsi_brick *bricks;        /* of relevant voxels */
     const spsi_material *classifies; /* what is shown; NULL: voxels that are not 0 */
     int taps;
     const spsi_voxel_field *field;
@@ -12673,7 +12673,7 @@ typedef struct spsi_tap_rays {
     spsi_tap_line lines[2];  /* where even and odd samples lie */
     int swings;              /* 1: these differ, else all lie on the first */
     int steps;               /* samples in a slab */
-    int lanes;                /* the pixels whose rays are followed, as bits */
+    int lanes;               /* the pixels whose rays are followed, as bits */
 } spsi_tap_rays;
 
 /* Narrows the range of samples to those inside the field's bricks. */
@@ -14236,8 +14236,8 @@ static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t liv
 }
 
 /* Within which reach of what is shown samples of a volume are taken, where rays cross `way` voxels in a slab. What a
-   classified slab looks like depends on those beside it, whose ends depend on a sample more. At draft quality, the last
-   voxel of that is left out. */
+   classified slab looks like depends on those beside it, whose ends depend on a sample more: two voxels, unless slabs
+   are thicker than a voxel, which are no more exact than that. At draft quality, the last of these is left out. */
 static int spsi_reach_wanted(const spsi_frame *frame, int medium, float way) {
     const float farthest = ceilf(2 * way) - (float)(frame->view.quality == SPS_QUALITY_DRAFT);
     if (!frame->matter.materials[frame->media[medium].channel].table) return 0;
@@ -21911,9 +21911,8 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
     const float high = k + 1 == shading->slab_count ? shading->high : (float)(shader->first_slab + k + 1);
     const int backwards = shader->sweep->back_to_front;
-    const int all = (1 << SPSI_LANES) - 1;
     int held;
-    row->slab.open = backwards ? all : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
+    row->slab.open = backwards ? SPSI_ALL_LANES : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
     held = spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
     if (shader->hits && backwards)
         spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);

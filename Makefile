@@ -134,8 +134,10 @@ speed: $(BENCHES)
 	cp build/speed.md docs/speed.md
 
 accuracy: build/bench
+	build/bench cheapest | tee build/cheapest.md
 	build/bench accuracy | tee build/accuracy.txt
-	@{ sed '/^```/,$$d' docs/accuracy.md; echo '```'; cat build/accuracy.txt; echo '```'; } > build/accuracy.md
+	@{ sed '/^## Cheapest settings/,$$d' docs/accuracy.md; cat build/cheapest.md; printf '\n## Volumes\n\n```\n'; \
+		cat build/accuracy.txt; echo '```'; } > build/accuracy.md
 	cp build/accuracy.md docs/accuracy.md
 
 # The program prints Markdown. Its pictures are in build/maps_pictures/, since build/maps is the program itself.

@@ -14,6 +14,7 @@
    bench scattering light scattered once, forward and in every direction: times
    bench paths      multiple scattering by random paths and by each grade, error against time
    bench maps       making and querying transmittance maps alone
+   bench cheapest   for each of some errors the cheapest setting that has no more, in Markdown
    bench accuracy   the tables of error against time alone */
 
 #define SPLATSHADOW_IMPLEMENTATION
@@ -24,6 +25,7 @@
 #include "picture.h"
 #include "chart.h"
 #include "bench_scenes.h"
+#include "bench_search.h"
 #include "bench_goals.h"
 #include "bench_curves.h"
 
@@ -1548,6 +1550,7 @@ int main(int argc, char **argv) {
     const char *wanted = argc > 1 ? argv[1] : "";
     int done = 0;
     if (argc == 2 && strcmp(wanted, "frames") == 0) return bench_frames(), 0;
+    if (argc == 2 && strcmp(wanted, "cheapest") == 0) return bench_cheapest(), 0;
     if (argc == 3 && strcmp(wanted, "curves") == 0) return bench_growth(argv[2]), 0;
     for (int i = 0; i < PARTS && argc <= 2; ++i) {
         const int in_speed = parts[i].run != bench_errors && strcmp(wanted, "speed") == 0;
@@ -1556,7 +1559,7 @@ int main(int argc, char **argv) {
         parts[i].run();
     }
     if (done) return 0;
-    fprintf(stderr, "%s: give nothing, or `speed`, or `frames`, or `curves FOLDER`", argv[0]);
+    fprintf(stderr, "%s: give nothing, or `speed`, or `frames`, or `cheapest`, or `curves FOLDER`", argv[0]);
     for (int i = 0; i < PARTS; ++i) fprintf(stderr, ", or `%s`", parts[i].name);
     fprintf(stderr, "\n");
     return 2;

@@ -205,13 +205,10 @@ static void curve_voxels(const char *folder) {
     frame frames[PLACES];
     contender c[PLACES];
     for (int k = 0; k < p.places; ++k) {
-        sps_stats_report stats;
         p.inputs[k] = pow(p.x[k], 3);
         ex_session_measure(&sessions[k], program, WORKERS);
         blob_frame(&frames[k], (int)p.x[k], 512);
-        render_seconds(&sessions[k], &frames[k], &frames[k].view);
-        sps_get_stats(sessions[k].context, &stats);
-        p.of[1].seconds[k] = stats.seconds_gather;
+        p.of[1].seconds[k] = reading_seconds(&frames[k]);
         contender_set(&c[k], &sessions[k], &frames[k], 0);
     }
     race(c, p.places, 3);

@@ -99,6 +99,22 @@ static void race(contender *contenders, int count, int repeats) {
     free(seconds);
 }
 
+/* What a first frame takes to read, classify and store voxels: the median of new contexts. */
+static double reading_seconds(const frame *f) {
+    enum { ROUNDS = 5 };
+    double seconds[ROUNDS];
+    for (int r = 0; r < ROUNDS; ++r) {
+        ex_session session;
+        sps_stats_report stats;
+        ex_session_measure(&session, program, WORKERS);
+        render_seconds(&session, f, &f->view);
+        sps_get_stats(session.context, &stats);
+        seconds[r] = stats.seconds_gather;
+        ex_session_end(&session);
+    }
+    return ex_percentile(seconds, ROUNDS, 0.5);
+}
+
 static double fragments_per_second(const sps_stats_report *stats) {
     return (double)(stats->light_fragments + stats->eye_fragments) / (stats->seconds_light + stats->seconds_eye);
 }

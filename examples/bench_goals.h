@@ -224,7 +224,8 @@ static void bench_goals(void) {
         "\n512 x 512 pixels, one directional light with shadows, 2 workers, voxels held from frame to frame, where a\n"
         "row does not say otherwise. Times are medians of frames that take turns. Errors are root mean squares in\n"
         "radiance: the blob's against its closed form, others against `sps_reference`: the bonsai's with steps of a\n"
-        "quarter of a voxel at every 7th pixel in each direction, the smoke's with steps of 1 voxel at every 5th, that\n"
+        "quarter of a voxel at every 7th pixel in each direction, the smoke's with steps of 1 voxel at every 5th, "
+        "that\n"
         "of 256^3 full of gas likewise at every 17th.\n\n"
         "| what | time, or ratio | error | goal | |\n|---|---|---|---|---|\n");
     goals_bonsai();

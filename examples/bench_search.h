@@ -107,8 +107,7 @@ typedef struct search {
 } search;
 
 /* `without`: knobs that are left as they are, ALL_PIXELS, SAME_VOXELS, or both. The frame has SEARCH_SIZE pixels. */
-static void search_begin(search *s, ex_session *session, frame *f, int without, error_fn error_of,
-                         const void *truth) {
+static void search_begin(search *s, ex_session *session, frame *f, int without, error_fn error_of, const void *truth) {
     size_t count = 1;
     memset(s, 0, sizeof *s);
     s->session = session, s->frame = f, s->error_of = error_of, s->truth = truth;

@@ -633,6 +633,37 @@ static void test_cells(void) {
         }
 }
 
+/* Samples per slab on the one ray of a picture, through the middle of a thin block of 48 voxels. */
+static double samples_per_slab(double slab) {
+    static const sps_transfer_point thin_colors[2] = {{0, {1, 1, 1}, 0.01f}, {2, {1, 1, 1}, 0.01f}};
+    static const sps_transfer thin = {thin_colors, 2, NULL, NULL, 0};
+    static float one = 1;
+    sps_stats_report stats;
+    check_scene s;
+    start(&s, &one);
+    s.volume[0].read_fn = check_read_constant;
+    for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 48;
+    s.volume[0].transfer = &thin;
+    s.view.width = s.view.height = 1;
+    s.view.slab = slab;
+    check_set3(s.view.camera.position, 0, 0, 4);
+    check_orthographic(&s.view.camera, 1);
+    if (!check_render(context, &s, image_a)) return 0;
+    sps_get_stats(context, &stats);
+    return (double)stats.eye_samples / (double)stats.slabs;
+}
+
+/* Classified slabs have one sample, or two if they are asked to be twice as thick as samples may be apart; those that a
+   wide pixel has made thick have one again. Chunks look at a slab to either side and are whole, a fifth more of 60
+   slabs; the block fills most of them. */
+static void test_steps(void) {
+    static const double slabs[3] = {0.7, 2.8, 0};
+    for (int n = 0; n < 3; ++n) {
+        const double samples = samples_per_slab(slabs[n]);
+        if (!CHECK(n == 1 ? samples > 1.5 : samples > 0.5 && samples < 1.5)) printf("    %d: %g\n", n, samples);
+    }
+}
+
 /* Marks all cells of all bricks that are held. */
 static void mark_all_cells(const spsi_voxel_field *field) {
     for (int n = 0; n < SPSI_FIELD_REACHES; ++n)
@@ -1269,6 +1300,7 @@ int main(void) {
     RUN(test_picture_ends);
     RUN(test_hidden_beside);
     RUN(test_cells);
+    RUN(test_steps);
     RUN(test_left_out);
     RUN(test_profiles);
     RUN(test_ended_rays);

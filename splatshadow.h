@@ -2793,10 +2793,12 @@ static double spsi_phase_peak(const spsi_material *material, int orders) {
     return peak;
 }
 
-/* Whether any of a vector of values may have extinction: most transfer functions show nothing of small values. */
+/* Which of a vector of values may have extinction: most transfer functions show nothing of small values. */
+static inline spsi_m spsi_may_show(const spsi_material *material, spsi_v value) {
+    return spsi_less(spsi_set(material->table->last_clear), spsi_mul(value, spsi_set(material->table_scale)));
+}
 static inline int spsi_any_shown(const spsi_material *material, spsi_v value) {
-    return spsi_bits(
-        spsi_less(spsi_set(material->table->last_clear), spsi_mul(value, spsi_set(material->table_scale))));
+    return spsi_bits(spsi_may_show(material, value)) != 0;
 }
 
 /* The lanes of values up to which there is no extinction, where there is any beyond: those for which
@@ -12485,7 +12487,7 @@ typedef struct spsi_tapper {
     float aside;                   /* pixels from its centre to them, along each axis */
     spsi_linear at[3], slab;
     int whole;        /* 1: neither polygons nor the near plane cut slabs */
-    int lone;         /* 1: a ray has one sample in a slab, however thick that is */
+    int lone;         /* 1: a ray has one sample in a slab; sheets hold what it finds there, not the slab's mean */
     float near_d;     /* t at which rays begin, as t - depth_reference */
     float scale;      /* of values */
     float rows[3][3]; /* change of a place with world position, per cube root of a voxel's volume */
@@ -12843,22 +12845,22 @@ static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_r
     const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)rays->steps));
     const spsi_v correction = spsi_set(t->lone ? 0 : 1.0f / 24);
     const int steps = rays->steps, cuts = tile->clamped && !t->whole;
-    spsi_v before, first;
+    spsi_v before = spsi_set(0), first;
     int slabs[2];
     spsi_tap_slabs(rays, tile->slab_count, slabs);
     if (slabs[0] >= slabs[1]) return;
-    before = spsi_tap_sample(t, rays, slabs[0] * steps - 1, &tile->samples);
+    if (!t->lone) before = spsi_tap_sample(t, rays, slabs[0] * steps - 1, &tile->samples);
     first = spsi_tap_sample(t, rays, slabs[0] * steps, &tile->samples);
     at += (size_t)slabs[0] * size;
     for (int slab = slabs[0]; slab < slabs[1]; ++slab, at += size) {
         const spsi_v a = spsi_mul(spsi_sub(spsi_set((float)slab), rays->base), rays->per_slab);
         const spsi_v b = spsi_add(a, rays->per_slab);
-        spsi_v sum = first, last = first, next;
+        spsi_v sum = first, last = first, next = spsi_set(0);
         for (int n = slab * steps + 1; n < (slab + 1) * steps; ++n) {
             last = spsi_tap_sample(t, rays, n, &tile->samples);
             sum = spsi_add(sum, last);
         }
-        next = spsi_tap_sample(t, rays, (slab + 1) * steps, &tile->samples);
+        if (!t->lone || slab + 1 < slabs[1]) next = spsi_tap_sample(t, rays, (slab + 1) * steps, &tile->samples);
         sum = spsi_fma(spsi_sub(spsi_sub(next, last), spsi_sub(first, before)), correction, sum);
         sum = spsi_mul(sum, weight);
         if (cuts) sum = spsi_tap_cut(t, rays, spsi_min(a, b), spsi_max(a, b), sum, &tile->samples);
@@ -13216,13 +13218,26 @@ typedef enum spsi_tapping {
     SPSI_TAP_SHEETS  /* of a light: one on any level, if there is one that serves all of the volume, before four */
 } spsi_tapping;
 
-/* Builds the tapper of a level. Where slabs of a classified volume are as thick as pixels call for, a ray has one
-   sample in each: the mean of several is classified as none of them is. */
+/* Whether rays cross no more of a volume in any slab than may lie between two samples. */
+static int spsi_tapper_is_fine(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays) {
+    for (int corner = 0; corner < 8; ++corner) {
+        const double share[3] = {(double)(corner & 1), (double)(corner >> 1 & 1), (double)(corner >> 2)};
+        double q[3], way[3];
+        spsi_tapper_point(tapper, lattice, rays, share, q);
+        spsi_tapper_way(tapper, rays, q, way);
+        if (!(sqrt(spsi_dot(way, way)) <= spsi_tap_step(tapper->fields))) return 0;
+    }
+    return 1;
+}
+
+/* Builds the tapper of a level. A classified volume has one sample in a slab that needs no more: a parabola through
+   samples is as exact as one through means, and needs none beyond the slabs beside. Where slabs are as thick as pixels
+   call for, it also has one: the mean of several is classified as none of them is. */
 static spsi_verdict spsi_tapper_try(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
                                     const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
                                     spsi_tapper *tapper) {
     spsi_tapper_build(fields, lattice, rays, slabs, level, count, tapper);
-    tapper->lone = slabs->wide && !(splatter->filter > 0);
+    tapper->lone = !(splatter->filter > 0) && (slabs->wide || spsi_tapper_is_fine(tapper, lattice, rays));
     return spsi_tapper_serves(tapper, lattice, rays, splatter);
 }
 
@@ -13916,14 +13931,14 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
     box[3] = (int16_t)floor(fmax(fmin(high[1] + filter, rays->height - 1), -1));
 }
 
-/* How far a volume's voxels reach across slabs. What is gathered looks for them along the axes, and one more sample
-   tells a slope. */
+/* How far a volume's voxels reach across slabs. What is gathered looks for them along the axes, and where slabs have
+   means, one more sample tells a slope. */
 static double spsi_target_reach(const spsi_target *target, int lattice) {
     const spsi_splatter *splatter = &target->splatters[lattice];
     double reach = 0;
     if (!spsi_gathers(target->verdicts[lattice])) return (double)splatter->reach_slabs;
     for (int axis = 0; axis < 3; ++axis) reach += fabs((double)splatter->slab_step[axis]);
-    return 1 + reach * spsi_tapper_reach(&target->tappers[lattice]);
+    return (target->tappers[lattice].lone ? 0 : 1) + reach * spsi_tapper_reach(&target->tappers[lattice]);
 }
 
 static void spsi_bricks_task(void *data, int index, int worker) {
@@ -14237,10 +14252,16 @@ static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t liv
 }
 
 /* Within which reach of what is shown samples of a volume are taken, where rays cross `way` voxels in a slab. What a
-   classified slab looks like depends on those beside it, whose ends depend on a sample more: two voxels, unless slabs
-   are thicker than a voxel, which are no more exact than that. At draft quality, the last of these is left out. */
-static int spsi_reach_wanted(const spsi_frame *frame, int medium, float way) {
-    const float farthest = ceilf(2 * way) - (float)(frame->view.quality == SPS_QUALITY_DRAFT);
+   classified slab looks like depends on those beside it. If they have means, these depend on a sample more at their
+   ends; at draft quality, the last voxel of that is left out. If they have samples, one of the three is shown, and the
+   farthest may be two slabs from that. It is then shown by voxels close to it: all that are beyond 1.25 voxels on one
+   side weigh 0.1. Two voxels are the most: thicker slabs are no more exact than that. */
+static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
+    const spsi_frame *frame = target->frame;
+    const float taps = (float)(target->tappers[medium].fields->taps / 2);
+    const float farthest = target->tappers[medium].lone
+                               ? ceilf(2 * way + 1.25f - taps)
+                               : ceilf(2 * way) - (float)(frame->view.quality == SPS_QUALITY_DRAFT);
     if (!frame->matter.materials[frame->media[medium].channel].table) return 0;
     return (int)spsi_lower(spsi_higher(farthest, 0), SPSI_FIELD_REACHES - 1);
 }
@@ -14259,7 +14280,7 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     spsi_tile_touch(fill);
     channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
     way = spsi_tap_way(&here, tile);
-    here.cells = (const uint32_t(*)[2])here.field->cells[spsi_reach_wanted(target->frame, medium, way)];
+    here.cells = (const uint32_t(*)[2])here.field->cells[spsi_reach_wanted(target, medium, way)];
     if (spsi_target_interpolates(target, medium))
         patches &= ~spsi_tile_interpolate(fill, &here, medium, patches, way, channel);
     spsi_tile_live(tile, patches, live);
@@ -14384,13 +14405,34 @@ typedef struct spsi_parabola {
     spsi_v value, slope, bend;
 } spsi_parabola;
 
-/* The parabola whose means over a slab and the ones before and after are given. */
-static inline spsi_parabola spsi_parabola_through(spsi_v before, spsi_v here, spsi_v after) {
+/* The parabola whose means over a slab and the ones before and after are given, or, if these are no means, the values
+   in their middles. */
+static inline spsi_parabola spsi_parabola_through(spsi_v before, spsi_v here, spsi_v after, int means) {
     spsi_parabola p;
     p.slope = spsi_mul(spsi_set(0.5f), spsi_sub(after, before));
     p.bend = spsi_fma(spsi_set(0.5f), spsi_add(before, after), spsi_sub(spsi_set(0), here));
-    p.value = spsi_fma(p.bend, spsi_set(-1.0f / 12), here);
+    p.value = means ? spsi_fma(p.bend, spsi_set(-1.0f / 12), here) : here;
     return p;
+}
+
+/* Whether a target's sheets hold means of a volume over slabs, rather than samples in their middles. */
+static int spsi_target_has_means(const spsi_target *target, int medium) {
+    return !spsi_gathers(target->verdicts[medium]) || !target->tappers[medium].lone;
+}
+
+/* The values of a classified volume in a slab, by those of the slabs before, here and after. Of samples, one of the
+   three must be shown: beside places where none are taken, whose 0 is none, a parabola would rise above its samples.
+   Returns 0 if nothing is shown. */
+static inline int spsi_values_through(const spsi_material *material, const spsi_v values[3], int means,
+                                      spsi_parabola *p) {
+    const spsi_v zero = spsi_set(0), most = spsi_max(values[1], spsi_max(values[0], values[2]));
+    const spsi_m shown = spsi_may_show(material, most);
+    *p = spsi_parabola_through(values[0], values[1], values[2], means);
+    if (means) return 1;
+    p->value = spsi_select(shown, p->value, zero);
+    p->slope = spsi_select(shown, p->slope, zero);
+    p->bend = spsi_select(shown, p->bend, zero);
+    return spsi_bits(shown) != 0;
 }
 
 /* A portion of a slab: its middle x, relative to the slab's, and the mean of the squared position over its width w,
@@ -14418,17 +14460,21 @@ typedef struct spsi_light_shader {
     const spsi_rays *rays;
     spsi_linear slab;
     int material_of_channel[SPSI_VOLUMES_MAX + 1]; /* -1: gases, whose sheets hold optical depth already */
+    int has_means[SPSI_VOLUMES_MAX + 1];           /* of classified volumes, by channel */
 } spsi_light_shader;
 
-static void spsi_light_shader_build(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
-                                    spsi_light_shader *shader) {
+static void spsi_light_shader_build(const spsi_target *target, spsi_light_shader *shader) {
+    const spsi_frame *frame = target->frame;
     shader->frame = frame;
-    shader->rays = rays;
+    shader->rays = target->rays;
     shader->material_of_channel[0] = -1;
-    for (int i = 0; i < frame->medium_count; ++i)
-        if (frame->matter.materials[frame->media[i].channel].table)
-            shader->material_of_channel[frame->media[i].light_channel] = frame->media[i].channel;
-    spsi_linear_of_slabs(rays, slabs, &shader->slab);
+    for (int i = 0; i < frame->medium_count; ++i) {
+        const int channel = frame->media[i].light_channel;
+        if (!frame->matter.materials[frame->media[i].channel].table) continue;
+        shader->material_of_channel[channel] = frame->media[i].channel;
+        shader->has_means[channel] = spsi_target_has_means(target, i);
+    }
+    spsi_linear_of_slabs(target->rays, target->slabs, &shader->slab);
 }
 
 /* How a vector of a light's rays crosses slabs. */
@@ -14460,20 +14506,24 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
     for (int c = 0; c < shader->frame->matter.light_channel_count; ++c) {
         const int material = shader->material_of_channel[c];
         const spsi_v sum = spsi_sheet_sum(tile, c, at);
+        const spsi_material *shown;
+        spsi_v values[3];
         spsi_parabola value;
         if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
         if (material < 0) {
             depth = spsi_fma(sum, slabs->length, depth);
             continue;
         }
-        value = spsi_parabola_through(spsi_sheet_sum(tile, c, at - tile->sheet_size), sum,
-                                      spsi_sheet_sum(tile, c, at + tile->sheet_size));
+        shown = &shader->frame->matter.materials[material];
+        values[0] = spsi_mul(spsi_sheet_sum(tile, c, at - tile->sheet_size), slabs->count);
+        values[1] = spsi_mul(sum, slabs->count);
+        values[2] = spsi_mul(spsi_sheet_sum(tile, c, at + tile->sheet_size), slabs->count);
+        if (!spsi_values_through(shown, values, shader->has_means[c], &value)) continue;
         for (int part = 0; part < SPSI_PARTS; ++part) {
             const spsi_portion portion = spsi_portion_of(spsi_set(0), spsi_set(1), part);
-            const spsi_v mean = spsi_mul(spsi_parabola_mean(&value, &portion), slabs->count);
-            if (!spsi_any_shown(&shader->frame->matter.materials[material], mean)) continue;
-            depth = spsi_fma(spsi_classify_extinction(&shader->frame->matter.materials[material], mean), part_length,
-                             depth);
+            const spsi_v mean = spsi_parabola_mean(&value, &portion);
+            if (!spsi_any_shown(shown, mean)) continue;
+            depth = spsi_fma(spsi_classify_extinction(shown, mean), part_length, depth);
         }
     }
     return depth;
@@ -15878,8 +15928,8 @@ static sps_result spsi_map_volumes_build(sps_context *context, const spsi_occlud
     spsi_target *target = &volumes->target;
     memset(volumes, 0, sizeof *volumes);
     if (spsi_tmap_slabs(context, frame, rays, &volumes->slabs)) return context->result;
-    spsi_light_shader_build(frame, rays, &volumes->slabs, &volumes->shader);
     if (spsi_target_of_light(context, frame, rays, &volumes->slabs, kind, target)) return context->result;
+    spsi_light_shader_build(target, &volumes->shader);
     return spsi_contents_build(context, target, NULL, &volumes->contents);
 }
 
@@ -17948,11 +17998,11 @@ static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *fram
     sliced->contents = contents;
     sliced->is_soft = sweep->soft;
     if (sweep->soft && spsi_penumbra_begin(context, frame, sweep, faces, &sliced->penumbra)) return context->result;
-    spsi_light_shader_build(frame, &sweep->rays, &sweep->slabs, &sliced->shader);
     if (spsi_planes_build(context, frame, &sweep->rays, &sliced->planes)) return context->result;
     if (spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, SPSI_LIGHT_SHEETS, &sliced->target))
         return context->result;
     sliced->target.tolerance = frame->view.tolerance;
+    spsi_light_shader_build(&sliced->target, &sliced->shader);
     return SPS_OK;
 }
 
@@ -20207,7 +20257,7 @@ static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile,
                                   : spsi_slab_change(shader, tile, p, k + n - 1, channel, axis);
     }
     for (int axis = 0; axis < 2; ++axis)
-        aside[axis] = spsi_parabola_through(change[0][axis], change[1][axis], change[2][axis]);
+        aside[axis] = spsi_parabola_through(change[0][axis], change[1][axis], change[2][axis], 1);
 }
 
 /* A difference vector, in voxels: from one neighbour to the other along x or y, divided by the rays' spread, or (axis
@@ -20337,7 +20387,7 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
     int has_gradient = 0;
     memset(&profile, 0, sizeof profile); /* compilers cannot tell that gradient fields are read only where set */
     for (int n = 0; n < 3; ++n) means[n] = spsi_mean_value(tile, channel, &p->line, slab->k + n - 1);
-    profile.value = spsi_parabola_through(means[0], means[1], means[2]);
+    spsi_values_through(material, means, spsi_target_has_means(target, material->medium), &profile.value);
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
         const spsi_portion portion = spsi_portion_of(slab->first, slab->last, part);
@@ -22265,7 +22315,7 @@ static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *fr
                                                  &target->tappers[i]);
         target->tappers[i].scale = 1;
     }
-    spsi_light_shader_build(frame, &sheets->rays, &sheets->slabs, &sheets->shader);
+    spsi_light_shader_build(target, &sheets->shader);
     if (spsi_contents_build(context, target, NULL, &sheets->contents)) return context->result;
     return spsi_contents_add_particles(&sheets->contents);
 }

@@ -633,6 +633,37 @@ static void test_cells(void) {
         }
 }
 
+/* Samples per slab on the one ray of a picture, through the middle of a thin block of 48 voxels. */
+static double samples_per_slab(double slab) {
+    static const sps_transfer_point thin_colors[2] = {{0, {1, 1, 1}, 0.01f}, {2, {1, 1, 1}, 0.01f}};
+    static const sps_transfer thin = {thin_colors, 2, NULL, NULL, 0};
+    static float one = 1;
+    sps_stats_report stats;
+    check_scene s;
+    start(&s, &one);
+    s.volume[0].read_fn = check_read_constant;
+    for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 48;
+    s.volume[0].transfer = &thin;
+    s.view.width = s.view.height = 1;
+    s.view.slab = slab;
+    check_set3(s.view.camera.position, 0, 0, 4);
+    check_orthographic(&s.view.camera, 1);
+    if (!check_render(context, &s, image_a)) return 0;
+    sps_get_stats(context, &stats);
+    return (double)stats.eye_samples / (double)stats.slabs;
+}
+
+/* Classified slabs have one sample, or two if they are asked to be twice as thick as samples may be apart; those that a
+   wide pixel has made thick have one again. Chunks look at a slab to either side and are whole, a fifth more of 60
+   slabs; the block fills most of them. */
+static void test_steps(void) {
+    static const double slabs[3] = {0.7, 2.8, 0};
+    for (int n = 0; n < 3; ++n) {
+        const double samples = samples_per_slab(slabs[n]);
+        if (!CHECK(n == 1 ? samples > 1.5 : samples > 0.5 && samples < 1.5)) printf("    %d: %g\n", n, samples);
+    }
+}
+
 /* Marks all cells of all bricks that are held. */
 static void mark_all_cells(const spsi_voxel_field *field) {
     for (int n = 0; n < SPSI_FIELD_REACHES; ++n)
@@ -641,16 +672,18 @@ static void mark_all_cells(const spsi_voxel_field *field) {
 }
 
 /* Where samples of a classified volume are left out, nothing depends on them: pictures are the same with all of them.
-   Dots of 1 stand in values just below those shown, so that each sample that is missing would tell. */
+   Dots of 1 stand in values just below those shown, so that each sample that is missing would tell. Where dots are
+   sparse and slabs are thin, samples end amid these values. */
 static void test_left_out(void) {
     static float dots[GRID * GRID * GRID];
-    check_random random = {2};
-    for (int i = 0; i < GRID * GRID * GRID; ++i) dots[i] = check_next(&random) < 0.01 ? 1 : 0.58f;
-    for (int n = 0; n < 4; ++n) {
+    for (int n = 0; n < 8; ++n) {
+        check_random random = {2};
         check_scene s;
         double samples;
+        for (int i = 0; i < GRID * GRID * GRID; ++i) dots[i] = check_next(&random) < (n & 4 ? 0.002 : 0.01) ? 1 : 0.58f;
         start_kind(&s, SURFACE);
         s.view.quality = n & 1 ? SPS_QUALITY_HIGH : SPS_QUALITY_MEDIUM;
+        s.view.slab = n & 4 ? 0.25 : 0;
         s.volume[0].user = dots;
         s.volume[0].transfer = &high_looks;
         s.volume[0].revision = 3 + (uint64_t)n;
@@ -659,7 +692,38 @@ static void test_left_out(void) {
         samples = samples_of(context);
         mark_all_cells(&((const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data)->list[0]);
         if (!check_render(context, &s, image_b)) return;
-        CHECK(samples < 0.9 * samples_of(context) && memcmp(image_a, image_b, sizeof image_a) == 0);
+        if (!CHECK(samples < 0.9 * samples_of(context) && memcmp(image_a, image_b, sizeof image_a) == 0))
+            printf("    %d: %g of %g samples\n", n, samples, samples_of(context));
+    }
+}
+
+/* Profiles of classified slabs follow a parabola of which they know samples, or means: these are off by its bend / 12.
+   Parts have its means, to the round-off of a few sums. */
+static void test_profiles(void) {
+    static spsi_table table;
+    const double middle = 2, slope = 0.3, bend = -0.2;
+    spsi_material material;
+    memset(&material, 0, sizeof material);
+    material.table = &table;
+    material.table_scale = 1;
+    for (int means = 0; means < 2; ++means) {
+        const double more = means ? bend / 12 : 0;
+        spsi_parabola p;
+        spsi_v values[3];
+        for (int n = -1; n <= 1; ++n) values[n + 1] = spsi_set((float)(middle + slope * n + bend * n * n + more));
+        table.last_clear = 1;
+        CHECK(spsi_values_through(&material, values, means, &p));
+        for (int part = 0; part < SPSI_PARTS; ++part) {
+            const spsi_portion portion = spsi_portion_of(spsi_set(0), spsi_set(1), part);
+            const double low = (double)part / SPSI_PARTS - 0.5, high = low + 1.0 / SPSI_PARTS;
+            const double whole = middle * (high - low) + slope * (high * high - low * low) / 2 +
+                                 bend * (high * high * high - low * low * low) / 3;
+            CHECK_NEAR((double)spsi_lane(spsi_parabola_mean(&p, &portion), 0), whole * SPSI_PARTS, 8 * 1.2e-7 * middle);
+        }
+        table.last_clear = 3; /* more than any of the three */
+        CHECK(spsi_values_through(&material, values, means, &p) == means);
+        CHECK((spsi_lane(p.value, 0) > 0) == means && (spsi_lane(p.slope, 0) > 0) == means &&
+              (spsi_lane(p.bend, 0) < 0) == means);
     }
 }
 
@@ -1236,7 +1300,9 @@ int main(void) {
     RUN(test_picture_ends);
     RUN(test_hidden_beside);
     RUN(test_cells);
+    RUN(test_steps);
     RUN(test_left_out);
+    RUN(test_profiles);
     RUN(test_ended_rays);
     RUN(test_even_surface);
     RUN(test_bends);

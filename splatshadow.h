@@ -825,13 +825,14 @@ typedef struct sps_view {
        skipped. */
     float lookup_threshold;
     /* Optical depth, along any ray of the eye or of a light's sheets, by which gas may be off so that fewer rays are
-       followed through it where it is smooth, 0..1. 0: all are. Sixteen rays stand for a patch of 8 x 8 pixels or
-       texels, and fewer samples for a thick slab, where the third differences of voxels show that they are off by no
-       more. That is a bound, far from what a picture is off by: errors of either sign add up in it as if they had one.
-       Sharp or noisy gas remains as it is, as do particles, classified volumes, what emits, voxels smaller than 0.14
-       pixels, shadow tables, and all that is splatted; kernels' own ripple (sps_quality) is not part of it. What was
-       used of it is in the statistics, eye_bound and light_bound. Cost: 256 bytes per tile of 64 x 64 pixels or texels,
-       8 per brick of voxels, and once, after these are read, some 10 operations per voxel. */
+       followed through it where it is smooth, 0..1. 0: all are. Slab by slab, sixteen rays stand for a patch of 8 x 8
+       pixels or texels, and fewer samples for a thick slab or for many thin ones, where the third differences of voxels
+       show that they are off by no more. That is a bound, far from what a picture is off by: errors of either sign add
+       up in it as if they had one. Sharp or noisy gas remains as it is, as do particles, classified volumes, what
+       emits, voxels smaller than 0.14 pixels, shadow tables, and all that is splatted; kernels' own ripple
+       (sps_quality) is not part of it. What was used of it is in the statistics, eye_bound and light_bound. Cost: 256
+       bytes per tile of 64 x 64 pixels or texels, 32 per brick of 8^3 voxels of the gas's box, and once, after these
+       are read, some 10 operations per voxel. */
     float tolerance;
     sps_scattering scattering; /* 0, the default: SPS_SCATTERING_AUTO, as often as the scene calls for */
     /* SPS_SCATTERING_FULL: cells along the longest side of the gas, up to 256. 0: from quality, 24, 48, 64 or 96. Error
@@ -4527,6 +4528,7 @@ typedef struct spsi_voxel_field {
     float *values;        /* of the first brick held */
     uint64_t *shown;      /* per brick held: which of its own voxels are, a bit each, layer by layer of 8 x 8 */
     uint32_t (*cells[SPSI_FIELD_REACHES])[2]; /* per brick: a bit for each of its cells of 2^3 voxels; by their reach */
+    float *bends; /* how much it bends, >>taps, as a grid of the eighths of all bricks: at most, in 2^3 from each on */
 } spsi_voxel_field;
 
 /* Those of all volumes. */
@@ -4537,7 +4539,7 @@ typedef struct spsi_fields {
     float changes[SPSI_TAP_STEPS + 1][8];    /* of the weights, per voxel */
     spsi_voxel_field list[SPSI_VOLUMES_MAX]; /* by medium */
     int leveled;                             /* 1: so have those of coarser levels */
-    float *bends;                            /* per brick of relevant voxels, see spsi_field_bend; NULL: unknown */
+    int bent;                                /* 1: how much they bend is known */
     spsi_voxel_field levels[SPSI_VOLUMES_MAX][SPSI_LEVELS];
 } spsi_fields;
 
@@ -12035,9 +12037,10 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    of means are not. Volumes that are not classified have a pyramid: each level's voxels are twice as large, halved
    along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Gradients of surfaces are sums of the same
    voxels, weighted by the kernel's derivative.
-   With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels where gas is smooth: cubics across the patch, and
-   midpoints along it, are off by what a bound on the field's third derivatives allows, the greatest third differences
-   of voxels about a brick. These are differences of a smooth field to within the kernel's ripple.
+   With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels in those slabs where gas is smooth: cubics across
+   the patch, and midpoints or cubics along it, are off by what a bound on the field's third derivatives allows, the
+   greatest third differences of voxels in eighths of bricks. These are differences of a smooth field to within the
+   kernel's ripple.
    Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3, twice as many per gradient, and 60 per vector
    of samples or gradients; 5 per vector of what is interpolated; a level is made from its finer one in about 60
    operations per voxel. */
@@ -12050,6 +12053,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 #define SPSI_TAP_TWO      0.25     /* the same where two rays swing, which miss more of what is as narrow as they */
 #define SPSI_TAP_WIDEST   1.0      /* most of a voxel of a coarser level */
 #define SPSI_TAP_ASIDE    0.25f    /* pixels from a pixel's centre to two or four rays of it, along each axis */
+#define SPSI_TAP_SLABS    (SPSI_CHUNK + 4) /* of a tile, at most */
 #define SPSI_FIELD_BATCH  16       /* bricks that a task fills */
 #define SPSI_FIELD_CELLS  16777216 /* 2^24: floats count bricks of a grid */
 
@@ -12363,35 +12367,49 @@ static inline void spsi_bend_second(const float *v, const int step[3], spsi_v se
     second[3] = spsi_sub(spsi_sub(spsi_load(v + step[0] + step[1]), right), spsi_sub(below, here));
 }
 
-/* The maximum in a brick of the field's third derivative, in any direction, per voxel: the norm of the largest third
-   differences of its voxels, of each kind. */
-static float spsi_field_bend(int taps, const float *values) {
-    static const float weights[10] = {1, 1, 1, 3, 3, 3, 3, 3, 3, 6};
+/* The greatest third differences of each kind that begin in vectors of 4^2 rows of voxels. */
+static inline void spsi_bend_third(const float *v, const int step[3], spsi_v third[10]) {
     static const int pairs[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}}; /* x x y, x x z, ... */
+    for (int i = 0; i < 10; ++i) third[i] = spsi_set(0);
+    for (int n = 0; n < 16; ++n) {
+        const float *first = v + n % 4 * step[1] + n / 4 * step[2];
+        spsi_v here[4], next[3][4];
+        spsi_bend_second(first, step, here);
+        for (int k = 0; k < 3; ++k) spsi_bend_second(first + step[k], step, next[k]);
+        for (int k = 0; k < 3; ++k) third[k] = spsi_bend_most(third[k], next[k][k], here[k]);
+        for (int i = 0; i < 6; ++i)
+            third[3 + i] = spsi_bend_most(third[3 + i], next[pairs[i][1]][pairs[i][0]], here[pairs[i][0]]);
+        third[9] = spsi_bend_most(third[9], next[2][3], here[3]);
+    }
+}
+
+/* The maximum in each eighth of a brick of the field's third derivative, in any direction, per voxel: the norm of the
+   largest third differences of its voxels, of each kind. */
+static void spsi_field_bend(int taps, const float *values, float bends[8]) {
+    static const float weights[10] = {1, 1, 1, 3, 3, 3, 3, 3, 3, 6};
     const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), border = taps / 2 - 1;
     const int step[3] = {1, pitch, edge * pitch}, width = spsi_least(SPSI_LANES, SPSI_BRICK);
-    spsi_v third[10];
-    float square = 0;
-    for (int i = 0; i < 10; ++i) third[i] = spsi_set(0);
-    for (int n = 0; n < SPSI_BRICK * SPSI_BRICK; ++n)
+    float most[8][10];
+    memset(most, 0, sizeof most);
+    values += (border * edge + border) * pitch + border;
+    for (int n = 0; n < 4; ++n)
         for (int x = 0; x < SPSI_BRICK; x += width) {
-            const int row = (n / SPSI_BRICK + border) * edge + n % SPSI_BRICK + border;
-            const float *first = values + row * pitch + border + x;
-            spsi_v here[4], next[3][4];
-            spsi_bend_second(first, step, here);
-            for (int k = 0; k < 3; ++k) spsi_bend_second(first + step[k], step, next[k]);
-            for (int k = 0; k < 3; ++k) third[k] = spsi_bend_most(third[k], next[k][k], here[k]);
-            for (int i = 0; i < 6; ++i)
-                third[3 + i] = spsi_bend_most(third[3 + i], next[pairs[i][1]][pairs[i][0]], here[pairs[i][0]]);
-            third[9] = spsi_bend_most(third[9], next[2][3], here[3]);
+            spsi_v third[10];
+            spsi_bend_third(values + x + n % 2 * 4 * step[1] + n / 2 * 4 * step[2], step, third);
+            for (int i = 0; i < 10; ++i) {
+                float lanes[SPSI_LANES];
+                spsi_store(lanes, third[i]);
+                for (int k = 0; k < width; ++k) {
+                    float *eighth = most[2 * n + (x + k) / 4];
+                    eighth[i] = spsi_higher(eighth[i], lanes[k]);
+                }
+            }
         }
-    for (int i = 0; i < 10; ++i) {
-        float lanes[SPSI_LANES], most = 0;
-        spsi_store(lanes, third[i]);
-        for (int k = 0; k < width; ++k) most = spsi_higher(most, lanes[k]);
-        square += weights[i] * most * most;
+    for (int n = 0; n < 8; ++n) {
+        float square = 0;
+        for (int i = 0; i < 10; ++i) square += weights[i] * most[n][i] * most[n][i];
+        bends[n] = sqrtf(square);
     }
-    return sqrtf(square);
 }
 
 /* ---- coarser levels ---- */
@@ -12481,6 +12499,7 @@ static void spsi_level_own_task(void *data, int index, int worker) {
 typedef struct spsi_tapper {
     const spsi_fields *fields;
     const spsi_voxel_field *field; /* of its level */
+    const spsi_voxel_field *finest;
     const uint32_t (*cells)[2];    /* of the field, by the reach that is wanted */
     int level;                     /* 0: voxels as they were read */
     int rays;                      /* of a pixel: 1, 2 or 4 */
@@ -12677,6 +12696,7 @@ typedef struct spsi_tap_rays {
     int swings;              /* 1: these differ, else all lie on the first */
     int steps;               /* samples in a slab */
     int lanes;               /* the pixels whose rays are followed, as bits */
+    const int *by_slab;      /* those of them that are in need of a slab, from the one before the tile's first on */
 } spsi_tap_rays;
 
 /* Narrows the range of samples to those inside the field's bricks. */
@@ -12749,13 +12769,13 @@ static inline void spsi_tap_rays_limit(const spsi_tapper *t, const spsi_tile *ti
     }
 }
 
-/* Sample number `n` of each ray. */
-static inline spsi_v spsi_tap_sample(const spsi_tapper *t, const spsi_tap_rays *rays, int n, uint64_t *count) {
+/* Sample number `n` of those rays that are in `lanes`. */
+static inline spsi_v spsi_tap_sample(const spsi_tapper *t, const spsi_tap_rays *rays, int n, int lanes,
+                                     uint64_t *count) {
     const spsi_tap_line *line = &rays->lines[n & rays->swings];
     const spsi_v number = spsi_set((float)n);
-    const int inside = spsi_bits(spsi_less(number, line->end)) & ~spsi_bits(spsi_less(number, line->first));
-    const int lanes = rays->lanes & inside;
     spsi_v place[3];
+    lanes &= rays->lanes & spsi_bits(spsi_less(number, line->end)) & ~spsi_bits(spsi_less(number, line->first));
     if (!lanes) return spsi_set(0);
     for (int k = 0; k < 3; ++k) place[k] = spsi_fma(number, line->step[k], line->start[k]);
     return spsi_tap_values(t, place, lanes, count);
@@ -12801,10 +12821,10 @@ static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_rays *rays, int 
     return sum * step;
 }
 
-/* Integrals over a slab that rays enter and leave at the given depths: `whole`, or the part between where a ray begins
-   and where it ends. */
-static spsi_v spsi_tap_cut(const spsi_tapper *t, const spsi_tap_rays *rays, spsi_v enter, spsi_v leave, spsi_v whole,
-                           uint64_t *samples) {
+/* Integrals over a slab that rays of `lanes` enter and leave at the given depths: `whole`, or the part between where a
+   ray begins and where it ends. */
+static spsi_v spsi_tap_cut(const spsi_tapper *t, const spsi_tap_rays *rays, int lanes, spsi_v enter, spsi_v leave,
+                           spsi_v whole, uint64_t *samples) {
     const spsi_v from = spsi_max(enter, rays->nearest), to = spsi_min(leave, rays->limit);
     float sums[SPSI_LANES], begins[SPSI_LANES], ends[SPSI_LANES];
     int cut = spsi_bits(spsi_less(enter, rays->nearest)) | spsi_bits(spsi_less(rays->limit, leave));
@@ -12812,15 +12832,15 @@ static spsi_v spsi_tap_cut(const spsi_tapper *t, const spsi_tap_rays *rays, spsi
     spsi_store(sums, spsi_select(spsi_less(from, to), whole, spsi_set(0)));
     spsi_store(begins, from);
     spsi_store(ends, to);
-    for (cut &= rays->lanes & spsi_bits(spsi_less(from, to)); cut; cut &= cut - 1) {
+    for (cut &= lanes & spsi_bits(spsi_less(from, to)); cut; cut &= cut - 1) {
         const int i = spsi_lowest_bit(cut);
         sums[i] = spsi_tap_part(t, rays, i, begins[i], ends[i], samples);
     }
     return spsi_load(sums);
 }
 
-/* The slabs, of `count`, in which a vector's rays have samples, or their neighbours: the first, and the one behind the
-   last. */
+/* The slabs, of `count`, in which a vector's rays have samples, or their neighbours, and which are in need of them: the
+   first, and the one behind the last. */
 static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int count, int slabs[2]) {
     float low = SPSI_INFINITY, high = -SPSI_INFINITY;
     for (int n = 0; n <= rays->swings; ++n) {
@@ -12836,6 +12856,16 @@ static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int count, int slab
     }
     slabs[0] = low < high ? spsi_most(0, (int)floorf(low / (float)rays->steps) - 1) : count;
     slabs[1] = low < high ? spsi_least(count, (int)ceilf(high / (float)rays->steps) + 1) : count;
+    while (slabs[0] < slabs[1] && !rays->by_slab[1 + slabs[0]]) ++slabs[0];
+    while (slabs[0] < slabs[1] && !rays->by_slab[slabs[1]]) --slabs[1];
+}
+
+/* Zero in other lanes. */
+static spsi_v spsi_only(spsi_v a, int lanes) {
+    float values[SPSI_LANES];
+    spsi_store(values, a);
+    for (int i = 0; i < SPSI_LANES; ++i) values[i] = lanes >> i & 1 ? values[i] : 0;
+    return spsi_load(values);
 }
 
 /* Adds to sheets of `size` floats, from the one that `at` counts from, what a vector of rays finds in each slab. One
@@ -12845,40 +12875,49 @@ static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_r
     const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)rays->steps));
     const spsi_v correction = spsi_set(t->lone ? 0 : 1.0f / 24);
     const int steps = rays->steps, cuts = tile->clamped && !t->whole;
+    const int *need; /* that of a slab, between those of its neighbours */
     spsi_v before = spsi_set(0), first;
     int slabs[2];
     spsi_tap_slabs(rays, tile->slab_count, slabs);
     if (slabs[0] >= slabs[1]) return;
-    if (!t->lone) before = spsi_tap_sample(t, rays, slabs[0] * steps - 1, &tile->samples);
-    first = spsi_tap_sample(t, rays, slabs[0] * steps, &tile->samples);
+    need = rays->by_slab + 1 + slabs[0];
+    if (!t->lone) before = spsi_tap_sample(t, rays, slabs[0] * steps - 1, need[0], &tile->samples);
+    first = spsi_tap_sample(t, rays, slabs[0] * steps, need[0] | (steps == 1 ? need[1] : 0), &tile->samples);
     at += (size_t)slabs[0] * size;
-    for (int slab = slabs[0]; slab < slabs[1]; ++slab, at += size) {
+    for (int slab = slabs[0]; slab < slabs[1]; ++slab, at += size, ++need) {
         const spsi_v a = spsi_mul(spsi_sub(spsi_set((float)slab), rays->base), rays->per_slab);
         const spsi_v b = spsi_add(a, rays->per_slab);
         spsi_v sum = first, last = first, next = spsi_set(0);
         for (int n = slab * steps + 1; n < (slab + 1) * steps; ++n) {
-            last = spsi_tap_sample(t, rays, n, &tile->samples);
+            const int behind = n + 1 < (slab + 1) * steps ? 0 : need[1];
+            last = spsi_tap_sample(t, rays, n, need[0] | behind, &tile->samples);
             sum = spsi_add(sum, last);
         }
-        if (!t->lone || slab + 1 < slabs[1]) next = spsi_tap_sample(t, rays, (slab + 1) * steps, &tile->samples);
+        if (!t->lone || slab + 1 < slabs[1])
+            next = spsi_tap_sample(t, rays, (slab + 1) * steps, need[0] | need[1] | (steps == 1 ? need[2] : 0),
+                                   &tile->samples);
         sum = spsi_fma(spsi_sub(spsi_sub(next, last), spsi_sub(first, before)), correction, sum);
         sum = spsi_mul(sum, weight);
-        if (cuts) sum = spsi_tap_cut(t, rays, spsi_min(a, b), spsi_max(a, b), sum, &tile->samples);
+        if (cuts)
+            sum = spsi_tap_cut(t, rays, rays->lanes & need[0], spsi_min(a, b), spsi_max(a, b), sum, &tile->samples);
         before = last;
         first = next;
         sum = spsi_select(spsi_less(spsi_set(0), sum), sum, spsi_set(0));
+        if (rays->lanes & ~need[0]) sum = spsi_only(sum, need[0]);
         spsi_store(sheets + at, spsi_add(spsi_load(sheets + at), sum));
     }
 }
 
-/* Adds to the sheets of a vector of pixels, in those of `lanes`, what their rays find. */
-static void spsi_tap_row(const spsi_tapper *t, spsi_tile *tile, int x, int y, int lanes, int steps, float *sheets) {
+/* Adds to the sheets of a vector of pixels, in those of `lanes`, what their rays find in the slabs that need them. */
+static void spsi_tap_row(const spsi_tapper *t, spsi_tile *tile, int x, int y, int lanes, const int *by_slab, int steps,
+                         float *sheets) {
     const size_t at = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
     const spsi_v column = spsi_add(spsi_set((float)x), spsi_iota()), row = spsi_set((float)y);
     for (int part = 0; part < t->rays; ++part) {
         spsi_tap_rays rays;
         spsi_tap_rays_build(t, tile, column, row, part, steps, &rays);
         rays.lanes = lanes;
+        rays.by_slab = by_slab;
         if (tile->clamped && !t->whole) spsi_tap_rays_limit(t, tile, x, y, &rays);
         spsi_tap_add(t, tile, &rays, sheets, at, tile->sheet_size);
     }
@@ -12956,76 +12995,228 @@ static float spsi_tap_patch_bound(const spsi_tapper *t, const spsi_tile *tile, c
     return bend / 378.8f * (spsi_lower(x * x * x, y * y * y) * 1.631f + spsi_higher(x * x * x, y * y * y));
 }
 
-/* Whether all rays of a patch run through all slabs of the tile: none ends at a polygon, or begins there. */
-static int spsi_tap_patch_whole(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch) {
-    float low = SPSI_INFINITY, high = -SPSI_INFINITY;
-    if (!tile->clamped || t->whole) return 1;
-    for (int n = 0; n < 8; ++n) {
-        const float depth = spsi_tap_patch_depth(t, patch, n / 2, n % 2 * tile->slab_count);
-        low = spsi_lower(low, depth);
-        high = spsi_higher(high, depth);
-    }
-    if (!(low >= t->near_d)) return 0;
-    if (!tile->limits || high <= tile->nearest_limit) return 1;
+/* Depths between which all rays of a patch run: none begins there, or ends at a polygon. */
+static void spsi_tap_patch_range(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch,
+                                 float range[2]) {
+    float deepest = -SPSI_INFINITY;
+    range[0] = tile->clamped && !t->whole ? t->near_d : -SPSI_INFINITY;
+    range[1] = SPSI_INFINITY;
+    if (!tile->clamped || t->whole || !tile->limits) return;
+    for (int n = 0; n < 8; ++n)
+        deepest = spsi_higher(deepest, spsi_tap_patch_depth(t, patch, n / 2, n % 2 * tile->slab_count));
+    if (deepest <= tile->nearest_limit) return;
     for (int y = patch->y0; y <= patch->y1; ++y)
         for (int x = patch->x0; x <= patch->x1; ++x)
-            if (!(high <= spsi_hit_depth(tile->limits, tile->limit_width, tile->limit_height, x, y))) return 0;
-    return 1;
+            range[1] = spsi_lower(range[1], spsi_hit_depth(tile->limits, tile->limit_width, tile->limit_height, x, y));
 }
 
-/* The cubics' weights of pixel number `i` of `count`. */
-static void spsi_tap_cubic(int i, int count, float weights[4]) {
-    const float u = count > 1 ? 3 * (float)i / (float)(count - 1) : 0;
+/* Boxes of places, of slabs on the rays of a patch. */
+typedef struct spsi_tap_boxes {
+    spsi_v low[3], high[3];
+    spsi_v begin, end; /* depths */
+} spsi_tap_boxes;
+
+/* Extends boxes to what a corner's ray has of slabs, and of `beyond` slabs to either side. */
+static inline void spsi_tap_boxes_extend(const spsi_tapper *t, const spsi_tap_patch *patch, int corner, spsi_v slab,
+                                         float beyond, spsi_tap_boxes *boxes) {
+    const float x = patch->x[spsi_tap_corner(corner)] + (corner & 1 ? t->aside : -t->aside);
+    const float y = patch->y[spsi_tap_corner(corner)] + (corner >> 1 ? t->aside : -t->aside);
+    const float base = t->slab.base[0] + x * t->slab.base[1] + y * t->slab.base[2];
+    const spsi_v per_slab = spsi_set(1 / spsi_tap_slabs_per_depth(t, x, y));
+    const spsi_v enter = spsi_mul(spsi_sub(slab, spsi_set(base)), per_slab), leave = spsi_add(enter, per_slab);
+    const spsi_v before = spsi_fma(per_slab, spsi_set(-beyond), enter);
+    const spsi_v behind = spsi_fma(per_slab, spsi_set(beyond), leave);
+    boxes->begin = spsi_min(boxes->begin, spsi_min(enter, leave));
+    boxes->end = spsi_max(boxes->end, spsi_max(enter, leave));
+    for (int k = 0; k < 3; ++k) {
+        const spsi_v at = spsi_set(t->at[k].base[0] + x * t->at[k].base[1] + y * t->at[k].base[2]);
+        const spsi_v change = spsi_set(t->at[k].slope[0] + x * t->at[k].slope[1] + y * t->at[k].slope[2]);
+        const spsi_v a = spsi_fma(before, change, at), b = spsi_fma(behind, change, at);
+        boxes->low[k] = spsi_min(boxes->low[k], spsi_min(a, b));
+        boxes->high[k] = spsi_max(boxes->high[k], spsi_max(a, b));
+    }
+}
+
+/* The eighths of bricks that boxes touch along an axis: the first ones, and the last of those that stand for themselves
+   and the next one. Returns how many of these there are, at most. A coarser level's differences are sums of finer ones
+   up to 2.5 voxels away, and by 6 taps the field depends on differences that begin up to 1 away. */
+static int spsi_tap_boxes_eighths(const spsi_tapper *t, const spsi_tap_boxes *boxes, int axis, spsi_v *first,
+                                  spsi_v *last) {
+    const float size = (float)(1 << t->level), edge = SPSI_BRICK / 2;
+    const float beside = size * (float)(t->fields->taps / 2 - 2) + (t->level ? 2.5f : 0);
+    const float shift = size * (0.5f + (float)(SPSI_BRICK * t->field->low[axis])) - 0.5f -
+                        (float)(SPSI_BRICK * t->finest->low[axis]);
+    const spsi_v end = spsi_set((float)(2 * t->finest->size[axis] - 1)), scale = spsi_set(size / edge);
+    const spsi_v low = spsi_fma(boxes->low[axis], scale, spsi_set((shift - beside) / edge));
+    const spsi_v high = spsi_fma(boxes->high[axis], scale, spsi_set((shift + beside) / edge));
+    float lanes[SPSI_LANES], most = 0;
+    *first = spsi_floor(spsi_clamp(low, spsi_set(0), end));
+    *last = spsi_floor(spsi_clamp(high, spsi_set(0), end));
+    spsi_store(lanes, spsi_sub(*last, *first));
+    for (int i = 0; i < SPSI_LANES; ++i) most = spsi_higher(most, lanes[i]);
+    *last = spsi_max(*first, spsi_sub(*last, spsi_set(1)));
+    return (int)most / 2 + 1;
+}
+
+/* How much a field bends in boxes, at most. */
+static spsi_v spsi_tap_boxes_bend(const spsi_tapper *t, const spsi_tap_boxes *boxes) {
+    const int width = 2 * t->finest->size[0], height = 2 * t->finest->size[1];
+    spsi_v first[3], last[3], most = spsi_set(0);
+    int count[3];
+    for (int k = 0; k < 3; ++k) count[k] = spsi_tap_boxes_eighths(t, boxes, k, &first[k], &last[k]);
+    for (int z = 0; z < count[2]; ++z) {
+        const spsi_v layer = spsi_min(spsi_add(first[2], spsi_set((float)(2 * z))), last[2]);
+        for (int y = 0; y < count[1]; ++y) {
+            const spsi_v within = spsi_min(spsi_add(first[1], spsi_set((float)(2 * y))), last[1]);
+            const spsi_v row = spsi_fma(layer, spsi_set((float)height), within);
+            for (int x = 0; x < count[0]; ++x) {
+                const spsi_v column = spsi_min(spsi_add(first[0], spsi_set((float)(2 * x))), last[0]);
+                most = spsi_max(most, spsi_lookup(t->finest->bends, width, column, row));
+            }
+        }
+    }
+    return spsi_mul(most, spsi_set((float)(1 << 3 * t->level))); /* third differences of larger steps */
+}
+
+/* How much a field bends about each slab of a tile on a patch's rays, at most, as far as `steps` samples in a slab
+   reach. Returns, a bit each, whether all of these rays run through a slab from one side to the other. */
+static uint32_t spsi_tap_patch_bends(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch,
+                                     int steps, float bends[SPSI_TAP_SLABS + SPSI_LANES]) {
+    const float beyond = 0.5f / (float)steps; /* the middle of the next step */
+    float range[2];
+    uint32_t whole = 0;
+    spsi_tap_patch_range(t, tile, patch, range);
+    for (int first = 0; first < tile->slab_count; first += SPSI_LANES) {
+        const spsi_v slab = spsi_add(spsi_iota(), spsi_set((float)first));
+        const spsi_v least = spsi_set(-SPSI_INFINITY), most = spsi_set(SPSI_INFINITY);
+        spsi_tap_boxes boxes = {{most, most, most}, {least, least, least}, most, least};
+        for (int corner = 0; corner < 4; ++corner) spsi_tap_boxes_extend(t, patch, corner, slab, beyond, &boxes);
+        whole |= (uint32_t)spsi_bits(spsi_and(spsi_less(spsi_set(range[0]), boxes.begin),
+                                              spsi_less(boxes.end, spsi_set(range[1])))) << first;
+        spsi_store(bends + first, spsi_tap_boxes_bend(t, &boxes));
+    }
+    return whole;
+}
+
+/* The weights of a cubic's four nodes, from 0 to 3, at a place between them. */
+static void spsi_tap_cubic(float u, float weights[4]) {
     weights[0] = (u - 1) * (u - 2) * (u - 3) / -6;
     weights[1] = u * (u - 2) * (u - 3) / 2;
     weights[2] = u * (u - 1) * (u - 3) / -2;
     weights[3] = u * (u - 1) * (u - 2) / 6;
 }
 
-/* Adds a patch's sheets, interpolated between the sums of its rays, 16 a slab. */
-static void spsi_tap_patch_spread(const spsi_tile *tile, const spsi_tap_patch *patch, const float *sums,
-                                  float *sheets) {
-    const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
-    float across[4][SPSI_PATCH + SPSI_LANES], down[SPSI_PATCH][4];
-    memset(across, 0, sizeof across);
-    for (int i = 0; i < width; ++i) {
+/* The place of pixel number `i` of `count` between them. */
+static float spsi_tap_between(int i, int count) { return count > 1 ? 3 * (float)i / (float)(count - 1) : 0; }
+
+/* The weights of a cubic's nodes in its mean in part `i` of `count`, by two points, which are exact for cubics. */
+static void spsi_tap_cubic_mean(int i, int count, float weights[4]) {
+    const float half = 0.28867513f; /* 1 / sqrt(12) */
+    float one[4], other[4];
+    spsi_tap_cubic(3 * ((float)i + 0.5f - half) / (float)count, one);
+    spsi_tap_cubic(3 * ((float)i + 0.5f + half) / (float)count, other);
+    for (int k = 0; k < 4; ++k) weights[k] = 0.5f * (one[k] + other[k]);
+}
+
+/* The weights of the cubics' four columns in a vector of pixels of a patch, from column `x` on, in one row or two. */
+static inline void spsi_tap_across(int x, int width, int rows, spsi_v across[4]) {
+    float lanes[4][SPSI_LANES];
+    memset(lanes, 0, sizeof lanes);
+    for (int i = 0; i < spsi_least(SPSI_LANES, width - x); ++i) {
         float weights[4];
-        spsi_tap_cubic(i, width, weights);
-        for (int k = 0; k < 4; ++k) across[k][i] = weights[k];
+        spsi_tap_cubic(spsi_tap_between(x + i, width), weights);
+        for (int k = 0; k < 4; ++k) lanes[k][i] = weights[k];
     }
-    for (int i = 0; i < height; ++i) spsi_tap_cubic(i, height, down[i]);
+    for (int k = 0; k < 4; ++k) across[k] = rows == 1 ? spsi_load(lanes[k]) : spsi_load_halves(lanes[k], lanes[k]);
+}
+
+/* Adds a patch's sheet, interpolated between the sums of its rays, to a vector's columns. */
+static inline void spsi_tap_spread(const float *sums, const float down[][4], int height, int rows,
+                                   const spsi_v across[4], float *sheet, size_t pitch) {
+    for (int y = 0; y < height; y += rows, sheet += rows * (ptrdiff_t)pitch) {
+        float columns[SPSI_ROWS_MOST + 1][4];
+        spsi_v value = spsi_load_rows(sheet, pitch, rows), sum = spsi_set(0);
+        for (int r = 0; r < rows; ++r) {
+            spsi_four between = spsi_four_scale(down[y + r][0], spsi_four_load(sums));
+            for (int k = 1; k < 4; ++k)
+                between = spsi_four_add(down[y + r][k], spsi_four_load(sums + 4 * k), between);
+            spsi_four_store(columns[r], between);
+        }
+        for (int k = 0; k < 4; ++k) {
+            const spsi_v here = spsi_set(columns[0][k]);
+            sum = spsi_fma(rows == 1 ? here : spsi_halves(here, spsi_set(columns[rows - 1][k])), across[k], sum);
+        }
+        spsi_store_rows(sheet, pitch, spsi_add(value, spsi_max(sum, spsi_set(0))), rows);
+    }
+}
+
+/* Adds a patch's sheets of some slabs, interpolated between the sums of its rays, 16 a slab. */
+static void spsi_tap_patch_spread(const spsi_tile *tile, const spsi_tap_patch *patch, const int slabs[2],
+                                  const float *sums, float *sheets) {
+    const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
+    const int rows = spsi_rows_for(width, height);
+    float down[SPSI_PATCH + 1][4];
+    memset(down, 0, sizeof down);
+    for (int i = 0; i < height; ++i) spsi_tap_cubic(spsi_tap_between(i, height), down[i]);
     sheets += (patch->y0 - tile->y0) * tile->pitch + patch->x0 - tile->x0;
-    for (int slab = 0; slab < tile->slab_count; ++slab, sums += 16, sheets += tile->sheet_size) {
-        float most = 0;
-        for (int n = 0; n < 16; ++n) most = spsi_higher(most, sums[n]);
-        if (!(most > 0)) continue;
-        for (int y = 0; y < height; ++y) {
-            float columns[4];
-            for (int k = 0; k < 4; ++k)
-                columns[k] = (down[y][0] * sums[k] + down[y][1] * sums[4 + k]) +
-                             (down[y][2] * sums[8 + k] + down[y][3] * sums[12 + k]);
-            for (int x = 0; x < width; x += SPSI_LANES) {
-                float *at = sheets + y * tile->pitch + x;
-                spsi_v value = spsi_mul(spsi_set(columns[0]), spsi_load(across[0] + x));
-                for (int k = 1; k < 4; ++k) value = spsi_fma(spsi_set(columns[k]), spsi_load(across[k] + x), value);
-                spsi_store(at, spsi_add(spsi_load(at), spsi_max(value, spsi_set(0))));
-            }
+    for (int x = 0; x < width; x += SPSI_LANES / rows) {
+        spsi_v across[4];
+        spsi_tap_across(x, width, rows, across);
+        for (int slab = slabs[0]; slab < slabs[1]; ++slab) {
+            int some = 0;
+            for (int n = 0; n < 16; n += SPSI_LANES)
+                some |= spsi_bits(spsi_less(spsi_set(0), spsi_load(sums + 16 * slab + n)));
+            if (some)
+                spsi_tap_spread(sums + 16 * slab, (const float(*)[4])down, height, rows, across,
+                                sheets + (size_t)slab * tile->sheet_size + x, (size_t)tile->pitch);
         }
     }
 }
 
-/* Adds to a patch's sheets what its sixteen pixels find, on one ray each or on four. */
-static void spsi_tap_patch_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_patch *patch, int steps,
-                               float *sheets) {
-    float sums[(SPSI_CHUNK + 4) * 16];
-    memset(sums, 0, sizeof sums);
+/* Adds to sums, 16 a slab, what rays find in slabs by a cubic along each, through four samples from the first slab's
+   beginning to the last one's end. */
+static void spsi_tap_add_cubic(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_rays *rays, const int slabs[2],
+                               float *sums) {
+    const int count = slabs[1] - slabs[0];
+    const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale));
+    spsi_v nodes[4];
+    for (int j = 0; j < 4; ++j) {
+        const spsi_v at = spsi_set((float)slabs[0] + (float)(count * j) / 3);
+        const spsi_v depth = spsi_mul(spsi_sub(at, rays->base), rays->per_slab);
+        spsi_v place[3];
+        for (int k = 0; k < 3; ++k) place[k] = spsi_fma(rays->change[k], depth, rays->at[k]);
+        nodes[j] = spsi_mul(weight, spsi_tap_values(t, place, spsi_tap_inside(t->field, place), &tile->samples));
+    }
+    for (int slab = slabs[0]; slab < slabs[1]; ++slab) {
+        float weights[4];
+        spsi_v sum = spsi_set(0);
+        spsi_tap_cubic_mean(slab - slabs[0], count, weights);
+        for (int j = 0; j < 4; ++j) sum = spsi_fma(spsi_set(weights[j]), nodes[j], sum);
+        spsi_store(sums + 16 * slab, spsi_add(spsi_load(sums + 16 * slab), spsi_max(sum, spsi_set(0))));
+    }
+}
+
+/* Adds to a patch's sheets of slabs, from one to that before another, what its sixteen pixels find, on one ray each or
+   on four, by cubics along these if there are no steps. */
+static void spsi_tap_patch_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_patch *patch, const int slabs[2],
+                               int steps, float *sheets) {
+    float sums[SPSI_TAP_SLABS * 16];
+    int by_slab[SPSI_TAP_SLABS + 3];
+    memset(sums + 16 * slabs[0], 0, (size_t)(slabs[1] - slabs[0]) * 16 * sizeof *sums);
+    memset(by_slab, 0, sizeof by_slab);
+    for (int slab = slabs[0]; slab < slabs[1]; ++slab) by_slab[1 + slab] = SPSI_ALL_LANES;
     for (int part = 0; part < t->rays; ++part)
         for (int n = 0; n < 16; n += SPSI_LANES) {
+            const spsi_v x = spsi_load(patch->x + n), y = spsi_load(patch->y + n);
             spsi_tap_rays rays;
-            spsi_tap_rays_build(t, tile, spsi_load(patch->x + n), spsi_load(patch->y + n), part, steps, &rays);
-            spsi_tap_add(t, tile, &rays, sums, (size_t)n, 16);
+            spsi_tap_rays_build(t, tile, x, y, part, spsi_most(steps, 1), &rays);
+            rays.by_slab = by_slab;
+            if (steps > 0)
+                spsi_tap_add(t, tile, &rays, sums, (size_t)n, 16);
+            else
+                spsi_tap_add_cubic(t, tile, &rays, slabs, sums + n);
         }
-    spsi_tap_patch_spread(tile, patch, sums, sheets);
+    spsi_tap_patch_spread(tile, patch, slabs, sums, sheets);
 }
 
 /* Voxels that rays of a tile cross in a slab, at most, by those through its corners. */
@@ -13059,7 +13250,8 @@ static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lat
     tapper->level = level;
     tapper->rays = count;
     tapper->aside = count > 1 ? SPSI_TAP_ASIDE : 0;
-    tapper->field = level ? &fields->levels[medium][level - 1] : &fields->list[medium];
+    tapper->finest = &fields->list[medium];
+    tapper->field = level ? &fields->levels[medium][level - 1] : tapper->finest;
     spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
     for (int k = 0; k < 3; ++k) {
         for (int i = 0; i < 3; ++i) rows[k][i] /= 1 << level;
@@ -13280,8 +13472,8 @@ static size_t spsi_field_brick_bytes(int taps) {
     return spsi_field_floats(taps) * sizeof(float) + SPSI_BRICK * sizeof(uint64_t);
 }
 
-/* Upper bound of the bytes of what is known of how much fields bend. */
-static size_t spsi_bends_bytes(size_t bricks, size_t held) { return (bricks + held) * sizeof(float); }
+/* Bytes of what is known of how much fields bend, by the bricks of their grids. */
+static size_t spsi_bends_bytes(size_t cells) { return cells * 8 * sizeof(float); }
 
 /* Places the boxes of a volume's coarser levels. */
 static void spsi_levels_place(spsi_fields *fields, int medium) {
@@ -13327,7 +13519,7 @@ static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
         all += cells < most ? cells : most;
         bytes += spsi_levels_bytes(frame, m, bricks);
     }
-    if (frame->view.tolerance > 0) bytes += spsi_bends_bytes(bricks, 27 * bricks < all ? 27 * bricks : all);
+    if (frame->view.tolerance > 0) bytes += spsi_bends_bytes(all);
     return bytes + spsi_field_grid_bytes(all) + (27 * bricks < all ? 27 * bricks : all) * each;
 }
 
@@ -13372,7 +13564,7 @@ static sps_result spsi_fields_place(sps_context *context, const spsi_frame *fram
     if (context->field_taps == taps) return SPS_OK;
     context->field_taps = 0;
     fields->filled = fields->leveled = 0;
-    fields->bends = NULL;
+    fields->bent = 0;
     spsi_fields_weigh(fields, taps);
     memory = (int *)spsi_reserve(context, SPSI_BUFFER_FIELD_GRIDS, spsi_fields_begin(context, frame, fields),
                                  spsi_field_grid_bytes(1));
@@ -13481,64 +13673,57 @@ static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame
 typedef struct spsi_bend_job {
     const spsi_voxel_field *field;
     int taps;
-    const spsi_brick *bricks;
-    float *alone; /* per brick held */
-    float *bends; /* per brick of relevant voxels, of all volumes */
 } spsi_bend_job;
 
-static void spsi_bend_alone_task(void *data, int index, int worker) {
-    const spsi_bend_job *job = (const spsi_bend_job *)data;
-    const int end = spsi_least(job->field->count, (index + 1) * SPSI_FIELD_BATCH);
-    (void)worker;
-    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held)
-        job->alone[held] =
-            spsi_field_bend(job->taps, job->field->values + (size_t)held * spsi_field_floats(job->taps));
-}
-
-/* Cells of a brick bend as it does: its differences begin in each of its voxels. A brick of relevant voxels stands for
-   those around it that have none of their own, into which it reaches. */
-static void spsi_bend_spread_task(void *data, int index, int worker) {
+/* Eighths of bricks by themselves. Those of bricks that are not held are 0. */
+static void spsi_bend_task(void *data, int index, int worker) {
     const spsi_bend_job *job = (const spsi_bend_job *)data;
     const spsi_voxel_field *field = job->field;
-    const int first = field->first + index * SPSI_FIELD_BATCH;
+    const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH);
+    const size_t width = 2 * (size_t)field->size[0], layer = 2 * (size_t)field->size[1] * width;
     (void)worker;
-    for (int i = first; i < spsi_least(field->end, first + SPSI_FIELD_BATCH); ++i) {
-        job->bends[i] = 0;
-        for (int n = 0; n < 27; ++n) {
-            const int *base = job->bricks[i].base;
-            const int at[3] = {base[0] / SPSI_BRICK + n % 3 - 1, base[1] / SPSI_BRICK + n / 3 % 3 - 1,
-                               base[2] / SPSI_BRICK + n / 9 - 1};
-            const size_t cell = spsi_field_has(field, at) ? spsi_field_cell(field, at) : 0;
-            const int held = spsi_field_has(field, at) ? field->grid[cell] : -1;
-            if (held < 0 || (n != 13 && field->sources[cell] >= 0)) continue;
-            job->bends[i] = spsi_higher(job->bends[i], job->alone[held]);
-        }
+    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
+        float bends[8];
+        int at[3];
+        spsi_field_at(field, field->places[held], at);
+        spsi_field_bend(job->taps, field->values + (size_t)held * spsi_field_floats(job->taps), bends);
+        for (int k = 0; k < 3; ++k) at[k] -= field->low[k];
+        for (int n = 0; n < 8; ++n)
+            field->bends[(size_t)(2 * at[2] + n / 4) * layer + (size_t)(2 * at[1] + n / 2 % 2) * width +
+                         (size_t)(2 * at[0] + n % 2)] = bends[n];
     }
+}
+
+/* Has each eighth stand for the next ones along an axis, too, which are `step` floats farther. */
+static void spsi_bends_pair(float *bends, size_t count, size_t step, size_t line) {
+    for (size_t i = 0; i < count; ++i)
+        if (i % line < line - step) bends[i] = spsi_higher(bends[i], bends[i + step]);
 }
 
 /* Finds how much all fields bend, which are filled, unless it is known. */
 static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame) {
     spsi_fields *fields = frame->content->fields;
-    size_t most = 0;
-    spsi_bend_job job;
-    if (fields->bends) return SPS_OK;
-    for (int m = 0; m < frame->medium_count; ++m)
-        most = (size_t)fields->list[m].count > most ? (size_t)fields->list[m].count : most;
-    job.taps = fields->taps;
-    job.bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    job.bends = (float *)spsi_reserve(context, SPSI_BUFFER_BENDS, 1,
-                                      spsi_bends_bytes((size_t)context->brick_count, most));
-    if (!job.bends) return context->result;
-    job.alone = job.bends + context->brick_count;
+    size_t cells = 0;
+    float *bends;
+    if (fields->bent) return SPS_OK;
+    for (int m = 0; m < frame->medium_count; ++m) cells += spsi_field_cells(&fields->list[m]);
+    bends = (float *)spsi_reserve(context, SPSI_BUFFER_BENDS, 1, spsi_bends_bytes(cells));
+    if (!bends) return context->result;
+    memset(bends, 0, spsi_bends_bytes(cells));
     for (int m = 0; m < frame->medium_count; ++m) {
-        const int bricks = fields->list[m].end - fields->list[m].first;
-        job.field = &fields->list[m];
-        if (job.field->count == 0) continue;
-        spsi_parallel(context, (job.field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH, spsi_bend_alone_task,
-                      &job);
-        spsi_parallel(context, (bricks + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH, spsi_bend_spread_task, &job);
+        spsi_voxel_field *field = &fields->list[m];
+        const size_t count = 8 * spsi_field_cells(field);
+        spsi_bend_job job;
+        job.field = field;
+        job.taps = fields->taps;
+        field->bends = bends;
+        bends += count;
+        if (field->count == 0) continue;
+        spsi_parallel(context, (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH, spsi_bend_task, &job);
+        for (size_t k = 0, step = 1; k < 3; step *= 2 * (size_t)field->size[k++])
+            spsi_bends_pair(field->bends, count, step, step * 2 * (size_t)field->size[k]);
     }
-    fields->bends = job.bends;
+    fields->bent = 1;
     return SPS_OK;
 }
 
@@ -14156,22 +14341,6 @@ static void spsi_tile_touch(spsi_tile_fill *fill) {
     fill->touched = 1;
 }
 
-/* The most that the bricks of a volume bend in each patch of a tile. */
-static void spsi_tile_bends(const spsi_tile_fill *fill, int medium, float bends[64]) {
-    const spsi_contents *contents = fill->contents;
-    const float *all = contents->frame->content->fields->bends;
-    memset(bends, 0, 64 * sizeof *bends);
-    for (int i = 0; i < contents->bricks.current; ++i) {
-        const int index = contents->bricks.present[i];
-        const int16_t *box = fill->target->brick_boxes[index];
-        uint64_t patches;
-        if (contents->list[index].lattice != medium || !spsi_box_meets_tile(box, fill->column, fill->row)) continue;
-        patches = spsi_patches(fill->tile, box[0], box[1], box[2], box[3]);
-        for (int n = 0; n < 64; ++n)
-            if (patches >> n & 1) bends[n] = spsi_higher(bends[n], all[index]);
-    }
-}
-
 /* Places a patch of a tile. Returns 0 if it has no pixels. */
 static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_tap_patch *patch) {
     const int x = tile->x0 + tile->margin + number % 8 * SPSI_PATCH;
@@ -14183,9 +14352,8 @@ static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_tap_patch *pa
     return 1;
 }
 
-/* Optical depth of the tile's slabs on a patch's rays, if the value of a gas is 1. */
-static float spsi_target_depth(const spsi_target *target, const spsi_tile *tile, int medium,
-                               const spsi_tap_patch *patch) {
+/* Optical depth of a slab on a patch's rays, if the value of a gas is 1. */
+static float spsi_target_depth(const spsi_target *target, int medium, const spsi_tap_patch *patch) {
     const spsi_frame *frame = target->frame;
     const float extinction = frame->matter.materials[frame->media[medium].channel].extinction;
     float most = 0;
@@ -14194,40 +14362,102 @@ static float spsi_target_depth(const spsi_target *target, const spsi_tile *tile,
         const float slabs = fabsf(spsi_tap_slabs_per_depth(&target->tappers[medium], x, y));
         most = spsi_higher(most, spsi_lane(spsi_ray_lengths(target->rays, spsi_set(x), y), 0) / slabs);
     }
-    return extinction * most * (float)tile->slab_count;
+    return extinction * most;
 }
 
-/* Adds a gathered volume to those of a tile's patches where sixteen rays do, by what is left of the tolerance: slabs up
-   to here may use their share of it. Where `way`, the voxels that rays cross in a slab, takes several samples, fewer of
-   them may do. Returns these patches. */
-static uint64_t spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *here, int medium, uint64_t patches,
-                                      float way, float *channel) {
-    const spsi_target *target = fill->target;
-    spsi_tile *tile = fill->tile;
-    const float chunk = (float)(fill->contents->first_slab / SPSI_CHUNK);
-    const float allowed = target->tolerance * (chunk + 1) / (float)spsi_chunk_count(target->slabs);
-    float *spent = target->spent + 64 * (fill->row * target->columns + fill->column), bends[64];
-    uint64_t added = 0;
-    spsi_tile_bends(fill, medium, bends);
-    for (int n = 0; n < 64; ++n) bends[n] *= (float)(1 << 3 * here->level); /* third differences of larger steps */
-    for (int n = 0; n < 64; ++n) {
-        const int most = spsi_tap_steps(here, way);
-        int steps = 1;
-        spsi_tap_patch patch;
-        float depth, bound, along = 0;
-        if (!(patches >> n & 1) || !spsi_tile_patch(tile, n, &patch)) continue;
-        depth = spsi_target_depth(target, tile, medium, &patch);
-        bound = spent[n] + depth * spsi_tap_patch_bound(here, tile, &patch, bends[n]);
-        if (!(bound <= allowed) || !spsi_tap_patch_whole(here, tile, &patch)) continue;
-        for (; steps < most; ++steps) {
-            along = depth * spsi_tap_steps_bound(bends[n], way, steps);
-            if (bound + along <= allowed) break;
+/* How a patch of a tile is interpolated, slab by slab. */
+typedef struct spsi_patch_plan {
+    spsi_tap_patch patch;
+    float share, allowed;      /* of the tolerance: this chunk's, and all up to here */
+    float *spent;              /* of what is allowed */
+    float depth, way;          /* of a slab: optical depth, if the value is 1, and voxels that rays cross */
+    int steps[SPSI_TAP_SLABS]; /* samples of its sixteen rays in each slab; 0: all rays are followed */
+    float bends[SPSI_TAP_SLABS + SPSI_LANES];
+} spsi_patch_plan;
+
+/* Chooses the slabs that sixteen rays fill, by what is left of the tolerance. Where rays cross voxels enough for
+   several samples in a slab, fewer of them may do. */
+static void spsi_patch_choose(const spsi_tapper *here, const spsi_tile *tile, spsi_patch_plan *plan) {
+    const float across = plan->depth * spsi_tap_patch_bound(here, tile, &plan->patch, 1);
+    const int most = spsi_tap_steps(here, plan->way);
+    float beside[SPSI_TAP_SLABS + SPSI_LANES];
+    const uint32_t whole = spsi_tap_patch_bends(here, tile, &plan->patch, most, plan->bends);
+    if (most > 1) spsi_tap_patch_bends(here, tile, &plan->patch, 1, beside);
+    for (int slab = 0; slab < tile->slab_count; ++slab) {
+        const float bound = *plan->spent + across * plan->bends[slab];
+        float along = 0;
+        int *steps = &plan->steps[slab];
+        *steps = 0;
+        if (!(bound <= plan->allowed) || !(whole >> slab & 1)) continue;
+        for (*steps = 1; *steps < most; ++*steps) {
+            along = across * (beside[slab] - plan->bends[slab]) +
+                    plan->depth * spsi_tap_steps_bound(beside[slab], plan->way, *steps);
+            if (bound + along <= plan->allowed) break;
         }
-        spsi_tap_patch_add(here, tile, &patch, steps, channel);
-        spent[n] = bound + (steps < most ? along : 0);
-        added |= UINT64_C(1) << n;
+        *plan->spent = bound + (*steps < most ? along : 0);
     }
-    return added;
+}
+
+/* Whether cubics along a patch's rays may stand for what they find in slabs, from one to that before another. What they
+   are off by is that of a patch along one axis, and by their weights that across counts 1.631 times instead of once.
+   They spare less than sixteen rays do, and are off by more: they may use no more than these slabs' share. */
+static int spsi_patch_cubic(const spsi_tapper *here, const spsi_tile *tile, const int slabs[2], spsi_patch_plan *plan) {
+    const float across = plan->depth * spsi_tap_patch_bound(here, tile, &plan->patch, 1);
+    const float way = plan->way * (float)(slabs[1] - slabs[0]);
+    float most = 0, sum = 0, along;
+    if (plan->steps[slabs[0]] != 1 || slabs[1] - slabs[0] < 6 || here->rays == 2) return 0;
+    for (int slab = slabs[0]; slab < slabs[1]; ++slab) {
+        most = spsi_higher(most, plan->bends[slab]);
+        sum += plan->bends[slab];
+    }
+    along = plan->depth * (float)(slabs[1] - slabs[0]) * most * way * way * way / 378.8f;
+    along += 0.631f * across * sum;
+    if (along > plan->share * (float)(slabs[1] - slabs[0]) / SPSI_CHUNK) return 0;
+    if (*plan->spent + along > plan->allowed) return 0;
+    *plan->spent += along;
+    return 1;
+}
+
+/* Finds the end of a run of slabs that are filled likewise. Returns whether cubics along rays fill them: if they do not
+   all that there are, they may fill half of these. */
+static int spsi_patch_run(const spsi_tapper *here, const spsi_tile *tile, spsi_patch_plan *plan, int run[2]) {
+    int end = run[0];
+    while (end < tile->slab_count && plan->steps[end] == plan->steps[run[0]]) ++end;
+    for (int length = end - run[0]; length > 0; length /= 2) {
+        run[1] = run[0] + length;
+        if (spsi_patch_cubic(here, tile, run, plan)) return 1;
+    }
+    run[1] = end;
+    return 0;
+}
+
+/* Adds a gathered volume to those of a tile's patches, slab by slab, where sixteen rays do. Slabs up to here may use
+   their share of the tolerance. `way`: voxels that rays cross in a slab. `rest` has the patches of each slab, and keeps
+   those that were left out. */
+static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *here, int medium, float way, float *channel,
+                                  uint64_t rest[SPSI_TAP_SLABS]) {
+    const spsi_target *target = fill->target;
+    const float chunk = (float)(fill->contents->first_slab / SPSI_CHUNK);
+    float *spent = target->spent + 64 * (fill->row * target->columns + fill->column);
+    const int count = fill->tile->slab_count;
+    const uint64_t patches = rest[0];
+    spsi_patch_plan plan;
+    plan.share = target->tolerance / (float)spsi_chunk_count(target->slabs);
+    plan.allowed = (chunk + 1) * plan.share;
+    plan.way = way;
+    for (int n = 0; n < 64; ++n) {
+        int run[2];
+        if (!(patches >> n & 1) || !spsi_tile_patch(fill->tile, n, &plan.patch)) continue;
+        plan.spent = &spent[n];
+        plan.depth = spsi_target_depth(target, medium, &plan.patch);
+        spsi_patch_choose(here, fill->tile, &plan);
+        for (run[0] = 0; run[0] < count; run[0] = run[1]) {
+            const int steps = plan.steps[run[0]], cubic = spsi_patch_run(here, fill->tile, &plan, run);
+            if (steps == 0) continue;
+            for (int slab = run[0]; slab < run[1]; ++slab) rest[slab] &= ~(UINT64_C(1) << n);
+            spsi_tap_patch_add(here, fill->tile, &plan.patch, run, cubic ? 0 : steps, channel);
+        }
+    }
 }
 
 /* Bits of the pixels in a row of a tile's patches. */
@@ -14266,14 +14496,39 @@ static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
     return (int)spsi_lower(spsi_higher(farthest, 0), SPSI_FIELD_REACHES - 1);
 }
 
-/* Adds a gathered volume to the patches of a tile, without the margin, which nothing reads of it. A vector of pixels
-   goes down row by row, so that bricks stay in the level-1 cache. */
+/* The pixels of a vector that lie in each slab's patches, as bits, from the slab before the first on. `x` and `row` are
+   relative to the tile, and `row` counts patches. */
+static void spsi_tile_need(const uint64_t patches[SPSI_TAP_SLABS], int count, int x, int row,
+                           int by_slab[SPSI_TAP_SLABS + 3]) {
+    by_slab[0] = by_slab[count + 1] = by_slab[count + 2] = 0;
+    for (int slab = 0; slab < count; ++slab)
+        by_slab[1 + slab] = (int)(spsi_patch_pixels(patches[slab], row) >> x & SPSI_ALL_LANES);
+}
+
+/* Adds a gathered volume to patches of a tile's slabs, on all rays that have not ended. A vector of pixels goes down
+   row by row, so that bricks stay in the level-1 cache. */
+static void spsi_tile_follow(const spsi_tapper *here, spsi_tile *tile, const uint64_t patches[SPSI_TAP_SLABS],
+                             int steps, float *channel) {
+    const int margin = tile->margin, width = tile->x1 - tile->x0 + 1 - 2 * margin;
+    uint64_t live[SPSI_TILE_HEIGHT], all = 0;
+    int by_slab[SPSI_TAP_SLABS + 3];
+    for (int slab = 0; slab < tile->slab_count; ++slab) all |= patches[slab];
+    spsi_tile_live(tile, all, live);
+    for (int x = 0; x < width; x += SPSI_LANES)
+        for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
+            const int lanes = (int)(live[y] >> x & SPSI_ALL_LANES);
+            if (y % SPSI_PATCH == 0) spsi_tile_need(patches, tile->slab_count, x, y / SPSI_PATCH, by_slab);
+            if (lanes)
+                spsi_tap_row(here, tile, tile->x0 + margin + x, tile->y0 + margin + y, lanes, by_slab, steps, channel);
+        }
+}
+
+/* Adds a gathered volume to the patches of a tile, without the margin, which nothing reads of it. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
     spsi_tile *tile = fill->tile;
-    const int margin = tile->margin, y0 = tile->y0 + margin;
     spsi_tapper here = target->tappers[medium];
-    uint64_t live[SPSI_TILE_HEIGHT];
+    uint64_t rest[SPSI_TAP_SLABS];
     float *channel, way;
     here.slab.base[0] -= (float)(fill->contents->first_slab - target->shape.slab_margin);
     here.scale /= (float)here.rays;
@@ -14281,14 +14536,9 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
     way = spsi_tap_way(&here, tile);
     here.cells = (const uint32_t(*)[2])here.field->cells[spsi_reach_wanted(target, medium, way)];
-    if (spsi_target_interpolates(target, medium))
-        patches &= ~spsi_tile_interpolate(fill, &here, medium, patches, way, channel);
-    spsi_tile_live(tile, patches, live);
-    for (int x = tile->x0 + margin; x <= tile->x1 - margin; x += SPSI_LANES)
-        for (int y = y0; y <= tile->y1 - margin; ++y) {
-            const int lanes = (int)(live[y - y0] >> (x - tile->x0 - margin) & SPSI_ALL_LANES);
-            if (lanes) spsi_tap_row(&here, tile, x, y, lanes, spsi_tap_steps(&here, way), channel);
-        }
+    for (int slab = 0; slab < tile->slab_count; ++slab) rest[slab] = patches;
+    if (spsi_target_interpolates(target, medium)) spsi_tile_interpolate(fill, &here, medium, way, channel, rest);
+    spsi_tile_follow(&here, tile, rest, spsi_tap_steps(&here, way), channel);
 }
 
 static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {

@@ -816,6 +816,8 @@ static double cloud(const void *user, const double p[3]) {
 
 static const check_field cloud_field = {cloud, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
 
+static double one(const void *user, const double p[3]) { return (void)user, (void)p, 1; }
+
 /* The cloud, in a picture in which a patch is `voxels` wide. It absorbs, and scatters nothing. */
 static void start_cloud(check_scene *s, double voxels) {
     start(s, noise);
@@ -855,12 +857,141 @@ static void test_bends(void) {
         for (int n = 0; n < 10; ++n) {
             const int *power = powers[n], edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps);
             const double exact = n < 3 ? 6 : n < 9 ? sqrt(3) * 2 : sqrt(6);
+            float bends[8];
             for (int i = 0; i < edge * edge * pitch; ++i) {
                 const double x = i % pitch - 5, y = i / pitch % edge - 5, z = i / pitch / edge - 5;
                 values[i] = (float)(pow(x, power[0]) * pow(y, power[1]) * pow(z, power[2]));
             }
-            CHECK_NEAR((double)spsi_field_bend(taps, values), exact, 1e-5);
+            spsi_field_bend(taps, values, bends);
+            for (int i = 0; i < 8; ++i) CHECK_NEAR((double)bends[i], exact, 1e-5);
         }
+}
+
+/* Boxes of places bend as much as the most that eighths of bricks do which they touch, or at most the next ones. */
+static void test_boxes_bend(void) {
+    check_random random = {8};
+    check_scene s;
+    const spsi_fields *fields;
+    const spsi_voxel_field *field;
+    float alone[8], all[SPSI_LANES];
+    start(&s, noise);
+    s.view.tolerance = 0.1f;
+    if (!check_render(context, &s, image_a)) return;
+    fields = (const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data;
+    field = &fields->list[0];
+    for (int i = 0; i < 500; ++i) {
+        spsi_tapper tapper;
+        spsi_tap_boxes boxes;
+        int low[3], high[3];
+        float least = 0, most = 0;
+        memset(&tapper, 0, sizeof tapper);
+        tapper.fields = fields;
+        tapper.field = tapper.finest = field;
+        for (int k = 0; k < 3; ++k) {
+            const double at = -6 + (8 * field->size[k] + 6) * check_next(&random), wide = 24 * check_next(&random);
+            boxes.low[k] = spsi_set((float)at), boxes.high[k] = spsi_set((float)(at + wide));
+            low[k] = (int)floor(at / 4), high[k] = (int)floor((at + wide) / 4);
+        }
+        for (int n = 0; n < field->count; ++n) {
+            spsi_field_bend(fields->taps, field->values + (size_t)n * spsi_field_floats(fields->taps), alone);
+            for (int m = 0; m < 8; ++m) {
+                int at[3], in = 1, beside = 1;
+                spsi_field_at(field, field->places[n], at);
+                for (int k = 0; k < 3; ++k) {
+                    const int eighth = 2 * (at[k] - field->low[k]) + (m >> k & 1);
+                    in &= eighth >= low[k] && eighth <= high[k];
+                    beside &= eighth >= spsi_least(low[k], 2 * field->size[k] - 1);
+                    beside &= eighth <= spsi_most(high[k], 0) + 1;
+                }
+                if (in) least = fmaxf(least, alone[m]);
+                if (beside || in) most = fmaxf(most, alone[m]);
+            }
+        }
+        spsi_store(all, spsi_tap_boxes_bend(&tapper, &boxes));
+        if (!CHECK(all[0] >= least && all[0] <= most))
+            printf("    box %d: %g, eighths %g to %g\n", i, (double)all[0], (double)least, (double)most);
+    }
+}
+
+/* Slabs that are in need of rays have the same bits as if all were, and others have nothing. */
+static void test_slabs_in_need(void) {
+    enum { SIZE = 64 * 64, SLABS = 8 };
+    static float whole[SLABS * SIZE], some[SLABS * SIZE];
+    check_random random = {5};
+    check_scene s;
+    spsi_tapper tapper;
+    spsi_tile tile;
+    start(&s, noise);
+    if (!check_render(context, &s, image_a)) return;
+    memset(&tapper, 0, sizeof tapper);
+    memset(&tile, 0, sizeof tile);
+    tapper.fields = (const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data;
+    tapper.field = tapper.finest = &tapper.fields->list[0];
+    tapper.cells = (const uint32_t(*)[2])tapper.field->cells[0];
+    tapper.rays = 1, tapper.scale = 1, tapper.slab.slope[0] = 1;
+    for (int k = 0; k < 3; ++k) {
+        tapper.at[k].base[0] = 11, tapper.at[k].base[1] = 0.1f * (float)(k + 1), tapper.at[k].base[2] = 0.2f;
+        tapper.at[k].slope[0] = 0.9f - 0.2f * (float)k;
+    }
+    tile.slab_count = SLABS, tile.pitch = 64, tile.sheet_size = SIZE;
+    for (int i = 0; i < 60; ++i) {
+        const int steps = 1 + i % 3;
+        int all[SPSI_TAP_SLABS + 3] = {0}, need[SPSI_TAP_SLABS + 3] = {0}, wrong = 0, seen = 0;
+        memset(whole, 0, sizeof whole), memset(some, 0, sizeof some);
+        for (int n = 1; n <= SLABS; ++n) {
+            all[n] = SPSI_ALL_LANES;
+            need[n] = (int)(check_next(&random) * (SPSI_ALL_LANES + 1)) & SPSI_ALL_LANES;
+        }
+        spsi_tap_row(&tapper, &tile, 3, i % 8, SPSI_ALL_LANES, all, steps, whole);
+        spsi_tap_row(&tapper, &tile, 3, i % 8, SPSI_ALL_LANES, need, steps, some);
+        for (int n = 0; n < SLABS * SPSI_LANES; ++n) {
+            const int slab = n / SPSI_LANES, lane = n % SPSI_LANES, at = slab * SIZE + i % 8 * 64 + 3 + lane;
+            const float is = need[1 + slab] >> lane & 1 ? whole[at] : 0;
+            wrong += memcmp(&is, &some[at], sizeof is) != 0;
+            seen += whole[at] > 0;
+        }
+        CHECK(wrong == 0 && seen > SLABS * SPSI_LANES / 2);
+    }
+}
+
+/* The mean of a cubic's parts follows from its nodes, for all powers up to the third. */
+static void test_cubic_means(void) {
+    for (int count = 4; count <= SPSI_CHUNK; ++count)
+        for (int i = 0; i < count; ++i)
+            for (int power = 0; power <= 3; ++power) {
+                const double from = 3.0 * i / count, to = 3.0 * (i + 1) / count;
+                const double mean = (pow(to, power + 1) - pow(from, power + 1)) / (power + 1) / (to - from);
+                float weights[4];
+                double sum = 0;
+                spsi_tap_cubic_mean(i, count, weights);
+                for (int k = 0; k < 4; ++k) sum += (double)weights[k] * pow(k, power);
+                CHECK_NEAR(sum, mean, 3e-5); /* floats: 27 * 8 roundings of 6e-8, and as much in the weights */
+            }
+}
+
+/* Even gas as far as its sides, in a box that is seen at a slant: all chunks of slabs meet some side in each patch.
+   Rays are left out where it is even, along thin slabs, and not where they meet a side, nor are slabs there less exact.
+   Off by what a lattice of kernels is uneven by, 5e-4 along each axis, along sqrt(12), and by what is used of the
+   tolerance. */
+static void test_tolerance_inside(void) {
+    static const check_field even = {one, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+    for (int slab = 1; slab <= 4; slab += 3) {
+        double all, some, bound;
+        check_scene s;
+        start_cloud(&s, 6);
+        check_orthographic(&s.view.camera, 1.2);
+        for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 96;
+        s.volume[0].user = (void *)(size_t)&even;
+        s.volume[0].extinction = 0.5f;
+        s.view.slab = slab;
+        CHECK(spent(&s, 0, image_a, &all) == 0);
+        bound = spent(&s, 0.01f, image_b, &some);
+        if (getenv("CHECK_FIGURES"))
+            printf("even gas in a box, slabs of %d: %.3f of the samples, bound %.5f, off by %.6f\n", slab, some / all,
+                   bound, depths_apart(image_a, image_b));
+        CHECK(bound <= 0.01 * (1 + 1e-6) && some < 0.7 * all);
+        CHECK(depths_apart(image_a, image_b) <= bound + 0.5 * sqrt(12) * 3 * 5e-4);
+    }
 }
 
 /* What is interpolated is off by no more than the bound, which is no more than the tolerance, and by what kernels are
@@ -871,7 +1002,6 @@ static void test_tolerance(void) {
     static const double widths[] = {1, 3, 6};
     const double uneven = 0.0067 * 0.6 / 7 * 7 * sqrt(2 * SPSI_PI) * 4 * 2 / EDGE;
     for (int n = 0; n < 3; ++n) {
-        double thin = 0;
         for (int slab = 1; slab <= 4; slab += 3) {
             double none, all, some, bound, half;
             check_scene s;
@@ -886,14 +1016,13 @@ static void test_tolerance(void) {
             if (getenv("CHECK_FIGURES"))
                 printf("patches of %g voxels, slabs of %d: %.3f of the samples, bound %.5f, off by %.6f\n", widths[n],
                        slab, all / none, bound, depths_apart(image_a, image_b));
-            if (slab == 1) thin = bound;
-            if (slab == 4) CHECK(bound - thin > 0.2); /* what one sample in 5 voxels may be off by */
+            if (slab == 4) CHECK(bound > 0.05); /* what one sample in 5 voxels may be off by */
             half = spent(&s, (float)(0.4 * bound), image_b, &some);
             if (!CHECK(half <= 0.4 * bound * (1 + 1e-6) && some > all && some < none))
                 printf("    patches of %g voxels, slabs of %d: bound %g of %g, %g samples\n", widths[n], slab, half,
                        0.4 * bound, some);
             s.volume[0].extinction = 0.5f * s.volume[0].extinction;
-            if (slab == 1) CHECK_NEAR(spent(&s, 1, image_b, &some), 0.5 * bound, 1e-5 * bound);
+            CHECK_NEAR(spent(&s, 0.5f, image_b, &some), 0.5 * bound, 1e-5 * bound);
         }
     }
 }
@@ -962,9 +1091,10 @@ static void test_not_interpolated(void) {
         }
         if (kind == 6) s.view.near_distance = sqrt(1.2 * 1.2 + 0.9 * 0.9 + 16);
         spent(&s, 0, image_a, &samples[0]);
-        spent(&s, kind < 5 ? 0.02f : 1, image_b, &samples[1]);
-        if (kind < 5 && !CHECK(samples[0] == samples[1] && memcmp(image_a, image_b, sizeof image_a) == 0))
-            printf("    kind %d\n", kind);
+        spent(&s, kind == 0 ? 1e-4f : kind < 5 ? 0.02f : 1, image_b, &samples[1]);
+        if (kind < 5 && !CHECK(samples[1] >= samples[0] && memcmp(image_a, image_b, sizeof image_a) == 0))
+            printf("    kind %d: %g of %g samples, off by %g\n", kind, samples[1], samples[0],
+                   depths_apart(image_a, image_b));
         if (kind >= 5 && !CHECK(samples[1] < samples[0] && depths_apart(image_a, image_b) <= 0.02))
             printf("    kind %d: %g of %g samples, off by %g\n", kind, samples[1], samples[0],
                    depths_apart(image_a, image_b));
@@ -1306,7 +1436,11 @@ int main(void) {
     RUN(test_ended_rays);
     RUN(test_even_surface);
     RUN(test_bends);
+    RUN(test_boxes_bend);
+    RUN(test_slabs_in_need);
     RUN(test_tolerance);
+    RUN(test_cubic_means);
+    RUN(test_tolerance_inside);
     RUN(test_tolerance_of_small_voxels);
     RUN(test_tolerance_of_light);
     RUN(test_not_interpolated);

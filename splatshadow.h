@@ -2315,6 +2315,59 @@ static void spsi_parallel(sps_context *context, int count, sps_task_fn task, voi
     }
 }
 
+/* The order in which tasks run that run time and again. Those that did most the time before begin first, so that no
+   worker is left with one of them while the others have nothing to do. Results do not depend on it. */
+typedef struct spsi_turns {
+    int count;
+    uint32_t *work; /* per task: what it did, in a unit of its own; tasks set it */
+    int *order;
+    sps_task_fn task;
+    void *data;
+} spsi_turns;
+
+#define SPSI_TURN_BYTES (sizeof(uint32_t) + sizeof(int)) /* per task */
+
+static void spsi_turns_begin(spsi_turns *turns, int count, void *memory) {
+    turns->count = count;
+    turns->work = (uint32_t *)memory;
+    turns->order = (int *)(void *)(turns->work + count);
+    memset(turns->work, 0, (size_t)count * sizeof *turns->work);
+}
+
+/* The power of two that work is below. */
+static int spsi_turn_octave(uint32_t work) {
+    int octave = 0;
+    while (octave < 32 && work >> octave) ++octave;
+    return octave;
+}
+
+/* Sorts by octaves of work, which is as even as it need be. */
+static void spsi_turns_sort(spsi_turns *turns) {
+    int first[33] = {0}, before = 0;
+    for (int i = 0; i < turns->count; ++i) first[spsi_turn_octave(turns->work[i])] += 1;
+    for (int octave = 32; octave >= 0; --octave) {
+        const int count = first[octave];
+        first[octave] = before;
+        before += count;
+    }
+    for (int i = 0; i < turns->count; ++i) turns->order[first[spsi_turn_octave(turns->work[i])]++] = i;
+}
+
+static void spsi_turn_task(void *data, int index, int worker) {
+    spsi_turns *turns = (spsi_turns *)data;
+    const int task = turns->order[index];
+    turns->work[task] = 0;
+    turns->task(turns->data, task, worker);
+}
+
+/* Runs a task for each of the turns. */
+static void spsi_parallel_turns(sps_context *context, spsi_turns *turns, sps_task_fn task, void *data) {
+    turns->task = task;
+    turns->data = data;
+    spsi_turns_sort(turns);
+    spsi_parallel(context, turns->count, spsi_turn_task, turns);
+}
+
 /* A part of a call: the call's progress when the part begins, and the part's share of the call. */
 typedef struct spsi_part_of_call {
     double progress, share;
@@ -14643,6 +14696,9 @@ static void spsi_tile_count(const spsi_target *target, const spsi_tile *tile, in
     target->counts[worker][2] += tile->samples;
 }
 
+/* Roughly the work that filling took, in samples. */
+static uint32_t spsi_tile_work(const spsi_tile *tile) { return (uint32_t)(tile->samples + 8 * tile->visits); }
+
 /* ========================================================================================== >>lightsheets
    23 The optical depth of a light's sheets. Sheets of gases hold it already, per unit of t. A transfer function is not
    linear, so a slab's mean value is not enough: classified slabs are divided into SPSI_PARTS parts, whose means come
@@ -18120,6 +18176,7 @@ typedef struct spsi_planes {
     int cubic;             /* 1: bicubic lookup, for classified volumes, whose depth bends within a voxel */
     uint64_t *open;        /* per tile: a bit for each patch that light still passes */
     unsigned char *uneven; /* per tile: 1: its planes differ and must be levelled before the next chunk */
+    spsi_turns turns;      /* of tiles */
 } spsi_planes;
 
 #define SPSI_PLANES_TEXEL_BYTES ((SPSI_CHUNK + 1) * sizeof(float))
@@ -18227,7 +18284,7 @@ static sps_result spsi_planes_build(sps_context *context, const spsi_frame *fram
     planes->tiles_x = spsi_tile_columns(rays);
     planes->tiles_y = spsi_tile_rows(rays);
     tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
-    /* a tile's bits and flag take less than one more texel */
+    /* a tile's bits, turn and flag take less than one more texel */
     planes->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, SPSI_PLANES_TEXEL_BYTES);
     if (!planes->open) return context->result;
     memory = (float *)(void *)(planes->open + tiles);
@@ -18236,7 +18293,8 @@ static sps_result spsi_planes_build(sps_context *context, const spsi_frame *fram
     planes->end = spsi_light_end(frame);
     planes->cubic = frame->matter.classifies && rays->width >= 4 && rays->height >= 4;
     for (int k = 0; k <= SPSI_CHUNK; ++k) planes->depth[k] = memory + (size_t)k * texels;
-    planes->uneven = (unsigned char *)(memory + (SPSI_CHUNK + 1) * texels);
+    spsi_turns_begin(&planes->turns, (int)tiles, memory + (SPSI_CHUNK + 1) * texels);
+    planes->uneven = (unsigned char *)(planes->turns.order + tiles);
     memset(memory, 0, texels * (SPSI_CHUNK + 1) * sizeof(float));
     memset(planes->uneven, 0, tiles);
     memset(planes->open, 0xff, tiles * sizeof *planes->open);
@@ -18275,6 +18333,7 @@ static void spsi_sliced_task(void *data, int index, int worker) {
     planes->open[index] =
         spsi_patches_open(tile.depth, tile.depth_pitch, tile.x1 - tile.x0 + 1, tile.y1 - tile.y0 + 1, tile.end);
     planes->uneven[index] = 1;
+    planes->turns.work[index] = spsi_tile_work(&tile);
     spsi_tile_count(&sliced->target, &tile, worker);
 }
 
@@ -18311,7 +18370,7 @@ static void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
         context->stats.soft_texels +=
             (SPSI_CHUNK + 1) * (uint64_t)sliced->penumbra.beam_count * (uint64_t)spsi_ray_count(sliced->target.rays);
     } else {
-        spsi_parallel(context, tiles, spsi_sliced_task, sliced);
+        spsi_parallel_turns(context, &sliced->planes.turns, spsi_sliced_task, sliced);
     }
     context->stats.seconds_light += spsi_clock(context) - start;
 }
@@ -24143,9 +24202,10 @@ typedef struct spsi_region {
     uint64_t *open;            /* per tile, bits: patches whose rays have not all ended */
     int outside;               /* number of tiles without a pixel of the sweep's part of the image */
     float (*polygon_range)[3]; /* per tile: minimum and maximum slab coordinate of its polygons, and minimum depth */
+    spsi_turns turns;          /* of tiles */
 } spsi_region;
 
-#define SPSI_REGION_TILE_BYTES (sizeof(uint64_t) + 3 * sizeof(float)) /* of `open` and `polygon_range` */
+#define SPSI_REGION_TILE_BYTES (sizeof(uint64_t) + 3 * sizeof(float) + SPSI_TURN_BYTES)
 
 /* Data shared by the tasks of a sweep. A task writes only its own tile's pixels, planes and flags, and its own worker's
    sheets, scratch memory and counters. */
@@ -24213,6 +24273,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const int width = run->frame->content->eye.width, height = run->frame->content->eye.height;
     const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
+    uint64_t shaded = 0;
     int touched = 0;
     spsi_tile tile;
     spsi_shading shading;
@@ -24237,7 +24298,9 @@ static void spsi_eye_task(void *data, int index, int worker) {
     for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
         for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y) /* down: see spsi_plane_light */
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
-                run->shaded[worker] += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_least(SPSI_LANES, width - x));
+                shaded += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_least(SPSI_LANES, width - x));
+    run->shaded[worker] += shaded;
+    region->turns.work[index] = spsi_tile_work(&tile) + (uint32_t)shaded;
     spsi_tile_count(&run->eye, &tile, worker);
     if (!run->sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
 }
@@ -24360,6 +24423,7 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     if (!region->open || !memory) return context->result;
     memset(memory, 0, pixels * planes * sizeof(float));
     region->polygon_range = (float(*)[3])(void *)(region->open + tiles);
+    spsi_turns_begin(&region->turns, (int)tiles, region->polygon_range + tiles);
     shader->x_origin = region->x0 * SPSI_TILE_WIDTH;
     shader->y_origin = region->y0 * SPSI_TILE_HEIGHT;
     shader->pitch = region->columns * SPSI_TILE_WIDTH;
@@ -24434,7 +24498,7 @@ static void spsi_run_polygons(spsi_run *run, float low, float high) {
     run->low = low;
     run->high = high;
     if (run->has_sliced) spsi_sliced_level(run->context, &run->sliced);
-    spsi_parallel(run->context, run->region.columns * run->region.rows, spsi_eye_task, run);
+    spsi_parallel_turns(run->context, &run->region.turns, spsi_eye_task, run);
 }
 
 /* Splats and composites the current chunk. */
@@ -24446,7 +24510,7 @@ static void spsi_run_chunk(spsi_run *run) {
     run->high = run->low + SPSI_CHUNK;
     spsi_contents_bin_particles(&run->contents);
     if (run->has_sliced) spsi_sliced_advance(context, &run->sliced);
-    spsi_parallel(context, run->region.columns * run->region.rows, spsi_eye_task, run);
+    spsi_parallel_turns(context, &run->region.turns, spsi_eye_task, run);
 }
 
 /* Adds the workers' counts and the tiles' flags to the statistics. */

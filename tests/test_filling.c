@@ -1035,7 +1035,7 @@ static void test_reasons(void) {
             if (n == 2) check_set3(s.view.camera.position, 0.2, 0.1, 0.4), check_perspective(&s.view.camera, 0.4);
             if (n == 3) s.view.slab = 20;
             if (n == 6) s.volume[0].user = dot;
-            if (n == 8) s.view.quality = SPS_QUALITY_ULTRA, s.view.shadow_size = 4;
+            if (n == 8) s.view.quality = SPS_QUALITY_HIGH, s.view.shadow_size = 4;
             if (n == 7) {
                 s.volume[0].transfer = &looks, s.volume[0].shading = SPS_SHADING_SURFACE;
                 check_orthographic(&s.view.camera, 9);

@@ -12055,9 +12055,9 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    vectors are shorter, fragments cost more. The choice does not depend on that, so that pictures don't either.
    Footprints count 1.35 times, as those that lie in two tiles or chunks of slabs. Samples of 6^3 voxels cost what makes
    the ratio of the two that of processor times. Of eleven passes of a bonsai, a blob, smoke and 256^3 full of gas, at
-   high and ultra quality and 256 or 1024 pixels, each would have it at 16 to 37, with a median of 28. With 27, each goes
-   the way that was faster, though the two differ by less than noise in some. Those at medium are gathered, which is
-   faster, with any up to 20 for 4^3. */
+   high and ultra quality and 256 or 1024 pixels, each would have it at 16 to 37, with a median of 28. With 27, each
+   goes the way that was faster, though the two differ by less than noise in some. Those at medium are gathered, which
+   is faster, with any up to 20 for 4^3. */
 #define SPSI_COST_FOOTPRINT   90.0
 #define SPSI_COST_FRAGMENT    0.57
 #define SPSI_COST_SAMPLE      8.0

@@ -624,6 +624,7 @@ static void eye_in_fog(const renderer *r) {
         sps_volume *fog = add_fog(&s, 2);
         check_color(fog->albedo, 0, 0, 0);
         check_color(fog->emission, 0.5, 0.25, 1);
+        s.view.slab = 0.5; /* that of high quality, however wide pixels are */
         check_set3(s.view.camera.position, 0, 0, 1);
         for (int k = 0; k < 3; ++k)
             check_color(add_pane(&s, 1 - away[k], T[k][0], T[k][1], T[k][2])->color, 0.25, 0.125 * k, 0.5);

@@ -701,6 +701,7 @@ static void check_placed_slab(const char *name, const int size[3], const sps_pla
     check_color(slab->albedo, 1, 1, 1);
     check_add_directional(&s, 0, 0, -1, 3);
     s.view.quality = SPS_QUALITY_ULTRA;
+    s.view.slab = 0.25; /* that of ultra quality, however wide pixels are */
     s.view.shadow_size = 100;
     if (!check_render(context, &s, image_a)) return;
     if (!CHECK_NEAR(farthest(image_a, 15, 0, exact), exact,

@@ -150,7 +150,6 @@ static void goals_blob(void) {
     blob_frame(&f, 128, SEARCH_SIZE);
     goals_medium("blob over a plane, 128^3", &f, &one, &two, blob_error, exact);
     search_begin(&s, &two, &f, ALL_PIXELS, blob_error, exact);
-    s.loosest = 0.001;
     goal_search(&s, "...", 0.0001, 0.12);
     goal_search(&s, "...", 0.001, 0.03);
     search_end(&s);

@@ -89,10 +89,13 @@ static double blob_error(const void *truth, const frame *f) {
 
 static double marched_error(const void *t, const frame *f) { return sampled_error((const sampled *)t, f); }
 
-/* What is known of a setting. */
+/* A setting that was tried: an index into each knob's values. */
 typedef struct attempt {
-    double seconds, error; /* seconds 0: not tried; infinite: worse than the first search's bound */
+    int at[KNOBS];
+    double seconds, error;
 } attempt;
+
+enum { ATTEMPTS = 2000 }; /* at most */
 
 typedef struct search {
     ex_session *session;
@@ -100,25 +103,21 @@ typedef struct search {
     frame enlarged; /* the same picture in full size */
     error_fn error_of;
     const void *truth;
-    int of[KNOBS], count;  /* the knobs that are turned */
-    double bound, loosest; /* error: of this search, and of the first one with these attempts */
+    int of[KNOBS], count; /* the knobs that are turned */
+    double bound;         /* of the error */
     attempt *attempts;
-    int at[KNOBS]; /* the best setting so far: an index into each knob's values */
+    int attempt_count;
+    int at[KNOBS]; /* the best setting so far */
 } search;
 
 /* `without`: knobs that are left as they are, ALL_PIXELS, SAME_VOXELS, or both. The frame has SEARCH_SIZE pixels. */
 static void search_begin(search *s, ex_session *session, frame *f, int without, error_fn error_of, const void *truth) {
-    size_t count = 1;
     memset(s, 0, sizeof *s);
     s->session = session, s->frame = f, s->error_of = error_of, s->truth = truth;
     frame_copy(&s->enlarged, f);
-    for (int k = 0; k < KNOBS; ++k) {
-        if (without >> k & 1) continue;
-        s->of[s->count++] = k;
-        count *= (size_t)knobs[k].count;
-    }
-    s->attempts = (attempt *)ex_allocate(count, sizeof(attempt));
-    memset(s->attempts, 0, count * sizeof(attempt));
+    for (int k = 0; k < KNOBS; ++k)
+        if (!(without >> k & 1)) s->of[s->count++] = k;
+    s->attempts = (attempt *)ex_allocate(ATTEMPTS, sizeof(attempt));
 }
 
 static void search_end(search *s) {
@@ -143,37 +142,51 @@ static double search_error(const search *s) {
     return s->error_of(s->truth, s->frame->view.width < SEARCH_SIZE ? &s->enlarged : s->frame);
 }
 
-static attempt *search_attempt(const search *s, const int at[KNOBS]) {
-    size_t index = 0;
-    for (int i = 0; i < s->count; ++i) index = index * (size_t)knobs[s->of[i]].count + (size_t)at[i];
-    return s->attempts + index;
+/* Whether no knob of a setting is turned farther towards cheap than in another. */
+static int search_within(const search *s, const int at[KNOBS], const int other[KNOBS]) {
+    for (int i = 0; i < s->count; ++i)
+        if (at[i] > other[i]) return 0;
+    return 1;
 }
 
-/* Tries a setting unless it is known. The first frame may have to read voxels; one that takes several times as long as
-   the best is not worth another. */
+/* Whether a setting is not worth trying: one that is cheaper in every knob took longer than the best, or one that is
+   more exact in every knob has far too much error. */
+static int search_hopeless(const search *s, const int at[KNOBS], double best) {
+    for (int n = 0; n < s->attempt_count; ++n) {
+        const attempt *a = &s->attempts[n];
+        if (a->seconds > 1.2 * best && search_within(s, at, a->at)) return 1;
+        if (a->error > 2 * s->bound && search_within(s, a->at, at)) return 1;
+    }
+    return 0;
+}
+
+/* Tries a setting unless it is known or hopeless. The first frame may have to read voxels; one that takes several times
+   as long as the best is not worth another. Returns NULL if it is not tried. */
 static const attempt *search_try(search *s, const int at[KNOBS], double best) {
-    attempt *a = search_attempt(s, at);
-    if (a->seconds > 0) return a;
+    attempt *a = &s->attempts[s->attempt_count];
+    for (int n = 0; n < s->attempt_count; ++n)
+        if (memcmp(s->attempts[n].at, at, sizeof s->attempts[n].at) == 0) return &s->attempts[n];
+    if (s->attempt_count == ATTEMPTS || search_hopeless(s, at, best)) return NULL;
+    s->attempt_count += 1;
+    memcpy(a->at, at, sizeof a->at);
     search_turn(s, at);
     a->seconds = search_render(s);
     a->error = search_error(s);
-    if (!(a->error <= s->loosest)) a->seconds = HUGE_VAL;
     if (a->seconds < 3 * best) a->seconds = search_render(s);
     return a;
 }
 
 /* Tries all values of two knobs, or of one if both are the same, and keeps the fastest that has no more than the error
-   allowed. Times are noisy: what is hardly faster is not kept. */
-static void search_pair(search *s, int i, int k) {
+   allowed, `best` seconds so far. Times are noisy: what is hardly faster is not kept. */
+static void search_pair(search *s, int i, int k, double *best) {
     int at[KNOBS];
     memcpy(at, s->at, sizeof at);
-    double best = search_try(s, at, HUGE_VAL)->seconds;
     for (int m = 0; m < knobs[s->of[i]].count; ++m)
         for (int n = 0; n < (i == k ? 1 : knobs[s->of[k]].count); ++n) {
             at[k] = n, at[i] = m;
-            const attempt *a = search_try(s, at, best);
-            if (!(a->error <= s->bound) || !(a->seconds < 0.98 * best)) continue;
-            best = a->seconds;
+            const attempt *a = search_try(s, at, *best);
+            if (!a || !(a->error <= s->bound) || !(a->seconds < 0.98 * *best)) continue;
+            *best = a->seconds;
             memcpy(s->at, at, sizeof at);
         }
 }
@@ -183,13 +196,17 @@ static void search_pair(search *s, int i, int k) {
    with the same attempts. Returns whether any setting has the bound. */
 static int search_run(search *s, double bound) {
     static const int exact[KNOBS];
+    const attempt *a;
+    double best;
     s->bound = bound;
-    if (!(s->loosest > 0)) s->loosest = bound;
-    if (!(search_try(s, s->at, HUGE_VAL)->error <= bound)) memcpy(s->at, exact, sizeof exact);
-    if (!(search_try(s, s->at, HUGE_VAL)->error <= bound)) return 0;
-    for (int k = 0; k < s->count; ++k) search_pair(s, k, k);
+    a = search_try(s, s->at, HUGE_VAL);
+    if (!a || !(a->error <= bound)) memcpy(s->at, exact, sizeof exact);
+    a = search_try(s, s->at, HUGE_VAL);
+    if (!a || !(a->error <= bound)) return 0;
+    best = a->seconds;
+    for (int k = 0; k < s->count; ++k) search_pair(s, k, k, &best);
     for (int i = 0; i < s->count; ++i)
-        for (int k = i + 1; k < s->count; ++k) search_pair(s, i, k);
+        for (int k = i + 1; k < s->count; ++k) search_pair(s, i, k, &best);
     return 1;
 }
 
@@ -246,7 +263,6 @@ static void search_table(search *s, const char *name) {
     printf("\n### %s\n\n| error at most | error | ms | of the row before | cheapest setting |\n"
            "|---|---|---|---|---|\n",
            name);
-    s->loosest = bounds[BOUNDS - 1];
     for (int i = 0; i < BOUNDS; ++i) seconds = search_row(s, bounds[i], seconds);
     frame_copy(&bare, s->frame);
     frame_resize(&bare, SEARCH_SIZE, SEARCH_SIZE);

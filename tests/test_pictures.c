@@ -234,21 +234,29 @@ static void test_border(void) {
 /* The integral of 1 + 2 x - 3 x^2 from a to b. */
 static double integral(double a, double b) { return b - a + b * b - a * a - (b * b * b - a * a * a); }
 
-/* A parabola is determined by its means over three slabs, and so is its mean over each part of the middle one, or of
-   the rest of that in front of a polygon. */
-static void test_parabola(void) {
-    const spsi_parabola p =
-        spsi_parabola_through(spsi_set((float)integral(-1.5, -0.5)), spsi_set((float)integral(-0.5, 0.5)),
-                              spsi_set((float)integral(0.5, 1.5)));
+/* The same function, without integral. */
+static double value_at(double x) { return 1 + 2 * x - 3 * x * x; }
+
+/* A parabola is determined by its means over three slabs, or by its values in their middles, and so is its mean over
+   each part of the middle one, or of the rest of that in front of a polygon. */
+static void check_parabola(int means) {
+    float three[3], lanes[SPSI_LANES];
+    spsi_parabola p;
+    for (int n = 0; n < 3; ++n) three[n] = (float)(means ? integral(n - 1.5, n - 0.5) : value_at(n - 1));
+    p = spsi_parabola_through(spsi_set(three[0]), spsi_set(three[1]), spsi_set(three[2]), means);
     for (int cut = 0; cut < 2; ++cut)
         for (int part = 0; part < SPSI_PARTS; ++part) {
             const double first = cut ? 0.3 : 0, width = (cut ? 0.45 : 1) / SPSI_PARTS,
                          from = first + part * width - 0.5;
             const spsi_portion portion = spsi_portion_of(spsi_set((float)first), spsi_set(cut ? 0.75f : 1), part);
-            float lanes[SPSI_LANES];
             spsi_store(lanes, spsi_parabola_mean(&p, &portion));
             CHECK_NEAR((double)lanes[0], integral(from, from + width) / width, ROUND);
         }
+}
+
+static void test_parabola(void) {
+    check_parabola(0);
+    check_parabola(1);
 }
 
 /* The mean position of what is seen of an interval of optical depth d: the mean of u with weight exp(-d u), which is

@@ -13095,18 +13095,20 @@ static inline void spsi_tap_boxes_extend(const spsi_tapper *t, const spsi_tap_pa
     }
 }
 
-/* The eighths of bricks that boxes touch along an axis: the first ones, and the last of those that stand for themselves
-   and the next one. Returns how many of these there are, at most. A coarser level's differences are sums of finer ones
-   up to 2.5 voxels away, and by 6 taps the field depends on differences that begin up to 1 away. */
+/* The eighths of bricks that matter to boxes, along an axis: the first ones, and the last of those that stand for
+   themselves and the next one. Returns how many of these there are, at most. A sample is a sum over rows of voxels, and
+   so of rows of differences, that begin up to taps / 2 - 1 before it and up to taps / 2 behind it. A coarser level's
+   differences are sums of finer ones up to 2.5 voxels away. */
 static int spsi_tap_boxes_eighths(const spsi_tapper *t, const spsi_tap_boxes *boxes, int axis, spsi_v *first,
                                   spsi_v *last) {
-    const float size = (float)(1 << t->level), edge = SPSI_BRICK / 2;
-    const float beside = size * (float)(t->fields->taps / 2 - 2) + (t->level ? 2.5f : 0);
+    const float size = (float)(1 << t->level), edge = SPSI_BRICK / 2, apart = t->level ? 2.5f : 0;
+    const float before = size * (float)(t->fields->taps / 2 - 1) + apart;
+    const float behind = size * (float)(t->fields->taps / 2) + apart;
     const float shift = size * (0.5f + (float)(SPSI_BRICK * t->field->low[axis])) - 0.5f -
                         (float)(SPSI_BRICK * t->finest->low[axis]);
     const spsi_v end = spsi_set((float)(2 * t->finest->size[axis] - 1)), scale = spsi_set(size / edge);
-    const spsi_v low = spsi_fma(boxes->low[axis], scale, spsi_set((shift - beside) / edge));
-    const spsi_v high = spsi_fma(boxes->high[axis], scale, spsi_set((shift + beside) / edge));
+    const spsi_v low = spsi_fma(boxes->low[axis], scale, spsi_set((shift - before) / edge));
+    const spsi_v high = spsi_fma(boxes->high[axis], scale, spsi_set((shift + behind) / edge));
     float lanes[SPSI_LANES], most = 0;
     *first = spsi_floor(spsi_clamp(low, spsi_set(0), end));
     *last = spsi_floor(spsi_clamp(high, spsi_set(0), end));
@@ -13675,7 +13677,7 @@ static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int m
     field->shown = (uint64_t *)(void *)(stock->values + stock->count * spsi_field_floats(job.taps)) +
                    stock->used * SPSI_BRICK;
     stock->used += (size_t)field->count;
-    for (int n = 0; n < SPSI_FIELD_REACHES; ++n)
+    for (int n = 0; n < SPSI_FIELD_REACHES && field->count > 0; ++n)
         memset(field->cells[n], 0, spsi_field_cells(field) * sizeof *field->cells[n]);
     spsi_parallel(context, tasks, fine ? spsi_level_own_task : spsi_field_own_task, &job);
     spsi_parallel(context, tasks, spsi_field_apron_task, &job);

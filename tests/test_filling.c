@@ -879,7 +879,8 @@ static void test_bends(void) {
         }
 }
 
-/* Boxes of places bend as much as the most that eighths of bricks do which they touch, or at most the next ones. */
+/* Boxes of places bend as much as the most that eighths of bricks do in which a row begins that a sample in them reads,
+   or at most the next ones. */
 static void test_boxes_bend(void) {
     check_random random = {8};
     check_scene s;
@@ -902,7 +903,7 @@ static void test_boxes_bend(void) {
         for (int k = 0; k < 3; ++k) {
             const double at = -6 + (8 * field->size[k] + 6) * check_next(&random), wide = 24 * check_next(&random);
             boxes.low[k] = spsi_set((float)at), boxes.high[k] = spsi_set((float)(at + wide));
-            low[k] = (int)floor(at / 4), high[k] = (int)floor((at + wide) / 4);
+            low[k] = (int)floor((at - 1) / 4), high[k] = (int)floor((at + wide + 2) / 4); /* rows of 4 taps */
         }
         for (int n = 0; n < field->count; ++n) {
             spsi_field_bend(fields->taps, field->values + (size_t)n * spsi_field_floats(fields->taps), alone);
@@ -1083,6 +1084,90 @@ static void test_tolerance_of_light(void) {
     CHECK(some.light_bound > 0 && some.light_bound <= 0.2f && some.eye_bound <= 0.2f);
     CHECK(check_largest(image_a, image_b, COUNT) <=
           unshadowed * ((double)some.light_bound + (double)some.eye_bound + 2 * 0.0067));
+}
+
+enum { ROD_SIDE = 24, ROD_LENGTH = 128, ROD_PIXELS = 64 };
+static float rod[ROD_SIDE * ROD_SIDE * ROD_LENGTH];
+static float rod_a[4 * ROD_PIXELS * ROD_PIXELS], rod_b[4 * ROD_PIXELS * ROD_PIXELS];
+
+/* A rod of voxels along z, just beyond an eighth of bricks on two sides or well within one. */
+static void start_rod(check_scene *s, check_array *array, int x, int y, sps_quality quality) {
+    const check_array all = {rod, {ROD_SIDE, ROD_SIDE, ROD_LENGTH}, 0, 0};
+    memset(rod, 0, sizeof rod);
+    for (int z = 20; z < 108; ++z) rod[(z * ROD_SIDE + y) * ROD_SIDE + x] = 1;
+    *array = all;
+    check_clear(s, ROD_PIXELS, ROD_PIXELS);
+    check_add_volume(s, ROD_SIDE, ROD_SIDE, ROD_LENGTH, check_box(0, 0, 0, ROD_SIDE, ROD_SIDE, ROD_LENGTH));
+    s->volume[0].read_fn = check_read_array;
+    s->volume[0].user = array;
+    s->volume[0].extinction = 0.4f;
+    s->view.quality = quality;
+    s->view.filling = SPS_FILLING_GATHER;
+    faces.count = 0;
+}
+
+/* Renders without tolerance and with one, and gives the largest difference of what `of` makes of the pictures' channel,
+   and the statistics of the latter. */
+static double rods_apart(check_scene *s, int channel, sps_stats_report *stats) {
+    double most = 0;
+    s->view.tolerance = 0;
+    if (!check_render(context, s, rod_a)) return 0;
+    s->view.tolerance = 1e-3f;
+    if (!check_render(context, s, rod_b)) return 0;
+    sps_get_stats(context, stats);
+    for (int i = channel; i < 4 * ROD_PIXELS * ROD_PIXELS; i += 4) {
+        const double a = (double)rod_a[i], b = (double)rod_b[i];
+        most = fmax(most, channel == 3 ? fabs(log1p(-a) - log1p(-b)) : fabs(log(a) - log(b)));
+    }
+    return most;
+}
+
+/* Bounds know of voxels beside a patch which only the outermost of its samples read. Floats round depths of up to 35 by
+   2e-6, and what is left of light by 1e-7 in each of them. */
+static void test_tolerance_beside_rods(void) {
+    for (int n = 0; n < 8; ++n) {
+        const int x = 8 + n % 2, y = 8 + n / 2 % 2;
+        const sps_quality quality = n < 4 ? SPS_QUALITY_MEDIUM : SPS_QUALITY_HIGH;
+        for (int place = 0; place < 8; ++place) {
+            const double at = 8.2 + 0.5 * place;
+            check_scene s;
+            check_array array;
+            sps_stats_report stats;
+            start_rod(&s, &array, x, y, quality);
+            s.view.slab = n < 4 ? 1 : 0.5;
+            check_set3(s.view.camera.position, at, at, -50);
+            check_set3(s.view.camera.target, at, at, 0);
+            check_orthographic(&s.view.camera, 32 >> place % 3);
+            const double apart = rods_apart(&s, 3, &stats);
+            if (!CHECK(apart <= (double)stats.eye_bound + 1e-5))
+                printf("    rod %d,%d from %g: bound %g, off by %g\n", x, y, at, (double)stats.eye_bound, apart);
+        }
+    }
+}
+
+/* The same of a light's sheets, by the shadow on a plane behind the gas. */
+static void test_tolerance_of_light_beside_rods(void) {
+    static const double origin[3] = {-50, -50, 140}, u[3] = {200, 0, 0}, v[3] = {0, 200, 0};
+    for (int n = 0; n < 16; ++n) {
+        const int x = 8 + n % 2, y = 8 + n / 2 % 2;
+        check_scene s;
+        check_array array;
+        sps_stats_report stats;
+        start_rod(&s, &array, x, y, SPS_QUALITY_MEDIUM);
+        rod[(64 * ROD_SIDE + 2) * ROD_SIDE + 2] = rod[(64 * ROD_SIDE + 20) * ROD_SIDE + 20] = 0.01f; /* more texels */
+        check_add_quad(&faces, origin, u, v);
+        check_add_mesh(&s, &faces, 1);
+        check_add_directional(&s, 0, 0, 1, 3);
+        s.light[0].shadow_source = SPS_SHADOW_SHEETS;
+        s.view.shadow_size = 20 + 3 * n;
+        check_set3(s.view.camera.position, 9, 9, 132);
+        check_set3(s.view.camera.target, 9, 9, 140);
+        check_orthographic(&s.view.camera, 12);
+        const double apart = rods_apart(&s, 0, &stats);
+        if (!CHECK(apart <= (double)stats.light_bound + 1e-5))
+            printf("    rod %d,%d, %d texels: bound %g, off by %g\n", x, y, s.view.shadow_size,
+                   (double)stats.light_bound, apart);
+    }
 }
 
 /* What may not be interpolated stays as it is, to the bit: noise, what emits, what is classified, splatted or coarse;
@@ -1456,6 +1541,8 @@ int main(void) {
     RUN(test_tolerance_inside);
     RUN(test_tolerance_of_small_voxels);
     RUN(test_tolerance_of_light);
+    RUN(test_tolerance_beside_rods);
+    RUN(test_tolerance_of_light_beside_rods);
     RUN(test_not_interpolated);
     RUN(test_samples_alike);
     RUN(test_splatted);

@@ -706,8 +706,9 @@ typedef struct sps_scene {
    At medium, the kernels of classified volumes end at 1.82 voxels in shadow buffers, where their ripple is small
    compared with the error of the texels; the price is that flat voxels ripple more.
    Small pictures need less: slabs are at least 0.5 pixels thick, 0.25 at high and 0.125 at ultra, and texels of lights'
-   sheets at least 0.6 pixels, or 0.3 at high and ultra, where the eye is nearest to the gas. If anything is classified,
-   these are 0.3 and 0.5 pixels at draft and medium, and 0 above. */
+   sheets at least 0.6 pixels wide, or 0.3 at high and ultra, where the eye is nearest to the gas. If anything is
+   classified, slabs are at least 0.3 pixels thick and texels 0.5 wide at draft and medium; at high and ultra, both are
+   as voxels call for, at any size. */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
     SPS_QUALITY_DRAFT,       /*  2     1.4         0.75  1            0.01            1.82          0.5 %   1.5 %  */
@@ -787,7 +788,8 @@ typedef enum sps_filling {
        smaller than 0.55 pixels, a pixel has two rays, or four if they are smaller than 0.38, and where they are smaller
        than 0.27, voxels of a coarser level are sampled. A texel of a light's sheets has one ray, on such a level.
        Through classified voxels of any size, there is one ray. Volumes are splatted nevertheless, one by one and in
-       each pass, if no level fits all of them, if they are not all well before the eye or the light, if rays cross more
+       each pass, if no level fits all of them (at high and ultra, there is none if voxels are more than twice as long
+       as wide), if they are not all well before the eye or the light, if rays cross more
        than 15 voxels in a slab (11 at high and ultra), or if they are scattered too thinly. Cost besides: 5900 bytes
        per brick of 8^3 voxels within reach of one, 10900 at high and ultra, and roughly an eighth as many on each
        coarser level. */
@@ -828,8 +830,8 @@ typedef struct sps_view {
     /* Optical depth, along any ray of the eye or of a light's sheets, by which gas may be off so that fewer rays are
        followed through it where it is smooth, 0..1. 0: all are. Slab by slab, sixteen rays stand for a patch of 8 x 8
        pixels or texels, and fewer samples for a thick slab or for many thin ones, where the third differences of voxels
-       show that they are off by no more. That is a bound, far from what a picture is off by: errors of either sign add
-       up in it as if they had one. Sharp or noisy gas remains as it is, as do particles, classified volumes, what
+       prove that this keeps within it. What they prove is far more than a picture is off by: errors of either sign are
+       added as if they had one. Sharp or noisy gas remains as it is, as do particles, classified volumes, what
        emits, voxels smaller than 0.14 pixels, shadow tables, and all that is splatted; kernels' own ripple
        (sps_quality) is not part of it. What was used of it is in the statistics, eye_bound and light_bound. Cost: 256
        bytes per tile of 64 x 64 pixels or texels, 32 per brick of 8^3 voxels of the gas's box, and once, after these
@@ -893,9 +895,9 @@ typedef enum sps_pass {
                                 penumbrae */
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree of triangles for shadow rays */
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
-    SPS_PASS_EYE_SHEETS,     /* splats voxels and particles for the eye, once per sweep; twice if light scatters forward
-                                that comes from behind and shades by sheets */
-    SPS_PASS_LIGHT_SHEETS,   /* splats voxels and particles for each shadowing light without a map */
+    SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets with volumes and particles, once per sweep; twice if light
+                                scatters forward that comes from behind and shades by sheets */
+    SPS_PASS_LIGHT_SHEETS,   /* fills the sheets of each shadowing light without a map */
     SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map or a table; counts
                                 tables that turn out to be held */
     SPS_PASS_PENUMBRAE,      /* follows the points of lights with an extent through the sheets */
@@ -923,14 +925,15 @@ typedef struct sps_plan_report {
        depend on where they are: then an upper bound, as are runs of the passes that depend on it. */
     int sweep_count;
     int color_channels;              /* 3, or 1 if every color that plays a part is grey */
-    int sheet_channels;              /* values splatted per pixel and slab for the eye */
+    int sheet_channels;              /* values per pixel and slab of the eye's sheets */
     int slab_count;                  /* of the longest sweep */
     int shadow_width, shadow_height; /* of the largest shadow buffer */
     int light_points; /* maximum number of points that stand for a light: 1 without an extent; 0: no light */
     /* Volumes that are gathered into the eye's sheets, into any light's, and into the samples from which cells are
        made, or the sheets in which light spreads (the first light's), and a static string that says why the first
-       volume is gathered or splatted there. Before voxels are read, as if all that may be relevant were; cells as if
-       there were one grid of them. */
+       volume is gathered or splatted there; of lights, for the one with most. Before voxels are read, as if all that
+       may be relevant were and filled the volumes' boxes, so that what is near a limit may turn out otherwise; cells as
+       if there were one grid of them. */
     int eye_gathered, light_gathered, cells_gathered;
     const char *eye_filling, *light_filling, *cells_filling;
     /* SPS_SCATTERING_AUTO: as in sps_stats_report beside polygons, or if all gas is held from the last call; otherwise
@@ -972,7 +975,8 @@ typedef struct sps_stats_report {
     uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
     uint64_t eye_samples, light_samples; /* of volumes that are gathered */
-    /* Optical depth by which any ray of the eye, or of a light's sheets, may be off for sps_view.tolerance. */
+    /* Optical depth by which any ray of the eye, or of a light's sheets, may be off for sps_view.tolerance, beside
+       kernels' own ripple, of which fewer rays may show another part. */
     float eye_bound, light_bound;
     uint64_t tables_made, tables_held; /* shadow tables that were made or updated, and taken over from the last call */
     /* Of all these tables: patches of up to 8 x 8 texels, of the whole depth range, that were filled, and that were
@@ -1071,10 +1075,11 @@ SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report);
 
-/* Renders the view's region into the caller's image. Time is about (relevant voxels) * (footprint area in pixels) *
-   (slabs that a voxel touches) for the eye, the same again for each shadowing light, and a little per pixel and slab;
-   and that of the cells, where light scatters in every direction (sps_view.scattering), by default wherever gas calls
-   for it. The image is written only if SPS_OK is returned. Any sps_result can occur. */
+/* Renders the view's region into the caller's image. Time for the eye is about (relevant voxels) * (footprint area in
+   pixels) * (slabs that a voxel touches) of volumes that are splatted, and pixels * (slabs in gas) of those that are
+   gathered; the same again for each shadowing light, by its texels; a little per pixel and slab; and that of the cells,
+   where light scatters in every direction (sps_view.scattering), by default wherever gas calls for it. The image is
+   written only if SPS_OK is returned. Any sps_result can occur. */
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image);
 
@@ -2342,7 +2347,7 @@ static int spsi_turn_octave(uint32_t work) {
     return octave;
 }
 
-/* Sorts by octaves of work, which is as even as it need be. */
+/* Sorts by octaves of work: finer order would not shorten the wait at the end. */
 static void spsi_turns_sort(spsi_turns *turns) {
     int first[33] = {0}, before = 0;
     for (int i = 0; i < turns->count; ++i) first[spsi_turn_octave(turns->work[i])] += 1;
@@ -12113,11 +12118,11 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 
 /* Nanoseconds, by which filling is chosen; only their ratios matter. One core of a machine with vectors of 16: where
    vectors are shorter, fragments cost more. The choice does not depend on that, so that pictures don't either.
-   Footprints count 1.35 times, as those that lie in two tiles or chunks of slabs. Samples of 6^3 voxels cost what makes
-   the ratio of the two that of processor times. Of eleven passes of a bonsai, a blob, smoke and 256^3 full of gas, at
-   high and ultra quality and 256 or 1024 pixels, each would have it at 16 to 37, with a median of 28. With 27, each
-   goes the way that was faster, though the two differ by less than noise in some. Those at medium are gathered, which
-   is faster, with any up to 20 for 4^3. */
+   Footprints count 1.35 times, as those that lie in two tiles or chunks of slabs. The cost of samples
+   of 6^3 voxels was fitted to processor times: in eleven passes over a bonsai, a blob, smoke and 256^3 full of gas, at
+   high and ultra quality and 256 or 1024 pixels, the value at which both ways cost what they took lay between 16 and
+   37, with a median of 28. With 27, each pass goes the faster way, though the two differ by less than noise in some.
+   At medium all are gathered, which is faster, with any value up to 20 for 4^3. */
 #define SPSI_COST_FOOTPRINT   90.0
 #define SPSI_COST_FRAGMENT    0.57
 #define SPSI_COST_SAMPLE      8.0
@@ -12897,7 +12902,7 @@ static spsi_v spsi_tap_cut(const spsi_tapper *t, const spsi_tap_rays *rays, int 
     return spsi_load(sums);
 }
 
-/* The slabs, of `count`, in which a vector's rays have samples, or their neighbours, and which are in need of them: the
+/* The slabs, of `count`, that need samples and in which a vector's rays, or those of their neighbours, have any: the
    first, and the one behind the last. */
 static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int count, int slabs[2]) {
     float low = SPSI_INFINITY, high = -SPSI_INFINITY;
@@ -12918,7 +12923,7 @@ static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int count, int slab
     while (slabs[0] < slabs[1] && !rays->by_slab[slabs[1]]) --slabs[1];
 }
 
-/* Zero in other lanes. */
+/* `a` in `lanes`, and 0 in others. */
 static spsi_v spsi_only(spsi_v a, int lanes) {
     float values[SPSI_LANES];
     spsi_store(values, a);
@@ -13044,13 +13049,18 @@ static float spsi_tap_patch_extent(const spsi_tapper *t, const spsi_tile *tile, 
     return sqrtf(most);
 }
 
-/* Bound of the difference between a field that bends by `bend` and its cubics across a patch. Along one axis, with
-   nodes at 0, w / 3, 2 w / 3 and w, it is w^3 / 378.8 of the third derivative (Peano's kernel, integrated). Weights of
-   a cubic add up to 1.631 in magnitude at most, by which the error of one axis counts along the other. */
+/* A cubic with nodes at 0, w / 3, 2 w / 3 and w is off by w^3 / 378.8 of the third derivative (Peano's kernel,
+   integrated). Its weights add up to 1.631 in magnitude at most. */
+#define SPSI_CUBIC_BOUND   (1 / 378.8f)
+#define SPSI_CUBIC_WEIGHTS 1.631f
+
+/* Bound of the difference between a field that bends by `bend` and its cubics across a patch: the error of one axis
+   counts along the other by the weights there. */
 static float spsi_tap_patch_bound(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch,
                                   float bend) {
     const float x = spsi_tap_patch_extent(t, tile, patch, 0), y = spsi_tap_patch_extent(t, tile, patch, 1);
-    return bend / 378.8f * (spsi_lower(x * x * x, y * y * y) * 1.631f + spsi_higher(x * x * x, y * y * y));
+    return bend * SPSI_CUBIC_BOUND *
+           (spsi_lower(x * x * x, y * y * y) * SPSI_CUBIC_WEIGHTS + spsi_higher(x * x * x, y * y * y));
 }
 
 /* Depths between which all rays of a patch run: none begins there, or ends at a polygon. */
@@ -13451,8 +13461,8 @@ static int spsi_tapper_pays(const spsi_tapper *tapper, const spsi_lattice *latti
 }
 
 /* Number of coarser levels that a volume has: none if it is classified, since what a mean looks like is not the mean of
-   looks; at high quality and beyond, none if its voxels are longer than two of their other edges, along which they may
-   be wide already. */
+   looks; at high quality and beyond, none if its voxels are more than twice as long as wide, since a level is wider
+   along all of their edges. */
 static int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     const spsi_lattice *lattice = &frame->lattices[medium];
     double shortest = HUGE_VAL, longest = 0;
@@ -14467,7 +14477,8 @@ static void spsi_patch_choose(const spsi_tapper *here, const spsi_tile *tile, sp
 
 /* Whether cubics along a patch's rays may stand for what they find in slabs, from one to that before another. What they
    are off by is that of a patch along one axis, and by their weights that across counts 1.631 times instead of once.
-   They spare less than sixteen rays do, and are off by more: they may use no more than these slabs' share. */
+   They spare less than sixteen rays do and are off by more, so they may use only the tolerance of their own slabs, not
+   what was left over before. */
 static int spsi_patch_cubic(const spsi_tapper *here, const spsi_tile *tile, const int slabs[2], spsi_patch_plan *plan) {
     const float across = plan->depth * spsi_tap_patch_bound(here, tile, &plan->patch, 1);
     const float way = plan->way * (float)(slabs[1] - slabs[0]);
@@ -14477,16 +14488,16 @@ static int spsi_patch_cubic(const spsi_tapper *here, const spsi_tile *tile, cons
         most = spsi_higher(most, plan->bends[slab]);
         sum += plan->bends[slab];
     }
-    along = plan->depth * (float)(slabs[1] - slabs[0]) * most * way * way * way / 378.8f;
-    along += 0.631f * across * sum;
+    along = plan->depth * (float)(slabs[1] - slabs[0]) * most * way * way * way * SPSI_CUBIC_BOUND;
+    along += (SPSI_CUBIC_WEIGHTS - 1) * across * sum;
     if (along > plan->share * (float)(slabs[1] - slabs[0]) / SPSI_CHUNK) return 0;
     if (*plan->spent + along > plan->allowed) return 0;
     *plan->spent += along;
     return 1;
 }
 
-/* Finds the end of a run of slabs that are filled likewise. Returns whether cubics along rays fill them: if they do not
-   all that there are, they may fill half of these. */
+/* Finds the end of a run of slabs that are filled likewise. Returns whether cubics along rays fill them: if the bound
+   forbids that for the whole run, its first half is tried, and so on. */
 static int spsi_patch_run(const spsi_tapper *here, const spsi_tile *tile, spsi_patch_plan *plan, int run[2]) {
     int end = run[0];
     while (end < tile->slab_count && plan->steps[end] == plan->steps[run[0]]) ++end;
@@ -14550,9 +14561,10 @@ static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t liv
 
 /* Within which reach of what is shown samples of a volume are taken, where rays cross `way` voxels in a slab. What a
    classified slab looks like depends on those beside it. If they have means, these depend on a sample more at their
-   ends; at draft quality, the last voxel of that is left out. If they have samples, one of the three is shown, and the
-   farthest may be two slabs from that. It is then shown by voxels close to it: all that are beyond 1.25 voxels on one
-   side weigh 0.1. Two voxels are the most: thicker slabs are no more exact than that. */
+   ends; at draft quality, the last voxel of that is left out. If they have samples, one of
+   three in a row is shown, so that a sample may matter which is two slabs from the shown one; that one is shown by
+   voxels within 1.25 of it, since all beyond that on one side weigh 0.1. Two voxels are the most: thicker slabs are no
+   more exact than that. */
 static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
     const spsi_frame *frame = target->frame;
     const float taps = (float)(target->tappers[medium].fields->taps / 2);
@@ -25136,6 +25148,7 @@ static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks 
 static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, int of_light, int *gathered,
                               const char **why) {
     const spsi_rays *rays = of_light ? &sweep->rays : &frame->content->eye;
+    const char *first = NULL;
     int count = 0, judged = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_medium *medium = &frame->media[i];
@@ -25150,9 +25163,10 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, 
         if (!of_light && material->table) spsi_splatter_classified(&splatter);
         if (of_light && material->table) splatter.filter = 0;
         verdict = spsi_tapper_judge(frame, medium->lattice, rays, &sweep->slabs, &splatter, tapping, &tapper);
-        if (judged++ == 0) *why = spsi_filling_reasons[verdict];
+        if (judged++ == 0) first = spsi_filling_reasons[verdict];
         count += spsi_gathers(verdict);
     }
+    if (first && (sweep->first || count > *gathered)) *why = first;
     *gathered = spsi_most(*gathered, count);
 }
 

@@ -1335,6 +1335,23 @@ static void test_reasons(void) {
         }
 }
 
+/* Of several lights, the count and the reason are those of one that most volumes are gathered for. */
+static void test_reasons_of_lights(void) {
+    for (int n = 0; n < 2; ++n) {
+        sps_plan_report plan;
+        check_scene s;
+        start(&s, noise);
+        s.view.filling = SPS_FILLING_AUTO;
+        if (n) check_add_point(&s, 1, 3, 2.5, 3);
+        check_add_directional(&s, 1, -1, -0.6, 3);
+        if (!n) check_add_point(&s, 1, 3, 2.5, 3);
+        for (int i = 0; i < 2; ++i) s.light[i].shadow_source = SPS_SHADOW_SHEETS;
+        if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
+        if (!CHECK(plan.light_gathered == 1 && strstr(plan.light_filling, "gathered: samples cost less")))
+            printf("    %d: %s\n", plan.light_gathered, plan.light_filling);
+    }
+}
+
 /* What is chosen is one of the two pictures, to the bit. */
 static void test_chosen(void) {
     check_scene s;
@@ -1547,6 +1564,7 @@ int main(void) {
     RUN(test_samples_alike);
     RUN(test_splatted);
     RUN(test_reasons);
+    RUN(test_reasons_of_lights);
     RUN(test_chosen);
     RUN(test_scattered_thinly);
     RUN(test_thin_bytes);

@@ -1551,7 +1551,7 @@ static inline void spsi_zero_upper(void) {}
 static inline spsi_v spsi_load_first(const float *p, int count) {
     float lanes[SPSI_LANES] = {0};
     if (count >= SPSI_LANES) return spsi_load(p);
-    memcpy(lanes, p, (size_t)count * sizeof(float));
+    for (int i = 0; i < count; ++i) lanes[i] = p[i];
     return spsi_load(lanes);
 }
 
@@ -1562,7 +1562,7 @@ static inline void spsi_store_first(float *p, spsi_v a, int count) {
         return;
     }
     spsi_store(lanes, a);
-    memcpy(p, lanes, (size_t)count * sizeof(float));
+    for (int i = 0; i < count; ++i) p[i] = lanes[i];
 }
 #endif
 

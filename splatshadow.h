@@ -2437,9 +2437,9 @@ static inline uint64_t spsi_fingerprint_word(uint64_t hash, uint64_t word) {
 static double spsi_footprint_mass(double cut) { return -expm1(-0.5 * cut * cut); }
 
 /* The share of a kernel's line integral that lies before a plane; v = distance / (SPSI_CUT * standard deviation).
-   A polynomial whose derivative (1 - v^2)^2 (..) is never negative, so that sheets are never negative except for rounding,
-   4e-7 of the integral. It was fitted to the cut Gaussian: maximum error 2e-4 of the integral, and the shares of all
-   slabs add up to 1. */
+   A polynomial whose derivative (1 - v^2)^2 (..) is never negative, so that sheets are never negative except for
+   rounding, 4e-7 of the integral. It was fitted to the cut Gaussian: maximum error 2e-4 of the integral, and the shares
+   of all slabs add up to 1. */
 static inline spsi_v spsi_kernel_share(spsi_v v) {
     const spsi_v x = spsi_clamp(v, spsi_set(-1), spsi_set(1)), x2 = spsi_mul(x, x);
     spsi_v p = spsi_set(0.915625417f);

@@ -789,10 +789,9 @@ typedef enum sps_filling {
        than 0.27, voxels of a coarser level are sampled. A texel of a light's sheets has one ray, on such a level.
        Through classified voxels of any size, there is one ray. Volumes are splatted nevertheless, one by one and in
        each pass, if no level fits all of them (at high and ultra, there is none if voxels are more than twice as long
-       as wide), if they are not all well before the eye or the light, if rays cross more
-       than 15 voxels in a slab (11 at high and ultra), or if they are scattered too thinly. Cost besides: 5900 bytes
-       per brick of 8^3 voxels within reach of one, 10900 at high and ultra, and roughly an eighth as many on each
-       coarser level. */
+       as wide), if they are not all well before the eye or the light, if rays cross more than 15 voxels in a slab (11
+       at high and ultra), or if they are scattered too thinly. Cost besides: 5900 bytes per brick of 8^3 voxels within
+       reach of one, 10900 at high and ultra, and roughly an eighth as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -831,11 +830,11 @@ typedef struct sps_view {
        followed through it where it is smooth, 0..1. 0: all are. Slab by slab, sixteen rays stand for a patch of 8 x 8
        pixels or texels, and fewer samples for a thick slab or for many thin ones, where the third differences of voxels
        prove that this keeps within it. What they prove is far more than a picture is off by: errors of either sign are
-       added as if they had one. Sharp or noisy gas remains as it is, as do particles, classified volumes, what
-       emits, voxels smaller than 0.14 pixels, shadow tables, and all that is splatted; kernels' own ripple
-       (sps_quality) is not part of it. What was used of it is in the statistics, eye_bound and light_bound. Cost: 256
-       bytes per tile of 64 x 64 pixels or texels, 32 per brick of 8^3 voxels of the gas's box, and once, after these
-       are read, some 10 operations per voxel. */
+       added as if they had one. Sharp or noisy gas remains as it is, as do particles, classified volumes, what emits,
+       voxels smaller than 0.14 pixels, shadow tables, and all that is splatted; kernels' own ripple (sps_quality) is
+       not part of it. What was used of it is in the statistics, eye_bound and light_bound. Cost: 256 bytes per tile of
+       64 x 64 pixels or texels, 32 per brick of 8^3 voxels of the gas's box, and once, after these are read, some 10
+       operations per voxel. */
     float tolerance;
     sps_scattering scattering; /* 0, the default: SPS_SCATTERING_AUTO, as often as the scene calls for */
     /* SPS_SCATTERING_FULL: cells along the longest side of the gas, up to 256. 0: from quality, 24, 48, 64 or 96. Error

@@ -2,6 +2,8 @@
 #   check     prints the entries that do not apply, and ends with `N passed, N failed`
 #   list      a line for each entry: number, section, function (- outside functions), line of the header, of the list
 #   entry     the text of entry number `entry`
+#   last      the test that noticed entry number `entry` last, and the part of it, as the list has them
+#   record    the list, with the last tests read from standard input, a line for each entry: number, test, part
 #   order     the tests that can notice errors in section `section_name`, likeliest first
 #   named     all tests that any section names
 #   weak      the header with every function weak, so that another object can replace it
@@ -14,6 +16,7 @@ FNR == 1 { ++file }
 
 # ---- the list ----
 
+file == 1 && mode == "record" { listed[FNR] = $0; listed_lines = FNR }
 file == 1 && /^(#|$)/ { next }
 file == 1 && /^tests / {
     at = substr($2, 1, length($2) - 1)
@@ -23,8 +26,9 @@ file == 1 && /^tests / {
     next
 }
 file == 1 && /^- / { old[count] = substr($0, 3); next }
-file == 1 && /^\+/ { new[count] = substr($0, 3); next }
-file == 1 && /^! / { reason[count] = substr($0, 3); next }
+file == 1 && /^\+/ { new[count] = substr($0, 3); end_of[count] = FNR; next }
+file == 1 && /^! / { reason[count] = substr($0, 3); end_of[count] = FNR; next }
+file == 1 && /^= / { last[count] = substr($0, 3); last_line[count] = FNR; next }
 file == 1 {
     line_of[++count] = FNR
     section[count] = substr($0, 1, index($0, ":") - 1)
@@ -117,8 +121,22 @@ function print_header(faces, whole, line, name) {
     }
 }
 
+# The recorded line of an entry comes last.
+function record(n, line) {
+    while ((getline line < "/dev/stdin") > 0) {
+        n = line + 0
+        sub(/^[0-9]+ /, "", line)
+        sub(/ (crash|.*:[0-9]+)$/, "", line) # not a part that can be run by itself
+        if (n in last_line) listed[last_line[n]] = "= " line
+        else listed[end_of[n]] = listed[end_of[n]] "\n= " line
+    }
+    for (n = 1; n <= listed_lines; ++n) print listed[n]
+}
+
 END {
     if (mode == "check") check()
+    if (mode == "last") print last[entry]
+    if (mode == "record") record()
     if (mode == "order") print order[section_name]
     if (mode == "named") print named
     if (mode == "entry") printf "%s: %s\n- %s\n+ %s\n", section[entry], why[entry], old[entry], new[entry]

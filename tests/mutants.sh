@@ -6,6 +6,7 @@
 #   sh tests/mutants.sh check     checks that every entry still applies; prints `N passed, N failed`
 #   sh tests/mutants.sh run       runs all entries; run again to continue after LIMIT seconds
 #   sh tests/mutants.sh show 12   shows the change of entry 12
+#   sh tests/mutants.sh record    writes the tests that noticed into the list
 #
 # SECTION="tag tag" runs only these sections, JOBS= is the number of parallel jobs, LIMIT= seconds after which no more are
 # started, HANG= seconds of processor time after which a test counts as hanging, COMPILE= the compiler of the Makefile's
@@ -16,7 +17,8 @@
 # takes seven. If the error is in a macro, a type or an inline function, everything is rebuilt.
 #
 # build/mutants/results has the results, keyed by a checksum of header, tests and entry; build/mutants/last the test that
-# noticed an entry last, which is run first the next time.
+# noticed an entry last, which is run first the next time. Before there is one, the list's is; a test that noticed takes
+# a second, while one after the other until one does takes ten.
 
 set -u
 cd "$(dirname "$0")/.." || exit 1
@@ -131,11 +133,16 @@ result_of() { # entry
     { echo "$STATE"; text entry "$1"; } | checksum
 }
 
+last_of() { # entry
+    echo "$OUT/last/$(text entry "$1" | checksum)"
+}
+
 run_entry() { # worker, entry, section, function
     result=$OUT/results/$(result_of "$2")
-    last=$OUT/last/$(text entry "$2" | checksum)
+    last=$(last_of "$2")
     [ -e "$result" ] && return
     mkdir "$OUT/taken/$2" 2>/dev/null || return
+    [ -s "$last" ] || text last "$2" > "$last"
     folder=$OUT/work_$1
     if build_mutant "$folder" "$2" "$4" 2> "$OUT/work_$1.txt"; then
         notice "$folder" "$3" "$last" > "$result.new" 2>> "$OUT/work_$1.txt"
@@ -202,9 +209,17 @@ run() {
     report && [ ! -s $OUT/common/failing ]
 }
 
+record() {
+    text list | while read -r entry rest; do
+        last=$(last_of "$entry")
+        [ -s "$last" ] && ! grep -q compile "$last" && echo "$entry $(cat "$last")"
+    done | text record > $OUT/recorded && cp $OUT/recorded $LIST
+}
+
 case ${1:-} in
 check) text check ;;
 show) text entry "$2" ;;
 run) run ;;
+record) record ;;
 *) sed -n '2,/^$/s/^# \{0,1\}//p' "$0"; exit 2 ;;
 esac

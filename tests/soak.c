@@ -40,7 +40,9 @@ static const struct {
     {1, 856, EDGES},
     {1, 889, EVEN},
     {1, 966, LAMP},
+    {6, 13, EDGES},
     {7, 41, EDGES},
+    {21, 0, "classified noise around a lamp: optical depths of its map's rays are 3 % short"},
     {60, 2, EVEN},
 };
 

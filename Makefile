@@ -1,7 +1,7 @@
 # make             builds every example into build/
 # make demo        fetches missing packages if possible, builds, and renders all pictures into build/gallery/
 # make test        all tests in all configurations, under 4 minutes; ends with `N passed, N failed`
-# make test-long   the same with nothing skipped, and in more configurations
+# make test-long   the same with nothing skipped natively, and in more configurations
 # make fuzz        random scenes under sanitizers
 # make soak        random scenes against the reference; COUNT=scenes SEED=first
 # make mutants     deliberate errors in the header, and the test that notices each; LIMIT=2400 seconds, run again to continue
@@ -190,12 +190,14 @@ TESTS_clang     = test_watertight
 TESTS_glsl      = test_sampling
 TESTS_hlsl      = test_sampling
 ifdef SPLATSHADOW_LONG
-$(foreach configuration,$(filter-out native glsl hlsl,$(CONFIGURATIONS)),$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
+CONTRACTING = readme fused clang
+$(foreach configuration,$(filter-out native glsl hlsl $(CONTRACTING),$(CONFIGURATIONS)),$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
+$(foreach configuration,$(CONTRACTING),$(eval TESTS_$(configuration) += test_polygons test_pictures test_filling test_shadows test_tmaps test_simd))
 endif
 
 # Where many tests run in one configuration, the header is compiled once, with every function visible, and each test
-# against its declarations alone; tests/mutants.awk writes both out.
-SPLIT = native sanitized wide_sanitized cpp glsl hlsl unoptimized threads
+# against its declarations alone; tests/mutants.awk writes both out. Not where it matters what is inlined.
+SPLIT = native sanitized wide_sanitized cpp glsl hlsl unoptimized threads $(if $(SPLATSHADOW_LONG),plain baseline)
 SPLIT_CPP = cpp glsl hlsl
 code = build/tests/$(if $(filter $(SPLIT_CPP),$(1)),cpp,$(1)).code.o
 
@@ -300,9 +302,12 @@ run = { $(2); } > build/tests/$(1).log 2>&1; status=$$?; echo "exit status $$sta
 	if [ $$status = 0 ]; then echo "ok      $(1)"; else echo "FAILED  $(1)"; sed 's/^/    /' build/tests/$(1).log; fi
 ONE_PASSED = echo "1 passed, 0 failed"
 
+# Long tests are long natively; in each of a dozen other configurations they would take an hour.
+sized = $(if $(filter native,$(1)),,unset SPLATSHADOW_LONG; )
+
 define configuration_rules
 build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/shaders/*)
-	@$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall $$(INCLUDES) -Iexamples -Itests $$< -o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
+	@$(call sized,$(1))$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall $$(INCLUDES) -Iexamples -Itests $$< -o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
 endef
 
 .PRECIOUS: build/tests/%.code.o
@@ -311,7 +316,7 @@ build/tests/%.code.o: build/tests/weak.h
 
 define split_rules
 build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/shaders/*) $(call code,$(1)) build/tests/faces/splatshadow.h
-	@$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall -Ibuild/tests/faces $$(INCLUDES) -Iexamples -Itests $$< -x none $(call code,$(1)) \
+	@$(call sized,$(1))$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall -Ibuild/tests/faces $$(INCLUDES) -Iexamples -Itests $$< -x none $(call code,$(1)) \
 		-o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
 endef
 $(foreach configuration,$(filter-out $(SPLIT),$(CONFIGURATIONS)),$(eval $(call configuration_rules,$(configuration))))

@@ -4,7 +4,10 @@
 #ifndef BENCH_SCENES_H
 #define BENCH_SCENES_H
 
-static const char program[] = "bench";
+#ifndef BENCH_PROGRAM
+#define BENCH_PROGRAM "bench" /* the name of who measures */
+#endif
+static const char program[] = BENCH_PROGRAM;
 
 #define REPEATS 5 /* frames timed of each contender */
 #define WORKERS 2 /* that the targets speak of */
@@ -22,7 +25,7 @@ typedef struct frame {
     float *rgba;
 } frame;
 
-static void frame_begin(frame *f, int width, int height) {
+static inline void frame_begin(frame *f, int width, int height) {
     memset(f, 0, sizeof *f);
     f->scene.volumes = &f->volume, f->scene.volume_count = 1;
     f->scene.meshes = &f->mesh, f->scene.mesh_count = 1;
@@ -35,22 +38,22 @@ static void frame_begin(frame *f, int width, int height) {
 }
 
 /* The same frame with a picture of its own. */
-static void frame_copy(frame *f, const frame *from) {
+static inline void frame_copy(frame *f, const frame *from) {
     *f = *from;
     f->scene.volumes = &f->volume, f->scene.meshes = &f->mesh, f->scene.lights = &f->light;
     f->rgba = (float *)ex_allocate((size_t)f->view.width * (size_t)f->view.height, 4 * sizeof(float));
 }
 
 /* Another size; what was rendered is lost. */
-static void frame_resize(frame *f, int width, int height) {
+static inline void frame_resize(frame *f, int width, int height) {
     free(f->rgba);
     f->view.width = width, f->view.height = height;
     f->rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof(float));
 }
 
-static void frame_end(frame *f) { free(f->rgba); }
+static inline void frame_end(frame *f) { free(f->rgba); }
 
-static double render_seconds(ex_session *session, const frame *f, const sps_view *view) {
+static inline double render_seconds(ex_session *session, const frame *f, const sps_view *view) {
     sps_image image;
     memset(&image, 0, sizeof image);
     image.rgba = f->rgba;
@@ -60,7 +63,7 @@ static double render_seconds(ex_session *session, const frame *f, const sps_view
 }
 
 /* sps_reference, without light that scatters more than once. */
-static sps_result march(ex_session *session, const frame *f, double step, const sps_image *image) {
+static inline sps_result march(ex_session *session, const frame *f, double step, const sps_image *image) {
     const sps_reference_settings settings = {.step = step};
     return sps_reference(session->context, &f->scene, &f->view, &settings, image);
 }
@@ -77,14 +80,14 @@ typedef struct contender {
     sps_stats_report stats;
 } contender;
 
-static void contender_set(contender *c, ex_session *session, const frame *f, int no_shadows) {
+static inline void contender_set(contender *c, ex_session *session, const frame *f, int no_shadows) {
     memset(c, 0, sizeof *c);
     c->session = session, c->frame = f, c->view = f->view;
     c->view.no_shadows = no_shadows;
 }
 
 /* Times all in turns, so that whatever else the machine does falls on each alike; the first round only warms up. */
-static void race(contender *contenders, int count, int repeats) {
+static inline void race(contender *contenders, int count, int repeats) {
     double *seconds = (double *)ex_allocate((size_t)(count * repeats), sizeof *seconds);
     for (int r = -1; r < repeats; ++r)
         for (int i = 0; i < count; ++i) {
@@ -100,7 +103,7 @@ static void race(contender *contenders, int count, int repeats) {
 }
 
 /* What a first frame takes to read, classify and store voxels: the median of new contexts. */
-static double reading_seconds(const frame *f) {
+static inline double reading_seconds(const frame *f) {
     enum { ROUNDS = 5 };
     double seconds[ROUNDS];
     for (int r = 0; r < ROUNDS; ++r) {
@@ -115,11 +118,11 @@ static double reading_seconds(const frame *f) {
     return ex_percentile(seconds, ROUNDS, 0.5);
 }
 
-static double fragments_per_second(const sps_stats_report *stats) {
+static inline double fragments_per_second(const sps_stats_report *stats) {
     return (double)(stats->light_fragments + stats->eye_fragments) / (stats->seconds_light + stats->seconds_eye);
 }
 
-static void print_stages(const sps_stats_report *s) {
+static inline void print_stages(const sps_stats_report *s) {
     printf("    of %.3f s: read voxels %.3f, polygons %.3f, shadow rays %.3f, sort %.3f, light sheets %.3f, eye sheets "
            "and shading %.3f\n",
            s->seconds_total, s->seconds_gather, s->seconds_polygons, s->seconds_shadow_rays, s->seconds_bin,
@@ -133,7 +136,7 @@ static void print_stages(const sps_stats_report *s) {
 /* =================================================================================================== errors */
 
 /* The root mean square difference of the colors of two frames. */
-static double frames_rms(const frame *a, const frame *b) {
+static inline double frames_rms(const frame *a, const frame *b) {
     const size_t count = 4 * (size_t)a->view.width * (size_t)a->view.height;
     double sum = 0;
     for (size_t i = 0; i < count; ++i)
@@ -149,23 +152,27 @@ typedef struct sampled {
 
 /* The stride must be odd, and an even number of these pixels is taken about the middle: then a smaller picture of a
    camera with a smaller angle has its pixels' centres where the frame has them. */
-static void sampled_march(sampled *t, ex_session *session, const frame *f, int stride, double step) {
-    sps_image image;
-    memset(&image, 0, sizeof image);
+static inline void sampled_begin(sampled *t, const frame *f, int stride) {
     const int side = f->view.width / stride / 2 * 2;
     const double share = side * stride / (double)f->view.width;
     t->stride = stride;
     frame_copy(&t->frame, f);
     frame_resize(&t->frame, side, side);
     t->frame.view.camera.field_of_view = 2 * atan(share * tan(0.5 * f->view.camera.field_of_view));
+}
+
+static inline void sampled_march(sampled *t, ex_session *session, const frame *f, int stride, double step) {
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    sampled_begin(t, f, stride);
     image.rgba = t->frame.rgba;
     ex_stop_unless_ok(march(session, &t->frame, step, &image), program, session);
 }
 
-static void sampled_end(sampled *t) { frame_end(&t->frame); }
+static inline void sampled_end(sampled *t) { frame_end(&t->frame); }
 
 /* The root mean square error in radiance, over red, green and blue. */
-static double sampled_error(const sampled *t, const frame *f) {
+static inline double sampled_error(const sampled *t, const frame *f) {
     const int side = t->frame.view.width, first = (f->view.width - (side - 1) * t->stride - 1) / 2;
     double sum = 0;
     for (int i = 0; i < side * side; ++i) {
@@ -179,17 +186,17 @@ static double sampled_error(const sampled *t, const frame *f) {
 /* ================================================================================================== bonsai */
 
 /* Hands on whether loading a scan has failed, and says why. */
-static int scan_failed(int failed, const ex_error *error) {
+static inline int scan_failed(int failed, const ex_error *error) {
     if (failed) printf("  left out: %s\n", error->text);
     return failed;
 }
 
-static int bonsai_load(ex_grid *grid) {
+static inline int bonsai_load(ex_grid *grid) {
     ex_error error;
     return scan_failed(ex_bonsai_load(grid, &error), &error);
 }
 
-static void bonsai_frame(frame *f, ex_grid *grid) {
+static inline void bonsai_frame(frame *f, ex_grid *grid) {
     static const double eye[3] = {2.2, 2.6, 4.6}, target[3] = {0, 0.95, 0}, light[3] = {-1, -1.6, -0.6};
     frame_begin(f, 512, 512);
     ex_bonsai_volume(&f->volume, grid);
@@ -203,13 +210,13 @@ static void bonsai_frame(frame *f, ex_grid *grid) {
 
 /* =================================================================================================== smoke */
 
-static int smoke_load(ex_grid *grid) {
+static inline int smoke_load(ex_grid *grid) {
     static const int size[3] = {111, 222, 112};
     ex_error error;
     return scan_failed(ex_scan_load(grid, "smoke_openvdb_111x222x112_u16.raw", size, EX_U16, &error), &error);
 }
 
-static void smoke_frame(frame *f, ex_grid *grid) {
+static inline void smoke_frame(frame *f, ex_grid *grid) {
     static const double eye[3] = {1.6, 1.6, 5.2}, target[3] = {0.5, 0.95, 0.5}, light[3] = {-1, -1.3, -0.5};
     frame_begin(f, 288, 480);
     memcpy(f->volume.size, grid->size, sizeof f->volume.size);
@@ -230,7 +237,7 @@ static void smoke_frame(frame *f, ex_grid *grid) {
 /* =============================================================================================== particles */
 
 /* Particles evenly spread in a ball of radius 1, each a few texels wide. */
-static sps_particle *puff_build(size_t count) {
+static inline sps_particle *puff_build(size_t count) {
     sps_particle *list = (sps_particle *)ex_allocate(count, sizeof *list);
     uint32_t random = 7;
     for (size_t i = 0; i < count;) {
@@ -245,7 +252,7 @@ static sps_particle *puff_build(size_t count) {
 }
 
 /* A million of them, or fewer, 1024 x 768; the caller frees particles->user. Stays where it is, as a frame does. */
-static void particles_frame(frame *f, sps_particles *particles, size_t count) {
+static inline void particles_frame(frame *f, sps_particles *particles, size_t count) {
     sps_particle *list = puff_build(count);
     for (size_t i = 0; i < count && count > 500000; ++i) list[i].radius *= 0.5f;
     memset(particles, 0, sizeof *particles);
@@ -276,7 +283,7 @@ typedef struct blob {
 } blob;
 
 /* What the voxels' kernels make of the blob: a Gaussian of the sum of the variances and of the same mass. */
-static blob blob_through_kernels(int grid) {
+static inline blob blob_through_kernels(int grid) {
     const double kernel = 0.65 * BLOB_BOX * BLOB_WIDTH / grid;
     blob b;
     b.width = sqrt(BLOB_WIDTH * BLOB_WIDTH + kernel * kernel);
@@ -285,13 +292,13 @@ static blob blob_through_kernels(int grid) {
 }
 
 /* Optical depth along a line at squared distance `apart` from the middle, from s0 to s1 counted from the foot. */
-static double blob_depth(const blob *b, double apart, double s0, double s1) {
+static inline double blob_depth(const blob *b, double apart, double s0, double s1) {
     const double across = exp(-0.5 * apart / (b->width * b->width)), unit = 1 / (b->width * sqrt(2.0));
     return b->middle * b->width * sqrt(0.5 * EX_PI) * across * (erf(s1 * unit) - erf(s0 * unit));
 }
 
 /* Light that is left at a point, of what would arrive without the blob. */
-static double blob_lit(const blob *b, const double point[3]) {
+static inline double blob_lit(const blob *b, const double point[3]) {
     double from[3];
     for (int i = 0; i < 3; ++i) from[i] = point[i] - blob_centre[i];
     const double along = ex_dot(from, blob_light);
@@ -299,7 +306,7 @@ static double blob_lit(const blob *b, const double point[3]) {
 }
 
 /* Gauss-Legendre nodes and weights on -1..1, by Newton's method on the recurrence. */
-static void legendre_nodes(int count, double *nodes, double *weights) {
+static inline void legendre_nodes(int count, double *nodes, double *weights) {
     for (int i = 0; i < count; ++i) {
         double x = cos(EX_PI * (i + 0.75) / (count + 0.5)), slope = 1;
         for (int step = 0; step < 20; ++step) {
@@ -322,11 +329,11 @@ typedef struct blob_task {
     double *image;
 } blob_task;
 
-static void blob_point(const double direction[3], double t, double point[3]) {
+static inline void blob_point(const double direction[3], double t, double point[3]) {
     for (int i = 0; i < 3; ++i) point[i] = blob_eye[i] + t * direction[i];
 }
 
-static double blob_radiance(const blob_task *task, const double direction[3]) {
+static inline double blob_radiance(const blob_task *task, const double direction[3]) {
     const blob *b = &task->shape;
     double middle[3], point[3], sum = 0;
     for (int i = 0; i < 3; ++i) middle[i] = blob_centre[i] - blob_eye[i];
@@ -346,7 +353,7 @@ static double blob_radiance(const blob_task *task, const double direction[3]) {
     return sum + 0.5 * -blob_light[1] * blob_lit(b, point) * exp(-blob_depth(b, apart, -foot, plane - foot));
 }
 
-static void blob_row(void *data, int y, int worker) {
+static inline void blob_row(void *data, int y, int worker) {
     const blob_task *task = (const blob_task *)data;
     const double pitch = 2 * tan(13 * EX_PI / 180) / task->size;
     (void)worker;
@@ -362,7 +369,7 @@ static void blob_row(void *data, int y, int worker) {
 }
 
 /* The exact image; freed by the caller. The camera looks along -z and down, so that its right is x. */
-static double *blob_exact(ex_session *session, blob shape, int size) {
+static inline double *blob_exact(ex_session *session, blob shape, int size) {
     blob_task task;
     const double dy = blob_target[1] - blob_eye[1], dz = blob_target[2] - blob_eye[2], length = sqrt(dy * dy + dz * dz);
     const double rows[3][3] = {{1, 0, 0}, {0, dz / length, -dy / length}, {0, dy / length, dz / length}};
@@ -376,7 +383,7 @@ static double *blob_exact(ex_session *session, blob shape, int size) {
 
 /* ============================================================================= ... and as the library has it */
 
-static int blob_density(void *user, size_t count, const double *positions, float *out) {
+static inline int blob_density(void *user, size_t count, const double *positions, float *out) {
     (void)user;
     for (size_t i = 0; i < count; ++i, positions += 3) {
         double square = 0;
@@ -387,7 +394,7 @@ static int blob_density(void *user, size_t count, const double *positions, float
     return 0;
 }
 
-static int plane_read(void *user, size_t first, size_t count, sps_triangle *out) {
+static inline int plane_read(void *user, size_t first, size_t count, sps_triangle *out) {
     static const float corners[4][3] = {{-30, 0, -30}, {30, 0, -30}, {30, 0, 30}, {-30, 0, 30}};
     (void)user;
     for (size_t i = 0; i < count; ++i)
@@ -396,7 +403,7 @@ static int plane_read(void *user, size_t first, size_t count, sps_triangle *out)
     return 0;
 }
 
-static void blob_frame(frame *f, int grid, int size) {
+static inline void blob_frame(frame *f, int grid, int size) {
     frame_begin(f, size, size);
     for (int i = 0; i < 3; ++i) {
         f->volume.size[i] = grid;
@@ -414,7 +421,7 @@ static void blob_frame(frame *f, int grid, int size) {
 }
 
 /* Root mean square, and if asked for the 99th percentile, of the differences in radiance. */
-static double image_error(const float *rgba, const double *exact, int size, double *high) {
+static inline double image_error(const float *rgba, const double *exact, int size, double *high) {
     const size_t count = (size_t)size * (size_t)size;
     double *differences = (double *)ex_allocate(count, sizeof(double)), sum = 0;
     for (size_t i = 0; i < count; ++i) {
@@ -428,14 +435,14 @@ static double image_error(const float *rgba, const double *exact, int size, doub
 
 /* ======================================================================================= a box full of gas */
 
-static int full_density(void *user, size_t count, const double *positions, float *out) {
+static inline int full_density(void *user, size_t count, const double *positions, float *out) {
     (void)user;
     for (size_t i = 0; i < count; ++i, positions += 3)
         out[i] = (float)(1.2 + sin(7 * positions[0]) * sin(5 * positions[1]) * sin(6 * positions[2]));
     return 0;
 }
 
-static void full_frame(frame *f, int size) {
+static inline void full_frame(frame *f, int size) {
     blob_frame(f, 256, size);
     f->volume.eval_fn = full_density, f->volume.concurrent = 1, f->volume.extinction = 0.3f;
     f->scene.mesh_count = 0;
@@ -443,7 +450,7 @@ static void full_frame(frame *f, int size) {
 
 /* ==================================================================================== the smoke over a ground */
 
-static void smoke_ground_frame(frame *f, ex_grid *grid, int size) {
+static inline void smoke_ground_frame(frame *f, ex_grid *grid, int size) {
     smoke_frame(f, grid);
     frame_resize(f, size, size);
     f->mesh.triangle_count = 2, f->mesh.read_fn = plane_read;

@@ -526,6 +526,41 @@ static void test_whole_tile(void) {
     even(pixels, 64 * 64, 3, exact, exp(-tau) * tau * ripple[1] + ROUND);
 }
 
+static double speckles(const void *user, const double p[3]) {
+    const int cell = (int)floor(20 * p[0] + 40) * 7919 + (int)floor(20 * p[1] + 40) * 104729 + (int)floor(20 * p[2] + 40);
+    (void)user;
+    return cell % 11 == 0 ? 1 : 0.1;
+}
+
+/* Footprints a few pixels wide are splatted two rows at a time, from their first row on. A picture's tiles begin where
+   its region does, so that other rows go together in each of these: the bits of a pixel depend on neither that nor on
+   the tile that cuts the footprint. */
+static void test_rows_of_regions(void) {
+    enum { WIDE = 80 };
+    static float whole[4 * WIDE * WIDE], part[4 * WIDE * WIDE];
+    static const check_field field = {speckles, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+    check_scene s;
+    sps_volume *volume;
+    check_clear(&s, WIDE, WIDE);
+    check_orthographic(&s.view.camera, 2);
+    check_set3(s.view.camera.position, 2, 3, 9);
+    volume = check_add_volume(&s, 40, 40, 40, check_box(-1, -1, -1, 1, 1, 1));
+    volume->eval_fn = check_eval_field, volume->user = (void *)(size_t)&field;
+    volume->extinction = 2;
+    check_color(volume->emission, 1, 1, 1);
+    s.view.filling = SPS_FILLING_SPLAT;
+    if (!check_render(context, &s, whole)) return;
+    for (int n = 0; n < 6; ++n) {
+        const int x = 3 * n, y = 1 + 2 * n, wide = WIDE - x - n, high = WIDE - y - 7 * n;
+        int differ = 0;
+        s.view.region[0] = x, s.view.region[1] = y, s.view.region[2] = wide, s.view.region[3] = high;
+        if (!check_render(context, &s, part)) return;
+        for (int row = 0; row < high; ++row)
+            differ += memcmp(part + 4 * row * wide, whole + 4 * ((y + row) * WIDE + x), sizeof(float) * 4 * (size_t)wide) != 0;
+        if (!CHECK(differ == 0)) printf("    region %d: %d rows differ\n", n, differ);
+    }
+}
+
 /* A near plane amid gas that is lit along the eye's rays, from the front or from behind: alpha of the gas beyond it is
    1 - e^-tau, and light from behind passes tau on its way in and out, wherever it is scattered; light from the front
    also passes the gas in front of the near plane. Depths are RIPPLE off. The field is uniform for 0.1 on either side of
@@ -713,6 +748,7 @@ int main(void) {
     RUN(test_patches);
     RUN(test_faces_of_a_slab);
     RUN(test_whole_tile);
+    RUN(test_rows_of_regions);
     RUN(test_near_plane_amid_gas);
     RUN(test_needle);
     RUN(test_beside_what_has_ended);

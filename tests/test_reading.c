@@ -528,6 +528,26 @@ static void test_planned(void) {
     }
 }
 
+/* Behind the last point of a transfer function its appearance goes on, up to any value_max. */
+static void test_behind_the_last_point(void) {
+    static const sps_transfer_point points[] = {
+        {0.1f, {0.9f, 0.8f, 0.7f}, 0}, {0.4f, {0.6f, 0.5f, 0.3f}, 0.3f}, {1, {0.6f, 0.5f, 0.3f}, 0.3f}};
+    sps_transfer ends_early = {points, 2, NULL, NULL, 1}, ends = {points, 3, NULL, NULL, 1};
+    for (int i = 0; i < 2; ++i) {
+        check_hooks hooks;
+        check_scene s;
+        source from;
+        int workers = 1;
+        sps_context *context = begin(&workers, 1, &hooks);
+        start(&s, CLASSIFIED, &from, 1);
+        s.volume[0].transfer = i ? &ends : &ends_early;
+        check_color(s.scene.ambient, 1, 1, 1);
+        check_render(context, &s, i ? pixels_b : pixels_a);
+        end(context, &hooks);
+    }
+    CHECK(memcmp(pixels_a, pixels_b, sizeof pixels_a) == 0);
+}
+
 /* --- parts --- */
 
 static void test_bits(void) {
@@ -584,5 +604,6 @@ int main(void) {
     RUN(test_map);
     RUN(test_failures);
     RUN(test_planned);
+    RUN(test_behind_the_last_point);
     return check_report();
 }

@@ -218,6 +218,27 @@ static void test_lamp(void) {
     }
 }
 
+/* A lamp above a floor, both of any size: the same picture. Squares of its distances are far below the least float. The
+   scale is a power of two, so that rounding is the same. */
+static void test_tiny_lamp(void) {
+    const double scales[2] = {1, ldexp(1, -75)};
+    for (int n = 0; n < 2; ++n) {
+        const double scale = scales[n];
+        const double origin[3] = {-scale, -scale, 0}, u[3] = {2 * scale, 0, 0}, v[3] = {0, 2 * scale, 0};
+        check_triangles floor_of = {0};
+        check_scene s;
+        check_clear(&s, 24, 24);
+        check_set3(s.view.camera.position, 0, 0, 3 * scale);
+        check_orthographic(&s.view.camera, 1.8 * scale);
+        check_add_quad(&floor_of, origin, u, v);
+        check_add_mesh(&s, &floor_of, 0.8);
+        check_add_point(&s, 0.2 * scale, 0.1 * scale, 0.3 * scale, 1)->falloff = SPS_FALLOFF_NONE;
+        check_render(context, &s, n ? image_b : image_a);
+        check_free_triangles(&floor_of);
+    }
+    CHECK(check_largest(image_a, image_b, 4 * 24 * 24) == 0);
+}
+
 /* A light that rotates through a right angle to the view, where slabs flip and the numbers of texels change: from frame
    to frame the picture's error changes by less than the reference itself. */
 static void test_turning_light(void) {
@@ -755,6 +776,7 @@ int main(void) {
     RUN(test_flat_voxels);
     RUN(test_grazing_rays);
     RUN(test_lamp);
+    RUN(test_tiny_lamp);
     RUN(test_turning_light);
     RUN(test_steep_onset);
     RUN(test_lobes_alone);

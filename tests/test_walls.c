@@ -732,6 +732,28 @@ static void test_scaled(void) {
     }
 }
 
+/* Colors do not mix: each channel is that of a picture all of whose gas and polygons have its color. Numbers of rounds
+   are chosen by the brightest one, and what is left out beyond them is below a thousandth of the light. */
+static void test_channels(void) {
+    static const double colors[3] = {0.98, 0.8, 0.5};
+    for (int channel = -1; channel < 3; ++channel) {
+        const double same = channel < 0 ? 0 : colors[channel];
+        double off = 0;
+        check_scene s;
+        start(&s, &forward);
+        add_place(&s, ON_FLOOR);
+        if (channel < 0)
+            check_color(s.volume[0].albedo, colors[0], colors[1], colors[2]);
+        else
+            check_color(s.volume[0].albedo, same, same, same);
+        if (!check_render(context, &s, channel < 0 ? image_b : image_a)) return;
+        for (int i = 0; i < PIXELS && channel >= 0; ++i)
+            off = fmax(off, fabs((double)image_a[4 * i + channel] - (double)image_b[4 * i + channel]));
+        if (figures()) printf("channel %d: off by %.2g of %.2g\n", channel, off, mean_of(image_b));
+        CHECK(off <= 1e-3 * mean_of(image_b));
+    }
+}
+
 /* --- workers, memory --- */
 
 static void test_workers(void) {
@@ -801,6 +823,7 @@ int main(void) {
     RUN(test_paths);
     RUN(test_paths_unshadowed);
     RUN(test_scaled);
+    RUN(test_channels);
     RUN(test_workers);
     RUN(test_failures);
     RUN(test_plan);

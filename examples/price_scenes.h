@@ -1,0 +1,369 @@
+/* price_scenes.h: the twelve scenes of prices.c, each with its truth: six that have a closed form or an independent
+   estimate, and six like assets. Include after bench_scenes.h. */
+
+#ifndef PRICE_SCENES_H
+#define PRICE_SCENES_H
+
+#define PRICE_SIZE 256 /* pixels along both sides */
+
+/* A scene and what its pictures are compared with. `kept`: what must outlive it. Stays where it is, as a frame does. */
+typedef struct priced {
+    frame frame;
+    sampled truth;
+    double noise; /* standard error of the truth, root mean square; 0: it has none */
+    struct {
+        ex_grid grid;
+        sps_particles particles;
+        sps_particle *list;
+        ex_mesh land;
+    } kept;
+} priced;
+
+/* ============================================================================================ closed forms */
+
+/* The radiance, the same in red, green and blue, at a pixel's centre. */
+typedef double (*exact_fn)(const priced *p, double x, double y);
+
+/* An orthographic picture of `height` world units about the origin, seen along -z, and its exact pixels. */
+static void exact_truth(priced *p, exact_fn exact) {
+    frame *t = &p->truth.frame;
+    const int size = p->frame.view.width;
+    const double pixel = p->frame.view.camera.ortho_height / size;
+    p->truth.stride = 1;
+    frame_copy(t, &p->frame);
+    for (int i = 0; i < size * size; ++i) {
+        const double x = pixel * (i % size - 0.5 * (size - 1)), y = pixel * (0.5 * (size - 1) - i / size);
+        for (int c = 0; c < 3; ++c) t->rgba[4 * i + c] = (float)exact(p, x, y);
+    }
+}
+
+static void seen_from_above(priced *p, double height) {
+    frame_begin(&p->frame, PRICE_SIZE, PRICE_SIZE);
+    p->frame.scene.volume_count = p->frame.scene.mesh_count = p->frame.scene.light_count = 0;
+    p->frame.view.camera.position[2] = 10;
+    p->frame.view.camera.ortho_height = height;
+}
+
+static int even_density(void *user, size_t count, const double *positions, float *out) {
+    (void)user, (void)positions;
+    for (size_t i = 0; i < count; ++i) out[i] = 1;
+    return 0;
+}
+
+static void add_gas(frame *f, int voxels, double extinction) {
+    f->scene.volume_count = 1;
+    for (int i = 0; i < 3; ++i) f->volume.size[i] = voxels, f->volume.albedo[i] = 0.9f;
+    f->volume.concurrent = 1, f->volume.revision = 1;
+    f->volume.extinction = (float)extinction;
+}
+
+static void add_sun(frame *f, double x, double y, double z, double irradiance) {
+    f->scene.light_count = 1;
+    f->light.direction[0] = x, f->light.direction[1] = y, f->light.direction[2] = z;
+    for (int c = 0; c < 3; ++c) f->light.color[c] = (float)irradiance;
+}
+
+/* A slab of even gas, 1 thick and 6 wide, lit at 45 degrees. With the light's and the eye's optical depths at depth s,
+   t s sqrt 2 and t s, single scattering is a E / (4 pi (1 + sqrt 2)) (1 - exp(-t (1 + sqrt 2))). The light's sheets see
+   the slab's whole width; the picture shows its middle, where light comes in through the face alone. */
+static const double slab_depth = 3;
+
+static double slab_exact(const priced *p, double x, double y) {
+    const double both = 1 + sqrt(2.0);
+    (void)p, (void)x, (void)y;
+    return (double)0.9f * EX_PI / (4 * EX_PI * both) * -expm1(-slab_depth * both);
+}
+
+static int build_slab(priced *p, ex_session *session) {
+    static const double edges[3] = {6, 6, 1};
+    (void)session;
+    seen_from_above(p, 1);
+    add_gas(&p->frame, 96, slab_depth);
+    p->frame.volume.size[2] = 32;
+    for (int i = 0; i < 3; ++i) {
+        p->frame.volume.placement.axis[i][i] = edges[i];
+        p->frame.volume.placement.origin[i] = -0.5 * edges[i];
+    }
+    p->frame.volume.eval_fn = even_density;
+    add_sun(&p->frame, 1, 0, -1, EX_PI);
+    exact_truth(p, slab_exact);
+    return 0;
+}
+
+static int build_blob(priced *p, ex_session *session) {
+    const blob shape = {BLOB_WIDTH, BLOB_EXTINCTION};
+    double *exact = blob_exact(session, shape, PRICE_SIZE);
+    blob_frame(&p->frame, 128, PRICE_SIZE);
+    p->truth.stride = 1;
+    frame_copy(&p->truth.frame, &p->frame);
+    for (int i = 0; i < PRICE_SIZE * PRICE_SIZE; ++i)
+        for (int c = 0; c < 3; ++c) p->truth.frame.rgba[4 * i + c] = (float)exact[i];
+    free(exact);
+    return 0;
+}
+
+/* A ball of even gas that absorbs, before white: exp(-t 2 sqrt(1 - b^2)). Voxels hold the share of them that it fills,
+   by the distance of their middle, so that the error at its rim is theirs. */
+static const double ball_extinction = 2, ball_box = 2.5;
+enum { BALL_VOXELS = 96 };
+
+static double ball_exact(const priced *p, double x, double y) {
+    const double square = 1 - x * x - y * y;
+    (void)p;
+    return square > 0 ? exp(-2 * ball_extinction * sqrt(square)) : 1;
+}
+
+static int ball_density(void *user, size_t count, const double *positions, float *out) {
+    const double voxel = ball_box / BALL_VOXELS;
+    (void)user;
+    for (size_t i = 0; i < count; ++i, positions += 3)
+        out[i] = (float)fmin(fmax((1 - sqrt(ex_dot(positions, positions))) / voxel + 0.5, 0), 1);
+    return 0;
+}
+
+static int build_ball(priced *p, ex_session *session) {
+    (void)session;
+    seen_from_above(p, 2.4);
+    add_gas(&p->frame, BALL_VOXELS, ball_extinction);
+    for (int i = 0; i < 3; ++i) {
+        p->frame.volume.albedo[i] = 0, p->frame.scene.background[i] = 1;
+        p->frame.volume.placement.axis[i][i] = ball_box;
+        p->frame.volume.placement.origin[i] = -0.5 * ball_box;
+    }
+    p->frame.volume.eval_fn = ball_density;
+    exact_truth(p, ball_exact);
+    return 0;
+}
+
+/* The ground below the edge of a plate, 1 above it, under a sun that subtends 2 r = 0.06: at x it sees the segment of
+   the sun's disc beyond the edge, (acos q - q sqrt(1 - q^2)) / pi of it with q = -x / tan r. A ray's cosine, which the
+   ground's irradiance has, differs from 1 by r^2 / 2 at most: 0.0005 of the light. The eye is below the plate. */
+static const double penumbra_half = 0.03;
+
+static double penumbra_exact(const priced *p, double x, double y) {
+    const double q = fmin(fmax(-x / tan(penumbra_half), -1), 1);
+    (void)p, (void)y;
+    return 0.5 * (acos(q) - q * sqrt(1 - q * q)) / EX_PI;
+}
+
+static int edge_read(void *user, size_t first, size_t count, sps_triangle *out) {
+    static const float corners[2][4][3] = {{{-3, -3, 0}, {3, -3, 0}, {3, 3, 0}, {-3, 3, 0}},
+                                           {{-3, -3, 1}, {0, -3, 1}, {0, 3, 1}, {-3, 3, 1}}};
+    (void)user;
+    for (size_t i = 0; i < count; ++i)
+        for (size_t k = 0; k < 3; ++k) {
+            const size_t n = first + i, corner = k == 0 ? 0 : n % 2 + k;
+            memcpy(out[i].position[k], corners[n / 2][corner], sizeof corners[0][0]);
+        }
+    return 0;
+}
+
+static int build_penumbra(priced *p, ex_session *session) {
+    (void)session;
+    seen_from_above(p, 0.12);
+    p->frame.view.camera.position[2] = 0.5;
+    p->frame.scene.mesh_count = 1;
+    p->frame.mesh.triangle_count = 4, p->frame.mesh.read_fn = edge_read;
+    for (int c = 0; c < 3; ++c) p->frame.mesh.color[c] = 0.5f;
+    add_sun(&p->frame, 0, 0, -1, EX_PI);
+    p->frame.light.angular_diameter = 2 * penumbra_half;
+    exact_truth(p, penumbra_exact);
+    return 0;
+}
+
+/* Forty soft particles that absorb, before white: a ray at distance b from the middle of one of radius r passes
+   t (1 - (b / r)^2)^1.5 of its optical depth t, since 1 - s^2 over a chord of half length h is 4/3 h^3 of 4/3. */
+enum { CHORDS = 40 };
+
+static double chords_exact(const priced *p, double x, double y) {
+    double depth = 0;
+    for (int i = 0; i < CHORDS; ++i) {
+        const sps_particle *at = p->kept.list + i;
+        const double dx = x - (double)at->position[0], dy = y - (double)at->position[1], r = (double)at->radius;
+        const double inside = 1 - (dx * dx + dy * dy) / (r * r);
+        if (inside > 0) depth += (double)at->optical_depth * pow(inside, 1.5);
+    }
+    return exp(-depth);
+}
+
+static int build_chords(priced *p, ex_session *session) {
+    uint32_t random = 3;
+    (void)session;
+    seen_from_above(p, 2.4);
+    p->kept.list = (sps_particle *)ex_allocate(CHORDS, sizeof *p->kept.list);
+    for (int i = 0; i < CHORDS; ++i) {
+        sps_particle *at = p->kept.list + i;
+        for (int k = 0; k < 3; ++k) at->position[k] = (float)(1.6 * ex_random(&random) - 0.8);
+        at->radius = (float)(0.1 + 0.3 * ex_random(&random));
+        at->optical_depth = (float)(0.2 + 2 * ex_random(&random));
+    }
+    p->kept.particles.count = CHORDS, p->kept.particles.soft = 1;
+    p->kept.particles.read_fn = ex_particles_read, p->kept.particles.user = p->kept.list;
+    p->frame.scene.particles = &p->kept.particles, p->frame.scene.particle_set_count = 1;
+    for (int c = 0; c < 3; ++c) p->frame.scene.background[c] = 1;
+    exact_truth(p, chords_exact);
+    return 0;
+}
+
+/* ============================================================================================== references */
+
+/* sps_reference at every stride-th pixel, in steps of that many voxels; with `samples` random paths of light that
+   scatters any number of times. */
+static void marched_truth(priced *p, ex_session *session, int stride, double step, int samples) {
+    sampled *t = &p->truth;
+    sampled_begin(t, &p->frame, stride);
+    const size_t count = (size_t)t->frame.view.width * (size_t)t->frame.view.height;
+    float *error = samples > 0 ? (float *)ex_allocate(3 * count, sizeof(float)) : NULL;
+    const sps_reference_settings settings = {.step = step, .samples = samples, .seed = 1, .error = error};
+    sps_image image = {0};
+    double sum = 0;
+    image.rgba = t->frame.rgba;
+    ex_stop_unless_ok(sps_reference(session->context, &t->frame.scene, &t->frame.view, &settings, &image), program,
+                      session);
+    for (size_t i = 0; error && i < 3 * count; ++i) sum += (double)error[i] * (double)error[i];
+    p->noise = sqrt(sum / (3 * (double)count));
+    free(error);
+}
+
+/* The slab again, of albedo 0.99 and seen at an angle, with all light that scatters in it: random paths. */
+static int build_scattering(priced *p, ex_session *session) {
+    frame_begin(&p->frame, PRICE_SIZE, PRICE_SIZE);
+    p->frame.scene.mesh_count = 0;
+    add_gas(&p->frame, 48, 4);
+    p->frame.volume.size[2] = 24;
+    for (int i = 0; i < 3; ++i) {
+        p->frame.volume.albedo[i] = 0.99f;
+        p->frame.volume.placement.axis[i][i] = i == 2 ? 1 : 2;
+        p->frame.volume.placement.origin[i] = i == 2 ? -0.5 : -1;
+    }
+    p->frame.volume.eval_fn = even_density;
+    add_sun(&p->frame, 0.6, -0.5, -1, EX_PI);
+    p->frame.view.camera.position[0] = 2, p->frame.view.camera.position[2] = 5;
+    p->frame.view.camera.field_of_view = 0.5;
+    p->frame.view.scattering = SPS_SCATTERING_FULL;
+    marched_truth(p, session, 5, 1, 400);
+    return 0;
+}
+
+static int build_smoke(priced *p, ex_session *session) {
+    if (smoke_load(&p->kept.grid)) return 1;
+    smoke_ground_frame(&p->frame, &p->kept.grid, PRICE_SIZE);
+    marched_truth(p, session, 5, 0.5, 0);
+    return 0;
+}
+
+static int build_soft_sun(priced *p, ex_session *session) {
+    if (smoke_load(&p->kept.grid)) return 1;
+    smoke_ground_frame(&p->frame, &p->kept.grid, PRICE_SIZE);
+    p->frame.light.angular_diameter = 10 * EX_PI / 180;
+    p->frame.light.samples = 0;
+    marched_truth(p, session, 9, 1, 0);
+    return 0;
+}
+
+static int build_scan(priced *p, ex_session *session) {
+    if (bonsai_load(&p->kept.grid)) return 1;
+    bonsai_frame(&p->frame, &p->kept.grid);
+    frame_resize(&p->frame, PRICE_SIZE, PRICE_SIZE);
+    p->frame.volume.shading = SPS_SHADING_SURFACE;
+    marched_truth(p, session, 5, 0.25, 0);
+    return 0;
+}
+
+/* The cloud, lit by all light that scatters in it. */
+static int build_cloud(priced *p, ex_session *session) {
+    static const int size[3] = {126, 86, 154};
+    static const sps_lobe lobe = {0.6f, 1};
+    static const double eye[3] = {1.6, 0.9, 2.6}, target[3] = {0.5, 0.32, 0.5};
+    ex_error error;
+    if (scan_failed(ex_scan_load(&p->kept.grid, "wdas_cloud_sixteenth_126x86x154_u16.raw", size, EX_U16, &error),
+                    &error))
+        return 1;
+    smoke_frame(&p->frame, &p->kept.grid);
+    frame_resize(&p->frame, PRICE_SIZE, PRICE_SIZE);
+    p->frame.scene.mesh_count = 0;
+    for (int i = 0; i < 3; ++i) {
+        p->frame.volume.placement.axis[i][i] = size[i] / 154.0;
+        p->frame.volume.albedo[i] = 0.99f;
+        p->frame.light.color[i] = (float)EX_PI;
+    }
+    p->frame.volume.extinction = 60, p->frame.volume.lobes = &lobe, p->frame.volume.lobe_count = 1;
+    memcpy(p->frame.view.camera.position, eye, sizeof eye);
+    memcpy(p->frame.view.camera.target, target, sizeof target);
+    p->frame.view.scattering = SPS_SCATTERING_FULL;
+    marched_truth(p, session, 9, 2, 100);
+    return 0;
+}
+
+/* Gas over polygons on a ground two thousand times as wide, under a low sun. */
+static int build_mixed(priced *p, ex_session *session) {
+    static const float earth[3] = {0.5f, 0.45f, 0.4f}, brick[3] = {0.6f, 0.3f, 0.2f};
+    ex_mesh *land = &p->kept.land;
+    blob_frame(&p->frame, 96, PRICE_SIZE);
+    ex_shape_quad(land, ex_vec_of(-2000, 0, -2000), ex_vec_of(-2000, 0, 2000), ex_vec_of(2000, 0, 2000),
+                  ex_vec_of(2000, 0, -2000), earth);
+    for (int i = 0; i < 5; ++i) {
+        const ex_vec low = ex_vec_of(i - 2.2, 0, -0.9 + 0.45 * i);
+        ex_shape_box(land, low, ex_vec_add(low, ex_vec_of(0.35, 0.6 + 0.2 * i, 0.3)), brick);
+    }
+    p->frame.mesh = ex_shape_mesh(land);
+    p->frame.mesh.revision = 1;
+    add_sun(&p->frame, -1, -0.45, -0.3, EX_PI);
+    for (int c = 0; c < 3; ++c) p->frame.scene.ambient[c] = 0.1f;
+    marched_truth(p, session, 5, 1, 0);
+    return 0;
+}
+
+static int fog_density(void *user, size_t count, const double *positions, float *out) {
+    (void)user;
+    for (size_t i = 0; i < count; ++i, positions += 3) {
+        const ex_vec at = ex_vec_of(2 * positions[0], 2 * positions[1], 2 * positions[2]);
+        out[i] = (float)fmax(0.35 + ex_fractal(at, 3), 0);
+    }
+    return 0;
+}
+
+/* A lamp amid uneven fog, over a plane. */
+static int build_lamp(priced *p, ex_session *session) {
+    blob_frame(&p->frame, 96, PRICE_SIZE);
+    p->frame.volume.eval_fn = fog_density, p->frame.volume.extinction = 1.5f;
+    p->frame.light.kind = SPS_LIGHT_POINT;
+    p->frame.light.position[0] = 0.2, p->frame.light.position[1] = 1.1;
+    for (int c = 0; c < 3; ++c) p->frame.light.color[c] = 2;
+    marched_truth(p, session, 5, 0.5, 0);
+    return 0;
+}
+
+/* =================================================================================================== scenes */
+
+typedef struct price_scene {
+    const char *name, *truth, *file;
+    int (*build)(priced *p, ex_session *session); /* returns non-zero if it needs data that is not there */
+    int is_asset;
+} price_scene;
+
+static const price_scene price_scenes[] = {
+    {"Slab", "closed form", "slab", build_slab, 0},
+    {"Blob over a plane", "closed form", "blob", build_blob, 0},
+    {"Ball", "closed form", "ball", build_ball, 0},
+    {"Penumbra of an edge", "closed form", "penumbra", build_penumbra, 0},
+    {"Slab that scatters", "random paths", "scattering", build_scattering, 0},
+    {"Chords of particles", "closed form", "chords", build_chords, 0},
+    {"Cloud", "random paths", "cloud", build_cloud, 1},
+    {"Smoke over a ground", "sps_reference", "smoke", build_smoke, 1},
+    {"Bonsai, a surface", "sps_reference", "bonsai", build_scan, 1},
+    {"Gas, boxes and a ground of 4000", "sps_reference", "mixed", build_mixed, 1},
+    {"Smoke under a sun of 10 degrees", "sps_reference", "soft_sun", build_soft_sun, 1},
+    {"Lamp in fog", "sps_reference", "lamp", build_lamp, 1},
+};
+enum { PRICE_SCENES = sizeof price_scenes / sizeof *price_scenes };
+
+static void priced_end(priced *p) {
+    frame_end(&p->frame);
+    sampled_end(&p->truth);
+    free(p->kept.list);
+    if (p->kept.grid.data) ex_grid_free(&p->kept.grid);
+    ex_mesh_free(&p->kept.land);
+}
+
+#endif /* PRICE_SCENES_H */

@@ -1,0 +1,471 @@
+/* prices: what accuracy costs. Twelve scenes, in each of which every knob is turned by itself, and then the one that
+   pays most, again and again: error against the truth, and time beside that of the same scene at `medium`.
+   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/prices.c -o prices -lm
+   prices FOLDER          prints Markdown, and writes prices.csv and charts into the folder
+   prices FOLDER SCENE    that scene alone, by the name of its file: slab, blob, ball, ... See price_scenes.h
+   With SPLATSHADOW_DATA=folder, where the scans lie, these too. */
+
+#define SPLATSHADOW_IMPLEMENTATION
+#define BENCH_PROGRAM "prices"
+#include "measuring.h"
+#include "particles.h"
+#include "scans.h"
+#include "shapes.h"
+#include "picture.h"
+#include "chart.h"
+#include "bench_scenes.h"
+#include "price_scenes.h"
+
+/* ================================================================================================== knobs */
+
+/* Something that trades time for error. Values go from cheap to exact; `fits`: whether a scene has what it turns. */
+typedef struct knob {
+    const char *name;
+    int (*fits)(const frame *f);
+    void (*turn)(frame *f, int value);
+    int count;
+    const char *words[10];
+} knob;
+
+static int has_gas(const frame *f) { return f->scene.volume_count > 0 || f->scene.particle_set_count > 0; }
+static int has_volume(const frame *f) { return f->scene.volume_count > 0; }
+static int has_light(const frame *f) { return f->scene.light_count > 0; }
+static int has_smooth_gas(const frame *f) { return has_volume(f) && !f->volume.transfer; }
+static int has_shadows(const frame *f) { return has_light(f) && has_gas(f); }
+static int is_extended(const frame *f) { return has_light(f) && f->light.angular_diameter > 0; }
+static int has_maps(const frame *f) { return has_shadows(f) && !is_extended(f); }
+static int is_scattering(const frame *f) { return f->view.scattering == SPS_SCATTERING_FULL; }
+
+static void turn_quality(frame *f, int value) {
+    static const sps_quality values[] = {SPS_QUALITY_DRAFT, SPS_QUALITY_MEDIUM, SPS_QUALITY_HIGH, SPS_QUALITY_ULTRA};
+    f->view.quality = values[value];
+}
+
+static void turn_slab(frame *f, int value) {
+    static const double values[] = {16, 8, 4, 2, 1, 0.5, 0.25};
+    f->view.slab = values[value];
+}
+
+static void turn_filling(frame *f, int value) { f->view.filling = value ? SPS_FILLING_GATHER : SPS_FILLING_SPLAT; }
+
+static void turn_tolerance(frame *f, int value) {
+    static const float values[] = {0.1f, 0.02f, 0.005f};
+    f->view.tolerance = values[value];
+}
+
+static void turn_lookups(frame *f, int value) {
+    static const float values[] = {0.1f, 0.03f, 0.01f};
+    f->view.lookup_threshold = values[value];
+}
+
+static void turn_shadow_size(frame *f, int value) { f->view.shadow_size = 64 << value; }
+static void turn_samples(frame *f, int value) { f->light.samples = 4 << (2 * value); }
+
+static void turn_table(frame *f, int value) {
+    f->light.shadow_source = SPS_SHADOW_TABLE;
+    f->light.shadow_map_size = 64 << value;
+}
+
+static void turn_map(frame *f, int value) {
+    static const sps_tmap_settings maps[] = {{.technique = SPS_TMAP_OPACITY, .components = 16},
+                                             {.technique = SPS_TMAP_OPACITY, .components = 64},
+                                             {.technique = SPS_TMAP_DEEP_OPACITY, .components = 16},
+                                             {.technique = SPS_TMAP_FOURIER, .components = 16},
+                                             {.technique = SPS_TMAP_ADAPTIVE, .components = 32},
+                                             {.technique = SPS_TMAP_COMPRESSED, .epsilon = 0.003f},
+                                             {.technique = SPS_TMAP_DEEP}};
+    f->light.shadow_source = SPS_SHADOW_AUTO;
+    f->light.shadow_map = &maps[value];
+    f->light.shadow_map_size = 256;
+}
+
+static void turn_scattering(frame *f, int value) {
+    static const sps_scattering values[] = {SPS_SCATTERING_OFF, SPS_SCATTERING_FORWARD, SPS_SCATTERING_CONVOLUTION,
+                                            SPS_SCATTERING_AUTO};
+    f->view.scattering = values[value];
+}
+
+static void turn_scatter_size(frame *f, int value) { f->view.scatter_size = 16 << value; }
+
+static const knob knobs[] = {
+    {"quality", has_gas, turn_quality, 4, {"draft", "medium", "high", "ultra"}},
+    {"slab", has_gas, turn_slab, 7, {"16", "8", "4", "2", "1", "0.5", "0.25"}},
+    {"shadow_size", has_shadows, turn_shadow_size, 5, {"64", "128", "256", "512", "1024"}},
+    {"filling", has_volume, turn_filling, 2, {"splat", "gather"}},
+    {"tolerance", has_smooth_gas, turn_tolerance, 3, {"0.1", "0.02", "0.005"}},
+    {"lookup_threshold", has_shadows, turn_lookups, 3, {"0.1", "0.03", "0.01"}},
+    {"samples", is_extended, turn_samples, 4, {"4", "16", "64", "256"}},
+    {"table", has_maps, turn_table, 4, {"64", "128", "256", "512"}},
+    {"map of 256 texels",
+     has_maps,
+     turn_map,
+     7,
+     {"opacity 16", "opacity 64", "deep opacity 16", "Fourier 16", "adaptive 32", "compressed 0.003", "deep"}},
+    {"scattering", is_scattering, turn_scattering, 4, {"off", "forward", "convolution", "auto"}},
+    {"scatter_size", is_scattering, turn_scatter_size, 4, {"16", "32", "64", "128"}},
+};
+enum { KNOBS = sizeof knobs / sizeof *knobs, AS_IT_IS = -1 };
+
+/* ================================================================================================= trials */
+
+/* A setting that was rendered: the value of each knob, or AS_IT_IS. */
+typedef struct trial {
+    int at[KNOBS];
+    double rms, high, bias; /* of the error in radiance: root mean square, 99th percentile of its size, mean */
+    double seconds, bytes;  /* the median of some frames, voxels held; as planned */
+} trial;
+
+enum { TRIALS = 600, FRAMES = 3, USES_MOST = 8 };
+
+typedef struct price {
+    const price_scene *scene;
+    ex_session session;
+    priced *priced;
+    frame shown;                    /* the setting, and its picture */
+    double mean;                    /* radiance of the truth */
+    trial *trials;                  /* the first one is the scene as it is, at medium */
+    int trial_count;                /* trials that were refused are left out */
+    const trial *of_use[USES_MOST]; /* NULL: refused */
+} price;
+
+static void compare(const price *p, trial *t) {
+    const sampled *truth = &p->priced->truth;
+    const int side = truth->frame.view.width, first = (PRICE_SIZE - (side - 1) * truth->stride - 1) / 2;
+    const size_t count = 3 * (size_t)side * (size_t)side;
+    double *sizes = (double *)ex_allocate(count, sizeof *sizes), squares = 0, sum = 0;
+    for (size_t i = 0; i < count; ++i) {
+        const int pixel = (int)(i / 3), x = first + pixel % side * truth->stride,
+                  y = first + pixel / side * truth->stride;
+        const double found = (double)p->shown.rgba[4 * (y * PRICE_SIZE + x) + (int)(i % 3)];
+        const double off = found - (double)truth->frame.rgba[4 * (size_t)pixel + i % 3];
+        sizes[i] = fabs(off), squares += off * off, sum += off;
+    }
+    t->rms = sqrt(squares / (double)count), t->bias = sum / (double)count;
+    t->high = ex_percentile(sizes, count, 0.99);
+    free(sizes);
+}
+
+static void turn_all(price *p, const int at[KNOBS]) {
+    float *rgba = p->shown.rgba;
+    p->shown = p->priced->frame;
+    p->shown.rgba = rgba;
+    p->shown.scene.volumes = &p->shown.volume, p->shown.scene.meshes = &p->shown.mesh;
+    p->shown.scene.lights = &p->shown.light;
+    for (int k = 0; k < KNOBS; ++k)
+        if (at[k] != AS_IT_IS) knobs[k].turn(&p->shown, at[k]);
+}
+
+/* The trial of a setting, rendered if it is new; NULL if the library refuses it. */
+static const trial *try_setting(price *p, const int at[KNOBS]) {
+    trial *t = p->trials + p->trial_count;
+    double seconds[FRAMES];
+    sps_plan_report plan;
+    int frames = 0;
+    for (int n = 0; n < p->trial_count; ++n)
+        if (memcmp(p->trials[n].at, at, sizeof t->at) == 0) return p->trials + n;
+    turn_all(p, at);
+    if (p->trial_count == TRIALS) return NULL;
+    if (sps_plan(p->session.context, &p->shown.scene, &p->shown.view, &plan) != SPS_OK) return NULL;
+    memcpy(t->at, at, sizeof t->at);
+    render_seconds(&p->session, &p->shown, &p->shown.view); /* reads voxels, and makes what is held */
+    do {
+        seconds[frames] = render_seconds(&p->session, &p->shown, &p->shown.view);
+    } while (++frames < FRAMES && seconds[0] < 2);
+    t->seconds = ex_percentile(seconds, (size_t)frames, 0.5);
+    t->bytes = (double)plan.bytes;
+    compare(p, t);
+    p->trial_count += 1;
+    return t;
+}
+
+/* Every value of every knob by itself. */
+static void try_singles(price *p) {
+    for (int k = 0; k < KNOBS; ++k)
+        for (int value = 0; knobs[k].fits(&p->priced->frame) && value < knobs[k].count; ++value) {
+            int at[KNOBS];
+            for (int i = 0; i < KNOBS; ++i) at[i] = AS_IT_IS;
+            at[k] = value;
+            try_setting(p, at);
+        }
+}
+
+/* What is recommended for a use: the values of some knobs by their names. */
+typedef struct use {
+    const char *name;
+    struct {
+        const char *knob, *word;
+    } turned[5];
+} use;
+
+static const use uses[] = {
+    {"preview",
+     {{"quality", "draft"}, {"slab", "8"}, {"shadow_size", "128"}, {"lookup_threshold", "0.1"}, {"samples", "4"}}},
+    {"game asset, bake", {{"quality", "medium"}, {"samples", "64"}}},
+    {"film still", {{"quality", "high"}, {"samples", "256"}}},
+    {"measurement", {{"quality", "ultra"}, {"slab", "0.5"}, {"shadow_size", "1024"}, {"samples", "256"}}},
+};
+enum { USES = sizeof uses / sizeof *uses };
+
+/* The setting of a use, without the knobs that a scene has not. */
+static void use_setting(const use *u, const frame *f, int at[KNOBS]) {
+    for (int k = 0; k < KNOBS; ++k) {
+        at[k] = AS_IT_IS;
+        for (size_t i = 0; i < sizeof u->turned / sizeof *u->turned && u->turned[i].knob; ++i)
+            for (int value = 0; value < knobs[k].count; ++value)
+                if (knobs[k].fits(f) && !strcmp(knobs[k].name, u->turned[i].knob) &&
+                    !strcmp(knobs[k].words[value], u->turned[i].word))
+                    at[k] = value;
+    }
+}
+
+/* What one more turn brings: towards exact, how much the error falls for the time that it takes; towards cheap, how
+   much the time falls for the error that it makes. Logarithms, so that halving counts alike anywhere; below a twentieth
+   nothing counts, since times are noisy. */
+static double worth(const trial *from, const trial *to, int exact) {
+    const double gain = exact ? log(from->rms / to->rms) : log(from->seconds / to->seconds);
+    const double loss = exact ? log(to->seconds / from->seconds) : log(to->rms / from->rms);
+    return gain > 0.05 ? gain / fmax(loss, 0.02) : 0;
+}
+
+/* From the scene as it is, one turn after the other of the knob that brings most. */
+static void try_path(price *p, int exact) {
+    enum { TURNS = 6 };
+    const trial *from = p->trials;
+    for (int turn = 0; turn < TURNS; ++turn) {
+        const trial *best = NULL;
+        double most = 0;
+        for (int k = 0; k < KNOBS; ++k)
+            for (int value = 0; knobs[k].fits(&p->priced->frame) && value < knobs[k].count; ++value) {
+                int at[KNOBS];
+                memcpy(at, from->at, sizeof at);
+                if (at[k] != AS_IT_IS && abs(value - at[k]) != 1) continue;
+                at[k] = value;
+                const trial *to = try_setting(p, at);
+                if (to && worth(from, to, exact) > most) most = worth(from, to, exact), best = to;
+            }
+        if (!best) return;
+        from = best;
+    }
+}
+
+static int compare_seconds(const void *a, const void *b) {
+    const double left = ((const trial *)a)->seconds, right = ((const trial *)b)->seconds;
+    return (left > right) - (left < right);
+}
+
+/* The trials of which none is both faster and more exact, fastest first. The caller frees them. */
+static trial *front_of(const price *p, int *count) {
+    trial *front = (trial *)ex_allocate((size_t)p->trial_count, sizeof *front);
+    double least = HUGE_VAL;
+    memcpy(front, p->trials, (size_t)p->trial_count * sizeof *front);
+    qsort(front, (size_t)p->trial_count, sizeof *front, compare_seconds);
+    *count = 0;
+    for (int i = 0; i < p->trial_count; ++i)
+        if (front[i].rms < least) least = front[i].rms, front[(*count)++] = front[i];
+    return front;
+}
+
+/* ================================================================================================= output */
+
+static void setting_words(const int at[KNOBS], char *text, size_t size) {
+    size_t used = 0;
+    text[0] = 0;
+    for (int k = 0; k < KNOBS && used < size; ++k)
+        if (at[k] != AS_IT_IS)
+            used += (size_t)snprintf(text + used, size - used, "%s%s %s", used ? ", " : "", knobs[k].name,
+                                     knobs[k].words[at[k]]);
+    if (!used) snprintf(text, size, "as it is");
+}
+
+static void write_rows(FILE *csv, const price *p) {
+    for (int n = 0; n < p->trial_count; ++n) {
+        const trial *t = p->trials + n;
+        char words[300];
+        setting_words(t->at, words, sizeof words);
+        fprintf(csv, "%s,\"%s\",%.4g,%.4g,%.4g,%.4g,%.4g,%.4g,%.3g,%.0f\n", p->scene->file, words, t->rms,
+                t->rms / p->mean, t->high, t->bias, p->priced->noise, t->seconds, t->seconds / p->trials->seconds,
+                t->bytes);
+    }
+}
+
+/* The cheapest trial of each error: the answer to "I want this error: what do I take?" */
+static void print_wanted(const price *p) {
+    static const double wanted[] = {0.1, 0.03, 0.01, 0.003, 0.001, 0.0003};
+    for (size_t i = 0; i < sizeof wanted / sizeof *wanted; ++i) {
+        const trial *best = NULL;
+        char words[300];
+        for (int n = 0; n < p->trial_count; ++n)
+            if (p->trials[n].rms <= wanted[i] * p->mean && (!best || p->trials[n].seconds < best->seconds))
+                best = p->trials + n;
+        if (!best) {
+            printf("| %g %% | not reached | | | | |\n", 100 * wanted[i]);
+            return;
+        }
+        setting_words(best->at, words, sizeof words);
+        printf("| %g %% | %.3g %% | %.3g %% | %.2f | %.1f | %s |\n", 100 * wanted[i], 100 * best->rms / p->mean,
+               100 * best->bias / p->mean, best->seconds / p->trials->seconds, 1e-6 * best->bytes, words);
+    }
+}
+
+/* How steep each knob is by itself: its cheapest and its most exact value beside the scene as it is. */
+static void print_knobs(const price *p) {
+    printf("\n| knob | value | error | 99 %% of pixels within | bias | time | MB |\n|---|---|---|---|---|---|---|\n");
+    for (int n = 0; n < p->trial_count; ++n) {
+        const trial *t = p->trials + n;
+        int turned = 0, knob_number = AS_IT_IS;
+        for (int k = 0; k < KNOBS; ++k)
+            if (t->at[k] != AS_IT_IS) turned += 1, knob_number = k;
+        if (turned > 1) continue;
+        printf("| %s | %s | %.3g %% | %.3g %% | %+.2g %% | %.2f | %.1f |\n", turned ? knobs[knob_number].name : "",
+               turned ? knobs[knob_number].words[t->at[knob_number]] : "as it is", 100 * t->rms / p->mean,
+               100 * t->high / p->mean, 100 * t->bias / p->mean, t->seconds / p->trials->seconds, 1e-6 * t->bytes);
+    }
+}
+
+static void draw_front(const price *p, const char *folder) {
+    ex_canvas canvas = ex_canvas_begin(420, 300, 1);
+    ex_chart chart = {56, 28, 350, 226, {0, 0}, {0, 0}, "error in %, time 1: medium", "time", 0};
+    ex_error error;
+    char file[64];
+    int count;
+    trial *front = front_of(p, &count);
+    double(*points)[2] = (double(*)[2])ex_allocate((size_t)p->trial_count, sizeof *points);
+    for (int n = 0; n < p->trial_count; ++n)
+        ex_chart_reach(&chart, p->trials[n].seconds / p->trials->seconds, 100 * p->trials[n].rms / p->mean);
+    ex_chart_widen(&chart);
+    ex_chart_frame(&canvas, &chart);
+    for (int n = 0; n < p->trial_count; ++n) {
+        const double x = ex_chart_x(&chart, p->trials[n].seconds / p->trials->seconds);
+        const double y = ex_chart_y(&chart, 100 * p->trials[n].rms / p->mean);
+        ex_canvas_line(&canvas, x, y, x, y, 3, 0xa0a0a0);
+    }
+    for (int i = 0; i < count; ++i) {
+        points[i][0] = front[i].seconds / p->trials->seconds;
+        points[i][1] = 100 * front[i].rms / p->mean;
+    }
+    ex_chart_curve(&canvas, &chart, (const double(*)[2])points, count, EX_MARK_DISC, 0x1060c0);
+    snprintf(file, sizeof file, "prices_%s", p->scene->file);
+    ex_stop_if(ex_canvas_write(&canvas, folder, file, &error), program, &error);
+    free(front), free(points), ex_canvas_end(&canvas);
+}
+
+/* ================================================================================================== scenes */
+
+/* Returns non-zero if the scene needs data that is not there. */
+static int price_begin(price *p, const price_scene *scene) {
+    memset(p, 0, sizeof *p);
+    p->scene = scene, p->priced = (priced *)ex_allocate(1, sizeof *p->priced);
+    memset(p->priced, 0, sizeof *p->priced);
+    ex_session_measure(&p->session, program, WORKERS);
+    if (scene->build(p->priced, &p->session)) {
+        free(p->priced), ex_session_end(&p->session);
+        return 1;
+    }
+    const frame *truth = &p->priced->truth.frame;
+    const size_t count = (size_t)truth->view.width * (size_t)truth->view.height;
+    for (size_t i = 0; i < 4 * count; ++i)
+        if (i % 4 != 3) p->mean += (double)truth->rgba[i] / (3 * (double)count);
+    frame_copy(&p->shown, &p->priced->frame);
+    p->trials = (trial *)ex_allocate(TRIALS, sizeof *p->trials);
+    return 0;
+}
+
+static void price_end(price *p) {
+    free(p->trials), frame_end(&p->shown);
+    priced_end(p->priced), free(p->priced);
+}
+
+static void measure(price *p) {
+    int at[KNOBS];
+    for (int k = 0; k < KNOBS; ++k) at[k] = AS_IT_IS;
+    try_setting(p, at);
+    try_singles(p);
+    for (int u = 0; u < USES; ++u) {
+        use_setting(uses + u, &p->priced->frame, at);
+        p->of_use[u] = try_setting(p, at);
+    }
+    try_path(p, 0);
+    try_path(p, 1);
+    ex_session_end(&p->session);
+}
+
+static void print_scene(const price *p) {
+    printf("\n### %s\n\n![Error against time](prices_%s.png)\n\nTruth: %s", p->scene->name, p->scene->file,
+           p->scene->truth);
+    if (p->priced->noise > 0) printf(", off by %.2g %% itself", 100 * p->priced->noise / p->mean);
+    printf(". At medium: %.3g %% in %.1f ms.\n\n| wanted | error | bias | time | MB | cheapest setting |\n"
+           "|---|---|---|---|---|---|\n",
+           100 * p->trials->rms / p->mean, 1e3 * p->trials->seconds);
+    print_wanted(p);
+}
+
+/* Error and time of a use over all scenes: the middle one, and the worst. */
+static void print_uses(const price *prices, int count) {
+    printf("\n## By use\n\n| use | settings | error: middle scene | worst | time: middle scene | worst |\n"
+           "|---|---|---|---|---|---|\n");
+    for (int u = 0; u < USES; ++u) {
+        double errors[PRICE_SCENES], times[PRICE_SCENES];
+        int found = 0;
+        for (int i = 0; i < count; ++i) {
+            const trial *t = prices[i].of_use[u];
+            if (t)
+                errors[found] = 100 * t->rms / prices[i].mean, times[found++] = t->seconds / prices[i].trials->seconds;
+        }
+        printf("| %s |", uses[u].name);
+        for (size_t i = 0; i < sizeof uses->turned / sizeof *uses->turned && uses[u].turned[i].knob; ++i)
+            printf("%s %s %s", i ? "," : "", uses[u].turned[i].knob, uses[u].turned[i].word);
+        if (!found) continue;
+        printf(" | %.2g %% | %.2g %% | %.2g | %.2g |\n", ex_percentile(errors, (size_t)found, 0.5),
+               ex_percentile(errors, (size_t)found, 1), ex_percentile(times, (size_t)found, 0.5),
+               ex_percentile(times, (size_t)found, 1));
+    }
+}
+
+static void print_all(const price *prices, int count) {
+    printf("## You want this error: take this\n\n%d x %d pixels, %d workers, voxels held. Errors are root mean "
+           "squares in radiance, relative to the mean of the truth;\ntimes are relative to the scene at `medium`. "
+           "Grey dots in the charts are all settings that were tried, blue ones those of which\nnone is both faster "
+           "and more exact.\n",
+           PRICE_SIZE, PRICE_SIZE, WORKERS);
+    for (int i = 0; i < count; ++i) print_scene(prices + i);
+    print_uses(prices, count);
+    printf("\n## Every knob by itself\n");
+    for (int i = 0; i < count; ++i) {
+        printf("\n### %s, every knob\n", prices[i].scene->name);
+        print_knobs(prices + i);
+    }
+}
+
+static FILE *open_table(const char *folder) {
+    char path[4096];
+    snprintf(path, sizeof path, "%s/prices.csv", folder);
+    FILE *csv = fopen(path, "w");
+    if (csv)
+        fprintf(csv, "scene,setting,rms,rms_of_mean,p99,bias,noise,seconds,time,bytes\n");
+    else
+        fprintf(stderr, "%s: cannot write %s\n", program, path);
+    return csv;
+}
+
+int main(int argc, char **argv) {
+    static price prices[PRICE_SCENES];
+    int count = 0;
+    if (argc < 2) {
+        fprintf(stderr, "%s FOLDER [SCENE]\n", program);
+        return EX_MISTAKEN;
+    }
+    FILE *csv = open_table(argv[1]);
+    if (!csv) return EX_FAILED;
+    for (int i = 0; i < PRICE_SCENES; ++i) {
+        if (argc > 2 && strcmp(argv[2], price_scenes[i].file)) continue;
+        if (price_begin(prices + count, price_scenes + i)) continue;
+        measure(prices + count);
+        write_rows(csv, prices + count);
+        draw_front(prices + count, argv[1]);
+        count += 1;
+    }
+    fclose(csv);
+    print_all(prices, count);
+    for (int i = 0; i < count; ++i) price_end(prices + i);
+    return EX_OK;
+}

@@ -5514,7 +5514,8 @@ static void spsi_mesh_build(const sps_mesh *from, int index, spsi_mesh *mesh) {
     mesh->triangle_count = from->triangle_count;
     spsi_placement_resolve(&from->placement, &mesh->placement);
     memcpy(mesh->color, from->color, sizeof mesh->color);
-    memcpy(mesh->transmittance, from->transmittance, sizeof mesh->transmittance);
+    for (int c = 0; c < 3; ++c)
+        mesh->transmittance[c] = from->transmittance[c] < SPSI_VALUE_MIN ? 0 : from->transmittance[c];
     mesh->has_normals = from->has_normals != 0;
     mesh->has_colors = from->has_colors != 0;
     mesh->read_fn = from->read_fn;
@@ -5524,23 +5525,27 @@ static void spsi_mesh_build(const sps_mesh *from, int index, spsi_mesh *mesh) {
     mesh->revision = from->revision;
 }
 
+/* Lists the meshes that have triangles. */
 static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     spsi_meshes *meshes = &frame->meshes;
-    meshes->list = (spsi_mesh *)spsi_reserve(context, SPSI_BUFFER_MESHES, (size_t)scene->mesh_count, sizeof(spsi_mesh));
+    size_t count = 0;
+    for (int i = 0; i < scene->mesh_count; ++i) count += scene->meshes[i].triangle_count > 0;
+    meshes->list = (spsi_mesh *)spsi_reserve(context, SPSI_BUFFER_MESHES, count, sizeof(spsi_mesh));
     if (!meshes->list) return context->result;
     for (int i = 0; i < scene->mesh_count; ++i) {
-        spsi_mesh *mesh = &meshes->list[meshes->count];
-        spsi_mesh_build(&scene->meshes[i], i, mesh);
-        if (spsi_check_placement(context, &mesh->placement, SPS_OBJECT_MESH, i)) return context->result;
+        spsi_mesh mesh;
+        spsi_mesh_build(&scene->meshes[i], i, &mesh);
+        if (spsi_check_placement(context, &mesh.placement, SPS_OBJECT_MESH, i)) return context->result;
+        if (mesh.triangle_count == 0) continue;
         /* both are at most SPSI_FACES_MAX, so that the sum fits a size_t of 32 bits */
-        meshes->triangle_count += mesh->triangle_count;
-        meshes->textured_count += mesh->shade_fn ? mesh->triangle_count : 0;
-        for (int c = 0; c < 3 && mesh->triangle_count > 0; ++c) meshes->translucent |= mesh->transmittance[c] > 0;
+        meshes->triangle_count += mesh.triangle_count;
+        meshes->textured_count += mesh.shade_fn ? mesh.triangle_count : 0;
+        for (int c = 0; c < 3; ++c) meshes->translucent |= mesh.transmittance[c] > 0;
         if (meshes->triangle_count > SPSI_FACES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i,
                                    "triangle_count, with those before it,", (double)meshes->triangle_count,
                                    "all meshes together must have 2^29 at most");
-        meshes->count += mesh->triangle_count > 0; /* an empty one is overwritten by the next */
+        meshes->list[meshes->count++] = mesh;
     }
     return SPS_OK;
 }
@@ -5725,12 +5730,14 @@ static sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame) {
 /* Lists the lights that are not black; none if nothing in the scene could reflect or scatter them. */
 static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
+    size_t lit = 0;
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         frame->matter.extinguishes |= material->extinguishes;
         frame->gradients.exist |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
     }
-    frame->lamps.list = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, (size_t)count, sizeof(spsi_lamp));
+    for (int i = 0; i < count; ++i) lit += !spsi_black(scene->lights[i].color);
+    frame->lamps.list = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, lit, sizeof(spsi_lamp));
     if (!frame->lamps.list) return context->result;
     for (int i = 0; i < count; ++i) {
         spsi_lamp *lamp = &frame->lamps.list[frame->lamps.count];

@@ -891,7 +891,7 @@ typedef enum sps_pass {
     SPS_PASS_LAYERS,         /* lists translucent polygons, and what edges show, pixel by pixel */
     SPS_PASS_TEXTURES,       /* calls shade_fn for the points of polygons that pixels show */
     SPS_PASS_LIGHT_POLYGONS, /* rasterises triangles into depth maps, for gas that scatters, per shadowing light without
-                                penumbrae */
+                                penumbrae; counts maps that no triangle turns out to reach */
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree of triangles for shadow rays */
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
     SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets with volumes and particles, once per sweep; twice if light
@@ -9645,7 +9645,7 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_lamp *lamp, c
 /* For each texel, the plane of the polygon nearest to the light, which is evaluated on the gas's own ray. So a plane
    shades nothing in front of it, however slanted it is; the texel size shows only at a polygon's edge. */
 typedef struct spsi_depth_map {
-    int face_count; /* 0: no polygons; 1; 6 for a point light amid the gas */
+    int face_count; /* 0: no polygon reaches into it; 1; 6 for a point light amid the gas */
     spsi_rays rays[SPSI_CUBE_FACES];
     float *depths[SPSI_CUBE_FACES];    /* at texel centres, t - depth_reference; infinity: no polygon */
     float *slopes[SPSI_CUBE_FACES][2]; /* rise of the plane from texel to texel along x and y */
@@ -9811,6 +9811,17 @@ static void spsi_depth_map_spread(const spsi_depth_map *map, int face, float *al
     memcpy(map->nearest[face], alone, (size_t)columns * (size_t)rows * sizeof *alone);
     spsi_cells_spread(map->nearest[face], columns, rows, 1);
     spsi_cells_spread(alone, columns, rows, SPSI_CELLS_FAR);
+}
+
+/* Whether an opaque polygon may reach into the map: most do, so that the first one mostly tells. */
+static int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *map) {
+    for (int i = 0; i < faces->count; ++i)
+        for (int face = 0; face < map->face_count && !spsi_face_is_translucent(&faces->list[i]); ++face) {
+            int box[4];
+            spsi_face_box(faces, i, &map->rays[face], box);
+            if (box[2] >= box[0] && box[3] >= box[1]) return 1;
+        }
+    return 0;
 }
 
 /* Rasterises the polygons into a depth map, as the light sees them. */
@@ -18675,6 +18686,7 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
     for (int i = 0; i < count; ++i) {
         if (shadows[i].soft) continue;
         spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), texel, &shadows[i].depth_map);
+        if (!spsi_depth_map_met(faces, &shadows[i].depth_map)) shadows[i].depth_map.face_count = 0;
         more = spsi_depth_map_floats(&shadows[i].depth_map);
         floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
     }

@@ -823,8 +823,8 @@ typedef struct sps_view {
     int coverage_samples;
     /* Optical depth, along an eye's ray, over which gas may be lit as at the last place where its shadows were looked
        up, 0..1. 0: they are looked up at every slab. A pixel is off by no more than twice this times what its gas would
-       scatter without shadow, mostly far less; 0.01 spares most lookups of thin gas. Shadows of polygons are never
-       skipped. */
+       scatter per unit of optical depth without shadow (isotropic: color * albedo / 4 pi), mostly far less; 0.01 spares
+       most lookups of thin gas. Shadows of polygons are never skipped. */
     float lookup_threshold;
     /* Optical depth, along any ray of the eye or of a light's sheets, by which gas may be off so that fewer rays are
        followed through it where it is smooth, 0..1. 0: all are. Slab by slab, sixteen rays stand for a patch of 8 x 8
@@ -6591,6 +6591,12 @@ static int spsi_lights_polygons(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && gas > 0 && (frame->matter.emits || frame->ambient.exists);
 }
 
+/* Whether there is light that gas may scatter, or that it lights polygons by or keeps from them. */
+static int spsi_light_meets_gas(const spsi_frame *frame) {
+    const int lit = frame->lamps.count > 0 || frame->matter.emits || frame->ambient.exists;
+    return (lit && frame->matter.scatters) || spsi_lights_polygons(frame);
+}
+
 /* A coarse grid of upper bounds of extinction. A straight way advances by at least 1 / sqrt 3 of its length along one
    of the axes, so that its optical depth is at most sqrt 3 times the integral, along that axis, of the largest bound in
    each plane across it. */
@@ -6773,9 +6779,9 @@ static int spsi_polygons_scatter(const spsi_frame *frame) {
 static sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame, double *bound) {
     *bound = 0;
     if (frame->view.scattering != SPS_SCATTERING_AUTO) return SPS_OK;
-    if (spsi_polygons_scatter(frame)) {
+    if (spsi_light_meets_gas(frame) && spsi_polygons_scatter(frame)) {
         *bound = SPSI_BOUND_NONE;
-    } else if (frame->matter.scatters || spsi_lights_polygons(frame)) {
+    } else if (spsi_light_meets_gas(frame)) {
         const double depth = spsi_densest_way(context, frame), x = -spsi_largest_albedo(frame) * expm1(-depth);
         if (depth < 0) return context->result;
         *bound = x < 1 ? fmin(x / (1 - x), SPSI_BOUND_NONE) : SPSI_BOUND_NONE;
@@ -9212,7 +9218,7 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
 /* Whether light is followed from cell to cell, >>cells; or may be, until SPS_SCATTERING_AUTO is decided. */
 static int spsi_scatters_fully(const spsi_frame *frame) {
     return (frame->view.scattering == SPS_SCATTERING_FULL || frame->view.scattering == SPS_SCATTERING_AUTO) &&
-           (frame->matter.scatters || spsi_lights_polygons(frame));
+           spsi_light_meets_gas(frame);
 }
 
 /* Whether rays are traced through the polygons. */
@@ -13601,6 +13607,15 @@ static size_t spsi_levels_bytes(const spsi_frame *frame, int medium, size_t bric
     return bytes;
 }
 
+/* Whether a volume may use a tolerance: neither what is classified nor what emits does. */
+static int spsi_may_interpolate(const spsi_frame *frame) {
+    for (int m = 0; m < frame->medium_count && frame->view.tolerance > 0; ++m) {
+        const spsi_material *material = &frame->matter.materials[frame->media[m].channel];
+        if (!material->table && !material->emits) return 1;
+    }
+    return 0;
+}
+
 /* Upper bound of the bytes of all fields, for a number of bricks that may be read. */
 static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
     const size_t most = spsi_field_cells_most(bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
@@ -13613,7 +13628,7 @@ static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
         all += cells < most ? cells : most;
         bytes += spsi_levels_bytes(frame, m, bricks);
     }
-    if (frame->view.tolerance > 0) bytes += spsi_bends_bytes(all);
+    if (spsi_may_interpolate(frame)) bytes += spsi_bends_bytes(all);
     return bytes + spsi_field_grid_bytes(all) + (27 * bricks < all ? 27 * bricks : all) * each;
 }
 
@@ -25046,7 +25061,7 @@ static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *
 /* Bytes of what is used of a tolerance by the eye's rays and, if it has sheets, by a light's. */
 static size_t spsi_plan_spent_bytes(const spsi_frame *frame, size_t side) {
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    if (!(frame->view.tolerance > 0) || frame->medium_count == 0) return 0;
+    if (!spsi_may_interpolate(frame)) return 0;
     return spsi_spent_bytes(&frame->content->eye) + 64 * sizeof(float) * tiles * tiles;
 }
 
@@ -25383,9 +25398,10 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                        ? "view.scattering is auto: unless gas, which was not read yet, turns out to be thin"
                    : report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is above the tolerance"
                                                : "view.scattering asks for it",
-                   !frame->matter.scatters     ? "nothing scatters: albedo 0 or no extinction"
-                   : report->scatter_bound > 0 ? once
-                                               : "view.scattering does not ask for it");
+                   !frame->matter.scatters        ? "nothing scatters: albedo 0 or no extinction"
+                   : !spsi_light_meets_gas(frame) ? "no light"
+                   : report->scatter_bound > 0    ? once
+                                                  : "view.scattering does not ask for it");
     spsi_plan_pass(report, SPS_PASS_EMISSION, frame->matter.emits, "volumes or particles emit", "nothing emits");
     spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->ambient.exists && (frame->matter.scatters || polygons),
                    "there is ambient light", frame->ambient.exists ? "nothing to light" : "ambient is black");

@@ -356,6 +356,11 @@ static inline void ex_absorb_unlit(ex_stage *s) {
     ex_absorb(s);
     ex_no_light(s);
 }
+/* Polygons keep the light in the scene. */
+static inline void ex_absorb_beside(ex_stage *s) {
+    ex_absorb(s);
+    ex_add_polygons(s);
+}
 static inline void ex_polygons_again(ex_stage *s) {
     ex_add_polygons(s);
     ex_look_again(s);
@@ -434,6 +439,27 @@ static inline void ex_whole_region(ex_stage *s) {
     s->view.region[2] = s->view.width, s->view.region[3] = s->view.height;
 }
 static inline void ex_make_noise(ex_stage *s) { s->clouds[0].read_fn = ex_noise_read; }
+
+static inline void ex_table_no_shadow(ex_stage *s) {
+    s->lights[0].no_shadow = 1;
+    s->lights[0].shadow_source = SPS_SHADOW_TABLE;
+    s->lights[0].shadow_map_size = 256;
+}
+static inline void ex_many_points(ex_stage *s) { s->lights[0].samples = 256; }
+static inline void ex_fine_sheets(ex_stage *s) { s->view.shadow_size = 512; }
+static inline void ex_many_cells(ex_stage *s) { s->view.scatter_size = 200; }
+/* Behind the eye, and not on the light's way. */
+static inline void ex_add_volume_behind(ex_stage *s) {
+    s->clouds[1] = s->clouds[0];
+    s->clouds[1].placement.origin[2] = 40;
+    s->scene.volume_count = 2;
+}
+static inline void ex_add_swarm_behind(ex_stage *s) {
+    static sps_particle far_ball;
+    ex_add_swarm(s);
+    far_ball.position[2] = 40, far_ball.radius = 0.2f, far_ball.optical_depth = 1;
+    s->swarm.user = &far_ball, s->swarm.count = 1;
+}
 
 /* ================================================================================================= the lists */
 
@@ -518,10 +544,10 @@ static const ex_unneeded ex_unneeded_effects[] = {
     {"a cone of nearly the whole sphere", ex_make_lamp, ex_make_wide_spot, EX_UNTOUCHED, 0, ""},
     {"an even lobe", NULL, ex_scatter_evenly, EX_UNTOUCHED, 0, ""},
     {"a shininess without `specular`", ex_classify_surface, ex_dull_surface, EX_UNTOUCHED, 0, ""},
-    {"scattering forward in gas that absorbs", ex_absorb, ex_scatter_ways_forward, EX_UNTOUCHED, 0, ""},
-    {"... aside", ex_absorb, ex_scatter_aside, EX_UNTOUCHED, 0, ""},
-    {"... in every direction", ex_absorb, ex_scatter_fully, EX_UNTOUCHED, 0, ""},
-    {"... by default", ex_absorb, ex_scatter_auto, EX_UNTOUCHED, 0, ""},
+    {"scattering forward in gas that absorbs", ex_absorb_beside, ex_scatter_ways_forward, EX_UNTOUCHED, 0, ""},
+    {"... aside", ex_absorb_beside, ex_scatter_aside, EX_UNTOUCHED, 0, ""},
+    {"... in every direction", ex_absorb_beside, ex_scatter_fully, EX_UNTOUCHED, 0, ""},
+    {"... by default", ex_absorb_beside, ex_scatter_auto, EX_UNTOUCHED, 0, ""},
     {"scattering in every direction, and no gas", ex_only_polygons, ex_scatter_fully, EX_UNTOUCHED, 0, ""},
     {"... and no light", ex_no_light, ex_scatter_fully, EX_UNTOUCHED, 0, ""},
     {"`SPS_SCATTERING_AMBIENT` without a volume's own", NULL, ex_scatter_ambient, EX_UNTOUCHED, 0, ""},
@@ -531,6 +557,13 @@ static const ex_unneeded ex_unneeded_effects[] = {
     {"a `tolerance` without volumes", ex_only_polygons, ex_tolerate, EX_UNTOUCHED, 0, ""},
     {"a `tolerance` for what is classified", ex_classify, ex_tolerate, EX_UNTOUCHED, 0, ""},
     {"... for what emits", ex_emit, ex_tolerate, EX_UNTOUCHED, 0, ""},
+    {"a table, for a light without shadows", ex_no_shadow, ex_table_no_shadow, EX_UNTOUCHED, 0, ""},
+    {"256 points, for a light without an extent", ex_add_polygons, ex_many_points, EX_UNTOUCHED, 0, ""},
+    {"a `shadow_size` without shadows", ex_no_shadow, ex_fine_sheets, EX_UNTOUCHED, 0, ""},
+    {"a `scatter_size` without cells", NULL, ex_many_cells, EX_UNTOUCHED, 0, ""},
+    {"ambient light, and nothing that it could light", ex_absorb, ex_add_ambient, EX_UNTOUCHED, 0, ""},
+    {"scattering forward without shadows", ex_no_shadow, ex_scatter_ways_forward, EX_UNTOUCHED, 0, ""},
+    {"... aside", ex_no_shadow, ex_scatter_aside, EX_UNTOUCHED, 0, ""},
     {"a region of all", NULL, ex_whole_region, EX_UNTOUCHED, 0, ""},
     {"`replace_invalid` without invalid values", NULL, ex_replace, EX_UNTOUCHED, 0, ""},
     {"a volume that would emit, of value 0", NULL, ex_add_void, EX_SAME_BITS, 0,
@@ -564,6 +597,9 @@ static const ex_unneeded ex_unneeded_effects[] = {
     {"a `range_fn` that tells of no empty block", NULL, ex_tell_ranges, EX_SAME_BITS, 0, "a call per block"},
     {"a transfer function that says what the gas says", NULL, ex_classify_as_is, EX_OTHER, 0,
      "classified volumes have thinner slabs and finer sheets: other samples of the same field"},
+    {"a volume behind the eye", NULL, ex_add_volume_behind, EX_OTHER, 0,
+     "it might shade what is seen: slabs and sheets are fitted to all gas, and so lie elsewhere"},
+    {"a particle behind the eye", NULL, ex_add_swarm_behind, EX_OTHER, 0, "the same"},
 };
 
 /* Work that is left out, to the same bits, where `set`. */
@@ -579,50 +615,54 @@ static const ex_unneeded ex_savings[] = {
 
 /* ============================================================================================ what they cost */
 
+typedef enum ex_counter_kind {
+    EX_CALLS_OF, /* a callback */
+    EX_WORK,
+    EX_DETAIL /* follows from others */
+} ex_counter_kind;
+
 typedef struct ex_counter {
     const char *name;
     size_t offset; /* of a uint64_t in sps_stats_report */
-    int is_calls;  /* of a callback */
+    ex_counter_kind kind;
 } ex_counter;
 
-#define EX_CALLS(field, name)                                                                                          \
-    { name, offsetof(sps_stats_report, field), 1 }
-#define EX_COUNTS(field, name)                                                                                         \
-    { name, offsetof(sps_stats_report, field), 0 }
+#define EX_COUNTER(field, kind, name)                                                                                  \
+    { name, offsetof(sps_stats_report, field), kind }
 
-static const ex_counter ex_counters[] = {EX_CALLS(range_calls, "`range_fn`"),
-                                         EX_CALLS(read_calls, "`read_fn`"),
-                                         EX_CALLS(eval_calls, "`eval_fn`"),
-                                         EX_CALLS(triangle_calls, "triangles"),
-                                         EX_CALLS(particle_calls, "particles"),
-                                         EX_CALLS(projector_calls, "`sample_fn`"),
-                                         EX_CALLS(background_calls, "`background_fn`"),
-                                         EX_CALLS(shade_calls, "`shade_fn`"),
-                                         EX_COUNTS(blocks_skipped, "blocks skipped"),
-                                         EX_COUNTS(voxels_read, "voxels read"),
-                                         EX_COUNTS(voxels_relevant, "relevant voxels"),
-                                         EX_COUNTS(bricks, "bricks"),
-                                         EX_COUNTS(values_replaced, "values replaced"),
-                                         EX_COUNTS(triangles, "triangles"),
-                                         EX_COUNTS(pixels_of_polygons, "pixels of polygons"),
-                                         EX_COUNTS(surface_points, "points for `shade_fn`"),
-                                         EX_COUNTS(layers, "layers"),
-                                         EX_COUNTS(shadow_rays, "shadow rays"),
-                                         EX_COUNTS(particles, "particles"),
-                                         EX_COUNTS(slabs, "slabs"),
-                                         EX_COUNTS(slabs_empty, "empty slabs"),
-                                         EX_COUNTS(eye_footprints, "eye's footprints"),
-                                         EX_COUNTS(light_footprints, "lights' footprints"),
-                                         EX_COUNTS(eye_samples, "eye's samples"),
-                                         EX_COUNTS(light_samples, "lights' samples"),
-                                         EX_COUNTS(tables_made, "tables made"),
-                                         EX_COUNTS(tables_held, "tables held"),
-                                         EX_COUNTS(table_patches_made, "patches of tables"),
-                                         EX_COUNTS(cells, "cells"),
-                                         EX_COUNTS(soft_texels, "soft texels"),
-                                         EX_COUNTS(pixels_shaded, "pixels shaded"),
-                                         EX_COUNTS(tiles_finished, "tiles finished early"),
-                                         EX_COUNTS(allocations, "allocations")};
+static const ex_counter ex_counters[] = {EX_COUNTER(range_calls, EX_CALLS_OF, "`range_fn`"),
+                                         EX_COUNTER(read_calls, EX_CALLS_OF, "`read_fn`"),
+                                         EX_COUNTER(eval_calls, EX_CALLS_OF, "`eval_fn`"),
+                                         EX_COUNTER(triangle_calls, EX_CALLS_OF, "of triangles"),
+                                         EX_COUNTER(particle_calls, EX_CALLS_OF, "of particles"),
+                                         EX_COUNTER(projector_calls, EX_CALLS_OF, "`sample_fn`"),
+                                         EX_COUNTER(background_calls, EX_CALLS_OF, "`background_fn`"),
+                                         EX_COUNTER(shade_calls, EX_CALLS_OF, "`shade_fn`"),
+                                         EX_COUNTER(blocks_skipped, EX_WORK, "blocks skipped"),
+                                         EX_COUNTER(voxels_read, EX_WORK, "voxels read"),
+                                         EX_COUNTER(voxels_relevant, EX_DETAIL, "relevant voxels"),
+                                         EX_COUNTER(bricks, EX_DETAIL, "bricks"),
+                                         EX_COUNTER(values_replaced, EX_DETAIL, "values replaced"),
+                                         EX_COUNTER(triangles, EX_DETAIL, "triangles"),
+                                         EX_COUNTER(pixels_of_polygons, EX_WORK, "pixels of polygons"),
+                                         EX_COUNTER(surface_points, EX_WORK, "points for `shade_fn`"),
+                                         EX_COUNTER(layers, EX_WORK, "layers"),
+                                         EX_COUNTER(shadow_rays, EX_WORK, "shadow rays"),
+                                         EX_COUNTER(particles, EX_DETAIL, "particles"),
+                                         EX_COUNTER(slabs, EX_WORK, "slabs"),
+                                         EX_COUNTER(slabs_empty, EX_DETAIL, "empty slabs"),
+                                         EX_COUNTER(eye_footprints, EX_WORK, "eye's footprints"),
+                                         EX_COUNTER(light_footprints, EX_WORK, "lights' footprints"),
+                                         EX_COUNTER(eye_samples, EX_WORK, "eye's samples"),
+                                         EX_COUNTER(light_samples, EX_WORK, "lights' samples"),
+                                         EX_COUNTER(tables_made, EX_DETAIL, "tables made"),
+                                         EX_COUNTER(tables_held, EX_WORK, "tables held"),
+                                         EX_COUNTER(table_patches_made, EX_WORK, "patches of tables"),
+                                         EX_COUNTER(cells, EX_WORK, "cells (or texels)"),
+                                         EX_COUNTER(soft_texels, EX_WORK, "soft texels"),
+                                         EX_COUNTER(pixels_shaded, EX_WORK, "pixels shaded"),
+                                         EX_COUNTER(tiles_finished, EX_WORK, "tiles finished early"),
+                                         EX_COUNTER(allocations, EX_DETAIL, "allocations")};
 
 static inline uint64_t ex_counted(const sps_stats_report *stats, int counter) {
     uint64_t value;

@@ -121,15 +121,20 @@ static void test_known(void) {
     }
 }
 
-/* A light has a depth map only if an opaque polygon reaches into its way through the gas. */
+static void add_both(ex_stage *s) {
+    ex_add_mesh_behind(s);
+    ex_add_sail(s);
+}
+
+/* A light has a depth map only if an opaque polygon, be it the last one, reaches into its way through the gas. */
 static void test_depth_maps(void) {
-    static const ex_change changes[3] = {ex_add_mesh_behind, ex_add_clear_pane, ex_add_sail};
+    static const ex_change changes[4] = {ex_add_mesh_behind, ex_add_clear_pane, ex_add_sail, add_both};
     static outcome out;
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 4; ++i) {
         sps_context *context = check_context(NULL);
         set_stage(NULL, changes[i]);
         render_stage(context, &out);
-        CHECK((context->buffers[SPSI_BUFFER_DEPTH_MAPS].size > sizeof(float)) == (i == 2));
+        CHECK((context->buffers[SPSI_BUFFER_DEPTH_MAPS].size > sizeof(float)) == (i >= 2));
         sps_destroy(context);
     }
 }

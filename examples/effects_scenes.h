@@ -13,7 +13,7 @@
    Light scatters once, and lights shade by sheets. */
 typedef struct ex_stage {
     sps_volume clouds[2];
-    int voxels[2]; /* along a side of each cloud's unit of 2 */
+    int voxels; /* along a length of 2 */
     sps_mesh meshes[2];
     sps_indexed_mesh nets[2];
     sps_light lights[2];
@@ -58,7 +58,6 @@ static inline int ex_cloud_range(void *user, const int lo[3], const int size[3],
         const double nearest = ex_clamp(0, from, to);
         square += nearest * nearest;
     }
-    (void)size;
     out[0] = 0, out[1] = square < 1 ? 1 : 0;
     return 0;
 }
@@ -85,10 +84,10 @@ static inline int ex_noise_read(void *user, const int lo[3], const int size[3], 
 static inline void ex_stage_begin(ex_stage *s, int voxels, int width) {
     sps_volume *cloud = s->clouds;
     memset(s, 0, sizeof *s);
-    s->voxels[0] = s->voxels[1] = voxels;
+    s->voxels = voxels;
     for (int k = 0; k < 3; ++k)
         cloud->size[k] = voxels, cloud->placement.origin[k] = -1, cloud->placement.axis[k][k] = 2;
-    cloud->read_fn = ex_cloud_read, cloud->user = s->voxels;
+    cloud->read_fn = ex_cloud_read, cloud->user = &s->voxels;
     cloud->extinction = 3;
     ex_color(cloud->albedo, 0.7, 0.8, 0.9);
     s->scene.volumes = s->clouds, s->scene.volume_count = 1;
@@ -191,7 +190,7 @@ static inline void ex_throw(ex_stage *s, int (*sample_fn)(void *, size_t, const 
 static inline void ex_throw_stripes(ex_stage *s) { ex_throw(s, ex_stripes); }
 static inline void ex_throw_white(ex_stage *s) { ex_throw(s, ex_white); }
 
-/* The point light that is a lamp where the sun was. */
+/* A point light in place of the sun. */
 static inline void ex_make_lamp(ex_stage *s) {
     s->lights[0].kind = SPS_LIGHT_POINT;
     s->lights[0].position[0] = -2, s->lights[0].position[1] = 4, s->lights[0].position[2] = 1.6;
@@ -578,7 +577,7 @@ static const ex_unneeded ex_unneeded_effects[] = {
     {"`coverage_samples` of 4 where no edge is seen", ex_only_floor, ex_sample_edges, EX_SAME_BITS, 0,
      "all is rasterised at 4 x 4 points to find no edge"},
     {"an even white image, by the light", NULL, ex_throw_white, EX_ROUNDING, 16 * EX_HALF_ULP,
-     "weights of lookups add up to 1 but for rounding; 4 lookups per part of a slab"},
+     "weights of lookups add up to 1 within rounding; 4 lookups per part of a slab"},
     {"a light whose cone meets nothing", NULL, ex_add_light_away, EX_ROUNDING, 16 * EX_HALF_ULP,
      "it is not black; a sweep of its own"},
     {"a disc of radius 1e-9", ex_make_lamp, ex_make_small_disc, EX_ROUNDING, 16 * EX_HALF_ULP,
@@ -677,7 +676,7 @@ static inline int ex_same_counts(const sps_stats_report *a, const sps_stats_repo
     return 1;
 }
 
-/* Whether two plans are the same, but for reasons. */
+/* Whether two plans are the same, whatever their reasons. */
 static inline int ex_same_plans(const sps_plan_report *a, const sps_plan_report *b) {
     for (int i = 0; i < SPS_PASS_COUNT; ++i)
         if (a->pass[i].runs != b->pass[i].runs || a->pass[i].bytes != b->pass[i].bytes) return 0;

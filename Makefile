@@ -9,6 +9,7 @@
 # make speed       the goals of speed, and how time grows, into docs/speed.md and docs/speed_*.png
 # make accuracy    error against time only, into docs/accuracy.md, whose first lines are kept
 # make maps        transmittance maps compared with each other, into docs/maps.md and docs/maps_*.png
+# make effects     what each effect costs, and that it costs nothing where it is not needed, into docs/effects.md
 # make gallery     only the pictures of the scene programs
 # make pictures    the small pictures in docs/
 # make format      clang-format on examples and tests
@@ -146,6 +147,14 @@ maps: build/maps
 	@mkdir -p build/maps_pictures && rm -f build/maps.failed
 	{ build/maps docs build/maps_pictures || touch build/maps.failed; } | tee build/maps.txt
 	@test ! -e build/maps.failed && cp build/maps.txt docs/maps.md
+
+# Of the page, what stands before the first printed line is kept. Fails if something is spent that need not be.
+.PHONY: effects
+effects: build/effects
+	@rm -f build/effects.failed
+	{ build/effects || touch build/effects.failed; } | tee build/effects.txt
+	@{ sed '/^## With and without/,$$d' docs/effects.md; cat build/effects.txt; } > build/effects.md
+	@test ! -e build/effects.failed && cp build/effects.md docs/effects.md
 
 # ------------------------------------------------------------------------------------------------------- tests
 

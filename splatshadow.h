@@ -823,8 +823,8 @@ typedef struct sps_view {
     int coverage_samples;
     /* Optical depth, along an eye's ray, over which gas may be lit as at the last place where its shadows were looked
        up, 0..1. 0: they are looked up at every slab. A pixel is off by no more than twice this times what its gas would
-       scatter without shadow, mostly far less; 0.01 spares most lookups of thin gas. Shadows of polygons are never
-       skipped. */
+       scatter per unit of optical depth without shadow (isotropic: color * albedo / 4 pi), mostly far less; 0.01 spares
+       most lookups of thin gas. Shadows of polygons are never skipped. */
     float lookup_threshold;
     /* Optical depth, along any ray of the eye or of a light's sheets, by which gas may be off so that fewer rays are
        followed through it where it is smooth, 0..1. 0: all are. Slab by slab, sixteen rays stand for a patch of 8 x 8
@@ -891,7 +891,7 @@ typedef enum sps_pass {
     SPS_PASS_LAYERS,         /* lists translucent polygons, and what edges show, pixel by pixel */
     SPS_PASS_TEXTURES,       /* calls shade_fn for the points of polygons that pixels show */
     SPS_PASS_LIGHT_POLYGONS, /* rasterises triangles into depth maps, for gas that scatters, per shadowing light without
-                                penumbrae */
+                                penumbrae; counts maps that no triangle turns out to reach */
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree of triangles for shadow rays */
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
     SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets with volumes and particles, once per sweep; twice if light
@@ -5514,7 +5514,8 @@ static void spsi_mesh_build(const sps_mesh *from, int index, spsi_mesh *mesh) {
     mesh->triangle_count = from->triangle_count;
     spsi_placement_resolve(&from->placement, &mesh->placement);
     memcpy(mesh->color, from->color, sizeof mesh->color);
-    memcpy(mesh->transmittance, from->transmittance, sizeof mesh->transmittance);
+    for (int c = 0; c < 3; ++c)
+        mesh->transmittance[c] = from->transmittance[c] < SPSI_VALUE_MIN ? 0 : from->transmittance[c];
     mesh->has_normals = from->has_normals != 0;
     mesh->has_colors = from->has_colors != 0;
     mesh->read_fn = from->read_fn;
@@ -5524,23 +5525,27 @@ static void spsi_mesh_build(const sps_mesh *from, int index, spsi_mesh *mesh) {
     mesh->revision = from->revision;
 }
 
+/* Lists the meshes that have triangles. */
 static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     spsi_meshes *meshes = &frame->meshes;
-    meshes->list = (spsi_mesh *)spsi_reserve(context, SPSI_BUFFER_MESHES, (size_t)scene->mesh_count, sizeof(spsi_mesh));
+    size_t count = 0;
+    for (int i = 0; i < scene->mesh_count; ++i) count += scene->meshes[i].triangle_count > 0;
+    meshes->list = (spsi_mesh *)spsi_reserve(context, SPSI_BUFFER_MESHES, count, sizeof(spsi_mesh));
     if (!meshes->list) return context->result;
     for (int i = 0; i < scene->mesh_count; ++i) {
-        spsi_mesh *mesh = &meshes->list[meshes->count];
-        spsi_mesh_build(&scene->meshes[i], i, mesh);
-        if (spsi_check_placement(context, &mesh->placement, SPS_OBJECT_MESH, i)) return context->result;
+        spsi_mesh mesh;
+        spsi_mesh_build(&scene->meshes[i], i, &mesh);
+        if (spsi_check_placement(context, &mesh.placement, SPS_OBJECT_MESH, i)) return context->result;
+        if (mesh.triangle_count == 0) continue;
         /* both are at most SPSI_FACES_MAX, so that the sum fits a size_t of 32 bits */
-        meshes->triangle_count += mesh->triangle_count;
-        meshes->textured_count += mesh->shade_fn ? mesh->triangle_count : 0;
-        for (int c = 0; c < 3 && mesh->triangle_count > 0; ++c) meshes->translucent |= mesh->transmittance[c] > 0;
+        meshes->triangle_count += mesh.triangle_count;
+        meshes->textured_count += mesh.shade_fn ? mesh.triangle_count : 0;
+        for (int c = 0; c < 3; ++c) meshes->translucent |= mesh.transmittance[c] > 0;
         if (meshes->triangle_count > SPSI_FACES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i,
                                    "triangle_count, with those before it,", (double)meshes->triangle_count,
                                    "all meshes together must have 2^29 at most");
-        meshes->count += mesh->triangle_count > 0; /* an empty one is overwritten by the next */
+        meshes->list[meshes->count++] = mesh;
     }
     return SPS_OK;
 }
@@ -5725,12 +5730,14 @@ static sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame) {
 /* Lists the lights that are not black; none if nothing in the scene could reflect or scatter them. */
 static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
+    size_t lit = 0;
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         frame->matter.extinguishes |= material->extinguishes;
         frame->gradients.exist |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
     }
-    frame->lamps.list = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, (size_t)count, sizeof(spsi_lamp));
+    for (int i = 0; i < count; ++i) lit += !spsi_black(scene->lights[i].color);
+    frame->lamps.list = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, lit, sizeof(spsi_lamp));
     if (!frame->lamps.list) return context->result;
     for (int i = 0; i < count; ++i) {
         spsi_lamp *lamp = &frame->lamps.list[frame->lamps.count];
@@ -6584,6 +6591,12 @@ static int spsi_lights_polygons(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && gas > 0 && (frame->matter.emits || frame->ambient.exists);
 }
 
+/* Whether there is light that gas may scatter, or that it lights polygons by or keeps from them. */
+static int spsi_light_meets_gas(const spsi_frame *frame) {
+    const int lit = frame->lamps.count > 0 || frame->matter.emits || frame->ambient.exists;
+    return (lit && frame->matter.scatters) || spsi_lights_polygons(frame);
+}
+
 /* A coarse grid of upper bounds of extinction. A straight way advances by at least 1 / sqrt 3 of its length along one
    of the axes, so that its optical depth is at most sqrt 3 times the integral, along that axis, of the largest bound in
    each plane across it. */
@@ -6766,9 +6779,9 @@ static int spsi_polygons_scatter(const spsi_frame *frame) {
 static sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame, double *bound) {
     *bound = 0;
     if (frame->view.scattering != SPS_SCATTERING_AUTO) return SPS_OK;
-    if (spsi_polygons_scatter(frame)) {
+    if (spsi_light_meets_gas(frame) && spsi_polygons_scatter(frame)) {
         *bound = SPSI_BOUND_NONE;
-    } else if (frame->matter.scatters || spsi_lights_polygons(frame)) {
+    } else if (spsi_light_meets_gas(frame)) {
         const double depth = spsi_densest_way(context, frame), x = -spsi_largest_albedo(frame) * expm1(-depth);
         if (depth < 0) return context->result;
         *bound = x < 1 ? fmin(x / (1 - x), SPSI_BOUND_NONE) : SPSI_BOUND_NONE;
@@ -9205,7 +9218,7 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
 /* Whether light is followed from cell to cell, >>cells; or may be, until SPS_SCATTERING_AUTO is decided. */
 static int spsi_scatters_fully(const spsi_frame *frame) {
     return (frame->view.scattering == SPS_SCATTERING_FULL || frame->view.scattering == SPS_SCATTERING_AUTO) &&
-           (frame->matter.scatters || spsi_lights_polygons(frame));
+           spsi_light_meets_gas(frame);
 }
 
 /* Whether rays are traced through the polygons. */
@@ -9638,7 +9651,7 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_lamp *lamp, c
 /* For each texel, the plane of the polygon nearest to the light, which is evaluated on the gas's own ray. So a plane
    shades nothing in front of it, however slanted it is; the texel size shows only at a polygon's edge. */
 typedef struct spsi_depth_map {
-    int face_count; /* 0: no polygons; 1; 6 for a point light amid the gas */
+    int face_count; /* 0: no polygon reaches into it; 1; 6 for a point light amid the gas */
     spsi_rays rays[SPSI_CUBE_FACES];
     float *depths[SPSI_CUBE_FACES];    /* at texel centres, t - depth_reference; infinity: no polygon */
     float *slopes[SPSI_CUBE_FACES][2]; /* rise of the plane from texel to texel along x and y */
@@ -9804,6 +9817,17 @@ static void spsi_depth_map_spread(const spsi_depth_map *map, int face, float *al
     memcpy(map->nearest[face], alone, (size_t)columns * (size_t)rows * sizeof *alone);
     spsi_cells_spread(map->nearest[face], columns, rows, 1);
     spsi_cells_spread(alone, columns, rows, SPSI_CELLS_FAR);
+}
+
+/* Whether an opaque polygon may reach into the map: most do, so that the first one mostly tells. */
+static int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *map) {
+    for (int i = 0; i < faces->count; ++i)
+        for (int face = 0; face < map->face_count && !spsi_face_is_translucent(&faces->list[i]); ++face) {
+            int box[4];
+            spsi_face_box(faces, i, &map->rays[face], box);
+            if (box[2] >= box[0] && box[3] >= box[1]) return 1;
+        }
+    return 0;
 }
 
 /* Rasterises the polygons into a depth map, as the light sees them. */
@@ -13583,6 +13607,15 @@ static size_t spsi_levels_bytes(const spsi_frame *frame, int medium, size_t bric
     return bytes;
 }
 
+/* Whether a volume may use a tolerance: neither what is classified nor what emits does. */
+static int spsi_may_interpolate(const spsi_frame *frame) {
+    for (int m = 0; m < frame->medium_count && frame->view.tolerance > 0; ++m) {
+        const spsi_material *material = &frame->matter.materials[frame->media[m].channel];
+        if (!material->table && !material->emits) return 1;
+    }
+    return 0;
+}
+
 /* Upper bound of the bytes of all fields, for a number of bricks that may be read. */
 static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
     const size_t most = spsi_field_cells_most(bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
@@ -13595,7 +13628,7 @@ static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
         all += cells < most ? cells : most;
         bytes += spsi_levels_bytes(frame, m, bricks);
     }
-    if (frame->view.tolerance > 0) bytes += spsi_bends_bytes(all);
+    if (spsi_may_interpolate(frame)) bytes += spsi_bends_bytes(all);
     return bytes + spsi_field_grid_bytes(all) + (27 * bricks < all ? 27 * bricks : all) * each;
 }
 
@@ -18668,6 +18701,7 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
     for (int i = 0; i < count; ++i) {
         if (shadows[i].soft) continue;
         spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), texel, &shadows[i].depth_map);
+        if (!spsi_depth_map_met(faces, &shadows[i].depth_map)) shadows[i].depth_map.face_count = 0;
         more = spsi_depth_map_floats(&shadows[i].depth_map);
         floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
     }
@@ -25027,7 +25061,7 @@ static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *
 /* Bytes of what is used of a tolerance by the eye's rays and, if it has sheets, by a light's. */
 static size_t spsi_plan_spent_bytes(const spsi_frame *frame, size_t side) {
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    if (!(frame->view.tolerance > 0) || frame->medium_count == 0) return 0;
+    if (!spsi_may_interpolate(frame)) return 0;
     return spsi_spent_bytes(&frame->content->eye) + 64 * sizeof(float) * tiles * tiles;
 }
 
@@ -25364,9 +25398,10 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                        ? "view.scattering is auto: unless gas, which was not read yet, turns out to be thin"
                    : report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is above the tolerance"
                                                : "view.scattering asks for it",
-                   !frame->matter.scatters     ? "nothing scatters: albedo 0 or no extinction"
-                   : report->scatter_bound > 0 ? once
-                                               : "view.scattering does not ask for it");
+                   !frame->matter.scatters        ? "nothing scatters: albedo 0 or no extinction"
+                   : !spsi_light_meets_gas(frame) ? "no light"
+                   : report->scatter_bound > 0    ? once
+                                                  : "view.scattering does not ask for it");
     spsi_plan_pass(report, SPS_PASS_EMISSION, frame->matter.emits, "volumes or particles emit", "nothing emits");
     spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->ambient.exists && (frame->matter.scatters || polygons),
                    "there is ambient light", frame->ambient.exists ? "nothing to light" : "ambient is black");

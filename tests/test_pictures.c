@@ -544,7 +544,7 @@ static void test_rows_of_regions(void) {
     check_clear(&s, WIDE, WIDE);
     check_orthographic(&s.view.camera, 2);
     check_set3(s.view.camera.position, 2, 3, 9);
-    volume = check_add_volume(&s, 40, 40, 40, check_box(-1, -1, -1, 1, 1, 1));
+    volume = check_add_volume(&s, 64, 64, 64, check_box(-1, -1, -1, 1, 1, 1));
     volume->eval_fn = check_eval_field, volume->user = (void *)(size_t)&field;
     volume->extinction = 2;
     check_color(volume->emission, 1, 1, 1);

@@ -411,7 +411,9 @@ static void test_energy(void) {
                    size[0], size[1], size[2], depth, albedo, given, absorbed, exact.escaped,
                    (absorbed + exact.escaped) / given - 1);
         CHECK(exact.escaped >= 0);
-        CHECK_NEAR(absorbed + exact.escaped, given, (n % 5 < 4 ? 2e-3 : 0.02) * given);
+        CHECK_CASE("Scattering", "energy of cells of depth 0.01 to 30: absorbed, and lost through the borders",
+                   "what they are given", fabs(absorbed + exact.escaped - given), (n % 5 < 4 ? 2e-3 : 0.02) * given,
+                   "the solver's balance; what leaves deep cells is a small difference of floats");
     }
 }
 
@@ -1001,7 +1003,8 @@ static void test_white_sky(void) {
         check_render(context, &s, image_a);
         for (int i = 0; i < COUNT; ++i)
             if (i % 4 < 3) least = fmin(least, (double)image_a[i]), most = fmax(most, (double)image_a[i]);
-        if (!CHECK(most <= 2 + 2e-5) ||
+        if (!CHECK_CASE("Scattering", "cloud of albedo 1 or less before a white sky", "never brighter than the sky",
+                        most - 2, 2e-5, "sums of floats") ||
             !CHECK(n / 4 == 2 ? least > 0.1 && least < 1.8 : least >= 2 - (n / 4 ? 1.2e-4 : 2e-5)))
             printf("    g %g, kind %d: %g..%g\n", all[n % 4], n / 4, least, most);
     }
@@ -1021,6 +1024,34 @@ static void test_white_sky(void) {
     }
 }
 
+/* The same in 1, 8, 64 and 512 sheets: what each sheet hides of the sky it must scatter, to float round-off. */
+static void test_white_sky_in_sheets(void) {
+    static const int sheets[] = {1, 8, 64, 512};
+    for (int n = 0; n < 4; ++n) {
+        double whole, worst = 0;
+        sps_stats_report stats;
+        check_scene s;
+        start_plain(&s, LIGHTS);
+        s.view.quality = SPS_QUALITY_ULTRA; /* rays end where 5e-5 of light would pass */
+        s.view.width = s.view.height = 8;
+        check_color(s.scene.ambient, 1, 1, 1);
+        check_color(s.scene.background, 1, 1, 1);
+        s.view.slab = 1;
+        check_render(context, &s, image_a);
+        sps_get_stats(context, &stats);
+        whole = (double)stats.slabs;
+        s.view.slab = whole / sheets[n];
+        check_render(context, &s, image_a);
+        sps_get_stats(context, &stats);
+        CHECK_NEAR((double)stats.slabs, sheets[n], 1 + sheets[n] / whole);
+        for (int i = 0; i < 4 * 64; ++i)
+            if (i % 4 < 3) worst = fmax(worst, fabs((double)image_a[i] - 1));
+        CHECK_CASE("Scattering", "cloud of albedo 1 before a white sky, in 1, 8, 64 and 512 sheets",
+                   "reflected and transmitted light add up to 1", worst, 2e-5 + 5e-5 + sheets[n] * 6e-8,
+                   "sums of floats, of each sheet, too; rays end at 5e-5");
+    }
+}
+
 /* Where nothing scatters nothing is followed; thin gas scatters next to nothing again. */
 static void test_little(void) {
     for (int kind = 0; kind < 3; ++kind)
@@ -1035,7 +1066,9 @@ static void test_little(void) {
             CHECK((cells_made(context) == 0) == (kind == 0));
             s.view.scattering = SPS_SCATTERING_OFF;
             check_render(context, &s, image_b);
-            if (kind == 0) CHECK(same(image_a, image_b));
+            if (kind == 0)
+                CHECK_CASE("Scattering", "albedo 0, from cell to cell", "that of scattering off",
+                           !same(image_a, image_b), 0, "same bits");
             if (kind == 0) continue;
             if (figures()) printf("thin: %.2g of the light is other\n", error_of(image_a, image_b));
             CHECK(!same(image_a, image_b) && error_of(image_a, image_b) < (kind == 2 ? 0.01 : 2e-3));
@@ -1312,8 +1345,14 @@ static void test_layers(void) {
         if (figures())
             printf("layer of %g, g %g: back %.4f of %.4f, through %.4f of %.4f\n", depths[n], asymmetries_of[n],
                    share[0], back[n], share[1], through[n]);
-        CHECK_NEAR(share[0], back[n], allowed[n]);
-        CHECK_NEAR(share[1], through[n], allowed[n]);
+        CHECK_CASE("Scattering", "layers of depth 2 and 10: reflected", "van de Hulst's tables; doubling",
+                   fabs(share[0] - back[n]), allowed[n], "a fifth of what leaves the outermost cells, a tenth of all");
+        CHECK_CASE("Scattering", "layers of depth 2 and 10: transmitted", "van de Hulst's tables; doubling",
+                   fabs(share[1] - through[n]), allowed[n],
+                   "a fifth of what leaves the outermost cells, a tenth of all");
+        if (n == 1)
+            CHECK_CASE("Scattering", "layer of depth 10, albedo 1", "reflected and transmitted add up to 1",
+                       fabs(share[0] + share[1] - 1), 2 * allowed[n], "that of both; 0.005 leaves at the sides");
     }
 }
 
@@ -2012,6 +2051,7 @@ int main(void) {
     RUN(test_continued);
     RUN(test_continued_in_scene);
     RUN(test_white_sky);
+    RUN(test_white_sky_in_sheets);
     RUN(test_little);
     RUN(test_linear);
     RUN(test_turned);

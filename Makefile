@@ -253,7 +253,7 @@ SUMMARY = function close_log() { passed += p; failed += f; if (status != 0 && f 
 # last lines are kept. With SPLATSHADOW_LONG=1, as in the long tests. In plain C, one test compares levels of
 # optimisation.
 .PHONY: hard-cases
-HARD_CASES = $(patsubst tests/%.c,build/tests/native.%.log,$(shell grep -l 'CHECK_CASE(' tests/*.c)) build/tests/plain.test_simd.log
+HARD_CASES = $(patsubst tests/%.c,build/tests/native.%.log,$(shell grep -l CHECK_CASE tests/*.c)) build/tests/plain.test_simd.log
 hard-cases:
 	@mkdir -p build/tests && rm -f build/cases.txt $(HARD_CASES)
 	@CHECK_CASES=build/cases.txt CONFIGURATIONS="native plain" $(MAKE) -s --no-print-directory -j$(JOBS) $(HARD_CASES)

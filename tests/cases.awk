@@ -3,9 +3,10 @@
 
 function number(x) { return x == 0 ? "0" : sprintf("%.3g", x) }
 
-# How far a measured value is from its tolerance, in units of that.
-function excess(measured, tolerance) {
-    return (measured - tolerance) / (tolerance < 0 ? -tolerance : tolerance > 0 ? tolerance : 1)
+# How close a measured value comes to its tolerance, 1: it is at it.
+function closeness(measured, tolerance) {
+    if (tolerance == 0) return measured > 0 ? 1e300 : measured
+    return tolerance > 0 ? measured / tolerance : 2 - measured / tolerance
 }
 
 function name_of(path) {
@@ -37,14 +38,14 @@ mode == "missing" {
         place[key] = ++count
         group_of[count] = $1
         seen[$1] = 1
-        worst[key] = excess($5, $6)
+        worst[key] = closeness($5, $6)
     }
     if ($5 > $6 || $5 != $5 + 0) {
         print "failed: " $0 > "/dev/stderr"
         failed = 1
     }
-    if (excess($5, $6) < worst[key]) next
-    worst[key] = excess($5, $6)
+    if (closeness($5, $6) < worst[key]) next
+    worst[key] = closeness($5, $6)
     row_of[place[key]] = "| " $2 " | " $3 " | " number($5) " | " number($6) " | " $4 " | `" name_of($7) "`, `" $9 "` |"
 }
 

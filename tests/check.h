@@ -70,14 +70,21 @@ static inline int check_result(const sps_context *context, sps_result result, co
     return check_failure();
 }
 
-/* Appends the row to the file that CHECK_CASES in the environment names, for `make hard-cases`. Lines are written
-   whole, since programs that run at once share the file. NaN is not within any tolerance. */
+/* Appends the row to the file that CHECK_CASES in the environment names, for `make hard-cases`, unless the row before
+   it is the same case, and no better. Lines are written whole, since programs that run at once share the file. NaN is
+   not within any tolerance. */
 static inline int check_case(const char *row, double measured, double tolerance, const char *file, int line,
                              const char *function) {
     static FILE *cases;
+    static const char *last;
+    static double worst;
+    const double ratio = tolerance > 0 ? measured / tolerance : measured;
     const char *path = getenv("CHECK_CASES");
     if (path && !cases && (cases = fopen(path, "a")) != NULL) setvbuf(cases, NULL, _IOLBF, BUFSIZ);
-    if (cases) fprintf(cases, "%s\t%.9g\t%.9g\t%s\t%d\t%s\n", row, measured, tolerance, file, line, function);
+    if (cases && !(row == last && ratio <= worst)) {
+        fprintf(cases, "%s\t%.9g\t%.9g\t%s\t%d\t%s\n", row, measured, tolerance, file, line, function);
+        last = row, worst = ratio;
+    }
     if (check_count(measured <= tolerance)) return 1;
     printf("%s:%d: failed: %s: %.9g, allowed %.9g\n", file, line, row, measured, tolerance);
     return check_failure();
@@ -745,7 +752,12 @@ static inline double check_paths_of(sps_context *context, const check_scene *s, 
     if (getenv("CHECK_FIGURES"))
         printf("%s: %.5f, paths %.5f +- %.5f: %+.2f %%\n", name, sums[0] / count, sums[1] / count, square / count,
                100 * (sums[0] / sums[1] - 1));
-    if (good && !CHECK(fabs(sums[0] - sums[1]) <= allowed))
+    if (good &&
+        !CHECK_CASE(
+            "Scattering",
+            "gas, particles and what is classified, under all kinds of lights, beside polygons, full scattering",
+            "the mean of random paths, and how far off", fabs(sums[0] / sums[1] - 1), allowed / sums[1],
+            "five standard errors of the paths, and 3 to 10 % for cells"))
         printf("    %s: %g, paths %g +- %g\n", name, sums[0] / count, sums[1] / count, square / count);
     free(exact);
     return good ? allowed / count : 0;

@@ -412,7 +412,8 @@ static void test_energy(void) {
                    (absorbed + exact.escaped) / given - 1);
         CHECK(exact.escaped >= 0);
         CHECK_CASE("Scattering", "energy of cells of depth 0.01 to 30: absorbed, and lost through the borders",
-                   "what they are given", fabs(absorbed + exact.escaped - given), (n % 5 < 4 ? 2e-3 : 0.02) * given,
+                   "what they are given, relative", fabs((absorbed + exact.escaped) / given - 1),
+                   n % 5 < 4 ? 2e-3 : 0.02,
                    "the solver's balance; what leaves deep cells is a small difference of floats");
     }
 }
@@ -915,7 +916,11 @@ static void test_deep(void) {
             in += (double)job_of(context)->incoming[i] * SPSI_PI * pow(grid_of(context)->edge, 2);
         in *= (double)grid_of(context)->scale[0]; /* sharp lobes: what goes straight on is taken again */
         if (figures()) printf("extinction %g, g %d: takes %.3f\n", extinctions[n / 2], n % 2, in);
-        CHECK(in > 1 && in < 1.03 * factors[n / 2] * SPSI_PI * 0.95 * 0.95);
+        CHECK(in > 1);
+        CHECK_CASE("Found in review", "light that gas takes, in cells of a depth of 1 to 1e5",
+                   "no more than comes in, or 1.8 and 3.2 times it in the deepest", in / (SPSI_PI * 0.95 * 0.95),
+                   1.03 * factors[n / 2],
+                   "corners of cells, 3 %; cells at the rim take light several times: known to be wrong");
     }
 }
 
@@ -1234,17 +1239,18 @@ static void test_cloud_pixels(void) {
     static const sps_lobe lobes[][2] = {
         {{-0.3f, 1}, {0, 0}}, {{0, 1}, {0, 0}},     {{0.3f, 1}, {0, 0}}, {{0.5f, 1}, {0, 0}},
         {{0.75f, 1}, {0, 0}}, {{0.85f, 1}, {0, 0}}, {{0.9f, 1}, {0, 0}}, {{0.8f, 0.8f}, {-0.3f, 0.2f}}};
-    if (!check_long()) return;
     for (int n = 0; n < 48; ++n) {
         const sps_lobe *own = lobes[n / 6];
         double noise, error;
         check_scene s;
+        if (!check_long() && n != 33) continue; /* a forward lobe, towards the light */
         start_cloud(&s, own, 1 + (own[1].weight > 0), n % 6);
-        error = noiseless_error(&s, 2000, &noise);
+        error = noiseless_error(&s, check_long() ? 2000 : 200, &noise);
         if (figures())
             printf("cloud, g %g, %s: rms error %.1f %% of the mean, noise %.1f %%\n", (double)own->asymmetry,
                    cloud_views[n % 6], 100 * error, 100 * noise);
-        CHECK(error < 0.05 + noise);
+        CHECK_CASE("Found in review", "cloud with a forward lobe, seen towards the light",
+                   "random paths, rms of pixels less noise", error, 0.05 + noise, "cells, 5 %; the paths' noise");
     }
 }
 

@@ -1182,7 +1182,7 @@ static void test_includes(void) {
     fclose(header);
     CHECK(found >= 8);
     CHECK_CASE("What users of other renderers complain of", "no CPU mode",
-               "headers included but the standard library's", others, 0, "exact; vectors are the compiler's");
+               "headers included besides the standard library's", others, 0, "exact; vectors are the compiler's");
 }
 
 /* ------------------------------------------------------------------------------------------------- the command line */

@@ -109,7 +109,7 @@ static void test_flat_shading(void) {
                 at[2] = -at[0] * tan(a);
                 if (point) check_set3(toward, 0.3 - at[0], 0.7 - at[1], 3 - at[2]);
                 exact = 5 / PI * fmax(0, unit_cosine(toward, normal)) / (point ? spsi_dot(toward, toward) : 1);
-                if (!CHECK_CASE("Shadows", "face square to the light, and tilted by up to 78 degrees",
+                if (!CHECK_CASE("Shadows", "face perpendicular to the light, and tilted by up to 78 degrees",
                                 "reflectance / pi * irradiance * cosine", fabs((double)image_a[4 * i] - 0.8 * exact),
                                 2 * EXACT, "a few roundings of floats") ||
                     !CHECK_NEAR((double)image_a[4 * i + 1], 0.5 * exact, 2 * EXACT))
@@ -846,7 +846,7 @@ static void test_volume_shadow_on_plane(void) {
         if (te <= 0) s.view.near_distance = 10.8; /* the rays begin below the slab */
         if (!check_render(context, &s, image_a)) return;
         for (int i = 0; i < 35; ++i)
-            if (!CHECK_CASE("Shadows", "slab of gas over a surface, light square to both and at a slant",
+            if (!CHECK_CASE("Shadows", "slab of gas over a surface, light perpendicular to both and at a slant",
                             "exp(-depth / cosine) of the light", fabs((double)image_a[4 * i] - exact),
                             exact * (tl + te) * RIPPLE + EXACT, "ripple"))
                 printf("    case %d\n", n);

@@ -409,7 +409,7 @@ static void test_ground_of_any_width(void) {
             /* an edge within the eye's round-off of a pixel's ray, 1e-13 of a pixel, does not occur by chance */
             if (!CHECK_CASE("Found in review", "shadow of a ball on a ground of 4 to 1e6",
                             "pixels unlike brute force's", wrong, 0,
-                            "exact, but for edges within 1e-13 of a pixel's ray"))
+                            "exact, except for edges within 1e-13 of a pixel's ray"))
                 printf("    ground of %g: %d pixels differ from the reference\n", half, wrong);
             /* the ground's own float corners put the plane where it is exactly: y = 0 */
             CHECK(check_largest(image_a, smallest, 4 * SIDE * SIDE) <= 1e-5);
@@ -545,7 +545,7 @@ static void test_lamp_near_coarse_mesh(void) {
         check_set3(s.view.camera.position, 5 * cos(angle + 0.4), 1, 5 * sin(angle + 0.4));
         check_orthographic(&s.view.camera, 2.2);
         if (!CHECK_CASE("Found in review", "lamp close to a coarse smooth globe", "pixels unlike brute force's",
-                        differing(&s), 0, "exact, but for edges within 1e-13 of a pixel's ray"))
+                        differing(&s), 0, "exact, except for edges within 1e-13 of a pixel's ray"))
             printf("    lamp %d: %d pixels differ\n", n, differing(&s));
     }
 }

@@ -120,9 +120,8 @@ static void test_beam(void) {
         b = beam_of(&t);
         CHECK_NEAR(b.flux, exp(t.scattered - 2) - exp(-2), 2e-5);
         CHECK_NEAR(b.way / b.flux, 2, 1e-4);
-        CHECK_CASE("Scattering", "lateral spread of a beam, in 1 and 16 to 1024 sheets", "Fermi-Eyges theory",
-                   fabs(b.square - 1600 * square_of(&t) * exp(t.scattered - 2)), 0.001 * b.square,
-                   "floats, and the series");
+        CHECK_CASE("Scattering", "lateral spread of a beam, in 1 and 16 to 1024 sheets", "Fermi-Eyges theory, relative",
+                   fabs(1600 * square_of(&t) * exp(t.scattered - 2) / b.square - 1), 0.001, "floats, and the series");
         if (figures())
             printf("%d sheets: flux %.6f, rms %.4f of %.4f texels\n", t.sheets, b.flux, b.rms,
                    sqrt(1600 * square_of(&t) * exp(t.scattered - 2) / (exp(t.scattered - 2) - exp(-2))));
@@ -194,8 +193,9 @@ static void test_walks(void) {
             printf("g %g, depth %g: rms %.4f, random walks %.4f: %+.1f %%\n", g[i / 4], depth[i % 4], radius, w,
                    100 * (radius / w - 1));
         if (i < 15) /* the last one is printed only: directions are forgotten there */
-            CHECK_CASE("Scattering", "lateral spread of a beam, asymmetry 0.5 to 0.95, depth 0.5 to 4", "random walks",
-                       fabs(radius - w), 0.1 * w, "theory adds angles where light adds slopes, and has no tail");
+            CHECK_CASE("Scattering", "lateral spread of a beam, asymmetry 0.5 to 0.95, depth 0.5 to 4",
+                       "random walks, relative", fabs(radius / w - 1), 0.1,
+                       "theory adds angles where light adds slopes, and has no tail");
     }
 }
 
@@ -345,8 +345,8 @@ static void test_agreement(void) {
         rest = check_largest(image_a, image_b, COUNT) / most;
         if (figures()) printf("agreement %d: %.4f\n", n, rest);
         if (n < 2) /* 0.06 (1 + c)^2 (1 - g) t is .01; sides: sqrt(q s / 3) is .07 wide */
-            CHECK_CASE("Scattering", "asymmetry 0.99, the largest", "as light that keeps to its rays", rest, 0.05,
-                       "lost aside, 1 %; sides, which are 0.07 wide");
+            CHECK_CASE("Scattering", "asymmetry 0.99, the largest", "as light that keeps to its rays, of the brightest",
+                       rest, 0.05, "lost aside, 1 %; sides, which are 0.07 wide");
         if (n == 2) CHECK(rest < 0.1); /* optical depth of both ways: .04, and up to .06 */
         if (n > 2)
             CHECK_CASE("Scattering", "albedo 0, sideways", "that of scattering off", !same(image_a, image_b), 0,

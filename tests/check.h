@@ -756,8 +756,8 @@ static inline double check_paths_of(sps_context *context, const check_scene *s, 
         !CHECK_CASE(
             "Scattering",
             "gas, particles and what is classified, under all kinds of lights, beside polygons, full scattering",
-            "the mean of random paths, and how far off", fabs(sums[0] / sums[1] - 1), allowed / sums[1],
-            "five standard errors of the paths, and 3 to 10 % for cells"))
+            "the mean of random paths, relative", fabs(sums[0] - sums[1]) / fmax(sums[1], DBL_MIN),
+            allowed / fmax(sums[1], DBL_MIN), "five standard errors of the paths, and 3 to 10 % for cells"))
         printf("    %s: %g, paths %g +- %g\n", name, sums[0] / count, sums[1] / count, square / count);
     free(exact);
     return good ? allowed / count : 0;

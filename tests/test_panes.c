@@ -912,7 +912,7 @@ static void dense_stand_in(const renderer *r) {
         }
         if (!CHECK_CASE("Shadows", "pane, and a slab of voxels of its transmittance, over ground and fog",
                         "the same picture", worst, 0.01 * (passes > 0 ? most : 1),
-                        "ripple of the slab's depth, 0.08 %; where slabs of fog begin"))
+                        "ripple of the slab's depth, 0.08 %; where slabs of fog begin, 1 %"))
             printf("    %s, T %g, fog %d: %g of %g\n", r->name, passes, foggy, worst, most);
     }
 }

@@ -223,7 +223,7 @@ static void test_lamp(void) {
         }
         if (!CHECK_CASE("Found in review", "lamp within gas, brightest pixel", "closed form",
                         fabs(most / exact_most - 1), 0.03,
-                        "ripple; a part's mean of 1 / distance^2, whose middle may be off the lamp"))
+                        "soft faces, 0.4 %; ripple, 0.2 %; parts of slabs at the lamp"))
             printf("    brightest pixel, frame %d\n", frame);
         if (frame > 0 && !CHECK_CASE("Transport", "airlight of thin gas about a lamp that moves by tenths of a pixel",
                                      "the closed form's sum, from frame to frame",

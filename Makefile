@@ -5,6 +5,7 @@
 # make fuzz        random scenes under sanitizers
 # make soak        random scenes against the reference; COUNT=scenes SEED=first
 # make mutants     deliberate errors in the header, and the test that notices each; LIMIT=2400 seconds, run again to continue
+# make hard-cases  runs the tests of hard cases, and writes docs/hard-cases.md: expected, measured, tolerated, and why
 # make bench       times, as ratios within one run, and error against time
 # make speed       the goals of speed, and how time grows, into docs/speed.md and docs/speed_*.png
 # make accuracy    error against time only, into docs/accuracy.md, whose first lines are kept
@@ -257,6 +258,23 @@ SUMMARY = function close_log() { passed += p; failed += f; if (status != 0 && f 
 	/^[0-9]+ passed, [0-9]+ failed$$/ { p = $$1; f = $$3 }; \
 	END { close_log(); printf "%d passed, %d failed\n", passed, failed; exit failed > 0 || passed == 0 }
 
+# What the tests of hard cases measure, by CHECK_CASE in check.h, into the tables of docs/hard-cases.md, whose first and
+# last lines are kept. With SPLATSHADOW_LONG=1, as in the long tests. In plain C, one test compares levels of
+# optimisation.
+.PHONY: hard-cases
+HARD_CASES = $(patsubst tests/%.c,build/tests/native.%.log,$(shell grep -l CHECK_CASE tests/*.c)) build/tests/plain.test_simd.log
+hard-cases:
+	@mkdir -p build/tests && rm -f build/cases.txt $(HARD_CASES)
+	@CHECK_CASES=build/cases.txt CONFIGURATIONS="native plain" $(MAKE) -s --no-print-directory -j$(JOBS) $(HARD_CASES)
+	@! grep -L '^exit status 0' $(HARD_CASES) | grep .
+	LC_ALL=C sort -t "$$(printf '\t')" -k7,7 -k8,8n build/cases.txt | awk -f tests/cases.awk > build/cases.md
+	@{ sed '/^## Transport/,$$d' docs/hard-cases.md; cat build/cases.md; sed -n '/^## Not covered/,$$p' docs/hard-cases.md; } > build/hard-cases.md
+	cp build/hard-cases.md docs/hard-cases.md
+
+# The page has a row for each case that the tests have.
+build/tests/cases.log: docs/hard-cases.md tests/cases.awk $(wildcard tests/*.c tests/*.h)
+	@$(call run,cases,awk -v mode=missing -v page=docs/hard-cases.md -f tests/cases.awk $(wildcard tests/*.c) tests/check.h docs/hard-cases.md && $(ONE_PASSED))
+
 # Tests whether a configuration's compiler is available and makes programs that run.
 can_build = { echo 'int main(void) { return 0; }' > build/tests/probe_$(1).c && \
 	$(COMPILE_$(1)) build/tests/probe_$(1).c -o build/tests/probe_$(1) && build/tests/probe_$(1); } >/dev/null 2>&1
@@ -301,7 +319,7 @@ objects: $(foreach c,$(filter $(SPLIT),$(READY)),$(call code,$(c))) \
 	$(if $(filter native baseline,$(READY)),build/tests/simd_plain) $(if $(STB_THERE),$(if $(filter native,$(READY)),build/tests/render))
 run-tests: $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log) $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) $(READY_STEPS) \
-	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log \
+	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log build/tests/cases.log \
 	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log) build/tests/header.empty.log $(if $(TCC_THERE),build/tests/header.tcc.log) \
 	$(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log)
 endif

@@ -411,7 +411,10 @@ static void test_energy(void) {
                    size[0], size[1], size[2], depth, albedo, given, absorbed, exact.escaped,
                    (absorbed + exact.escaped) / given - 1);
         CHECK(exact.escaped >= 0);
-        CHECK_NEAR(absorbed + exact.escaped, given, (n % 5 < 4 ? 2e-3 : 0.02) * given);
+        CHECK_CASE("Scattering", "energy of cells of depth 0.01 to 30: absorbed, and lost through the borders",
+                   "what they are given, relative", fabs((absorbed + exact.escaped) / given - 1),
+                   n % 5 < 4 ? 2e-3 : 0.02,
+                   "the solver's balance; what leaves deep cells is a small difference of floats");
     }
 }
 
@@ -913,7 +916,11 @@ static void test_deep(void) {
             in += (double)job_of(context)->incoming[i] * SPSI_PI * pow(grid_of(context)->edge, 2);
         in *= (double)grid_of(context)->scale[0]; /* sharp lobes: what goes straight on is taken again */
         if (figures()) printf("extinction %g, g %d: takes %.3f\n", extinctions[n / 2], n % 2, in);
-        CHECK(in > 1 && in < 1.03 * factors[n / 2] * SPSI_PI * 0.95 * 0.95);
+        CHECK(in > 1);
+        CHECK_CASE("Found in review", "light that gas takes, in cells of a depth of 1 to 1e5",
+                   "no more than comes in, or 1.8 and 3.2 times it in the deepest", in / (SPSI_PI * 0.95 * 0.95),
+                   1.03 * factors[n / 2],
+                   "corners of cells, 3 %; cells at the rim take light several times: known to be wrong");
     }
 }
 
@@ -1001,7 +1008,8 @@ static void test_white_sky(void) {
         check_render(context, &s, image_a);
         for (int i = 0; i < COUNT; ++i)
             if (i % 4 < 3) least = fmin(least, (double)image_a[i]), most = fmax(most, (double)image_a[i]);
-        if (!CHECK(most <= 2 + 2e-5) ||
+        if (!CHECK_CASE("Scattering", "cloud of albedo 1 or less before a white sky", "never brighter than the sky",
+                        most - 2, 2e-5, "sums of floats") ||
             !CHECK(n / 4 == 2 ? least > 0.1 && least < 1.8 : least >= 2 - (n / 4 ? 1.2e-4 : 2e-5)))
             printf("    g %g, kind %d: %g..%g\n", all[n % 4], n / 4, least, most);
     }
@@ -1021,6 +1029,34 @@ static void test_white_sky(void) {
     }
 }
 
+/* The same in 1, 8, 64 and 512 sheets: what each sheet hides of the sky it must scatter, to float round-off. */
+static void test_white_sky_in_sheets(void) {
+    static const int sheets[] = {1, 8, 64, 512};
+    for (int n = 0; n < 4; ++n) {
+        double whole, worst = 0;
+        sps_stats_report stats;
+        check_scene s;
+        start_plain(&s, LIGHTS);
+        s.view.quality = SPS_QUALITY_ULTRA; /* rays end where 5e-5 of light would pass */
+        s.view.width = s.view.height = 8;
+        check_color(s.scene.ambient, 1, 1, 1);
+        check_color(s.scene.background, 1, 1, 1);
+        s.view.slab = 1;
+        check_render(context, &s, image_a);
+        sps_get_stats(context, &stats);
+        whole = (double)stats.slabs;
+        s.view.slab = whole / sheets[n];
+        check_render(context, &s, image_a);
+        sps_get_stats(context, &stats);
+        CHECK_NEAR((double)stats.slabs, sheets[n], 1 + sheets[n] / whole);
+        for (int i = 0; i < 4 * 64; ++i)
+            if (i % 4 < 3) worst = fmax(worst, fabs((double)image_a[i] - 1));
+        CHECK_CASE("Scattering", "cloud of albedo 1 before a white sky, in 1, 8, 64 and 512 sheets",
+                   "reflected and transmitted light add up to 1", worst, 2e-5 + 5e-5 + sheets[n] * 6e-8,
+                   "sums of floats, of each sheet, too; rays end at 5e-5");
+    }
+}
+
 /* Where nothing scatters nothing is followed; thin gas scatters next to nothing again. */
 static void test_little(void) {
     for (int kind = 0; kind < 3; ++kind)
@@ -1035,7 +1071,9 @@ static void test_little(void) {
             CHECK((cells_made(context) == 0) == (kind == 0));
             s.view.scattering = SPS_SCATTERING_OFF;
             check_render(context, &s, image_b);
-            if (kind == 0) CHECK(same(image_a, image_b));
+            if (kind == 0)
+                CHECK_CASE("Scattering", "albedo 0, from cell to cell", "that of scattering off",
+                           !same(image_a, image_b), 0, "same bits");
             if (kind == 0) continue;
             if (figures()) printf("thin: %.2g of the light is other\n", error_of(image_a, image_b));
             CHECK(!same(image_a, image_b) && error_of(image_a, image_b) < (kind == 2 ? 0.01 : 2e-3));
@@ -1201,17 +1239,18 @@ static void test_cloud_pixels(void) {
     static const sps_lobe lobes[][2] = {
         {{-0.3f, 1}, {0, 0}}, {{0, 1}, {0, 0}},     {{0.3f, 1}, {0, 0}}, {{0.5f, 1}, {0, 0}},
         {{0.75f, 1}, {0, 0}}, {{0.85f, 1}, {0, 0}}, {{0.9f, 1}, {0, 0}}, {{0.8f, 0.8f}, {-0.3f, 0.2f}}};
-    if (!check_long()) return;
     for (int n = 0; n < 48; ++n) {
         const sps_lobe *own = lobes[n / 6];
         double noise, error;
         check_scene s;
+        if (!check_long() && n != 33) continue; /* a forward lobe, towards the light */
         start_cloud(&s, own, 1 + (own[1].weight > 0), n % 6);
-        error = noiseless_error(&s, 2000, &noise);
+        error = noiseless_error(&s, check_long() ? 2000 : 200, &noise);
         if (figures())
             printf("cloud, g %g, %s: rms error %.1f %% of the mean, noise %.1f %%\n", (double)own->asymmetry,
                    cloud_views[n % 6], 100 * error, 100 * noise);
-        CHECK(error < 0.05 + noise);
+        CHECK_CASE("Found in review", "cloud with a forward lobe, seen towards the light",
+                   "random paths, rms of pixels less noise", error, 0.05 + noise, "cells, 5 %; the paths' noise");
     }
 }
 
@@ -1312,8 +1351,14 @@ static void test_layers(void) {
         if (figures())
             printf("layer of %g, g %g: back %.4f of %.4f, through %.4f of %.4f\n", depths[n], asymmetries_of[n],
                    share[0], back[n], share[1], through[n]);
-        CHECK_NEAR(share[0], back[n], allowed[n]);
-        CHECK_NEAR(share[1], through[n], allowed[n]);
+        CHECK_CASE("Scattering", "layers of depth 2 and 10: reflected", "van de Hulst's tables; doubling",
+                   fabs(share[0] - back[n]), allowed[n], "a fifth of what leaves the outermost cells, a tenth of all");
+        CHECK_CASE("Scattering", "layers of depth 2 and 10: transmitted", "van de Hulst's tables; doubling",
+                   fabs(share[1] - through[n]), allowed[n],
+                   "a fifth of what leaves the outermost cells, a tenth of all");
+        if (n == 1)
+            CHECK_CASE("Scattering", "layer of depth 10, albedo 1", "reflected and transmitted add up to 1",
+                       fabs(share[0] + share[1] - 1), 2 * allowed[n], "that of both; 0.005 leaves at the sides");
     }
 }
 
@@ -2012,6 +2057,7 @@ int main(void) {
     RUN(test_continued);
     RUN(test_continued_in_scene);
     RUN(test_white_sky);
+    RUN(test_white_sky_in_sheets);
     RUN(test_little);
     RUN(test_linear);
     RUN(test_turned);

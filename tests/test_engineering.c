@@ -246,15 +246,18 @@ static int fails_cleanly(const failure *f, sps_context *context, long *cause, in
         sps_destroy(context);
         return 0;
     }
-    CHECK(result == f->expected);
-    CHECK(untouched(pixels_after));
+    CHECK_CASE("Engineering", "allocator, callbacks and progress that fail at every call in turn",
+               "an error, and the image untouched", result != f->expected || !untouched(pixels_after), 0, "exact");
     CHECK(sps_error(context)[0] != 0);
-    CHECK(bytes_held(context) == f->hooks->live);
+    CHECK_CASE("What users of other renderers complain of", "allocator hooks without a context pointer",
+               "each context's own hooks hold its bytes", fabs((double)bytes_held(context) - (double)f->hooks->live), 0,
+               "exact");
     *cause = 0;
     if (again) {
         fill(pixels_after);
         CHECK_OK(context, run(context, f->m, f->which, pixels_after));
-        CHECK(same(pixels_after, f->fresh));
+        CHECK_CASE("Engineering", "the next call after such a failure", "the same picture",
+                   !same(pixels_after, f->fresh), 0, "same bits");
         CHECK(sps_error(context)[0] == 0);
     }
     sps_destroy(context);
@@ -433,7 +436,8 @@ static void test_memory_limit(const mixed *m) {
         context = check_context(&hooks);
         fill(pixels_after);
         last = run(context, m, RENDER, pixels_after);
-        CHECK(hooks.peak <= limit);
+        CHECK_CASE("What users of other renderers complain of", "unbounded memory: limits from too little to enough",
+                   "peak / memory_limit", (double)hooks.peak / (double)limit, 1, "a bound");
         if (last == SPS_OK)
             CHECK(same(pixels_after, pixels_fresh));
         else
@@ -508,7 +512,8 @@ static void test_planned_bytes(void) {
             mixed_build_small(&m);
             more = vary(&m, variant);
             measure(&m, workers, &planned, &peak);
-            if (!CHECK(peak <= planned))
+            if (!CHECK_CASE("Engineering", "bytes of a render, in some forty scenes, by no workers and by 7",
+                            "peak / planned", (double)peak / (double)planned, 1, "a bound"))
                 printf("    variant %d, %d workers: peak %.0f, planned %.0f\n", variant, workers, (double)peak,
                        (double)planned);
             if (!CHECK(planned < 6 * peak + 200000)) /* the bound is useful */
@@ -587,7 +592,9 @@ static void test_shuffled_workers(const mixed *m, kind which) {
             context = check_context(&hooks);
             fill(pixels_after);
             CHECK_OK(context, run(context, m, which, pixels_after));
-            if (!CHECK(same(pixels_after, pixels_fresh))) printf("    %s, %d workers\n", kind_names[which], workers);
+            if (!CHECK_CASE("Engineering", "1, 2 and 7 workers in any order, and all of it again", "the same picture",
+                            !same(pixels_after, pixels_fresh), 0, "same bits"))
+                printf("    %s, %d workers\n", kind_names[which], workers);
             CHECK(hooks.loops > 0);
             CHECK_OK(context, run(context, m, which, pixels_after));
             CHECK(same(pixels_after, pixels_fresh));
@@ -719,7 +726,8 @@ static void test_two_contexts(void) {
     for (int i = 0; i < 2; ++i) CHECK(pthread_create(&threads[i], NULL, twin_main, &twins[i]) == 0);
     for (int i = 0; i < 2; ++i) pthread_join(threads[i], NULL);
     for (int i = 0; i < 2; ++i) {
-        CHECK(!twins[i].failed);
+        CHECK_CASE("Engineering", "two contexts in two threads at once", "each its own picture", twins[i].failed, 0,
+                   "same bits");
         sps_destroy(twins[i].context);
         mixed_free(&twins[i].m);
     }
@@ -1152,6 +1160,29 @@ static void test_quick_start(void) {
     free(readme);
     free(header);
     free(hello);
+}
+
+/* Nothing is needed but a C compiler: the header includes the standard library, and what compilers come with. */
+static void test_includes(void) {
+    static const char allowed[] = "assert.h float.h math.h stddef.h stdint.h stdio.h stdlib.h string.h "
+                                  "emmintrin.h immintrin.h arm_neon.h ";
+    char line[512], name[64];
+    FILE *header = fopen("splatshadow.h", "r");
+    int found = 0, others = 0;
+    if (!header) {
+        printf("skipped: includes of the header: run this in the top folder\n");
+        return;
+    }
+    while (fgets(line, sizeof line, header))
+        if (sscanf(line, "#include <%62[^>]", name) == 1 || sscanf(line, "#include \"%62[^\"]", name) == 1) {
+            found += 1;
+            strcat(name, " ");
+            others += strstr(allowed, name) == NULL;
+        }
+    fclose(header);
+    CHECK(found >= 8);
+    CHECK_CASE("What users of other renderers complain of", "no CPU mode",
+               "headers included besides the standard library's", others, 0, "exact; vectors are the compiler's");
 }
 
 /* ------------------------------------------------------------------------------------------------- the command line */
@@ -2228,6 +2259,7 @@ int main(void) {
     test_stack(&m);
 #endif
     test_quick_start();
+    test_includes();
     if (!check_memory_only()) test_command_line(); /* which is no program with sanitizers */
     mixed_free(&m);
     mixed_free(&small);

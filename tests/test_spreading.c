@@ -120,8 +120,8 @@ static void test_beam(void) {
         b = beam_of(&t);
         CHECK_NEAR(b.flux, exp(t.scattered - 2) - exp(-2), 2e-5);
         CHECK_NEAR(b.way / b.flux, 2, 1e-4);
-        CHECK_NEAR(b.square, 1600 * square_of(&t) * exp(t.scattered - 2),
-                   0.001 * b.square); /* floats, and the series */
+        CHECK_CASE("Scattering", "lateral spread of a beam, in 1 and 16 to 1024 sheets", "Fermi-Eyges theory, relative",
+                   fabs(1600 * square_of(&t) * exp(t.scattered - 2) / b.square - 1), 0.001, "floats, and the series");
         if (figures())
             printf("%d sheets: flux %.6f, rms %.4f of %.4f texels\n", t.sheets, b.flux, b.rms,
                    sqrt(1600 * square_of(&t) * exp(t.scattered - 2) / (exp(t.scattered - 2) - exp(-2))));
@@ -192,7 +192,10 @@ static void test_walks(void) {
         if (figures())
             printf("g %g, depth %g: rms %.4f, random walks %.4f: %+.1f %%\n", g[i / 4], depth[i % 4], radius, w,
                    100 * (radius / w - 1));
-        if (i < 15) CHECK_NEAR(radius, w, 0.1 * w); /* the last one is printed only: directions are forgotten there */
+        if (i < 15) /* the last one is printed only: directions are forgotten there */
+            CHECK_CASE("Scattering", "lateral spread of a beam, asymmetry 0.5 to 0.95, depth 0.5 to 4",
+                       "random walks, relative", fabs(radius / w - 1), 0.1,
+                       "theory adds angles where light adds slopes, and has no tail");
     }
 }
 
@@ -223,7 +226,8 @@ static void test_energy(void) {
                 for (int i = 0; i < TEXELS; ++i)
                     all[i] += none.depth * (1 + t.uneven * (2 * check_next(&random) - 1)) / t.sheets;
             for (int i = 0; i < TEXELS; ++i) straight += exp(-all[i]);
-            CHECK_NEAR((sum + straight) / TEXELS, 1, 1e-5);
+            CHECK_CASE("Scattering", "energy of a beam between sides that send back, in uneven gas of albedo 1",
+                       "scattered and straight add up to 1", fabs((sum + straight) / TEXELS - 1), 1e-5, "floats");
         }
     }
 }
@@ -310,7 +314,10 @@ static void test_sun(void) {
             check_color(s.volume[0].albedo, a, a, a);
             check_add_directional(&s, 1, 0, 0, 3);
             check_render(context, &s, image_a);
-            CHECK_NEAR(flux_at(context, 0, x, 0.03, 0.02, &depth), exp((a - 1) * t) - exp(-t), 0.01);
+            CHECK_CASE("Scattering", "a sun through gas of asymmetry 0.97",
+                       "what scatters goes on straight: all that is not absorbed",
+                       fabs(flux_at(context, 0, x, 0.03, 0.02, &depth) - (exp((a - 1) * t) - exp(-t))), 0.01,
+                       "theory has no sides, which are far; texels");
             CHECK_NEAR(depth, t, 0.05); /* the box fades out within a voxel: 2 / 32 times an extinction of 2, halved */
             lobe.asymmetry = 0.85f;
         }
@@ -337,9 +344,13 @@ static void test_agreement(void) {
         for (int i = 0; i < COUNT; ++i) most = fmax(most, i % 4 < 3 ? (double)image_b[i] : 0);
         rest = check_largest(image_a, image_b, COUNT) / most;
         if (figures()) printf("agreement %d: %.4f\n", n, rest);
-        if (n < 2) CHECK(rest < 0.05); /* 0.06 (1 + c)^2 (1 - g) t is .01; sides: sqrt(q s / 3) is .07 wide */
+        if (n < 2) /* 0.06 (1 + c)^2 (1 - g) t is .01; sides: sqrt(q s / 3) is .07 wide */
+            CHECK_CASE("Scattering", "asymmetry 0.99, the largest", "as light that keeps to its rays, of the brightest",
+                       rest, 0.05, "lost aside, 1 %; sides, which are 0.07 wide");
         if (n == 2) CHECK(rest < 0.1); /* optical depth of both ways: .04, and up to .06 */
-        if (n > 2) CHECK(same(image_a, image_b)); /* nothing scatters */
+        if (n > 2)
+            CHECK_CASE("Scattering", "albedo 0, sideways", "that of scattering off", !same(image_a, image_b), 0,
+                       "same bits");
         lobe.asymmetry = 0.85f;
     }
 }
@@ -451,8 +462,9 @@ static void test_lamp_within(void) {
         most = fmax(most, flux);
     }
     if (figures()) printf("lamp within: %.4f to %.4f of %.4f\n", least, most, 1 - exp(-1.2));
-    CHECK_NEAR(least, 1 - exp(-1.2), 0.05); /* >>spreading, of texels: 5 %; and cells of .05 by 2 times exp(-1.2) */
-    CHECK_NEAR(most, 1 - exp(-1.2), 0.05);
+    CHECK_CASE("Scattering", "lamp within even gas, across the seams of six faces", "theory, on all sides",
+               fmax(fabs(least - (1 - exp(-1.2))), fabs(most - (1 - exp(-1.2)))), 0.05,
+               "texels, 5 %; cells of 0.05 by 2 exp(-1.2)");
 }
 
 /* A sum of lights is the sum of their pictures; tables and sheets, both orders of compositing, and parts of an image

@@ -181,7 +181,8 @@ static void test_light_within(void) {
         errors[deep] = check_rms(image_a, image_b, 256) / mean;
     }
     if (figures()) printf("light within: rms error %.5f of the mean, by a deep map %.5f\n", errors[0], errors[1]);
-    CHECK(errors[0] < errors[1] + 0.002);
+    CHECK_CASE("Extremes", "light inside the gas, by a table", "brute force, rms of the mean", errors[0],
+               errors[1] + 0.002, "a deep map's error, and 0.2 % for the table's planes");
 }
 
 /* --- what is held --- */

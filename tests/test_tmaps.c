@@ -375,7 +375,9 @@ static void test_small_particles(void) {
                 0.1 / (r * r) / (f.sets[soft].is_extinction ? r * (soft ? 4.0 / 3 : 2) : 1));
             map = must_build(&f, context);
             for (int k = 0; k < SIDE * SIDE && map; ++k) sum += (double)sps_tmap_texels(map)[2 * k + 1];
-            CHECK_NEAR(sum, whole, 0.007 * whole);
+            CHECK_CASE("Found in review", "particles below a texel, wherever they lie in it", "their mass, relative",
+                       fabs(sum / whole - 1), 0.007,
+                       "chords to 1e-3 at four rims, of a sum of 1.17, in map and weight");
             sps_tmap_destroy(map);
         }
     }
@@ -652,7 +654,10 @@ static void test_cut_kernels(void) {
                 const double dx = i % VOXELS - 5.5 - x, dy = i / VOXELS - 5.5 - y;
                 exact += column[i] * exp(-0.5 * (dx * dx + dy * dy) / (0.65 * 0.65)) / (2 * PI * 0.65 * 0.65);
             }
-            if (!CHECK_NEAR((double)sps_tmap_texels(map)[texel], exact, beyond * fullest + (1 / raised + 4e-4) * exact))
+            if (!CHECK_CASE("Found in review", "volumes in exact maps, at each quality", "the sum of uncut kernels",
+                            fabs((double)sps_tmap_texels(map)[texel] - exact),
+                            beyond * fullest + (1 / raised + 4e-4) * exact,
+                            "what the quality's cut leaves out of the fullest column"))
                 printf("    quality %d\n", quality);
         }
         sps_tmap_destroy(map);
@@ -1029,10 +1034,15 @@ static void check_technique(const sps_tmap *map, const sps_tmap *deep, float eps
         if (!CHECK(depth >= 0 && depth <= 1e15f && passes >= 0 && passes <= 1)) printf("    technique %d\n", technique);
         CHECK_NEAR((double)passes, exp(-(double)depth), 2e-6 * (double)passes + 1e-37);
         CHECK((double)least <= (double)depth + slack && (double)depth <= (double)most + slack);
-        if (!CHECK((double)least <= (double)exact + slack && (double)exact <= (double)most + slack))
+        if (!CHECK_CASE("Shadows", "brackets of every kind of map against exact columns", "contain the exact depth",
+                        fmax((double)least - (double)exact, (double)exact - (double)most), slack,
+                        "sums of 25 intervals in floats, 1e-5; u"))
             printf("    technique %d: %g .. %g, exact %g\n", technique, (double)least, (double)most, (double)exact);
         if (technique == SPS_TMAP_DEEP) CHECK(least >= depth && most <= depth);
-        if (technique == SPS_TMAP_COMPRESSED) CHECK_NEAR((double)passes, (double)exact_passes, (double)epsilon + 2e-7);
+        if (technique == SPS_TMAP_COMPRESSED)
+            CHECK_CASE("Shadows", "compressed map against exact columns", "transmittance",
+                       fabs((double)passes - (double)exact_passes), (double)epsilon + 2e-7,
+                       "epsilon, as promised; floats");
         bracketed += most < 1e14f && most > least;
     }
     if (technique == SPS_TMAP_OPACITY || technique == SPS_TMAP_DEEP_OPACITY || technique == SPS_TMAP_MOMENT)
@@ -1144,11 +1154,15 @@ static void test_cut_particles(void) {
                    0.5 + 16.5 * (i / (SIDE * SIDE) + 0.01) / 19, point);
             exact = query_at(deep, point);
             sps_tmap_bracket(map, 1, point, &least, &most);
-            if (!CHECK((double)least <= exact + slack && exact <= (double)most + slack))
+            if (!CHECK_CASE("Found in review", "soft particles cut by near_depth, far_depth or the light",
+                            "brackets contain the exact depth", fmax((double)least - exact, exact - (double)most),
+                            slack, "sums of nine intervals in floats; u to its last place"))
                 printf("    technique %d way %d depth %g: %g .. %g, exact %g\n", techniques[which], way, depth,
                        (double)least, (double)most, exact);
             if (techniques[which] == SPS_TMAP_COMPRESSED)
-                CHECK_NEAR(through(map, point[0], point[1], point[2]), exp(-exact), (double)f.settings.epsilon + 2e-7);
+                CHECK_CASE("Found in review", "the same particles in a compressed map", "transmittance to epsilon",
+                           fabs(through(map, point[0], point[1], point[2]) - exp(-exact)),
+                           (double)f.settings.epsilon + 2e-7, "epsilon, as promised; floats");
         }
         sps_tmap_destroy(map);
         sps_tmap_destroy(deep);
@@ -1524,7 +1538,9 @@ static void test_bytes_of_half_empty_maps(void) {
         if (technique <= SPS_TMAP_COMPRESSED) {
             const uint32_t *starts = sps_tmap_starts(map), count = starts[TEXELS], middle = starts[TEXELS / 2];
             CHECK(half == 2 ? count == 0 : count > 5000 && middle == (half ? 0 : count));
-            if (!CHECK(bytes == before + item * (count > 0 ? count : 1))) /* no allocation is of 0 bytes */
+            if (!CHECK_CASE("Found in review", "bytes of lists of maps that are half empty", "exactly their items",
+                            fabs((double)bytes - (double)(before + item * (count > 0 ? count : 1))), 0,
+                            "exact; no allocation is of 0 bytes"))
                 printf("    technique %d: %g bytes of %g items\n", technique, (double)(bytes - before), (double)count);
         } else {
             CHECK(bytes == before && before >= TEXELS * sizeof(float) * (size_t)map->settings.components);
@@ -1602,7 +1618,8 @@ static void test_budget_of_lists(void) {
                 CHECK(map && check_bytes_of(map) == bytes);
             } else {
                 const char *takes = strstr(sps_error(context), "the map takes ");
-                CHECK(!map && strstr(sps_error(context), "settings.byte_budget is ") && takes);
+                CHECK_CASE("Found in review", "byte budgets that lists exceed", "an error that says what they take",
+                           map || !strstr(sps_error(context), "settings.byte_budget is ") || !takes, 0, "exact");
                 if (takes && !CHECK(atof(takes + 14) > (double)f.settings.byte_budget))
                     printf("    technique %d: %s, of %g\n", technique, sps_error(context), (double)bytes);
             }
@@ -1963,7 +1980,9 @@ static void test_replaced_of_several(void) {
         CHECK_OK(context, sps_tmap_add(map, n & 2 ? &bad.s.scene : &f.s.scene));
         CHECK(sps_tmap_finish(map) == (n & 1 ? SPS_OK : SPS_ERROR_DATA));
         sps_get_stats(context, &stats);
-        if (n & 1) CHECK(stats.values_replaced == 1);
+        if (n & 1)
+            CHECK_CASE("Found in review", "replace_invalid of one of several scenes in a map", "applies to all of them",
+                       stats.values_replaced != 1, 0, "exact");
         sps_tmap_destroy(map);
         end(&f);
         end(&bad);
@@ -1992,7 +2011,9 @@ static void test_crowded_tiles(void) {
             on_ray(map, 0, (int)(300 * check_next(&random)), (int)(200 * check_next(&random)),
                    technique ? 20 : 20 * check_next(&random), point);
             exact = exact_particles(&f, point);
-            CHECK_NEAR(query_at(map, point), exact.depth, exact.slack + 1e-5 * exact.depth);
+            CHECK_CASE("Found in review", "map particles wider than eight tiles", "the sum of chords",
+                       fabs(query_at(map, point) - exact.depth), exact.slack + 1e-5 * exact.depth,
+                       "chords to 1e-3 at rims, as everywhere; sums of floats");
         }
         sps_tmap_destroy(map);
     }
@@ -2382,7 +2403,8 @@ static void test_outside(void) {
         map = must_build(&f, context);
         sps_get_stats(context, &stats);
         CHECK(stats.particles_outside == (n % 5 == 0 ? 0u : way == SPOT && (n % 5 == 2 || n % 5 == 3) ? 3u : 2u));
-        CHECK(messages_told == (n % 5 > 0));
+        CHECK_CASE("Found in review", "gas before near_depth or behind far_depth", "a message says so",
+                   messages_told != (n % 5 > 0), 0, "exact");
         CHECK(n % 5 == 0 || (strstr(last_message, "voxels") != NULL) == voxels);
         sps_tmap_destroy(map);
         end(&f);
@@ -2463,7 +2485,9 @@ static void test_surface_before_near(void) {
             add_mesh(&f, 0, glass ? 0.5 : 0);
             map = must_build(&f, context);
             if (!glass) CHECK_NEAR(query(map, 0, 0, 4.99), DARK, 1e-7);
-            CHECK_NEAR(query(map, 0, 0, -6), glass ? log(2.0) : DARK, 1e-7);
+            CHECK_CASE("Found in review", "surfaces before near_depth, opaque and translucent",
+                       "shade all that is behind", fabs(query(map, 0, 0, -6) - (glass ? log(2.0) : DARK)), 1e-7,
+                       "floats");
             CHECK_NEAR(query(map, 0, 0, 5.01), 0, 0);
             if (!glass) CHECK_NEAR((double)sps_tmap_surfaces(map)[SIDE * SIDE / 2], -0.2, 1e-6);
             sps_tmap_destroy(map);
@@ -2536,7 +2560,9 @@ static void test_untransposed(void) {
         map = build(&f, context);
         CHECK((map != NULL) == (n % 3 == 0));
         if (!map) CHECK(strstr(sps_error(context), "narrow the light's view") != NULL);
-        if (!CHECK((strstr(sps_error(context), "is world_to_clip row-major?") != NULL) == (n % 3 == 1)))
+        if (!CHECK_CASE("Found in review", "matrix that was not transposed", "the error asks whether it is row-major",
+                        (strstr(sps_error(context), "is world_to_clip row-major?") != NULL) != (n % 3 == 1), 0,
+                        "exact"))
             printf("    %d: %s\n", n, sps_error(context));
         sps_tmap_destroy(map);
         end(&f);
@@ -2593,7 +2619,8 @@ static void test_context_before_maps(void) {
             _exit(0);
         }
         CHECK(child > 0 && waitpid(child, &status, 0) == child);
-        CHECK(WIFEXITED(status) && WEXITSTATUS(status) == (kept ? 3 : 0));
+        CHECK_CASE("Found in review", "context destroyed before its map", "an assertion",
+                   !WIFEXITED(status) || WEXITSTATUS(status) != (kept ? 3 : 0), 0, "exact");
         sps_tmap_destroy(map);
         sps_destroy(context);
     }
@@ -2714,7 +2741,9 @@ static void test_progress(void) {
             if (round) see(&f, ROUND, 5);
             if (!round) f.light.width = 3, f.light.height = 200;
             sps_tmap_destroy(must_build(&f, context));
-            CHECK(seen[1] > (round ? 4 : 2) && seen[0] >= 1);
+            CHECK_CASE("Found in review", "progress of maps that are made from lists",
+                       "told for every band and face; ends at 1", !(seen[1] > (round ? 4 : 2) && seen[0] >= 1), 0,
+                       "exact");
             sps_destroy(context);
             end(&f);
         }
@@ -3179,7 +3208,9 @@ static void test_pictures(void) {
             }
         if (technique != SPS_TMAP_DEEP) {
             const double rms = check_rms(image_a, image_b, 4 * PIXELS);
-            if (!CHECK(rms <= error[technique] * brightest(image_a, PIXELS)))
+            if (!CHECK_CASE("Found in review", "pictures by every kind of map",
+                            "that by a deep map, rms of the brightest", rms / brightest(image_a, PIXELS),
+                            error[technique], "by kind; a depth map rounds T to 0 or 1, 12^-1/2 at worst"))
                 printf("    technique %d: %g\n", technique, rms);
         }
         check_free_triangles(&p.floor);
@@ -3210,8 +3241,10 @@ static void test_fitted_range(void) {
     {
         const double length = depths[0][1] - depths[0][0];
         CHECK(length > 1.9 && length < 3.5); /* the blob's voxels, 2 across, and kernels' reach, 2.5 voxels of 2/9 */
-        CHECK_NEAR(depths[1][0], depths[0][0] - 0.05 * length, 1e-9);
-        CHECK_NEAR(depths[1][1], depths[0][1] + 0.05 * length, 1e-9);
+        CHECK_CASE("Found in review", "guard band of a Fourier map's fitted range", "a twentieth at either end",
+                   fmax(fabs(depths[1][0] - (depths[0][0] - 0.05 * length)),
+                        fabs(depths[1][1] - (depths[0][1] + 0.05 * length))),
+                   1e-9, "doubles");
         CHECK_NEAR(depths[2][0], depths[0][0], 1e-9);
         CHECK_NEAR(depths[2][1], depths[0][1], 1e-9);
         CHECK(depths[3][1] - depths[3][0] > 1.1 * 1.9);
@@ -3244,7 +3277,9 @@ static void test_default_size(void) {
         }
         check_free_triangles(&p.floor);
     }
-    CHECK(check_rms(image_a, image_b, 4 * PIXELS) < 0.01 * brightest(image_b, PIXELS));
+    CHECK_CASE("Found in review", "six faces of default size", "those of 128 texels, rms of the brightest",
+               check_rms(image_a, image_b, 4 * PIXELS) / brightest(image_b, PIXELS), 0.01,
+               "64 planes resolve a blob as wide as a voxel to 1 %");
     sps_destroy(context);
 }
 
@@ -3275,7 +3310,10 @@ static void test_light_inside(void) {
         worst = fmax(worst, off), sum += off * off, count += 1;
     }
     CHECK(most > 0.02);
-    CHECK(sqrt(sum / count) < 0.005 * most && worst < 0.05 * most);
+    CHECK_CASE("What users of other renderers complain of", "light inside the medium, by a map",
+               "brute force, rms of the brightest", sqrt(sum / count) / most, 0.005,
+               "ripple of 0.25 %, and lines between slabs as much");
+    CHECK(worst < 0.05 * most);
     check_free_triangles(&p.floor);
     sps_destroy(context);
 }
@@ -3597,7 +3635,8 @@ static void test_planned_lists(void) {
             held = buffers[SPSI_BUFFER_TMAP_VOLUMES].size + buffers[SPSI_BUFFER_LIGHT_TMAPS].size;
             held += buffers[SPSI_BUFFER_CURSORS].size;
             held += lists ? (texels + 1) * sizeof(uint32_t) : texels * sizeof(float) * (size_t)p.settings.components;
-            CHECK(held <= planned);
+            CHECK_CASE("Found in review", "bytes of maps that are made from lists", "held / planned",
+                       (double)held / (double)planned, 1, "a bound");
             CHECK(hooks.peak - buffers[SPSI_BUFFER_BAND].size - buffers[SPSI_BUFFER_CURVES].size <= plan.bytes ||
                   lists);
         }

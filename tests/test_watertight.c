@@ -104,7 +104,9 @@ static void test_fans(void) {
                 twice += hits > 1;
             }
     }
-    if (!CHECK(missed == 0) || !CHECK(twice == 0)) printf("    missed %d, met twice %d\n", missed, twice);
+    if (!CHECK_CASE("Found in review", "rays at a vertex of a closed mesh, however edges lie",
+                    "each meets one triangle", missed + twice, 0, "exact signs"))
+        printf("    missed %d, met twice %d\n", missed, twice);
 }
 
 /* Rays exactly through corners and along edges, without round-off: a ground of whole-numbered corners, below the eye
@@ -319,7 +321,9 @@ static void test_pictures_and_maps(void) {
             sps_tmap_destroy(map);
         }
     }
-    if (!CHECK(holes == 0) || !CHECK(wrong == 0)) printf("    %d holes, %d texels\n", holes, wrong);
+    if (!CHECK_CASE("Extremes", "shared edges and corners of a net, in 300 pictures and 30 maps",
+                    "no hole, every texel's ray counts once", holes + wrong, 0, "exact signs"))
+        printf("    %d holes, %d texels\n", holes, wrong);
 }
 
 /* From inside a closed body, in all directions, towards its corners and the middles of its edges: no light leaks in.
@@ -349,7 +353,9 @@ static void test_closed_body(void) {
         if (!check_render(context, &s, image)) return;
         for (int i = 0; i < SIDE * SIDE; ++i) holes += image[4 * i + 3] < 1;
     }
-    if (!CHECK(holes == 0)) printf("    %d holes\n", holes);
+    if (!CHECK_CASE("Found in review", "closed body from within, looking at its corners and edges", "no light leaks in",
+                    holes, 0, "exact signs"))
+        printf("    %d holes\n", holes);
 }
 
 int main(void) {

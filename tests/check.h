@@ -120,15 +120,21 @@ static inline int check_memory_only(void) { return SANITIZED && !check_long(); }
 
 /* ------------------------------------------------------------------------------------------------------------ files */
 
-/* Returns the contents of a file, which the caller frees; NULL if it cannot be read. Tests run in the project's
-   folder. */
-static inline char *read_text(const char *path) {
+/* Returns the contents of a file, which the caller frees, and their size; NULL if it cannot be read. Tests run in the
+   project's folder. */
+static inline char *read_bytes(const char *path, size_t *size) {
     FILE *file = fopen(path, "rb");
     const size_t room = 1 << 20;
     char *text = file ? (char *)malloc(room + 1) : NULL;
-    if (text) text[fread(text, 1, room, file)] = 0;
+    *size = text ? fread(text, 1, room, file) : 0;
+    if (text) text[*size] = 0;
     if (file) fclose(file);
     return text;
+}
+
+static inline char *read_text(const char *path) {
+    size_t size;
+    return read_bytes(path, &size);
 }
 
 /* --------------------------------------------------------------------------------------------------- random numbers */

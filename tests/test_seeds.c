@@ -1,0 +1,328 @@
+/* Scenes, maps and files that are decoded from bytes: every file of tests/seeds/, or those that are named. With FUZZER
+   defined, `make fuzz` draws the bytes instead. The first byte is a letter that says what the rest is (see `targets`
+   below, and fuzz_files.h): scenes come from fuzz.h, which also says what holds for them. In addition, memory or a
+   provider may fail, or the caller may cancel, at any time, and afterwards the same context renders the same scene, and
+   another one, to the same bits as a new one. */
+
+#include "fuzz.h"
+#include "fuzz_files.h"
+
+#include <dirent.h>
+#include <inttypes.h>
+
+enum { PATIENCE = 3000 };
+
+/* --------------------------------------------------------------------------------------------- a context and trouble
+ */
+
+typedef enum trouble_kind { NO_TROUBLE = 0, NO_MEMORY, CANCELLING, FAILING_CALL, LITTLE_MEMORY, TROUBLES } trouble_kind;
+
+typedef struct trouble {
+    trouble_kind kind;
+    long at; /* number of the allocation or call that fails, or the limit of memory */
+} trouble;
+
+typedef struct trial {
+    check_hooks hooks;
+    check_cancel cancel;
+    int patience; /* calls of progress_fn after which all is given up, so that no scene takes long; 0: none */
+    sps_context *context;
+} trial;
+
+static void trial_begin(trial *t, int workers, const trouble *wrong) {
+    memset(t, 0, sizeof *t);
+    t->hooks.worker_count = workers;
+    if (wrong && wrong->kind == LITTLE_MEMORY) t->hooks.memory_limit = (size_t)wrong->at;
+    sps_config config = check_config(&t->hooks);
+    config.progress_fn = check_cancel_at, config.progress_user = &t->cancel;
+    t->context = sps_create(&config, NULL);
+    CHECK(t->context || t->hooks.memory_limit);
+}
+
+static void trial_end(trial *t) {
+    sps_destroy(t->context);
+    if (!CHECK(t->hooks.live == 0 && t->hooks.live_blocks == 0)) printf("    a leak\n");
+    if (t->hooks.memory_limit) CHECK(t->hooks.peak <= t->hooks.memory_limit);
+}
+
+/* From now on, until it is called without trouble. */
+static void set_trouble(trial *t, const trouble *wrong) {
+    const trouble_kind kind = wrong ? wrong->kind : NO_TROUBLE;
+    t->cancel.calls = 0;
+    t->cancel.at = kind == CANCELLING ? wrong->at : t->patience;
+    t->hooks.fail_at = kind == NO_MEMORY ? t->hooks.allocations + wrong->at : 0;
+    provider_fails_at = kind == FAILING_CALL ? provider_calls + wrong->at : 0;
+}
+
+static trouble random_trouble(void) {
+    trouble wrong;
+    wrong.kind = (trouble_kind)below(TROUBLES);
+    wrong.at = 1 + below(one_in(2) ? 256 : 12);
+    if (wrong.kind == LITTLE_MEMORY) wrong.at *= 4000;
+    return wrong;
+}
+
+/* What a failure may be, if the scene by itself leads to `expected`. */
+static int may_fail(const trouble *wrong, sps_result expected, sps_result result) {
+    static const sps_result results[] = {SPS_OK, SPS_ERROR_MEMORY, SPS_ERROR_CANCELLED, SPS_ERROR_CALLBACK,
+                                         SPS_ERROR_MEMORY};
+    return result == expected || result == results[wrong->kind];
+}
+
+/* -------------------------------------------------------------------------------------------------- pictures of scenes
+ */
+
+/* What a good scene looks like in a new context, it must look like in any. */
+enum { GOOD_SIDE = 6, GOOD_NUMBERS = 4 * GOOD_SIDE * GOOD_SIDE };
+
+static void render_good(sps_context *context, float *pixels) {
+    static float value = 0.7f;
+    check_scene s;
+    check_triangles triangles;
+    memset(&triangles, 0, sizeof triangles);
+    check_clear(&s, GOOD_SIDE, GOOD_SIDE);
+    sps_volume *volume = check_add_volume(&s, 4, 4, 4, check_box(-0.4, -0.4, -0.4, 0.4, 0.4, 0.4));
+    volume->read_fn = check_read_constant, volume->user = &value, volume->extinction = 3;
+    volume->emission[1] = 0.5f;
+    check_add_corners(&triangles, (const double[3]){-1, -1, -1}, (const double[3]){1, -1, -1},
+                      (const double[3]){0, 1, -1});
+    check_add_mesh(&s, &triangles, 0.5);
+    check_add_directional(&s, 0.5, -0.3, -1, 2);
+    s.view.shadow_size = 16;
+    check_render(context, &s, pixels);
+    check_free_triangles(&triangles);
+}
+
+static void check_good(trial *t) {
+    static float exact[GOOD_NUMBERS];
+    static int rendered;
+    float pixels[GOOD_NUMBERS];
+    if (!rendered) {
+        trial fresh;
+        trial_begin(&fresh, 0, NULL);
+        set_trouble(&fresh, NULL);
+        render_good(fresh.context, exact);
+        trial_end(&fresh);
+        rendered = 1;
+    }
+    set_trouble(t, NULL);
+    render_good(t->context, pixels);
+    CHECK(memcmp(pixels, exact, sizeof exact) == 0);
+}
+
+/* The outcome of a scene in a new context. */
+typedef struct expectation {
+    sps_result result;
+    int reference;
+    float pixels[4 * (90 + TINY + 1)];
+} expectation;
+
+static void expect_same(trial *t, const scenery *x, const expectation *expected, const char *what) {
+    set_trouble(t, NULL);
+    const sps_result result = render_scenery(t->context, x, expected->reference);
+    check_outcome(x, 0, what, result, t->context);
+    if (!CHECK(result == expected->result)) report(0, what, result, t->context);
+    if (result == SPS_OK && !CHECK(memcmp(rgba, expected->pixels, sizeof expected->pixels) == 0))
+        report(0, what, result, t->context);
+}
+
+/* Something goes wrong, and then nothing does. */
+static void try_trouble(const scenery *x, const expectation *expected, const trouble *wrong) {
+    trial t;
+    trial_begin(&t, one_in(2) ? 3 : 0, wrong);
+    if (t.context) {
+        set_trouble(&t, wrong);
+        const sps_result result = render_scenery(t.context, x, expected->reference);
+        check_outcome(x, 0, "trouble", result, t.context);
+        if (steady(x) && !CHECK(may_fail(wrong, expected->result, result))) report(0, "trouble", result, t.context);
+        if (steady(x) && result == SPS_OK && expected->result == SPS_OK)
+            CHECK(memcmp(rgba, expected->pixels, sizeof expected->pixels) == 0);
+        if (steady(x) && wrong->kind != LITTLE_MEMORY) expect_same(&t, x, expected, "after trouble");
+        if (wrong->kind != LITTLE_MEMORY) check_good(&t);
+    }
+    trial_end(&t);
+    set_trouble(&t, NULL);
+}
+
+/* By seven workers in a shuffled order, in a context that is used for everything. */
+static void try_workers(scenery *x, const expectation *expected) {
+    static trial used;
+    if (!used.context) trial_begin(&used, 7, NULL);
+    used.hooks.order = numbers.state;
+    for (int i = 0; i < VOLUMES; ++i) x->s.volume[i].revision = 0; /* the used context holds other voxels */
+    for (int i = 0; i < MESHES; ++i) x->s.mesh[i].revision = 0;
+    expect_same(&used, x, expected, "seven workers");
+}
+
+static void try_pictures(int reference) {
+    expectation expected;
+    trial t;
+    scenery x;
+    const trouble wrong = random_trouble();
+    random_scenery(&x);
+    trial_begin(&t, 0, NULL);
+    t.patience = PATIENCE;
+    set_trouble(&t, NULL);
+    if (!reference || small_enough_to_march(&x)) {
+        expected.reference = reference;
+        expected.result = reference ? render_scenery(t.context, &x, 1) : render_as_planned(t.context, &t.hooks, &x, 0);
+        check_outcome(&x, 0, "picture", expected.result, t.context);
+        memcpy(expected.pixels, rgba, sizeof expected.pixels);
+        t.patience = 0;
+        if (expected.result != SPS_ERROR_CANCELLED) {
+            if (steady(&x)) expect_same(&t, &x, &expected, "once more");
+            check_good(&t);
+            if (wrong.kind != NO_TROUBLE) try_trouble(&x, &expected, &wrong);
+            if (steady(&x)) try_workers(&x, &expected);
+        }
+    }
+    trial_end(&t);
+    free_scenery(&x);
+}
+
+static void try_scene(const uint8_t *data, size_t size) {
+    begin_bytes(data, size);
+    try_pictures(0);
+}
+
+static void try_reference(const uint8_t *data, size_t size) {
+    begin_bytes(data, size);
+    try_pictures(1);
+}
+
+/* -----------------------------------------------------------------------------------------------------------------
+ * maps */
+
+/* A sum of all that a map lets be read: nothing of it lies out of bounds, and none is a NaN. */
+static uint64_t map_checksum(const sps_tmap *map) {
+    sps_tmap_info info;
+    uint64_t sum = 0;
+    double matrix[16], bias[2];
+    sps_tmap_constants constants;
+    const uint32_t *starts = sps_tmap_starts(map);
+    const float *texels = sps_tmap_texels(map), *surfaces = sps_tmap_surfaces(map);
+    CHECK(sps_tmap_get_info(map, &info) == SPS_OK && info.is_finished);
+    for (size_t i = 0; i < info.float_count; ++i) {
+        uint32_t bits;
+        memcpy(&bits, &texels[i], sizeof bits);
+        sum = sum * 31 + bits;
+        if (!CHECK(texels[i] == texels[i])) break;
+    }
+    for (size_t i = 0; surfaces && i < info.texel_count; ++i) CHECK(surfaces[i] == surfaces[i]);
+    for (size_t i = 0; starts && i < info.texel_count; ++i) CHECK(starts[i] <= starts[i + 1]);
+    if (starts) CHECK((size_t)starts[info.texel_count] * (size_t)info.item_floats == info.float_count);
+    for (int face = 0; face < info.face_count; ++face)
+        CHECK(sps_tmap_get_projection(map, face, matrix, bias) == SPS_OK &&
+              sps_tmap_get_constants(map, face, &constants) == SPS_OK);
+    return sum;
+}
+
+/* Makes the map again, where something goes wrong, and then not. */
+static void try_map_trouble(const scenery *x, const sps_tmap_light *light, const sps_tmap_settings *settings,
+                            sps_result expected, uint64_t sum, const trouble *wrong) {
+    trial t;
+    trial_begin(&t, one_in(2) ? 3 : 0, wrong);
+    for (int turn = 0; turn < 2 && t.context; ++turn) {
+        sps_tmap *map = NULL;
+        set_trouble(&t, turn == 0 ? wrong : NULL);
+        const sps_result result = make_map(t.context, x, light, settings, &map);
+        const int good =
+            turn == 0 || wrong->kind == LITTLE_MEMORY ? may_fail(wrong, expected, result) : result == expected;
+        if (steady(x) && !CHECK(good)) report(0, "map again", result, t.context);
+        if (steady(x) && result == SPS_OK && expected == SPS_OK) CHECK(map_checksum(map) == sum);
+        sps_tmap_destroy(map);
+    }
+    if (t.context && wrong->kind != LITTLE_MEMORY) check_good(&t);
+    trial_end(&t);
+    set_trouble(&t, NULL);
+}
+
+static void try_map(const uint8_t *data, size_t size) {
+    trial t;
+    scenery x;
+    sps_tmap_light light;
+    sps_tmap_settings settings;
+    sps_tmap *map = NULL;
+    begin_bytes(data, size);
+    const trouble wrong = random_trouble();
+    random_scenery(&x);
+    random_map_of(&x, &light, &settings);
+    trial_begin(&t, 0, NULL);
+    t.patience = PATIENCE;
+    set_trouble(&t, NULL);
+    const sps_result result = make_map(t.context, &x, &light, &settings, &map);
+    check_map_outcome(map, 0, result, t.context);
+    const uint64_t sum = result == SPS_OK ? map_checksum(map) : 0;
+    sps_tmap_destroy(map);
+    t.patience = 0;
+    check_good(&t);
+    trial_end(&t);
+    if (result != SPS_ERROR_CANCELLED) try_map_trouble(&x, &light, &settings, result, sum, &wrong);
+    free_scenery(&x);
+}
+
+/* ------------------------------------------------------------------------------------------------------------- the
+ * bytes */
+
+static const struct {
+    char letter;
+    void (*try_bytes)(const uint8_t *data, size_t size);
+} targets[] = {{'s', try_scene}, {'m', try_map}, {'r', try_reference}};
+
+enum { TARGETS = sizeof targets / sizeof *targets };
+
+/* Any bytes are something. */
+static void try_input(const uint8_t *data, size_t size) {
+    if (size == 0) return;
+    for (int i = 0; i < TARGETS; ++i)
+        if (data[0] == (uint8_t)targets[i].letter) targets[i].try_bytes(data + 1, size - 1);
+#ifndef __cplusplus
+    for (int i = 0; i < FILE_KINDS; ++i) {
+        trial t;
+        if (data[0] != (uint8_t)file_kinds[i].letter) continue;
+        trial_begin(&t, 0, NULL);
+        t.patience = PATIENCE;
+        set_trouble(&t, NULL);
+        try_file(&file_kinds[i], data + 1, size - 1, t.context);
+        trial_end(&t);
+    }
+#endif
+}
+
+#ifdef FUZZER
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    try_input(data, size);
+    if (check_failed) abort();
+    return 0;
+}
+
+#else
+
+static void replay(const char *path) {
+    const int failed = check_failed;
+    size_t size = 0;
+    char *text = read_bytes(path, &size);
+    if (!CHECK(text != NULL)) printf("    %s cannot be read\n", path);
+    if (text) try_input((const uint8_t *)text, size);
+    if (check_failed > failed) printf("    %s\n", path);
+    free(text);
+}
+
+int main(int count, char **names) {
+    char path[300];
+    DIR *seeds = count > 1 ? NULL : opendir("tests/seeds");
+    const struct dirent *entry;
+    for (int i = 1; i < count; ++i) replay(names[i]);
+    while (seeds && (entry = readdir(seeds)) != NULL) {
+        if (entry->d_name[0] == '.') continue;
+        snprintf(path, sizeof path, "tests/seeds/%s", entry->d_name);
+        replay(path);
+    }
+    if (seeds) closedir(seeds);
+    CHECK(count > 1 || seeds);
+    return check_report();
+}
+
+#endif

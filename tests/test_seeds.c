@@ -294,7 +294,7 @@ static void try_input(const uint8_t *data, size_t size) {
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     try_input(data, size);
-    if (check_failed) abort();
+    if (check_failed) fflush(stdout), abort();
     return 0;
 }
 

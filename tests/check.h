@@ -65,8 +65,8 @@ static inline int check_result(const sps_context *context, sps_result result, co
     return check_failure();
 }
 
-/* Whether the data of sps_get_error agree with the last call's sentence: "OBJECT[index].FIELD", and the value, if it is
-   numeric. */
+/* Whether the data of sps_get_error agree with the last call's sentence: "OBJECT[index].FIELD", and the value, as a
+   number or as the name of an enumerator. */
 static inline int check_error_info(const sps_context *context, sps_result result) {
     static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",   "volume",
                                         "mesh", "light", "particles", "tmap",  "light", "settings"};
@@ -80,7 +80,8 @@ static inline int check_error_info(const sps_context *context, sps_result result
         snprintf(start, sizeof start, "%s[%d]%s%s", names[info.object], info.index, *info.field ? "." : "", info.field);
     snprintf(number, sizeof number, "%g", info.value);
     return strncmp(info.sentence, start, strlen(start)) == 0 &&
-           (info.value == 0 || strstr(info.sentence + strlen(start), number));
+           (info.value == 0 || strstr(info.sentence + strlen(start), number) ||
+            strncmp(info.sentence + strlen(start), " is SPS_", 8) == 0);
 }
 
 /* Runs one test, and names it if it failed. The environment may have CHECK_TIMES, which prints the time of each;

@@ -14,7 +14,7 @@ static void compare_workers(const scenery *x, long number, sps_context *used) {
 }
 
 /* A map of the scene. */
-static void fuzz_map(const scenery *x, long number) {
+static void fuzz_map(scenery *x, long number) {
     check_hooks hooks;
     sps_tmap_light light;
     sps_tmap_settings settings;

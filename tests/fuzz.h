@@ -205,7 +205,8 @@ typedef struct scenery {
     check_scene s;
     sps_grid grids[VOLUMES];
     sps_indexed_mesh indexed[MESHES];
-    void *memory[VOLUMES + 5 * MESHES]; /* what these read, each block of exactly the size that they may read */
+    void *memory[VOLUMES + 5 * MESHES + LIGHTS +
+                 1]; /* what these read, each block of exactly the size that they may read */
     int memory_count;
     provider providers[VOLUMES], sky, crowds[SETS], textures[MESHES], images[LIGHTS];
     sps_particles sets[SETS];
@@ -426,6 +427,18 @@ static void random_map(sps_tmap_settings *map) {
     if (one_in(10)) map->byte_budget = (size_t)below(100000);
 }
 
+/* Planes of an opacity map, valid for the most part. */
+static void random_planes(scenery *x, sps_tmap_settings *map) {
+    const int count = 1 + below(8), deep = map->technique == SPS_TMAP_DEEP_OPACITY;
+    if (map->technique != SPS_TMAP_OPACITY && !deep && !one_in(20)) return;
+    if (!one_in(3)) return;
+    map->components = one_in(20) ? 0 : count + (deep ? 2 : 0);
+    float *planes = (float *)random_memory(x, (size_t)count * sizeof *planes);
+    for (int i = 0; i < count; ++i) planes[i] = (float)((i + (i + 1 < count ? unit() : 1)) / count);
+    if (one_in(8)) planes[below(count)] = (float)strange(-1, 2);
+    map->planes = planes;
+}
+
 /* An extent and a cone, valid for the most part. */
 static void random_extent(sps_light *light) {
     if (one_in(2)) return;
@@ -472,6 +485,7 @@ static void random_light(scenery *x, int n) {
     if (one_in(4)) put_int(&light->falloff, one_in(30) ? 2 : 1);
     light->no_shadow = one_in(5);
     random_map(&x->maps[n]);
+    if (from_bytes) random_planes(x, &x->maps[n]);
     if (one_in(3)) light->shadow_map = &x->maps[n];
     if (one_in(light->shadow_map ? 60 : 2)) put_int(&light->shadow_source, one_in(30) ? below(5) - 1 : below(3));
     light->shadow_map_omnidirectional = one_in(light->kind == SPS_LIGHT_DIRECTIONAL ? 100 : 5);
@@ -499,7 +513,7 @@ static void random_tiny_view(sps_view *view) {
     view->lookup_threshold = one_in(2) ? 0 : (float)strange(0, 1);
     if (one_in(40)) put_int(&view->scattering, 6);
     if (one_in(40)) put_int(&view->filling, 3);
-    if (one_in(40)) view->scatter_size = below(400) - 20;
+    if (one_in(40)) view->scatter_size = one_in(2) ? 257 : below(40) - 20;
 }
 
 static void random_view(scenery *x) {
@@ -572,8 +586,10 @@ static void spoil(scenery *x) {
 static void spare_depth_maps(scenery *x) {
     sps_scene *scene = &x->s.scene;
     const int has_gas = scene->volume_count > 0 || scene->particle_set_count > 0;
-    if (scene->mesh_count <= 0 || scene->light_count <= 0 || !has_gas || one_in(12)) return;
-    if (one_in(2))
+    if (scene->mesh_count <= 0 || scene->light_count <= 0 || !has_gas) return;
+    if (one_in(12))
+        x->s.view.quality = SPS_QUALITY_DRAFT;
+    else if (one_in(2))
         scene->mesh_count = 0;
     else if (one_in(2))
         scene->light_count = 0;
@@ -675,7 +691,7 @@ static void check_outcome(const scenery *x, long number, const char *what, sps_r
                           const sps_context *context) {
     const int good =
         result == SPS_OK ? image_sane(x) && !sps_error(context)[0] : image_untouched() && sps_error(context)[0];
-    if (!CHECK(good)) report(number, what, result, context);
+    if (!CHECK(good) || !CHECK(check_error_info(context, result))) report(number, what, result, context);
 }
 
 static int is_steady(const provider *p) { return !p->fails && p->lies != FICKLE; }
@@ -698,7 +714,7 @@ static int small_enough_to_march(const scenery *x) {
     for (int i = 0; i < x->s.scene.particle_set_count; ++i)
         if (x->sets[i].count > 300 || x->crowds[i].kind != 0)
             return 0; /* radii set the step, stray particles the length of rays */
-    return view->width * view->height < 200 && extent < 3;
+    return view->width * view->height < (from_bytes ? 24 : 200) && extent < 3;
 }
 
 /* Whether nothing keeps lists, or is fitted to them, whose length cannot be planned: no light's map, and no polygons of
@@ -735,8 +751,9 @@ static int map_sane(const sps_tmap *map) {
 }
 
 /* A map's settings, and as its light the scene's camera. */
-static void random_map_of(const scenery *x, sps_tmap_light *light, sps_tmap_settings *settings) {
+static void random_map_of(scenery *x, sps_tmap_light *light, sps_tmap_settings *settings) {
     random_map(settings);
+    if (from_bytes) random_planes(x, settings);
     settings->near_depth = one_in(3) ? 0 : strange(0, 4);
     settings->far_depth = settings->near_depth + strange(0.01, 9);
     settings->surface_bias = one_in(2) ? 0 : strange(0, 0.1);
@@ -755,8 +772,8 @@ static sps_result make_map(sps_context *context, const scenery *x, const sps_tma
 }
 
 static void check_map_outcome(const sps_tmap *map, long number, sps_result result, const sps_context *context) {
-    if (!CHECK(result == SPS_OK ? map_sane(map) && !sps_error(context)[0] : sps_error(context)[0] != 0))
-        report(number, "map", result, context);
+    const int good = result == SPS_OK ? map_sane(map) && !sps_error(context)[0] : sps_error(context)[0] != 0;
+    if (!CHECK(good) || !CHECK(check_error_info(context, result))) report(number, "map", result, context);
 }
 
 /* Renders what has just been planned, which must agree. */

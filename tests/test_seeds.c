@@ -25,16 +25,33 @@ typedef struct trouble {
 typedef struct trial {
     check_hooks hooks;
     check_cancel cancel;
-    int patience; /* calls of progress_fn after which all is given up, so that no scene takes long; 0: none */
+    float fraction; /* of the call that is done */
+    int patience;   /* calls of progress_fn after which all is given up, so that no scene takes long; 0: none */
     sps_context *context;
 } trial;
+
+/* sps_config.progress_fn: a call's fractions do not decrease. */
+static int watch_progress(void *user, float fraction) {
+    trial *t = (trial *)user;
+    if (!CHECK(fraction >= t->fraction && fraction <= 1))
+        printf("    progress of %g after %g\n", (double)fraction, (double)t->fraction);
+    t->fraction = fraction;
+    return check_cancel_at(&t->cancel, fraction);
+}
+
+/* sps_config.message_fn: a line. */
+static void watch_message(void *user, const char *text) {
+    (void)user;
+    if (!CHECK(*text && !strchr(text, '\n') && strlen(text) < 256)) printf("    %s\n", text);
+}
 
 static void trial_begin(trial *t, int workers, const trouble *wrong) {
     memset(t, 0, sizeof *t);
     t->hooks.worker_count = workers;
     if (wrong && wrong->kind == LITTLE_MEMORY) t->hooks.memory_limit = (size_t)wrong->at;
     sps_config config = check_config(&t->hooks);
-    config.progress_fn = check_cancel_at, config.progress_user = &t->cancel;
+    config.progress_fn = watch_progress, config.progress_user = t;
+    config.message_fn = watch_message;
     t->context = sps_create(&config, NULL);
     CHECK(t->context || t->hooks.memory_limit);
 }
@@ -49,6 +66,7 @@ static void trial_end(trial *t) {
 static void set_trouble(trial *t, const trouble *wrong) {
     const trouble_kind kind = wrong ? wrong->kind : NO_TROUBLE;
     t->cancel.calls = 0;
+    t->fraction = 0;
     t->cancel.at = kind == CANCELLING ? wrong->at : t->patience;
     t->hooks.fail_at = kind == NO_MEMORY ? t->hooks.allocations + wrong->at : 0;
     provider_fails_at = kind == FAILING_CALL ? provider_calls + wrong->at : 0;
@@ -77,6 +95,7 @@ enum { GOOD_SIDE = 6, GOOD_NUMBERS = 4 * GOOD_SIDE * GOOD_SIDE };
 
 static void render_good(sps_context *context, float *pixels) {
     static float value = 0.7f;
+    static const double corners[3][3] = {{-1, -1, -1}, {1, -1, -1}, {0, 1, -1}};
     check_scene s;
     check_triangles triangles;
     memset(&triangles, 0, sizeof triangles);
@@ -84,8 +103,7 @@ static void render_good(sps_context *context, float *pixels) {
     sps_volume *volume = check_add_volume(&s, 4, 4, 4, check_box(-0.4, -0.4, -0.4, 0.4, 0.4, 0.4));
     volume->read_fn = check_read_constant, volume->user = &value, volume->extinction = 3;
     volume->emission[1] = 0.5f;
-    check_add_corners(&triangles, (const double[3]){-1, -1, -1}, (const double[3]){1, -1, -1},
-                      (const double[3]){0, 1, -1});
+    check_add_corners(&triangles, corners[0], corners[1], corners[2]);
     check_add_mesh(&s, &triangles, 0.5);
     check_add_directional(&s, 0.5, -0.3, -1, 2);
     s.view.shadow_size = 16;
@@ -199,6 +217,11 @@ static uint64_t map_checksum(const sps_tmap *map) {
     uint64_t sum = 0;
     double matrix[16], bias[2];
     sps_tmap_constants constants;
+    static const float points[8] = {0, 0.3f, -0.2f, 9, 1, -1, 0.5f, 9}; /* 16 bytes each */
+    static const double same[6] = {0, (double)0.3f, (double)-0.2f, 1, -1, 0.5};
+    float depths[4];
+    CHECK(sps_tmap_query_floats(map, 2, points, 16, depths, NULL) == SPS_OK);
+    CHECK(sps_tmap_query(map, 2, same, depths + 2, NULL) == SPS_OK && memcmp(depths, depths + 2, 8) == 0);
     const uint32_t *starts = sps_tmap_starts(map);
     const float *texels = sps_tmap_texels(map), *surfaces = sps_tmap_surfaces(map);
     CHECK(sps_tmap_get_info(map, &info) == SPS_OK && info.is_finished);

@@ -176,7 +176,6 @@ COMPILE_clang     = clang -O1 -march=native
 COMPILE_glsl      = $(COMPILE_cpp) -DSAMPLING_GLSL
 COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
 COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
-COMPILE_fuzz      = $(COMPILE_wide_sanitized) -fsanitize=fuzzer
 
 # The tests of each configuration: all of them natively, with the same random scenes each time (`make fuzz-scenes`, `make soak`
 # for others); under sanitizers those with most kinds of memory access, the slow ones with vectors; elsewhere the most
@@ -417,12 +416,12 @@ mutants: $(if $(wildcard $(STB)/stb_image_write.h),build/tests/render)
 # fails is left in build/found-*, and `build/fuzz build/found-...` says why. Once it is mended, such a file belongs into
 # tests/seeds/, named after what it is: tests/test_seeds.c reads these in every `make test`. PLAIN=1 is plain C.
 FUZZ = build/fuzz$(if $(PLAIN),_plain)
-FUZZ_LIMITS = -max_len=2048 -timeout=60 -rss_limit_mb=4096
+FUZZ_LIMITS = -max_len=1024 -len_control=20 -timeout=60 -rss_limit_mb=4096
 
 fuzz: $(FUZZ)
 	@mkdir -p build/fuzz_corpus
 	$(FUZZ) build/fuzz_corpus tests/seeds $(FUZZ_LIMITS) -artifact_prefix=build/found- -max_total_time=$(or $(SECONDS),600) \
-		-fork=$(JOBS)
+		-print_final_stats=1 $(if $(filter-out 1,$(JOBS)),-fork=$(JOBS))
 
 # Comparisons in the header are not traced, which would take half of the time: those of the readers of files tell more.
 build/fuzz_plain build/fuzz_plain.code.o: ONLY = -DSPS_NO_SIMD
@@ -431,8 +430,8 @@ build/fuzz.code.o build/fuzz_plain.code.o: build/tests/weak.h
 	$(COMPILE_wide_sanitized) $(ONLY) -fsanitize-coverage=inline-8bit-counters,pc-table -w -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
 
 build/fuzz build/fuzz_plain: %: %.code.o tests/test_seeds.c examples/render.c $(HEADERS) $(wildcard tests/*.h) build/tests/faces/splatshadow.h
-	@mkdir -p build/tests && $(call can_build,fuzz) || { echo "libFuzzer is missing: install clang and libclang-rt-dev"; exit 1; }
-	$(COMPILE_fuzz) $(ONLY) -DFUZZER -Wall -Ibuild/tests/faces $(INCLUDES) -Iexamples -Itests tests/test_seeds.c $< -o $@ $(LIBRARIES)
+	$(COMPILE_wide_sanitized) -fsanitize=fuzzer $(ONLY) -DFUZZER -Wall -Ibuild/tests/faces $(INCLUDES) -Iexamples -Itests \
+		tests/test_seeds.c $< -o $@ $(LIBRARIES) || { echo "libFuzzer comes with clang and libclang-rt-dev"; exit 1; }
 
 # make fuzz-scenes SEED=7 COUNT=5000: random scenes under sanitizers, vectors on
 fuzz-scenes: tests/fuzz.c $(HEADERS) $(wildcard tests/*.h) | build

@@ -165,11 +165,66 @@ static void try_trouble(const scenery *x, const expectation *expected, const tro
 /* By seven workers in a shuffled order, in a context that is used for everything. */
 static void try_workers(scenery *x, const expectation *expected) {
     static trial used;
+    uint64_t revisions[VOLUMES + MESHES]; /* the used context holds what others deliver */
     if (!used.context) trial_begin(&used, 7, NULL);
     used.hooks.order = numbers.state;
-    for (int i = 0; i < VOLUMES; ++i) x->s.volume[i].revision = 0; /* the used context holds other voxels */
-    for (int i = 0; i < MESHES; ++i) x->s.mesh[i].revision = 0;
+    for (int i = 0; i < VOLUMES; ++i) revisions[i] = x->s.volume[i].revision, x->s.volume[i].revision = 0;
+    for (int i = 0; i < MESHES; ++i) revisions[VOLUMES + i] = x->s.mesh[i].revision, x->s.mesh[i].revision = 0;
     expect_same(&used, x, expected, "seven workers");
+    for (int i = 0; i < VOLUMES; ++i) x->s.volume[i].revision = revisions[i];
+    for (int i = 0; i < MESHES; ++i) x->s.mesh[i].revision = revisions[VOLUMES + i];
+}
+
+/* A region of a picture has the bits that it has in the whole. */
+static void try_region(trial *t, const scenery *x, const expectation *whole) {
+    scenery part = *x;
+    sps_view *view = &part.s.view;
+    if (view->region[2] != 0 || whole->result != SPS_OK) return;
+    view->region[0] = below(view->width), view->region[2] = 1 + below(view->width - view->region[0]);
+    view->region[1] = below(view->height), view->region[3] = 1 + below(view->height - view->region[1]);
+    set_trouble(t, NULL);
+    const sps_result result = render_scenery(t->context, &part, whole->reference);
+    check_outcome(&part, 0, "region", result, t->context);
+    CHECK(result == SPS_OK);
+    for (int y = 0; y < view->region[3] && result == SPS_OK; ++y) {
+        const size_t from = (size_t)((view->region[1] + y) * view->width + view->region[0]);
+        const size_t row = 4 * (size_t)view->region[2];
+        if (!CHECK(memcmp(rgba + (size_t)y * row, whole->pixels + 4 * from, row * sizeof *rgba) == 0))
+            printf("    row %d of region %d,%d,%d,%d\n", y, view->region[0], view->region[1], view->region[2],
+                   view->region[3]);
+    }
+}
+
+/* What may change from a picture to the next. Changes of data are announced by revisions. */
+static void random_change(scenery *x) {
+    const int what = below(6);
+    sps_light *light = &x->s.light[0];
+    if (what == 0) x->s.view.camera.position[below(3)] += 0.1;
+    if (what == 1) light->position[below(3)] += 0.1, light->direction[below(3)] += 0.1;
+    if (what == 2) light->color[1] += 0.5f;
+    if (what == 3) x->s.view.filling = SPS_FILLING_GATHER, x->s.view.tolerance = 0.1f;
+    if (what == 4) x->providers[0].seed += 99, x->grids[0].scale *= 0.9f;
+    if (what == 5 && x->triangles[0].count > 0) x->triangles[0].list[0].position[0][0] += 0.1f;
+    for (int i = 0; i < VOLUMES; ++i)
+        if (what == 4 && x->s.volume[i].revision) x->s.volume[i].revision += 8;
+    for (int i = 0; i < MESHES; ++i)
+        if (what == 5 && x->s.mesh[i].revision) x->s.mesh[i].revision += 8;
+}
+
+/* After a change, a context that holds what it can renders the same bits as a new one. */
+static void try_change(trial *t, scenery *x) {
+    expectation expected;
+    trial fresh;
+    random_change(x);
+    trial_begin(&fresh, 0, NULL);
+    fresh.patience = PATIENCE;
+    set_trouble(&fresh, NULL);
+    expected.reference = 0;
+    expected.result = render_scenery(fresh.context, x, 0);
+    check_outcome(x, 0, "changed", expected.result, fresh.context);
+    memcpy(expected.pixels, rgba, sizeof expected.pixels);
+    trial_end(&fresh);
+    if (expected.result != SPS_ERROR_CANCELLED) expect_same(t, x, &expected, "after a change");
 }
 
 static void try_pictures(int reference) {
@@ -189,9 +244,11 @@ static void try_pictures(int reference) {
         t.patience = 0;
         if (expected.result != SPS_ERROR_CANCELLED) {
             if (steady(&x)) expect_same(&t, &x, &expected, "once more");
-            check_good(&t);
+            if (steady(&x)) try_region(&t, &x, &expected);
             if (wrong.kind != NO_TROUBLE) try_trouble(&x, &expected, &wrong);
             if (steady(&x)) try_workers(&x, &expected);
+            if (steady(&x) && !reference) try_change(&t, &x);
+            check_good(&t);
         }
     }
     trial_end(&t);

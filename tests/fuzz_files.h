@@ -162,8 +162,10 @@ static void try_file(const file_kind *kind, const uint8_t *data, size_t size, sp
         texts[count - 1] = shared;
     }
     snprintf(light, sizeof light, "projector,0,0,2,0,0,-1,60,1,1,1,%s", path);
-    texts[count++] = out;
-    if (kind->letter != 'l') texts[count++] = light_option, texts[count++] = kind->letter == 'j' ? light : plain;
+    if (kind->letter != 'l') { /* a look says itself what is to be done */
+        texts[count++] = out, texts[count++] = light_option;
+        texts[count++] = kind->letter == 'j' ? light : plain;
+    }
     try_command_line(count, texts, context);
 }
 

@@ -17,12 +17,12 @@ static void compare_workers(const scenery *x, long number, sps_context *used) {
 static void fuzz_map(scenery *x, long number) {
     check_hooks hooks;
     sps_tmap_light light;
-    sps_tmap_settings settings;
+    sps_tmap_settings wanted;
     sps_tmap *map = NULL;
     memset(&hooks, 0, sizeof hooks);
     sps_context *context = check_context(&hooks);
-    random_map_of(x, &light, &settings);
-    const sps_result result = make_map(context, x, &light, &settings, &map);
+    random_map_of(x, &light, &wanted);
+    const sps_result result = make_map(context, x, &light, &wanted, &map);
     check_map_outcome(map, number, result, context);
     sps_tmap_destroy(map);
     sps_destroy(context);

@@ -666,19 +666,19 @@ static void clear_image(void) {
 }
 
 static sps_result render_scenery(sps_context *context, const scenery *x, int reference) {
-    sps_reference_settings settings;
+    sps_reference_settings wanted;
     sps_image image;
-    memset(&settings, 0, sizeof settings);
+    memset(&wanted, 0, sizeof wanted);
     memset(&image, 0, sizeof image);
     image.rgba = rgba;
     image.depth = distance;
     clear_image();
-    settings.step = from_bytes ? 1 + x->s.view.height % 4 : 2;
-    settings.samples = x->s.view.width % 3; /* paths */
+    wanted.step = from_bytes ? 1 + x->s.view.height % 4 : 2;
+    wanted.samples = x->s.view.width % 3; /* paths */
     if ((x->s.view.scattering == SPS_SCATTERING_AUTO || x->s.view.scattering >= SPS_SCATTERING_CONVOLUTION) &&
-        settings.samples == 0)
-        settings.samples = 1;
-    if (reference) return sps_reference(context, &x->s.scene, &x->s.view, &settings, &image);
+        wanted.samples == 0)
+        wanted.samples = 1;
+    if (reference) return sps_reference(context, &x->s.scene, &x->s.view, &wanted, &image);
     return sps_render(context, &x->s.scene, &x->s.view, &image);
 }
 
@@ -751,12 +751,12 @@ static int map_sane(const sps_tmap *map) {
 }
 
 /* A map's settings, and as its light the scene's camera. */
-static void random_map_of(scenery *x, sps_tmap_light *light, sps_tmap_settings *settings) {
-    random_map(settings);
-    if (from_bytes) random_planes(x, settings);
-    settings->near_depth = one_in(3) ? 0 : strange(0, 4);
-    settings->far_depth = settings->near_depth + strange(0.01, 9);
-    settings->surface_bias = one_in(2) ? 0 : strange(0, 0.1);
+static void random_map_of(scenery *x, sps_tmap_light *light, sps_tmap_settings *wanted) {
+    random_map(wanted);
+    if (from_bytes) random_planes(x, wanted);
+    wanted->near_depth = one_in(3) ? 0 : strange(0, 4);
+    wanted->far_depth = wanted->near_depth + strange(0.01, 9);
+    wanted->surface_bias = one_in(2) ? 0 : strange(0, 0.1);
     *light = check_light_of(&x->s.view);
     light->omnidirectional = one_in(5);
     if (light->omnidirectional) light->height = light->width;
@@ -764,8 +764,8 @@ static void random_map_of(scenery *x, sps_tmap_light *light, sps_tmap_settings *
 
 /* After a failure there may be no map; otherwise the caller destroys it. */
 static sps_result make_map(sps_context *context, const scenery *x, const sps_tmap_light *light,
-                           const sps_tmap_settings *settings, sps_tmap **map) {
-    sps_result result = sps_tmap_create(context, light, settings, map);
+                           const sps_tmap_settings *wanted, sps_tmap **map) {
+    sps_result result = sps_tmap_create(context, light, wanted, map);
     if (result == SPS_OK) result = sps_tmap_add(*map, &x->s.scene);
     if (result == SPS_OK) result = sps_tmap_finish(*map);
     return result;

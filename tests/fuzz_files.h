@@ -4,6 +4,8 @@
 #ifndef FUZZ_FILES_H
 #define FUZZ_FILES_H
 
+#include "check.h"
+
 /* The examples are C99 only. */
 #ifndef __cplusplus
 
@@ -19,10 +21,11 @@ static int ex_write_pfm(const char *path, const float *pixels, int width, int he
     (void)path, (void)pixels, (void)width, (void)height, (void)first_channel, (void)channels, (void)error;
     return 0;
 }
+#include "command_line.h"
+int render_main(int count, char **texts);
 #define main render_main
 #include "../examples/render.c"
 #undef main
-#include "command_line.h"
 
 /* Files beside it that a look or a header may name: "v" are voxels, "o" is a mesh, "p" particles, "i" an image, "t" a
    transfer function. */
@@ -70,14 +73,14 @@ static void render_read(const arguments *all, const sps_scene *scene, const sps_
     ex_session session;
     ex_error error;
     sps_plan_report plan;
-    sps_reference_settings settings;
+    sps_reference_settings march;
     sps_image image;
-    memset(&image, 0, sizeof image), memset(&settings, 0, sizeof settings), memset(&session, 0, sizeof session);
+    memset(&image, 0, sizeof image), memset(&march, 0, sizeof march), memset(&session, 0, sizeof session);
     session.context = context;
     image.rgba = pixels;
-    settings.step = all->slab > 0 ? all->slab : 0.5, settings.samples = all->samples < 2 ? all->samples : 2;
+    march.step = all->slab > 0 ? all->slab : 0.5, march.samples = all->samples < 2 ? all->samples : 2;
     if (!is_marched(all)) sps_plan(context, scene, view, &plan);
-    const sps_result result = is_marched(all) ? sps_reference(context, scene, view, &settings, &image)
+    const sps_result result = is_marched(all) ? sps_reference(context, scene, view, &march, &image)
                                               : sps_render(context, scene, view, &image);
     if (result != SPS_OK) {
         explain(all, &session, result, &error);

@@ -4,8 +4,8 @@
    provider may fail, or the caller may cancel, at any time, and afterwards the same context renders the same scene, and
    another one, to the same bits as a new one. */
 
-#include "fuzz.h"
 #include "fuzz_files.h"
+#include "fuzz.h"
 
 #include <dirent.h>
 #include <inttypes.h>
@@ -307,14 +307,14 @@ static void read_map(const sps_tmap *map) {
 }
 
 /* Makes the map again, where something goes wrong, and then not. */
-static void try_map_trouble(const scenery *x, const sps_tmap_light *light, const sps_tmap_settings *settings,
+static void try_map_trouble(const scenery *x, const sps_tmap_light *light, const sps_tmap_settings *wanted,
                             sps_result expected, uint64_t sum, const trouble *wrong) {
     trial t;
     trial_begin(&t, one_in(2) ? 3 : 0, wrong);
     for (int turn = 0; turn < 2 && t.context; ++turn) {
         sps_tmap *map = NULL;
         set_trouble(&t, turn == 0 ? wrong : NULL);
-        const sps_result result = make_map(t.context, x, light, settings, &map);
+        const sps_result result = make_map(t.context, x, light, wanted, &map);
         const int good =
             turn == 0 || wrong->kind == LITTLE_MEMORY ? may_fail(wrong, expected, result) : result == expected;
         if (steady(x) && !CHECK(good)) report(0, "map again", result, t.context);
@@ -330,16 +330,16 @@ static void try_map(const uint8_t *data, size_t size) {
     trial t;
     scenery x;
     sps_tmap_light light;
-    sps_tmap_settings settings;
+    sps_tmap_settings wanted;
     sps_tmap *map = NULL;
     begin_bytes(data, size);
     const trouble wrong = random_trouble();
     random_scenery(&x);
-    random_map_of(&x, &light, &settings);
+    random_map_of(&x, &light, &wanted);
     trial_begin(&t, 0, NULL);
     t.patience = PATIENCE;
     set_trouble(&t, NULL);
-    const sps_result result = make_map(t.context, &x, &light, &settings, &map);
+    const sps_result result = make_map(t.context, &x, &light, &wanted, &map);
     check_map_outcome(map, 0, result, t.context);
     const uint64_t sum = result == SPS_OK ? map_checksum(map) : 0;
     if (result == SPS_OK) read_map(map);
@@ -347,7 +347,7 @@ static void try_map(const uint8_t *data, size_t size) {
     t.patience = 0;
     check_good(&t);
     trial_end(&t);
-    if (result != SPS_ERROR_CANCELLED) try_map_trouble(&x, &light, &settings, result, sum, &wrong);
+    if (result != SPS_ERROR_CANCELLED) try_map_trouble(&x, &light, &wanted, result, sum, &wrong);
     free_scenery(&x);
 }
 

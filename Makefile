@@ -416,7 +416,7 @@ mutants: $(if $(wildcard $(STB)/stb_image_write.h),build/tests/render)
 # fails is left in build/found-*, and `build/fuzz build/found-...` says why. Once it is mended, such a file belongs into
 # tests/seeds/, named after what it is: tests/test_seeds.c reads these in every `make test`. PLAIN=1 is plain C.
 FUZZ = build/fuzz$(if $(PLAIN),_plain)
-FUZZ_LIMITS = -max_len=1024 -len_control=20 -timeout=60 -rss_limit_mb=4096
+FUZZ_LIMITS = -max_len=1024 -len_control=20 -timeout=100 -rss_limit_mb=4096
 
 fuzz: $(FUZZ)
 	@mkdir -p build/fuzz_corpus

@@ -10,7 +10,7 @@
 #include <dirent.h>
 #include <inttypes.h>
 
-enum { PATIENCE = 3000 };
+enum { PATIENCE = 600 };
 
 /* --------------------------------------------------------------------------------------------- a context and trouble
  */

@@ -2,7 +2,8 @@
 # make demo        fetches missing packages if possible, builds, and renders all pictures into build/gallery/
 # make test        all tests in all configurations, under 4 minutes; ends with `N passed, N failed`
 # make test-long   the same with nothing skipped natively, and in more configurations
-# make fuzz        random scenes under sanitizers
+# make fuzz        scenes, maps and files made of bytes, which libFuzzer draws, under sanitizers; SECONDS=600 JOBS=2 PLAIN=1
+# make fuzz-scenes random scenes under sanitizers; COUNT=scenes SEED=first
 # make soak        random scenes against the reference; COUNT=scenes SEED=first
 # make mutants     deliberate errors in the header, and the test that notices each; LIMIT=2400 seconds, run again to continue
 # make hard-cases  runs the tests of hard cases, and writes docs/hard-cases.md: expected, measured, tolerated, and why
@@ -32,7 +33,7 @@ HEADERS = splatshadow.h $(wildcard examples/*.h)
 EXAMPLES = $(patsubst examples/%.c,build/%,$(wildcard examples/*.c))
 STEPS = $(patsubst examples/tutorial/%.c,%,$(wildcard examples/tutorial/*.c))
 
-.PHONY: all demo gallery scans test test-long fuzz mutants format clean
+.PHONY: all demo gallery scans test test-long fuzz fuzz-scenes mutants format clean
 .DELETE_ON_ERROR:
 
 all: $(EXAMPLES) $(STEPS:%=build/tutorial/%)
@@ -186,12 +187,12 @@ COMPILE_glsl      = $(COMPILE_cpp) -DSAMPLING_GLSL
 COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
 COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
 
-# The tests of each configuration: all of them natively, with the same random scenes each time (`make fuzz`, `make soak`
+# The tests of each configuration: all of them natively, with the same random scenes each time (`make fuzz-scenes`, `make soak`
 # for others); under sanitizers those with most kinds of memory access, the slow ones with vectors; elsewhere the most
 # sensitive ones.
 TESTS_native    = $(TESTS) fuzz soak
 TESTS_sanitized = test_extremes test_transmittance test_arrays
-TESTS_wide_sanitized = test_engineering test_files test_polygons test_tmaps test_watertight
+TESTS_wide_sanitized = test_engineering test_files test_polygons test_seeds test_tmaps test_watertight
 TESTS_cpp       = test_plan test_arrays
 TESTS_baseline  = test_simd
 TESTS_readme    = test_watertight
@@ -438,10 +439,31 @@ build/tests/mutants.log: splatshadow.h $(wildcard tests/mutants.*)
 mutants: $(if $(wildcard $(STB)/stb_image_write.h),build/tests/render)
 	@COMPILE="$(COMPILE_native)" STB="$(STB)" JOBS="$(JOBS)" sh tests/mutants.sh run
 
-# make fuzz SEED=7 COUNT=5000: random scenes under sanitizers, vectors on
-fuzz: tests/fuzz.c $(HEADERS) tests/check.h | build
-	$(COMPILE_wide_sanitized) -Wall $(INCLUDES) -Iexamples -Itests $< -o build/fuzz $(LIBRARIES)
-	build/fuzz $(or $(SEED),1) $(or $(COUNT),1000)
+# make fuzz SECONDS=3600 JOBS=1: what is new is kept in build/fuzz_corpus, from which the next run goes on. An input that
+# fails is left in build/found-*, and `build/fuzz build/found-...` says why. Once it is mended, such a file belongs into
+# tests/seeds/, named after what it is: tests/test_seeds.c reads these in every `make test`. PLAIN=1 is plain C.
+FUZZ = build/fuzz$(if $(PLAIN),_plain)
+FUZZ_LIMITS = -max_len=1024 -len_control=20 -timeout=100 -rss_limit_mb=4096
+
+fuzz: $(FUZZ)
+	@mkdir -p build/fuzz_corpus
+	$(FUZZ) build/fuzz_corpus tests/seeds $(FUZZ_LIMITS) -artifact_prefix=build/found- -max_total_time=$(or $(SECONDS),600) \
+		-print_final_stats=1 $(if $(filter-out 1,$(JOBS)),-fork=$(JOBS))
+
+# Comparisons in the header are not traced, which would take half of the time: those of the readers of files tell more.
+build/fuzz_plain build/fuzz_plain.code.o: ONLY = -DSPS_NO_SIMD
+.PRECIOUS: build/fuzz%.code.o
+build/fuzz.code.o build/fuzz_plain.code.o: build/tests/weak.h
+	$(COMPILE_wide_sanitized) $(ONLY) -fsanitize-coverage=inline-8bit-counters,pc-table -w -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
+
+build/fuzz build/fuzz_plain: %: %.code.o tests/test_seeds.c examples/render.c $(HEADERS) $(wildcard tests/*.h) build/tests/faces/splatshadow.h
+	$(COMPILE_wide_sanitized) -fsanitize=fuzzer $(ONLY) -DFUZZER -Wall -Ibuild/tests/faces $(INCLUDES) -Iexamples -Itests \
+		tests/test_seeds.c $< -o $@ $(LIBRARIES) || { echo "libFuzzer comes with clang and libclang-rt-dev"; exit 1; }
+
+# make fuzz-scenes SEED=7 COUNT=5000: random scenes under sanitizers, vectors on
+fuzz-scenes: tests/fuzz.c $(HEADERS) $(wildcard tests/*.h) | build
+	$(COMPILE_wide_sanitized) -Wall $(INCLUDES) -Iexamples -Itests $< -o build/fuzz_scenes $(LIBRARIES)
+	build/fuzz_scenes $(or $(SEED),1) $(or $(COUNT),1000)
 
 # make soak SEED=7 COUNT=1000: random scenes against the reference; FIRST is the number of the first of them
 .PHONY: soak

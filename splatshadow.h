@@ -6612,6 +6612,7 @@ typedef struct spsi_bound_grid {
 #define SPSI_BOUND_FEW    256 /* particles that are added to cells of any number */
 #define SPSI_BOUND_MOST   512 /* cells that others may touch; larger ones go to coarse cells */
 #define SPSI_BOUND_CELLS  (SPSI_BOUND_SIDE * SPSI_BOUND_SIDE * SPSI_BOUND_SIDE)
+#define SPSI_BOUND_BYTES  (2 * SPSI_BOUND_CELLS * sizeof(float))
 
 /* The cells that a box touches. */
 static void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *box, int low[3], int high[3]) {
@@ -6734,9 +6735,9 @@ static double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound
 /* Upper bound of the optical depth on any straight way through what was read; -1 on failure. */
 static double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
     spsi_bound_grid grid;
-    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_BOUND_GRID, 2 * SPSI_BOUND_CELLS, sizeof(float));
+    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_BOUND_GRID, 1, SPSI_BOUND_BYTES);
     if (!memory) return -1;
-    memset(memory, 0, 2 * SPSI_BOUND_CELLS * sizeof(float));
+    memset(memory, 0, SPSI_BOUND_BYTES);
     grid.all = memory;
     grid.own = memory + SPSI_BOUND_CELLS;
     grid.side = SPSI_BOUND_SIDE;
@@ -25425,6 +25426,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
         report->pass[SPS_PASS_FORWARD].bytes = (size_t)frame->matter.material_count * sizeof(spsi_forward);
     if (spsi_scatters_aside(frame)) report->pass[SPS_PASS_SPREADING].bytes = spsi_spreads_bytes(frame);
     if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(frame);
+    if (frame->view.scattering == SPS_SCATTERING_AUTO) /* not decided yet */
+        report->pass[SPS_PASS_CELLS].bytes += SPSI_BOUND_BYTES;
     for (int i = 0; i < frame->lamps.count; ++i) shares += spsi_lit_channels(frame, &frame->lamps.list[i]) - 1;
     if (frame->meshes.triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =

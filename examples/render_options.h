@@ -16,7 +16,10 @@
 
 /* ============================================================================================== arguments */
 
-typedef uint64_t option_set; /* one bit per row of the table of options */
+/* One bit per row of the table of options. */
+typedef struct option_set {
+    uint64_t words[2];
+} option_set;
 
 typedef struct phase_lobes {
     sps_lobe list[2];
@@ -474,6 +477,7 @@ static const option_rule options[] = {
 /* clang-format on */
 
 enum { OPTION_COUNT = sizeof options / sizeof options[0] };
+typedef char options_fit_into_a_set[OPTION_COUNT <= 128 ? 1 : -1];
 
 /* Printed by --help before an option. */
 static const char *const headings[][2] = {
@@ -537,8 +541,9 @@ static const option_rule *find_option(const char *name) {
     return NULL;
 }
 
-/* Whether a set contains an option. */
-static int has(option_set given, const char *name) { return (int)(given >> (find_option(name) - options) & 1); }
+/* Whether a set contains an option, by its row in the table or by its name. */
+static int has_row(option_set given, int row) { return (int)(given.words[row / 64] >> row % 64 & 1); }
+static int has(option_set given, const char *name) { return has_row(given, (int)(find_option(name) - options)); }
 
 /* The struct whose field the option sets: the arguments, or the volume, particles, mesh or light before it, or else the
    first. */
@@ -552,7 +557,8 @@ static void *find_owner(const option_rule *rule, arguments *all) {
 
 static int apply_option(const option_rule *rule, arguments *all, const char *value, ex_error *error) {
     void *owner = find_owner(rule, all);
-    *(option_set *)owner |= (option_set)1 << (rule - options);
+    const int row = (int)(rule - options);
+    ((option_set *)owner)->words[row / 64] |= (uint64_t)1 << row % 64;
     return rule->apply(rule, all, (char *)owner + rule->offset, value, error);
 }
 
@@ -719,11 +725,11 @@ static int check_volumes(const arguments *all, ex_error *error) {
 /* Refuses options for a first volume, set of particles, mesh or light that never came. */
 static int check_owners(const arguments *all, ex_error *error) {
     static const char *const owners[] = {"", "--volume", "--particles", "--mesh", "--light"};
-    const option_set lost =
-        (all->volume_count ? 0 : all->volumes[0].given) | (all->particle_set_count ? 0 : all->particles[0].given) |
-        (all->mesh_count ? 0 : all->meshes[0].given) | (all->light_count ? 0 : all->lights[0].given);
     for (int i = 0; i < OPTION_COUNT; ++i)
-        if (lost >> i & 1)
+        if ((!all->volume_count && has_row(all->volumes[0].given, i)) ||
+            (!all->particle_set_count && has_row(all->particles[0].given, i)) ||
+            (!all->mesh_count && has_row(all->meshes[0].given, i)) ||
+            (!all->light_count && has_row(all->lights[0].given, i)))
             return ex_fail(error, "%s: there is no %s that it could be about", options[i].name,
                            owners[options[i].owner]);
     return 0;

@@ -59,13 +59,18 @@ static inline float ex_srgb_linear(double code) {
     return (float)(code <= 0.04045 ? code / 12.92 : pow((code + 0.055) / 1.055, 2.4));
 }
 
-static inline int ex_ppm_read(const char *path, FILE *file, ex_slide *slide, ex_error *error) {
+/* Nothing is allocated before the length of the file, `held`, is known to be right. */
+static inline int ex_ppm_read(const char *path, FILE *file, uint64_t held, ex_slide *slide, ex_error *error) {
     const int magic = fgetc(file) == 'P' && fgetc(file) == '6', width = magic ? ex_ppm_number(file) : -1;
     const int height = ex_ppm_number(file), most = ex_ppm_number(file), bytes = most > 255 ? 2 : 1;
     if (width < 0 || height < 0 || most < 1) return ex_fail(error, "%s: not a binary PPM file ('P6')", path);
     if (width < 1 || width > EX_SLIDE_SIZE_MAX || height < 1 || height > EX_SLIDE_SIZE_MAX)
         return ex_fail(error, "%s: %d x %d pixels; there may be 1..%d on a side", path, width, height,
                        EX_SLIDE_SIZE_MAX);
+    const uint64_t needed = 3 * (uint64_t)bytes * (uint64_t)width * (uint64_t)height;
+    const off_t before = ftello(file);
+    if (before < 0 || held < (uint64_t)before || held - (uint64_t)before < needed)
+        return ex_fail(error, "%s: the file ends amid its pixels", path);
     slide->width = width, slide->height = height;
     slide->rgb = (float *)ex_allocate((size_t)width * (size_t)height, 3 * sizeof(float));
     for (size_t i = 0; i < 3 * (size_t)width * (size_t)height; ++i) {
@@ -78,12 +83,12 @@ static inline int ex_ppm_read(const char *path, FILE *file, ex_slide *slide, ex_
 
 /* Reads a binary PPM file of 8 or 16 bits, taken as sRGB. The caller frees the slide. */
 static inline int ex_slide_read(const char *path, ex_slide *slide, ex_error *error) {
-    uint64_t size;
-    FILE *file = ex_open(path, &size, error);
+    uint64_t held = 0;
+    FILE *file = ex_open(path, &held, error);
     int failed;
     memset(slide, 0, sizeof *slide);
     if (!file) return 1;
-    failed = ex_ppm_read(path, file, slide, error);
+    failed = ex_ppm_read(path, file, held, slide, error);
     fclose(file);
     if (failed) ex_slide_free(slide), slide->rgb = NULL;
     return failed;

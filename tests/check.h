@@ -90,8 +90,8 @@ static inline int check_case(const char *row, double measured, double tolerance,
     return check_failure();
 }
 
-/* Whether the data of sps_get_error agree with the last call's sentence: "OBJECT[index].FIELD", and the value, if it is
-   numeric. */
+/* Whether the data of sps_get_error agree with the last call's sentence: "OBJECT[index].FIELD", and the value, as a
+   number or as the name of an enumerator. */
 static inline int check_error_info(const sps_context *context, sps_result result) {
     static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",   "volume",
                                         "mesh", "light", "particles", "tmap",  "light", "settings"};
@@ -105,7 +105,8 @@ static inline int check_error_info(const sps_context *context, sps_result result
         snprintf(start, sizeof start, "%s[%d]%s%s", names[info.object], info.index, *info.field ? "." : "", info.field);
     snprintf(number, sizeof number, "%g", info.value);
     return strncmp(info.sentence, start, strlen(start)) == 0 &&
-           (info.value == 0 || strstr(info.sentence + strlen(start), number));
+           (info.value == 0 || strstr(info.sentence + strlen(start), number) ||
+            strncmp(info.sentence + strlen(start), " is SPS_", 8) == 0);
 }
 
 /* Runs one test, and names it if it failed. The environment may have CHECK_TIMES, which prints the time of each;
@@ -145,15 +146,21 @@ static inline int check_memory_only(void) { return SANITIZED && !check_long(); }
 
 /* ------------------------------------------------------------------------------------------------------------ files */
 
-/* Returns the contents of a file, which the caller frees; NULL if it cannot be read. Tests run in the project's
-   folder. */
-static inline char *read_text(const char *path) {
+/* Returns the contents of a file, which the caller frees, and their size; NULL if it cannot be read. Tests run in the
+   project's folder. */
+static inline char *read_bytes(const char *path, size_t *size) {
     FILE *file = fopen(path, "rb");
     const size_t room = 1 << 20;
     char *text = file ? (char *)malloc(room + 1) : NULL;
-    if (text) text[fread(text, 1, room, file)] = 0;
+    *size = text ? fread(text, 1, room, file) : 0;
+    if (text) text[*size] = 0;
     if (file) fclose(file);
     return text;
+}
+
+static inline char *read_text(const char *path) {
+    size_t size;
+    return read_bytes(path, &size);
 }
 
 /* --------------------------------------------------------------------------------------------------- random numbers */

@@ -309,6 +309,23 @@ static void test_plan(void) {
     }
 }
 
+/* The grid from which the bound is made is part of the plan. It is a fifth of all memory in this scene. */
+static void test_memory_of_bound(void) {
+    check_hooks hooks;
+    sps_plan_report plan;
+    check_scene s;
+    memset(&hooks, 0, sizeof hooks);
+    sps_context *by = check_context(&hooks);
+    start(&s, TURNED, 1);
+    s.scene.light_count = 0;
+    check_color(s.scene.ambient, 1, 1, 1);
+    s.view.scatter_size = 4, s.view.filling = SPS_FILLING_SPLAT;
+    CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &plan));
+    check_render(by, &s, image_a);
+    if (!CHECK(hooks.peak <= plan.bytes)) printf("    %.0f of %.0f\n", (double)hooks.peak, (double)plan.bytes);
+    sps_destroy(by);
+}
+
 static void test_refused(void) {
     static const float bad[] = {-0.1f, 1.1f, NAN};
     sps_reference_settings settings;
@@ -352,6 +369,7 @@ int main(void) {
     RUN(test_default);
     RUN(test_ambient);
     RUN(test_plan);
+    RUN(test_memory_of_bound);
     RUN(test_refused);
     sps_destroy(context);
     return check_report();

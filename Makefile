@@ -10,6 +10,7 @@
 # make bench       times, as ratios within one run, and error against time
 # make speed       the goals of speed, and how time grows, into docs/speed.md and docs/speed_*.png
 # make accuracy    error against time only, into docs/accuracy.md, whose first lines are kept
+# make prices      error and time of every knob in twelve scenes, into build/price_list/; SCENE=name
 # make maps        transmittance maps compared with each other, into docs/maps.md and docs/maps_*.png
 # make effects     what each effect costs, and that it costs nothing where it is not needed, into docs/effects.md
 # make gallery     only the pictures of the scene programs
@@ -142,6 +143,13 @@ accuracy: build/bench
 	@{ sed '/^## Cheapest settings/,$$d' docs/accuracy.md; cat build/cheapest.md; printf '\n## Volumes\n\n```\n'; \
 		cat build/accuracy.txt; echo '```'; } > build/accuracy.md
 	cp build/accuracy.md docs/accuracy.md
+
+# Twelve scenes, every knob: build/price_list/ gets a page in Markdown, its charts, and all figures as prices.csv. SCENE=slab:
+# that scene alone. Under 20 minutes, on a machine that does nothing else.
+.PHONY: prices
+prices: build/prices
+	@mkdir -p build/price_list
+	build/prices build/price_list $(SCENE) | tee build/price_list/prices.md
 
 # The program prints Markdown. Its pictures are in build/maps_pictures/, since build/maps is the program itself.
 .PHONY: maps

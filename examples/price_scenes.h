@@ -291,7 +291,7 @@ static int build_cloud(priced *p, ex_session *session) {
     memcpy(p->frame.view.camera.position, eye, sizeof eye);
     memcpy(p->frame.view.camera.target, target, sizeof target);
     p->frame.view.scattering = SPS_SCATTERING_FULL;
-    marched_truth(p, session, 9, 2, 100);
+    marched_truth(p, session, 13, 2, 600);
     return 0;
 }
 

@@ -111,8 +111,9 @@ enum { KNOBS = sizeof knobs / sizeof *knobs, AS_IT_IS = -1 };
 /* A setting that was rendered: the value of each knob, or AS_IT_IS. */
 typedef struct trial {
     int at[KNOBS];
-    double rms, high, bias; /* of the error in radiance: root mean square, 99th percentile of its size, mean */
-    double seconds, bytes;  /* the median of some frames, voxels held; as planned */
+    /* Of the error in radiance: root mean square without the truth's own, 99th percentile of its size, and mean. */
+    double rms, high, bias;
+    double seconds, bytes; /* the median of some frames, voxels held; as planned */
 } trial;
 
 enum { TRIALS = 600, FRAMES = 3, USES_MOST = 8 };
@@ -140,7 +141,8 @@ static void compare(const price *p, trial *t) {
         const double off = found - (double)truth->frame.rgba[4 * (size_t)pixel + i % 3];
         sizes[i] = fabs(off), squares += off * off, sum += off;
     }
-    t->rms = sqrt(squares / (double)count), t->bias = sum / (double)count;
+    t->rms = sqrt(fmax(squares / (double)count - p->priced->noise * p->priced->noise, 0));
+    t->bias = sum / (double)count;
     t->high = ex_percentile(sizes, count, 0.99);
     free(sizes);
 }
@@ -324,7 +326,7 @@ static void print_knobs(const price *p) {
 
 static void draw_front(const price *p, const char *folder) {
     ex_canvas canvas = ex_canvas_begin(420, 300, 1);
-    ex_chart chart = {56, 28, 350, 226, {0, 0}, {0, 0}, "error in %, time 1: medium", "time", 0};
+    ex_chart chart = {56, 28, 350, 226, {0, 0}, {0, 0}, "error in percent, time 1: medium", "time", 0};
     ex_error error;
     char file[64];
     int count;
@@ -392,7 +394,9 @@ static void measure(price *p) {
 static void print_scene(const price *p) {
     printf("\n### %s\n\n![Error against time](prices_%s.png)\n\nTruth: %s", p->scene->name, p->scene->file,
            p->scene->truth);
-    if (p->priced->noise > 0) printf(", off by %.2g %% itself", 100 * p->priced->noise / p->mean);
+    if (p->priced->noise > 0)
+        printf(", off by %.2g %% itself, which is taken out of the errors by squares",
+               100 * p->priced->noise / p->mean);
     printf(". At medium: %.3g %% in %.1f ms.\n\n| wanted | error | bias | time | MB | cheapest setting |\n"
            "|---|---|---|---|---|---|\n",
            100 * p->trials->rms / p->mean, 1e3 * p->trials->seconds);

@@ -195,10 +195,10 @@ COMPILE_glsl      = $(COMPILE_cpp) -DSAMPLING_GLSL
 COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
 COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
 
-# The tests of each configuration: all of them natively, with the same random scenes each time (`make fuzz-scenes`, `make soak`
-# for others); under sanitizers those with most kinds of memory access, the slow ones with vectors; elsewhere the most
-# sensitive ones.
-TESTS_native    = $(TESTS) fuzz soak
+# The tests of each configuration: all of them natively, with the same random scenes each time (`make fuzz-scenes` and
+# `make soak` for others), except for the fuzzer's inputs, which are for sanitizers; under sanitizers those with most
+# kinds of memory access, the slow ones with vectors; elsewhere the most sensitive ones.
+TESTS_native    = $(if $(SPLATSHADOW_LONG),$(TESTS),$(filter-out test_seeds,$(TESTS))) fuzz soak
 TESTS_sanitized = test_extremes test_transmittance test_arrays
 TESTS_wide_sanitized = test_engineering test_files test_polygons test_seeds test_tmaps test_watertight
 TESTS_cpp       = test_plan test_arrays

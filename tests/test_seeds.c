@@ -87,8 +87,7 @@ static int may_fail(const trouble *wrong, sps_result expected, sps_result result
     return result == expected || result == results[wrong->kind];
 }
 
-/* -------------------------------------------------------------------------------------------------- pictures of scenes
- */
+/* ---------------------------------------------------------------------------------------------- pictures of scenes */
 
 /* What a good scene looks like in a new context, it must look like in any. */
 enum { GOOD_SIDE = 6, GOOD_NUMBERS = 4 * GOOD_SIDE * GOOD_SIDE };

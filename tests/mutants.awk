@@ -1,6 +1,6 @@
 # Text processing for tests/mutants.sh. Files: tests/mutants.txt, then the header. `mode` is one of
 #   check     prints the entries that do not apply, and ends with `N passed, N failed`
-#   list      a line for each entry: number, section, function (- outside functions), line of the header, of the list
+#   list      a line for each entry: number, section, function (- outside functions), line of the header, rank(entry)
 #   entry     the text of entry number `entry`
 #   last      the test that noticed entry number `entry` last, and the part of it, as the list has them
 #   record    the list, with the last tests read from standard input, a line for each entry: number, test, part
@@ -121,6 +121,9 @@ function print_header(faces, whole, line, name) {
     }
 }
 
+# 1 for entries that no test is known to notice, 2 for those that one does, 3 for those that none need notice.
+function rank(n) { return n in reason ? 3 : n in last_line ? 2 : 1 }
+
 # The recorded line of an entry comes last.
 function record(n, line) {
     while ((getline line < "/dev/stdin") > 0) {
@@ -145,7 +148,7 @@ END {
     if (mode == "list")
         for (n = 1; n <= count; ++n) {
             line = find(n)
-            print n, section[n], line && function_at[line] != "" ? function_at[line] : "-", line, line_of[n]
+            print n, section[n], line && function_at[line] != "" ? function_at[line] : "-", line, rank(n)
         }
     if (mode == "weak") print_header(0)
     if (mode == "mutated") { apply(entry); print_header(0) }

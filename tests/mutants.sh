@@ -18,7 +18,8 @@
 #
 # build/mutants/results has the results, keyed by a checksum of header, tests and entry; build/mutants/last the test that
 # noticed an entry last, which is run first the next time. Before there is one, the list's is; a test that noticed takes
-# a second, while one after the other until one does takes ten.
+# a second, while one after the other until one does takes ten. Entries of which the list has none come first, and
+# those that no test need notice last.
 
 set -u
 cd "$(dirname "$0")/.." || exit 1
@@ -169,7 +170,7 @@ report() {
         result=$OUT/results/$(result_of "$entry")
         if [ ! -e "$result" ]; then said="not run"; elif [ -s "$result" ]; then said=$(cat "$result"); else said=-; fi
         printf '%s|%s|%s|%s|%s|%s\n' "$entry" "$section" "$line" "$function" "$said" "$(text reason "$entry")"
-    done < $OUT/list | awk -F'|' '
+    done < $OUT/list | sort -n | awk -F'|' '
         { printf "%4d  %-14s %6d  %-32s %s\n", $1, $2, $3, $4, $5 == "-" ? "NOT NOTICED" : $5 }
         $5 == "not run" { ++waiting; next }
         $5 == "does not compile" { ++broken; next }
@@ -197,7 +198,7 @@ run() {
         TESTS=$(echo "$TESTS" | grep -vx "$test")
     done
     [ -n "$TESTS" ] || exit 1
-    text list > $OUT/list
+    text list | sort -n -k5,5 -k1,1 > $OUT/list
     UNNAMED=$(echo "$TESTS" | tr '\n' ' ' | awk -v named=" $(text named) " '{
         for (i = 1; i <= NF; ++i) if (!index(named, " " $i " ")) print $i }')
     worker=1

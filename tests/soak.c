@@ -42,7 +42,7 @@ static const struct {
     {1, 966, LAMP},
     {6, 13, EDGES},
     {7, 41, EDGES},
-    {21, 0, "classified noise around a lamp: optical depths of its map's rays are 3 % short"},
+    {21, 0, "classified noise around a lamp, tens of times as bright as the mean: its rays share the first slabs' errors"},
     {60, 2, EVEN},
 };
 

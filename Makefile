@@ -9,8 +9,9 @@
 # make hard-cases  runs the tests of hard cases, and writes docs/hard-cases.md: expected, measured, tolerated, and why
 # make bench       times, as ratios within one run, and error against time
 # make speed       the goals of speed, and how time grows, into docs/speed.md and docs/speed_*.png
-# make accuracy    error against time only, into docs/accuracy.md, whose first lines are kept
-# make prices      error and time of every knob in twelve scenes, into build/price_list/; SCENE=name
+# make accuracy    error and time of every knob in twelve scenes, into docs/accuracy.md and docs/accuracy_*.png
+# make accuracy-quick  the scenes with a closed form and two knobs of it, in half a minute; SCENE=name: all of that scene
+# make accuracy-tables  that page's tables of error against time of single effects
 # make maps        transmittance maps compared with each other, into docs/maps.md and docs/maps_*.png
 # make effects     what each effect costs, and that it costs nothing where it is not needed, into docs/effects.md
 # make gallery     only the pictures of the scene programs
@@ -110,7 +111,7 @@ build/gallery/scan_%.png: build/render examples/looks/%.txt examples/looks/floor
 # --------------------------------------------------------------------------------------------------- measuring
 
 # See the top of examples/bench.c for its parts. bench_plain is plain C, bench_avx2 has vectors of 8 floats at most.
-.PHONY: bench speed accuracy
+.PHONY: bench speed accuracy accuracy-quick accuracy-tables
 X86 = $(filter x86_64 amd64 i%86,$(shell uname -m))
 BENCHES = build/bench $(if $(X86),build/bench_avx2) build/bench_plain
 
@@ -137,19 +138,28 @@ speed: $(BENCHES)
 	@{ sed '/^[0-9]* processors/,$$d' docs/speed.md; cat build/speed.txt; echo; sed -n '/^## What it means/,$$p' docs/speed.md; } > build/speed.md
 	cp build/speed.md docs/speed.md
 
-accuracy: build/bench
+# Twelve scenes, every knob: docs/accuracy.md, of which the first lines and the sections of single effects are kept, its
+# pictures, and all figures as build/price_list/prices.csv. Under 20 minutes, on a machine that does nothing else.
+accuracy: build/prices
+	@mkdir -p build/price_list
+	build/prices build/price_list > build/price_list/prices.md
+	@{ sed '/^## Which error at which price/,$$d' docs/accuracy.md; sed '/^## All figures/,$$d' build/price_list/prices.md; \
+		sed -n '/^## Penumbrae/,/^## All figures/p' docs/accuracy.md | sed '$$d'; \
+		sed -n '/^## All figures/,$$p' build/price_list/prices.md; } > build/accuracy.md
+	cp build/price_list/accuracy_*.png docs && cp build/accuracy.md docs/accuracy.md
+
+SCENE = quick
+accuracy-quick: build/prices
+	@mkdir -p build/price_list/$(SCENE)
+	build/prices build/price_list/$(SCENE) $(SCENE)
+
+# The page's tables of single effects that take time.
+accuracy-tables: build/bench
 	build/bench cheapest | tee build/cheapest.md
 	build/bench accuracy | tee build/accuracy.txt
 	@{ sed '/^## Cheapest settings/,$$d' docs/accuracy.md; cat build/cheapest.md; printf '\n## Volumes\n\n```\n'; \
-		cat build/accuracy.txt; echo '```'; } > build/accuracy.md
+		cat build/accuracy.txt; printf '```\n\n'; sed -n '/^## All figures/,$$p' docs/accuracy.md; } > build/accuracy.md
 	cp build/accuracy.md docs/accuracy.md
-
-# Twelve scenes, every knob: build/price_list/ gets a page in Markdown, its charts, and all figures as prices.csv. SCENE=slab:
-# that scene alone. Under 20 minutes, on a machine that does nothing else.
-.PHONY: prices
-prices: build/prices
-	@mkdir -p build/price_list
-	build/prices build/price_list $(SCENE) | tee build/price_list/prices.md
 
 # The program prints Markdown. Its pictures are in build/maps_pictures/, since build/maps is the program itself.
 .PHONY: maps
@@ -185,6 +195,8 @@ COMPILE_baseline  = gcc $(STANDARD) $(if $(SPLATSHADOW_LONG),-O2,-O1)
 COMPILE_plain     = gcc $(STANDARD) -O2 -DSPS_NO_SIMD
 COMPILE_unoptimized = gcc $(STANDARD) -O0 -march=native
 COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
+# In plain C: clang 14 takes what most vector instructions answer for uninitialised if any lane of theirs is
+COMPILE_memory    = clang $(STANDARD) -O1 -gline-tables-only -DSPS_NO_SIMD -fsanitize=memory
 # As in the README; and the ways in which compilers contract a * b + c, which differ between these and the sanitized
 # ones, except that clang is as wide_sanitized
 COMPILE_readme    = cc -O3 -march=native
@@ -216,7 +228,7 @@ endif
 
 # Where many tests run in one configuration, the header is compiled once, with every function visible, and each test
 # against its declarations alone; tests/mutants.awk writes both out. Not where it matters what is inlined.
-SPLIT = native sanitized wide_sanitized cpp glsl hlsl unoptimized threads $(if $(SPLATSHADOW_LONG),plain baseline)
+SPLIT = native sanitized wide_sanitized cpp glsl hlsl unoptimized threads memory $(if $(SPLATSHADOW_LONG),plain baseline)
 SPLIT_CPP = cpp glsl hlsl
 code = build/tests/$(if $(filter $(SPLIT_CPP),$(1)),cpp,$(1)).code.o
 
@@ -257,7 +269,7 @@ test:
 	@awk '$(SUMMARY)' build/tests/*.log
 
 test-long: export SPLATSHADOW_LONG = 1
-test-long: export CONFIGURATIONS = native sanitized wide_sanitized plain cpp baseline readme fused clang glsl hlsl unoptimized threads
+test-long: export CONFIGURATIONS = native sanitized wide_sanitized plain cpp baseline readme fused clang glsl hlsl unoptimized threads memory
 test-long: test
 
 # A log ends with `exit status S`. Its last `N passed, N failed` counts; a program whose status is not 0 although it

@@ -22833,13 +22833,21 @@ static void spsi_cells_mean_scale(const spsi_cell_job *job) {
 
 /* --- light --- */
 
-/* Turns a light into one that has a table for cells, with texels as large as samples where it can. `served`: the gas
-   in them; NULL: all. */
-static void spsi_cells_lamp(int cells, const spsi_bounds *served, spsi_lamp *lamp) {
+#define SPSI_CELL_TEXELS_MOST 256 /* more only where that is less than two for a cell's edge */
+
+/* Texels of a table for cells: four for a cell's edge. In a dense cloud, two make the light 1.2 % too faint, since
+   optical depth is convex where gas begins and linear between entries; four 0.3 %, in the same time. */
+static int spsi_cell_texels(const spsi_frame *frame) {
+    const int cells = frame->view.scatter_size;
+    return spsi_most(16, spsi_least(4 * cells, spsi_most(SPSI_CELL_TEXELS_MOST, 2 * cells)));
+}
+
+/* Turns a light into one that has a table of so many texels. `served`: the gas in it; NULL: all. */
+static void spsi_cells_lamp(int texels, const spsi_bounds *served, spsi_lamp *lamp) {
     lamp->map_bounds = served;
     memset(&lamp->map, 0, sizeof lamp->map);
     lamp->map.technique = SPS_TMAP_TABLE;
-    lamp->map_size = spsi_most(16, 2 * cells);
+    lamp->map_size = texels;
     lamp->has_map = 1;
     lamp->sliced = 0;
 }
@@ -22849,7 +22857,7 @@ static sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp
                                  sps_tmap *map) {
     spsi_lamp coarse = *lamp;
     spsi_occluders occluders;
-    spsi_cells_lamp(job->frame->view.scatter_size, &job->bounds, &coarse);
+    spsi_cells_lamp(spsi_cell_texels(job->frame), &job->bounds, &coarse);
     if (spsi_lamp_tmap_aim(job->context, job->frame, &coarse, map)) return job->context->result;
     memset(&occluders, 0, sizeof occluders);
     occluders.frame = job->frame;
@@ -23675,7 +23683,7 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
 static size_t spsi_cells_map_bytes(const spsi_frame *frame, const spsi_lamp *lamp) {
     spsi_lamp coarse = *lamp;
     size_t held, filling;
-    spsi_cells_lamp(frame->view.scatter_size, NULL, &coarse);
+    spsi_cells_lamp(spsi_cell_texels(frame), NULL, &coarse);
     spsi_lamp_tmap_bytes(frame, &coarse, &held, &filling);
     return held + filling;
 }
@@ -24119,7 +24127,7 @@ static sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame,
     const sps_tmap_settings *range = &spread->map.settings;
     spsi_lamp coarse = *lamp;
     double texel;
-    spsi_cells_lamp(frame->view.scatter_size, NULL, &coarse);
+    spsi_cells_lamp(spsi_most(16, 2 * frame->view.scatter_size), NULL, &coarse);
     spread->lamp = lamp;
     spread->channels = frame->channels;
     if (spsi_lamp_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;

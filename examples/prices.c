@@ -1,8 +1,9 @@
 /* prices: what accuracy costs. Twelve scenes, in each of which every knob is turned by itself, and then the one that
    pays most, again and again: error against the truth, and time beside that of the same scene at `medium`.
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/prices.c -o prices -lm
-   prices FOLDER          prints Markdown, and writes prices.csv and charts into the folder
-   prices FOLDER SCENE    that scene alone, by the name of its file: slab, blob, ball, ... See price_scenes.h
+   prices FOLDER          prints Markdown, and writes prices.csv and pictures into the folder
+   prices FOLDER SCENE    that scene alone, by its name there: slab, blob, ball, ... See price_scenes.h
+   prices FOLDER quick    the scenes that have a closed form; of the knobs, quality and slab
    With SPLATSHADOW_DATA=folder, where the scans lie, these too. */
 
 #define SPLATSHADOW_IMPLEMENTATION
@@ -112,20 +113,22 @@ typedef struct trial {
     int at[KNOBS];
     /* Of the error in radiance: root mean square without the truth's own, 99th percentile of its size, and mean. */
     double rms, high, bias;
-    double seconds, bytes; /* the median of some frames, voxels held; as planned */
+    double first, seconds; /* of a new context's first frame, and the median of some more, voxels and tables held */
+    double bytes;          /* that the context holds then */
 } trial;
 
-enum { TRIALS = 600, FRAMES = 3, USES_MOST = 8 };
+enum { TRIALS = 600, FRAMES = 3, GRADES_MOST = 8 };
 
 typedef struct price {
     const price_scene *scene;
     ex_session session;
     priced *priced;
-    frame shown;                    /* the setting, and its picture */
-    double mean;                    /* radiance of the truth */
-    trial *trials;                  /* the first one is the scene as it is, at medium */
-    int trial_count;                /* trials that were refused are left out */
-    const trial *of_use[USES_MOST]; /* NULL: refused */
+    frame shown;                        /* the setting, and its picture */
+    double mean;                        /* radiance of the truth */
+    trial *trials;                      /* the first one is the scene as it is, at medium */
+    int trial_count;                    /* trials that were refused are left out */
+    const trial *of_grade[GRADES_MOST]; /* NULL: refused */
+    double end;                         /* the time from which on no path goes on */
 } price;
 
 /* The truth's own mean square error is taken out, down to the standard error of what it is here: a mean of `count`
@@ -159,32 +162,41 @@ static void turn_all(price *p, const int at[KNOBS]) {
         if (at[k] != AS_IT_IS) knobs[k].turn(&p->shown, at[k]);
 }
 
+/* Renders a trial's frames, in a context that holds nothing from others. */
+static void render_trial(price *p, trial *t) {
+    double seconds[FRAMES];
+    sps_stats_report stats;
+    int frames = 0;
+    ex_session_end(&p->session);
+    ex_session_measure(&p->session, program, WORKERS);
+    t->first = render_seconds(&p->session, &p->shown, &p->shown.view);
+    do {
+        seconds[frames] = render_seconds(&p->session, &p->shown, &p->shown.view);
+    } while (++frames < FRAMES && seconds[0] < 0.5);
+    t->seconds = ex_percentile(seconds, (size_t)frames, 0.5);
+    sps_get_stats(p->session.context, &stats);
+    t->bytes = (double)stats.bytes;
+}
+
 /* The trial of a setting, rendered if it is new; NULL if the library refuses it. */
 static const trial *try_setting(price *p, const int at[KNOBS]) {
     trial *t = p->trials + p->trial_count;
-    double seconds[FRAMES];
     sps_plan_report plan;
-    int frames = 0;
     for (int n = 0; n < p->trial_count; ++n)
         if (memcmp(p->trials[n].at, at, sizeof t->at) == 0) return p->trials + n;
     turn_all(p, at);
     if (p->trial_count == TRIALS) return NULL;
     if (sps_plan(p->session.context, &p->shown.scene, &p->shown.view, &plan) != SPS_OK) return NULL;
     memcpy(t->at, at, sizeof t->at);
-    render_seconds(&p->session, &p->shown, &p->shown.view); /* reads voxels, and makes what is held */
-    do {
-        seconds[frames] = render_seconds(&p->session, &p->shown, &p->shown.view);
-    } while (++frames < FRAMES && seconds[0] < 2);
-    t->seconds = ex_percentile(seconds, (size_t)frames, 0.5);
-    t->bytes = (double)plan.bytes;
+    render_trial(p, t);
     compare(p, t);
     p->trial_count += 1;
     return t;
 }
 
-/* Every value of every knob by itself. */
-static void try_singles(price *p) {
-    for (int k = 0; k < KNOBS; ++k)
+/* Every value of every knob by itself, of the first knobs. */
+static void try_singles(price *p, int count) {
+    for (int k = 0; k < count; ++k)
         for (int value = 0; knobs[k].fits(&p->priced->frame) && value < knobs[k].count; ++value) {
             int at[KNOBS];
             for (int i = 0; i < KNOBS; ++i) at[i] = AS_IT_IS;
@@ -193,33 +205,51 @@ static void try_singles(price *p) {
         }
 }
 
-/* What is recommended for a use: the values of some knobs by their names. */
-typedef struct use {
+/* What is recommended for a use: the values of some knobs by their names; of the last ones where gas is smooth alone,
+   since coarse slabs and shadows ruin what is classified. */
+typedef struct grade {
     const char *name;
     struct {
         const char *knob, *word;
-    } turned[5];
-} use;
+    } turned[3], smooth[3];
+} grade;
 
-static const use uses[] = {
-    {"preview",
-     {{"quality", "draft"}, {"slab", "8"}, {"shadow_size", "128"}, {"lookup_threshold", "0.1"}, {"samples", "4"}}},
-    {"game asset, bake", {{"quality", "medium"}, {"samples", "64"}}},
-    {"film still", {{"quality", "high"}, {"samples", "256"}}},
-    {"measurement", {{"quality", "ultra"}, {"slab", "0.5"}, {"shadow_size", "1024"}, {"samples", "256"}}},
+enum { TURNED = sizeof((grade *)0)->turned / sizeof *((grade *)0)->turned };
+
+static const grade grades[] = {
+    {"look through",
+     {{"quality", "draft"}, {"samples", "4"}},
+     {{"slab", "8"}, {"tolerance", "0.1"}, {"shadow_size", "64"}}},
+    {"preview", {{"quality", "draft"}, {"samples", "4"}}, {{"slab", "4"}, {"tolerance", "0.1"}}},
+    {"game asset, bake", {{"quality", "draft"}, {"samples", "16"}}, {{"tolerance", "0.02"}}},
+    {"picture", {{"quality", "medium"}, {"samples", "16"}}, {{"tolerance", "0.02"}}},
+    {"film still", {{"quality", "high"}, {"samples", "64"}}, {{"tolerance", "0.005"}}},
+    {"measurement", {{"quality", "ultra"}, {"samples", "256"}, {"slab", "0.5"}}, {{NULL, NULL}}},
 };
-enum { USES = sizeof uses / sizeof *uses };
+enum { GRADES = sizeof grades / sizeof *grades };
 
-/* The setting of a use, without the knobs that a scene has not. */
-static void use_setting(const use *u, const frame *f, int at[KNOBS]) {
-    for (int k = 0; k < KNOBS; ++k) {
-        at[k] = AS_IT_IS;
-        for (size_t i = 0; i < sizeof u->turned / sizeof *u->turned && u->turned[i].knob; ++i)
-            for (int value = 0; value < knobs[k].count; ++value)
-                if (knobs[k].fits(f) && !strcmp(knobs[k].name, u->turned[i].knob) &&
-                    !strcmp(knobs[k].words[value], u->turned[i].word))
-                    at[k] = value;
+static void turn_by_name(const frame *f, const char *name, const char *word, int at[KNOBS]) {
+    for (int k = 0; name && k < KNOBS; ++k)
+        for (int value = 0; !strcmp(knobs[k].name, name) && knobs[k].fits(f) && value < knobs[k].count; ++value)
+            if (!strcmp(knobs[k].words[value], word)) at[k] = value;
+}
+
+/* The setting of a grade, without the knobs that a scene has not. */
+static void grade_setting(const grade *g, const frame *f, int at[KNOBS]) {
+    for (int k = 0; k < KNOBS; ++k) at[k] = AS_IT_IS;
+    for (int i = 0; i < TURNED; ++i) {
+        turn_by_name(f, g->turned[i].knob, g->turned[i].word, at);
+        if (!f->volume.transfer) turn_by_name(f, g->smooth[i].knob, g->smooth[i].word, at);
     }
+}
+
+static void print_grade(const grade *g) {
+    printf("| %s |", g->name);
+    for (int i = 0; i < TURNED && g->turned[i].knob; ++i)
+        printf("%s %s %s", i ? "," : "", g->turned[i].knob, g->turned[i].word);
+    for (int i = 0; i < TURNED && g->smooth[i].knob; ++i)
+        printf("%s %s %s", i ? "," : "; smooth gas:", g->smooth[i].knob, g->smooth[i].word);
+    printf(" |");
 }
 
 /* What one more turn brings: towards exact, how much the error falls for the time that it takes; towards cheap, how
@@ -231,10 +261,11 @@ static double worth(const trial *from, const trial *to, int exact) {
     return gain > 0.05 ? gain / fmax(loss, 0.02) : 0;
 }
 
-/* From the scene as it is, one turn after the other of the knob that brings most. */
+/* From the scene as it is, one turn after the other of the knob that brings most, until the scene has had its time. */
 static void try_path(price *p, int exact) {
-    enum { TURNS = 6 };
+    enum { TURNS = 6, SECONDS = 30 };
     const trial *from = p->trials;
+    p->end = ex_now(NULL) + SECONDS;
     for (int turn = 0; turn < TURNS; ++turn) {
         const trial *best = NULL;
         double most = 0;
@@ -243,6 +274,7 @@ static void try_path(price *p, int exact) {
                 int at[KNOBS];
                 memcpy(at, from->at, sizeof at);
                 if (at[k] != AS_IT_IS && abs(value - at[k]) != 1) continue;
+                if (ex_now(NULL) > p->end) return;
                 at[k] = value;
                 const trial *to = try_setting(p, at);
                 if (to && worth(from, to, exact) > most) most = worth(from, to, exact), best = to;
@@ -286,71 +318,156 @@ static void write_rows(FILE *csv, const price *p) {
         const trial *t = p->trials + n;
         char words[300];
         setting_words(t->at, words, sizeof words);
-        fprintf(csv, "%s,\"%s\",%.4g,%.4g,%.4g,%.4g,%.4g,%.4g,%.3g,%.0f\n", p->scene->file, words, t->rms,
+        fprintf(csv, "%s,\"%s\",%.4g,%.4g,%.4g,%.4g,%.4g,%.4g,%.3g,%.4g,%.0f\n", p->scene->file, words, t->rms,
                 t->rms / p->mean, t->high, t->bias, p->priced->noise, t->seconds, t->seconds / p->trials->seconds,
-                t->bytes);
+                t->first, t->bytes);
     }
 }
 
-/* The cheapest trial of each error: the answer to "I want this error: what do I take?" */
+/* The cheapest trial that keeps within an error relative to the mean; NULL if none does. */
+static const trial *cheapest(const price *p, double error) {
+    const trial *best = NULL;
+    for (int n = 0; n < p->trial_count; ++n)
+        if (p->trials[n].rms <= error * p->mean && (!best || p->trials[n].seconds < best->seconds))
+            best = p->trials + n;
+    return best;
+}
+
+static const double wanted[] = {0.1, 0.03, 0.01, 0.003, 0.001, 0.0003};
+enum { WANTED = sizeof wanted / sizeof *wanted };
+
 static void print_wanted(const price *p) {
-    static const double wanted[] = {0.1, 0.03, 0.01, 0.003, 0.001, 0.0003};
-    for (size_t i = 0; i < sizeof wanted / sizeof *wanted; ++i) {
-        const trial *best = NULL;
+    printf("\n| wanted | error | bias | time | MB | cheapest setting |\n|---|---|---|---|---|---|\n");
+    for (int i = 0; i < WANTED; ++i) {
+        const trial *best = cheapest(p, wanted[i]), *next = i + 1 < WANTED ? cheapest(p, wanted[i + 1]) : NULL;
         char words[300];
-        for (int n = 0; n < p->trial_count; ++n)
-            if (p->trials[n].rms <= wanted[i] * p->mean && (!best || p->trials[n].seconds < best->seconds))
-                best = p->trials + n;
         if (!best) {
             printf("| %g %% | not reached | | | | |\n", 100 * wanted[i]);
             return;
         }
+        if (best == next) continue; /* the same for less error */
         setting_words(best->at, words, sizeof words);
-        printf("| %g %% | %.3g %% | %.3g %% | %.2f | %.1f | %s |\n", 100 * wanted[i], 100 * best->rms / p->mean,
+        printf("| %g %% | %.3g %% | %+.2g %% | %.2f | %.1f | %s |\n", 100 * wanted[i], 100 * best->rms / p->mean,
                100 * best->bias / p->mean, best->seconds / p->trials->seconds, 1e-6 * best->bytes, words);
     }
 }
 
-/* How steep each knob is by itself: its cheapest and its most exact value beside the scene as it is. */
+/* The only knob that a trial turns; AS_IT_IS: none, or several. */
+static int only_knob(const trial *t) {
+    int turned = 0, last = AS_IT_IS;
+    for (int k = 0; k < KNOBS; ++k)
+        if (t->at[k] != AS_IT_IS) turned += 1, last = k;
+    return turned == 1 ? last : AS_IT_IS;
+}
+
+/* The knob that pays most, turned by itself. */
+static void print_first(const price *p, int exact) {
+    const trial *best = NULL;
+    double most = 0;
+    for (int n = 1; n < p->trial_count; ++n)
+        if (only_knob(p->trials + n) != AS_IT_IS && worth(p->trials, p->trials + n, exact) > most)
+            most = worth(p->trials, p->trials + n, exact), best = p->trials + n;
+    if (!best) {
+        printf(" none |");
+        return;
+    }
+    const int k = only_knob(best);
+    printf(" %s %s: error x %.2f, time x %.2f |", knobs[k].name, knobs[k].words[best->at[k]],
+           best->rms / p->trials->rms, best->seconds / p->trials->seconds);
+}
+
+/* How steep each knob is by itself: its values beside the scene as it is. */
 static void print_knobs(const price *p) {
-    printf("\n| knob | value | error | 99 %% of pixels within | bias | time | MB |\n|---|---|---|---|---|---|---|\n");
+    printf("\n| knob | value | error | 99 %% of pixels within | bias | time | first frame | MB |\n"
+           "|---|---|---|---|---|---|---|---|\n");
     for (int n = 0; n < p->trial_count; ++n) {
         const trial *t = p->trials + n;
-        int turned = 0, knob_number = AS_IT_IS;
-        for (int k = 0; k < KNOBS; ++k)
-            if (t->at[k] != AS_IT_IS) turned += 1, knob_number = k;
-        if (turned > 1) continue;
-        printf("| %s | %s | %.3g %% | %.3g %% | %+.2g %% | %.2f | %.1f |\n", turned ? knobs[knob_number].name : "",
-               turned ? knobs[knob_number].words[t->at[knob_number]] : "as it is", 100 * t->rms / p->mean,
-               100 * t->high / p->mean, 100 * t->bias / p->mean, t->seconds / p->trials->seconds, 1e-6 * t->bytes);
+        const int k = only_knob(t);
+        if (k == AS_IT_IS && n > 0) continue;
+        printf("| %s | %s | %.3g %% | %.3g %% | %+.2g %% | %.2f | %.2f | %.1f |\n", n ? knobs[k].name : "",
+               n ? knobs[k].words[t->at[k]] : "as it is", 100 * t->rms / p->mean, 100 * t->high / p->mean,
+               100 * t->bias / p->mean, t->seconds / p->trials->seconds, t->first / p->trials->seconds,
+               1e-6 * t->bytes);
     }
 }
 
-static void draw_front(const price *p, const char *folder) {
-    ex_canvas canvas = ex_canvas_begin(420, 300, 1);
-    ex_chart chart = {56, 28, 350, 226, {0, 0}, {0, 0}, "error in percent, time 1: medium", "time", 0};
-    ex_error error;
-    char file[64];
+/* ================================================================================================ pictures */
+
+enum { CHART_WIDTH = 300, CHART_HEIGHT = 230, CHARTS_ACROSS = 4 };
+
+static void draw_front(ex_canvas *canvas, int at, const price *p) {
+    ex_chart chart = {at % CHARTS_ACROSS * CHART_WIDTH + 44,
+                      at / CHARTS_ACROSS * CHART_HEIGHT + 26,
+                      CHART_WIDTH - 60,
+                      CHART_HEIGHT - 66,
+                      {0, 0},
+                      {0, 0},
+                      p->scene->name,
+                      "time",
+                      0};
     int count;
     trial *front = front_of(p, &count);
     double(*points)[2] = (double(*)[2])ex_allocate((size_t)p->trial_count, sizeof *points);
     for (int n = 0; n < p->trial_count; ++n)
         ex_chart_reach(&chart, p->trials[n].seconds / p->trials->seconds, 100 * p->trials[n].rms / p->mean);
     ex_chart_widen(&chart);
-    ex_chart_frame(&canvas, &chart);
+    ex_chart_frame(canvas, &chart);
     for (int n = 0; n < p->trial_count; ++n) {
         const double x = ex_chart_x(&chart, p->trials[n].seconds / p->trials->seconds);
         const double y = ex_chart_y(&chart, 100 * p->trials[n].rms / p->mean);
-        ex_canvas_line(&canvas, x, y, x, y, 3, 0xa0a0a0);
+        ex_canvas_line(canvas, x, y, x, y, 3, 0xa0a0a0);
     }
     for (int i = 0; i < count; ++i) {
         points[i][0] = front[i].seconds / p->trials->seconds;
         points[i][1] = 100 * front[i].rms / p->mean;
     }
-    ex_chart_curve(&canvas, &chart, (const double(*)[2])points, count, EX_MARK_DISC, 0x1060c0);
-    snprintf(file, sizeof file, "prices_%s", p->scene->file);
-    ex_stop_if(ex_canvas_write(&canvas, folder, file, &error), program, &error);
-    free(front), free(points), ex_canvas_end(&canvas);
+    ex_chart_curve(canvas, &chart, (const double(*)[2])points, count, EX_MARK_DISC, 0x1060c0);
+    free(front), free(points);
+}
+
+static void write_canvas(ex_canvas *canvas, const char *folder, const char *name) {
+    ex_error error;
+    ex_stop_if(ex_canvas_write(canvas, folder, name, &error), program, &error);
+    ex_canvas_end(canvas);
+}
+
+static void draw_fronts(const price *prices, int count, const char *folder) {
+    const int rows = (count + CHARTS_ACROSS - 1) / CHARTS_ACROSS;
+    ex_canvas canvas = ex_canvas_begin(CHARTS_ACROSS * CHART_WIDTH, rows * CHART_HEIGHT, 1);
+    for (int i = 0; i < count; ++i) draw_front(&canvas, i, prices + i);
+    write_canvas(&canvas, folder, "accuracy_curves");
+}
+
+enum { ZOOM = 2, TILE = 108 }; /* pixels for each of the truth's; of a tile, with what is between */
+
+/* The truth, enlarged, and what a grade's picture differs by from it: a full step of grey is 5 % of the mean. */
+static void draw_difference(ex_canvas *canvas, const price *p, const float *shown, int x0, int y0, const char *name) {
+    const sampled *truth = &p->priced->truth;
+    const int side = truth->frame.view.width, first = (PRICE_SIZE - (side - 1) * truth->stride - 1) / 2;
+    for (int i = 0; i < side * ZOOM * side * ZOOM; ++i) {
+        const int x = i % (side * ZOOM), y = i / (side * ZOOM), at = y / ZOOM * side + x / ZOOM;
+        const int pixel = (first + y / ZOOM * truth->stride) * PRICE_SIZE + first + x / ZOOM * truth->stride;
+        float *to = ex_canvas_pixel(canvas, x0 + x, y0 + y);
+        for (int c = 0; to && c < 3; ++c) {
+            const double exact = (double)truth->frame.rgba[4 * at + c];
+            const double off = shown ? ((double)shown[4 * pixel + c] - exact) / (0.05 * p->mean) : 0;
+            to[c] = (float)(shown ? ex_linear_of(fmin(fmax(0.5 + 0.5 * off, 0), 1)) : fmin(0.4 * exact / p->mean, 1));
+        }
+    }
+    ex_canvas_text(canvas, x0, y0 + side * ZOOM + 3, name, 0x000000);
+}
+
+/* A row of pictures: the truth, and the differences of each grade. */
+static void draw_row(ex_canvas *canvas, price *p, int row) {
+    int at[KNOBS];
+    draw_difference(canvas, p, NULL, 0, row * (TILE + 12), p->scene->file);
+    for (int g = 0; g < GRADES; ++g) {
+        if (!p->of_grade[g]) continue;
+        grade_setting(grades + g, &p->priced->frame, at);
+        turn_all(p, at);
+        render_seconds(&p->session, &p->shown, &p->shown.view);
+        draw_difference(canvas, p, p->shown.rgba, (g + 1) * TILE, row * (TILE + 12), grades[g].name);
+    }
 }
 
 /* ================================================================================================== scenes */
@@ -379,67 +496,99 @@ static void price_end(price *p) {
     priced_end(p->priced), free(p->priced);
 }
 
-static void measure(price *p) {
+static void measure(price *p, int quick) {
     int at[KNOBS];
     for (int k = 0; k < KNOBS; ++k) at[k] = AS_IT_IS;
     try_setting(p, at);
-    try_singles(p);
-    for (int u = 0; u < USES; ++u) {
-        use_setting(uses + u, &p->priced->frame, at);
-        p->of_use[u] = try_setting(p, at);
+    for (int g = 0; g < GRADES; ++g) {
+        grade_setting(grades + g, &p->priced->frame, at);
+        p->of_grade[g] = try_setting(p, at);
     }
+    try_singles(p, quick ? 2 : KNOBS);
+    if (quick) return;
     try_path(p, 0);
     try_path(p, 1);
-    ex_session_end(&p->session);
 }
 
-static void print_scene(const price *p) {
-    printf("\n### %s\n\n![Error against time](prices_%s.png)\n\nTruth: %s", p->scene->name, p->scene->file,
-           p->scene->truth);
+/* ==================================================================================================== page */
+
+/* Of all scenes: the middle one, and the worst. */
+static void print_spread(double *values, int count, const char *unit) {
+    printf(" %.2g%s | %.2g%s |", ex_percentile(values, (size_t)count, 0.5), unit,
+           ex_percentile(values, (size_t)count, 1), unit);
+}
+
+static void print_grades(const price *prices, int count) {
+    printf(
+        "\n| for | settings | error, middle scene | worst | bias, worst | time, middle scene | worst | first frame | "
+        "worst |\n|---|---|---|---|---|---|---|---|---|\n");
+    for (int g = 0; g < GRADES; ++g) {
+        double errors[PRICE_SCENES], biases[PRICE_SCENES], times[PRICE_SCENES], firsts[PRICE_SCENES];
+        int found = 0;
+        for (int i = 0; i < count; ++i) {
+            const trial *t = prices[i].of_grade[g];
+            if (!t) continue;
+            errors[found] = 100 * t->rms / prices[i].mean, biases[found] = 100 * fabs(t->bias) / prices[i].mean;
+            times[found] = t->seconds / prices[i].trials->seconds;
+            firsts[found++] = t->first / prices[i].trials->seconds;
+        }
+        if (!found) continue;
+        print_grade(grades + g);
+        print_spread(errors, found, " %");
+        printf(" %.2g %% |", ex_percentile(biases, (size_t)found, 1));
+        print_spread(times, found, "");
+        print_spread(firsts, found, "");
+        printf("\n");
+    }
+}
+
+/* The time of the cheapest setting for each error, scene by scene, and what to turn first. */
+static void print_times(const price *prices, int count) {
+    printf("\n| scene | medium | its error | 10 %% | 3 %% | 1 %% | 0.3 %% | 0.1 %% | 0.03 %% | first for less error | "
+           "first for less time |\n|---|---|---|---|---|---|---|---|---|---|---|\n");
+    for (int i = 0; i < count; ++i) {
+        const price *p = prices + i;
+        printf("| %s | %.3g ms | %.2g %% |", p->scene->name, 1e3 * p->trials->seconds, 100 * p->trials->rms / p->mean);
+        for (int k = 0; k < WANTED; ++k) {
+            const trial *best = cheapest(p, wanted[k]);
+            if (best)
+                printf(" %.2f |", best->seconds / p->trials->seconds);
+            else
+                printf(" |");
+        }
+        print_first(p, 1), print_first(p, 0);
+        printf("\n");
+    }
+}
+
+static void print_figures(const price *p) {
+    printf("\n### %s\n\nTruth: %s", p->scene->name, p->scene->truth);
     if (p->priced->noise > 0)
         printf(", off by %.2g %% itself, which is taken out of the errors by squares",
                100 * p->priced->noise / p->mean);
-    printf(". At medium: %.3g %% in %.1f ms.\n\n| wanted | error | bias | time | MB | cheapest setting |\n"
-           "|---|---|---|---|---|---|\n",
-           100 * p->trials->rms / p->mean, 1e3 * p->trials->seconds);
+    printf(". At `medium`: %.3g %% in %.1f ms.\n", 100 * p->trials->rms / p->mean, 1e3 * p->trials->seconds);
     print_wanted(p);
+    print_knobs(p);
 }
 
-/* Error and time of a use over all scenes: the middle one, and the worst. */
-static void print_uses(const price *prices, int count) {
-    printf("\n## By use\n\n| use | settings | error: middle scene | worst | time: middle scene | worst |\n"
-           "|---|---|---|---|---|---|\n");
-    for (int u = 0; u < USES; ++u) {
-        double errors[PRICE_SCENES], times[PRICE_SCENES];
-        int found = 0;
-        for (int i = 0; i < count; ++i) {
-            const trial *t = prices[i].of_use[u];
-            if (t)
-                errors[found] = 100 * t->rms / prices[i].mean, times[found++] = t->seconds / prices[i].trials->seconds;
-        }
-        printf("| %s |", uses[u].name);
-        for (size_t i = 0; i < sizeof uses->turned / sizeof *uses->turned && uses[u].turned[i].knob; ++i)
-            printf("%s %s %s", i ? "," : "", uses[u].turned[i].knob, uses[u].turned[i].word);
-        if (!found) continue;
-        printf(" | %.2g %% | %.2g %% | %.2g | %.2g |\n", ex_percentile(errors, (size_t)found, 0.5),
-               ex_percentile(errors, (size_t)found, 1), ex_percentile(times, (size_t)found, 0.5),
-               ex_percentile(times, (size_t)found, 1));
-    }
-}
-
-static void print_all(const price *prices, int count) {
-    printf("## You want this error: take this\n\n%d x %d pixels, %d workers, voxels held. Errors are root mean "
-           "squares in radiance, relative to the mean of the truth;\ntimes are relative to the scene at `medium`. "
-           "Grey dots in the charts are all settings that were tried, blue ones those of which\nnone is both faster "
-           "and more exact.\n",
-           PRICE_SIZE, PRICE_SIZE, WORKERS);
-    for (int i = 0; i < count; ++i) print_scene(prices + i);
-    print_uses(prices, count);
-    printf("\n## Every knob by itself\n");
-    for (int i = 0; i < count; ++i) {
-        printf("\n### %s, every knob\n", prices[i].scene->name);
-        print_knobs(prices + i);
-    }
+static void print_page(const price *prices, int count) {
+    printf(
+        "## Which error at which price\n\n%d x %d pixels, %d workers. Errors are root mean squares in radiance, "
+        "relative "
+        "to the mean of the truth. Times are relative\nto the scene at `medium` once its voxels and shadow tables are "
+        "held; the first frame is that of a new context, which makes them.\n",
+        PRICE_SIZE, PRICE_SIZE, WORKERS);
+    print_grades(prices, count);
+    printf("\n## The cheapest setting for an error\n\nTime of the cheapest setting that was found; the settings stand "
+           "below, scene by scene.\n");
+    print_times(prices, count);
+    printf(
+        "\n![Error in percent against time](accuracy_curves.png)\n\nError in percent against time. Grey: all settings "
+        "that were tried; blue: those of which none is both faster and more exact.\n\n"
+        "![Differences](accuracy_differences.png)\n\nLeft, the truth; then what pictures differ by from it, as "
+        "grey, where white is 5 %% of the mean too bright and black 5 %% too dark.\n");
+    printf("\n## All figures\n");
+    for (int i = 0; i < count; ++i) print_figures(prices + i);
 }
 
 static FILE *open_table(const char *folder) {
@@ -447,31 +596,39 @@ static FILE *open_table(const char *folder) {
     snprintf(path, sizeof path, "%s/prices.csv", folder);
     FILE *csv = fopen(path, "w");
     if (csv)
-        fprintf(csv, "scene,setting,rms,rms_of_mean,p99,bias,noise,seconds,time,bytes\n");
+        fprintf(csv, "scene,setting,rms,rms_of_mean,p99,bias,noise,seconds,time,first_frame,bytes\n");
     else
         fprintf(stderr, "%s: cannot write %s\n", program, path);
     return csv;
 }
 
+static int is_chosen(const price_scene *scene, const char *name) {
+    return !name || !strcmp(scene->file, name) || (!strcmp(name, "quick") && !strcmp(scene->truth, "closed form"));
+}
+
 int main(int argc, char **argv) {
     static price prices[PRICE_SCENES];
-    int count = 0;
+    const char *name = argc > 2 ? argv[2] : NULL;
+    int count = 0, assets = 0;
     if (argc < 2) {
         fprintf(stderr, "%s FOLDER [SCENE]\n", program);
         return EX_MISTAKEN;
     }
     FILE *csv = open_table(argv[1]);
     if (!csv) return EX_FAILED;
+    ex_canvas differences = ex_canvas_begin((GRADES + 1) * TILE, PRICE_ASSETS * (TILE + 12), 1);
     for (int i = 0; i < PRICE_SCENES; ++i) {
-        if (argc > 2 && strcmp(argv[2], price_scenes[i].file)) continue;
-        if (price_begin(prices + count, price_scenes + i)) continue;
-        measure(prices + count);
-        write_rows(csv, prices + count);
-        draw_front(prices + count, argv[1]);
-        count += 1;
+        if (!is_chosen(price_scenes + i, name) || price_begin(prices + count, price_scenes + i)) continue;
+        price *p = prices + count++;
+        measure(p, name && !strcmp(name, "quick"));
+        write_rows(csv, p);
+        if (p->scene->is_asset) draw_row(&differences, p, assets++);
+        ex_session_end(&p->session);
     }
     fclose(csv);
-    print_all(prices, count);
+    draw_fronts(prices, count, argv[1]);
+    write_canvas(&differences, argv[1], "accuracy_differences");
+    print_page(prices, count);
     for (int i = 0; i < count; ++i) price_end(prices + i);
     return EX_OK;
 }

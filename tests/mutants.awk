@@ -2,7 +2,7 @@
 #   check     prints the entries that do not apply, and ends with `N passed, N failed`
 #   list      a line for each entry: number, section, function (- outside functions), line of the header, rank(entry)
 #   entry     the text of entry number `entry`
-#   last      the test that noticed entry number `entry` last, and the part of it, as the list has them
+#   likely    tests, and the parts of them, that noticed entry number `entry` last, or others of its function or section
 #   record    the list, with the last tests read from standard input, a line for each entry: number, test, part
 #   order     the tests that can notice errors in section `section_name`, likeliest first
 #   named     all tests that any section names
@@ -124,6 +124,29 @@ function print_header(faces, whole, line, name) {
 # 1 for entries that no test is known to notice, 2 for those that one does, 3 for those that none need notice.
 function rank(n) { return n in reason ? 3 : n in last_line ? 2 : 1 }
 
+function place(n) { return function_at[find(n)] }
+
+# The entry's own first, then those that noticed most: one of the same function counts as ten of the same section.
+# `noticed` is a file of such lines as record() reads, newer than the list.
+function likely(n, k, best, seen, line) {
+    while ((getline line < noticed) > 0) {
+        n = line + 0
+        sub(/^[0-9]+ /, "", line)
+        last[n] = line
+    }
+    if (entry in last) { print last[entry]; seen[last[entry]] = 1 }
+    for (n = 1; n <= count; ++n)
+        if (section[n] == section[entry] && last[n] ~ / /) weight[last[n]] += place(n) == place(entry) ? 10 : 1
+    for (k = 0; k < 6; ++k) {
+        best = ""
+        for (n in weight)
+            if (!(n in seen) && (best == "" || weight[n] > weight[best])) best = n
+        if (best == "") return
+        print best
+        seen[best] = 1
+    }
+}
+
 # The recorded line of an entry comes last.
 function record(n, line) {
     while ((getline line < "/dev/stdin") > 0) {
@@ -138,13 +161,13 @@ function record(n, line) {
 
 END {
     if (mode == "check") check()
-    if (mode == "last") print last[entry]
     if (mode == "record") record()
     if (mode == "order") print order[section_name]
     if (mode == "named") print named
     if (mode == "entry") printf "%s: %s\n- %s\n+ %s\n", section[entry], why[entry], old[entry], new[entry]
     if (mode == "reason") print reason[entry]
     find_functions()
+    if (mode == "likely") likely()
     if (mode == "list")
         for (n = 1; n <= count; ++n) {
             line = find(n)

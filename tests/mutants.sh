@@ -17,9 +17,9 @@
 # takes seven. If the error is in a macro, a type or an inline function, everything is rebuilt.
 #
 # build/mutants/results has the results, keyed by a checksum of header, tests and entry; build/mutants/last the test that
-# noticed an entry last, which is run first the next time. Before there is one, the list's is; a test that noticed takes
-# a second, while one after the other until one does takes ten. Entries of which the list has none come first, and
-# those that no test need notice last.
+# noticed an entry last, which is run first the next time, before those that the list has for it and for others of its
+# function or section: the part of a test takes a second, while one test after the other until one notices takes ten.
+# Entries of which the list has none come first, and those that no test need notice last.
 
 set -u
 cd "$(dirname "$0")/.." || exit 1
@@ -35,7 +35,8 @@ INCLUDES="-isystem $STB -Iexamples -Itests"
 TESTS=$(ls tests/test_*.c tests/fuzz.c | sed 's|tests/||; s|\.c$||')
 
 text() { # mode, entry
-    awk -v mode="$1" -v entry="${2:-0}" -v section_name="${3:-}" -f tests/mutants.awk $LIST splatshadow.h
+    awk -v mode="$1" -v entry="${2:-0}" -v section_name="${3:-}" -v noticed=$OUT/noticed -f tests/mutants.awk \
+        $LIST splatshadow.h
 }
 
 checksum() { cksum | tr ' ' '-'; }
@@ -116,13 +117,15 @@ part() { # output
 }
 
 # Prints the test that noticed, and the part of it; nothing if none did.
-notice() { # folder, section, file with what noticed it last
-    likely=
-    if [ -e "$3" ] && read -r likely part < "$3" && is_test "$likely" && grep -q "RUN($part)" "tests/$likely.c"; then
-        link_mutant "$1" "$likely" || { echo "does not compile"; return; }
+notice() { # folder, section, file with what is likely to notice
+    first=
+    while read -r likely part; do
+        first=${first:-$likely}
+        is_test "$likely" && grep -q "RUN($part)" "tests/$likely.c" || continue
+        [ -e "$1/$likely" ] || link_mutant "$1" "$likely" || { echo "does not compile"; return; }
         CHECK_ONLY=$part run_test "$1/$likely" "$1/$likely.txt" || { echo "$likely $part"; return; }
-    fi
-    for test in $(order "$2" "$likely"); do
+    done < "$3"
+    for test in $(order "$2" "$first"); do
         [ -e "$1/$test" ] || link_mutant "$1" "$test" || { echo "does not compile"; return; }
         run_test "$1/$test" "$1/$test.txt" && continue
         echo "$test $(part "$1/$test.txt")"
@@ -143,14 +146,14 @@ run_entry() { # worker, entry, section, function
     last=$(last_of "$2")
     [ -e "$result" ] && return
     mkdir "$OUT/taken/$2" 2>/dev/null || return
-    [ -s "$last" ] || text last "$2" > "$last"
     folder=$OUT/work_$1
+    { cat "$last" 2> /dev/null; text likely "$2"; } > "$folder.likely"
     if build_mutant "$folder" "$2" "$4" 2> "$OUT/work_$1.txt"; then
-        notice "$folder" "$3" "$last" > "$result.new" 2>> "$OUT/work_$1.txt"
+        notice "$folder" "$3" "$folder.likely" > "$result.new" 2>> "$OUT/work_$1.txt"
     else
         echo "does not compile" > "$result.new"
     fi
-    [ -s "$result.new" ] && cp "$result.new" "$last"
+    [ -s "$result.new" ] && cp "$result.new" "$last" && echo "$2 $(cat "$last")" >> $OUT/noticed
     mv "$result.new" "$result"
     echo "$2 $3 $4: $(cat "$result")"
     rm -rf "$folder"
@@ -191,7 +194,7 @@ report() {
 run() {
     BEGIN=$(date +%s)
     STATE=$({ echo "$COMPILE"; cat splatshadow.h tests/*.[ch] examples/*.h examples/shaders/*; } | checksum)
-    mkdir -p $OUT/results $OUT/last && rm -rf $OUT/taken && mkdir $OUT/taken
+    mkdir -p $OUT/results $OUT/last && rm -rf $OUT/taken $OUT/noticed && mkdir $OUT/taken
     build_common || exit 1
     for test in $(cat $OUT/common/failing); do
         echo "$test fails without any error: it is left out"

@@ -514,7 +514,7 @@ static void measure(price *p, int quick) {
 
 /* Of all scenes: the middle one, and the worst. */
 static void print_spread(double *values, int count, const char *unit) {
-    printf(" %.2g%s | %.2g%s |", ex_percentile(values, (size_t)count, 0.5), unit,
+    printf(" %.3g%s | %.3g%s |", ex_percentile(values, (size_t)count, 0.5), unit,
            ex_percentile(values, (size_t)count, 1), unit);
 }
 

@@ -283,7 +283,7 @@ SUMMARY = function close_log() { passed += p; failed += f; if (status != 0 && f 
 # last lines are kept. With SPLATSHADOW_LONG=1, as in the long tests. In plain C, one test compares levels of
 # optimisation.
 .PHONY: hard-cases
-HARD_CASES = $(patsubst tests/%.c,build/tests/native.%.log,$(shell grep -l CHECK_CASE tests/*.c)) build/tests/plain.test_simd.log
+HARD_CASES = $(patsubst tests/%.c,build/tests/native.%.log,$(shell grep -l CHECK_CASE tests/*.c)) build/tests/native.fuzz.log build/tests/plain.test_simd.log
 hard-cases:
 	@mkdir -p build/tests && rm -f build/cases.txt $(HARD_CASES)
 	@CHECK_CASES=build/cases.txt CONFIGURATIONS="native plain" $(MAKE) -s --no-print-directory -j$(JOBS) $(HARD_CASES)
@@ -294,7 +294,7 @@ hard-cases:
 
 # The page has a row for each case that the tests have.
 build/tests/cases.log: docs/hard-cases.md tests/cases.awk $(wildcard tests/*.c tests/*.h)
-	@$(call run,cases,awk -v mode=missing -v page=docs/hard-cases.md -f tests/cases.awk $(wildcard tests/*.c) tests/check.h docs/hard-cases.md && $(ONE_PASSED))
+	@$(call run,cases,awk -v mode=missing -v page=docs/hard-cases.md -f tests/cases.awk $(wildcard tests/*.c) tests/check.h tests/fuzz.h docs/hard-cases.md && $(ONE_PASSED))
 
 # Tests whether a configuration's compiler is available and makes programs that run.
 can_build = { echo 'int main(void) { return 0; }' > build/tests/probe_$(1).c && \

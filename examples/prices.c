@@ -205,16 +205,16 @@ static void try_singles(price *p, int count) {
         }
 }
 
+enum { TURNED = 3 };
+
 /* What is recommended for a use: the values of some knobs by their names; of the last ones where gas is smooth alone,
    since coarse slabs and shadows ruin what is classified. */
 typedef struct grade {
     const char *name;
     struct {
         const char *knob, *word;
-    } turned[3], smooth[3];
+    } turned[TURNED], smooth[TURNED];
 } grade;
-
-enum { TURNED = sizeof((grade *)0)->turned / sizeof *((grade *)0)->turned };
 
 static const grade grades[] = {
     {"look through",
@@ -496,6 +496,15 @@ static void price_end(price *p) {
     priced_end(p->priced), free(p->priced);
 }
 
+/* The scene as it is once more, since all times are relative to its own: the lesser one counts. */
+static void time_again(price *p) {
+    trial again = p->trials[0];
+    turn_all(p, again.at);
+    render_trial(p, &again);
+    p->trials[0].seconds = fmin(p->trials[0].seconds, again.seconds);
+    p->trials[0].first = fmin(p->trials[0].first, again.first);
+}
+
 static void measure(price *p, int quick) {
     int at[KNOBS];
     for (int k = 0; k < KNOBS; ++k) at[k] = AS_IT_IS;
@@ -505,9 +514,8 @@ static void measure(price *p, int quick) {
         p->of_grade[g] = try_setting(p, at);
     }
     try_singles(p, quick ? 2 : KNOBS);
-    if (quick) return;
-    try_path(p, 0);
-    try_path(p, 1);
+    for (int exact = 0; !quick && exact < 2; ++exact) try_path(p, exact);
+    time_again(p);
 }
 
 /* ==================================================================================================== page */
@@ -572,12 +580,10 @@ static void print_figures(const price *p) {
 }
 
 static void print_page(const price *prices, int count) {
-    printf(
-        "## Which error at which price\n\n%d x %d pixels, %d workers. Errors are root mean squares in radiance, "
-        "relative "
-        "to the mean of the truth. Times are relative\nto the scene at `medium` once its voxels and shadow tables are "
-        "held; the first frame is that of a new context, which makes them.\n",
-        PRICE_SIZE, PRICE_SIZE, WORKERS);
+    printf("## Which error at which price\n\n%d x %d pixels, %d workers. Errors are root mean squares in radiance, ",
+           PRICE_SIZE, PRICE_SIZE, WORKERS);
+    printf("relative\nto the mean of the truth. Times are relative to the scene at `medium` once its voxels and shadow "
+           "tables are held;\nthe first frame is that of a new context, which makes them.\n");
     print_grades(prices, count);
     printf("\n## The cheapest setting for an error\n\nTime of the cheapest setting that was found; the settings stand "
            "below, scene by scene.\n");

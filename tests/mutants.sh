@@ -147,7 +147,7 @@ run_entry() { # worker, entry, section, function
     [ -e "$result" ] && return
     mkdir "$OUT/taken/$2" 2>/dev/null || return
     folder=$OUT/work_$1
-    { cat "$last" 2> /dev/null; text likely "$2"; } > "$folder.likely"
+    { cat "$last" 2> /dev/null; text likely "$2"; } | awk '!seen[$0]++' > "$folder.likely"
     if build_mutant "$folder" "$2" "$4" 2> "$OUT/work_$1.txt"; then
         notice "$folder" "$3" "$folder.likely" > "$result.new" 2>> "$OUT/work_$1.txt"
     else

@@ -12,6 +12,7 @@
 # make accuracy    error and time of every knob in twelve scenes, into docs/accuracy.md and docs/accuracy_*.png
 # make accuracy-quick  the scenes with a closed form and two knobs of it, in half a minute; SCENE=name: all of that scene
 # make accuracy-tables  that page's tables of error against time of single effects
+# make budget      what budgets of time and error promise, and what they keep, into docs/budget.md; 8 minutes
 # make maps        transmittance maps compared with each other, into docs/maps.md and docs/maps_*.png
 # make effects     what each effect costs, and that it costs nothing where it is not needed, into docs/effects.md
 # make gallery     only the pictures of the scene programs
@@ -160,6 +161,19 @@ accuracy-tables: build/bench
 	@{ sed '/^## Cheapest settings/,$$d' docs/accuracy.md; cat build/cheapest.md; printf '\n## Volumes\n\n```\n'; \
 		cat build/accuracy.txt; printf '```\n\n'; sed -n '/^## All figures/,$$p' docs/accuracy.md; } > build/accuracy.md
 	cp build/accuracy.md docs/accuracy.md
+
+# What stands before the first printed line is kept. make budget-fit prints the tables of the header's section budget.
+.PHONY: budget budget-fit
+build/budget: tests/budget.c $(HEADERS) | build
+	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) -Iexamples $< -o $@ $(LIBRARIES)
+
+budget: build/budget
+	build/budget check > build/budget.txt
+	@{ sed '/^## Kept/,$$d' docs/budget.md; sed -n '/^## Kept/,$$p' build/budget.txt; echo; sed '/^## Kept/,$$d' build/budget.txt; } > build/budget.md
+	cp build/budget.md docs/budget.md
+
+budget-fit: build/budget
+	build/budget fit
 
 # The program prints Markdown. Its pictures are in build/maps_pictures/, since build/maps is the program itself.
 .PHONY: maps

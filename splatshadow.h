@@ -56,9 +56,9 @@ CONTENTS (search for the tag)
     >>shadows       27 shadows on gas, surfaces      >>scattering    28 scattered more than once
     >>cells         29 light from cell to cell       >>shading       30 light leaving a sheet
     >>lighting      31 filling, lighting cells       >>sweep         32 chunks of slabs, tiles
-    >>frame         33 sweeps, then the image        >>plan          34 what a scene calls for
-    >>reference     35 brute-force ray marching      >>paths         36 random paths
-    >>public        37 the public functions
+    >>budget        33 what time or error buys       >>frame         34 sweeps, then the image
+    >>plan          35 what a scene calls for        >>reference     36 brute-force ray marching
+    >>paths         37 random paths                  >>public        38 the public functions
     >>licence
 
 NOT INCLUDED
@@ -125,7 +125,8 @@ THREADS   A context serves one call at a time; any number of contexts can run at
     clock_fn at once.
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
     it does on different machines if they have the same C library and all threads use the same rounding mode and the
-    same treatment of denormal numbers.
+    same treatment of denormal numbers. Only a budget (sps_view) chooses settings by the clock, the region and the
+    number of workers.
 LIMITS   Images and shadow buffers up to 16384 on a side, images that lights throw up to 4096; 2^28 entries of a shadow
     table; 2^20 slabs. Coordinates and matrices must lie within 1e15.
     Voxels are resolved from 1e-14 to 1e10 world units, polygons from 1e-20 up, and shadows of polygons in gas for
@@ -847,6 +848,15 @@ typedef struct sps_view {
        Beside polygons, which send light to gas and receive it, there is none: FULL. */
     float scatter_tolerance;
     sps_filling filling; /* 0, the default: SPS_FILLING_AUTO */
+    /* Instead of quality, slab, tolerance and scatter_size, which must be 0 then, and of the number of points of lights
+       whose `samples` is 0: what a picture may cost, or how far it may be off, one of both; 0: neither. See
+       sps_budget_report. Seconds are those of clock_fn, for the whole call: the least error is chosen that they are
+       expected to buy or, if nothing is cheap enough, the cheapest setting, of which message_fn is told. */
+    double budget_seconds;
+    /* Root mean square error of radiance, relative to the picture's mean, of light that scatters as often as
+       `scattering` says: the least time is chosen. UNSUPPORTED if no setting is known to keep within it. Edges of
+       polygons, and what a volume's voxels do not resolve, are not part of it. */
+    double budget_error;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
 
@@ -883,6 +893,20 @@ typedef struct sps_reference_settings {
     float *error;
     uint32_t end_canary; /* leave 0 */
 } sps_reference_settings;
+
+/* What was chosen for a budget, and what is expected of it; all 0 without one. Time is the work of each stage, counted
+   in pixels, slabs, texels, points and cells, times what the context took for such work in its last frames; until there
+   is one, and without clock_fn, what a machine of 2022 with vectors of 16 floats took. Error is the worst that was
+   found in a list of scenes, by what the scene has, times two (docs/budget.md). */
+typedef struct sps_budget_report {
+    int is_met;          /* 0: there is no budget, or no setting meets it */
+    double seconds;      /* of the whole call; in sps_render, those until all was read are known */
+    double error;        /* at most, as in sps_view.budget_error */
+    sps_quality quality; /* chosen, as in sps_view */
+    double slab;
+    float tolerance;
+    int samples, scatter_size; /* 0: no light with an extent leaves them open; light does not scatter again */
+} sps_budget_report;
 
 typedef enum sps_pass {
     SPS_PASS_GATHER = 0,     /* reads relevant voxels into bricks, and particles */
@@ -939,7 +963,8 @@ typedef struct sps_plan_report {
        -1, and cells are planned. */
     double scatter_bound;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
-    uint64_t voxels_read; /* exact, borders of blocks counted each time */
+    uint64_t voxels_read;     /* exact, borders of blocks counted each time */
+    sps_budget_report budget; /* before anything is read, so that sps_render may choose otherwise */
     /* Upper bound of all that the context will hold, with image.depth, but without layers (of pixels, and of texels of
        lights) and the lists that maps are made from, which may be several times as much. Often 2 or 3 times the actual
        size. With particles, whose extents are not known, lights' sheets and maps count with their maximum size, and the
@@ -987,8 +1012,9 @@ typedef struct sps_stats_report {
     double scatter_bound; /* SPS_SCATTERING_AUTO: of what scatters again, per unit of what scatters once; at most 1e6 */
     /* Texels times planes times points of lights whose penumbrae gas is shaded by; 0: all light on gas was hard. */
     uint64_t soft_texels;
-    uint64_t pixels_shaded;  /* pixels times slabs that held something */
-    uint64_t tiles_finished; /* tiles that became opaque before the last slab */
+    uint64_t pixels_shaded;   /* pixels times slabs that held something */
+    uint64_t tiles_finished;  /* tiles that became opaque before the last slab */
+    sps_budget_report budget; /* seconds_total is what the call took */
     uint64_t allocations;
     size_t bytes, bytes_peak; /* held now; maximum since sps_create */
 } sps_stats_report;
@@ -2056,6 +2082,41 @@ typedef struct spsi_buffer {
 #define SPSI_FIELD_SIZE    sizeof(((sps_error_info *)0)->field)
 #define SPSI_SENTENCE_SIZE sizeof(((sps_error_info *)0)->sentence)
 
+enum { SPSI_GRADES = 7, SPSI_POINT_GRADES = 4, SPSI_CELL_GRADES = 4 };
+
+/* Places on the ladders of settings from which a budget chooses, >>budget. */
+typedef struct spsi_setting {
+    int gas, points, cells;
+} spsi_setting;
+
+/* What takes time in a frame. */
+typedef enum spsi_stage {
+    SPSI_STAGE_READ,     /* voxels and particles */
+    SPSI_STAGE_FIELDS,   /* making what gathering needs beyond voxels */
+    SPSI_STAGE_SURFACES, /* polygons, and shadow rays from them */
+    SPSI_STAGE_LIGHT,    /* sheets, penumbrae and maps */
+    SPSI_STAGE_CELLS,    /* light from cell to cell, or spreading */
+    SPSI_STAGE_EYE,
+    SPSI_STAGE_REST, /* of the call */
+    SPSI_STAGE_COUNT
+} spsi_stage;
+
+/* The work of a frame by stage, and what it has more for each point of the lights that leave their number open. */
+typedef struct spsi_work {
+    double units[SPSI_STAGE_COUNT], per_point[SPSI_STAGE_COUNT];
+} spsi_work;
+
+/* What the context knows of its own speed. */
+typedef struct spsi_pace {
+    double rates[SPSI_STAGE_COUNT][SPSI_GRADES]; /* seconds per unit; 0: not known */
+    const spsi_setting *only; /* the one setting to choose from, for who measures all of them; NULL: all are */
+    int counts;               /* 1: the frame's work and setting are known */
+    spsi_setting setting;
+    spsi_work work;
+    double seconds_fields; /* of this frame, in making what gathering needs beyond voxels */
+    uint64_t scattered;    /* fingerprint of the gas, lights and setting of the scattered light that is held */
+} spsi_pace;
+
 struct sps_context {
     sps_config config;
     sps_stats_report stats;
@@ -2078,6 +2139,7 @@ struct sps_context {
     int shadow_table_count; /* held from the last call, >>tmaps */
     int cell_tmap_count;    /* maps that are held for the sweeps of this call, >>lighting */
     uint64_t cells_held;    /* fingerprint of what scattered light was made from; 0: none is held, >>lighting */
+    spsi_pace pace;         /* >>budget */
     double mesh_low[3], mesh_high[3];
 };
 
@@ -5232,6 +5294,29 @@ static sps_result spsi_check_sampling(sps_context *context, sps_object object, c
 
 static int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]; }
 
+/* Whether time or error decide a view's settings. */
+static int spsi_has_budget(const sps_view *view) { return view->budget_seconds > 0 || view->budget_error > 0; }
+
+static sps_result spsi_check_budget(sps_context *context, const sps_view *view) {
+    static const char *const names[] = {"quality", "slab", "tolerance", "scatter_size"};
+    const double chosen[] = {(double)(int)view->quality, view->slab, (double)view->tolerance,
+                             (double)view->scatter_size};
+    if (!(view->budget_seconds >= 0 && view->budget_seconds <= DBL_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "budget_seconds", view->budget_seconds,
+                               "it must be 0 or positive");
+    if (!(view->budget_error >= 0 && view->budget_error <= DBL_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "budget_error", view->budget_error,
+                               "it must be 0 or positive");
+    if (view->budget_seconds > 0 && view->budget_error > 0)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "budget_error", view->budget_error,
+                               "budget_seconds is set, too: set one of both");
+    for (int i = 0; i < 4; ++i)
+        if (spsi_has_budget(view) && !(chosen[i] <= 0))
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, names[i], chosen[i],
+                                   "the budget chooses it: leave it 0");
+    return SPS_OK;
+}
+
 static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     const int *r = view->region, size[2] = {view->width, view->height};
     if (spsi_check_canaries(context, SPS_OBJECT_VIEW, -1, "", view->start_canary, view->end_canary) ||
@@ -5271,7 +5356,8 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     if (!(view->near_distance >= 0 && view->near_distance <= DBL_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "near_distance", view->near_distance,
                                "it must be 0 or positive");
-    return spsi_check_camera(context, SPS_OBJECT_VIEW, &view->camera);
+    return spsi_check_camera(context, SPS_OBJECT_VIEW, &view->camera) ? context->result
+                                                                      : spsi_check_budget(context, view);
 }
 
 static void spsi_resolve_quality(spsi_frame *frame) {
@@ -10781,12 +10867,12 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *latti
     return fmin(extent, fmax(chord, flattest * extent));
 }
 
-/* Cuts the bounds of volumes and particles, along the slabs' normal, into slabs that serve the rays of a target and
-   those of a light (NULL: none). `edge` is the voxel edge that stands for particles, or infinite. Slabs need not be
-   thinner than `least`, or than what makes a chunk of them. */
-static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                 const spsi_lamp *lamp, double edge, double least, spsi_slabs *slabs) {
-    double low = HUGE_VAL, high = -HUGE_VAL, count;
+/* Places slabs over the bounds of volumes and particles, along their normal, that serve the rays of a target and those
+   of a light (NULL: none). `edge` is the voxel edge that stands for particles, or infinite. Slabs need not be thinner
+   than `least`, or than what makes a chunk of them. Returns their number. */
+static double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_lamp *lamp, double edge,
+                               double least, spsi_slabs *slabs) {
+    double low = HUGE_VAL, high = -HUGE_VAL;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
         spsi_bounds_corner(&frame->content->bounds, corner, point);
@@ -10800,7 +10886,13 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
     least = fmin(least, (high - low) / SPSI_CHUNK);
     slabs->wide = least > frame->view.slab * edge;
     slabs->thickness = fmin(fmax(frame->view.slab * edge, least), high - low); /* never thicker than the whole extent */
-    count = ceil((high - low) / slabs->thickness);
+    return ceil((high - low) / slabs->thickness);
+}
+
+/* Cuts the same slabs, and refuses them if they are too many. */
+static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
+                                 const spsi_lamp *lamp, double edge, double least, spsi_slabs *slabs) {
+    const double count = spsi_slabs_place(frame, rays, lamp, edge, least, slabs);
     if (!(count <= SPSI_SLABS_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, frame->viewer, -1, "slab", frame->view.slab,
                                "it makes more than 2^20 slabs");
@@ -10868,20 +10960,24 @@ static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
 }
 
 /* Aims a sweep at the gas or, where that does not serve, at the bounds by which shadows were chosen: what serves these
-   serves all that lies within. */
-static sps_result spsi_sweep_place(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
+   serves all that lies within. Returns whether one of both does. */
+static int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_bounds tight = frame->content->bounds;
     spsi_sweep wider = *sweep;
     int serves;
-    if (spsi_sweep_aim(frame, sweep)) return SPS_OK;
+    if (spsi_sweep_aim(frame, sweep)) return 1;
     frame->content->bounds = frame->content->outer;
     serves = spsi_sweep_aim(frame, &wider);
     frame->content->bounds = tight;
-    if (!serves && !(sweep->cosine_of_light >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, frame, sweep);
-    if (!serves && !(sweep->cosine_of_eye >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_camera(context, frame, sweep);
-    if (!serves) return spsi_sweep_refuse_fit(context, frame, sweep);
-    *sweep = wider;
-    return SPS_OK;
+    if (serves) *sweep = wider;
+    return serves;
+}
+
+/* Why a sweep cannot be placed. */
+static sps_result spsi_sweep_refuse(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
+    if (!(sweep->cosine_of_light >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, frame, sweep);
+    if (!(sweep->cosine_of_eye >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_camera(context, frame, sweep);
+    return spsi_sweep_refuse_fit(context, frame, sweep);
 }
 
 /* The thickness that a sweep's slabs may have, whatever the size of voxels: a share of the least pixel in gas, but not
@@ -10898,7 +10994,7 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
     spsi_sweep_clear(frame, spsi_sliced_lamp(frame, n), part, sweep);
     sweep->first = n == 0;
     if (spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
-    if (spsi_sweep_place(context, frame, sweep)) return context->result;
+    if (!spsi_sweep_place(frame, sweep)) return spsi_sweep_refuse(context, frame, sweep);
     return spsi_slabs_cut(context, frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
 }
 
@@ -14301,6 +14397,8 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
 
 /* Fills the volumes' fields if a target gathers any, and their levels likewise. */
 static sps_result spsi_contents_fields(const spsi_contents *contents) {
+    sps_context *context = contents->context;
+    const double start = spsi_clock(context);
     int gathers = 0, level = 0, interpolates = 0;
     for (int n = 0; n < contents->target_count; ++n)
         for (int i = 0; i < contents->frame->medium_count; ++i) {
@@ -14309,9 +14407,11 @@ static sps_result spsi_contents_fields(const spsi_contents *contents) {
             interpolates |= spsi_target_interpolates(contents->targets[n], i);
             level = spsi_most(level, contents->targets[n]->tappers[i].level);
         }
-    if (gathers && spsi_fields_fill(contents->context, contents->frame)) return contents->context->result;
-    if (interpolates && spsi_fields_bend(contents->context, contents->frame)) return contents->context->result;
-    return level > 0 ? spsi_levels_fill(contents->context, contents->frame) : SPS_OK;
+    if (gathers && spsi_fields_fill(context, contents->frame)) return context->result;
+    if (interpolates && spsi_fields_bend(context, contents->frame)) return context->result;
+    if (level > 0 && spsi_levels_fill(context, contents->frame)) return context->result;
+    context->pace.seconds_fields += spsi_clock(context) - start;
+    return SPS_OK;
 }
 
 /* Finds the chunks and boxes of all bricks, and allocates the targets' sheets. `second` may be NULL. */
@@ -24624,8 +24724,423 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
     return SPS_OK;
 }
 
+/* =============================================================================================== >>budget
+   33 What a budget buys. There are three ladders of settings: of gas, of the points of lights with an extent, and of
+   cells. For each combination, time is the work of each stage, counted in pixels, slabs, texels, points and cells,
+   times the rate at which the context last did such work on that rung, or on the nearest one that it knows; until then,
+   start values. Error is the worst that a list of scenes has on each rung, by what the scene has, added by squares;
+   tests/budget.c prints both tables (make budget). Cost: lights are aimed and slabs placed for each rung of gas. */
+
+/* --- the ladders --- */
+
+/* A rung of gas: slabs in voxels, 0: as quality has them. */
+typedef struct spsi_grade {
+    sps_quality quality;
+    double slab;
+    float tolerance;
+} spsi_grade;
+
+/* Classified volumes have no use for thick slabs, nor tolerances: their lowest rungs are one. */
+static const spsi_grade spsi_grades[2][SPSI_GRADES] = {{{SPS_QUALITY_DRAFT, 8, 0.1f},
+                                                        {SPS_QUALITY_DRAFT, 4, 0.1f},
+                                                        {SPS_QUALITY_DRAFT, 0, 0.02f},
+                                                        {SPS_QUALITY_MEDIUM, 0, 0.02f},
+                                                        {SPS_QUALITY_HIGH, 0, 0.005f},
+                                                        {SPS_QUALITY_ULTRA, 0.5, 0.001f},
+                                                        {SPS_QUALITY_ULTRA, 0, 0}},
+                                                       {{SPS_QUALITY_DRAFT, 0, 0},
+                                                        {SPS_QUALITY_DRAFT, 0, 0},
+                                                        {SPS_QUALITY_DRAFT, 0, 0},
+                                                        {SPS_QUALITY_MEDIUM, 0, 0},
+                                                        {SPS_QUALITY_HIGH, 0, 0},
+                                                        {SPS_QUALITY_ULTRA, 0, 0},
+                                                        {SPS_QUALITY_ULTRA, 0, 0}}};
+static const int spsi_point_grades[SPSI_POINT_GRADES] = {4, 16, 64, 256};
+static const int spsi_cell_grades[SPSI_CELL_GRADES] = {24, 48, 96, 192};
+
+/* Whether a budget chooses the number of a light's points. */
+static int spsi_lamp_is_open(const spsi_lamp *lamp) { return lamp->extent.exists && lamp->samples == 0; }
+
+static int spsi_lamps_are_open(const spsi_frame *frame) {
+    for (int i = 0; i < frame->lamps.count; ++i)
+        if (spsi_lamp_is_open(&frame->lamps.list[i])) return 1;
+    return 0;
+}
+
+/* Lets lights choose between sheets and tables again. */
+static void spsi_choices_reopen(spsi_frame *frame) {
+    frame->lamps.sliced_count = 0;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        spsi_lamp *lamp = &frame->lamps.list[i];
+        if (lamp->choice != SPSI_CHOICE_CALLER) spsi_lamp_take(lamp, 0, SPSI_CHOICE_OPEN);
+        frame->lamps.sliced_count += lamp->sliced;
+    }
+}
+
+/* Gives the frame a setting. Lights' choices are open then. */
+static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
+    const spsi_grade *grade = &spsi_grades[frame->matter.classifies][setting->gas];
+    frame->view.quality = grade->quality;
+    frame->view.slab = 0;
+    frame->view.tolerance = grade->tolerance;
+    frame->view.scatter_size = spsi_cell_grades[setting->cells];
+    spsi_resolve_quality(frame);
+    if (grade->slab > 0) frame->view.slab = grade->slab;
+    frame->accuracy.light_points = spsi_point_grades[setting->points];
+    spsi_choices_reopen(frame);
+    spsi_resolve_gradients(frame);
+    return spsi_resolve_points(context, frame);
+}
+
+/* --- what a setting costs --- */
+
+/* Adds work that each point of a light does. */
+static void spsi_work_add_points(const spsi_lamp *lamp, spsi_stage stage, double units, spsi_work *work) {
+    if (spsi_lamp_is_open(lamp))
+        work->per_point[stage] += units;
+    else
+        work->units[stage] += units * lamp->point_count;
+}
+
+/* Number of the region's pixels in the box of what gas looks like; all of them where gas is beside the eye. */
+static double spsi_covered_pixels(const spsi_frame *frame) {
+    const int *region = frame->view.region;
+    double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, area = 1;
+    if (spsi_bounds_empty(&frame->content->bounds)) return 0;
+    for (int corner = 0; corner < 8; ++corner) {
+        double point[3], q[3];
+        spsi_bounds_corner(&frame->content->bounds, corner, point);
+        spsi_project(&frame->content->eye, point, q);
+        if (frame->content->eye.perspective && !(q[2] > 0)) return (double)region[2] * region[3];
+        for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], q[k]), high[k] = fmax(high[k], q[k]);
+    }
+    for (int k = 0; k < 2; ++k)
+        area *= fmax(0, fmin(high[k] + 0.5, region[k] + region[2 + k]) - fmax(low[k] - 0.5, region[k]));
+    return area;
+}
+
+/* Places a sweep of a frame whose lights have chosen. Returns the number of its slabs; 0 if there is nothing to cut, or
+   if rendering will refuse it. */
+static double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep) {
+    const double edge = frame->content->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
+    spsi_sweep_clear(frame, spsi_sliced_lamp(frame, n), 0, sweep);
+    sweep->first = n == 0;
+    if (spsi_bounds_empty(&frame->content->bounds) || !spsi_sweep_place(frame, sweep)) return 0;
+    return spsi_slabs_place(frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
+}
+
+#define SPSI_POINT_TEXEL_UNITS 0.25 /* what a point of a penumbra adds to a texel of a slab */
+#define SPSI_POINT_PIXEL_UNITS 7    /* and to a pixel of polygons, in pixels of slabs */
+
+static void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
+    const double pixels = (double)frame->view.region[2] * frame->view.region[3];
+    const double covered = spsi_covered_pixels(frame);
+    for (int n = 0; n < spsi_sweep_count(frame); ++n) {
+        spsi_sweep sweep;
+        const double slabs = spsi_work_sweep(frame, n, &sweep);
+        double texels;
+        work->units[SPSI_STAGE_EYE] += covered * (8 + slabs);
+        if (!sweep.lamp) continue;
+        texels = slabs * sweep.rays.width * sweep.rays.height;
+        work->units[SPSI_STAGE_LIGHT] += texels;
+        if (!sweep.soft) continue;
+        spsi_work_add_points(sweep.lamp, SPSI_STAGE_LIGHT, SPSI_POINT_TEXEL_UNITS * texels, work);
+        if (frame->meshes.triangle_count > 0)
+            spsi_work_add_points(sweep.lamp, SPSI_STAGE_EYE, SPSI_POINT_PIXEL_UNITS * pixels, work);
+    }
+}
+
+/* Whether a light's table is held from an earlier call; `gas` is the fingerprint of the gas. */
+static int spsi_table_is_held(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp, uint64_t gas) {
+    const sps_tmap *held = (const sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
+    sps_tmap map;
+    uint64_t key;
+    if (!gas || !spsi_has_shadow_table(lamp) || context->shadow_table_count == 0) return 0;
+    if (spsi_lamp_tmap_aim(context, frame, lamp, &map)) return 0;
+    key = spsi_shadow_table_key(frame, spsi_shadow_table_aim(&map), gas);
+    for (int i = 0; i < context->shadow_table_count; ++i)
+        if (held[i].key == key) return 1;
+    return 0;
+}
+
+/* Tables and maps, but those by which cells are lit, which are made with these. */
+static void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, uint64_t gas, spsi_work *work) {
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        size_t side;
+        if (!lamp->has_map || spsi_scatters_fully(frame) || spsi_table_is_held(context, frame, lamp, gas)) continue;
+        work->units[SPSI_STAGE_LIGHT] +=
+            (double)spsi_lamp_tmap_texels(frame, lamp, &side) * (double)spsi_lamp_tmap_components(frame, lamp);
+    }
+}
+
+/* The cells of a grid about all gas, with what polygons add to each; 0 if light is not followed from cell to cell. */
+static double spsi_work_cells(const spsi_frame *frame) {
+    spsi_cell_grid grid;
+    if (!spsi_scatters_fully(frame) && !spsi_scatters_aside(frame)) return 0;
+    if (!spsi_cells_place(frame, &frame->content->bounds, &grid)) return 0;
+    return (double)frame->channels * grid.size[0] * grid.size[1] * grid.size[2] * (frame->meshes.count > 0 ? 2 : 1);
+}
+
+#define SPSI_DEPTH_TEXEL_UNITS 0.15 /* that a texel of a depth map takes of what a pixel does */
+
+/* Pixels, shadow rays from them and, if there is gas, the depth maps by which polygons shade it. */
+static void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) {
+    const double pixels = (double)frame->view.region[2] * frame->view.region[3];
+    double *units = &work->units[SPSI_STAGE_SURFACES];
+    const int shades_gas = frame->matter.scatters && !spsi_bounds_empty(&frame->content->bounds);
+    *units += pixels + (double)frame->meshes.triangle_count;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        spsi_depth_map map;
+        if (!lamp->shadows) continue;
+        spsi_work_add_points(lamp, SPSI_STAGE_SURFACES, pixels, work);
+        if (!shades_gas || lamp->extent.exists) continue;
+        spsi_depth_map_aim(frame, lamp, spsi_depth_map_size(frame), spsi_depth_map_texel(frame), &map);
+        for (int face = 0; face < map.face_count; ++face)
+            *units += SPSI_DEPTH_TEXEL_UNITS * (double)spsi_ray_count(&map.rays[face]);
+    }
+}
+
+/* Counts the work of a frame that has a setting, and whose voxels are read or planned: `voxels` of them. */
+static void spsi_work_count(sps_context *context, spsi_frame *frame, double voxels, uint64_t gas, spsi_work *work) {
+    const double pixels = (double)frame->view.region[2] * frame->view.region[3];
+    memset(work, 0, sizeof *work);
+    spsi_choose_shadows(context, frame);
+    spsi_work_add_sweeps(frame, work);
+    spsi_work_add_maps(context, frame, gas, work);
+    work->units[SPSI_STAGE_CELLS] = spsi_work_cells(frame);
+    if (frame->view.filling != SPS_FILLING_SPLAT && context->field_taps != spsi_taps_wanted(frame))
+        work->units[SPSI_STAGE_FIELDS] = voxels;
+    work->units[SPSI_STAGE_REST] = pixels;
+    if (frame->meshes.triangle_count > 0) spsi_work_add_surfaces(frame, work);
+}
+
+/* Seconds per unit and worker until the context has its own, by rung of the stage's ladder. */
+static const double spsi_start_rates[SPSI_STAGE_COUNT][SPSI_GRADES] = {
+    {40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9}, {22e-9, 22e-9, 22e-9, 26e-9, 40e-9, 40e-9, 33e-9},
+    {21e-9, 19e-9, 21e-9, 39e-9, 58e-9, 59e-9, 71e-9}, {20e-9, 11e-9, 8.2e-9, 4.4e-9, 3.5e-9, 3.5e-9, 4.7e-9},
+    {2900e-9, 1300e-9, 1200e-9, 2300e-9, 0, 0, 0},     {16e-9, 8.8e-9, 6.4e-9, 6.6e-9, 8.9e-9, 13e-9, 12e-9},
+    {5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9}};
+
+/* The rung on which a stage stands. */
+static int spsi_stage_grade(spsi_stage stage, const spsi_setting *setting) {
+    return stage == SPSI_STAGE_CELLS ? setting->cells : setting->gas;
+}
+
+/* The rate of a stage: the context's own or, from the nearest rung that has one, in the proportion of start values. */
+static double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
+    const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
+    const int grade = spsi_stage_grade(stage, setting);
+    for (int away = 0; away < SPSI_GRADES; ++away)
+        for (int sign = -1; sign <= 1; sign += 2) {
+            const int at = grade + sign * away;
+            if (at >= 0 && at < SPSI_GRADES && known[at] > 0) return known[at] * (start[grade] / start[at]);
+        }
+    return start[grade] / spsi_worker_count(context);
+}
+
+/* Work of a stage with a setting's number of points. */
+static double spsi_stage_units(const spsi_work *work, spsi_stage stage, const spsi_setting *setting) {
+    return work->units[stage] + spsi_point_grades[setting->points] * work->per_point[stage];
+}
+
+static double spsi_expected_seconds(const sps_context *context, const spsi_work *work, const spsi_setting *setting) {
+    double seconds = 0;
+    for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage)
+        seconds += spsi_stage_units(work, (spsi_stage)stage, setting) * spsi_rate(context, (spsi_stage)stage, setting);
+    return seconds;
+}
+
+/* --- how far it is off --- */
+
+/* Twice the worst root mean square error, relative to the mean, in the list of scenes and in a puff of 25 voxels, had
+   gas filled the picture. The finest rungs show what voxels do not resolve, too. */
+static const double spsi_gas_errors[2][SPSI_GRADES] = {{0.25, 0.2, 0.055, 0.02, 0.006, 0.004, 0.0035},
+                                                       {0.14, 0.14, 0.14, 0.07, 0.036, 0.029, 0.028}};
+static const double spsi_point_errors[SPSI_POINT_GRADES] = {0.31, 0.11, 0.038, 0.014};
+static const double spsi_cell_errors[SPSI_CELL_GRADES] = {0.28, 0.13, 0.065, 0.043};
+
+/* What the points of a light are off by: their number is on a rung, or above one. Below the lowest, error is as their
+   distance. */
+static double spsi_lamp_error(const spsi_lamp *lamp, const spsi_setting *setting) {
+    int at = 0;
+    if (!lamp->extent.exists || !lamp->shadows) return 0;
+    if (spsi_lamp_is_open(lamp)) return spsi_point_errors[setting->points];
+    while (at + 1 < SPSI_POINT_GRADES && spsi_point_grades[at + 1] <= lamp->samples) ++at;
+    return spsi_point_errors[at] * fmax(1, sqrt((double)spsi_point_grades[0] / lamp->samples));
+}
+
+/* Before black, gas that covers a share c of the pixels, and is off by e of its own mean, is off by e sqrt(c) in the
+   picture, whose mean is c times as much: by e / sqrt(c). */
+static double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting) {
+    const double pixels = (double)frame->view.region[2] * frame->view.region[3];
+    const double covered = fmin(spsi_covered_pixels(frame), pixels);
+    const int again = spsi_scatters_fully(frame) || spsi_scatters_aside(frame);
+    const double gas = frame->matter.material_count > 0 ? spsi_gas_errors[frame->matter.classifies][setting->gas] : 0;
+    const double cells = again ? spsi_cell_errors[setting->cells] : 0;
+    double points = 0;
+    for (int i = 0; i < frame->lamps.count; ++i) points = fmax(points, spsi_lamp_error(&frame->lamps.list[i], setting));
+    return sqrt(points * points + (covered > 0 ? (gas * gas + cells * cells) * pixels / covered : 0));
+}
+
+/* --- the choice --- */
+
+/* A setting, and what is expected of it. */
+typedef struct spsi_offer {
+    spsi_setting setting;
+    spsi_work work;
+    double seconds, error;
+} spsi_offer;
+
+/* Whether an offer is better than another: within the budget, by what the budget leaves open; else, the one that is
+   nearer to it. */
+static int spsi_offer_beats(const sps_view *view, const spsi_offer *a, const spsi_offer *b) {
+    const int timed = view->budget_seconds > 0;
+    const double most = timed ? view->budget_seconds : view->budget_error;
+    const double bound[2] = {timed ? a->seconds : a->error, timed ? b->seconds : b->error};
+    const double open[2] = {timed ? a->error : a->seconds, timed ? b->error : b->seconds};
+    const int meets[2] = {bound[0] <= most, bound[1] <= most};
+    if (meets[0] != meets[1]) return meets[0];
+    if (!meets[0] || !(open[0] < open[1] || open[0] > open[1])) return bound[0] < bound[1];
+    return open[0] < open[1];
+}
+
+/* Whether the light in cells is held that a setting calls for. */
+static int spsi_cells_are_held(const sps_context *context, const spsi_frame *frame) {
+    return context->cells_held != 0 && context->pace.scattered != 0 &&
+           context->pace.scattered == spsi_scattered_fingerprint(context, frame);
+}
+
+#define SPSI_CELL_HELD_UNITS 0.07 /* what a picture does with a cell that is held, of what following light takes */
+
+/* Compares all settings of the frame's rung of gas with the best one so far. `offer` has its work, but for cells. */
+static void spsi_grade_offers(sps_context *context, spsi_frame *frame, double spent, spsi_offer *offer,
+                              spsi_offer *best) {
+    const spsi_work work = offer->work;
+    const spsi_setting *only = context->pace.only;
+    const int points = spsi_lamps_are_open(frame) ? SPSI_POINT_GRADES : 1;
+    const int cells = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_CELL_GRADES : 1;
+    for (int n = 0; n < points * cells; ++n) {
+        offer->setting.points = n % points;
+        offer->setting.cells = n / points;
+        if (only && (offer->setting.points != only->points || offer->setting.cells != only->cells)) continue;
+        offer->work = work;
+        frame->view.scatter_size = spsi_cell_grades[offer->setting.cells];
+        offer->work.units[SPSI_STAGE_CELLS] = spsi_work_cells(frame);
+        if (spsi_cells_are_held(context, frame)) offer->work.units[SPSI_STAGE_CELLS] *= SPSI_CELL_HELD_UNITS;
+        offer->seconds = spent + spsi_expected_seconds(context, &offer->work, &offer->setting);
+        offer->error = spsi_expected_error(frame, &offer->setting);
+        if (!(best->seconds >= 0) || spsi_offer_beats(&frame->view, offer, best)) *best = *offer;
+    }
+}
+
+/* Says, before anything is rendered, that the budget is too small. */
+static void spsi_budget_warn(sps_context *context, const spsi_frame *frame, const sps_budget_report *report) {
+    char text[SPSI_SENTENCE_SIZE];
+    if (!context->config.message_fn) return;
+    SPS_SNPRINTF(text, sizeof text, "view.budget_seconds is %g; the cheapest setting, which is used, takes about %g",
+                 frame->view.budget_seconds, report->seconds);
+    context->config.message_fn(context->config.message_user, text);
+}
+
+static void spsi_budget_report(const spsi_frame *frame, const spsi_offer *best, sps_budget_report *report) {
+    const int timed = frame->view.budget_seconds > 0;
+    report->is_met = timed ? best->seconds <= frame->view.budget_seconds : best->error <= frame->view.budget_error;
+    report->seconds = best->seconds;
+    report->error = best->error;
+    report->quality = frame->view.quality;
+    report->slab = frame->view.slab;
+    report->tolerance = frame->view.tolerance;
+    report->samples = spsi_lamps_are_open(frame) ? frame->accuracy.light_points : 0;
+    report->scatter_size = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? frame->view.scatter_size : 0;
+}
+
+/* Chooses a setting by the view's budget, and gives it to the frame. `spent`: seconds until now, or until all will have
+   been read. */
+static sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, double spent, double voxels,
+                                     sps_budget_report *report) {
+    const uint64_t gas = spsi_gas_fingerprint(frame);
+    spsi_offer offer, best;
+    memset(&offer, 0, sizeof offer);
+    best = offer;
+    best.seconds = -1;
+    for (int grade = frame->matter.classifies ? 2 : 0; grade < SPSI_GRADES; ++grade) {
+        if (context->pace.only && grade != context->pace.only->gas) continue;
+        offer.setting.gas = grade;
+        offer.setting.points = offer.setting.cells = 0;
+        if (spsi_setting_apply(context, frame, &offer.setting)) return context->result;
+        spsi_work_count(context, frame, voxels, gas, &offer.work);
+        spsi_grade_offers(context, frame, spent, &offer, &best);
+    }
+    if (spsi_setting_apply(context, frame, &best.setting)) return context->result;
+    spsi_budget_report(frame, &best, report);
+    context->pace.counts = 1;
+    context->pace.setting = best.setting;
+    context->pace.work = best.work;
+    return SPS_OK;
+}
+
+/* The same for a frame that is about to be rendered. What cannot be met is said before. */
+static sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
+    const double spent = spsi_clock(context) - context->clock_start;
+    sps_budget_report *report = &context->stats.budget;
+    if (spsi_budget_choose(context, frame, spent, (double)context->voxel_count, report)) return context->result;
+    if (report->is_met) return SPS_OK;
+    if (frame->view.budget_error > 0) {
+        char rest[SPSI_SENTENCE_SIZE];
+        SPS_SNPRINTF(rest, sizeof rest, "is %g; the least that is known to be met here is %g", frame->view.budget_error,
+                     report->error);
+        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "budget_error",
+                              frame->view.budget_error, rest);
+    }
+    spsi_budget_warn(context, frame, report);
+    return SPS_OK;
+}
+
+/* Work of reading voxels and particles, with some that there is without any. */
+static double spsi_items_units(double items) { return 1e4 + items; }
+
+/* --- what the context learns --- */
+
+/* Takes the time in which fields were made from that of the stage that made them. */
+static void spsi_pace_part(double seconds[SPSI_STAGE_COUNT]) {
+    static const spsi_stage makers[] = {SPSI_STAGE_CELLS, SPSI_STAGE_LIGHT, SPSI_STAGE_EYE};
+    for (int i = 0; i < 3; ++i)
+        if (seconds[makers[i]] >= seconds[SPSI_STAGE_FIELDS]) {
+            seconds[makers[i]] -= seconds[SPSI_STAGE_FIELDS];
+            return;
+        }
+}
+
+/* Learns from a frame that had a budget and is finished. */
+static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
+    const sps_stats_report *stats = &context->stats;
+    const double total = spsi_clock(context) - context->clock_start;
+    spsi_pace *pace = &context->pace;
+    double seconds[SPSI_STAGE_COUNT] = {0}, sum = 0;
+    pace->scattered = context->cells_held ? spsi_scattered_fingerprint(context, frame) : 0;
+    if (!pace->counts || !(total > 0)) return;
+    seconds[SPSI_STAGE_READ] = stats->seconds_gather;
+    seconds[SPSI_STAGE_FIELDS] = pace->seconds_fields;
+    seconds[SPSI_STAGE_SURFACES] =
+        stats->seconds_polygons + stats->seconds_textures + stats->seconds_tree + stats->seconds_shadow_rays;
+    seconds[SPSI_STAGE_LIGHT] = stats->seconds_light;
+    seconds[SPSI_STAGE_CELLS] = stats->seconds_cells;
+    seconds[SPSI_STAGE_EYE] = stats->seconds_eye + stats->seconds_bin;
+    spsi_pace_part(seconds);
+    for (int stage = 0; stage < SPSI_STAGE_REST; ++stage) sum += seconds[stage];
+    seconds[SPSI_STAGE_REST] = fmax(total - sum, 0);
+    pace->work.units[SPSI_STAGE_READ] = spsi_items_units((double)(stats->voxels_read + stats->particles));
+    for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage) {
+        const double units = spsi_stage_units(&pace->work, (spsi_stage)stage, &pace->setting);
+        double *rate = &pace->rates[stage][spsi_stage_grade((spsi_stage)stage, &pace->setting)];
+        if (units > 0 && seconds[stage] > 0) *rate = seconds[stage] / units;
+    }
+}
+
 /* ================================================================================================ >>frame
-   33 The frame: one sweep after another, then the image. */
+   34 The frame: one sweep after another, then the image. */
 
 /* --- the image --- */
 
@@ -24915,11 +25430,12 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     memset(&picture, 0, sizeof picture);
     picture.frame = frame;
     if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
-    if (spsi_fields_place(context, frame)) return context->result;
+    if (spsi_gather_images(context, frame) || spsi_gather_faces(context, frame, &picture.faces)) return context->result;
     if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
+    if (spsi_has_budget(&frame->view) && spsi_budget_take(context, frame)) return context->result;
+    if (spsi_fields_place(context, frame)) return context->result;
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame)) spsi_shadow_tables_drop(context);
-    if (spsi_gather_images(context, frame) || spsi_gather_faces(context, frame, &picture.faces)) return context->result;
     gathered = spsi_clock(context);
     context->stats.seconds_gather = gathered - start;
     spsi_eye_reference(frame);
@@ -24942,11 +25458,12 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
         if (spsi_render_sweep(context, &picture, run, n)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
     spsi_write_image(frame, picture.total, image);
+    spsi_pace_learn(context, frame);
     return SPS_OK;
 }
 
 /* ================================================================================================= >>plan
-   34 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
+   35 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
    of calls are exact. The bounds follow from what is known without reading: the blocks that range_fn does not exclude,
    and counts of triangles and particles. */
 
@@ -25495,18 +26012,29 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
+/* Chooses a setting for a budget, with the time that reading will take. */
+static sps_result spsi_plan_budget(sps_context *context, spsi_frame *frame, const spsi_reading *reading,
+                                   sps_plan_report *report) {
+    const spsi_setting setting = {0, 0, 0};
+    const double units = spsi_items_units((double)report->voxels_read + (double)frame->particles.count);
+    return spsi_budget_choose(context, frame, units * spsi_rate(context, SPSI_STAGE_READ, &setting),
+                              reading->held ? (double)context->voxel_count : (double)reading->voxels_kept,
+                              &report->budget);
+}
+
 static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
     spsi_reading reading;
     uint64_t bricks;
     report->eye_filling = "no volume that could be seen";
     report->light_filling = "no volume casts shadows by sheets";
     report->cells_filling = "no volume, or its light does not go from cell to cell, nor spread";
-    if (spsi_plan_reading(context, frame, report, &reading) || spsi_plan_fields(context, frame, &reading))
-        return context->result;
+    if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
     if (frame->view.scattering == SPS_SCATTERING_AUTO) report->scatter_bound = -1;
     if (!spsi_scatters_fully(frame) || spsi_polygons_scatter(frame) ||
         (reading.held && frame->particles.set_count == 0))
         if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
+    if (spsi_has_budget(&frame->view) && spsi_plan_budget(context, frame, &reading, report)) return context->result;
+    if (spsi_plan_fields(context, frame, &reading)) return context->result;
     spsi_plan_choices(context, frame);
     bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
     if (spsi_plan_sweeps(context, frame, bricks, report) || spsi_plan_samples(context, frame, report))
@@ -25530,7 +26058,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
 }
 
 /* ============================================================================================ >>reference
-   35 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
+   36 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
    the midpoints of equal steps, a shadow ray at every sample, and triangles and balls intersected exactly through trees
    of boxes, in double precision. It shares with the renderer how samples and surfaces respond to light (samples in
    floats), and the tests of a ray with a triangle (>>polygons), but nothing else about where light goes. Second order
@@ -26404,7 +26932,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 }
 
 /* ================================================================================================ >>paths
-   36 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
+   37 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
    the polygons of >>reference. A path goes from event to event. Volumes are crossed by delta tracking [Woodcock et al.
    1965]: tentative collisions lie -ln(u) / bound apart, and one is real with probability extinction / bound; each brick
    has a bound of its own. Balls have closed forms, which are inverted. The nearest of all these collisions and of the
@@ -26978,7 +27506,7 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
 }
 
 /* =============================================================================================== >>public
-   37 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
+   38 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
    callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* if SPS_API is static: no warnings about functions that a program does not call */
@@ -27027,6 +27555,8 @@ static void spsi_begin(sps_context *context) {
     spsi_clear_error(&context->error);
     context->progress = 0;
     context->cancelled = 0;
+    context->pace.counts = 0;
+    context->pace.seconds_fields = 0;
     context->clock_start = spsi_clock(context);
 }
 

@@ -159,6 +159,7 @@ static inline void sampled_begin(sampled *t, const frame *f, int stride) {
     frame_copy(&t->frame, f);
     frame_resize(&t->frame, side, side);
     t->frame.view.camera.field_of_view = 2 * atan(share * tan(0.5 * f->view.camera.field_of_view));
+    t->frame.view.camera.ortho_height *= share;
 }
 
 static inline void sampled_march(sampled *t, ex_session *session, const frame *f, int stride, double step) {

@@ -6,35 +6,52 @@
 
 #define PRICE_SIZE 256 /* pixels along both sides */
 
+typedef struct priced priced;
+
+/* The radiance, the same in red, green and blue, of a ray from `origin` along a unit direction. */
+typedef double (*exact_fn)(const priced *p, ex_vec origin, ex_vec direction);
+
 /* A scene and what its pictures are compared with. `kept`: what must outlive it. Stays where it is, as a frame does. */
-typedef struct priced {
+struct priced {
     frame frame;
     sampled truth;
-    double noise; /* standard error of the truth, root mean square; 0: it has none */
+    double noise;   /* standard error of the truth, root mean square; 0: it has none */
+    exact_fn exact; /* of an orthographic picture from wherever it is seen; NULL: there is no such form */
     struct {
         ex_grid grid;
         sps_particles particles;
         sps_particle *list;
         ex_mesh land;
     } kept;
-} priced;
+};
 
 /* ============================================================================================ closed forms */
 
-/* The radiance, the same in red, green and blue, at a pixel's centre. */
-typedef double (*exact_fn)(const priced *p, double x, double y);
-
-/* An orthographic picture of `height` world units about the origin, seen along -z, and its exact pixels. */
+/* The exact pixels of an orthographic picture. */
 static void exact_truth(priced *p, exact_fn exact) {
+    const sps_camera *camera = &p->frame.view.camera;
     frame *t = &p->truth.frame;
     const int size = p->frame.view.width;
-    const double pixel = p->frame.view.camera.ortho_height / size;
+    const double pixel = camera->ortho_height / size;
+    const ex_vec from = ex_vec_of(camera->position[0], camera->position[1], camera->position[2]);
+    const ex_vec to = ex_vec_of(camera->target[0], camera->target[1], camera->target[2]);
+    const ex_vec ahead = ex_vec_unit(ex_vec_sub(to, from));
+    const ex_vec right = ex_vec_unit(ex_vec_cross(ahead, ex_vec_of(camera->up[0], camera->up[1], camera->up[2])));
+    const ex_vec up = ex_vec_cross(right, ahead);
     p->truth.stride = 1;
     frame_copy(t, &p->frame);
     for (int i = 0; i < size * size; ++i) {
         const double x = pixel * (i % size - 0.5 * (size - 1)), y = pixel * (0.5 * (size - 1) - i / size);
-        for (int c = 0; c < 3; ++c) t->rgba[4 * i + c] = (float)exact(p, x, y);
+        const ex_vec origin = ex_vec_add(from, ex_vec_add(ex_vec_scale(right, x), ex_vec_scale(up, y)));
+        for (int c = 0; c < 3; ++c) t->rgba[4 * i + c] = (float)exact(p, origin, ahead);
     }
+}
+
+/* The square of a ray's distance from a point. */
+static double square_beside(ex_vec origin, ex_vec direction, ex_vec point) {
+    const ex_vec to = ex_vec_sub(point, origin);
+    const double along = ex_vec_dot(to, direction);
+    return fmax(ex_vec_dot(to, to) - along * along, 0);
 }
 
 static void seen_from_above(priced *p, double height) {
@@ -68,9 +85,9 @@ static void add_sun(frame *f, double x, double y, double z, double irradiance) {
    the slab's whole width; the picture shows its middle, where light comes in through the face alone. */
 static const double slab_depth = 3;
 
-static double slab_exact(const priced *p, double x, double y) {
+static double slab_exact(const priced *p, ex_vec origin, ex_vec direction) {
     const double both = 1 + sqrt(2.0);
-    (void)p, (void)x, (void)y;
+    (void)p, (void)origin, (void)direction;
     return (double)0.9f * EX_PI / (4 * EX_PI * both) * -expm1(-slab_depth * both);
 }
 
@@ -108,8 +125,8 @@ static int build_blob(priced *p, ex_session *session) {
 static const double ball_extinction = 3, ball_box = 2.5;
 enum { BALL_VOXELS = 96 };
 
-static double ball_exact(const priced *p, double x, double y) {
-    const double square = fmax(1 - x * x - y * y, 0);
+static double ball_exact(const priced *p, ex_vec origin, ex_vec direction) {
+    const double square = fmax(1 - square_beside(origin, direction, ex_vec_of(0, 0, 0)), 0);
     (void)p;
     return exp(-ball_extinction * 16 / 15 * square * square * sqrt(square));
 }
@@ -133,6 +150,7 @@ static int build_ball(priced *p, ex_session *session) {
         p->frame.volume.placement.origin[i] = -0.5 * ball_box;
     }
     p->frame.volume.eval_fn = ball_density;
+    p->exact = ball_exact;
     exact_truth(p, ball_exact);
     return 0;
 }
@@ -142,9 +160,10 @@ static int build_ball(priced *p, ex_session *session) {
    ground's irradiance has, differs from 1 by r^2 / 2 at most: 0.0005 of the light. The eye is below the plate. */
 static const double penumbra_half = 0.03;
 
-static double penumbra_exact(const priced *p, double x, double y) {
+static double penumbra_exact(const priced *p, ex_vec origin, ex_vec direction) {
+    const double x = origin.x - origin.z / direction.z * direction.x;
     const double q = fmin(fmax(-x / tan(penumbra_half), -1), 1);
-    (void)p, (void)y;
+    (void)p;
     return 0.5 * (acos(q) - q * sqrt(1 - q * q)) / EX_PI;
 }
 
@@ -169,6 +188,7 @@ static int build_penumbra(priced *p, ex_session *session) {
     for (int c = 0; c < 3; ++c) p->frame.mesh.color[c] = 0.5f;
     add_sun(&p->frame, 0, 0, -1, EX_PI);
     p->frame.light.angular_diameter = 2 * penumbra_half;
+    p->exact = penumbra_exact;
     exact_truth(p, penumbra_exact);
     return 0;
 }
@@ -177,12 +197,13 @@ static int build_penumbra(priced *p, ex_session *session) {
    t (1 - (b / r)^2)^1.5 of its optical depth t, since 1 - s^2 over a chord of half length h is 4/3 h^3 of 4/3. */
 enum { CHORDS = 40 };
 
-static double chords_exact(const priced *p, double x, double y) {
+static double chords_exact(const priced *p, ex_vec origin, ex_vec direction) {
     double depth = 0;
     for (int i = 0; i < CHORDS; ++i) {
         const sps_particle *at = p->kept.list + i;
-        const double dx = x - (double)at->position[0], dy = y - (double)at->position[1], r = (double)at->radius;
-        const double inside = 1 - (dx * dx + dy * dy) / (r * r);
+        const ex_vec middle = ex_vec_of((double)at->position[0], (double)at->position[1], (double)at->position[2]);
+        const double r = (double)at->radius;
+        const double inside = 1 - square_beside(origin, direction, middle) / (r * r);
         if (inside > 0) depth += (double)at->optical_depth * pow(inside, 1.5);
     }
     return exp(-depth);
@@ -203,6 +224,7 @@ static int build_chords(priced *p, ex_session *session) {
     p->kept.particles.read_fn = ex_particles_read, p->kept.particles.user = p->kept.list;
     p->frame.scene.particles = &p->kept.particles, p->frame.scene.particle_set_count = 1;
     for (int c = 0; c < 3; ++c) p->frame.scene.background[c] = 1;
+    p->exact = chords_exact;
     exact_truth(p, chords_exact);
     return 0;
 }

@@ -253,6 +253,7 @@ static void make_view(const arguments *all, sps_view *view) {
     view->filling = (sps_filling)all->filling;
     view->scatter_tolerance = (float)all->scatter_tolerance;
     view->tolerance = (float)all->tolerance;
+    view->budget_seconds = all->budget_seconds, view->budget_error = all->budget_error;
 }
 
 /* ================================================================================================= reports */
@@ -274,6 +275,10 @@ static const char *find_field(const arguments *all, const sps_error_info *why) {
                   {SPS_OBJECT_VIEW, "coverage_samples", "--coverage"},
                   {SPS_OBJECT_VIEW, "scattering", "--scattering"},
                   {SPS_OBJECT_VIEW, "scatter_size", "--scatter-size"},
+                  {SPS_OBJECT_VIEW, "quality", "--quality"},
+                  {SPS_OBJECT_VIEW, "tolerance", "--tolerance"},
+                  {SPS_OBJECT_VIEW, "budget_seconds", "--budget-seconds"},
+                  {SPS_OBJECT_VIEW, "budget_error", "--budget-error"},
                   {SPS_OBJECT_VIEW, "camera.field_of_view", "--fov"},
                   {SPS_OBJECT_VIEW, "camera.ortho_height", "--ortho"},
                   {SPS_OBJECT_VIEW, "camera.position", "--camera"},
@@ -326,9 +331,19 @@ static int explain(const arguments *all, const ex_session *session, sps_result r
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_VIEW)
         way_out = strcmp(why.field, "scattering") == 0     ? " (--samples N, or --scattering off)"
                   : strcmp(why.field, "scatter_size") == 0 ? " (--scattering off has no such limit)"
+                  : strcmp(why.field, "budget_error") == 0 ? " (--quality promises nothing, and has no such limit)"
                                                            : " (--no-shadows and --reference have no such limit)";
     ex_fail(error, "%s%s%s", subject, why.sentence, way_out);
     return result == SPS_ERROR_ARGUMENT || result == SPS_ERROR_DATA ? EX_MISTAKEN : EX_FAILED;
+}
+
+/* What was chosen for a budget, in one line. */
+static void print_budget(FILE *file, const sps_budget_report *budget) {
+    fprintf(file, "about %.3g s, error up to %.2g %%: quality %s, slab %.3g, tolerance %g", budget->seconds,
+            100 * budget->error, ex_quality_names[budget->quality], budget->slab, (double)budget->tolerance);
+    if (budget->samples) fprintf(file, ", light-samples %d", budget->samples);
+    if (budget->scatter_size) fprintf(file, ", scatter-size %d", budget->scatter_size);
+    fprintf(file, budget->is_met ? "\n" : "; the budget is not met\n");
 }
 
 static int print_plan(const arguments *all, ex_session *session, const sps_scene *scene, const sps_view *view,
@@ -347,6 +362,8 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
 #undef PRINT_COUNT
     printf("%-16s %s\n%-16s %s\n", "eye_filling", plan.eye_filling, "light_filling", plan.light_filling);
     printf("%-16s %s\n", "cells_filling", plan.cells_filling);
+    if (all->budget_seconds > 0 || all->budget_error > 0)
+        printf("%-16s ", "budget"), print_budget(stdout, &plan.budget);
     printf("%-16s %d\n", "tables_made",
            has_maps(all) && !shadow_is(all, "table") ? 0 : plan.pass[SPS_PASS_LIGHT_MAPS].runs);
     return 0;
@@ -380,6 +397,9 @@ static int write_stats(const char *path, const sps_context *context, ex_error *e
     STATS_COUNTS(WRITE_COUNT)
 #undef WRITE_SECONDS
 #undef WRITE_COUNT
+    if (stats.budget.seconds > 0)
+        fprintf(output.file, "  \"budget\": {\"seconds\": %.9g, \"error\": %.9g, \"is_met\": %d},\n",
+                stats.budget.seconds, stats.budget.error, stats.budget.is_met);
     fprintf(output.file, "  \"version\": %d\n}\n", sps_version());
     errno = 0;
     ex_output_note(&output, ferror(output.file) || fflush(output.file) != 0);
@@ -423,7 +443,13 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
         status = explain(all, session, result, error);
     else if (write_files(all, session, image.rgba, width, height, error))
         status = EX_MISTAKEN;
-    else if (is_scattered_once(all) && all->volume_count + all->particle_set_count > 0)
+    if (result == SPS_OK && (all->budget_seconds > 0 || all->budget_error > 0) && !is_marched(all)) {
+        sps_stats_report stats;
+        sps_get_stats(session->context, &stats);
+        fprintf(stderr, "render: %.3g s; expected were ", stats.seconds_total);
+        print_budget(stderr, &stats.budget);
+    }
+    if (result == SPS_OK && is_scattered_once(all) && all->volume_count + all->particle_set_count > 0)
         fprintf(stderr, "render: %s without --samples: light scatters once (--scattering off)\n",
                 all->reference ? "--reference" : "--shadow samples");
     free(image.rgba);

@@ -107,7 +107,7 @@ typedef struct arguments {
     int width, height, region[4], coverage, shadow_size, quality, no_shadows, reference, samples, scattering, scatter_size, filling, threads, plan,
         help;
     int shadow, map_size, table_size, map_window;
-    double map_epsilon, scatter_tolerance, tolerance;
+    double map_epsilon, scatter_tolerance, tolerance, budget_seconds, budget_error;
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
     const char *out, *pfm, *alpha_pfm, *stats;
 } arguments;
@@ -463,6 +463,8 @@ static const option_rule options[] = {
     {"--samples", "N", "paths per pixel of --reference, for what scatters again; default 0, with --scattering off", set_integers, OF_SCENE(samples), 1, 0, 1 << 20, NULL},
     {"--filling", "auto|splat|gather", "how voxels fill sheets; auto, the default: as costs less", set_choice, OF_SCENE(filling), 1, 0, 0, filling_names},
     {"--tolerance", "T", "optical depth by which rays through smooth gas may be off, to follow fewer; default 0", set_reals, OF_SCENE(tolerance), 1, 0, 1, NULL},
+    {"--budget-seconds", "S", "as little error as S seconds buy; chooses --quality, --slab, --tolerance, --scatter-size", set_reals, OF_SCENE(budget_seconds), 1, 1e-9, 1e9, NULL},
+    {"--budget-error", "E", "as little time as an error of E takes, of radiance, relative to its mean", set_reals, OF_SCENE(budget_error), 1, 1e-9, 1e9, NULL},
     {"--scattering", "auto|off|ambient|forward|convolution|full", "light in gas; auto, the default: full, in all directions, if it is not thin, or off", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
     {"--scatter-size", "N", "cells along the gas for --scattering full, half the texels for convolution", set_integers, OF_SCENE(scatter_size), 1, 1, 256, NULL},
     {"--scatter-tolerance", "T", "share of light that may be left out by --scattering auto; default 0.01", set_reals, OF_SCENE(scatter_tolerance), 1, 0, 1, NULL},

@@ -516,6 +516,14 @@ static void random_tiny_view(sps_view *view) {
     if (one_in(40)) view->scatter_size = one_in(2) ? 257 : below(40) - 20;
 }
 
+/* Leaves a view's settings to a budget; it is drawn from nothing, too. */
+static void random_budget(sps_view *view) {
+    view->quality = SPS_QUALITY_DEFAULT;
+    view->slab = 0, view->tolerance = view->height % 29 == 28 ? 0.1f : 0, view->scatter_size = 0;
+    view->budget_seconds = view->height % 2 ? 1e-4 * view->height : view->height % 34 == 32 ? -1 : 0;
+    view->budget_error = view->height % 2 ? 0 : 0.1 * (view->height % 5);
+}
+
 static void random_view(scenery *x) {
     sps_view *view = &x->s.view;
     view->width = one_in(30) ? below(3) - 1 : 1 + below(one_in(4) ? 90 : 24);
@@ -554,6 +562,7 @@ static void random_view(scenery *x) {
     view->tolerance = view->height % 37 == 36 ? 2 : 0.3f * (float)(view->height % 3);
     if (one_in(4)) view->coverage_samples = below(10) - (one_in(20) ? 1 : 0);
     if (from_bytes) random_tiny_view(view);
+    if (view->width % 10 == 9) random_budget(view);
 }
 
 /* Spoils something that a caller might get wrong. */

@@ -1,0 +1,416 @@
+/* Budgets: what is chosen for seconds and for errors, what is said of it before, and that pictures are what these
+   settings show. Time is that of a clock that the tests turn themselves. */
+
+#include "check.h"
+
+enum { SIZE = 24, COUNT = 4 * SIZE * SIZE };
+static float image[COUNT], exact[COUNT];
+
+/* A puff that is lit from the side, large enough for its voxels and texels to be larger than pixels call for. */
+static void start(check_scene *s) {
+    sps_volume *gas;
+    check_clear(s, SIZE, SIZE);
+    check_orthographic(&s->view.camera, 1.2);
+    gas = check_add_puff(s, 3);
+    check_color(gas->albedo, 0.9, 0.8, 0.7);
+    check_add_directional(s, 0.4, -1, -0.5, 3);
+    s->view.scattering = SPS_SCATTERING_OFF;
+}
+
+static sps_budget_report budget_of(const sps_context *context) {
+    sps_stats_report stats;
+    sps_get_stats(context, &stats);
+    return stats.budget;
+}
+
+/* ---------------------------------------------------------------------------------------------------------- a clock */
+
+/* Each look at it takes a while, so that a frame takes as many as it looks at its clock. */
+typedef struct clock_of_tests {
+    double now, each;
+} clock_of_tests;
+
+static double look_at_clock(void *user) {
+    clock_of_tests *clock = (clock_of_tests *)user;
+    return clock->now += clock->each;
+}
+
+/* What message_fn was told last. */
+static char told[256];
+
+static void keep_message(void *user, const char *text) {
+    (void)user;
+    SPS_SNPRINTF(told, sizeof told, "%s", text);
+}
+
+static sps_context *timed_context(clock_of_tests *clock) {
+    sps_config config;
+    memset(&config, 0, sizeof config);
+    config.clock_fn = look_at_clock, config.clock_user = clock;
+    config.message_fn = keep_message;
+    return sps_create(&config, NULL);
+}
+
+/* ----------------------------------------------------------------------------------------------------- bad budgets */
+
+static void test_refused(void) {
+    sps_context *context = check_context(NULL);
+    static const double bad[] = {-1, -1e-300, HUGE_VAL, NAN};
+    check_scene s;
+    for (int i = 0; i < 4; ++i) {
+        start(&s);
+        s.view.budget_seconds = bad[i];
+        check_fails(context, &s, image, SPS_ERROR_ARGUMENT, "view.budget_seconds");
+        s.view.budget_seconds = 0, s.view.budget_error = bad[i];
+        check_fails(context, &s, image, SPS_ERROR_ARGUMENT, "view.budget_error");
+    }
+    start(&s);
+    s.view.budget_seconds = s.view.budget_error = 1;
+    check_fails(context, &s, image, SPS_ERROR_ARGUMENT, "set one of both");
+    for (int i = 0; i < 4; ++i) {
+        static const char *const words[] = {"view.quality is 3; the budget", "view.slab is 2; the budget",
+                                            "view.tolerance is 0.5; the budget", "view.scatter_size is 32; the budget"};
+        start(&s);
+        s.view.budget_error = 0.1;
+        if (i == 0) s.view.quality = SPS_QUALITY_HIGH;
+        if (i == 1) s.view.slab = 2;
+        if (i == 2) s.view.tolerance = 0.5f;
+        if (i == 3) s.view.scatter_size = 32;
+        check_fails(context, &s, image, SPS_ERROR_ARGUMENT, words[i]);
+    }
+    start(&s);
+    s.view.budget_error = 0.1;
+    CHECK_OK(context, check_try(context, &s, image));
+    sps_destroy(context);
+}
+
+/* ----------------------------------------------------------------------------------------------------------- errors */
+
+/* Renders what a budget has chosen, set by hand, in a fresh context. */
+static void render_chosen(const check_scene *s, const sps_budget_report *chosen, float *rgba) {
+    check_scene by_hand = *s;
+    by_hand.scene.volumes = by_hand.volume, by_hand.scene.lights = by_hand.light, by_hand.scene.meshes = by_hand.mesh;
+    by_hand.view.budget_error = by_hand.view.budget_seconds = 0;
+    by_hand.view.quality = chosen->quality;
+    by_hand.view.slab = chosen->slab;
+    by_hand.view.tolerance = chosen->tolerance;
+    by_hand.view.scatter_size = chosen->scatter_size;
+    for (int i = 0; i < by_hand.scene.light_count; ++i)
+        if (by_hand.light[i].angular_diameter > 0) by_hand.light[i].samples = chosen->samples;
+    check_render_plain(&by_hand, rgba);
+}
+
+/* The picture is that of the setting which the statistics name, what is expected is within the budget, and a smaller
+   budget is never expected to be cheaper. */
+static void check_errors(const check_scene *start_from, const double *errors, int count) {
+    check_scene s = *start_from;
+    double last = 0;
+    s.scene.volumes = s.volume, s.scene.lights = s.light, s.scene.meshes = s.mesh;
+    for (int i = 0; i < count; ++i) {
+        sps_context *context = check_context(NULL);
+        sps_budget_report chosen;
+        s.view.budget_error = errors[i];
+        CHECK_OK(context, check_try(context, &s, image));
+        chosen = budget_of(context);
+        CHECK(chosen.is_met && chosen.error <= errors[i] && chosen.error > 0 && chosen.seconds >= last);
+        last = chosen.seconds;
+        render_chosen(&s, &chosen, exact);
+        if (!CHECK(check_same(&s, image, exact)))
+            printf("    error %g: quality %d, slab %g, samples %d, scatter_size %d\n", errors[i], (int)chosen.quality,
+                   chosen.slab, chosen.samples, chosen.scatter_size);
+        sps_destroy(context);
+    }
+}
+
+/* The rungs, from the cheapest on: what is too little for any takes the lowest. */
+static void test_rungs(void) {
+    static const int samples[] = {4, 16, 64, 256};
+    static const double errors[] = {0.5, 0.15, 0.06, 0.03};
+    static const sps_transfer_point steps[2] = {{0.1f, {0.8f, 0.6f, 0.4f}, 0}, {0.5f, {0.8f, 0.6f, 0.4f}, 30}};
+    static const sps_transfer looks = {steps, 2, NULL, NULL, 0};
+    sps_context *context = check_context(NULL);
+    sps_plan_report plan;
+    check_scene s;
+    start(&s);
+    for (int i = 0; i < 3; ++i) s.volume[0].size[i] = 400;
+    s.view.width = s.view.height = 512;
+    s.view.budget_seconds = 1e-9;
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+    CHECK(plan.budget.quality == SPS_QUALITY_DRAFT && plan.budget.slab == 8 && plan.budget.tolerance > 0);
+    s.volume[0].transfer = &looks;
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+    CHECK(plan.budget.quality == SPS_QUALITY_DRAFT && plan.budget.slab == 1.4 && !(plan.budget.tolerance > 0));
+    s.volume[0].transfer = NULL;
+    s.light[0].angular_diameter = 0.2;
+    s.view.budget_seconds = 0;
+    for (int i = 0; i < 4; ++i) {
+        s.view.budget_error = errors[i];
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+        CHECK(plan.budget.samples == samples[i] && plan.light_points == samples[i]);
+    }
+    sps_destroy(context);
+}
+
+/* Two lights of which the second may shade by a table where that is as fine as its sheets would be, which it is not on
+   the finest rung: all that is planned is what is planned for that setting without a budget. */
+static void test_choices(void) {
+    static const double seconds[] = {1e-9, 1e9};
+    sps_context *context = check_context(NULL);
+    check_scene s;
+    start(&s);
+    for (int i = 0; i < 3; ++i) s.volume[0].size[i] = 80;
+    check_add_directional(&s, -0.4, -1, -0.5, 3);
+    for (int n = 0; n < 2; ++n) {
+        sps_plan_report chosen, by_hand;
+        s.view.budget_seconds = seconds[n];
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &chosen));
+        s.view.budget_seconds = 0;
+        s.view.quality = chosen.budget.quality, s.view.slab = chosen.budget.slab;
+        s.view.tolerance = chosen.budget.tolerance;
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &by_hand));
+        s.view.quality = SPS_QUALITY_DEFAULT, s.view.slab = 0, s.view.tolerance = 0;
+        for (int pass = 0; pass < SPS_PASS_COUNT; ++pass) CHECK(chosen.pass[pass].runs == by_hand.pass[pass].runs);
+        CHECK(chosen.sweep_count == by_hand.sweep_count && chosen.sweep_count == 1 + n);
+    }
+    sps_destroy(context);
+}
+
+/* Seen four times as small, what gas is off by counts four times as much before black; more than once, beside a box
+   that is wider than the picture. */
+static void test_covered(void) {
+    sps_context *context = check_context(NULL);
+    sps_plan_report near_by, far_off;
+    check_scene s;
+    start(&s);
+    s.view.width = s.view.height = 240;
+    s.view.budget_error = 1e-9;
+    check_orthographic(&s.view.camera, 3);
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &near_by));
+    check_orthographic(&s.view.camera, 12);
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &far_off));
+    CHECK_NEAR(far_off.budget.error / near_by.budget.error, 4, 0.1); /* a pixel of 50 and of 200 */
+    sps_destroy(context);
+}
+
+static void test_errors(void) {
+    static const double errors[] = {0.5, 0.3, 0.1, 0.02, 0.01}, soft[] = {0.5, 0.2, 0.12};
+    static const double again[] = {0.5, 0.3};
+    check_scene s;
+    start(&s);
+    check_errors(&s, errors, check_memory_only() ? 3 : 5);
+    s.light[0].angular_diameter = 0.2;
+    check_errors(&s, soft, check_memory_only() ? 2 : 3);
+    s.light[0].angular_diameter = 0;
+    s.view.scattering = SPS_SCATTERING_FULL;
+    check_errors(&s, again, check_memory_only() ? 1 : 2);
+}
+
+/* Pictures keep within what was expected, beside sps_reference in steps of half a voxel: between these and steps of a
+   32nd, errors differ by 0.0001 at most. */
+static void test_kept(void) {
+    static const double errors[] = {0.3, 0.05, 0.01};
+    sps_context *context = check_context(NULL);
+    double mean = 0;
+    check_scene s;
+    start(&s);
+    check_march(context, &s, 0.5, exact, NULL);
+    for (int i = 0; i < COUNT; ++i) mean += i % 4 < 3 ? (double)exact[i] / (0.75 * COUNT) : 0;
+    for (int n = 0; n < 3; ++n) {
+        double squares = 0, found;
+        s.view.budget_error = errors[n];
+        check_render(context, &s, image);
+        for (int i = 0; i < COUNT; ++i)
+            squares += i % 4 < 3 ? pow((double)image[i] - (double)exact[i], 2) / (0.75 * COUNT) : 0;
+        found = sqrt(squares) / mean;
+        CHECK_NEAR(found, 0, budget_of(context).error);
+        CHECK(found > 0);
+    }
+    sps_destroy(context);
+}
+
+/* What no setting keeps is refused before anything is rendered, with the least that is known; sps_plan says the same
+   and does not fail. */
+static void test_unmet(void) {
+    clock_of_tests clock = {0, 1e-6};
+    sps_context *context = timed_context(&clock);
+    sps_plan_report plan;
+    check_scene s;
+    char words[128];
+    start(&s);
+    s.view.budget_error = 1e-9;
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+    CHECK(!plan.budget.is_met && plan.budget.error > 1e-9 && plan.budget.error < 0.1);
+    CHECK(plan.budget.quality == SPS_QUALITY_ULTRA);
+    SPS_SNPRINTF(words, sizeof words, "view.budget_error is 1e-09; the least that is known to be met here is %g",
+                 plan.budget.error);
+    check_fails(context, &s, image, SPS_ERROR_UNSUPPORTED, words);
+    s.view.budget_error = 1.01 * plan.budget.error;
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+    CHECK(plan.budget.is_met);
+    s.view.budget_error = 0;
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+    CHECK(!plan.budget.is_met && !(plan.budget.seconds > 0) && plan.budget.quality == SPS_QUALITY_DEFAULT);
+    sps_destroy(context);
+}
+
+/* Settings that a light has are kept, and their error is part of what is expected. */
+static void test_own_samples(void) {
+    sps_context *context = check_context(NULL);
+    sps_plan_report plan;
+    double last = 0;
+    check_scene s;
+    start(&s);
+    s.light[0].angular_diameter = 0.2;
+    s.view.budget_error = 1e-9;
+    for (int samples = 256; samples >= 1; samples /= 4) {
+        s.light[0].samples = samples;
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+        CHECK(plan.budget.samples == 0 && plan.light_points == samples && plan.budget.error > last);
+        last = plan.budget.error;
+    }
+    sps_destroy(context);
+}
+
+/* ------------------------------------------------------------------------------------------------------------- time */
+
+/* More seconds buy less error, until there is nothing left to buy; too few are said, and taken by the cheapest setting.
+   Without frames of its own the context goes by start values. */
+static void test_seconds(void) {
+    clock_of_tests clock = {0, 0};
+    sps_context *context = timed_context(&clock);
+    double last = HUGE_VAL;
+    sps_budget_report chosen;
+    sps_plan_report plan;
+    check_scene s;
+    start(&s);
+    s.view.budget_seconds = 1e-9;
+    told[0] = 0;
+    check_render(context, &s, image);
+    chosen = budget_of(context);
+    CHECK(!chosen.is_met && chosen.seconds > 1e-9 && chosen.quality == SPS_QUALITY_DRAFT);
+    CHECK(strstr(told, "view.budget_seconds is 1e-09; the cheapest setting") != NULL);
+    for (double seconds = 1e-4; seconds < 1000; seconds *= 2) {
+        s.view.budget_seconds = seconds;
+        told[0] = 0;
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+        CHECK(plan.budget.error <= last && (!plan.budget.is_met || plan.budget.seconds <= seconds));
+        CHECK(!told[0]);
+        last = plan.budget.error;
+    }
+    CHECK(plan.budget.is_met && plan.budget.quality == SPS_QUALITY_ULTRA && plan.budget.slab <= 0.25);
+    check_render(context, &s, image);
+    chosen = budget_of(context);
+    CHECK(chosen.quality == plan.budget.quality && chosen.is_met);
+    sps_destroy(context);
+}
+
+/* A frame teaches the context what its stages take: the second expects what the first took, by a clock that depends on
+   nothing but how often it is looked at. The counts of looks differ by those of reading voxels, a few. */
+static void test_learning(void) {
+    clock_of_tests clock = {0, 1e-3};
+    sps_context *context = timed_context(&clock);
+    sps_stats_report stats;
+    sps_budget_report first;
+    check_scene s;
+    start(&s);
+    s.volume[0].revision = 1;
+    s.view.budget_error = 0.05;
+    for (int n = 0; n < 3; ++n) {
+        check_render(context, &s, image);
+        sps_get_stats(context, &stats);
+        if (n == 0) first = stats.budget;
+    }
+    CHECK(first.seconds > clock.each && first.seconds < 0.2 * stats.seconds_total);
+    CHECK_NEAR(stats.budget.seconds, stats.seconds_total, 0.3 * stats.seconds_total);
+    /* what took so long is known of this rung, and expected of all others in proportion */
+    s.view.budget_error = 0, s.view.budget_seconds = 0.01 * stats.seconds_total;
+    check_render(context, &s, image);
+    CHECK(!budget_of(context).is_met && budget_of(context).quality == SPS_QUALITY_DRAFT);
+    sps_destroy(context);
+}
+
+/* What is held from the last call is not expected to be made again: light in cells, a table. Beside these, reading and
+   all of the picture take a tenth by start values. */
+static void check_held(check_scene *s) {
+    clock_of_tests clock = {0, 0};
+    sps_context *context = timed_context(&clock);
+    double expected[3];
+    s->view.filling = SPS_FILLING_SPLAT; /* nothing else is made to be held */
+    for (int n = 0; n < 3; ++n) {
+        s->volume[0].revision = 1 + (uint64_t)(n / 2);
+        check_render(context, s, image);
+        expected[n] = budget_of(context).seconds;
+    }
+    if (!CHECK(expected[1] < 0.2 * expected[0])) printf("    %g of %g s\n", expected[1], expected[0]);
+    CHECK_NEAR(expected[2], expected[0], 0.01 * expected[0]);
+    sps_destroy(context);
+}
+
+static void test_held(void) {
+    check_scene s;
+    start(&s);
+    s.view.scattering = SPS_SCATTERING_FULL;
+    s.view.budget_error = 0.5;
+    check_held(&s);
+    start(&s);
+    s.light[0].shadow_source = SPS_SHADOW_TABLE;
+    s.light[0].shadow_map_size = 128;
+    s.view.budget_error = 0.5;
+    check_held(&s);
+}
+
+/* --------------------------------------------------------------------------------------------------------- failures */
+
+static void test_failures(void) {
+    check_scene s;
+    start(&s);
+    s.light[0].angular_diameter = 0.2;
+    s.view.budget_error = 0.5;
+    CHECK(check_failing(&s, 0, check_long() ? 0 : 4, image, exact) > 10);
+    CHECK(check_failing(&s, 1, 2, image, exact) > 3);
+    check_workers(&s, image, exact);
+}
+
+/* Scenes that lack what ladders are about, and ones of a pixel. */
+static void test_little(void) {
+    sps_context *context = check_context(NULL);
+    check_triangles floor;
+    const double corner[3] = {-2, -1, 0}, u[3] = {4, 0, 0}, v[3] = {0, 0, -4};
+    check_scene s;
+    memset(&floor, 0, sizeof floor);
+    check_add_quad(&floor, corner, u, v);
+    for (int n = 0; n < 6; ++n) {
+        start(&s);
+        if (n == 0) s.scene.volume_count = 0;
+        if (n == 1) s.scene.volume_count = s.scene.light_count = 0;
+        if (n == 2) s.scene.volume_count = 0, check_add_mesh(&s, &floor, 0.5);
+        if (n == 3) s.view.width = s.view.height = 1;
+        if (n == 4) s.scene.volume_count = 0, check_add_swarm(&s, 1);
+        if (n == 5) check_add_mesh(&s, &floor, 0.5);
+        s.view.budget_error = 0.5;
+        CHECK_OK(context, check_try(context, &s, image));
+        CHECK(budget_of(context).is_met);
+        if (n < 3) CHECK(!(budget_of(context).error > 0)); /* nothing but what is exact */
+        s.view.budget_error = 0, s.view.budget_seconds = 1e-3;
+        CHECK_OK(context, check_try(context, &s, image));
+    }
+    check_free_triangles(&floor);
+    sps_destroy(context);
+}
+
+int main(void) {
+    RUN(test_refused);
+    RUN(test_errors);
+    RUN(test_rungs);
+    RUN(test_choices);
+    RUN(test_covered);
+    RUN(test_kept);
+    RUN(test_unmet);
+    RUN(test_own_samples);
+    RUN(test_seconds);
+    RUN(test_learning);
+    RUN(test_held);
+    RUN(test_failures);
+    RUN(test_little);
+    return check_report();
+}

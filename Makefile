@@ -7,10 +7,12 @@
 # make soak        random scenes against the reference; COUNT=scenes SEED=first
 # make mutants     deliberate errors in the header, and the test that notices each; LIMIT=2400 seconds, run again to continue
 # make hard-cases  runs the tests of hard cases, and writes docs/hard-cases.md: expected, measured, tolerated, and why
+# make ports       builds for other processors, systems and standards, tests under emulators, into docs/ports.md
 # make bench       times, as ratios within one run, and error against time
 # make speed       the goals of speed, and how time grows, into docs/speed.md and docs/speed_*.png
 # make accuracy    error and time of every knob in twelve scenes, into docs/accuracy.md and docs/accuracy_*.png
 # make accuracy-quick  the scenes with a closed form and two knobs of it, in half a minute; SCENE=name: all of that scene
+# make headline    the README's picture of a scene at three grades, docs/price.png, and the error and time of each
 # make accuracy-tables  that page's tables of error against time of single effects
 # make budget      what budgets of time and error promise, and what they keep, into docs/budget.md; 8 minutes
 # make maps        transmittance maps compared with each other, into docs/maps.md and docs/maps_*.png
@@ -153,6 +155,10 @@ SCENE = quick
 accuracy-quick: build/prices
 	@mkdir -p build/price_list/$(SCENE)
 	build/prices build/price_list/$(SCENE) $(SCENE)
+
+.PHONY: headline
+headline: build/prices
+	build/prices docs headline
 
 # The page's tables of single effects that take time.
 accuracy-tables: build/bench
@@ -305,6 +311,14 @@ hard-cases:
 	LC_ALL=C sort -t "$$(printf '\t')" -k7,7 -k8,8n build/cases.txt | awk -f tests/cases.awk > build/cases.md
 	@{ sed '/^## Transport/,$$d' docs/hard-cases.md; cat build/cases.md; sed -n '/^## Not covered/,$$p' docs/hard-cases.md; } > build/hard-cases.md
 	cp build/hard-cases.md docs/hard-cases.md
+
+# What stands before the table is kept.
+.PHONY: ports
+ports:
+	@mkdir -p build && rm -f build/ports.failed
+	sh tests/ports.sh > build/ports.txt || touch build/ports.failed
+	@{ sed '/^| target/,$$d' docs/ports.md; cat build/ports.txt; } > build/ports.md
+	@test ! -e build/ports.failed && cp build/ports.md docs/ports.md
 
 # The page has a row for each case that the tests have.
 build/tests/cases.log: docs/hard-cases.md tests/cases.awk $(wildcard tests/*.c tests/*.h)

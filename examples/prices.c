@@ -4,6 +4,7 @@
    prices FOLDER          prints Markdown, and writes prices.csv and pictures into the folder
    prices FOLDER SCENE    that scene alone, by its name there: slab, blob, ball, ... See price_scenes.h
    prices FOLDER quick    the scenes that have a closed form; of the knobs, quality and slab
+   prices FOLDER headline one picture at three grades, with the error and the time of each, as price.png
    With SPLATSHADOW_DATA=folder, where the scans lie, these too. */
 
 #define SPLATSHADOW_IMPLEMENTATION
@@ -470,6 +471,15 @@ static void draw_row(ex_canvas *canvas, price *p, int row) {
     }
 }
 
+/* The picture of a trial from x0 on, and its error and time beneath it. */
+static void draw_shown(ex_canvas *canvas, const price *p, const trial *t, int x0) {
+    char caption[64];
+    for (int i = 0; i < PRICE_SIZE * PRICE_SIZE; ++i)
+        memcpy(ex_canvas_pixel(canvas, x0 + i % PRICE_SIZE, i / PRICE_SIZE), p->shown.rgba + 4 * i, 3 * sizeof(float));
+    snprintf(caption, sizeof caption, "%.2g percent off, %.0f ms", 100 * t->rms / p->mean, 1e3 * t->seconds);
+    ex_canvas_text(canvas, x0 + 4, PRICE_SIZE + 3, caption, 0x000000);
+}
+
 /* ================================================================================================== scenes */
 
 /* Returns non-zero if the scene needs data that is not there. */
@@ -597,6 +607,24 @@ static void print_page(const price *prices, int count) {
     for (int i = 0; i < count; ++i) print_figures(prices + i);
 }
 
+/* One scene at three grades. */
+static void headline(price *p, const char *folder) {
+    static const char *const names[] = {"preview", "picture", "film still"};
+    ex_canvas canvas = ex_canvas_begin(3 * PRICE_SIZE + 16, PRICE_SIZE + 14, 1);
+    printf("| for | settings | error | time |\n|---|---|---|---|\n");
+    for (int g = 0, n = 0; g < GRADES && n < 3; ++g) {
+        int at[KNOBS];
+        if (strcmp(grades[g].name, names[n]) != 0) continue;
+        grade_setting(grades + g, &p->priced->frame, at);
+        const trial *t = try_setting(p, at);
+        if (!t) continue;
+        draw_shown(&canvas, p, t, n++ * (PRICE_SIZE + 8));
+        print_grade(grades + g);
+        printf(" %.2g %% | %.0f ms |\n", 100 * t->rms / p->mean, 1e3 * t->seconds);
+    }
+    write_canvas(&canvas, folder, "price");
+}
+
 static FILE *open_table(const char *folder) {
     char path[4096];
     snprintf(path, sizeof path, "%s/prices.csv", folder);
@@ -606,6 +634,12 @@ static FILE *open_table(const char *folder) {
     else
         fprintf(stderr, "%s: cannot write %s\n", program, path);
     return csv;
+}
+
+static const price_scene *find_scene(const char *name) {
+    for (int i = 0; i < PRICE_SCENES; ++i)
+        if (!strcmp(price_scenes[i].file, name)) return price_scenes + i;
+    return NULL;
 }
 
 static int is_chosen(const price_scene *scene, const char *name) {
@@ -619,6 +653,13 @@ int main(int argc, char **argv) {
     if (argc < 2) {
         fprintf(stderr, "%s FOLDER [SCENE]\n", program);
         return EX_MISTAKEN;
+    }
+    if (name && !strcmp(name, "headline")) {
+        if (price_begin(prices, find_scene("smoke")) && price_begin(prices, find_scene("mixed"))) return EX_FAILED;
+        headline(prices, argv[1]);
+        ex_session_end(&prices->session);
+        price_end(prices);
+        return EX_OK;
     }
     FILE *csv = open_table(argv[1]);
     if (!csv) return EX_FAILED;

@@ -125,8 +125,8 @@ THREADS   A context serves one call at a time; any number of contexts can run at
     clock_fn at once.
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
     it does on different machines if they have the same C library and all threads use the same rounding mode and the
-    same treatment of denormal numbers. Only a budget (sps_view) chooses settings by the clock, the region and the
-    number of workers.
+    same treatment of denormal numbers. Only a budget (sps_view) chooses settings by the clock, by what the context
+    has rendered before, the region and the number of workers.
 LIMITS   Images and shadow buffers up to 16384 on a side, images that lights throw up to 4096; 2^28 entries of a shadow
     table; 2^20 slabs. Coordinates and matrices must lie within 1e15.
     Voxels are resolved from 1e-14 to 1e10 world units, polygons from 1e-20 up, and shadows of polygons in gas for
@@ -850,12 +850,14 @@ typedef struct sps_view {
     sps_filling filling; /* 0, the default: SPS_FILLING_AUTO */
     /* Instead of quality, slab, tolerance and scatter_size, which must be 0 then, and of the number of points of lights
        whose `samples` is 0: what a picture may cost, or how far it may be off, one of both; 0: neither. See
-       sps_budget_report. Seconds are those of clock_fn, for the whole call: the least error is chosen that they are
-       expected to buy or, if nothing is cheap enough, the cheapest setting, of which message_fn is told. */
+       sps_budget_report. Seconds are those of clock_fn, for the whole call. The setting with the least expected error
+       that fits is chosen; if none fits, the cheapest, and message_fn is told. */
     double budget_seconds;
-    /* Root mean square error of radiance, relative to the picture's mean, of light that scatters as often as
-       `scattering` says: the least time is chosen. UNSUPPORTED if no setting is known to keep within it. Edges of
-       polygons, and what a volume's voxels do not resolve, are not part of it. */
+    /* Largest root mean square error of radiance, relative to the picture's mean radiance. The cheapest setting that is
+       expected to keep it is chosen; UNSUPPORTED if none is. An estimate from a list of scenes (docs/budget.md), no
+       guarantee: gas that is small in its box, or close to a lamp, and light scattered again in very dense gas may be
+       further off. Not part of it: edges of polygons, detail finer than voxels or pixels, shadow_size, shadow maps and
+       lookup_threshold as the caller sets them, and what AMBIENT, FORWARD and CONVOLUTION leave out. */
     double budget_error;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
@@ -895,14 +897,14 @@ typedef struct sps_reference_settings {
 } sps_reference_settings;
 
 /* What was chosen for a budget, and what is expected of it; all 0 without one. Time is the work of each stage, counted
-   in pixels, slabs, texels, points and cells, times what the context took for such work in its last frames; until there
-   is one, and without clock_fn, what a machine of 2022 with vectors of 16 floats took. Error is the worst that was
-   found in a list of scenes, by what the scene has, times two (docs/budget.md). */
+   in pixels, slabs, texels, points and cells, times what the context took for such work in its last frames with a
+   budget; until there is one, and without clock_fn, what two cores of an AMD EPYC with vectors of 16 floats took. Error
+   is twice the worst that was found in a list of scenes, by what the scene has (docs/budget.md). */
 typedef struct sps_budget_report {
-    int is_met;          /* 0: there is no budget, or no setting meets it */
-    double seconds;      /* of the whole call; in sps_render, those until all was read are known */
-    double error;        /* at most, as in sps_view.budget_error */
-    sps_quality quality; /* chosen, as in sps_view */
+    int is_met;          /* 0: there is no budget, or no setting is expected to meet it */
+    double seconds;      /* of the whole call; in sps_render, with the measured time until everything was read */
+    double error;        /* expected upper limit, as in sps_view.budget_error */
+    sps_quality quality; /* chosen, as in sps_view; slab 0: as quality has it */
     double slab;
     float tolerance;
     int samples, scatter_size; /* 0: no light with an extent leaves them open; light does not scatter again */
@@ -964,7 +966,9 @@ typedef struct sps_plan_report {
     double scatter_bound;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read;     /* exact, borders of blocks counted each time */
-    sps_budget_report budget; /* before anything is read, so that sps_render may choose otherwise */
+    /* Before anything is read. sps_render may choose otherwise: SPS_SCATTERING_AUTO counts as FULL until gas is read,
+       so that an error may be met there which is not here. */
+    sps_budget_report budget;
     /* Upper bound of all that the context will hold, with image.depth, but without layers (of pixels, and of texels of
        lights) and the lists that maps are made from, which may be several times as much. Often 2 or 3 times the actual
        size. With particles, whose extents are not known, lights' sheets and maps count with their maximum size, and the
@@ -1112,11 +1116,12 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
    each pixel's ray with a shadow ray per light at every sample, and intersects polygons and particles exactly: a step
    has the optical depth of the balls along it, lit as at its middle. With settings->samples, light that has scattered
    more than once is added by random paths, which SPS_SCATTERING_AUTO, FULL and CONVOLUTION need. No slicing limit: any
-   light, any camera. Holds all voxels, triangles and particles in memory, 68 bytes per particle, 144 bytes per pixel of
-   the region, and 48 more with samples. Particles smaller than a pixel are not widened. With coverage_samples, each of
-   a pixel's rays is marched by itself, through gas as well; only the background is that at the pixel's centre. shade_fn
-   is called for the nearest polygons of all pixels, then for those seen through these, and so on; all of it again for
-   each sample. The image is written only if SPS_OK is returned. Any sps_result can occur. */
+   light, any camera. Quality, slab, tolerance and budgets have no effect. Holds all voxels, triangles and particles in
+   memory, 68 bytes per particle, 144 bytes per pixel of the region, and 48 more with samples. Particles smaller than a
+   pixel are not widened. With coverage_samples, each of a pixel's rays is marched by itself, through gas as well; only
+   the background is that at the pixel's centre. shade_fn is called for the nearest polygons of all pixels, then for
+   those seen through these, and so on; all of it again for each sample. The image is written only if SPS_OK is
+   returned. Any sps_result can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
                                  const sps_reference_settings *settings, const sps_image *image);
 
@@ -2101,9 +2106,9 @@ typedef enum spsi_stage {
     SPSI_STAGE_COUNT
 } spsi_stage;
 
-/* The work of a frame by stage, and what it has more for each point of the lights that leave their number open. */
+/* The work of a frame by stage. */
 typedef struct spsi_work {
-    double units[SPSI_STAGE_COUNT], per_point[SPSI_STAGE_COUNT];
+    double units[SPSI_STAGE_COUNT];
 } spsi_work;
 
 /* What the context knows of its own speed. */
@@ -5303,10 +5308,10 @@ static sps_result spsi_check_budget(sps_context *context, const sps_view *view) 
                              (double)view->scatter_size};
     if (!(view->budget_seconds >= 0 && view->budget_seconds <= DBL_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "budget_seconds", view->budget_seconds,
-                               "it must be 0 or positive");
+                               "it must be 0, or positive and finite");
     if (!(view->budget_error >= 0 && view->budget_error <= DBL_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "budget_error", view->budget_error,
-                               "it must be 0 or positive");
+                               "it must be 0, or positive and finite");
     if (view->budget_seconds > 0 && view->budget_error > 0)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "budget_error", view->budget_error,
                                "budget_seconds is set, too: set one of both");
@@ -24728,8 +24733,9 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
    33 What a budget buys. There are three ladders of settings: of gas, of the points of lights with an extent, and of
    cells. For each combination, time is the work of each stage, counted in pixels, slabs, texels, points and cells,
    times the rate at which the context last did such work on that rung, or on the nearest one that it knows; until then,
-   start values. Error is the worst that a list of scenes has on each rung, by what the scene has, added by squares;
-   tests/budget.c prints both tables (make budget). Cost: lights are aimed and slabs placed for each rung of gas. */
+   start values. Error is twice the worst that a list of scenes has on each rung, by what the scene has, added by
+   squares; tests/budget.c prints both tables (make budget-fit). Cost: lights are aimed and slabs placed for each rung
+   of gas and of points. */
 
 /* --- the ladders --- */
 
@@ -24785,7 +24791,7 @@ static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, co
     frame->view.tolerance = grade->tolerance;
     frame->view.scatter_size = spsi_cell_grades[setting->cells];
     spsi_resolve_quality(frame);
-    if (grade->slab > 0) frame->view.slab = grade->slab;
+    if (grade->slab > 0) frame->view.slab = grade->slab, frame->accuracy.slab_pixels = 0;
     frame->accuracy.light_points = spsi_point_grades[setting->points];
     spsi_choices_reopen(frame);
     spsi_resolve_gradients(frame);
@@ -24793,14 +24799,6 @@ static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, co
 }
 
 /* --- what a setting costs --- */
-
-/* Adds work that each point of a light does. */
-static void spsi_work_add_points(const spsi_lamp *lamp, spsi_stage stage, double units, spsi_work *work) {
-    if (spsi_lamp_is_open(lamp))
-        work->per_point[stage] += units;
-    else
-        work->units[stage] += units * lamp->point_count;
-}
 
 /* Number of the region's pixels in the box of what gas looks like; all of them where gas is beside the eye. */
 static double spsi_covered_pixels(const spsi_frame *frame) {
@@ -24819,14 +24817,17 @@ static double spsi_covered_pixels(const spsi_frame *frame) {
     return area;
 }
 
-/* Places a sweep of a frame whose lights have chosen. Returns the number of its slabs; 0 if there is nothing to cut, or
-   if rendering will refuse it. */
+/* Places a sweep of a frame whose lights have chosen. Returns the number of its slabs; 0 if there is nothing to cut,
+   infinity if rendering would refuse it. */
 static double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep) {
     const double edge = frame->content->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
+    double count;
     spsi_sweep_clear(frame, spsi_sliced_lamp(frame, n), 0, sweep);
     sweep->first = n == 0;
-    if (spsi_bounds_empty(&frame->content->bounds) || !spsi_sweep_place(frame, sweep)) return 0;
-    return spsi_slabs_place(frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
+    if (spsi_bounds_empty(&frame->content->bounds)) return 0;
+    if (!spsi_sweep_place(frame, sweep)) return HUGE_VAL;
+    count = spsi_slabs_place(frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
+    return count <= SPSI_SLABS_MAX ? count : HUGE_VAL;
 }
 
 #define SPSI_POINT_TEXEL_UNITS 0.25 /* what a point of a penumbra adds to a texel of a slab */
@@ -24839,14 +24840,14 @@ static void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
         spsi_sweep sweep;
         const double slabs = spsi_work_sweep(frame, n, &sweep);
         double texels;
-        work->units[SPSI_STAGE_EYE] += covered * (8 + slabs);
-        if (!sweep.lamp) continue;
+        work->units[SPSI_STAGE_EYE] += (1 + covered) * (8 + slabs);
+        if (!sweep.lamp || !(slabs < HUGE_VAL)) continue;
         texels = slabs * sweep.rays.width * sweep.rays.height;
         work->units[SPSI_STAGE_LIGHT] += texels;
         if (!sweep.soft) continue;
-        spsi_work_add_points(sweep.lamp, SPSI_STAGE_LIGHT, SPSI_POINT_TEXEL_UNITS * texels, work);
+        work->units[SPSI_STAGE_LIGHT] += SPSI_POINT_TEXEL_UNITS * texels * sweep.lamp->point_count;
         if (frame->meshes.triangle_count > 0)
-            spsi_work_add_points(sweep.lamp, SPSI_STAGE_EYE, SPSI_POINT_PIXEL_UNITS * pixels, work);
+            work->units[SPSI_STAGE_EYE] += SPSI_POINT_PIXEL_UNITS * pixels * sweep.lamp->point_count;
     }
 }
 
@@ -24894,13 +24895,16 @@ static void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         spsi_depth_map map;
         if (!lamp->shadows) continue;
-        spsi_work_add_points(lamp, SPSI_STAGE_SURFACES, pixels, work);
+        *units += pixels * lamp->point_count;
         if (!shades_gas || lamp->extent.exists) continue;
         spsi_depth_map_aim(frame, lamp, spsi_depth_map_size(frame), spsi_depth_map_texel(frame), &map);
         for (int face = 0; face < map.face_count; ++face)
             *units += SPSI_DEPTH_TEXEL_UNITS * (double)spsi_ray_count(&map.rays[face]);
     }
 }
+
+/* Work of a stage that runs, however little it has to do: some tenths of a millisecond, by frames of one pixel. */
+static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 100, 3e4, 1e4};
 
 /* Counts the work of a frame that has a setting, and whose voxels are read or planned: `voxels` of them. */
 static void spsi_work_count(sps_context *context, spsi_frame *frame, double voxels, uint64_t gas, spsi_work *work) {
@@ -24914,6 +24918,8 @@ static void spsi_work_count(sps_context *context, spsi_frame *frame, double voxe
         work->units[SPSI_STAGE_FIELDS] = voxels;
     work->units[SPSI_STAGE_REST] = pixels;
     if (frame->meshes.triangle_count > 0) spsi_work_add_surfaces(frame, work);
+    for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage)
+        if (work->units[stage] > 0) work->units[stage] += spsi_fixed_units[stage];
 }
 
 /* Seconds per unit and worker until the context has its own, by rung of the stage's ladder. */
@@ -24932,7 +24938,7 @@ static int spsi_stage_grade(spsi_stage stage, const spsi_setting *setting) {
 static double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
     const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
     const int grade = spsi_stage_grade(stage, setting);
-    for (int away = 0; away < SPSI_GRADES; ++away)
+    for (int away = 0; away < SPSI_GRADES; ++away) /* of two that are as near, the coarser one */
         for (int sign = -1; sign <= 1; sign += 2) {
             const int at = grade + sign * away;
             if (at >= 0 && at < SPSI_GRADES && known[at] > 0) return known[at] * (start[grade] / start[at]);
@@ -24940,15 +24946,10 @@ static double spsi_rate(const sps_context *context, spsi_stage stage, const spsi
     return start[grade] / spsi_worker_count(context);
 }
 
-/* Work of a stage with a setting's number of points. */
-static double spsi_stage_units(const spsi_work *work, spsi_stage stage, const spsi_setting *setting) {
-    return work->units[stage] + spsi_point_grades[setting->points] * work->per_point[stage];
-}
-
 static double spsi_expected_seconds(const sps_context *context, const spsi_work *work, const spsi_setting *setting) {
     double seconds = 0;
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage)
-        seconds += spsi_stage_units(work, (spsi_stage)stage, setting) * spsi_rate(context, (spsi_stage)stage, setting);
+        if (work->units[stage] > 0) seconds += work->units[stage] * spsi_rate(context, (spsi_stage)stage, setting);
     return seconds;
 }
 
@@ -24971,23 +24972,38 @@ static double spsi_lamp_error(const spsi_lamp *lamp, const spsi_setting *setting
     return spsi_point_errors[at] * fmax(1, sqrt((double)spsi_point_grades[0] / lamp->samples));
 }
 
+/* By how much more than in the list of scenes a gas is off that is denser per voxel, at value 1: a puff of extinction 6
+   to 40 and 25 voxels, of 0.5 to 3.2 each, was off by 1.1 to 3.2 times the table. */
+static double spsi_density_factor(const spsi_frame *frame) {
+    double most = 0;
+    for (int i = 0; i < frame->medium_count; ++i) {
+        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
+        if (!material->table)
+            most = fmax(most, (double)material->extinction * cbrt(frame->lattices[i].voxel_volume));
+    }
+    return fmax(1, pow(most / 0.3, 0.55));
+}
+
 /* Before black, gas that covers a share c of the pixels, and is off by e of its own mean, is off by e sqrt(c) in the
-   picture, whose mean is c times as much: by e / sqrt(c). */
+   picture, whose mean is c times as much: by e / sqrt(c). Gas that is out of sight may still shade polygons. */
 static double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     const double covered = fmin(spsi_covered_pixels(frame), pixels);
+    const double shown = covered > 0 ? pixels / covered : frame->meshes.triangle_count > 0 ? 1 : 0;
     const int again = spsi_scatters_fully(frame) || spsi_scatters_aside(frame);
-    const double gas = frame->matter.material_count > 0 ? spsi_gas_errors[frame->matter.classifies][setting->gas] : 0;
     const double cells = again ? spsi_cell_errors[setting->cells] : 0;
-    double points = 0;
+    double gas = 0, points = 0;
+    if (frame->matter.material_count > 0)
+        gas = spsi_gas_errors[frame->matter.classifies][setting->gas] * spsi_density_factor(frame);
     for (int i = 0; i < frame->lamps.count; ++i) points = fmax(points, spsi_lamp_error(&frame->lamps.list[i], setting));
-    return sqrt(points * points + (covered > 0 ? (gas * gas + cells * cells) * pixels / covered : 0));
+    return sqrt(points * points + (gas * gas + cells * cells) * shown);
 }
 
 /* --- the choice --- */
 
 /* A setting, and what is expected of it. */
 typedef struct spsi_offer {
+    int exists;
     spsi_setting setting;
     spsi_work work;
     double seconds, error;
@@ -25014,24 +25030,24 @@ static int spsi_cells_are_held(const sps_context *context, const spsi_frame *fra
 
 #define SPSI_CELL_HELD_UNITS 0.07 /* what a picture does with a cell that is held, of what following light takes */
 
-/* Compares all settings of the frame's rung of gas with the best one so far. `offer` has its work, but for cells. */
-static void spsi_grade_offers(sps_context *context, spsi_frame *frame, double spent, spsi_offer *offer,
-                              spsi_offer *best) {
+/* Compares all numbers of cells of the frame's setting with the best one so far. `offer` has its work, but for these.
+   What rendering would refuse is no offer. */
+static void spsi_cell_offers(sps_context *context, spsi_frame *frame, double spent, spsi_offer *offer,
+                             spsi_offer *best) {
     const spsi_work work = offer->work;
     const spsi_setting *only = context->pace.only;
-    const int points = spsi_lamps_are_open(frame) ? SPSI_POINT_GRADES : 1;
     const int cells = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_CELL_GRADES : 1;
-    for (int n = 0; n < points * cells; ++n) {
-        offer->setting.points = n % points;
-        offer->setting.cells = n / points;
-        if (only && (offer->setting.points != only->points || offer->setting.cells != only->cells)) continue;
+    for (int n = 0; n < cells; ++n) {
+        if (only && n != only->cells) continue;
+        offer->setting.cells = n;
         offer->work = work;
-        frame->view.scatter_size = spsi_cell_grades[offer->setting.cells];
+        frame->view.scatter_size = spsi_cell_grades[n];
         offer->work.units[SPSI_STAGE_CELLS] = spsi_work_cells(frame);
         if (spsi_cells_are_held(context, frame)) offer->work.units[SPSI_STAGE_CELLS] *= SPSI_CELL_HELD_UNITS;
         offer->seconds = spent + spsi_expected_seconds(context, &offer->work, &offer->setting);
         offer->error = spsi_expected_error(frame, &offer->setting);
-        if (!(best->seconds >= 0) || spsi_offer_beats(&frame->view, offer, best)) *best = *offer;
+        offer->exists = offer->seconds < HUGE_VAL;
+        if (offer->exists && (!best->exists || spsi_offer_beats(&frame->view, offer, best))) *best = *offer;
     }
 }
 
@@ -25046,32 +25062,35 @@ static void spsi_budget_warn(sps_context *context, const spsi_frame *frame, cons
 
 static void spsi_budget_report(const spsi_frame *frame, const spsi_offer *best, sps_budget_report *report) {
     const int timed = frame->view.budget_seconds > 0;
-    report->is_met = timed ? best->seconds <= frame->view.budget_seconds : best->error <= frame->view.budget_error;
+    report->is_met = best->exists && (timed ? best->seconds <= frame->view.budget_seconds
+                                            : best->error <= frame->view.budget_error);
     report->seconds = best->seconds;
     report->error = best->error;
     report->quality = frame->view.quality;
-    report->slab = frame->view.slab;
+    report->slab = spsi_grades[frame->matter.classifies][best->setting.gas].slab;
     report->tolerance = frame->view.tolerance;
     report->samples = spsi_lamps_are_open(frame) ? frame->accuracy.light_points : 0;
     report->scatter_size = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? frame->view.scatter_size : 0;
 }
 
 /* Chooses a setting by the view's budget, and gives it to the frame. `spent`: seconds until now, or until all will have
-   been read. */
+   been read. Where none can be rendered, the cheapest rungs are taken, and refused later. */
 static sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, double spent, double voxels,
                                      sps_budget_report *report) {
+    const spsi_setting *only = context->pace.only;
     const uint64_t gas = spsi_gas_fingerprint(frame);
+    const int points = spsi_lamps_are_open(frame) ? SPSI_POINT_GRADES : 1;
     spsi_offer offer, best;
     memset(&offer, 0, sizeof offer);
     best = offer;
-    best.seconds = -1;
-    for (int grade = frame->matter.classifies ? 2 : 0; grade < SPSI_GRADES; ++grade) {
-        if (context->pace.only && grade != context->pace.only->gas) continue;
-        offer.setting.gas = grade;
-        offer.setting.points = offer.setting.cells = 0;
+    for (int n = 0; n < SPSI_GRADES * points; ++n) {
+        offer.setting.gas = n / points;
+        offer.setting.points = n % points;
+        offer.setting.cells = 0;
+        if (only && (offer.setting.gas != only->gas || offer.setting.points != only->points)) continue;
         if (spsi_setting_apply(context, frame, &offer.setting)) return context->result;
         spsi_work_count(context, frame, voxels, gas, &offer.work);
-        spsi_grade_offers(context, frame, spent, &offer, &best);
+        spsi_cell_offers(context, frame, spent > 0 ? spent : 0, &offer, &best); /* clocks may jump */
     }
     if (spsi_setting_apply(context, frame, &best.setting)) return context->result;
     spsi_budget_report(frame, &best, report);
@@ -25086,7 +25105,7 @@ static sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
     const double spent = spsi_clock(context) - context->clock_start;
     sps_budget_report *report = &context->stats.budget;
     if (spsi_budget_choose(context, frame, spent, (double)context->voxel_count, report)) return context->result;
-    if (report->is_met) return SPS_OK;
+    if (report->is_met || !(report->seconds > 0)) return SPS_OK; /* or it is refused with its own reason */
     if (frame->view.budget_error > 0) {
         char rest[SPSI_SENTENCE_SIZE];
         SPS_SNPRINTF(rest, sizeof rest, "is %g; the least that is known to be met here is %g", frame->view.budget_error,
@@ -25133,7 +25152,7 @@ static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     seconds[SPSI_STAGE_REST] = fmax(total - sum, 0);
     pace->work.units[SPSI_STAGE_READ] = spsi_items_units((double)(stats->voxels_read + stats->particles));
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage) {
-        const double units = spsi_stage_units(&pace->work, (spsi_stage)stage, &pace->setting);
+        const double units = pace->work.units[stage];
         double *rate = &pace->rates[stage][spsi_stage_grade((spsi_stage)stage, &pace->setting)];
         if (units > 0 && seconds[stage] > 0) *rate = seconds[stage] / units;
     }

@@ -6,13 +6,12 @@
 
 #define PRICE_SIZE 256 /* pixels along both sides */
 
-typedef struct priced priced;
-
-/* The radiance, the same in red, green and blue, of a ray from `origin` along a unit direction. */
-typedef double (*exact_fn)(const priced *p, ex_vec origin, ex_vec direction);
+/* The radiance, the same in red, green and blue, of a ray from `origin` along a unit direction; `list`: the scene's
+   particles, if it has any. */
+typedef double (*exact_fn)(const sps_particle *list, ex_vec origin, ex_vec direction);
 
 /* A scene and what its pictures are compared with. `kept`: what must outlive it. Stays where it is, as a frame does. */
-struct priced {
+typedef struct priced {
     frame frame;
     sampled truth;
     double noise;   /* standard error of the truth, root mean square; 0: it has none */
@@ -23,7 +22,7 @@ struct priced {
         sps_particle *list;
         ex_mesh land;
     } kept;
-};
+} priced;
 
 /* ============================================================================================ closed forms */
 
@@ -43,7 +42,7 @@ static void exact_truth(priced *p, exact_fn exact) {
     for (int i = 0; i < size * size; ++i) {
         const double x = pixel * (i % size - 0.5 * (size - 1)), y = pixel * (0.5 * (size - 1) - i / size);
         const ex_vec origin = ex_vec_add(from, ex_vec_add(ex_vec_scale(right, x), ex_vec_scale(up, y)));
-        for (int c = 0; c < 3; ++c) t->rgba[4 * i + c] = (float)exact(p, origin, ahead);
+        for (int c = 0; c < 3; ++c) t->rgba[4 * i + c] = (float)exact(p->kept.list, origin, ahead);
     }
 }
 
@@ -85,9 +84,9 @@ static void add_sun(frame *f, double x, double y, double z, double irradiance) {
    the slab's whole width; the picture shows its middle, where light comes in through the face alone. */
 static const double slab_depth = 3;
 
-static double slab_exact(const priced *p, ex_vec origin, ex_vec direction) {
+static double slab_exact(const sps_particle *list, ex_vec origin, ex_vec direction) {
     const double both = 1 + sqrt(2.0);
-    (void)p, (void)origin, (void)direction;
+    (void)list, (void)origin, (void)direction;
     return (double)0.9f * EX_PI / (4 * EX_PI * both) * -expm1(-slab_depth * both);
 }
 
@@ -125,9 +124,9 @@ static int build_blob(priced *p, ex_session *session) {
 static const double ball_extinction = 3, ball_box = 2.5;
 enum { BALL_VOXELS = 96 };
 
-static double ball_exact(const priced *p, ex_vec origin, ex_vec direction) {
+static double ball_exact(const sps_particle *list, ex_vec origin, ex_vec direction) {
     const double square = fmax(1 - square_beside(origin, direction, ex_vec_of(0, 0, 0)), 0);
-    (void)p;
+    (void)list;
     return exp(-ball_extinction * 16 / 15 * square * square * sqrt(square));
 }
 
@@ -160,10 +159,10 @@ static int build_ball(priced *p, ex_session *session) {
    ground's irradiance has, differs from 1 by r^2 / 2 at most: 0.0005 of the light. The eye is below the plate. */
 static const double penumbra_half = 0.03;
 
-static double penumbra_exact(const priced *p, ex_vec origin, ex_vec direction) {
+static double penumbra_exact(const sps_particle *list, ex_vec origin, ex_vec direction) {
     const double x = origin.x - origin.z / direction.z * direction.x;
     const double q = fmin(fmax(-x / tan(penumbra_half), -1), 1);
-    (void)p;
+    (void)list;
     return 0.5 * (acos(q) - q * sqrt(1 - q * q)) / EX_PI;
 }
 
@@ -197,10 +196,10 @@ static int build_penumbra(priced *p, ex_session *session) {
    t (1 - (b / r)^2)^1.5 of its optical depth t, since 1 - s^2 over a chord of half length h is 4/3 h^3 of 4/3. */
 enum { CHORDS = 40 };
 
-static double chords_exact(const priced *p, ex_vec origin, ex_vec direction) {
+static double chords_exact(const sps_particle *list, ex_vec origin, ex_vec direction) {
     double depth = 0;
     for (int i = 0; i < CHORDS; ++i) {
-        const sps_particle *at = p->kept.list + i;
+        const sps_particle *at = list + i;
         const ex_vec middle = ex_vec_of((double)at->position[0], (double)at->position[1], (double)at->position[2]);
         const double r = (double)at->radius;
         const double inside = 1 - square_beside(origin, direction, middle) / (r * r);

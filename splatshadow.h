@@ -2119,7 +2119,8 @@ typedef struct spsi_pace {
     spsi_setting setting;
     spsi_work work;
     double seconds_fields; /* of this frame, in making what gathering needs beyond voxels */
-    uint64_t scattered;    /* fingerprint of the gas, lights and setting of the scattered light that is held */
+    uint64_t scattered;    /* fingerprint of what a frame with a budget made the scattered light of that is held */
+    spsi_setting scattered_by;
 } spsi_pace;
 
 struct sps_context {
@@ -10993,11 +10994,16 @@ static double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) 
     return fmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
 }
 
-/* Sets up the n-th sweep for a part of the image. Without gas there are no slabs, and nothing can prevent slicing. */
-static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
-    const double edge = frame->content->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
+/* Begins the n-th sweep for a part of the image. Returns the voxel edge that stands for particles, infinite without. */
+static double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     spsi_sweep_clear(frame, spsi_sliced_lamp(frame, n), part, sweep);
     sweep->first = n == 0;
+    return frame->content->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
+}
+
+/* Sets up the n-th sweep for a part of the image. Without gas there are no slabs, and nothing can prevent slicing. */
+static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
+    const double edge = spsi_sweep_begin(frame, n, part, sweep);
     if (spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     if (!spsi_sweep_place(frame, sweep)) return spsi_sweep_refuse(context, frame, sweep);
     return spsi_slabs_cut(context, frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
@@ -24783,7 +24789,7 @@ static void spsi_choices_reopen(spsi_frame *frame) {
     }
 }
 
-/* Gives the frame a setting. Lights' choices are open then. */
+/* Applies a setting to the frame. Lights' choices are open then. */
 static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
     const spsi_grade *grade = &spsi_grades[frame->matter.classifies][setting->gas];
     frame->view.quality = grade->quality;
@@ -24820,10 +24826,8 @@ static double spsi_covered_pixels(const spsi_frame *frame) {
 /* Places a sweep of a frame whose lights have chosen. Returns the number of its slabs; 0 if there is nothing to cut,
    infinity if rendering would refuse it. */
 static double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep) {
-    const double edge = frame->content->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
+    const double edge = spsi_sweep_begin(frame, n, 0, sweep);
     double count;
-    spsi_sweep_clear(frame, spsi_sliced_lamp(frame, n), 0, sweep);
-    sweep->first = n == 0;
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
     if (!spsi_sweep_place(frame, sweep)) return HUGE_VAL;
     count = spsi_slabs_place(frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
@@ -24864,7 +24868,7 @@ static int spsi_table_is_held(sps_context *context, const spsi_frame *frame, con
     return 0;
 }
 
-/* Tables and maps, but those by which cells are lit, which are made with these. */
+/* Tables and maps, except for those by which cells are lit, which are made with these. */
 static void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, uint64_t gas, spsi_work *work) {
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
@@ -24882,6 +24886,9 @@ static double spsi_work_cells(const spsi_frame *frame) {
     if (!spsi_cells_place(frame, &frame->content->bounds, &grid)) return 0;
     return (double)frame->channels * grid.size[0] * grid.size[1] * grid.size[2] * (frame->meshes.count > 0 ? 2 : 1);
 }
+
+/* Work of a stage that runs, however little it has to do: some tenths of a millisecond, by frames of one pixel. */
+static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 100, 3e4, 1e4};
 
 #define SPSI_DEPTH_TEXEL_UNITS 0.15 /* that a texel of a depth map takes of what a pixel does */
 
@@ -24903,17 +24910,14 @@ static void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) {
     }
 }
 
-/* Work of a stage that runs, however little it has to do: some tenths of a millisecond, by frames of one pixel. */
-static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 100, 3e4, 1e4};
-
-/* Counts the work of a frame that has a setting, and whose voxels are read or planned: `voxels` of them. */
+/* Counts the work of a frame that has a setting, and whose voxels are read or planned: `voxels` of them. Cells, whose
+   number is chosen apart, and reading are not counted. */
 static void spsi_work_count(sps_context *context, spsi_frame *frame, double voxels, uint64_t gas, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     memset(work, 0, sizeof *work);
     spsi_choose_shadows(context, frame);
     spsi_work_add_sweeps(frame, work);
     spsi_work_add_maps(context, frame, gas, work);
-    work->units[SPSI_STAGE_CELLS] = spsi_work_cells(frame);
     if (frame->view.filling != SPS_FILLING_SPLAT && context->field_taps != spsi_taps_wanted(frame))
         work->units[SPSI_STAGE_FIELDS] = voxels;
     work->units[SPSI_STAGE_REST] = pixels;
@@ -25001,6 +25005,8 @@ static double spsi_expected_error(const spsi_frame *frame, const spsi_setting *s
 
 /* --- the choice --- */
 
+#define SPSI_CELL_HELD_UNITS 0.07 /* what a picture does with a cell that is held, of what following light takes */
+
 /* A setting, and what is expected of it. */
 typedef struct spsi_offer {
     int exists;
@@ -25022,16 +25028,23 @@ static int spsi_offer_beats(const sps_view *view, const spsi_offer *a, const sps
     return open[0] < open[1];
 }
 
-/* Whether the light in cells is held that a setting calls for. */
-static int spsi_cells_are_held(const sps_context *context, const spsi_frame *frame) {
-    return context->cells_held != 0 && context->pace.scattered != 0 &&
-           context->pace.scattered == spsi_scattered_fingerprint(context, frame);
+/* Whether the light in cells is held that a setting of the frame calls for: that of the frame which made it. */
+static int spsi_cells_are_held(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting) {
+    const spsi_pace *pace = &context->pace;
+    return context->cells_held != 0 && pace->scattered != 0 && pace->scattered_by.gas == setting->gas &&
+           pace->scattered_by.points == setting->points && pace->scattered_by.cells == setting->cells &&
+           pace->scattered == spsi_scattered_fingerprint(context, frame);
 }
 
-#define SPSI_CELL_HELD_UNITS 0.07 /* what a picture does with a cell that is held, of what following light takes */
+/* Work of cells: little if they are held. */
+static double spsi_offer_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting) {
+    const double cells = spsi_work_cells(frame), units = cells + spsi_fixed_units[SPSI_STAGE_CELLS];
+    if (!(cells > 0)) return 0;
+    return spsi_cells_are_held(context, frame, setting) ? SPSI_CELL_HELD_UNITS * units : units;
+}
 
-/* Compares all numbers of cells of the frame's setting with the best one so far. `offer` has its work, but for these.
-   What rendering would refuse is no offer. */
+/* Compares all numbers of cells of the frame's setting with the best one so far. `offer` has its work, except for
+   these. What rendering would refuse is no offer. */
 static void spsi_cell_offers(sps_context *context, spsi_frame *frame, double spent, spsi_offer *offer,
                              spsi_offer *best) {
     const spsi_work work = offer->work;
@@ -25042,8 +25055,7 @@ static void spsi_cell_offers(sps_context *context, spsi_frame *frame, double spe
         offer->setting.cells = n;
         offer->work = work;
         frame->view.scatter_size = spsi_cell_grades[n];
-        offer->work.units[SPSI_STAGE_CELLS] = spsi_work_cells(frame);
-        if (spsi_cells_are_held(context, frame)) offer->work.units[SPSI_STAGE_CELLS] *= SPSI_CELL_HELD_UNITS;
+        offer->work.units[SPSI_STAGE_CELLS] = spsi_offer_cells(context, frame, &offer->setting);
         offer->seconds = spent + spsi_expected_seconds(context, &offer->work, &offer->setting);
         offer->error = spsi_expected_error(frame, &offer->setting);
         offer->exists = offer->seconds < HUGE_VAL;
@@ -25108,7 +25120,7 @@ static sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
     if (report->is_met || !(report->seconds > 0)) return SPS_OK; /* or it is refused with its own reason */
     if (frame->view.budget_error > 0) {
         char rest[SPSI_SENTENCE_SIZE];
-        SPS_SNPRINTF(rest, sizeof rest, "is %g; the least that is known to be met here is %g", frame->view.budget_error,
+        SPS_SNPRINTF(rest, sizeof rest, "is %g; the least that is expected here is %g", frame->view.budget_error,
                      report->error);
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "budget_error",
                               frame->view.budget_error, rest);
@@ -25116,9 +25128,6 @@ static sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
     spsi_budget_warn(context, frame, report);
     return SPS_OK;
 }
-
-/* Work of reading voxels and particles, with some that there is without any. */
-static double spsi_items_units(double items) { return 1e4 + items; }
 
 /* --- what the context learns --- */
 
@@ -25138,7 +25147,8 @@ static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     const double total = spsi_clock(context) - context->clock_start;
     spsi_pace *pace = &context->pace;
     double seconds[SPSI_STAGE_COUNT] = {0}, sum = 0;
-    pace->scattered = context->cells_held ? spsi_scattered_fingerprint(context, frame) : 0;
+    pace->scattered = pace->counts && context->cells_held ? spsi_scattered_fingerprint(context, frame) : 0;
+    pace->scattered_by = pace->setting;
     if (!pace->counts || !(total > 0)) return;
     seconds[SPSI_STAGE_READ] = stats->seconds_gather;
     seconds[SPSI_STAGE_FIELDS] = pace->seconds_fields;
@@ -25150,7 +25160,8 @@ static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     spsi_pace_part(seconds);
     for (int stage = 0; stage < SPSI_STAGE_REST; ++stage) sum += seconds[stage];
     seconds[SPSI_STAGE_REST] = fmax(total - sum, 0);
-    pace->work.units[SPSI_STAGE_READ] = spsi_items_units((double)(stats->voxels_read + stats->particles));
+    pace->work.units[SPSI_STAGE_READ] =
+        spsi_fixed_units[SPSI_STAGE_READ] + (double)(stats->voxels_read + stats->particles);
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage) {
         const double units = pace->work.units[stage];
         double *rate = &pace->rates[stage][spsi_stage_grade((spsi_stage)stage, &pace->setting)];
@@ -26035,7 +26046,8 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
 static sps_result spsi_plan_budget(sps_context *context, spsi_frame *frame, const spsi_reading *reading,
                                    sps_plan_report *report) {
     const spsi_setting setting = {0, 0, 0};
-    const double units = spsi_items_units((double)report->voxels_read + (double)frame->particles.count);
+    const double units =
+        spsi_fixed_units[SPSI_STAGE_READ] + (double)report->voxels_read + (double)frame->particles.count;
     return spsi_budget_choose(context, frame, units * spsi_rate(context, SPSI_STAGE_READ, &setting),
                               reading->held ? (double)context->voxel_count : (double)reading->voxels_kept,
                               &report->budget);

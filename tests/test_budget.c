@@ -251,7 +251,7 @@ static void test_unmet(void) {
     CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
     CHECK(!plan.budget.is_met && plan.budget.error > 1e-9 && plan.budget.error < 0.1);
     CHECK(plan.budget.quality == SPS_QUALITY_ULTRA);
-    SPS_SNPRINTF(words, sizeof words, "view.budget_error is 1e-09; the least that is known to be met here is %g",
+    SPS_SNPRINTF(words, sizeof words, "view.budget_error is 1e-09; the least that is expected here is %g",
                  plan.budget.error);
     check_fails(context, &s, image, SPS_ERROR_UNSUPPORTED, words);
     s.view.budget_error = 1.01 * plan.budget.error;

@@ -58,8 +58,8 @@ CONTENTS (search for the tag)
     >>lighting      31 filling, lighting cells       >>sweep         32 chunks of slabs, tiles
     >>budget        33 what time or error buys       >>frame         34 sweeps, then the image
     >>plan          35 what a scene calls for        >>reference     36 brute-force ray marching
-    >>paths         37 random paths                  >>public        38 the public functions
-    >>licence
+    >>brackets      37 bounds of what is marched     >>paths         38 random paths
+    >>public        39 the public functions          >>licence
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. Light scatters as often as the scene calls for
@@ -893,6 +893,15 @@ typedef struct sps_reference_settings {
     /* Optional, with 2 samples or more: three floats per pixel, pixels laid out as in the image: the standard error of
        the radiance, estimated from the variance of the paths. Written on SPS_OK only. */
     float *error;
+    /* Optional, both or neither: three floats per pixel, pixels laid out as in the image: bounds between which the
+       radiance lies, for any step; the image is then in the middle, and step at most 0.75. What is bounded is light
+       that scatters once in the field of kernels that no radius cuts, at the pixels' centres (or coverage_samples), up
+       to the rounding of floats, which is allowed for. They are about four digits apart for steps of half a voxel, and
+       approach each other with the sixth power of the step, except at the edges of polygons' shadows in gas, and in gas
+       that is very dense. Without samples; SPS_ERROR_UNSUPPORTED for what has no bounds: scattering other than OFF,
+       transfer functions, lights with an extent or a projector, particles in light that gas scatters. Written on SPS_OK
+       only. */
+    float *lower, *upper;
     uint32_t end_canary; /* leave 0 */
 } sps_reference_settings;
 
@@ -26126,6 +26135,8 @@ typedef struct spsi_walker {
     int ended;          /* 1: nothing more is seen */
 } spsi_walker;
 
+struct spsi_bracketing; /* >>brackets */
+
 typedef struct spsi_marcher {
     const spsi_frame *frame;
     const spsi_faces *faces;
@@ -26143,6 +26154,9 @@ typedef struct spsi_marcher {
     spsi_hit *hits;       /* of the whole image, for shade_fn; NULL: no mesh has one */
     spsi_visible visible; /* those hits, and what shade_fn has set there */
     spsi_sample *samples; /* one per part, per worker */
+    /* Follows the ray of a pixel up to its next face and through that. */
+    void (*follow)(const struct spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker);
+    const struct spsi_bracketing *bracketing; /* NULL: no bounds are asked for */
 } spsi_marcher;
 
 /* --- the field --- */
@@ -26165,11 +26179,12 @@ static int spsi_field_taps(double at, int size, int *count, double *weights, dou
     return first;
 }
 
-static int spsi_dense_empty(const spsi_dense *grid, const double at[3]) {
+/* Whether no voxel near a place, in voxels, is above 0. `reach` is how far kernels count. */
+static int spsi_dense_empty(const spsi_dense *grid, const double at[3], double reach) {
     int index = 0;
     for (int i = 2; i >= 0; --i) {
         const int brick = (int)floor(fmin(fmax(at[i], 0), grid->size[i] - 1)) / SPSI_BRICK;
-        if (at[i] < -SPSI_REFERENCE_REACH || at[i] > grid->size[i] + SPSI_REFERENCE_REACH) return 1;
+        if (at[i] < -reach || at[i] > grid->size[i] + reach) return 1;
         index = index * grid->bricks[i] + brick;
     }
     return !(grid->most[index] > 0);
@@ -26184,7 +26199,7 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
     spsi_along(point, grid->corner, -1, offset);
     for (int i = 0; i < 3; ++i) at[i] = spsi_dot(grid->inverse[i], offset);
     if (gradient) memset(gradient, 0, 3 * sizeof(double));
-    if (spsi_dense_empty(grid, at)) return 0;
+    if (spsi_dense_empty(grid, at, SPSI_REFERENCE_REACH)) return 0;
     for (int i = 0; i < 3; ++i) first[i] = spsi_field_taps(at[i], grid->size[i], &count[i], w[i], s[i]);
     for (int z = 0; z < count[2]; ++z)
         for (int y = 0; y < count[1]; ++y) {
@@ -26727,7 +26742,7 @@ static void spsi_march_span_task(void *data, int index, int worker) {
     spsi_march_span(region, marcher->first_row, index, &row, range);
     for (int x = range[0]; x < range[1]; ++x) {
         spsi_walker *walker = &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x];
-        if (!walker->ended) spsi_march_on(marcher, region[0] + x, region[1] + row, samples, walker);
+        if (!walker->ended) marcher->follow(marcher, region[0] + x, region[1] + row, samples, walker);
     }
 }
 
@@ -26962,8 +26977,853 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     return spsi_march_particles(context, frame, &marcher->particles);
 }
 
+/* ============================================================================================= >>brackets
+   37 Bounds of light that scatters once, along the rays of >>reference: not what steps come to, but what they cannot
+   exceed. On a step of length h, three Gauss points integrate F with an error of at most h^7 / 2016000 * |F^(6)|. Here F
+   is the field times exp(-optical depth from the eye and from the light) times the light's falloff. Derivatives of the
+   field are bounded by what voxels about the step differ by, those of optical depth by the same along its way, and
+   those of products and exponentials by power series whose terms are bounds, too (majorants). Since optical depth never
+   falls, what a step scatters also lies between what its ends let pass: that bounds gas which is too dense for the
+   series. Where a polygon's shadow may begin within a step, its light lies between none and all, and the step is
+   halved. The truth that is bounded is the field of kernels that no radius cuts. Cost: pixels * steps * 3 * (1 + lights
+   * steps of a shadow ray * 3) * 512 voxels. */
+
+#define SPSI_BRACKET_ORDER    6
+#define SPSI_BRACKET_TAPS     8     /* voxels along each axis about a point */
+#define SPSI_BRACKET_STEP     0.75  /* of a voxel at most, so that these are all that counts, >>brackets */
+#define SPSI_BRACKET_TAIL     2e-8  /* of the largest value: kernels beyond, at the point itself */
+#define SPSI_BRACKET_HALVINGS 6     /* of a step at most: where a shadow may begin, and in dense gas */
+#define SPSI_BRACKET_DENSE    0.5   /* optical depth of a step in the densest gas about it, above which it is halved */
+#define SPSI_BRACKET_SEEN     10    /* unless it is behind this one: 5e-5 passes */
+#define SPSI_BRACKET_DARK     27.6  /* optical depth beyond which shadows are not followed: 1e-12 passes */
+#define SPSI_BRACKET_ROUNDING 1e-6  /* relative: what materials respond is computed in floats */
+#define SPSI_BRACKET_ROOM     1e-9  /* relative: of a shadow's edge */
+
+static const double spsi_bracket_places[3] = {0.11270166537925831, 0.5, 0.88729833462074169}; /* 1/2 +- sqrt(3/20) */
+static const double spsi_bracket_weights[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
+
+/* Upper bounds for the derivatives of order k along a unit vector, in voxels: the sum of all kernels' absolute values;
+   that of kernels alone, of which all but order 0 should vanish; and the sum of absolute values beyond the taps about a
+   point that is up to SPSI_BRACKET_STEP away. Largest found over places and directions, and one in a hundred more. */
+static const double spsi_kernel_sums[SPSI_BRACKET_ORDER + 1] = {1.0115, 1.41, 2.95, 8.1, 24.7, 77.5, 249};
+static const double spsi_kernel_ripples[SPSI_BRACKET_ORDER + 1] = {1.0015, 0.0053, 0.0192, 0.12, 0.753, 4.73, 29.8};
+static const double spsi_kernel_tails[SPSI_BRACKET_ORDER + 1] = {9e-6, 4e-5, 2e-4, 1.3e-3, 8e-3, 0.05, 0.3};
+
+typedef struct spsi_between {
+    double low, high;
+} spsi_between;
+
+/* Term k is an upper bound of a function's k-th derivative / k!, on all of a step. */
+typedef struct spsi_series {
+    double term[SPSI_BRACKET_ORDER + 1];
+} spsi_series;
+
+/* Of a pixel. */
+typedef struct spsi_bracket {
+    int sample;                /* that it is about; -1: none yet */
+    spsi_between gas;         /* optical depth before the next step */
+    spsi_between radiance[3]; /* of what lies before it */
+    spsi_between sums[3];     /* over the samples that have ended */
+} spsi_bracket;
+
+/* What is the same for all pixels. */
+struct spsi_bracketing {
+    double step; /* maximum, in world length */
+    spsi_bounds bounds;
+    double most[SPSI_VOLUMES_MAX]; /* maximum value of each volume */
+    spsi_bracket *pixels;
+};
+
+/* --- intervals and series --- */
+
+static spsi_between spsi_between_of(double low, double high) {
+    spsi_between interval;
+    interval.low = low;
+    interval.high = high;
+    return interval;
+}
+
+/* Adds a number of times an interval whose ends are not negative. */
+static void spsi_between_add(spsi_between *sum, double low, double high) {
+    sum->low += low;
+    sum->high += high;
+}
+
+/* exp(-depth). */
+static spsi_between spsi_between_passes(spsi_between depth) {
+    return spsi_between_of(exp(-depth.high), exp(-depth.low));
+}
+
+/* The product of two functions. */
+static spsi_series spsi_series_product(const spsi_series *a, const spsi_series *b) {
+    spsi_series product;
+    for (int n = 0; n <= SPSI_BRACKET_ORDER; ++n) {
+        product.term[n] = 0;
+        for (int k = 0; k <= n; ++k) product.term[n] += a->term[k] * b->term[n - k];
+    }
+    return product;
+}
+
+/* exp(-w), as a share of its maximum, from a series of w. */
+static spsi_series spsi_series_exponential(const spsi_series *w) {
+    spsi_series result;
+    result.term[0] = 1;
+    for (int n = 1; n <= SPSI_BRACKET_ORDER; ++n) {
+        result.term[n] = 0;
+        for (int k = 1; k <= n; ++k) result.term[n] += k * w->term[k] * result.term[n - k] / n;
+    }
+    return result;
+}
+
+/* Adds `scale` times the series of a field along a vector of `speed` voxels, whose voxels are `half` from `middle` at
+   most, and nowhere above `most`. Also of an integral of such fields, given the integrals of the three. Term 0 is
+   another matter. */
+static void spsi_series_add_field(double scale, double speed, double half, double middle, double most,
+                                  spsi_series *series) {
+    double factor = scale;
+    for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) {
+        factor *= speed / k;
+        series->term[k] += factor * (half * spsi_kernel_sums[k] + middle * spsi_kernel_ripples[k] +
+                                     most * spsi_kernel_tails[k]);
+    }
+}
+
+/* What three Gauss points miss at most of an integral over length h. */
+static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h * h) * (h * h) * sixth / 2800; }
+
+/* --- the field --- */
+
+/* Voxels about a point. */
+typedef struct spsi_vicinity {
+    double value;        /* of the field */
+    double half, middle; /* values of voxels: middle +- half; where they are asked for */
+} spsi_vicinity;
+
+/* Weights of the voxels about `at` along one axis. Returns the first. */
+static int spsi_vicinity_weights(double at, double *weights) {
+    const double base = floor(at - 0.5), step = 1 / SPSI_SIGMA, bend = exp(-step * step);
+    const double d = (at - 0.5 - base + (SPSI_BRACKET_TAPS / 2 - 1)) * step;
+    double weight = exp(-0.5 * d * d) / (sqrt(2 * SPSI_PI) * SPSI_SIGMA), change = exp(step * (d - 0.5 * step));
+    for (int i = 0; i < SPSI_BRACKET_TAPS; ++i) {
+        weights[i] = weight;
+        weight *= change;
+        change *= bend;
+    }
+    return (int)base - (SPSI_BRACKET_TAPS / 2 - 1);
+}
+
+/* A row of voxels, 0 beyond the volume; in `spare` if it lies on the volume's edge. */
+static const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int z, float *spare) {
+    const float *row = grid->values + ((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0];
+    const int inside = y >= 0 && z >= 0 && y < grid->size[1] && z < grid->size[2];
+    if (inside && x >= 0 && x + SPSI_BRACKET_TAPS <= grid->size[0]) return row + x;
+    for (int i = 0; i < SPSI_BRACKET_TAPS; ++i)
+        spare[i] = inside && x + i >= 0 && x + i < grid->size[0] ? row[x + i] : 0;
+    return spare;
+}
+
+/* The field at a world point, and with `ranged` what voxels about it are. Returns 0 if none about it is above 0. */
+static int spsi_vicinity_at(const spsi_dense *grid, const double point[3], int ranged, spsi_vicinity *around) {
+    double offset[3], at[3], w[3][SPSI_BRACKET_TAPS], sum[SPSI_BRACKET_TAPS] = {0};
+    float low[SPSI_BRACKET_TAPS], high[SPSI_BRACKET_TAPS] = {0}, least, most = 0, spare[SPSI_BRACKET_TAPS];
+    int first[3];
+    memset(around, 0, sizeof *around);
+    spsi_along(point, grid->corner, -1, offset);
+    for (int i = 0; i < 3; ++i) at[i] = spsi_dot(grid->inverse[i], offset);
+    if (spsi_dense_empty(grid, at, 0.5 * SPSI_BRACKET_TAPS)) return 0;
+    for (int i = 0; i < 3; ++i) first[i] = spsi_vicinity_weights(at[i], w[i]);
+    for (int i = 0; i < SPSI_BRACKET_TAPS; ++i) low[i] = FLT_MAX;
+    for (int z = 0; z < SPSI_BRACKET_TAPS; ++z)
+        for (int y = 0; y < SPSI_BRACKET_TAPS; ++y) {
+            const float *row = spsi_vicinity_row(grid, first[0], first[1] + y, first[2] + z, spare);
+            const double weight = w[2][z] * w[1][y];
+            for (int x = 0; x < SPSI_BRACKET_TAPS; ++x) sum[x] += weight * (double)row[x];
+            for (int x = 0; x < SPSI_BRACKET_TAPS && ranged; ++x) {
+                low[x] = row[x] < low[x] ? row[x] : low[x];
+                high[x] = row[x] > high[x] ? row[x] : high[x];
+            }
+        }
+    least = low[0];
+    for (int x = 0; x < SPSI_BRACKET_TAPS; ++x) {
+        around->value += w[0][x] * sum[x];
+        least = low[x] < least ? low[x] : least;
+        most = high[x] > most ? high[x] : most;
+    }
+    if (!ranged) return 1;
+    around->half = 0.5 * ((double)most - (double)least);
+    around->middle = 0.5 * ((double)most + (double)least);
+    return 1;
+}
+
+/* Length in voxels of a vector in the world. */
+static double spsi_vicinity_speed(const spsi_dense *grid, const double direction[3]) {
+    double along[3];
+    for (int i = 0; i < 3; ++i) along[i] = spsi_dot(grid->inverse[i], direction);
+    return spsi_length(along);
+}
+
+/* --- a step through a volume --- */
+
+typedef struct spsi_step_gas {
+    double value[3];      /* of the field, at the step's points */
+    double half, middle;  /* values of voxels about all of it: middle +- half */
+    double tail;          /* by which values may be larger */
+    spsi_between length; /* of the field's integral over the step */
+} spsi_step_gas;
+
+/* Samples a volume at a step's points. Returns 0 if nothing is about it. */
+static int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *step, spsi_step_gas *gas) {
+    const spsi_dense *grid = &marcher->grids[m];
+    const double h = step->high - step->low, most = marcher->bracketing->most[m];
+    const double speed = spsi_vicinity_speed(grid, step->direction);
+    spsi_series series;
+    double sum = 0, off;
+    int any = 0;
+    gas->half = gas->middle = 0;
+    gas->tail = SPSI_BRACKET_TAIL * most;
+    for (int j = 0; j < 3; ++j) {
+        double point[3];
+        spsi_vicinity around;
+        spsi_along(step->origin, step->direction, step->low + spsi_bracket_places[j] * h, point);
+        any |= spsi_vicinity_at(grid, point, j == 1, &around);
+        gas->value[j] = around.value;
+        sum += h * spsi_bracket_weights[j] * around.value;
+        if (j == 1) gas->half = around.half, gas->middle = around.middle;
+    }
+    memset(&series, 0, sizeof series);
+    if (any) spsi_series_add_field(1, speed, gas->half, gas->middle, most, &series);
+    off = spsi_gauss_error(h, series.term[SPSI_BRACKET_ORDER]);
+    gas->length = spsi_between_of(fmax(0, sum - off), sum + off + h * gas->tail);
+    return any;
+}
+
+/* Upper bound of the field anywhere on a step. */
+static double spsi_step_most(const spsi_step_gas *gas, double most) {
+    return (gas->middle + gas->half) * spsi_kernel_ripples[0] + most * spsi_kernel_tails[0];
+}
+
+/* --- from a point to a light --- */
+
+/* Gas between a point and a light. */
+typedef struct spsi_shade {
+    spsi_between depth;
+    double way;                                                  /* length, in the gas's bounds */
+    double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX];     /* integrals over that of voxels' values */
+} spsi_shade;
+
+/* Number of steps of a ray through the bounds of all gas, and its part in them. */
+static int spsi_bracket_range(const spsi_marcher *marcher, const spsi_ray *ray, double range[2]) {
+    const struct spsi_bracketing *bracketing = marcher->bracketing;
+    if (marcher->part_count == 0) return 0;
+    if (!spsi_ray_meets_box(ray, bracketing->bounds.low, bracketing->bounds.high, range)) return 0;
+    if (!(range[1] > range[0])) return 0;
+    return (int)fmin(fmax(ceil((range[1] - range[0]) / bracketing->step), 1), 1e8);
+}
+
+/* The i-th of `count` steps of a ray's part. */
+static spsi_ray spsi_bracket_part(const spsi_ray *ray, const double range[2], int i, int count) {
+    spsi_ray part = *ray;
+    part.low = range[0] + (range[1] - range[0]) * i / count;
+    part.high = range[0] + (range[1] - range[0]) * (i + 1) / count;
+    return part;
+}
+
+static void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3],
+                               spsi_shade *shade) {
+    const spsi_frame *frame = marcher->frame;
+    double depths[SPSI_SETS_MAX] = {0}, range[2];
+    spsi_ray ray;
+    int count;
+    memset(shade, 0, sizeof *shade);
+    memcpy(ray.origin, point, sizeof ray.origin);
+    spsi_toward_lamp(lamp, point, ray.direction);
+    ray.low = 0;
+    ray.high = lamp->is_point ? spsi_length(ray.direction) : HUGE_VAL;
+    if (!spsi_normalise(ray.direction)) return; /* it is at the lamp */
+    spsi_trace_particles(marcher, &ray, depths);
+    for (int i = 0; i < frame->particles.set_count; ++i) spsi_between_add(&shade->depth, depths[i], depths[i]);
+    count = spsi_bracket_range(marcher, &ray, range);
+    for (int i = 0; i < count; ++i) {
+        const spsi_ray part = spsi_bracket_part(&ray, range, i, count);
+        for (int m = 0; m < frame->medium_count; ++m) {
+            const double extinction = (double)spsi_part_material(frame, m)->extinction, h = part.high - part.low;
+            spsi_step_gas gas;
+            spsi_step_sample(marcher, m, &part, &gas);
+            spsi_between_add(&shade->depth, extinction * gas.length.low, extinction * gas.length.high);
+            shade->half[m] += h * gas.half;
+            shade->middle[m] += h * gas.middle;
+        }
+        shade->way += part.high - part.low;
+    }
+}
+
+/* --- whether polygons are before a light --- */
+
+/* The side of a plane on which a point is: 1, -1, or 0 if it is too close to say. */
+static int spsi_plane_side(const double normal[3], const double on[3], const double point[3]) {
+    double offset[3], side, room;
+    spsi_along(point, on, -1, offset);
+    side = spsi_dot(normal, offset);
+    room = SPSI_BRACKET_ROOM * spsi_length(normal) * (spsi_length(on) + spsi_length(point));
+    return side > room ? 1 : side < -room ? -1 : 0;
+}
+
+/* The normal of the plane in which light passes two points. */
+static void spsi_light_plane(const spsi_lamp *lamp, const double a[3], const double b[3], double normal[3]) {
+    double u[3], v[3];
+    spsi_along(b, a, -1, u);
+    if (lamp->is_point)
+        spsi_along(a, lamp->position, -1, v);
+    else
+        memcpy(v, lamp->direction, sizeof v);
+    spsi_cross(u, v, normal);
+}
+
+typedef enum spsi_cover { SPSI_COVER_CLEAR, SPSI_COVER_BEHIND, SPSI_COVER_PARTLY } spsi_cover;
+
+/* Whether a face is before a light, seen from all points between two. Planes tell: that of the face, which must be
+   between them and the light, and those in which light passes its edges; or the one in which light comes to the two. */
+static spsi_cover spsi_face_cover(const spsi_face *face, const spsi_lamp *lamp, const double ends[2][3]) {
+    double normal[3], beyond[3];
+    int side, sides[3], inside = 1;
+    spsi_face_plane(face, normal);
+    spsi_along(face->position[0], lamp->direction, -1, beyond);
+    side = spsi_plane_side(normal, face->position[0], lamp->is_point ? lamp->position : beyond);
+    for (int i = 0; i < 2; ++i) sides[i] = spsi_plane_side(normal, face->position[0], ends[i]);
+    if (side != 0 && sides[0] == side && sides[1] == side) return SPSI_COVER_CLEAR;
+    inside = side != 0 && sides[0] == -side && sides[1] == -side;
+    for (int k = 0; k < 3; ++k) {
+        spsi_light_plane(lamp, face->position[k], face->position[(k + 1) % 3], normal);
+        side = spsi_plane_side(normal, face->position[k], face->position[(k + 2) % 3]);
+        for (int i = 0; i < 2; ++i) sides[i] = spsi_plane_side(normal, face->position[k], ends[i]);
+        if (side != 0 && sides[0] == -side && sides[1] == -side) return SPSI_COVER_CLEAR;
+        inside &= side != 0 && sides[0] == side && sides[1] == side;
+    }
+    if (inside) return SPSI_COVER_BEHIND;
+    spsi_light_plane(lamp, ends[0], ends[1], normal);
+    for (int k = 0; k < 3; ++k) sides[k] = spsi_plane_side(normal, ends[0], face->position[k]);
+    return sides[0] != 0 && sides[0] == sides[1] && sides[1] == sides[2] ? SPSI_COVER_CLEAR : SPSI_COVER_PARTLY;
+}
+
+/* Bounds of the share of a light that polygons let pass to all points of a step. Returns 0 if a polygon is before the
+   light for some of them only, so that a shorter step tells more. */
+static int spsi_step_sight(const spsi_faces *faces, const spsi_lamp *lamp, const double ends[2][3],
+                           spsi_between passes[3]) {
+    const spsi_tree *tree = &faces->tree;
+    int stack[SPSI_TREE_STACK], top = 0, sure = 1;
+    spsi_ray ray;
+    for (int c = 0; c < 3; ++c) passes[c] = spsi_between_of(1, 1);
+    if (tree->count == 0 || !lamp->shadows) return 1;
+    for (int i = 0; i < 3; ++i) ray.origin[i] = 0.5 * (ends[0][i] + ends[1][i]);
+    spsi_toward_lamp(lamp, ray.origin, ray.direction);
+    ray.low = 0;
+    ray.high = lamp->is_point ? 1 : HUGE_VAL;
+    stack[top++] = 0;
+    while (top > 0) {
+        const spsi_tree_node *node = &tree->nodes[stack[--top]];
+        double low[3], high[3], range[2];
+        for (int i = 0; i < 3; ++i) {
+            const double l = tree->centre[i] + (double)node->low[i], h = tree->centre[i] + (double)node->high[i];
+            const double room = fabs(ends[1][i] - ray.origin[i]) + SPSI_BRACKET_ROOM * (fabs(l) + fabs(h));
+            low[i] = l - room, high[i] = h + room;
+        }
+        if (!spsi_ray_meets_box(&ray, low, high, range)) continue;
+        for (int i = 0; i < node->count; ++i) {
+            const spsi_face *face = &faces->list[tree->order[node->first + i]];
+            const spsi_cover sight = spsi_face_cover(face, lamp, ends);
+            sure &= sight != SPSI_COVER_PARTLY;
+            for (int c = 0; c < 3 && sight != SPSI_COVER_CLEAR; ++c) {
+                passes[c].low *= (double)face->transmittance[c];
+                if (sight == SPSI_COVER_BEHIND) passes[c].high *= (double)face->transmittance[c];
+            }
+        }
+        if (!(passes[0].high > 0 || passes[1].high > 0 || passes[2].high > 0)) return 1;
+        if (node->count > 0) continue;
+        stack[top++] = node->first;
+        stack[top++] = node->first + 1;
+    }
+    return sure;
+}
+
+/* --- a step of the eye's ray --- */
+
+typedef struct spsi_step {
+    spsi_ray ray;                        /* low and high are the step */
+    double ends[2][3], points[3][3];     /* in the world */
+    spsi_step_gas gas[SPSI_VOLUMES_MAX]; /* of each volume */
+    double particles[SPSI_SETS_MAX];     /* optical depth of each set */
+    spsi_between before, depth;         /* optical depth up to the step, and in it */
+    spsi_between within[3];             /* from its beginning to its points */
+    spsi_series passes;                  /* of optical depth from the eye; term 0 is left out */
+    int lit;                             /* 1: shadows of light matter */
+    int smooth;                          /* 1: there are no particles */
+} spsi_step;
+
+/* Light on its way to a step: optical depth before it, and its falloff. */
+typedef struct spsi_coming {
+    spsi_between depth[3]; /* at the step's points */
+    spsi_between passes;   /* transmittance anywhere on it */
+    spsi_series series;     /* of optical depth; term 0 is left out */
+    double falls[3];        /* falloff at the points */
+    spsi_between range;    /* of the falloff, anywhere */
+    spsi_series falloff;
+    int smooth; /* 1: both series hold */
+} spsi_coming;
+
+/* Optical depth from a step's beginning to its points, by the parabola through its values there, and what that misses:
+   the third derivative / 6 times the integral of |(x - x1)(x - x2)(x - x3)|. */
+static void spsi_step_within(const spsi_marcher *marcher, double third, spsi_step *step) {
+    static const double weights[3][3] = {{5.0 / 36, -0.035976667524938903, 0.0097894440153083},
+                                         {0.30026319498086459, 2.0 / 9, -0.022485417203086815},
+                                         {0.26798833376246945, 0.48042111196938335, 5.0 / 36}};
+    static const double missed[3] = {0.0025, 0.008125, 0.01375};
+    const double h = step->ray.high - step->ray.low;
+    for (int j = 0; j < 3; ++j) {
+        double sum = 0, tail = 0;
+        for (int m = 0; m < marcher->frame->medium_count; ++m) {
+            const double extinction = (double)spsi_part_material(marcher->frame, m)->extinction;
+            for (int k = 0; k < 3; ++k) sum += h * extinction * weights[j][k] * step->gas[m].value[k];
+            tail += h * extinction * step->gas[m].tail;
+        }
+        step->within[j].low = fmax(0, sum - h * (h * h) * h * third * missed[j]);
+        step->within[j].high = fmin(step->depth.high, sum + h * (h * h) * h * third * missed[j] + tail);
+    }
+}
+
+/* Samples all gas on a step. Returns 0 if there is none but what kernels leave beyond their taps. */
+static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_between before, spsi_step *step) {
+    const spsi_frame *frame = marcher->frame;
+    const double h = ray->high - ray->low;
+    spsi_series extinction;
+    int any = 0;
+    step->ray = *ray;
+    step->before = before;
+    step->smooth = 1;
+    step->depth = spsi_between_of(0, 0);
+    memset(&extinction, 0, sizeof extinction);
+    for (int i = 0; i < 2; ++i) spsi_along(ray->origin, ray->direction, i ? ray->high : ray->low, step->ends[i]);
+    for (int j = 0; j < 3; ++j)
+        spsi_along(ray->origin, ray->direction, ray->low + spsi_bracket_places[j] * h, step->points[j]);
+    for (int m = 0; m < frame->medium_count; ++m) {
+        const double scale = (double)spsi_part_material(frame, m)->extinction, most = marcher->bracketing->most[m];
+        const double speed = spsi_vicinity_speed(&marcher->grids[m], ray->direction);
+        spsi_step_gas *gas = &step->gas[m];
+        any |= spsi_step_sample(marcher, m, ray, gas);
+        spsi_between_add(&step->depth, scale * gas->length.low, scale * gas->length.high);
+        spsi_series_add_field(scale, speed, gas->half, gas->middle, most, &extinction);
+        extinction.term[0] += scale * spsi_step_most(gas, most);
+    }
+    memset(step->particles, 0, sizeof step->particles);
+    spsi_trace_particles(marcher, ray, step->particles);
+    for (int i = 0; i < frame->particles.set_count; ++i) {
+        spsi_between_add(&step->depth, step->particles[i], step->particles[i]);
+        if (step->particles[i] > 0) any = 1, step->smooth = 0;
+    }
+    step->passes.term[0] = 0;
+    for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) step->passes.term[k] = extinction.term[k - 1] / k;
+    spsi_step_within(marcher, extinction.term[3], step);
+    step->lit = any && before.low < SPSI_BRACKET_DARK;
+    return any;
+}
+
+/* Bounds of the integral over a step of a volume's value times what is left of it on the way to the eye, and times the
+   light that is coming. */
+static spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_step *step, int m,
+                                        const spsi_coming *coming) {
+    const spsi_step_gas *gas = &step->gas[m];
+    const double h = step->ray.high - step->ray.low, speed = spsi_vicinity_speed(&marcher->grids[m], step->ray.direction);
+    const double extinction = (double)spsi_part_material(marcher->frame, m)->extinction;
+    spsi_between result, points = {0, 0};
+    spsi_series f, w, product;
+    double off;
+    result.low = gas->length.low * exp(-step->before.high - step->depth.high);
+    result.high = gas->length.high * exp(-step->before.low);
+    if (marcher->part_count == 1 && extinction > 0) { /* what is missing behind it is what it has taken */
+        result.low = fmax(result.low, exp(-step->before.high) * -expm1(-step->depth.low) / extinction);
+        result.high = fmin(result.high, exp(-step->before.low) * -expm1(-step->depth.high) / extinction);
+    }
+    result.low *= coming->passes.low * coming->range.low;
+    result.high *= coming->passes.high * coming->range.high;
+    if (!step->smooth || !coming->smooth) return result;
+    for (int j = 0; j < 3; ++j) {
+        const double weight = h * spsi_bracket_weights[j] * coming->falls[j];
+        const double low = step->before.low + step->within[j].low + coming->depth[j].low;
+        const double high = step->before.high + step->within[j].high + coming->depth[j].high;
+        points.low += weight * gas->value[j] * exp(-high);
+        points.high += weight * (gas->value[j] + gas->tail) * exp(-low);
+    }
+    memset(&f, 0, sizeof f);
+    spsi_series_add_field(1, speed, gas->half, gas->middle, marcher->bracketing->most[m], &f);
+    f.term[0] = spsi_step_most(gas, marcher->bracketing->most[m]);
+    for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) w.term[k] = step->passes.term[k] + coming->series.term[k];
+    w = spsi_series_exponential(&w);
+    product = spsi_series_product(&f, &w);
+    product = spsi_series_product(&product, &coming->falloff);
+    off = spsi_gauss_error(h, product.term[SPSI_BRACKET_ORDER]) * exp(-step->before.low) * coming->passes.high;
+    if (points.low - off > result.low) result.low = points.low - off;
+    if (points.high + off < result.high) result.high = points.high + off;
+    return result;
+}
+
+/* Light that comes from everywhere alike, as ambient light does, or from the gas itself. */
+static void spsi_coming_plain(spsi_coming *coming) {
+    memset(coming, 0, sizeof *coming);
+    coming->passes = coming->range = spsi_between_of(1, 1);
+    for (int j = 0; j < 3; ++j) coming->falls[j] = 1;
+    coming->falloff.term[0] = 1;
+    coming->smooth = 1;
+}
+
+/* The falloff of a lamp along a step, 1 / r^2 as in >>reference. About a point at distance r, its series in the way t
+   has terms of (k + 1) / r^(k + 2) at most [of 1 / (1 - x)^2]. */
+static void spsi_coming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
+                             spsi_coming *coming) {
+    const spsi_rays *eye = &marcher->frame->content->eye;
+    const double h = step->ray.high - step->ray.low, middle = 0.5 * (step->ray.low + step->ray.high);
+    double offset[3], foot[3], depth[3] = {0}, beside[2], along, nearest, farthest;
+    if (!lamp->falls_off) return;
+    spsi_along(lamp->position, step->points[1], -1, offset);
+    along = spsi_dot(offset, step->ray.direction);
+    spsi_along(offset, step->ray.direction, -along, foot);
+    spsi_to_rays(eye, step->ray.direction, depth);
+    for (int i = 0; i < 2; ++i) {
+        const double pixel = spsi_pixel_size_at(eye, (middle + (i ? 0.5 : -0.5) * h) * depth[2]);
+        beside[i] = fmax(spsi_length(foot), fmax((double)SPSI_LAMP_PIXELS * pixel, DBL_MIN));
+    }
+    nearest = fmax(fabs(along) - 0.5 * h, 0);
+    farthest = fabs(along) + 0.5 * h;
+    coming->range.high = 1 / (nearest * nearest + fmin(beside[0], beside[1]) * fmin(beside[0], beside[1]));
+    coming->range.low = 1 / (farthest * farthest + fmax(beside[0], beside[1]) * fmax(beside[0], beside[1]));
+    coming->smooth &= !(beside[0] < beside[1] || beside[1] < beside[0]);
+    for (int j = 0; j < 3; ++j) {
+        const double t = along - (spsi_bracket_places[j] - 0.5) * h;
+        coming->falls[j] = 1 / (t * t + beside[0] * beside[0]);
+    }
+    for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k)
+        coming->falloff.term[k] = (k + 1) * pow(coming->range.high, 0.5 * k + 1);
+}
+
+/* Gas before a light along a step: its optical depth at the points, and how that may change. Towards a lamp at distance
+   r, places near it move less, and r itself has a series of terms of r^(1 - k) at most. */
+static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
+                              spsi_coming *coming) {
+    const double h = step->ray.high - step->ray.low;
+    double offset[3], distance = HUGE_VAL, change = 0;
+    spsi_shade middle, others;
+    spsi_bracket_shade(marcher, lamp, step->points[1], &middle);
+    coming->depth[1] = middle.depth;
+    for (int j = 0; j < 3; j += 2) {
+        spsi_bracket_shade(marcher, lamp, step->points[j], &others);
+        coming->depth[j] = others.depth;
+    }
+    for (int m = 0; m < marcher->frame->medium_count; ++m)
+        spsi_series_add_field((double)spsi_part_material(marcher->frame, m)->extinction,
+                              spsi_vicinity_speed(&marcher->grids[m], step->ray.direction), middle.half[m],
+                              middle.middle[m], marcher->bracketing->most[m] * middle.way, &coming->series);
+    if (lamp->is_point) {
+        spsi_series way;
+        spsi_along(lamp->position, step->points[1], -1, offset);
+        distance = spsi_length(offset);
+        coming->smooth &= distance > h;
+        way.term[0] = 1 + 0.5 * h / distance;
+        for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) way.term[k] = way.term[0] / pow(distance - 0.5 * h, k);
+        coming->series.term[0] = middle.depth.high;
+        coming->series = spsi_series_product(&coming->series, &way);
+    }
+    for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) change += coming->series.term[k] * pow(0.5 * h, k);
+    coming->series.term[0] = 0;
+    coming->passes = spsi_between_of(0, 1);
+    if (distance > h) {
+        coming->passes.low = exp(-middle.depth.high - change);
+        coming->passes.high = exp(-fmax(0, middle.depth.low - change));
+    }
+}
+
+/* Bounds of the share of a light that a gas sends to the eye from anywhere on a step, per unit of optical depth and of
+   albedo. Lobes are convex in the cosine, so that between two ends none is above them, nor below what its middle and
+   the larger end leave. A lamp's light turns by less than the step seen from it. */
+static spsi_between spsi_step_phase(const spsi_step *step, const spsi_lamp *lamp, const spsi_material *material) {
+    const double half = 0.5 * (step->ray.high - step->ray.low);
+    double travel[3], offset[3], turn = 0, ends[3], cosine, middle, cone[2];
+    spsi_between phase;
+    spsi_lamp_direction(lamp, step->points[1], travel);
+    if (lamp->is_point) {
+        spsi_along(lamp->position, step->points[1], -1, offset);
+        turn = half < spsi_length(offset) ? asin(half / spsi_length(offset)) : 4;
+    }
+    cosine = -spsi_dot(travel, step->ray.direction);
+    for (int i = 0; i < 3; ++i) {
+        float lanes[SPSI_LANES];
+        spsi_store(lanes, spsi_phase(material, spsi_set((float)fmin(fmax(cosine + (i - 1) * turn, -1), 1))));
+        ends[i] = (double)lanes[0];
+    }
+    middle = ends[1];
+    phase.high = fmax(middle, fmax(ends[0], ends[2]));
+    phase.low = turn > 0 ? fmax(0, 2 * middle - phase.high) : middle;
+    if (!lamp->is_point) return phase;
+    cosine = spsi_dot(lamp->direction, travel);
+    for (int i = 0; i < 2; ++i) cone[i] = spsi_cone_at(&lamp->cone, fmin(fmax(cosine + (i ? turn : -turn), -1), 1));
+    phase.low *= cone[0];
+    phase.high *= cone[1];
+    return phase;
+}
+
+/* Adds what all volumes on a step scatter from a light. */
+static void spsi_step_add_lamp(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
+                               const spsi_between passes[3], spsi_between sum[3]) {
+    spsi_coming coming;
+    spsi_coming_plain(&coming);
+    spsi_coming_fall(marcher, step, lamp, &coming);
+    if (lamp->shadows && step->lit)
+        spsi_coming_shade(marcher, step, lamp, &coming);
+    else if (lamp->shadows)
+        coming.passes.low = 0, coming.smooth = 0;
+    for (int m = 0; m < marcher->frame->medium_count; ++m) {
+        const spsi_material *material = spsi_part_material(marcher->frame, m);
+        spsi_between light, phase;
+        if (!material->scatters) continue;
+        light = spsi_step_integral(marcher, step, m, &coming);
+        phase = spsi_step_phase(step, lamp, material);
+        for (int c = 0; c < 3; ++c) {
+            const double share = (double)material->extinction * (double)material->albedo[c] * (double)lamp->color[c];
+            spsi_between_add(&sum[c], share * light.low * phase.low * passes[c].low,
+                              share * light.high * phase.high * passes[c].high);
+        }
+    }
+}
+
+/* Adds what gas on a step emits, and what it scatters of ambient light. */
+static void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *step, spsi_between sum[3]) {
+    const spsi_frame *frame = marcher->frame;
+    spsi_coming coming;
+    spsi_coming_plain(&coming);
+    for (int part = 0; part < marcher->part_count; ++part) {
+        const spsi_material *material = spsi_part_material(frame, part);
+        const int is_volume = part < frame->medium_count;
+        const double taken = is_volume ? 0 : step->particles[part - frame->medium_count];
+        spsi_between light = spsi_between_of(taken * exp(-step->before.high - step->depth.high),
+                                               taken * exp(-step->before.low));
+        if (spsi_black(material->ambient) && !material->emits) continue;
+        if (is_volume) light = spsi_step_integral(marcher, step, part, &coming);
+        for (int c = 0; c < 3; ++c) {
+            const double extinction = is_volume ? (double)material->extinction : 1;
+            const double share = extinction * (double)material->albedo[c] * (double)material->ambient[c] +
+                                 (double)material->emission[c];
+            spsi_between_add(&sum[c], share * light.low, share * light.high);
+        }
+    }
+}
+
+/* Whether halving a step would bring nothing: no polygon's shadow begins on it, and it is not dense. */
+static int spsi_step_suffices(const spsi_marcher *marcher, const spsi_step *step) {
+    spsi_between passes[3];
+    if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 1;
+    if (step->smooth && step->passes.term[1] * (step->ray.high - step->ray.low) > SPSI_BRACKET_DENSE) return 0;
+    for (int i = 0; i < marcher->frame->lamps.count; ++i)
+        if (!spsi_step_sight(marcher->faces, &marcher->frame->lamps.list[i], step->ends, passes)) return 0;
+    return 1;
+}
+
+/* Follows the eye's ray through a step, or through its halves. */
+static void spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_walker *walker,
+                              spsi_bracket *bracket) {
+    const spsi_frame *frame = marcher->frame;
+    spsi_between passes[3], sum[3] = {{0, 0}, {0, 0}, {0, 0}};
+    spsi_step step;
+    double before;
+    spsi_step_build(marcher, ray, bracket->gas, &step);
+    if (halvings > 0 && !spsi_step_suffices(marcher, &step)) {
+        for (int n = 0; n < 2; ++n) {
+            const double range[2] = {ray->low, ray->high};
+            const spsi_ray half = spsi_bracket_part(ray, range, n, 2);
+            spsi_bracket_step(marcher, &half, halvings - 1, walker, bracket);
+        }
+        return;
+    }
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        for (int c = 0; c < 3; ++c) passes[c] = spsi_between_of(0, 1);
+        if (step.lit) spsi_step_sight(marcher->faces, &frame->lamps.list[i], step.ends, passes);
+        spsi_step_add_lamp(marcher, &step, &frame->lamps.list[i], passes, sum);
+    }
+    spsi_step_add_own(marcher, &step, sum);
+    for (int c = 0; c < 3; ++c)
+        spsi_between_add(&bracket->radiance[c], walker->filter[c] * sum[c].low, walker->filter[c] * sum[c].high);
+    before = exp(-0.5 * (bracket->gas.low + bracket->gas.high));
+    spsi_between_add(&bracket->gas, step.depth.low, step.depth.high);
+    walker->distance += spsi_color_mean(walker->filter) * 0.5 * (ray->low + ray->high) *
+                        (before - exp(-0.5 * (bracket->gas.low + bracket->gas.high)));
+}
+
+/* --- a ray --- */
+
+/* Bounds of the radiance of the polygon that a ray meets. */
+static void spsi_bracket_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
+                                 spsi_between radiance[3]) {
+    const spsi_frame *frame = marcher->frame;
+    spsi_appearance look;
+    spsi_surface surface;
+    spsi_place place = {hit, x, y, {(double)x, (double)y}, 0};
+    spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
+    spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
+    for (int c = 0; c < 3; ++c) {
+        const double own = look.color[c] * (double)frame->ambient.radiance[c] + (double)look.emission[c];
+        radiance[c] = spsi_between_of(own, own);
+    }
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        double irradiance[3], passes[3] = {1, 1, 1};
+        spsi_shade shade;
+        spsi_between through = {1, 1};
+        if (!spsi_surface_point_irradiance(frame, lamp, &surface, irradiance)) continue;
+        if (lamp->shadows) {
+            if (!spsi_march_sight(marcher->faces, lamp, surface.start, hit->face, passes)) continue;
+            spsi_bracket_shade(marcher, lamp, surface.point, &shade);
+            through = spsi_between_passes(shade.depth);
+        }
+        for (int c = 0; c < 3; ++c) {
+            const double all = look.color[c] * irradiance[c] * passes[c] / SPSI_PI * (double)lamp->color[c];
+            spsi_between_add(&radiance[c], all * through.low, all * through.high);
+        }
+    }
+}
+
+/* Ends a pixel's sample before the background, and adds it up. The walker takes the middle. */
+static void spsi_bracket_end(const spsi_marcher *marcher, spsi_walker *walker, spsi_bracket *bracket) {
+    const spsi_between passes = spsi_between_passes(bracket->gas);
+    const float *behind = marcher->total + (size_t)(walker - marcher->walkers) * spsi_total_floats(marcher->frame);
+    for (int c = 0; c < 3; ++c) {
+        const double far = walker->filter[c] * (double)behind[c];
+        spsi_between *all = &bracket->radiance[c];
+        spsi_between_add(all, far * (far > 0 ? passes.low : passes.high), far * (far > 0 ? passes.high : passes.low));
+        spsi_between_add(&bracket->sums[c], all->low, all->high);
+        walker->through[c] = walker->filter[c] * 0.5 * (passes.low + passes.high);
+        walker->radiance[c] = 0.5 * (all->low + all->high) - walker->through[c] * (double)behind[c];
+    }
+}
+
+/* Follows a pixel's ray up to its next face and through that. */
+static void spsi_bracket_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
+    spsi_bracket *bracket = &marcher->bracketing->pixels[walker - marcher->walkers];
+    const spsi_face *face;
+    spsi_between surface[3], passes;
+    spsi_ray ray;
+    double range[2];
+    int count;
+    (void)samples;
+    if (bracket->sample != marcher->sample) {
+        bracket->sample = marcher->sample;
+        bracket->gas = spsi_between_of(0, 0);
+        memset(bracket->radiance, 0, sizeof bracket->radiance);
+    }
+    spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
+    ray.low = fmax(ray.low, walker->low);
+    ray.high = walker->high;
+    count = spsi_bracket_range(marcher, &ray, range);
+    for (int i = 0; i < count; ++i) {
+        const spsi_ray part = spsi_bracket_part(&ray, range, i, count);
+        spsi_bracket_step(marcher, &part, SPSI_BRACKET_HALVINGS, walker, bracket);
+    }
+    passes = spsi_between_passes(bracket->gas);
+    walker->ended = walker->hit.face < 0;
+    if (!walker->ended) {
+        double before = spsi_color_mean(walker->filter);
+        face = &marcher->faces->list[walker->hit.face];
+        spsi_bracket_surface(marcher, &walker->hit, x, y, surface);
+        for (int c = 0; c < 3; ++c) {
+            spsi_between_add(&bracket->radiance[c], walker->filter[c] * passes.low * surface[c].low,
+                              walker->filter[c] * passes.high * surface[c].high);
+            walker->filter[c] *= (double)face->transmittance[c];
+        }
+        before -= spsi_color_mean(walker->filter);
+        walker->distance += before * 0.5 * (passes.low + passes.high) * walker->high;
+        walker->ended = !(walker->filter[0] > 0 || walker->filter[1] > 0 || walker->filter[2] > 0);
+    }
+    if (walker->ended) spsi_bracket_end(marcher, walker, bracket);
+}
+
+/* --- setting up --- */
+
+/* Refuses what has no bounds here. */
+static sps_result spsi_bracket_check(sps_context *context, const spsi_frame *frame) {
+    int scatters = 0, shadows = 0;
+    if (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) || spsi_scatters_forward(frame))
+        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
+                              "must be SPS_SCATTERING_OFF: light has bounds as long as it scatters once");
+    for (int m = 0; m < frame->medium_count; ++m) {
+        const spsi_material *material = spsi_part_material(frame, m);
+        if (material->table)
+            return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, frame->media[m].index, "transfer",
+                                  0, "makes looks that have corners, and normals, of which no bounds are known");
+    }
+    for (int m = 0; m < frame->matter.material_count; ++m) scatters |= frame->matter.materials[m].scatters;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        if (lamp->extent.exists || lamp->projection.exists)
+            return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index,
+                                  "", 0, "has an extent or throws an image, for which no bounds are known");
+        shadows |= lamp->shadows;
+    }
+    if (frame->particles.set_count > 0 && frame->lamps.count > 0 && scatters)
+        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_PARTICLES, frame->particles.sets[0].index, "",
+                              0, "in light that gas scatters have no bounds: their shadows have edges");
+    return SPS_OK;
+}
+
+/* Prepares bounds for all pixels. Afterwards rays are followed by spsi_bracket_on. */
+static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher, struct spsi_bracketing *bracketing) {
+    const spsi_frame *frame = marcher->frame;
+    const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
+    memset(bracketing, 0, sizeof *bracketing);
+    bracketing->pixels =
+        (spsi_bracket *)spsi_reserve(context, SPSI_BUFFER_PATHS, pixels, sizeof *bracketing->pixels);
+    if (!bracketing->pixels) return context->result;
+    memset(bracketing->pixels, 0, pixels * sizeof *bracketing->pixels);
+    for (size_t i = 0; i < pixels; ++i) bracketing->pixels[i].sample = -1;
+    bracketing->step = marcher->step;
+    bracketing->bounds = spsi_nowhere;
+    for (int m = 0; m < frame->medium_count; ++m) {
+        const spsi_dense *grid = &marcher->grids[m];
+        const size_t bricks = (size_t)grid->bricks[0] * (size_t)grid->bricks[1] * (size_t)grid->bricks[2];
+        for (size_t i = 0; i < bricks; ++i) bracketing->most[m] = fmax(bracketing->most[m], (double)grid->most[i]);
+        for (int k = 0; k < 3; ++k)
+            bracketing->step = fmin(bracketing->step, SPSI_BRACKET_STEP / spsi_length(grid->inverse[k]));
+        for (int corner = 0; corner < 8; ++corner) {
+            double at[3], point[3];
+            for (int k = 0; k < 3; ++k)
+                at[k] = corner >> k & 1 ? grid->size[k] + 0.5 * SPSI_BRACKET_TAPS : -0.5 * SPSI_BRACKET_TAPS;
+            spsi_voxel_position(frame->media[m].lattice, at, point);
+            spsi_bounds_add(&bracketing->bounds, point);
+        }
+    }
+    for (int i = 0; i < frame->content->particle_count; ++i) {
+        spsi_bounds box;
+        spsi_particle_bounds(&frame->content->particles[i], &box);
+        spsi_bounds_add(&bracketing->bounds, box.low);
+        spsi_bounds_add(&bracketing->bounds, box.high);
+    }
+    marcher->bracketing = bracketing;
+    marcher->follow = spsi_bracket_on;
+    return SPS_OK;
+}
+
+/* Writes the bounds, rounded outwards. */
+static void spsi_bracket_finish(const spsi_marcher *marcher, const sps_image *image) {
+    const int *region = marcher->frame->view.region, samples = marcher->side * marcher->side;
+    const size_t pitch = image->row_pixels ? image->row_pixels : (size_t)region[2];
+    for (int y = 0; y < region[3]; ++y)
+        for (int x = 0; x < region[2]; ++x) {
+            const spsi_between *sums = marcher->bracketing->pixels[(size_t)y * (size_t)region[2] + (size_t)x].sums;
+            for (int c = 0; c < 3; ++c) {
+                const size_t at = 3 * ((size_t)y * pitch + (size_t)x) + (size_t)c;
+                const double room = SPSI_BRACKET_ROUNDING * (fabs(sums[c].low) + fabs(sums[c].high)) / samples;
+                marcher->settings->lower[at] = (float)(sums[c].low / samples - room);
+                marcher->settings->upper[at] = (float)(sums[c].high / samples + room);
+            }
+        }
+}
+
 /* ================================================================================================ >>paths
-   37 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
+   38 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
    the polygons of >>reference. A path goes from event to event. Volumes are crossed by delta tracking [Woodcock et al.
    1965]: tentative collisions lie -ln(u) / bound apart, and one is real with probability extinction / bound; each brick
    has a bound of its own. Balls have closed forms, which are inverted. The nearest of all these collisions and of the
@@ -27501,11 +28361,14 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     spsi_rays centre;
     spsi_faces faces;
     spsi_paths paths;
+    struct spsi_bracketing bracketing;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
     float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
     if (!marcher || !rgb) return context->result;
     memset(marcher, 0, sizeof *marcher);
     marcher->settings = settings;
+    marcher->follow = spsi_march_on;
+    if (settings->lower && spsi_bracket_check(context, frame)) return context->result;
     if ((spsi_scatters_fully(frame) || spsi_scatters_aside(frame)) && settings->samples == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
                               "is SPS_SCATTERING_AUTO, the default, FULL or CONVOLUTION, which sps_reference finds by "
@@ -27513,6 +28376,7 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
                               "once");
     marcher->forward = spsi_scatters_forward(frame) && settings->samples == 0;
     if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
+    if (settings->lower && spsi_bracket_begin(context, marcher, &bracketing)) return context->result;
     for (int y = 0; y < region[3]; ++y) {
         if (spsi_background_row(context, frame, y, rgb)) return context->result;
         for (int x = 0; x < region[2]; ++x)
@@ -27532,12 +28396,13 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     if (spsi_progress(context, 1)) return context->result;
     spsi_march_finish(marcher);
     if (settings->samples > 0) spsi_paths_finish(&paths, image);
+    if (settings->lower) spsi_bracket_finish(marcher, image);
     spsi_write_image(frame, marcher->total, image);
     return SPS_OK;
 }
 
 /* =============================================================================================== >>public
-   38 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
+   39 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
    callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* if SPS_API is static: no warnings about functions that a program does not call */
@@ -27724,6 +28589,12 @@ static sps_result spsi_check_reference(sps_context *context, const sps_reference
     if (settings->error && settings->samples < 2)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "samples", settings->samples,
                                "an estimate of the error needs at least 2");
+    if (!settings->lower != !settings->upper)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, settings->lower ? "upper" : "lower", 0,
+                              "is NULL, and the other bound is not: set both or neither");
+    if (settings->lower && settings->samples > 0)
+        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, object, -1, "samples", settings->samples,
+                               "it must be 0 beside lower and upper: random paths have no bounds");
     return SPS_OK;
 }
 

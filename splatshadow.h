@@ -26992,7 +26992,8 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 #define SPSI_BRACKET_TAPS     8     /* voxels along each axis about a point */
 #define SPSI_BRACKET_STEP     0.75  /* of a voxel at most, so that these are all that counts, >>brackets */
 #define SPSI_BRACKET_TAIL     2e-8  /* of the largest value: kernels beyond, at the point itself */
-#define SPSI_BRACKET_HALVINGS 6     /* of a step at most: where a shadow may begin, and in dense gas */
+#define SPSI_BRACKET_HALVINGS 12    /* of a step at most, in dense gas */
+#define SPSI_BRACKET_EDGES    6     /* the same where a shadow may begin */
 #define SPSI_BRACKET_DENSE    0.5   /* optical depth of a step in the densest gas about it, above which it is halved */
 #define SPSI_BRACKET_SEEN     10    /* unless it is behind this one: 5e-5 passes */
 #define SPSI_BRACKET_DARK     27.6  /* optical depth beyond which shadows are not followed: 1e-12 passes */
@@ -27022,7 +27023,9 @@ typedef struct spsi_series {
 typedef struct spsi_bracket {
     int sample;                /* that it is about; -1: none yet */
     spsi_between gas;         /* optical depth before the next step */
-    spsi_between radiance[3]; /* of what lies before it */
+    spsi_between scattered[3]; /* by gas that lies before it, or emitted */
+    spsi_between radiance[3];  /* of faces before it */
+    double source[3];          /* radiance of that gas, were it opaque, at most */
     spsi_between sums[3];     /* over the samples that have ended */
 } spsi_bracket;
 
@@ -27257,94 +27260,6 @@ static void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *lam
     }
 }
 
-/* --- whether polygons are before a light --- */
-
-/* The side of a plane on which a point is: 1, -1, or 0 if it is too close to say. */
-static int spsi_plane_side(const double normal[3], const double on[3], const double point[3]) {
-    double offset[3], side, room;
-    spsi_along(point, on, -1, offset);
-    side = spsi_dot(normal, offset);
-    room = SPSI_BRACKET_ROOM * spsi_length(normal) * (spsi_length(on) + spsi_length(point));
-    return side > room ? 1 : side < -room ? -1 : 0;
-}
-
-/* The normal of the plane in which light passes two points. */
-static void spsi_light_plane(const spsi_lamp *lamp, const double a[3], const double b[3], double normal[3]) {
-    double u[3], v[3];
-    spsi_along(b, a, -1, u);
-    if (lamp->is_point)
-        spsi_along(a, lamp->position, -1, v);
-    else
-        memcpy(v, lamp->direction, sizeof v);
-    spsi_cross(u, v, normal);
-}
-
-typedef enum spsi_cover { SPSI_COVER_CLEAR, SPSI_COVER_BEHIND, SPSI_COVER_PARTLY } spsi_cover;
-
-/* Whether a face is before a light, seen from all points between two. Planes tell: that of the face, which must be
-   between them and the light, and those in which light passes its edges; or the one in which light comes to the two. */
-static spsi_cover spsi_face_cover(const spsi_face *face, const spsi_lamp *lamp, const double ends[2][3]) {
-    double normal[3], beyond[3];
-    int side, sides[3], inside = 1;
-    spsi_face_plane(face, normal);
-    spsi_along(face->position[0], lamp->direction, -1, beyond);
-    side = spsi_plane_side(normal, face->position[0], lamp->is_point ? lamp->position : beyond);
-    for (int i = 0; i < 2; ++i) sides[i] = spsi_plane_side(normal, face->position[0], ends[i]);
-    if (side != 0 && sides[0] == side && sides[1] == side) return SPSI_COVER_CLEAR;
-    inside = side != 0 && sides[0] == -side && sides[1] == -side;
-    for (int k = 0; k < 3; ++k) {
-        spsi_light_plane(lamp, face->position[k], face->position[(k + 1) % 3], normal);
-        side = spsi_plane_side(normal, face->position[k], face->position[(k + 2) % 3]);
-        for (int i = 0; i < 2; ++i) sides[i] = spsi_plane_side(normal, face->position[k], ends[i]);
-        if (side != 0 && sides[0] == -side && sides[1] == -side) return SPSI_COVER_CLEAR;
-        inside &= side != 0 && sides[0] == side && sides[1] == side;
-    }
-    if (inside) return SPSI_COVER_BEHIND;
-    spsi_light_plane(lamp, ends[0], ends[1], normal);
-    for (int k = 0; k < 3; ++k) sides[k] = spsi_plane_side(normal, ends[0], face->position[k]);
-    return sides[0] != 0 && sides[0] == sides[1] && sides[1] == sides[2] ? SPSI_COVER_CLEAR : SPSI_COVER_PARTLY;
-}
-
-/* Bounds of the share of a light that polygons let pass to all points of a step. Returns 0 if a polygon is before the
-   light for some of them only, so that a shorter step tells more. */
-static int spsi_step_sight(const spsi_faces *faces, const spsi_lamp *lamp, const double ends[2][3],
-                           spsi_between passes[3]) {
-    const spsi_tree *tree = &faces->tree;
-    int stack[SPSI_TREE_STACK], top = 0, sure = 1;
-    spsi_ray ray;
-    for (int c = 0; c < 3; ++c) passes[c] = spsi_between_of(1, 1);
-    if (tree->count == 0 || !lamp->shadows) return 1;
-    for (int i = 0; i < 3; ++i) ray.origin[i] = 0.5 * (ends[0][i] + ends[1][i]);
-    spsi_toward_lamp(lamp, ray.origin, ray.direction);
-    ray.low = 0;
-    ray.high = lamp->is_point ? 1 : HUGE_VAL;
-    stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        double low[3], high[3], range[2];
-        for (int i = 0; i < 3; ++i) {
-            const double l = tree->centre[i] + (double)node->low[i], h = tree->centre[i] + (double)node->high[i];
-            const double room = fabs(ends[1][i] - ray.origin[i]) + SPSI_BRACKET_ROOM * (fabs(l) + fabs(h));
-            low[i] = l - room, high[i] = h + room;
-        }
-        if (!spsi_ray_meets_box(&ray, low, high, range)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const spsi_face *face = &faces->list[tree->order[node->first + i]];
-            const spsi_cover sight = spsi_face_cover(face, lamp, ends);
-            sure &= sight != SPSI_COVER_PARTLY;
-            for (int c = 0; c < 3 && sight != SPSI_COVER_CLEAR; ++c) {
-                passes[c].low *= (double)face->transmittance[c];
-                if (sight == SPSI_COVER_BEHIND) passes[c].high *= (double)face->transmittance[c];
-            }
-        }
-        if (!(passes[0].high > 0 || passes[1].high > 0 || passes[2].high > 0)) return 1;
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
-    }
-    return sure;
-}
-
 /* --- a step of the eye's ray --- */
 
 typedef struct spsi_step {
@@ -27539,38 +27454,112 @@ static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step
     }
 }
 
-/* Bounds of the share of a light that a gas sends to the eye from anywhere on a step, per unit of optical depth and of
-   albedo. Lobes are convex in the cosine, so that between two ends none is above them, nor below what its middle and
-   the larger end leave. A lamp's light turns by less than the step seen from it. */
-static spsi_between spsi_step_phase(const spsi_step *step, const spsi_lamp *lamp, const spsi_material *material) {
+/* Angle by which light that comes to a step turns at most, from its middle. */
+static double spsi_step_turn(const spsi_step *step, const spsi_lamp *lamp) {
     const double half = 0.5 * (step->ray.high - step->ray.low);
-    double travel[3], offset[3], turn = 0, ends[3], cosine, middle, cone[2];
-    spsi_between phase;
+    double offset[3], distance;
+    if (!lamp->is_point) return 0;
+    spsi_along(lamp->position, step->points[1], -1, offset);
+    distance = spsi_length(offset);
+    return half < distance ? asin(half / distance) : 4;
+}
+
+/* Range of the cosines between light that comes to a step and the light's axis. */
+static spsi_between spsi_step_axis(const spsi_step *step, const spsi_lamp *lamp) {
+    double travel[3], cosine, turn = spsi_step_turn(step, lamp);
     spsi_lamp_direction(lamp, step->points[1], travel);
-    if (lamp->is_point) {
-        spsi_along(lamp->position, step->points[1], -1, offset);
-        turn = half < spsi_length(offset) ? asin(half / spsi_length(offset)) : 4;
+    cosine = spsi_dot(lamp->direction, travel);
+    return spsi_between_of(fmax(cosine - turn, -1), fmin(cosine + turn, 1));
+}
+
+/* Whether a cone begins or ends in a range of cosines. */
+static int spsi_cone_bends(const spsi_cone *cone, spsi_between range) {
+    const double low = range.low * (double)cone->scale + (double)cone->offset;
+    const double high = range.high * (double)cone->scale + (double)cone->offset;
+    return cone->exists && ((low < 0 && high > 0) || (low < 1 && high > 1));
+}
+
+/* What a light's cone lets pass on a step, in which the cosine from its axis is within `range`. Where it begins and
+   where it ends it has corners, and between them it is the square of a linear function. */
+static void spsi_coming_cone(const spsi_cone *cone, const double cosines[3], spsi_between range,
+                             const spsi_series *turning, spsi_coming *coming) {
+    spsi_series share = *turning;
+    for (int j = 0; j < 3; ++j) coming->falls[j] *= spsi_cone_at(cone, cosines[j]);
+    coming->range.low *= spsi_cone_at(cone, range.low);
+    coming->range.high *= spsi_cone_at(cone, range.high);
+    if (!cone->exists || spsi_cone_at(cone, range.low) >= 1) return;
+    coming->smooth &= !spsi_cone_bends(cone, range);
+    for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) share.term[k] *= (double)cone->scale;
+    share.term[0] = range.high * (double)cone->scale + (double)cone->offset;
+    coming->falloff = spsi_series_product(&coming->falloff, &share);
+    coming->falloff = spsi_series_product(&coming->falloff, &share);
+}
+
+/* The series of one lobe, (1 - g^2) / (4 pi) * (1 + g^2 - 2 g cosine)^(-3/2), of which the parenthesis is at least
+   `least`: that of a power. */
+static spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const spsi_series *cosine) {
+    const double g = fabs((double)lobe->asymmetry);
+    spsi_series lobes;
+    lobes.term[0] = (double)lobe->weight * (1 - g * g) / (4 * SPSI_PI * least * sqrt(least));
+    for (int n = 1; n <= SPSI_BRACKET_ORDER; ++n) {
+        lobes.term[n] = 0;
+        for (int k = 1; k <= n; ++k)
+            lobes.term[n] += (n + 0.5 * k) * 2 * g * cosine->term[k] / least * lobes.term[n - k] / n;
     }
-    cosine = -spsi_dot(travel, step->ray.direction);
+    return lobes;
+}
+
+/* What a gas sends to the eye of the light that comes to a step, per unit of optical depth and of albedo. Lobes are
+   convex in the cosine: between two ends none is above them, nor below what its middle and the larger end leave. A
+   lamp's light turns by less than the step seen from it, and its direction has a series of 2 / r^k at most. */
+static void spsi_coming_phase(const spsi_step *step, const spsi_lamp *lamp, const spsi_material *material,
+                              spsi_coming *coming) {
+    const double half = 0.5 * (step->ray.high - step->ray.low);
+    const double turn = spsi_step_turn(step, lamp);
+    double cosines[3], axis[3], ends[3], distance = HUGE_VAL;
+    spsi_series turning, phase;
+    for (int j = 0; j < 3; ++j) {
+        double travel[3], offset[3];
+        spsi_lamp_direction(lamp, step->points[j], travel);
+        cosines[j] = -spsi_dot(travel, step->ray.direction);
+        axis[j] = spsi_dot(lamp->direction, travel);
+        spsi_along(lamp->position, step->points[j], -1, offset);
+        if (j == 1 && lamp->is_point) distance = spsi_length(offset);
+    }
     for (int i = 0; i < 3; ++i) {
         float lanes[SPSI_LANES];
-        spsi_store(lanes, spsi_phase(material, spsi_set((float)fmin(fmax(cosine + (i - 1) * turn, -1), 1))));
+        spsi_store(lanes, spsi_phase(material, spsi_set((float)cosines[i])));
+        coming->falls[i] *= (double)lanes[0];
+        ends[i] = fmin(fmax(cosines[1] + (i - 1) * turn, -1), 1);
+        spsi_store(lanes, spsi_phase(material, spsi_set((float)ends[i])));
         ends[i] = (double)lanes[0];
     }
-    middle = ends[1];
-    phase.high = fmax(middle, fmax(ends[0], ends[2]));
-    phase.low = turn > 0 ? fmax(0, 2 * middle - phase.high) : middle;
-    if (!lamp->is_point) return phase;
-    cosine = spsi_dot(lamp->direction, travel);
-    for (int i = 0; i < 2; ++i) cone[i] = spsi_cone_at(&lamp->cone, fmin(fmax(cosine + (i ? turn : -turn), -1), 1));
-    phase.low *= cone[0];
-    phase.high *= cone[1];
-    return phase;
+    ends[0] = fmax(ends[1], fmax(ends[0], ends[2]));
+    coming->range.low *= turn > 0 ? fmax(0, 2 * ends[1] - ends[0]) : ends[1];
+    coming->range.high *= ends[0];
+    coming->smooth &= !lamp->is_point || distance > 2 * half;
+    memset(&phase, 0, sizeof phase);
+    for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) turning.term[k] = lamp->is_point ? 2 / pow(distance - half, k) : 0;
+    for (int i = 0; i < material->lobe_count; ++i) {
+        const double g = (double)material->lobes[i].asymmetry;
+        const double most = fmin(fmax(cosines[1] + (g > 0 ? turn : -turn), -1), 1);
+        const spsi_series lobe = spsi_series_lobe(&material->lobes[i], 1 + g * g - 2 * g * most, &turning);
+        for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) phase.term[k] += lobe.term[k];
+    }
+    coming->falloff = spsi_series_product(&coming->falloff, &phase);
+    if (lamp->is_point) spsi_coming_cone(&lamp->cone, axis, spsi_step_axis(step, lamp), &turning, coming);
 }
+
+/* What gas on a step sends to the eye. */
+typedef struct spsi_step_light {
+    spsi_between light[3];
+    double source[3]; /* radiance, were it opaque, at most */
+} spsi_step_light;
 
 /* Adds what all volumes on a step scatter from a light. */
 static void spsi_step_add_lamp(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
-                               const spsi_between passes[3], spsi_between sum[3]) {
+                               const spsi_between passes[3], spsi_step_light *sum) {
+    double source[3] = {0, 0, 0};
     spsi_coming coming;
     spsi_coming_plain(&coming);
     spsi_coming_fall(marcher, step, lamp, &coming);
@@ -27580,21 +27569,25 @@ static void spsi_step_add_lamp(const spsi_marcher *marcher, const spsi_step *ste
         coming.passes.low = 0, coming.smooth = 0;
     for (int m = 0; m < marcher->frame->medium_count; ++m) {
         const spsi_material *material = spsi_part_material(marcher->frame, m);
-        spsi_between light, phase;
+        spsi_coming sent = coming;
+        spsi_between light;
         if (!material->scatters) continue;
-        light = spsi_step_integral(marcher, step, m, &coming);
-        phase = spsi_step_phase(step, lamp, material);
+        spsi_coming_phase(step, lamp, material, &sent);
+        light = spsi_step_integral(marcher, step, m, &sent);
         for (int c = 0; c < 3; ++c) {
-            const double share = (double)material->extinction * (double)material->albedo[c] * (double)lamp->color[c];
-            spsi_between_add(&sum[c], share * light.low * phase.low * passes[c].low,
-                              share * light.high * phase.high * passes[c].high);
+            const double share = (double)material->albedo[c] * (double)lamp->color[c];
+            spsi_between_add(&sum->light[c], share * (double)material->extinction * light.low * passes[c].low,
+                             share * (double)material->extinction * light.high * passes[c].high);
+            source[c] = fmax(source[c], share * sent.range.high);
         }
     }
+    for (int c = 0; c < 3; ++c) sum->source[c] += source[c];
 }
 
 /* Adds what gas on a step emits, and what it scatters of ambient light. */
-static void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *step, spsi_between sum[3]) {
+static void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *step, spsi_step_light *sum) {
     const spsi_frame *frame = marcher->frame;
+    double source[3] = {0, 0, 0};
     spsi_coming coming;
     spsi_coming_plain(&coming);
     for (int part = 0; part < marcher->part_count; ++part) {
@@ -27609,18 +27602,119 @@ static void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *step
             const double extinction = is_volume ? (double)material->extinction : 1;
             const double share = extinction * (double)material->albedo[c] * (double)material->ambient[c] +
                                  (double)material->emission[c];
-            spsi_between_add(&sum[c], share * light.low, share * light.high);
+            spsi_between_add(&sum->light[c], share * light.low, share * light.high);
+            if (share > 0) source[c] = fmax(source[c], extinction > 0 ? share / extinction : HUGE_VAL);
         }
     }
+    for (int c = 0; c < 3; ++c) sum->source[c] += source[c];
 }
 
-/* Whether halving a step would bring nothing: no polygon's shadow begins on it, and it is not dense. */
-static int spsi_step_suffices(const spsi_marcher *marcher, const spsi_step *step) {
+/* --- whether polygons are before a light --- */
+
+/* The side of a plane on which a point is: 1, -1, or 0 if it is too close to say. */
+static int spsi_plane_side(const double normal[3], const double on[3], const double point[3]) {
+    double offset[3], side, room;
+    spsi_along(point, on, -1, offset);
+    side = spsi_dot(normal, offset);
+    room = SPSI_BRACKET_ROOM * spsi_length(normal) * (spsi_length(on) + spsi_length(point));
+    return side > room ? 1 : side < -room ? -1 : 0;
+}
+
+/* The normal of the plane in which light passes two points. */
+static void spsi_light_plane(const spsi_lamp *lamp, const double a[3], const double b[3], double normal[3]) {
+    double u[3], v[3];
+    spsi_along(b, a, -1, u);
+    if (lamp->is_point)
+        spsi_along(a, lamp->position, -1, v);
+    else
+        memcpy(v, lamp->direction, sizeof v);
+    spsi_cross(u, v, normal);
+}
+
+typedef enum spsi_cover { SPSI_COVER_CLEAR, SPSI_COVER_BEHIND, SPSI_COVER_PARTLY } spsi_cover;
+
+/* Whether a face is before a light, seen from all points between two. Planes tell: that of the face, which must be
+   between them and the light, and those in which light passes its edges; or the one in which light comes to the two. */
+static spsi_cover spsi_face_cover(const spsi_face *face, const spsi_lamp *lamp, const spsi_step *step) {
+    double normal[3], beyond[3];
+    int side, sides[3], inside = 1;
+    spsi_face_plane(face, normal);
+    spsi_along(face->position[0], lamp->direction, -1, beyond);
+    side = spsi_plane_side(normal, face->position[0], lamp->is_point ? lamp->position : beyond);
+    for (int i = 0; i < 2; ++i) sides[i] = spsi_plane_side(normal, face->position[0], step->ends[i]);
+    if (side != 0 && sides[0] == side && sides[1] == side) return SPSI_COVER_CLEAR;
+    inside = side != 0 && sides[0] == -side && sides[1] == -side;
+    for (int k = 0; k < 3; ++k) {
+        spsi_light_plane(lamp, face->position[k], face->position[(k + 1) % 3], normal);
+        side = spsi_plane_side(normal, face->position[k], face->position[(k + 2) % 3]);
+        for (int i = 0; i < 2; ++i) sides[i] = spsi_plane_side(normal, face->position[k], step->ends[i]);
+        if (side != 0 && sides[0] == -side && sides[1] == -side) return SPSI_COVER_CLEAR;
+        inside &= side != 0 && sides[0] == side && sides[1] == side;
+    }
+    if (inside) return SPSI_COVER_BEHIND;
+    spsi_light_plane(lamp, step->ends[0], step->ends[1], normal);
+    for (int k = 0; k < 3; ++k) sides[k] = spsi_plane_side(normal, step->ends[0], face->position[k]);
+    return sides[0] != 0 && sides[0] == sides[1] && sides[1] == sides[2] ? SPSI_COVER_CLEAR : SPSI_COVER_PARTLY;
+}
+
+/* Bounds of the share of a light that polygons let pass to all points of a step. Returns 0 if a polygon is before the
+   light for some of them only, so that a shorter step tells more. */
+static int spsi_step_cover(const spsi_faces *faces, const spsi_lamp *lamp, const spsi_step *step,
+                           spsi_between passes[3]) {
+    const spsi_tree *tree = &faces->tree;
+    int stack[SPSI_TREE_STACK], top = 0, sure = 1;
+    spsi_ray ray;
+    for (int c = 0; c < 3; ++c) passes[c] = spsi_between_of(1, 1);
+    if (tree->count == 0 || !lamp->shadows) return 1;
+    for (int i = 0; i < 3; ++i) ray.origin[i] = 0.5 * (step->ends[0][i] + step->ends[1][i]);
+    spsi_toward_lamp(lamp, ray.origin, ray.direction);
+    ray.low = 0;
+    ray.high = lamp->is_point ? 1 : HUGE_VAL;
+    stack[top++] = 0;
+    while (top > 0) {
+        const spsi_tree_node *node = &tree->nodes[stack[--top]];
+        double low[3], high[3], range[2];
+        for (int i = 0; i < 3; ++i) {
+            const double l = tree->centre[i] + (double)node->low[i], h = tree->centre[i] + (double)node->high[i];
+            const double room = fabs(step->ends[1][i] - ray.origin[i]) + SPSI_BRACKET_ROOM * (fabs(l) + fabs(h));
+            low[i] = l - room, high[i] = h + room;
+        }
+        if (!spsi_ray_meets_box(&ray, low, high, range)) continue;
+        for (int i = 0; i < node->count; ++i) {
+            const spsi_face *face = &faces->list[tree->order[node->first + i]];
+            const spsi_cover sight = spsi_face_cover(face, lamp, step);
+            sure &= sight != SPSI_COVER_PARTLY;
+            for (int c = 0; c < 3 && sight != SPSI_COVER_CLEAR; ++c) {
+                passes[c].low *= (double)face->transmittance[c];
+                if (sight == SPSI_COVER_BEHIND) passes[c].high *= (double)face->transmittance[c];
+            }
+        }
+        if (!(passes[0].high > 0 || passes[1].high > 0 || passes[2].high > 0)) return 1;
+        if (node->count > 0) continue;
+        stack[top++] = node->first;
+        stack[top++] = node->first + 1;
+    }
+    return sure;
+}
+
+/* --- following a ray --- */
+
+/* Whether halving a step would bring nothing: it is not dense, and neither a polygon's shadow nor a cone begins on it.
+ */
+static int spsi_step_suffices(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_between before) {
     spsi_between passes[3];
-    if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 1;
-    if (step->smooth && step->passes.term[1] * (step->ray.high - step->ray.low) > SPSI_BRACKET_DENSE) return 0;
-    for (int i = 0; i < marcher->frame->lamps.count; ++i)
-        if (!spsi_step_sight(marcher->faces, &marcher->frame->lamps.list[i], step->ends, passes)) return 0;
+    double dense;
+    spsi_step step;
+    if (halvings >= SPSI_BRACKET_HALVINGS) return 1;
+    spsi_step_build(marcher, ray, before, &step);
+    if (!step.lit || before.low > SPSI_BRACKET_SEEN) return 1;
+    dense = step.passes.term[1] * (ray->high - ray->low);
+    if (step.smooth && dense > SPSI_BRACKET_DENSE)
+        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) > SPSI_BRACKET_DENSE; /* not even all of them are enough */
+    for (int i = 0; i < marcher->frame->lamps.count && halvings < SPSI_BRACKET_EDGES; ++i)
+        if (!spsi_step_cover(marcher->faces, &marcher->frame->lamps.list[i], &step, passes) ||
+            spsi_cone_bends(&marcher->frame->lamps.list[i].cone, spsi_step_axis(&step, &marcher->frame->lamps.list[i])))
+            return 0;
     return 1;
 }
 
@@ -27628,33 +27722,36 @@ static int spsi_step_suffices(const spsi_marcher *marcher, const spsi_step *step
 static void spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_walker *walker,
                               spsi_bracket *bracket) {
     const spsi_frame *frame = marcher->frame;
-    spsi_between passes[3], sum[3] = {{0, 0}, {0, 0}, {0, 0}};
+    spsi_between passes[3];
+    spsi_step_light sum;
     spsi_step step;
     double before;
-    spsi_step_build(marcher, ray, bracket->gas, &step);
-    if (halvings > 0 && !spsi_step_suffices(marcher, &step)) {
+    if (!spsi_step_suffices(marcher, ray, halvings, bracket->gas)) {
         for (int n = 0; n < 2; ++n) {
             const double range[2] = {ray->low, ray->high};
             const spsi_ray half = spsi_bracket_part(ray, range, n, 2);
-            spsi_bracket_step(marcher, &half, halvings - 1, walker, bracket);
+            spsi_bracket_step(marcher, &half, halvings + 1, walker, bracket);
         }
         return;
     }
+    spsi_step_build(marcher, ray, bracket->gas, &step);
+    memset(&sum, 0, sizeof sum);
     for (int i = 0; i < frame->lamps.count; ++i) {
         for (int c = 0; c < 3; ++c) passes[c] = spsi_between_of(0, 1);
-        if (step.lit) spsi_step_sight(marcher->faces, &frame->lamps.list[i], step.ends, passes);
-        spsi_step_add_lamp(marcher, &step, &frame->lamps.list[i], passes, sum);
+        if (step.lit) spsi_step_cover(marcher->faces, &frame->lamps.list[i], &step, passes);
+        spsi_step_add_lamp(marcher, &step, &frame->lamps.list[i], passes, &sum);
     }
-    spsi_step_add_own(marcher, &step, sum);
-    for (int c = 0; c < 3; ++c)
-        spsi_between_add(&bracket->radiance[c], walker->filter[c] * sum[c].low, walker->filter[c] * sum[c].high);
+    spsi_step_add_own(marcher, &step, &sum);
+    for (int c = 0; c < 3; ++c) {
+        spsi_between_add(&bracket->scattered[c], walker->filter[c] * sum.light[c].low,
+                         walker->filter[c] * sum.light[c].high);
+        bracket->source[c] = fmax(bracket->source[c], sum.source[c]);
+    }
     before = exp(-0.5 * (bracket->gas.low + bracket->gas.high));
     spsi_between_add(&bracket->gas, step.depth.low, step.depth.high);
     walker->distance += spsi_color_mean(walker->filter) * 0.5 * (ray->low + ray->high) *
                         (before - exp(-0.5 * (bracket->gas.low + bracket->gas.high)));
 }
-
-/* --- a ray --- */
 
 /* Bounds of the radiance of the polygon that a ray meets. */
 static void spsi_bracket_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
@@ -27687,13 +27784,16 @@ static void spsi_bracket_surface(const spsi_marcher *marcher, const spsi_hit *hi
     }
 }
 
-/* Ends a pixel's sample before the background, and adds it up. The walker takes the middle. */
+/* Ends a pixel's sample before the background, and adds it up. What gas sends is no more than if it were opaque and all
+   as bright as its brightest. The walker takes the middle. */
 static void spsi_bracket_end(const spsi_marcher *marcher, spsi_walker *walker, spsi_bracket *bracket) {
     const spsi_between passes = spsi_between_passes(bracket->gas);
     const float *behind = marcher->total + (size_t)(walker - marcher->walkers) * spsi_total_floats(marcher->frame);
     for (int c = 0; c < 3; ++c) {
         const double far = walker->filter[c] * (double)behind[c];
         spsi_between *all = &bracket->radiance[c];
+        const double most = bracket->source[c] * -expm1(-bracket->gas.high);
+        spsi_between_add(all, bracket->scattered[c].low, fmin(bracket->scattered[c].high, most));
         spsi_between_add(all, far * (far > 0 ? passes.low : passes.high), far * (far > 0 ? passes.high : passes.low));
         spsi_between_add(&bracket->sums[c], all->low, all->high);
         walker->through[c] = walker->filter[c] * 0.5 * (passes.low + passes.high);
@@ -27713,7 +27813,9 @@ static void spsi_bracket_on(const spsi_marcher *marcher, int x, int y, spsi_samp
     if (bracket->sample != marcher->sample) {
         bracket->sample = marcher->sample;
         bracket->gas = spsi_between_of(0, 0);
+        memset(bracket->scattered, 0, sizeof bracket->scattered);
         memset(bracket->radiance, 0, sizeof bracket->radiance);
+        memset(bracket->source, 0, sizeof bracket->source);
     }
     spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
     ray.low = fmax(ray.low, walker->low);
@@ -27721,7 +27823,7 @@ static void spsi_bracket_on(const spsi_marcher *marcher, int x, int y, spsi_samp
     count = spsi_bracket_range(marcher, &ray, range);
     for (int i = 0; i < count; ++i) {
         const spsi_ray part = spsi_bracket_part(&ray, range, i, count);
-        spsi_bracket_step(marcher, &part, SPSI_BRACKET_HALVINGS, walker, bracket);
+        spsi_bracket_step(marcher, &part, 0, walker, bracket);
     }
     passes = spsi_between_passes(bracket->gas);
     walker->ended = walker->hit.face < 0;
@@ -27745,7 +27847,7 @@ static void spsi_bracket_on(const spsi_marcher *marcher, int x, int y, spsi_samp
 
 /* Refuses what has no bounds here. */
 static sps_result spsi_bracket_check(sps_context *context, const spsi_frame *frame) {
-    int scatters = 0, shadows = 0;
+    int scatters = 0;
     if (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) || spsi_scatters_forward(frame))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
                               "must be SPS_SCATTERING_OFF: light has bounds as long as it scatters once");
@@ -27761,7 +27863,6 @@ static sps_result spsi_bracket_check(sps_context *context, const spsi_frame *fra
         if (lamp->extent.exists || lamp->projection.exists)
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index,
                                   "", 0, "has an extent or throws an image, for which no bounds are known");
-        shadows |= lamp->shadows;
     }
     if (frame->particles.set_count > 0 && frame->lamps.count > 0 && scatters)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_PARTICLES, frame->particles.sets[0].index, "",

@@ -27791,13 +27791,13 @@ static void spsi_bracket_end(const spsi_marcher *marcher, spsi_walker *walker, s
     const float *behind = marcher->total + (size_t)(walker - marcher->walkers) * spsi_total_floats(marcher->frame);
     for (int c = 0; c < 3; ++c) {
         const double far = walker->filter[c] * (double)behind[c];
-        spsi_between *all = &bracket->radiance[c];
         const double most = bracket->source[c] * -expm1(-bracket->gas.high);
+        spsi_between *all = &bracket->radiance[c];
         spsi_between_add(all, bracket->scattered[c].low, fmin(bracket->scattered[c].high, most));
+        walker->through[c] = walker->filter[c] * 0.5 * (passes.low + passes.high);
+        walker->radiance[c] = 0.5 * (all->low + all->high);
         spsi_between_add(all, far * (far > 0 ? passes.low : passes.high), far * (far > 0 ? passes.high : passes.low));
         spsi_between_add(&bracket->sums[c], all->low, all->high);
-        walker->through[c] = walker->filter[c] * 0.5 * (passes.low + passes.high);
-        walker->radiance[c] = 0.5 * (all->low + all->high) - walker->through[c] * (double)behind[c];
     }
 }
 

@@ -637,7 +637,7 @@ static void free_scenery(scenery *x) {
 
 /* ------------------------------------------------------------------------------------------------------------ calls */
 
-static float rgba[4 * PIXELS_MAX], distance[PIXELS_MAX];
+static float rgba[4 * PIXELS_MAX], distance[PIXELS_MAX], lower[3 * PIXELS_MAX], upper[3 * PIXELS_MAX];
 
 /* Pixels of these that are used. */
 static int pixel_room(void) { return from_bytes ? 90 + TINY + 1 : PIXELS_MAX; }
@@ -672,6 +672,30 @@ static int image_untouched(void) {
 static void clear_image(void) {
     for (int i = 0; i < 4 * pixel_room(); ++i) rgba[i] = -7;
     for (int i = 0; i < pixel_room(); ++i) distance[i] = -7;
+}
+
+/* Marches with bounds, which only some scenes have. */
+static sps_result bound_scenery(sps_context *context, const scenery *x) {
+    sps_reference_settings wanted;
+    sps_image image;
+    sps_result result;
+    const int count = 3 * pixel_room();
+    int good = 1;
+    memset(&wanted, 0, sizeof wanted);
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    image.depth = distance;
+    clear_image();
+    for (int i = 0; i < count; ++i) lower[i] = upper[i] = -7;
+    wanted.step = 0.75;
+    wanted.lower = lower, wanted.upper = upper;
+    result = sps_reference(context, &x->s.scene, &x->s.view, &wanted, &image);
+    for (int i = 0; i < count; ++i) {
+        const float found = rgba[4 * (i / 3) + i % 3];
+        good &= found == -7 ? lower[i] == -7 && upper[i] == -7 : lower[i] <= found && found <= upper[i];
+    }
+    CHECK(good);
+    return result;
 }
 
 static sps_result render_scenery(sps_context *context, const scenery *x, int reference) {

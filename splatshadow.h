@@ -26993,7 +26993,8 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 #define SPSI_BRACKET_STEP     0.75  /* of a voxel at most, so that these are all that counts, >>brackets */
 #define SPSI_BRACKET_TAIL     2e-8  /* of the largest value: kernels beyond, at the point itself */
 #define SPSI_BRACKET_HALVINGS 12    /* of a step at most, in dense gas */
-#define SPSI_BRACKET_EDGES    6     /* the same where a shadow may begin */
+#define SPSI_BRACKET_EDGES    6     /* the same where a shadow may begin, and where bounds are wide */
+#define SPSI_BRACKET_WIDE     1e-3  /* of what opaque gas would send: bounds of a step that are farther apart */
 #define SPSI_BRACKET_DENSE    0.5   /* optical depth of a step in the densest gas about it, above which it is halved */
 #define SPSI_BRACKET_SEEN     10    /* unless it is behind this one: 5e-5 passes */
 #define SPSI_BRACKET_DARK     27.6  /* optical depth beyond which shadows are not followed: 1e-12 passes */
@@ -27554,6 +27555,7 @@ static void spsi_coming_phase(const spsi_step *step, const spsi_lamp *lamp, cons
 typedef struct spsi_step_light {
     spsi_between light[3];
     double source[3]; /* radiance, were it opaque, at most */
+    spsi_between depth;
 } spsi_step_light;
 
 /* Adds what all volumes on a step scatter from a light. */
@@ -27699,34 +27701,48 @@ static int spsi_step_cover(const spsi_faces *faces, const spsi_lamp *lamp, const
 
 /* --- following a ray --- */
 
-/* Whether halving a step would bring nothing: it is not dense, and neither a polygon's shadow nor a cone begins on it.
- */
-static int spsi_step_suffices(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_between before) {
-    spsi_between passes[3];
-    double dense;
+/* Whether a step is too long before anything is known of its light: it is dense, or a polygon's shadow or a cone begins
+   on it. */
+static int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step, int halvings) {
+    const double dense = step->passes.term[1] * (step->ray.high - step->ray.low);
+    if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
+    if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
+        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* else no halving is enough */
+    for (int i = 0; i < marcher->frame->lamps.count && halvings < SPSI_BRACKET_EDGES; ++i) {
+        const spsi_lamp *lamp = &marcher->frame->lamps.list[i];
+        spsi_between passes[3];
+        if (spsi_cone_bends(&lamp->cone, spsi_step_axis(step, lamp))) return 1;
+        if (!spsi_step_cover(marcher->faces, lamp, step, passes)) return 1;
+    }
+    return 0;
+}
+
+/* Bounds of what a step sends to the eye. Returns 0 if its halves should be asked instead. */
+static int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_between before,
+                            spsi_step_light *sum) {
+    const spsi_frame *frame = marcher->frame;
     spsi_step step;
-    if (halvings >= SPSI_BRACKET_HALVINGS) return 1;
+    memset(sum, 0, sizeof *sum);
     spsi_step_build(marcher, ray, before, &step);
-    if (!step.lit || before.low > SPSI_BRACKET_SEEN) return 1;
-    dense = step.passes.term[1] * (ray->high - ray->low);
-    if (step.smooth && dense > SPSI_BRACKET_DENSE)
-        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) > SPSI_BRACKET_DENSE; /* not even all of them are enough */
-    for (int i = 0; i < marcher->frame->lamps.count && halvings < SPSI_BRACKET_EDGES; ++i)
-        if (!spsi_step_cover(marcher->faces, &marcher->frame->lamps.list[i], &step, passes) ||
-            spsi_cone_bends(&marcher->frame->lamps.list[i].cone, spsi_step_axis(&step, &marcher->frame->lamps.list[i])))
-            return 0;
+    if (spsi_step_too_long(marcher, &step, halvings)) return 0;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        spsi_between passes[3] = {{0, 1}, {0, 1}, {0, 1}};
+        if (step.lit) spsi_step_cover(marcher->faces, &frame->lamps.list[i], &step, passes);
+        spsi_step_add_lamp(marcher, &step, &frame->lamps.list[i], passes, sum);
+    }
+    spsi_step_add_own(marcher, &step, sum);
+    sum->depth = step.depth;
+    for (int c = 0; c < 3 && step.lit && halvings < SPSI_BRACKET_EDGES; ++c)
+        if (sum->light[c].high - sum->light[c].low > SPSI_BRACKET_WIDE * sum->source[c]) return 0;
     return 1;
 }
 
 /* Follows the eye's ray through a step, or through its halves. */
 static void spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_walker *walker,
                               spsi_bracket *bracket) {
-    const spsi_frame *frame = marcher->frame;
-    spsi_between passes[3];
     spsi_step_light sum;
-    spsi_step step;
     double before;
-    if (!spsi_step_suffices(marcher, ray, halvings, bracket->gas)) {
+    if (!spsi_step_follow(marcher, ray, halvings, bracket->gas, &sum)) {
         for (int n = 0; n < 2; ++n) {
             const double range[2] = {ray->low, ray->high};
             const spsi_ray half = spsi_bracket_part(ray, range, n, 2);
@@ -27734,21 +27750,13 @@ static void spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, 
         }
         return;
     }
-    spsi_step_build(marcher, ray, bracket->gas, &step);
-    memset(&sum, 0, sizeof sum);
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        for (int c = 0; c < 3; ++c) passes[c] = spsi_between_of(0, 1);
-        if (step.lit) spsi_step_cover(marcher->faces, &frame->lamps.list[i], &step, passes);
-        spsi_step_add_lamp(marcher, &step, &frame->lamps.list[i], passes, &sum);
-    }
-    spsi_step_add_own(marcher, &step, &sum);
     for (int c = 0; c < 3; ++c) {
         spsi_between_add(&bracket->scattered[c], walker->filter[c] * sum.light[c].low,
                          walker->filter[c] * sum.light[c].high);
         bracket->source[c] = fmax(bracket->source[c], sum.source[c]);
     }
     before = exp(-0.5 * (bracket->gas.low + bracket->gas.high));
-    spsi_between_add(&bracket->gas, step.depth.low, step.depth.high);
+    spsi_between_add(&bracket->gas, sum.depth.low, sum.depth.high);
     walker->distance += spsi_color_mean(walker->filter) * 0.5 * (ray->low + ray->high) *
                         (before - exp(-0.5 * (bracket->gas.low + bracket->gas.high)));
 }

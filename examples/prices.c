@@ -4,6 +4,7 @@
    prices FOLDER          prints Markdown, and writes prices.csv and pictures into the folder
    prices FOLDER SCENE    that scene alone, by its name there: slab, blob, ball, ... See price_scenes.h
    prices FOLDER quick    the scenes that have a closed form; of the knobs, quality and slab
+   prices FOLDER bounds   how far apart the bounds of sps_reference are, and which errors they leave to pictures
    prices FOLDER headline one picture at three grades, with the error and the time of each, as price.png
    With SPLATSHADOW_DATA=folder, where the scans lie, these too. */
 
@@ -17,6 +18,7 @@
 #include "chart.h"
 #include "bench_scenes.h"
 #include "price_scenes.h"
+#include "price_bounds.h"
 
 /* ================================================================================================== knobs */
 
@@ -607,6 +609,44 @@ static void print_page(const price *prices, int count) {
     for (int i = 0; i < count; ++i) print_figures(prices + i);
 }
 
+/* What bounds cost in a scene, and what they say of its pictures at medium, high and ultra. */
+static void print_bounds(price *p) {
+    bounded b;
+    bounded_begin(&b, p->priced);
+    for (int n = 0; n < BOUND_STEPS; ++n) {
+        if (bounded_measure(&b, &p->session, bound_steps[n])) {
+            printf("| %s | refused: %s |\n", p->scene->name, sps_error(p->session.context));
+            break;
+        }
+        printf("| %s | %g | %.2g %% | %.2g %% | %.1f ms | %.1g %% |", n ? "" : p->scene->name, bound_steps[n],
+               100 * b.width / p->mean, 100 * b.high / p->mean, 3e3 * b.seconds / (double)bounded_count(&b),
+               100 * bounded_outside(&b, &p->priced->truth) / p->mean);
+        for (int quality = 1; quality <= 3; ++quality) { /* as turn_quality counts */
+            double error[2];
+            turn_quality(&p->shown, quality);
+            render_seconds(&p->session, &p->shown, &p->shown.view);
+            bounded_error(&b, p->shown.rgba, error);
+            printf(" %.2g to %.2g %% |", 100 * error[0] / p->mean, 100 * error[1] / p->mean);
+        }
+        printf("\n");
+    }
+    bounded_end(&b);
+}
+
+static void print_all_bounds(price *prices, int count) {
+    printf("\n## Bounds\n\n"
+           "| scene | step | apart | 99 %% within | time per pixel | truth outside by | error of `medium` | `high` | "
+           "`ultra` |\n|---|---|---|---|---|---|---|---|---|\n");
+    for (int i = 0; i < count; ++i) {
+        int at[KNOBS];
+        for (int k = 0; k < KNOBS; ++k) at[k] = AS_IT_IS;
+        turn_all(prices + i, at);
+        ex_session_measure(&prices[i].session, program, WORKERS);
+        print_bounds(prices + i);
+        ex_session_end(&prices[i].session);
+    }
+}
+
 /* One scene at three grades. */
 static void headline(price *p, const char *folder) {
     static const char *const names[] = {"preview", "picture", "film still"};
@@ -643,7 +683,8 @@ static const price_scene *find_scene(const char *name) {
 }
 
 static int is_chosen(const price_scene *scene, const char *name) {
-    return !name || !strcmp(scene->file, name) || (!strcmp(name, "quick") && !strcmp(scene->truth, "closed form"));
+    return !name || !strcmp(name, "bounds") || !strcmp(scene->file, name) ||
+           (!strcmp(name, "quick") && !strcmp(scene->truth, "closed form"));
 }
 
 int main(int argc, char **argv) {
@@ -667,15 +708,24 @@ int main(int argc, char **argv) {
     for (int i = 0; i < PRICE_SCENES; ++i) {
         if (!is_chosen(price_scenes + i, name) || price_begin(prices + count, price_scenes + i)) continue;
         price *p = prices + count++;
+        if (name && !strcmp(name, "bounds")) {
+            ex_session_end(&p->session);
+            continue;
+        }
         measure(p, name && !strcmp(name, "quick"));
         write_rows(csv, p);
         if (p->scene->is_asset) draw_row(&differences, p, assets++);
         ex_session_end(&p->session);
     }
     fclose(csv);
+    if (name && !strcmp(name, "bounds")) {
+        print_all_bounds(prices, count);
+        return EX_OK;
+    }
     draw_fronts(prices, count, argv[1]);
     write_canvas(&differences, argv[1], "accuracy_differences");
     print_page(prices, count);
+    if (!name) print_all_bounds(prices, count);
     for (int i = 0; i < count; ++i) price_end(prices + i);
     return EX_OK;
 }

@@ -4,7 +4,7 @@
    rivals truth SCENE FOLDER          writes the true pixels, truth.txt
    rivals ours SCENE GRADE SIZE FILE  renders by the library at a grade 0..2, writes a PFM
    rivals time COMMAND...             runs a command, some times if it is short; prints seconds and peak megabytes
-   rivals page FOLDER RESULTS         prints the tables, and draws rivals_curves.png and rivals_pictures.png
+   rivals page FOLDER RESULTS TRUTHS  prints the tables, and draws rivals_curves.png and rivals_pictures.png
    With SPLATSHADOW_DATA=folder, where the scans lie; a scene that needs one exits with 3 without it. */
 
 #define _DEFAULT_SOURCE /* getrusage */
@@ -30,6 +30,7 @@ typedef struct contest {
     const char *name, *title;
     int (*build)(struct contest *c); /* returns non-zero if it needs data that is not there */
     int stride, paths;               /* of the true pixels; paths per pixel where light scatters again */
+    double step;                     /* along their rays, in voxels */
     frame frame;
     ex_grid grid;
     ex_mesh land;
@@ -135,10 +136,10 @@ static int build_cloud(contest *c) {
 
 static contest contests[] = {
     {.name = "blob", .title = "Blob over a plane", .build = build_blob, .stride = 1},
-    {.name = "smoke", .title = "Smoke over a ground", .build = build_smoke, .stride = 5},
-    {.name = "alone", .title = "The same smoke before black", .build = build_smoke_alone, .stride = 5},
-    {.name = "ring", .title = "A mesh in fog", .build = build_ring, .stride = 5},
-    {.name = "sun", .title = "Smoke under a sun of 10 degrees", .build = build_soft_sun, .stride = 7},
+    {.name = "smoke", .title = "Smoke over a ground", .build = build_smoke, .stride = 5, .step = 0.125},
+    {.name = "alone", .title = "The same smoke before black", .build = build_smoke_alone, .stride = 5, .step = 0.125},
+    {.name = "ring", .title = "A mesh in fog", .build = build_ring, .stride = 5, .step = 0.0625},
+    {.name = "sun", .title = "Smoke under a sun of 10 degrees", .build = build_soft_sun, .stride = 7, .step = 0.25},
     {.name = "cloud", .title = "A cloud, all orders of scattering", .build = build_cloud, .stride = 15, .paths = 40000},
 };
 enum { CONTESTS = sizeof contests / sizeof *contests };
@@ -151,11 +152,19 @@ static void contest_end(contest *c) {
 
 /* =================================================================================================== field */
 
+/* A finer grid, for other renderers. */
+typedef struct fine_grid {
+    int size[3];
+    double corner[3], edge; /* the middle of the first voxel */
+    float *values;
+} fine_grid;
+
 /* The voxels' kernels, summed up at any point. Voxels have a rim of zeros, so that no sum leaves the array. */
 enum { TAPS = 6, RIM = 8 };
 
 typedef struct field {
-    int size[3];                  /* with the rim */
+    const fine_grid *instead;      /* NULL; otherwise the field is what others interpolate in this grid */
+    int size[3];                   /* with the rim */
     double corner[3], edge, sigma; /* the middle of voxel (0,0,0); the edge of a voxel; kernels' width in voxels */
     double *voxels;
     unsigned char *near; /* of each voxel: whether a sum of which it is the lower middle is above 0 */
@@ -224,10 +233,29 @@ static void tap_weights(double part, double sigma, double weights[TAPS]) {
     }
 }
 
+/* The value of a grid, linear between its voxels and 0 beyond. */
+static double linear_at(const fine_grid *g, const double point[3]) {
+    double part[3], sum = 0;
+    int first[3];
+    for (int k = 0; k < 3; ++k) {
+        const double place = (point[k] - g->corner[k]) / g->edge, below = floor(place);
+        if (!(below >= 0 && below < g->size[k] - 1)) return 0;
+        first[k] = (int)below, part[k] = place - below;
+    }
+    for (int i = 0; i < 8; ++i) {
+        const int x = first[0] + (i & 1), y = first[1] + (i >> 1 & 1), z = first[2] + (i >> 2);
+        const double weight = (i & 1 ? part[0] : 1 - part[0]) * (i & 2 ? part[1] : 1 - part[1]);
+        sum += weight * (i & 4 ? part[2] : 1 - part[2]) *
+               (double)g->values[((size_t)z * (size_t)g->size[1] + (size_t)y) * (size_t)g->size[0] + (size_t)x];
+    }
+    return sum;
+}
+
 /* The value at a point of the world. */
 static double field_at(const field *f, const double point[3]) {
     double weights[3][TAPS], sum = 0;
     int first[3];
+    if (f->instead) return linear_at(f->instead, point);
     for (int k = 0; k < 3; ++k) {
         const double place = (point[k] - f->corner[k]) / f->edge, below = floor(place);
         if (!(below >= TAPS / 2 - 1 && below < f->size[k] - TAPS / 2)) return 0;
@@ -254,12 +282,6 @@ static double field_at(const field *f, const double point[3]) {
    the field at twice the resolution, of kernels narrower by just that, so that what they see has the same width. */
 enum { FINER = 2, MARGIN = 3 };
 #define NARROWER 0.61713 /* sqrt(0.65^2 - 1 / (6 * FINER^2)) */
-
-typedef struct fine_grid {
-    int size[3];
-    double corner[3], edge; /* the middle of the first voxel */
-    float *values;
-} fine_grid;
 
 typedef struct fine_task {
     const contest *contest;
@@ -437,7 +459,7 @@ typedef struct truth {
     double step;             /* along rays of the eye, in voxels */
     int suns;                /* directions to the sun per step, and 400 per point of a polygon; 1: it has no extent */
     int side, first;         /* pixels that are followed, and the place of the first */
-    double *values, *noise; /* of these pixels: radiance, and variance of it */
+    double *values, *noise;  /* of these pixels: radiance, and variance of it */
 } truth;
 
 /* A pseudo-random number in 0..1. Paths draw more numbers than ex_random has. [Steele et al. 2014] */
@@ -516,9 +538,8 @@ static void sun_direction(const truth *w, int n, uint64_t *random, double out[3]
     const double cosine = 1 - u * (1 - cos(w->sun)), sine = sqrt(1 - cosine * cosine), turn = 2 * EX_PI * v;
     const ex_vec axis = ex_vec_of(w->toward[0], w->toward[1], w->toward[2]), a = ex_vec_perpendicular(axis);
     const ex_vec b = ex_vec_cross(axis, ex_vec_unit(a));
-    store_vec(out, ex_vec_add(ex_vec_scale(axis, cosine),
-                              ex_vec_add(ex_vec_scale(ex_vec_unit(a), sine * cos(turn)),
-                                         ex_vec_scale(b, sine * sin(turn)))));
+    store_vec(out, ex_vec_add(ex_vec_scale(axis, cosine), ex_vec_add(ex_vec_scale(ex_vec_unit(a), sine * cos(turn)),
+                                                                     ex_vec_scale(b, sine * sin(turn)))));
 }
 
 /* The mean over `count` directions of the sun, if it has an extent, and over their cosines with a normal, if there is
@@ -539,7 +560,7 @@ static double sunlight(const truth *w, const double point[3], const double *norm
 
 static double polygon_radiance(const truth *w, size_t which, const double point[3], const double direction[3],
                                int *turn, uint64_t *random) {
-    double (*const p)[3] = w->corners[which];
+    double(*const p)[3] = w->corners[which];
     const ex_vec corner = ex_vec_of(p[0][0], p[0][1], p[0][2]);
     const ex_vec a = ex_vec_sub(ex_vec_of(p[1][0], p[1][1], p[1][2]), corner);
     const ex_vec b = ex_vec_sub(ex_vec_of(p[2][0], p[2][1], p[2][2]), corner);
@@ -629,8 +650,7 @@ static double path(const truth *w, const double start[3], uint64_t *random) {
 static void pixel_direction(const truth *w, double x, double y, double out[3]) {
     const double across = w->rays.half * (2 * (x + 0.5) / SIZE - 1), above = w->rays.half * (1 - 2 * (y + 0.5) / SIZE);
     ex_vec sum = ex_vec_of(0, 0, 0);
-    for (int k = 0; k < 3; ++k)
-        out[k] = w->rays.ahead[k] + across * w->rays.right[k] + above * w->rays.up[k];
+    for (int k = 0; k < 3; ++k) out[k] = w->rays.ahead[k] + across * w->rays.right[k] + above * w->rays.up[k];
     sum = ex_vec_unit(ex_vec_of(out[0], out[1], out[2]));
     store_vec(out, sum);
 }
@@ -677,9 +697,9 @@ static void truth_begin(truth *w, const contest *c) {
     w->contest = c;
     field_begin(&w->field, &f->volume, 0.65);
     w->rays = rays_of(&f->view.camera);
-    store_vec(w->toward, ex_vec_scale(ex_vec_unit(ex_vec_of(f->light.direction[0], f->light.direction[1],
-                                                            f->light.direction[2])),
-                                      -1));
+    store_vec(
+        w->toward,
+        ex_vec_scale(ex_vec_unit(ex_vec_of(f->light.direction[0], f->light.direction[1], f->light.direction[2])), -1));
     w->irradiance = (double)f->light.color[0], w->extinction = (double)f->volume.extinction;
     w->albedo = (double)f->volume.albedo[0], w->sun = 0.5 * f->light.angular_diameter;
     w->asymmetry = f->volume.lobes ? (double)f->volume.lobes->asymmetry : 0;
@@ -691,7 +711,7 @@ static void truth_begin(truth *w, const contest *c) {
     w->side = SIZE / c->stride / 2 * 2, w->first = (SIZE - (w->side - 1) * c->stride - 1) / 2;
     w->values = (double *)ex_allocate((size_t)(w->side * w->side), sizeof(double));
     w->noise = (double *)ex_allocate((size_t)(w->side * w->side), sizeof(double));
-    w->suns = 4, w->step = 0.25;
+    w->suns = 4, w->step = c->step;
 }
 
 static void truth_end(truth *w) {
@@ -699,44 +719,56 @@ static void truth_end(truth *w) {
     free(w->corners), free(w->reflectance), free(w->values), free(w->noise);
 }
 
-/* The share of the picture's mean by which the pixels change if steps are twice as long; 0 for random paths. */
-static double step_change(truth *w, ex_session *session) {
+/* The share of the picture's mean by which the pixels change if steps are `longer` times as long, or if gas is what
+   others interpolate in `instead`. */
+static double change_by(truth *w, ex_session *session, double longer, const fine_grid *instead) {
     const int count = w->side * w->side;
-    double *fine = w->values, squares = 0, sum = 0;
-    if (w->contest->paths || w->sun > 0) return 0;
+    double *found = w->values, squares = 0, sum = 0;
     w->values = (double *)ex_allocate((size_t)count, sizeof(double));
-    w->step *= 2;
+    w->step *= longer, w->field.instead = instead;
     ex_parallel_for(&session->pool, count, truth_pixel, w);
-    for (int i = 0; i < count; ++i) squares += pow(w->values[i] - fine[i], 2), sum += fine[i];
+    w->step /= longer, w->field.instead = NULL;
+    for (int i = 0; i < count; ++i) squares += pow(w->values[i] - found[i], 2), sum += found[i];
     free(w->values);
-    w->values = fine;
+    w->values = found;
     return sqrt(squares / count) / (sum / count);
 }
 
-/* A line with side, stride, standard error and change by the step, both as shares of the mean; then the pixels. */
+/* Fills the pixels. Of those that no chance plays a part in: how much they change as above; otherwise 0. */
+static void find_truth(truth *w, ex_session *session, double *step_change, double *grid_change) {
+    const contest *c = w->contest;
+    *step_change = *grid_change = 0;
+    if (c->frame.volume.eval_fn == blob_density) {
+        const blob shape = {BLOB_WIDTH, BLOB_EXTINCTION};
+        free(w->values);
+        w->values = blob_exact(session, shape, SIZE);
+        return;
+    }
+    ex_parallel_for(&session->pool, w->side * w->side, truth_pixel, w);
+    if (c->paths || w->sun > 0) return;
+    fine_grid g;
+    fine_begin(&g, c, session);
+    *step_change = change_by(w, session, 2, NULL), *grid_change = change_by(w, session, 1, &g);
+    free(g.values);
+}
+
+/* A line with side, stride, and as shares of the mean standard error, change by the step and by the grid; then the
+   pixels. */
 static void write_truth(const contest *c, const char *folder) {
     ex_session session;
     truth w;
-    double noise = 0, sum = 0;
+    double noise = 0, mean = 0, step_change, grid_change;
     truth_begin(&w, c);
     ex_session_measure(&session, program, WORKERS);
     const double start = ex_now(NULL);
     const int count = w.side * w.side;
-    if (c->frame.volume.eval_fn == blob_density) {
-        const blob shape = {BLOB_WIDTH, BLOB_EXTINCTION};
-        free(w.values);
-        w.values = blob_exact(&session, shape, SIZE);
-    } else {
-        ex_parallel_for(&session.pool, count, truth_pixel, &w);
-    }
-    const double took = ex_now(NULL) - start, change = c->stride > 1 ? step_change(&w, &session) : 0;
-    for (int i = 0; i < count; ++i) noise += w.noise[i] / count, sum += w.values[i];
+    find_truth(&w, &session, &step_change, &grid_change);
+    for (int i = 0; i < count; ++i) noise += w.noise[i] / count, mean += w.values[i] / count;
     FILE *file = open_in(folder, "truth.txt", "w");
-    fprintf(file, "%d %d %.9g %.9g\n", w.side, c->stride, sqrt(noise) / (sum / count), change);
+    fprintf(file, "%d %d %.9g %.9g %.9g\n", w.side, c->stride, sqrt(noise) / mean, step_change, grid_change);
     for (int i = 0; i < count; ++i) fprintf(file, "%.9g\n", w.values[i]);
     fclose(file);
-    fprintf(stderr, "%s: %d pixels, mean %.4f, standard error %.3g %%, half the step %.3g %%, %.1f s\n", c->name, count,
-            sum / count, 100 * sqrt(noise) / (sum / count), 100 * change, took);
+    fprintf(stderr, "%s: %d true pixels, mean %.4f, in %.1f s\n", c->name, count, mean, ex_now(NULL) - start);
     ex_session_end(&session);
     truth_end(&w);
 }
@@ -882,8 +914,8 @@ static int read_picture(const char *path, picture *p) {
     if (!file) return 1;
     fclose(file);
     ex_stop_if(ex_read_text(path, &text, &length, &error), program, &error);
-    const int failed =
-        length < 16 || (text[0] == 'P' ? read_portable(text, length, p) : little(text, 4) != 20000630 || read_exr(text, p));
+    const int failed = length < 16 || (text[0] == 'P' ? read_portable(text, length, p)
+                                                      : little(text, 4) != 20000630 || read_exr(text, p));
     free(text);
     if (failed) fprintf(stderr, "%s: %s: cannot be read\n", program, path);
     return failed;
@@ -904,7 +936,7 @@ typedef struct entry {
 /* The true pixels of a scene. */
 typedef struct pixels {
     int side, stride;
-    double noise, change, mean, *values;
+    double noise, step_change, grid_change, mean, *values;
 } pixels;
 
 static int read_pixels(const char *folder, const char *scene, pixels *t) {
@@ -913,7 +945,8 @@ static int read_pixels(const char *folder, const char *scene, pixels *t) {
     FILE *file = fopen(path, "r");
     memset(t, 0, sizeof *t);
     if (!file) return 1;
-    int failed = fscanf(file, "%d %d %lf %lf", &t->side, &t->stride, &t->noise, &t->change) != 4;
+    int failed =
+        fscanf(file, "%d %d %lf %lf %lf", &t->side, &t->stride, &t->noise, &t->step_change, &t->grid_change) != 5;
     const int count = failed ? 0 : t->side * t->side;
     t->values = (double *)ex_allocate((size_t)count, sizeof(double));
     for (int i = 0; i < count && !failed; ++i) {
@@ -964,7 +997,9 @@ static void print_scene(const contest *c, const pixels *t, const entry *entries,
     else
         printf("Truth: the closed form, all pixels");
     if (t->noise > 0) printf(", %.2g %% off themselves, which is taken out of the errors by squares", 100 * t->noise);
-    if (t->change > 0) printf("; steps of half the length change them by %.2g %%", 100 * t->change);
+    if (t->step_change > 0)
+        printf("; steps of twice the length change them by %.2g %%, and what others interpolate is off by %.2g %%",
+               100 * t->step_change, 100 * t->grid_change);
     printf(".\n\n| | setting | error | bias | whole process | start-up | without it | peak memory |\n"
            "|---|---|---|---|---|---|---|---|\n");
     for (int i = 0; i < count; ++i) {
@@ -982,8 +1017,15 @@ static void draw_curves(const entry *entries, int count, const char *folder) {
     ex_canvas canvas = ex_canvas_begin(ACROSS * WIDE + 10, (CONTESTS + ACROSS - 1) / ACROSS * HIGH + 30, 1);
     ex_error error;
     for (int s = 0; s < CONTESTS; ++s) {
-        ex_chart chart = {s % ACROSS * WIDE + 40, s / ACROSS * HIGH + 24, WIDE - 60, HIGH - 64, {0, 0}, {0, 0},
-                          contests[s].title, s == 0 ? "seconds without start-up" : "", 0};
+        ex_chart chart = {s % ACROSS * WIDE + 40,
+                          s / ACROSS * HIGH + 24,
+                          WIDE - 60,
+                          HIGH - 64,
+                          {0, 0},
+                          {0, 0},
+                          contests[s].title,
+                          s == 0 ? "seconds without start-up" : "",
+                          0};
         for (int i = 0; i < count; ++i)
             if (!strcmp(entries[i].scene, contests[s].name))
                 ex_chart_reach(&chart, fmax(entries[i].seconds - entries[i].start, 1e-3), 100 * entries[i].rms);
@@ -1049,8 +1091,9 @@ static contest *find_contest(const char *name) {
 }
 
 static int usage(void) {
-    fprintf(stderr, "%s prepare|truth SCENE FOLDER, ours SCENE GRADE SIZE FILE, time COMMAND..., page FOLDER RESULTS "
-                    "TRUTHS\n",
+    fprintf(stderr,
+            "%s prepare|truth SCENE FOLDER, ours SCENE GRADE SIZE FILE, time COMMAND..., page FOLDER RESULTS "
+            "TRUTHS\n",
             program);
     return EX_MISTAKEN;
 }

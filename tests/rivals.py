@@ -105,7 +105,8 @@ def gas_material(bpy, scene, step):
 
 
 def add_gas(bpy, folder, scene, step):
-    bpy.ops.object.volume_import(filepath=folder + "/density.vdb", align="WORLD", location=(0, 0, 0))
+    """Cycles has the middle of a voxel half a voxel beyond where OpenVDB has it: the volume is moved back."""
+    bpy.ops.object.volume_import(filepath=folder + "/density.vdb", align="WORLD", location=[-0.5 * scene["Edge"]] * 3)
     volume = bpy.context.object
     volume.rotation_euler = (0, 0, 0)
     volume.data.render.precision = "FULL"

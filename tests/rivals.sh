@@ -128,6 +128,18 @@ with() {
     esac
 }
 
+# A package's version as installed, without its revision by the distribution
+version() { dpkg-query -W -f '${Version}' "$1" 2> /dev/null | sed 's/^[0-9]*://; s/[-+].*//'; }
+
+versions() {
+    has blender && echo "Blender $(version blender) with Cycles, "
+    has povray && echo "POV-Ray $(version povray), "
+    has vdb_render && echo "vdb_render of OpenVDB $(version libopenvdb-tools), "
+    echo "$THREADS threads each, on $(getconf _NPROCESSORS_ONLN) processors,"
+    sed -n 's/^model name[^:]*: //p' /proc/cpuinfo 2> /dev/null | head -1
+    echo "under $(uname -s). $SIZE x $SIZE pixels."
+}
+
 has povray || fetch povray
 has vdb_render || fetch libopenvdb-tools
 has blender || fetch blender
@@ -141,32 +153,34 @@ has blender || echo "skipped: Cycles: install blender" >&2
 : > "$RESULTS"
 if begin blob; then
     run_ours "draft, slab 4, tolerance 0.1" "medium, tolerance 0.02" "high, tolerance 0.005"
-    with cycles 4,2 16,2 64,2
+    with cycles 16,8 64,8 256,8
     with pov 8 20 40
 fi
 if begin smoke; then
     run_ours "draft, slab 4, tolerance 0.1" "medium, tolerance 0.02" "high, tolerance 0.005"
-    with cycles 4,2 16,2 64,2
-    with pov 15 30 60
+    with cycles 16,2 64,2 256,2
+    with pov 30 60 120
 fi
 if begin alone; then
     run_ours "draft, slab 4, tolerance 0.1" "medium, tolerance 0.02" "high, tolerance 0.005"
-    with cycles 4,2 16,2 64,2
-    with pov 15 30 60
-    with vdb 2,4 1,2 0.5,1
+    with cycles 16,2 64,2 256,2
+    with pov 30 60 120
+    with vdb 4,2 4,0.5 2,0.25
 fi
 if begin ring; then
     run_ours "draft, slab 4, tolerance 0.1" "medium, tolerance 0.02" "high, tolerance 0.005"
-    with cycles 4,2 16,2 64,2
-    with pov 10 25 60
+    with cycles 16,4 64,4 256,4
+    with pov 15 30 60
 fi
 if begin sun; then
     run_ours "draft, slab 4, tolerance 0.1, 4 points" "medium, tolerance 0.02, 16 points" "high, tolerance 0.005, 64 points"
-    with cycles 4,2 16,2 64,2
-    with pov 15,2 15,4 30,4
+    with cycles 16,2 64,2 256,2
+    with pov 12,3 24,3 40,3
 fi
 if begin cloud; then
     run_ours "draft, slab 4, 32 cells" "medium, 64 cells" "high, 128 cells"
-    with cycles 4,2 16,2 64,2
+    with cycles 16,8 64,8 128,8
 fi
+printf '## Results\n\n'
+versions
 "$RIVALS" page docs "$RESULTS" "$BUILD"

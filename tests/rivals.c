@@ -649,10 +649,8 @@ static double path(const truth *w, const double start[3], uint64_t *random) {
 
 static void pixel_direction(const truth *w, double x, double y, double out[3]) {
     const double across = w->rays.half * (2 * (x + 0.5) / SIZE - 1), above = w->rays.half * (1 - 2 * (y + 0.5) / SIZE);
-    ex_vec sum = ex_vec_of(0, 0, 0);
     for (int k = 0; k < 3; ++k) out[k] = w->rays.ahead[k] + across * w->rays.right[k] + above * w->rays.up[k];
-    sum = ex_vec_unit(ex_vec_of(out[0], out[1], out[2]));
-    store_vec(out, sum);
+    store_vec(out, ex_vec_unit(ex_vec_of(out[0], out[1], out[2])));
 }
 
 static void truth_pixel(void *data, int index, int worker) {

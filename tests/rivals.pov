@@ -58,7 +58,7 @@ box {
                 density {
                     density_file df3 "density.df3" interpolate 1
                     color_map { [0 rgb 0] [1 rgb Most] }
-                    scale Last - First
+                    scale Size * Edge // POV-Ray has voxel i of n at i / n of the file's cube
                     translate First
                 }
             #end

@@ -1,7 +1,7 @@
 """rivals.py: the scenes of `make rivals` for OpenVDB and for Blender's Cycles, from what `rivals prepare` wrote.
 python3 tests/rivals.py FOLDER writes FOLDER/density.vdb, for vdb_render and for Cycles.
 blender -b --factory-startup -P tests/rivals.py -- FOLDER SAMPLES STEP SIZE FILE renders FOLDER's scene by Cycles into an
-OpenEXR file: SAMPLES per pixel, rays in steps of STEP voxels, SIZE pixels along both sides."""
+OpenEXR file: SAMPLES per pixel at most, rays in steps of STEP voxels, SIZE pixels along both sides."""
 
 import math
 import sys
@@ -126,7 +126,8 @@ def set_up(bpy, scene, samples, size, path):
     render.image_settings.color_mode = "RGB"
     render.image_settings.color_depth, render.image_settings.exr_codec = "32", "NONE"
     cycles.device, cycles.samples = "CPU", samples
-    cycles.use_adaptive_sampling = cycles.use_denoising = False
+    cycles.use_adaptive_sampling, cycles.adaptive_threshold, cycles.adaptive_min_samples = True, 0.003, 8
+    cycles.use_denoising = False
     cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", 0.01
     cycles.max_bounces, cycles.volume_bounces = (1024, 1024) if all_orders else (0, 0)
     cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = 0

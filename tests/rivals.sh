@@ -45,6 +45,7 @@ measured() {
 # The time of a command that renders a picture of 8 x 8 pixels
 empty() { "$RIVALS" time "$@" 2> "$BUILD/empty.log" | cut -d' ' -f1; }
 
+# run_ours WORDS...: of each grade
 run_ours() {
     start=$(empty "$RIVALS" ours "$scene" 0 8 "$folder/empty.pfm")
     grade=0
@@ -54,13 +55,14 @@ run_ours() {
     done
 }
 
-# run_pov SETTINGS...: samples, or samples,suns
+# The command for a picture of some pixels, and declarations
 pov() {
     pixels=$1 out=$2
     shift 2
     echo povray +Itests/rivals.pov "+L$folder" "+W$pixels" "+H$pixels" -A -D "+WT$THREADS" File_Gamma=1 +FP16 "+O$out" "$@"
 }
 
+# run_pov SETTINGS...: samples, or samples,suns
 run_pov() {
     # shellcheck disable=SC2046
     start=$(empty $(pov 8 "$folder/empty.ppm" Declare=Samples=1 Declare=Suns=1))
@@ -72,19 +74,19 @@ run_pov() {
     done
 }
 
-# run_cycles SETTINGS...: samples,step
+# run_cycles SETTINGS...: samples,step in voxels of the finer grid
 run_cycles() {
     render="blender -b --factory-startup -P tests/rivals.py -- $folder"
     # shellcheck disable=SC2086
     start=$(empty $render 1 4 8 "$folder/empty.exr")
     for setting in "$@"; do
         # shellcheck disable=SC2086
-        measured Cycles "${setting%,*} samples, steps of ${setting#*,} voxels" "$folder/cycles_$setting.exr" "$start" \
+        measured Cycles "${setting%,*} samples, steps of ${setting#*,}" "$folder/cycles_$setting.exr" "$start" \
             $render "${setting%,*}" "${setting#*,}" $SIZE "$folder/cycles_$setting.exr"
     done
 }
 
-# run_vdb SETTINGS...: step,shadow step
+# The command for a picture of some pixels; step,shadow step in voxels of the finer grid
 vdb() {
     pixels=$1 out=$2 step=$3
     scatter=$(awk '{ of[$1] = $2 } END { printf "%.9g", of["Extinction"] * of["Edge"] * of["Albedo"] }' "$folder/scene.txt")
@@ -97,12 +99,13 @@ vdb() {
         -scatter "$scatter,$scatter,$scatter" -absorb "$absorb,$absorb,$absorb" -step "${step%,*}" -shadowstep "${step#*,}"
 }
 
+# run_vdb SETTINGS...: step,shadow step
 run_vdb() {
     # shellcheck disable=SC2046
     start=$(empty $(vdb 8 "$folder/empty.exr" 4,4))
     for setting in "$@"; do
         # shellcheck disable=SC2046
-        measured vdb_render "steps of ${setting%,*} voxels, shadows of ${setting#*,}" "$folder/vdb_$setting.exr" "$start" \
+        measured vdb_render "steps of ${setting%,*}, shadows of ${setting#*,}" "$folder/vdb_$setting.exr" "$start" \
             $(vdb $SIZE "$folder/vdb_$setting.exr" "$setting")
     done
 }
@@ -150,36 +153,41 @@ has vdb_render || echo "skipped: vdb_render: install libopenvdb-tools" >&2
 has blender || echo "skipped: Cycles: install blender" >&2
 [ -n "$PYTHON" ] || echo "skipped: Cycles and vdb_render: install python3-numpy and python3-openvdb" >&2
 
+# What `rivals ours` sets at its three grades
+DRAFT="draft, slab 4, tolerance 0.1"
+MEDIUM="medium, tolerance 0.02"
+HIGH="high, tolerance 0.005"
+
 : > "$RESULTS"
 if begin blob; then
-    run_ours "draft, slab 4, tolerance 0.1" "medium, tolerance 0.02" "high, tolerance 0.005"
-    with cycles 16,8 64,8 256,8
+    run_ours "$DRAFT" "$MEDIUM" "$HIGH"
+    with cycles 8,8 32,8 128,8
     with pov 8 20 40
 fi
 if begin smoke; then
-    run_ours "draft, slab 4, tolerance 0.1" "medium, tolerance 0.02" "high, tolerance 0.005"
-    with cycles 16,2 64,2 256,2
-    with pov 30 60 120
+    run_ours "$DRAFT" "$MEDIUM" "$HIGH"
+    with cycles 8,4 32,2 128,2
+    with pov 20 40 80
 fi
 if begin alone; then
-    run_ours "draft, slab 4, tolerance 0.1" "medium, tolerance 0.02" "high, tolerance 0.005"
-    with cycles 16,2 64,2 256,2
-    with pov 30 60 120
+    run_ours "$DRAFT" "$MEDIUM" "$HIGH"
+    with cycles 8,4 32,2 128,2
+    with pov 20 40 80
     with vdb 4,2 4,0.5 2,0.25
 fi
 if begin ring; then
-    run_ours "draft, slab 4, tolerance 0.1" "medium, tolerance 0.02" "high, tolerance 0.005"
-    with cycles 16,4 64,4 256,4
-    with pov 15 30 60
+    run_ours "$DRAFT" "$MEDIUM" "$HIGH"
+    with cycles 8,4 32,4 128,4
+    with pov 10 20 40
 fi
 if begin sun; then
-    run_ours "draft, slab 4, tolerance 0.1, 4 points" "medium, tolerance 0.02, 16 points" "high, tolerance 0.005, 64 points"
-    with cycles 16,2 64,2 256,2
-    with pov 12,3 24,3 40,3
+    run_ours "$DRAFT, 4 points" "$MEDIUM, 16 points" "$HIGH, 64 points"
+    with cycles 8,4 32,2 128,2
+    with pov 12,3 24,3 36,3
 fi
 if begin cloud; then
-    run_ours "draft, slab 4, 32 cells" "medium, 64 cells" "high, 128 cells"
-    with cycles 16,8 64,8 128,8
+    run_ours "$DRAFT, 32 cells" "$MEDIUM, 64 cells" "$HIGH, 128 cells"
+    with cycles 8,4 32,4 128,4
 fi
 printf '## Results\n\n'
 versions

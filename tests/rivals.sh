@@ -42,8 +42,11 @@ measured() {
     echo "$scene: $who, $setting: $took" >&2
 }
 
-# The time of a command that renders a picture of 8 x 8 pixels
-empty() { "$RIVALS" time "$@" 2> "$BUILD/empty.log" | cut -d' ' -f1; }
+# Start-up: the time of a command that renders a picture of 8 x 8 pixels
+empty() {
+    took=$("$RIVALS" time "$@" 2> "$BUILD/empty.log") || echo "failed: $scene, start-up: see build/rivals/empty.log" >&2
+    echo "${took%% *}"
+}
 
 # run_ours WORDS...: of each grade
 run_ours() {
@@ -65,7 +68,7 @@ pov() {
 # run_pov SETTINGS...: samples, or samples,suns
 run_pov() {
     # shellcheck disable=SC2046
-    start=$(empty $(pov 8 "$folder/empty.ppm" Declare=Samples=1 Declare=Suns=1))
+    start=$(empty $(pov 8 "$folder/empty.ppm" Declare=Samples=1 Declare=Suns=3))
     for setting in "$@"; do
         samples=${setting%,*} suns=${setting#*,} words="${setting%,*} samples"
         [ "$setting" = "$suns" ] && suns=1 || words="$words, $suns x $suns suns"

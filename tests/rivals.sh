@@ -1,7 +1,7 @@
 #!/bin/sh
 # make rivals: renders the scenes of tests/rivals.c by this library and by others that can be installed as packages:
 # Blender's Cycles, POV-Ray, and vdb_render of OpenVDB's tools. Prints Markdown, and draws docs/rivals_curves.png and
-# docs/rivals_pictures.png. SCENES="name name" renders only these. Fetches what is missing where that is possible; a
+# docs/rivals_pictures.png. CONTESTS="name name" renders only these. Fetches what is missing where that is possible; a
 # rival that is not there, and a scene without its data, are left out, with a message. Truths are kept in build/rivals;
 # `make clean` makes them new.
 
@@ -116,9 +116,10 @@ run_vdb() {
 # begin SCENE: makes what all need; returns non-zero if its data is not there
 begin() {
     scene=$1 folder=$BUILD/$1
-    case " ${SCENES:-$1} " in *" $1 "*) ;; *) return 1 ;; esac
+    case " ${CONTESTS:-$1} " in *" $1 "*) ;; *) return 1 ;; esac
     mkdir -p "$folder"
-    [ -f "$folder/density.raw" ] || "$RIVALS" prepare "$scene" "$folder" >&2 || { echo "skipped: $scene" >&2; return 1; }
+    "$RIVALS" ours "$scene" 0 8 "$folder/empty.pfm" >&2 || { echo "skipped: $scene" >&2; return 1; }
+    [ -f "$folder/density.raw" ] || "$RIVALS" prepare "$scene" "$folder" || return 1
     [ -f "$folder/truth.txt" ] || "$RIVALS" truth "$scene" "$folder" || return 1
     [ -f "$folder/density.vdb" ] || [ -z "$PYTHON" ] || "$PYTHON" tests/rivals.py "$folder"
 }
@@ -138,12 +139,11 @@ with() {
 version() { dpkg-query -W -f '${Version}' "$1" 2> /dev/null | sed 's/^[0-9]*://; s/[-+].*//'; }
 
 versions() {
-    has blender && echo "Blender $(version blender) with Cycles, "
-    has povray && echo "POV-Ray $(version povray), "
-    has vdb_render && echo "vdb_render of OpenVDB $(version libopenvdb-tools), "
-    echo "$THREADS threads each, on $(getconf _NPROCESSORS_ONLN) processors,"
-    sed -n 's/^model name[^:]*: //p' /proc/cpuinfo 2> /dev/null | head -1
-    echo "under $(uname -s). $SIZE x $SIZE pixels."
+    has blender && printf 'Blender %s with Cycles, ' "$(version blender)"
+    has povray && printf 'POV-Ray %s, ' "$(version povray)"
+    has vdb_render && printf 'vdb_render of OpenVDB %s, ' "$(version libopenvdb-tools)"
+    printf '%s threads each; %s processors' "$THREADS" "$(getconf _NPROCESSORS_ONLN)"
+    printf '%s under %s; %s x %s pixels.\n' "$(sed -n 's/^model name[^:]*: /, /p' /proc/cpuinfo 2> /dev/null | head -1)" "$(uname -s)" "$SIZE" "$SIZE"
 }
 
 has povray || fetch povray

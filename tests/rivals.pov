@@ -18,11 +18,11 @@ camera { location Unit * Eye direction Ahead right 2 * Half * Right up 2 * Half 
 // Irradiance E gives a surface of reflectance r the radiance r E / pi, and POV-Ray's r times the light's color.
 #if (SunAngle > 0)
     #declare Far = 1e6;
-    // The grid has points on its rim, and each is moved by up to half a cell: it is made smaller by as much.
+    // The grid has points on its rim. It is made smaller, so that each stands for a cell of the sun's disc.
     #declare Side = vnormalize(vcross(Toward, y)) * 2 * Far * tan(SunAngle / 2) * (Suns - 1) / Suns;
     light_source {
         Far * Toward, rgb Irradiance / pi
-        area_light Side, vcross(vnormalize(Toward), Side), Suns, Suns circular orient jitter adaptive 0
+        area_light Side, vcross(vnormalize(Toward), Side), Suns, Suns circular orient adaptive 0
     }
 #else
     light_source { 1e6 * Toward, rgb Irradiance / pi parallel point_at 0 }

@@ -186,7 +186,7 @@ fi
 if begin sun; then
     run_ours "$DRAFT, 4 points" "$MEDIUM, 16 points" "$HIGH, 64 points"
     with cycles 8,4 32,2 128,2
-    with pov 12,3 24,3 36,3
+    with pov 12,3 24,3 36,5
 fi
 if begin cloud; then
     run_ours "$DRAFT, 32 cells" "$MEDIUM, 64 cells" "$HIGH, 128 cells"

@@ -8,6 +8,7 @@
 # make mutants     deliberate errors in the header, and the test that notices each; LIMIT=2400 seconds, run again to continue
 # make hard-cases  runs the tests of hard cases, and writes docs/hard-cases.md: expected, measured, tolerated, and why
 # make ports       builds for other processors, systems and standards, tests under emulators, into docs/ports.md
+# make rivals      the same scenes by other renderers, error and time and memory of each, into docs/rivals.md
 # make bench       times, as ratios within one run, and error against time
 # make speed       the goals of speed, and how time grows, into docs/speed.md and docs/speed_*.png
 # make accuracy    error and time of every knob in twelve scenes, into docs/accuracy.md and docs/accuracy_*.png
@@ -319,6 +320,18 @@ ports:
 	sh tests/ports.sh > build/ports.txt || touch build/ports.failed
 	@{ sed '/^| target/,$$d' docs/ports.md; cat build/ports.txt; } > build/ports.md
 	@test ! -e build/ports.failed && cp build/ports.md docs/ports.md
+
+# The same scenes by this library, Cycles, POV-Ray and vdb_render. Of the page, what stands before the results and from
+# the next heading of its own on is kept.
+.PHONY: rivals
+build/rivals/rivals: tests/rivals.c $(HEADERS)
+	@mkdir -p $(@D)
+	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) -Iexamples $< -o $@ $(LIBRARIES)
+
+rivals: build/rivals/rivals
+	sh tests/rivals.sh > build/rivals/results.md
+	@{ sed '/^## Results/,$$d' docs/rivals.md; cat build/rivals/results.md; echo; sed -n '/^## What is unfair/,$$p' docs/rivals.md; } > build/rivals/page.md
+	cp build/rivals/page.md docs/rivals.md
 
 # The page has a row for each case that the tests have.
 build/tests/cases.log: docs/hard-cases.md tests/cases.awk $(wildcard tests/*.c tests/*.h)

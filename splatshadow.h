@@ -26979,8 +26979,8 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 
 /* ============================================================================================= >>brackets
    37 Bounds of light that scatters once, along the rays of >>reference: not what steps come to, but what they cannot
-   exceed. On a step of length h, three Gauss points integrate F with an error of at most h^7 / 2016000 * |F^(6)|. Here F
-   is the field times exp(-optical depth from the eye and from the light) times the light's falloff. Derivatives of the
+   exceed. On a step of length h, three Gauss points integrate F with an error of at most h^7 / 2016000 * |F^(6)|. F is
+   the field times exp(-optical depth from the eye and from the light) times the light's falloff. Derivatives of the
    field are bounded by what voxels about the step differ by, those of optical depth by the same along its way, and
    those of products and exponentials by power series whose terms are bounds, too (majorants). Since optical depth never
    falls, what a step scatters also lies between what its ends let pass: that bounds gas which is too dense for the
@@ -27347,7 +27347,8 @@ static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sps
 static spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_step *step, int m,
                                         const spsi_coming *coming) {
     const spsi_step_gas *gas = &step->gas[m];
-    const double h = step->ray.high - step->ray.low, speed = spsi_vicinity_speed(&marcher->grids[m], step->ray.direction);
+    const double h = step->ray.high - step->ray.low;
+    const double speed = spsi_vicinity_speed(&marcher->grids[m], step->ray.direction);
     const double extinction = (double)spsi_part_material(marcher->frame, m)->extinction;
     spsi_between result, points = {0, 0};
     spsi_series f, w, product;
@@ -27798,13 +27799,13 @@ static void spsi_bracket_end(const spsi_marcher *marcher, spsi_walker *walker, s
     const spsi_between passes = spsi_between_passes(bracket->gas);
     const float *behind = marcher->total + (size_t)(walker - marcher->walkers) * spsi_total_floats(marcher->frame);
     for (int c = 0; c < 3; ++c) {
-        const double far = walker->filter[c] * (double)behind[c];
+        const double sky = walker->filter[c] * (double)behind[c];
         const double most = bracket->source[c] * -expm1(-bracket->gas.high);
         spsi_between *all = &bracket->radiance[c];
         spsi_between_add(all, bracket->scattered[c].low, fmin(bracket->scattered[c].high, most));
         walker->through[c] = walker->filter[c] * 0.5 * (passes.low + passes.high);
         walker->radiance[c] = 0.5 * (all->low + all->high);
-        spsi_between_add(all, far * (far > 0 ? passes.low : passes.high), far * (far > 0 ? passes.high : passes.low));
+        spsi_between_add(all, sky * (sky > 0 ? passes.low : passes.high), sky * (sky > 0 ? passes.high : passes.low));
         spsi_between_add(&bracket->sums[c], all->low, all->high);
     }
 }

@@ -634,9 +634,16 @@ static void print_bounds(price *p) {
 }
 
 static void print_all_bounds(price *prices, int count) {
-    printf("\n## Bounds\n\n"
-           "| scene | step | apart | 99 %% within | time per pixel | truth outside by | error of `medium` | `high` | "
-           "`ultra` |\n|---|---|---|---|---|---|---|---|---|\n");
+    printf(
+        "\n## Bounds\n\n"
+        "`sps_reference` with `lower` and `upper`, in steps of some voxels: how far apart these are, on average and in "
+        "99 %% of pixels\n(relative to the mean of the truth); its time; and by how much the truth of the tables above "
+        "is outside at most, which is that\ntruth's own error: closed forms are of gas, and bounds of its voxels; "
+        "marched truths have steps. From the bounds follow limits of\nthe error of pictures, whatever the truth: "
+        "between root mean squares of the distance outside of them, and of that to the farther\none. Of every 9th "
+        "pixel, or of those that the truth has. `build/prices FOLDER bounds` prints this table alone.\n\n"
+        "| scene | step | apart | 99 %% within | time per pixel | truth outside by | error of `medium` | `high` | "
+        "`ultra` |\n|---|---|---|---|---|---|---|---|---|\n");
     for (int i = 0; i < count; ++i) {
         int at[KNOBS];
         for (int k = 0; k < KNOBS; ++k) at[k] = AS_IT_IS;

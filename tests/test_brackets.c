@@ -325,7 +325,7 @@ static void test_absorption(void) {
         if (figures()) printf("absorbed%s: bounds %.2g apart, %.2g\n", noisy ? ", noise" : "", width[0], width[1]);
         CHECK(width[1] - 4.2e-6 < (width[0] - 4e-6) / 32); /* without what floats round, the sixth power: 64 */
         if (noisy)
-            CHECK_CASE("Bounds of light", "voxels of noise, absorbing: bounds apart in steps of a quarter",
+            CHECK_CASE("Transport", "voxels of noise, absorbing: bounds apart in steps of a quarter",
                        "closed form within", width[1], 1e-4,
                        "249 / 2016000 of half the values' range, by the step to the sixth, per voxel");
         else

@@ -42,8 +42,9 @@ measured() {
     echo "$scene: $who, $setting: $took" >&2
 }
 
-# Start-up: the time of a command that renders a picture of 8 x 8 pixels
+# Start-up: the time of a command that renders a picture of 8 x 8 pixels, once its files are in memory
 empty() {
+    "$@" > "$BUILD/empty.log" 2>&1
     took=$("$RIVALS" time "$@" 2> "$BUILD/empty.log") || echo "failed: $scene, start-up: see build/rivals/empty.log" >&2
     echo "${took%% *}"
 }

@@ -894,13 +894,14 @@ typedef struct sps_reference_settings {
        the radiance, estimated from the variance of the paths. Written on SPS_OK only. */
     float *error;
     /* Optional, both or neither: three floats per pixel, pixels laid out as in the image: bounds between which the
-       radiance lies, for any step; the image is then in the middle, and step at most 0.75. What is bounded is light
-       that scatters once in the field of kernels that no radius cuts, at the pixels' centres (or coverage_samples), up
-       to the rounding of floats, which is allowed for. They are about four digits apart for steps of half a voxel, and
-       approach each other with the sixth power of the step, except at the edges of polygons' shadows in gas, and in gas
-       that is very dense. Without samples; SPS_ERROR_UNSUPPORTED for what has no bounds: scattering other than OFF,
-       transfer functions, lights with an extent or a projector, particles in light that gas scatters. Written on SPS_OK
-       only. */
+       radiance lies, whatever the step; the image is their middle, and a step is at most 0.75 voxels along each axis.
+       Bounded is light that scatters once in the field of kernels that nothing cuts up to 4 voxels from a volume's box,
+       beyond which it has no gas; at pixels' centres, or at the points of coverage_samples; up to the rounding of
+       floats, which is allowed for; with polygons' looks and normals as they are without bounds. Bounds approach each
+       other with the sixth power of the step, except at edges of polygons' and gas's shadows in gas, near lamps, at the
+       rims of their cones, and in very dense gas, where steps are halved, but not without end. Without samples.
+       SPS_ERROR_UNSUPPORTED for what has no bounds: light that scatters again, transfer functions, lights that have an
+       extent or a projector, particles in light that gas scatters. Written on SPS_OK only. */
     float *lower, *upper;
     uint32_t end_canary; /* leave 0 */
 } sps_reference_settings;
@@ -1126,7 +1127,8 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
    has the optical depth of the balls along it, lit as at its middle. With settings->samples, light that has scattered
    more than once is added by random paths, which SPS_SCATTERING_AUTO, FULL and CONVOLUTION need. No slicing limit: any
    light, any camera. Quality, slab, tolerance and budgets have no effect. Holds all voxels, triangles and particles in
-   memory, 68 bytes per particle, 144 bytes per pixel of the region, and 48 more with samples. Particles smaller than a
+   memory, 68 bytes per particle, 144 bytes per pixel of the region, 48 more with samples,
+   and 192 more with lower and upper. Particles smaller than a
    pixel are not widened. With coverage_samples, each of a pixel's rays is marched by itself, through gas as well; only
    the background is that at the pixel's centre. shade_fn is called for the nearest polygons of all pixels, then for
    those seen through these, and so on; all of it again for each sample. The image is written only if SPS_OK is
@@ -26978,25 +26980,27 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 }
 
 /* ============================================================================================= >>brackets
-   37 Bounds of light that scatters once, along the rays of >>reference: not what steps come to, but what they cannot
-   exceed. On a step of length h, three Gauss points integrate F with an error of at most h^7 / 2016000 * |F^(6)|. F is
-   the field times exp(-optical depth from the eye and from the light) times the light's falloff. Derivatives of the
-   field are bounded by what voxels about the step differ by, those of optical depth by the same along its way, and
-   those of products and exponentials by power series whose terms are bounds, too (majorants). Since optical depth never
-   falls, what a step scatters also lies between what its ends let pass: that bounds gas which is too dense for the
-   series. Where a polygon's shadow may begin within a step, its light lies between none and all, and the step is
-   halved. The truth that is bounded is the field of kernels that no radius cuts. Cost: pixels * steps * 3 * (1 + lights
-   * steps of a shadow ray * 3) * 512 voxels. */
+   37 Bounds of light that scatters once, along the rays of >>reference: not an estimate, but limits that the exact
+   integral cannot pass. On a step of length h, three Gauss points integrate F with an error of at most
+   h^7 / 2016000 * |F^(6)|. F is the field times exp(-optical depth from the eye and from the light) times the light's
+   falloff, lobe and cone. Derivatives of the field are bounded by what voxels about the step differ by, those of
+   optical depth by the same along its way, and those of products, exponentials and powers by power series whose terms
+   are bounds, too (majorants). Since optical depth never falls, what a step scatters also lies between what its ends
+   let pass: that bounds gas which is too dense for the series. Where a polygon's shadow may begin within a step, its
+   light lies between none and all. Steps are halved while that helps. The truth that is bounded is the field of kernels
+   that nothing cuts up to 4 voxels from a volume's box, beyond which it has no gas. Cost: pixels * steps * 3 * (1 +
+   lights * steps of a shadow ray * 3) * 512 voxels. */
 
 #define SPSI_BRACKET_ORDER    6
 #define SPSI_BRACKET_TAPS     8     /* voxels along each axis about a point */
-#define SPSI_BRACKET_STEP     0.75  /* of a voxel at most, so that these are all that counts, >>brackets */
+#define SPSI_BRACKET_STEP     0.75  /* of a voxel at most: then no voxel beyond these matters */
 #define SPSI_BRACKET_TAIL     2e-8  /* of the largest value: kernels beyond, at the point itself */
 #define SPSI_BRACKET_HALVINGS 12    /* of a step at most, in dense gas */
 #define SPSI_BRACKET_EDGES    6     /* the same where a shadow may begin, and where bounds are wide */
-#define SPSI_BRACKET_WIDE     1e-3  /* of what opaque gas would send: bounds of a step that are farther apart */
+#define SPSI_BRACKET_WIDE     1e-3  /* of what opaque gas would send: steps whose bounds are farther apart are halved */
 #define SPSI_BRACKET_DENSE    0.5   /* optical depth of a step in the densest gas about it, above which it is halved */
-#define SPSI_BRACKET_SEEN     10    /* unless it is behind this one: 5e-5 passes */
+#define SPSI_BRACKET_SEEN     10    /* behind this optical depth nothing is halved: 5e-5 passes */
+#define SPSI_BRACKET_STEPS    1e8   /* along a ray at most */
 #define SPSI_BRACKET_DARK     27.6  /* optical depth beyond which shadows are not followed: 1e-12 passes */
 #define SPSI_BRACKET_ROUNDING 1e-6  /* relative: what materials respond is computed in floats */
 #define SPSI_BRACKET_ROOM     1e-9  /* relative: of a shadow's edge */
@@ -27023,11 +27027,11 @@ typedef struct spsi_series {
 /* Of a pixel. */
 typedef struct spsi_bracket {
     int sample;                /* that it is about; -1: none yet */
-    spsi_between gas;         /* optical depth before the next step */
+    spsi_between gas;          /* optical depth before the next step */
     spsi_between scattered[3]; /* by gas that lies before it, or emitted */
     spsi_between radiance[3];  /* of faces before it */
     double source[3];          /* radiance of that gas, were it opaque, at most */
-    spsi_between sums[3];     /* over the samples that have ended */
+    spsi_between sums[3];      /* over the samples that have ended */
 } spsi_bracket;
 
 /* What is the same for all pixels. */
@@ -27035,6 +27039,7 @@ struct spsi_bracketing {
     double step; /* maximum, in world length */
     spsi_bounds bounds;
     double most[SPSI_VOLUMES_MAX]; /* maximum value of each volume */
+    int lamp_count;                /* lights that gas scatters */
     spsi_bracket *pixels;
 };
 
@@ -27047,7 +27052,7 @@ static spsi_between spsi_between_of(double low, double high) {
     return interval;
 }
 
-/* Adds a number of times an interval whose ends are not negative. */
+/* Adds low..high, neither of them negative. */
 static void spsi_between_add(spsi_between *sum, double low, double high) {
     sum->low += low;
     sum->high += high;
@@ -27081,7 +27086,7 @@ static spsi_series spsi_series_exponential(const spsi_series *w) {
 
 /* Adds `scale` times the series of a field along a vector of `speed` voxels, whose voxels are `half` from `middle` at
    most, and nowhere above `most`. Also of an integral of such fields, given the integrals of the three. Term 0 is
-   another matter. */
+   left alone. */
 static void spsi_series_add_field(double scale, double speed, double half, double middle, double most,
                                   spsi_series *series) {
     double factor = scale;
@@ -27211,8 +27216,8 @@ static double spsi_step_most(const spsi_step_gas *gas, double most) {
 /* Gas between a point and a light. */
 typedef struct spsi_shade {
     spsi_between depth;
-    double way;                                                  /* length, in the gas's bounds */
-    double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX];     /* integrals over that of voxels' values */
+    double way;                                              /* length, in the gas's bounds */
+    double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* integrals over that of voxels' values */
 } spsi_shade;
 
 /* Number of steps of a ray through the bounds of all gas, and its part in them. */
@@ -27221,7 +27226,7 @@ static int spsi_bracket_range(const spsi_marcher *marcher, const spsi_ray *ray, 
     if (marcher->part_count == 0) return 0;
     if (!spsi_ray_meets_box(ray, bracketing->bounds.low, bracketing->bounds.high, range)) return 0;
     if (!(range[1] > range[0])) return 0;
-    return (int)fmin(fmax(ceil((range[1] - range[0]) / bracketing->step), 1), 1e8);
+    return (int)fmax(ceil((range[1] - range[0]) / bracketing->step), 1);
 }
 
 /* The i-th of `count` steps of a ray's part. */
@@ -27268,8 +27273,8 @@ typedef struct spsi_step {
     double ends[2][3], points[3][3];     /* in the world */
     spsi_step_gas gas[SPSI_VOLUMES_MAX]; /* of each volume */
     double particles[SPSI_SETS_MAX];     /* optical depth of each set */
-    spsi_between before, depth;         /* optical depth up to the step, and in it */
-    spsi_between within[3];             /* from its beginning to its points */
+    spsi_between before, depth;          /* optical depth up to the step, and in it */
+    spsi_between within[3];              /* from its beginning to its points */
     spsi_series passes;                  /* of optical depth from the eye; term 0 is left out */
     int lit;                             /* 1: shadows of light matter */
     int smooth;                          /* 1: there are no particles */
@@ -27279,11 +27284,11 @@ typedef struct spsi_step {
 typedef struct spsi_coming {
     spsi_between depth[3]; /* at the step's points */
     spsi_between passes;   /* transmittance anywhere on it */
-    spsi_series series;     /* of optical depth; term 0 is left out */
-    double falls[3];        /* falloff at the points */
-    spsi_between range;    /* of the falloff, anywhere */
-    spsi_series falloff;
-    int smooth; /* 1: both series hold */
+    spsi_series series;    /* of optical depth; term 0 is left out */
+    double falls[3];       /* falloff at the points, and of a gas its phase function */
+    spsi_between range;    /* of these, anywhere */
+    spsi_series falloff;   /* of these */
+    int smooth;            /* 1: both series hold */
 } spsi_coming;
 
 /* Optical depth from a step's beginning to its points, by the parabola through its values there, and what that misses:
@@ -27301,7 +27306,7 @@ static void spsi_step_within(const spsi_marcher *marcher, double third, spsi_ste
             for (int k = 0; k < 3; ++k) sum += h * extinction * weights[j][k] * step->gas[m].value[k];
             tail += h * extinction * step->gas[m].tail;
         }
-        step->within[j].low = fmax(0, sum - h * (h * h) * h * third * missed[j]);
+        step->within[j].low = fmax(0, sum - h * (h * h) * h * third * missed[j] - 0.04 * tail);
         step->within[j].high = fmin(step->depth.high, sum + h * (h * h) * h * third * missed[j] + tail);
     }
 }
@@ -27353,6 +27358,7 @@ static spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_s
     spsi_between result, points = {0, 0};
     spsi_series f, w, product;
     double off;
+    if (!(gas->length.high > 0)) return points;
     result.low = gas->length.low * exp(-step->before.high - step->depth.high);
     result.high = gas->length.high * exp(-step->before.low);
     if (marcher->part_count == 1 && extinction > 0) { /* what is missing behind it is what it has taken */
@@ -27425,7 +27431,7 @@ static void spsi_coming_fall(const spsi_marcher *marcher, const spsi_step *step,
 static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
                               spsi_coming *coming) {
     const double h = step->ray.high - step->ray.low;
-    double offset[3], distance = HUGE_VAL, change = 0;
+    double offset[3], distance = HUGE_VAL, change;
     spsi_shade middle, others;
     spsi_bracket_shade(marcher, lamp, step->points[1], &middle);
     coming->depth[1] = middle.depth;
@@ -27444,10 +27450,10 @@ static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step
         coming->smooth &= distance > h;
         way.term[0] = 1 + 0.5 * h / distance;
         for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) way.term[k] = way.term[0] / pow(distance - 0.5 * h, k);
-        coming->series.term[0] = middle.depth.high;
+        coming->series.term[0] = middle.depth.high + 0.5 * h * coming->series.term[1];
         coming->series = spsi_series_product(&coming->series, &way);
     }
-    for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) change += coming->series.term[k] * pow(0.5 * h, k);
+    change = 0.5 * h * coming->series.term[1];
     coming->series.term[0] = 0;
     coming->passes = spsi_between_of(0, 1);
     if (distance > h) {
@@ -27492,7 +27498,7 @@ static void spsi_coming_cone(const spsi_cone *cone, const double cosines[3], sps
     if (!cone->exists || spsi_cone_at(cone, range.low) >= 1) return;
     coming->smooth &= !spsi_cone_bends(cone, range);
     for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) share.term[k] *= (double)cone->scale;
-    share.term[0] = range.high * (double)cone->scale + (double)cone->offset;
+    share.term[0] = fmax(range.high * (double)cone->scale + (double)cone->offset, 0);
     coming->falloff = spsi_series_product(&coming->falloff, &share);
     coming->falloff = spsi_series_product(&coming->falloff, &share);
 }
@@ -27511,15 +27517,22 @@ static spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const sp
     return lobes;
 }
 
-/* What a gas sends to the eye of the light that comes to a step, per unit of optical depth and of albedo. Lobes are
-   convex in the cosine: between two ends none is above them, nor below what its middle and the larger end leave. A
-   lamp's light turns by less than the step seen from it, and its direction has a series of 2 / r^k at most. */
+/* A lobe at one cosine. */
+static double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
+    const double g = (double)lobe->asymmetry;
+    const double square = fmax(1 + g * g - 2 * g * fmin(fmax(cosine, -1), 1), DBL_MIN);
+    return (double)lobe->weight * (1 - g * g) / (4 * SPSI_PI * square * sqrt(square));
+}
+
+/* What a gas sends to the eye of the light that comes to a step, per unit of optical depth and of albedo. A lobe rises
+   or falls with the cosine, so that it is between its values at the ends. A lamp's light turns by less than the step
+   seen from it, and its direction has a series of 2 / r^k at most. */
 static void spsi_coming_phase(const spsi_step *step, const spsi_lamp *lamp, const spsi_material *material,
                               spsi_coming *coming) {
-    const double half = 0.5 * (step->ray.high - step->ray.low);
-    const double turn = spsi_step_turn(step, lamp);
-    double cosines[3], axis[3], ends[3], distance = HUGE_VAL;
-    spsi_series turning, phase;
+    const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, lamp);
+    double cosines[3], axis[3], phases[3] = {0, 0, 0}, distance = HUGE_VAL;
+    spsi_between range = {0, 0};
+    spsi_series turning, series;
     for (int j = 0; j < 3; ++j) {
         double travel[3], offset[3];
         spsi_lamp_direction(lamp, step->points[j], travel);
@@ -27528,27 +27541,21 @@ static void spsi_coming_phase(const spsi_step *step, const spsi_lamp *lamp, cons
         spsi_along(lamp->position, step->points[j], -1, offset);
         if (j == 1 && lamp->is_point) distance = spsi_length(offset);
     }
-    for (int i = 0; i < 3; ++i) {
-        float lanes[SPSI_LANES];
-        spsi_store(lanes, spsi_phase(material, spsi_set((float)cosines[i])));
-        coming->falls[i] *= (double)lanes[0];
-        ends[i] = fmin(fmax(cosines[1] + (i - 1) * turn, -1), 1);
-        spsi_store(lanes, spsi_phase(material, spsi_set((float)ends[i])));
-        ends[i] = (double)lanes[0];
-    }
-    ends[0] = fmax(ends[1], fmax(ends[0], ends[2]));
-    coming->range.low *= turn > 0 ? fmax(0, 2 * ends[1] - ends[0]) : ends[1];
-    coming->range.high *= ends[0];
-    coming->smooth &= !lamp->is_point || distance > 2 * half;
-    memset(&phase, 0, sizeof phase);
+    coming->smooth &= distance > 2 * half;
+    memset(&series, 0, sizeof series);
     for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) turning.term[k] = lamp->is_point ? 2 / pow(distance - half, k) : 0;
     for (int i = 0; i < material->lobe_count; ++i) {
-        const double g = (double)material->lobes[i].asymmetry;
-        const double most = fmin(fmax(cosines[1] + (g > 0 ? turn : -turn), -1), 1);
-        const spsi_series lobe = spsi_series_lobe(&material->lobes[i], 1 + g * g - 2 * g * most, &turning);
-        for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) phase.term[k] += lobe.term[k];
+        const sps_lobe *lobe = &material->lobes[i];
+        const double g = (double)lobe->asymmetry, most = fmin(fmax(cosines[1] + (g > 0 ? turn : -turn), -1), 1);
+        const spsi_series own = spsi_series_lobe(lobe, 1 + g * g - 2 * g * most, &turning);
+        for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) series.term[k] += own.term[k];
+        for (int j = 0; j < 3; ++j) phases[j] += spsi_lobe_at(lobe, cosines[j]);
+        spsi_between_add(&range, spsi_lobe_at(lobe, cosines[1] - (g > 0 ? turn : -turn)), spsi_lobe_at(lobe, most));
     }
-    coming->falloff = spsi_series_product(&coming->falloff, &phase);
+    for (int j = 0; j < 3; ++j) coming->falls[j] *= phases[j];
+    coming->range.low *= range.low;
+    coming->range.high *= range.high;
+    coming->falloff = spsi_series_product(&coming->falloff, &series);
     if (lamp->is_point) spsi_coming_cone(&lamp->cone, axis, spsi_step_axis(step, lamp), &turning, coming);
 }
 
@@ -27637,7 +27644,7 @@ static void spsi_light_plane(const spsi_lamp *lamp, const double a[3], const dou
 typedef enum spsi_cover { SPSI_COVER_CLEAR, SPSI_COVER_BEHIND, SPSI_COVER_PARTLY } spsi_cover;
 
 /* Whether a face is before a light, seen from all points between two. Planes tell: that of the face, which must be
-   between them and the light, and those in which light passes its edges; or the one in which light comes to the two. */
+   between them and the light, and those in which light passes its edges; or that through both points and the light. */
 static spsi_cover spsi_face_cover(const spsi_face *face, const spsi_lamp *lamp, const spsi_step *step) {
     double normal[3], beyond[3];
     int side, sides[3], inside = 1;
@@ -27679,17 +27686,18 @@ static int spsi_step_cover(const spsi_faces *faces, const spsi_lamp *lamp, const
         double low[3], high[3], range[2];
         for (int i = 0; i < 3; ++i) {
             const double l = tree->centre[i] + (double)node->low[i], h = tree->centre[i] + (double)node->high[i];
-            const double room = fabs(step->ends[1][i] - ray.origin[i]) + SPSI_BRACKET_ROOM * (fabs(l) + fabs(h));
+            const double room = fabs(step->ends[1][i] - ray.origin[i]) +
+                                SPSI_BRACKET_ROOM * (fabs(l) + fabs(h) + fabs(ray.origin[i]));
             low[i] = l - room, high[i] = h + room;
         }
         if (!spsi_ray_meets_box(&ray, low, high, range)) continue;
         for (int i = 0; i < node->count; ++i) {
             const spsi_face *face = &faces->list[tree->order[node->first + i]];
-            const spsi_cover sight = spsi_face_cover(face, lamp, step);
-            sure &= sight != SPSI_COVER_PARTLY;
-            for (int c = 0; c < 3 && sight != SPSI_COVER_CLEAR; ++c) {
+            const spsi_cover cover = spsi_face_cover(face, lamp, step);
+            sure &= cover != SPSI_COVER_PARTLY;
+            for (int c = 0; c < 3 && cover != SPSI_COVER_CLEAR; ++c) {
                 passes[c].low *= (double)face->transmittance[c];
-                if (sight == SPSI_COVER_BEHIND) passes[c].high *= (double)face->transmittance[c];
+                if (cover == SPSI_COVER_BEHIND) passes[c].high *= (double)face->transmittance[c];
             }
         }
         if (!(passes[0].high > 0 || passes[1].high > 0 || passes[2].high > 0)) return 1;
@@ -27709,7 +27717,7 @@ static int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step
     if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
     if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
         return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* else no halving is enough */
-    for (int i = 0; i < marcher->frame->lamps.count && halvings < SPSI_BRACKET_EDGES; ++i) {
+    for (int i = 0; i < marcher->bracketing->lamp_count && halvings < SPSI_BRACKET_EDGES; ++i) {
         const spsi_lamp *lamp = &marcher->frame->lamps.list[i];
         spsi_between passes[3];
         if (spsi_cone_bends(&lamp->cone, spsi_step_axis(step, lamp))) return 1;
@@ -27726,7 +27734,7 @@ static int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, in
     memset(sum, 0, sizeof *sum);
     spsi_step_build(marcher, ray, before, &step);
     if (spsi_step_too_long(marcher, &step, halvings)) return 0;
-    for (int i = 0; i < frame->lamps.count; ++i) {
+    for (int i = 0; i < marcher->bracketing->lamp_count; ++i) {
         spsi_between passes[3] = {{0, 1}, {0, 1}, {0, 1}};
         if (step.lit) spsi_step_cover(marcher->faces, &frame->lamps.list[i], &step, passes);
         spsi_step_add_lamp(marcher, &step, &frame->lamps.list[i], passes, sum);
@@ -27805,7 +27813,7 @@ static void spsi_bracket_end(const spsi_marcher *marcher, spsi_walker *walker, s
         spsi_between_add(all, bracket->scattered[c].low, fmin(bracket->scattered[c].high, most));
         walker->through[c] = walker->filter[c] * 0.5 * (passes.low + passes.high);
         walker->radiance[c] = 0.5 * (all->low + all->high);
-        spsi_between_add(all, sky * (sky > 0 ? passes.low : passes.high), sky * (sky > 0 ? passes.high : passes.low));
+        spsi_between_add(all, sky * passes.low, sky * passes.high);
         spsi_between_add(&bracket->sums[c], all->low, all->high);
     }
 }
@@ -27883,6 +27891,7 @@ static sps_result spsi_bracket_check(sps_context *context, const spsi_frame *fra
 static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher, struct spsi_bracketing *bracketing) {
     const spsi_frame *frame = marcher->frame;
     const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
+    double across[3];
     memset(bracketing, 0, sizeof *bracketing);
     bracketing->pixels =
         (spsi_bracket *)spsi_reserve(context, SPSI_BUFFER_PATHS, pixels, sizeof *bracketing->pixels);
@@ -27890,6 +27899,8 @@ static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher
     memset(bracketing->pixels, 0, pixels * sizeof *bracketing->pixels);
     for (size_t i = 0; i < pixels; ++i) bracketing->pixels[i].sample = -1;
     bracketing->step = marcher->step;
+    for (int m = 0; m < frame->medium_count; ++m)
+        if (spsi_part_material(frame, m)->scatters) bracketing->lamp_count = frame->lamps.count;
     bracketing->bounds = spsi_nowhere;
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_dense *grid = &marcher->grids[m];
@@ -27911,6 +27922,11 @@ static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher
         spsi_bounds_add(&bracketing->bounds, box.low);
         spsi_bounds_add(&bracketing->bounds, box.high);
     }
+    spsi_along(bracketing->bounds.high, bracketing->bounds.low, -1, across);
+    if (!spsi_bounds_empty(&bracketing->bounds) && !(spsi_length(across) < SPSI_BRACKET_STEPS * bracketing->step))
+        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE, -1, "", 0,
+                              "volumes and particles are too far apart for lower and upper: a ray through all of them "
+                              "would have more than 1e8 steps");
     marcher->bracketing = bracketing;
     marcher->follow = spsi_bracket_on;
     return SPS_OK;

@@ -6,7 +6,7 @@
 
 enum { BOUND_STEPS = 2, BOUND_STRIDE = 9 }; /* the pixels of a truth that has all of them */
 
-static const double bound_steps[BOUND_STEPS] = {0.75, 0.4};
+static const double bound_steps[BOUND_STEPS] = {0.75, 0.5};
 
 /* Some pixels of a scene, and their bounds. */
 typedef struct bounded {

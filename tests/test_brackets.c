@@ -108,7 +108,7 @@ static double depth_along(const check_scene *s, const double from[3], const doub
     return sum;
 }
 
-/* What a point scatters downwards the eye's ray, per unit of extinction and of albedo. */
+/* What a point scatters back along the eye's ray, per unit of extinction and of albedo. */
 static double light_at(const check_scene *s, const double p[3], float g) {
     double sum = 0;
     for (int i = 0; i < s->scene.light_count; ++i) {
@@ -475,13 +475,16 @@ static void test_dense(void) {
     }
 }
 
-/* A lamp within the gas, on a pixel's ray and beside it. */
+/* A lamp within the gas, on a pixel's ray and beside it; one that does not fall off, behind which a lobe is another. */
 static void test_lamp_within(void) {
-    for (int n = 0; n < 2; ++n) {
+    static const sps_lobe lobe = {0.3f, 1};
+    for (int n = 0; n < 3; ++n) {
         const double pixel = 2.0 / SIDE;
         check_scene s;
-        start(&s, 0, 1);
-        check_add_point(&s, n ? 0 : 0.5 * pixel, n ? 0 : 0.5 * pixel, 0.1, 1);
+        sps_volume *volume = start(&s, 0, 1);
+        sps_light *lamp = check_add_point(&s, n == 1 ? 0 : 0.5 * pixel, n == 1 ? 0 : 0.5 * pixel, 0.1, 1);
+        if (n == 2) volume->lobes = &lobe, volume->lobe_count = 1;
+        if (n == 2) lamp->falloff = SPS_FALLOFF_NONE, lamp->no_shadow = 1, lamp->position[0] += 1e-4;
         check_order(&s, 0.5);
         check_march(context, &s, 0.04, exact, NULL);
         for (int i = 0; i < 3 * COUNT; ++i) { /* the march: 2e-6 of kernels, and its steps, halved, by 1e-4 */
@@ -489,6 +492,17 @@ static void test_lamp_within(void) {
             CHECK((double)low[i] - room <= found && found <= (double)high[i] + room);
         }
     }
+}
+
+/* Gas outside of a cone is dark, and nothing else is said of it. */
+static void test_outside_cone(void) {
+    check_scene s;
+    sps_light *lamp;
+    start(&s, 1, 1);
+    lamp = check_add_point(&s, 2.9, 0, 0, 1);
+    check_set3(lamp->direction, 0.1, -1, 0), lamp->inner_cone = 0.9, lamp->outer_cone = 1;
+    check_order(&s, 0.75);
+    for (int i = 0; i < 3 * COUNT; ++i) CHECK(low[i] <= 0 && high[i] >= 0 && high[i] < 1e-6f);
 }
 
 static void check_refused(const check_scene *s, const char *text) {
@@ -520,6 +534,11 @@ static void test_refused(void) {
     check_add_swarm(&s, 1);
     check_refused(&s, "particles[0]");
     s.scene.particle_set_count = 0;
+    s.scene.volume_count = 2;
+    s.volume[1] = s.volume[0];
+    s.volume[1].placement.origin[0] = 1e9;
+    check_refused(&s, "too far apart");
+    s.scene.volume_count = 1;
     memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
     settings.step = 0.5, settings.lower = low, image.rgba = rgba;
     CHECK(sps_reference(context, &s.scene, &s.view, &settings, &image) == SPS_ERROR_ARGUMENT);
@@ -610,6 +629,7 @@ int main(void) {
     RUN(test_particles);
     RUN(test_dense);
     RUN(test_lamp_within);
+    RUN(test_outside_cone);
     RUN(test_refused);
     RUN(test_workers);
     RUN(test_failures);

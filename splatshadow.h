@@ -26158,7 +26158,7 @@ typedef struct spsi_marcher {
     spsi_sample *samples; /* one per part, per worker */
     /* Follows the ray of a pixel up to its next face and through that. */
     void (*follow)(const struct spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker);
-    const struct spsi_bracketing *bracketing; /* NULL: no bounds are asked for */
+    const struct spsi_bracketing *bracketing; /* NULL: without bounds */
 } spsi_marcher;
 
 /* --- the field --- */
@@ -27726,7 +27726,7 @@ static int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step
     return 0;
 }
 
-/* Bounds of what a step sends to the eye. Returns 0 if its halves should be asked instead. */
+/* Bounds of what a step sends to the eye. Returns 0 if its halves should be followed instead. */
 static int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_between before,
                             spsi_step_light *sum) {
     const spsi_frame *frame = marcher->frame;

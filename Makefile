@@ -234,7 +234,7 @@ COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native 
 TESTS_native    = $(if $(SPLATSHADOW_LONG),$(TESTS),$(filter-out test_seeds,$(TESTS))) fuzz soak
 TESTS_sanitized = test_extremes test_transmittance test_arrays
 TESTS_wide_sanitized = test_engineering test_files test_polygons test_seeds test_tmaps test_watertight
-TESTS_cpp       = test_plan test_arrays
+TESTS_cpp       = test_pictures test_arrays
 TESTS_baseline  = test_simd
 TESTS_readme    = test_watertight
 TESTS_fused     = test_watertight

@@ -27002,7 +27002,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 #define SPSI_BRACKET_SEEN     10    /* behind this optical depth nothing is halved: 5e-5 passes */
 #define SPSI_BRACKET_STEPS    1e8   /* along a ray at most */
 #define SPSI_BRACKET_DARK     27.6  /* optical depth beyond which shadows are not followed: 1e-12 passes */
-#define SPSI_BRACKET_ROUNDING 1e-6  /* relative: what materials respond is computed in floats */
+#define SPSI_BRACKET_ROUNDING 1e-6  /* relative: colors are floats, and so are bounds */
 #define SPSI_BRACKET_ROOM     1e-9  /* relative: of a shadow's edge */
 
 static const double spsi_bracket_places[3] = {0.11270166537925831, 0.5, 0.88729833462074169}; /* 1/2 +- sqrt(3/20) */
@@ -27105,7 +27105,7 @@ static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h
 /* Voxels about a point. */
 typedef struct spsi_vicinity {
     double value;        /* of the field */
-    double half, middle; /* values of voxels: middle +- half; where they are asked for */
+    double half, middle; /* values of voxels: middle +- half; 0 unless `ranged` */
 } spsi_vicinity;
 
 /* Weights of the voxels about `at` along one axis. Returns the first. */
@@ -27177,7 +27177,7 @@ typedef struct spsi_step_gas {
     double value[3];      /* of the field, at the step's points */
     double half, middle;  /* values of voxels about all of it: middle +- half */
     double tail;          /* by which values may be larger */
-    spsi_between length; /* of the field's integral over the step */
+    spsi_between length;  /* of the field's integral over the step */
 } spsi_step_gas;
 
 /* Samples a volume at a step's points. Returns 0 if nothing is about it. */
@@ -27850,7 +27850,7 @@ static void spsi_bracket_on(const spsi_marcher *marcher, int x, int y, spsi_samp
         spsi_bracket_surface(marcher, &walker->hit, x, y, surface);
         for (int c = 0; c < 3; ++c) {
             spsi_between_add(&bracket->radiance[c], walker->filter[c] * passes.low * surface[c].low,
-                              walker->filter[c] * passes.high * surface[c].high);
+                             walker->filter[c] * passes.high * surface[c].high);
             walker->filter[c] *= (double)face->transmittance[c];
         }
         before -= spsi_color_mean(walker->filter);
@@ -27878,8 +27878,8 @@ static sps_result spsi_bracket_check(sps_context *context, const spsi_frame *fra
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         if (lamp->extent.exists || lamp->projection.exists)
-            return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index,
-                                  "", 0, "has an extent or throws an image, for which no bounds are known");
+            return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0,
+                                  "has an extent or throws an image, for which no bounds are known");
     }
     if (frame->particles.set_count > 0 && frame->lamps.count > 0 && scatters)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_PARTICLES, frame->particles.sets[0].index, "",
@@ -27893,8 +27893,7 @@ static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher
     const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     double across[3];
     memset(bracketing, 0, sizeof *bracketing);
-    bracketing->pixels =
-        (spsi_bracket *)spsi_reserve(context, SPSI_BUFFER_PATHS, pixels, sizeof *bracketing->pixels);
+    bracketing->pixels = (spsi_bracket *)spsi_reserve(context, SPSI_BUFFER_PATHS, pixels, sizeof *bracketing->pixels);
     if (!bracketing->pixels) return context->result;
     memset(bracketing->pixels, 0, pixels * sizeof *bracketing->pixels);
     for (size_t i = 0; i < pixels; ++i) bracketing->pixels[i].sample = -1;

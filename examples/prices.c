@@ -139,14 +139,11 @@ typedef struct price {
 static void compare(const price *p, trial *t) {
     const sampled *truth = &p->priced->truth;
     const double noise = p->priced->noise * p->priced->noise;
-    const int side = truth->frame.view.width, first = (PRICE_SIZE - (side - 1) * truth->stride - 1) / 2;
-    const size_t count = 3 * (size_t)side * (size_t)side;
+    const size_t side = (size_t)truth->frame.view.width, count = 3 * side * side;
     double *sizes = (double *)ex_allocate(count, sizeof *sizes), squares = 0, sum = 0;
     for (size_t i = 0; i < count; ++i) {
-        const int pixel = (int)(i / 3), x = first + pixel % side * truth->stride,
-                  y = first + pixel / side * truth->stride;
-        const double found = (double)p->shown.rgba[4 * (y * PRICE_SIZE + x) + (int)(i % 3)];
-        const double off = found - (double)truth->frame.rgba[4 * (size_t)pixel + i % 3];
+        const double found = (double)p->shown.rgba[4 * sampled_place(truth, i / 3) + i % 3];
+        const double off = found - (double)truth->frame.rgba[4 * (i / 3) + i % 3];
         sizes[i] = fabs(off), squares += off * off, sum += off;
     }
     t->rms = sqrt(fmax(squares / (double)count - noise, noise * sqrt(2 / (double)count)));

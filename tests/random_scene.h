@@ -129,6 +129,7 @@ static inline void print_levels(const int levels[FEATURES]) {
 
 /* --------------------------------------------------------------------------------------------------- random numbers */
 
+/* At most one draw per argument list: the compiler chooses the order in which arguments are evaluated. */
 static inline double draw(check_random *random, double low, double high) {
     return low + (high - low) * check_next(random);
 }
@@ -389,16 +390,21 @@ static inline void add_volumes(random_scene *x) {
     check_random *random = &x->random;
     const double centre[3] = {0, 0, 0};
     double middle[3];
+    int placement, shape, kind;
     if (levels[VOLUME] != VOLUME_NONE)
         add_volume(x, levels[VOLUME], levels[FIELD], levels[SOURCE], levels[PLACEMENT], x->voxels, centre);
     if (second == SECOND_NONE) return;
     for (int i = 0; i < 3; ++i) middle[i] = draw(random, -0.25, 0.25);
-    add_volume(x, kinds[second], draw_below(random, 5), SOURCE_READ, draw_below(random, 3),
-               second == SECOND_COARSE ? 0.5 * x->voxels : x->voxels, middle);
+    placement = draw_below(random, 3);
+    shape = draw_below(random, 5);
+    add_volume(x, kinds[second], shape, SOURCE_READ, placement, second == SECOND_COARSE ? 0.5 * x->voxels : x->voxels,
+               middle);
     if (second != SECOND_TWO) return;
     for (int i = 0; i < 3; ++i) middle[i] = draw(random, -0.25, 0.25);
-    add_volume(x, one_in(random, 2) ? VOLUME_LOBES : VOLUME_SURFACE, draw_below(random, 5), SOURCE_EVAL,
-               draw_below(random, 3), x->voxels, middle);
+    placement = draw_below(random, 3);
+    shape = draw_below(random, 5);
+    kind = one_in(random, 2) ? VOLUME_LOBES : VOLUME_SURFACE;
+    add_volume(x, kind, shape, SOURCE_EVAL, placement, x->voxels, middle);
 }
 
 /* --- polygons, in the scene's own coordinates, which the mesh's placement takes to the world --- */
@@ -424,7 +430,8 @@ static inline void add_ground(random_scene *x, double half, double height) {
 static inline void add_wall(random_scene *x) {
     const double angle = draw(&x->random, 0, SCENE_PI), half = draw(&x->random, 0.2, 0.6);
     const double u[3] = {half * cos(angle), 0, half * sin(angle)}, v[3] = {0, half, 0};
-    add_rectangle(x, draw(&x->random, -0.4, 0.4), draw(&x->random, -0.3, 0.3), draw(&x->random, -0.4, 0.4), u, v);
+    const double back = draw(&x->random, -0.4, 0.4), up = draw(&x->random, -0.3, 0.3);
+    add_rectangle(x, draw(&x->random, -0.4, 0.4), up, back, u, v);
 }
 
 /* A floor and three walls, open above and towards +z. */
@@ -503,9 +510,12 @@ static inline void add_texture(random_scene *x, check_random random) {
 static inline void add_mesh(random_scene *x) {
     const int kind = x->levels[MESH];
     sps_mesh *mesh = &x->s.mesh[0];
+    int axis;
     if (kind == MESH_NONE) return;
-    if (kind == MESH_GROUND) add_ground(x, draw_log(&x->random, 1, 20), draw(&x->random, -0.6, -0.2));
-    if (kind == MESH_PLAIN) add_ground(x, draw_log(&x->random, 100, 1e6), draw(&x->random, -0.6, -0.2));
+    if (kind == MESH_GROUND || kind == MESH_PLAIN) {
+        const double height = draw(&x->random, -0.6, -0.2);
+        add_ground(x, kind == MESH_GROUND ? draw_log(&x->random, 1, 20) : draw_log(&x->random, 100, 1e6), height);
+    }
     if (kind == MESH_WALL) add_wall(x);
     if (kind == MESH_BALL) add_ball(x);
     if (kind == MESH_HALL) add_hall(x);
@@ -518,7 +528,8 @@ static inline void add_mesh(random_scene *x) {
     add_texture(x, x->random);
     if (kind != MESH_BALL) return;
     mesh->has_normals = mesh->has_colors = 1;
-    mesh->placement.axis[draw_below(&x->random, 3)][draw_below(&x->random, 3)] += 0.4 * x->scale;
+    axis = draw_below(&x->random, 3);
+    mesh->placement.axis[axis][draw_below(&x->random, 3)] += 0.4 * x->scale;
 }
 
 /* --- particles --- */

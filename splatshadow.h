@@ -24883,8 +24883,10 @@ static int spsi_table_is_held(sps_context *context, const spsi_frame *frame, con
 static void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, uint64_t gas, spsi_work *work) {
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
+        const int is_empty = spsi_bounds_empty(spsi_lamp_bounds(frame, lamp)); /* volumes hold nothing */
         size_t side;
-        if (!lamp->has_map || spsi_scatters_fully(frame) || spsi_table_is_held(context, frame, lamp, gas)) continue;
+        if (!lamp->has_map || spsi_scatters_fully(frame) || (is_empty && frame->particles.set_count == 0)) continue;
+        if (!is_empty && spsi_table_is_held(context, frame, lamp, gas)) continue;
         work->units[SPSI_STAGE_LIGHT] +=
             (double)spsi_lamp_tmap_texels(frame, lamp, &side) * (double)spsi_lamp_tmap_components(frame, lamp);
     }

@@ -98,8 +98,9 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
     SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
-MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs
-    about 20 bytes per relevant voxel, 32 per particle and 264 more for those in the fullest 16 slabs, 176 per triangle
+MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs about
+    20 bytes per relevant voxel, those of bricks where it is gathered (sps_filling: 12 to 16 more per voxel of dense
+    gas, twice that at high and ultra), 32 per particle and 264 more for those in the fullest 16 slabs, 176 per triangle
     and 68 more if lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its map or table; those of
@@ -780,19 +781,23 @@ typedef enum sps_filling {
     /* Each volume, in each pass, as costs less by the number and size of its footprints, and the number of its samples.
        The same in every build and for any number of workers; but from frame to frame it may change, and the picture
        with it by what the two are apart: mostly 0.1 % of a gas, 1 % of a classified one (CHECK_FIGURES=1 of
-       tests/test_filling.c), less at high quality. */
+       tests/test_filling.c), less at high quality, and more where voxels are smaller than pixels: footprints blur them
+       more than rays do. memory_limit is not looked at: where bricks do not fit, ask for SPLAT. */
     SPS_FILLING_AUTO = 0,
     SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
     /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3 per
        voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per slab.
        Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where a gas's voxels are
        smaller than 0.55 pixels, a pixel has two rays, or four if they are smaller than 0.38, and where they are smaller
-       than 0.27, voxels of a coarser level are sampled. A texel of a light's sheets has one ray, on such a level.
-       Through classified voxels of any size, there is one ray. Volumes are splatted nevertheless, one by one and in
-       each pass, if no level fits all of them (at high and ultra, there is none if voxels are more than twice as long
-       as wide), if they are not all well before the eye or the light, if rays cross more than 15 voxels in a slab (11
-       at high and ultra), or if they are scattered too thinly. Cost besides: 5900 bytes per brick of 8^3 voxels within
-       reach of one, 10900 at high and ultra, and roughly an eighth as many on each coarser level. */
+       than 0.27, voxels of a coarser level are sampled. One level serves a whole volume, and its voxels are no longer
+       than 0.77 pixels where the eye is nearest: if distances differ too much for that, or the lengths of a voxel's
+       edges, a pixel has 16 or 64 rays on a finer level. At high and ultra there are no levels if voxels are more than
+       twice as long as wide. A texel of a light's sheets has one ray, on such a level, if that serves all of the
+       volume. Through classified voxels of any size, there is one ray. Volumes are splatted nevertheless, one by one
+       and in each pass, if 64 rays are not enough, if any of their voxels is nearer to the eye or the light than 16
+       times a kernel's reach (26 of its longest edges at high), if rays cross more than 15 voxels in a slab (11 at high
+       and ultra), or if they are scattered too thinly. Cost besides: 5900 bytes per brick of 8^3 voxels within reach of
+       one, 10900 at high and ultra, and roughly an eighth as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -12233,11 +12238,12 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    samples of its own. The rays of a vector of pixels are followed side by side: only taps are read one sample after the
    other. Where voxels are smaller than pixels, a pixel of gas has two rays, at opposite corners of its middle half,
    which swing to the other two corners from sample to sample: along a ray that is as good as four. The smallest voxels
-   that are not left to a coarser level have four. Of a light's sheets, a texel has one ray: on a level whose voxels are
-   about as wide, or, where it is classified, wherever it hits, since samples at places are right in the mean, and looks
-   of means are not. Volumes that are not classified have a pyramid: each level's voxels are twice as large, halved
-   along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Gradients of surfaces are sums of the same
-   voxels, weighted by the kernel's derivative.
+   that are not left to a coarser level have four, or 4^2 or 8^2, evenly spread over the pixel, where a level that is
+   fine enough for the nearest voxels and the longest edges is too fine for others. Of a light's sheets, a texel has one
+   ray: on a level whose voxels are about as wide, or, where it is classified, wherever it hits, since samples at places
+   are right in the mean, and looks of means are not. Volumes that are not classified have a pyramid: each level's
+   voxels are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Gradients
+   of surfaces are sums of the same voxels, weighted by the kernel's derivative.
    With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels in those slabs where gas is smooth: cubics across
    the patch, and midpoints or cubics along it, are off by what a bound on the field's third derivatives allows, the
    greatest third differences of voxels in eighths of bricks. These are differences of a smooth field to within the
@@ -12250,10 +12256,10 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 #define SPSI_TAP_STEP     1.45     /* voxels between samples of a ray, at most: one in a slab of a voxel at any slant */
 #define SPSI_TAP_STEP_6   1.0      /* the same with 6^3 voxels */
 #define SPSI_TAP_OPAQUE   1e4      /* optical depth of a voxel; those 3 voxels away weigh 1e-5, and count then */
-#define SPSI_TAP_VARIANCE 0.125    /* least of a voxel, relative to rays' distances: half that of the pixel filter */
+#define SPSI_TAP_VARIANCE 0.125    /* least of a voxel, in rays' distances: half that of the pixel filter in pixels */
 #define SPSI_TAP_TWO      0.25     /* the same where two rays swing, which miss more of what is as narrow as they */
-#define SPSI_TAP_WIDEST   1.0      /* most of a voxel of a coarser level */
-#define SPSI_TAP_ASIDE    0.25f    /* pixels from a pixel's centre to two or four rays of it, along each axis */
+#define SPSI_TAP_WIDEST   1.0      /* most of a level's voxel, in texels of one ray, or halves of a pixel of several */
+#define SPSI_TAP_RAYS     64       /* most of a pixel */
 #define SPSI_TAP_SLABS    (SPSI_CHUNK + 4) /* of a tile, at most */
 #define SPSI_FIELD_BATCH  16       /* bricks that a task fills */
 #define SPSI_FIELD_CELLS  16777216 /* 2^24: floats count bricks of a grid */
@@ -12707,8 +12713,9 @@ typedef struct spsi_tapper {
     const spsi_voxel_field *finest;
     const uint32_t (*cells)[2];    /* of the field, by the reach that is wanted */
     int level;                     /* 0: voxels as they were read */
-    int rays;                      /* of a pixel: 1, 2 or 4 */
-    float aside;                   /* pixels from its centre to them, along each axis */
+    int rays, side;                /* of a pixel: 1, or 2 that swing, or a square of 2^2, 4^2 or 8^2; along its side */
+    float aside;                   /* pixels from its centre to the outermost, along each axis */
+    double breadth;                /* standard deviation of a voxel of its level, along its longest edge */
     spsi_linear at[3], slab;
     int whole;        /* 1: neither polygons nor the near plane cut slabs */
     int lone;         /* 1: a ray has one sample in a slab; sheets hold what it finds there, not the slab's mean */
@@ -12937,8 +12944,9 @@ static inline void spsi_tap_line_build(const spsi_tapper *t, const spsi_tile *ti
 /* Ray number `part` of each pixel at x, y, all of which are followed. */
 static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *tile, spsi_v x, spsi_v y, int part,
                                        int steps, spsi_tap_rays *rays) {
-    const spsi_v right = spsi_set(part & 1 ? t->aside : -t->aside);
-    const spsi_v down = spsi_set((part & 2 || (t->rays == 2 && part)) ? t->aside : -t->aside);
+    const int row = t->rays == 2 ? part : part / t->side;
+    const spsi_v right = spsi_set((float)(part % t->side) / (float)t->side - t->aside);
+    const spsi_v down = spsi_set((float)row / (float)t->side - t->aside);
     rays->steps = steps;
     rays->lanes = SPSI_ALL_LANES;
     rays->swings = t->rays == 2;
@@ -13461,7 +13469,10 @@ static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lat
     tapper->fields = fields;
     tapper->level = level;
     tapper->rays = count;
-    tapper->aside = count > 1 ? SPSI_TAP_ASIDE : 0;
+    for (tapper->side = 1; tapper->side * tapper->side < count;) tapper->side *= 2;
+    tapper->aside = 0.5f - 0.5f / (float)tapper->side;
+    for (int k = 0; k < 3; ++k)
+        tapper->breadth = fmax(tapper->breadth, SPSI_SIGMA * (1 << level) * spsi_length(lattice->step[k]));
     tapper->finest = &fields->list[medium];
     tapper->field = level ? &fields->levels[medium][level - 1] : tapper->finest;
     spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
@@ -13547,13 +13558,14 @@ static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *ra
 /* Whether a field serves the rays at a point in ray coordinates. */
 static spsi_verdict spsi_tapper_serves_at(const spsi_tapper *tapper, const spsi_rays *rays,
                                           const spsi_splatter *splatter, const double q[3]) {
-    const double finer = (double)((tapper->rays > 1 ? 2 : 1) << tapper->level);
+    const double pitch = fmin(spsi_length(rays->a), spsi_length(rays->b));
+    const double finer = (double)(tapper->side << tapper->level);
     const double least = tapper->rays == 2 ? SPSI_TAP_TWO : SPSI_TAP_VARIANCE;
-    double way[3], variance;
+    double way[3], widest;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
-    variance = finer * finer * spsi_least_variance(splatter, q);
-    if (variance < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
-    if (variance > SPSI_TAP_WIDEST && tapper->level > 0) return SPSI_SPLAT_SMALL;
+    if (finer * finer * spsi_least_variance(splatter, q) < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
+    widest = spsi_least(tapper->side, 2) * tapper->breadth / (rays->perspective ? pitch * q[2] : pitch);
+    if (widest * widest > SPSI_TAP_WIDEST && tapper->level > 0) return SPSI_SPLAT_SMALL;
     spsi_tapper_way(tapper, rays, q, way);
     if (!(sqrt(spsi_dot(way, way)) <= SPSI_TAP_MOST * spsi_tap_step(tapper->fields)) && !tapper->lone)
         return SPSI_SPLAT_THICK;
@@ -13666,6 +13678,9 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
     if (verdict == SPSI_SPLAT_SMALL) verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, 0, 1, tapper);
     for (int n = 0; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
         for (int count = 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
+            verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, count, tapper);
+    for (int count = 16; count <= SPSI_TAP_RAYS && verdict == SPSI_SPLAT_SMALL; count *= 4)
+        for (int n = levels; n >= 0 && verdict == SPSI_SPLAT_SMALL; --n)
             verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, count, tapper);
     tapper->whole = splatter->whole;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
@@ -16512,7 +16527,7 @@ static void spsi_print_face(const spsi_filling *filling) {
     job.start = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->accuracy.cut, sizeof frame->accuracy.cut);
     for (int i = 0; i < frame->medium_count && volumes; ++i) {
         const int gathers = spsi_gathers(volumes->target.verdicts[i]);
-        const int way = gathers ? volumes->target.tappers[i].rays + 4 * volumes->target.tappers[i].level : 0;
+        const int way = gathers ? volumes->target.tappers[i].rays + 128 * volumes->target.tappers[i].level : 0;
         job.media[i] = spsi_fingerprint_word(spsi_medium_fingerprint(frame, i), (uint64_t)way);
     }
     if (volumes) {
@@ -25736,7 +25751,7 @@ static int spsi_plan_shadow_count(const spsi_frame *frame, int n) {
 
 /* Why a volume is filled as it is, by verdict. */
 static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks for it",
-                                                   "splatted: voxels are smaller than pixels or texels",
+                                                   "splatted: voxels are smaller than pixels, and no level fits",
                                                    "splatted: voxels are near the eye or the light, or behind it",
                                                    "splatted: rays cross too many voxels in a slab",
                                                    "splatted: voxels are scattered too thinly, or none is relevant",

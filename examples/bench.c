@@ -1466,6 +1466,17 @@ static void bench_small(ex_session *session, frame *f, const char *name) {
     frame_end(&large);
 }
 
+/* The blob from twice its box's width, where far voxels are half as large as near ones. */
+static void blob_approach(frame *f) {
+    double *position = f->view.camera.position, offset[3], distance = 0;
+    for (int i = 0; i < 3; ++i) offset[i] = position[i] - blob_centre[i], distance += offset[i] * offset[i];
+    for (int i = 0; i < 3; ++i) {
+        position[i] = blob_centre[i] + 2 * BLOB_BOX * BLOB_WIDTH / sqrt(distance) * offset[i];
+        f->view.camera.target[i] = blob_centre[i];
+    }
+    f->view.camera.field_of_view = 2 * atan(0.4);
+}
+
 static void bench_filling(void) {
     ex_session session;
     ex_grid grid;
@@ -1496,6 +1507,14 @@ static void bench_filling(void) {
            "chosen");
     blob_frame(&f, 128, LARGE);
     bench_small(&session, &f, "blob 128^3");
+    frame_end(&f);
+    blob_frame(&f, 128, LARGE);
+    blob_approach(&f);
+    bench_small(&session, &f, "... from nearby");
+    frame_end(&f);
+    blob_frame(&f, 128, LARGE);
+    f.volume.size[1] = 13;
+    bench_small(&session, &f, "... 128 x 13 x 128");
     frame_end(&f);
     if (!smoke_load(&grid)) {
         smoke_frame(&f, &grid);

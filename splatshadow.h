@@ -973,7 +973,8 @@ typedef struct sps_plan_report {
        made, or the sheets in which light spreads (the first light's), and a static string that says why the first
        volume is gathered or splatted there; of lights, for the one with most. Before voxels are read, as if all that
        may be relevant were and filled the volumes' boxes, so that what is near a limit may turn out otherwise; cells as
-       if there were one grid of them. */
+       if there were one grid of them. Gas fills cells with the mass of its voxels, of which samples would not keep all:
+       it is splatted or, where voxels are small against cells, deposited: shared out among the nearest. */
     int eye_gathered, light_gathered, cells_gathered;
     const char *eye_filling, *light_filling, *cells_filling;
     /* SPS_SCATTERING_AUTO: as in sps_stats_report beside polygons, or if all gas is held from the last call; otherwise

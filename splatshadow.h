@@ -13419,7 +13419,7 @@ static void spsi_tap_add_cubic(const spsi_tapper *t, spsi_tile *tile, const spsi
 }
 
 /* Adds to a patch's sheets of slabs, from one to that before another, what its sixteen pixels find, on one ray each or
-   on four, by cubics along these if there are no steps. */
+   on several, by cubics along these if there are no steps. */
 static void spsi_tap_patch_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_patch *patch, const int slabs[2],
                                int steps, float *sheets) {
     float sums[SPSI_TAP_SLABS * 16];
@@ -13639,8 +13639,8 @@ static double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *lat
 
 /* What a pixel's or a texel's rays are for. */
 typedef enum spsi_tapping {
-    SPSI_TAP_PIXELS, /* one ray, or two or four where voxels are smaller */
-    SPSI_TAP_SHEETS  /* of a light: one on any level, if there is one that serves all of the volume, before four */
+    SPSI_TAP_PIXELS, /* one ray, or several where voxels are smaller */
+    SPSI_TAP_SHEETS  /* of a light: one on any level, if there is one that serves all of the volume, before several */
 } spsi_tapping;
 
 /* Whether rays cross no more of a volume in any slab than may lie between two samples. */
@@ -13666,7 +13666,8 @@ static spsi_verdict spsi_tapper_try(const spsi_fields *fields, const spsi_lattic
     return spsi_tapper_serves(tapper, lattice, rays, splatter);
 }
 
-/* How a volume fills sheets, whose splatter is ready. Builds the tapper of one that is gathered. */
+/* How a volume fills sheets, whose splatter is ready. Builds the tapper of one that is gathered: of the finest level
+   that two or four rays serve, or else of the coarsest with the fewest rays, which costs least. */
 static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                       const spsi_slabs *slabs, const spsi_splatter *splatter, spsi_tapping tapping,
                                       spsi_tapper *tapper) {

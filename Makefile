@@ -218,8 +218,8 @@ COMPILE_unoptimized = gcc $(STANDARD) -O0 -march=native
 COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
 # In plain C: clang 14 takes what most vector instructions answer for uninitialised if any lane of theirs is
 COMPILE_memory    = clang $(STANDARD) -O1 -gline-tables-only -DSPS_NO_SIMD -fsanitize=memory
-# As in the README, in long tests at its -O3; and the ways in which compilers contract a * b + c, which differ between these and the sanitized
-# ones, except that clang is as wide_sanitized
+# As in the README, in long tests at its -O3; and the ways in which compilers contract a * b + c, which differ between
+# these and the sanitized ones, except that clang is as wide_sanitized
 COMPILE_readme    = cc $(if $(SPLATSHADOW_LONG),-O3,-O1) -march=native
 COMPILE_fused     = gcc $(STANDARD) -O1 -march=native -ffp-contract=fast
 COMPILE_clang     = clang -O1 -march=native

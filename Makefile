@@ -226,7 +226,10 @@ COMPILE_clang     = clang -O1 -march=native
 # The test that runs examples/shaders/, in the shading languages instead of C
 COMPILE_glsl      = $(COMPILE_cpp) -DSAMPLING_GLSL
 COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
-COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
+SANITIZE = clang $(STANDARD) -O1 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
+# In short tests, undefined behaviour traps, which takes a fifth less time to compile; the stack says where it was.
+COMPILE_wide_sanitized = $(SANITIZE) $(if $(SPLATSHADOW_LONG),,-fsanitize-trap=undefined)
+export ASAN_OPTIONS ?= handle_sigill=1
 
 # The tests of each configuration: all of them natively, with the same random scenes each time (`make fuzz-scenes` and
 # `make soak` for others), except for the fuzzer's inputs, which are for sanitizers; under sanitizers those with most
@@ -515,15 +518,15 @@ fuzz: $(FUZZ)
 build/fuzz_plain build/fuzz_plain.code.o: ONLY = -DSPS_NO_SIMD
 .PRECIOUS: build/fuzz%.code.o
 build/fuzz.code.o build/fuzz_plain.code.o: build/tests/weak.h
-	$(COMPILE_wide_sanitized) $(ONLY) -fsanitize-coverage=inline-8bit-counters,pc-table -w -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
+	$(SANITIZE) $(ONLY) -fsanitize-coverage=inline-8bit-counters,pc-table -w -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
 
 build/fuzz build/fuzz_plain: %: %.code.o tests/test_seeds.c examples/render.c $(HEADERS) $(wildcard tests/*.h) build/tests/faces/splatshadow.h
-	$(COMPILE_wide_sanitized) -fsanitize=fuzzer $(ONLY) -DFUZZER -Wall -Ibuild/tests/faces $(INCLUDES) -Iexamples -Itests \
+	$(SANITIZE) -fsanitize=fuzzer $(ONLY) -DFUZZER -Wall -Ibuild/tests/faces $(INCLUDES) -Iexamples -Itests \
 		tests/test_seeds.c $< -o $@ $(LIBRARIES) || { echo "libFuzzer comes with clang and libclang-rt-dev"; exit 1; }
 
 # make fuzz-scenes SEED=7 COUNT=5000: random scenes under sanitizers, vectors on
 fuzz-scenes: tests/fuzz.c $(HEADERS) $(wildcard tests/*.h) | build
-	$(COMPILE_wide_sanitized) -Wall $(INCLUDES) -Iexamples -Itests $< -o build/fuzz_scenes $(LIBRARIES)
+	$(SANITIZE) -Wall $(INCLUDES) -Iexamples -Itests $< -o build/fuzz_scenes $(LIBRARIES)
 	build/fuzz_scenes $(or $(SEED),1) $(or $(COUNT),1000)
 
 # make soak SEED=7 COUNT=1000: random scenes against the reference; FIRST is the number of the first of them

@@ -1025,6 +1025,12 @@ static void print_scene(const contest *c, const pixels *t, const entry *entries,
     }
 }
 
+static int takes_part(const entry *entries, int count, const char *who) {
+    for (int i = 0; i < count; ++i)
+        if (!strcmp(entries[i].who, who)) return 1;
+    return 0;
+}
+
 static void draw_curves(const entry *entries, int count, const char *folder) {
     static const ex_mark marks[RIVALS] = {EX_MARK_DISC, EX_MARK_SQUARE, EX_MARK_CROSS, EX_MARK_RHOMB};
     static const unsigned colors[RIVALS] = {0x1060c0, 0xc04010, 0x108040, 0x8030a0};
@@ -1058,8 +1064,9 @@ static void draw_curves(const entry *entries, int count, const char *folder) {
             ex_chart_curve(&canvas, &chart, (const double(*)[2])points, found, marks[r], colors[r]);
         }
     }
-    for (int r = 0; r < RIVALS; ++r)
-        ex_chart_key(&canvas, 40 + 150 * r, canvas.height - 18, rival_names[r], marks[r], colors[r]);
+    for (int r = 0, keys = 0; r < RIVALS; ++r)
+        if (takes_part(entries, count, rival_names[r]))
+            ex_chart_key(&canvas, 40 + 150 * keys++, canvas.height - 18, rival_names[r], marks[r], colors[r]);
     ex_stop_if(ex_canvas_write(&canvas, folder, "rivals_curves", &error), program, &error);
     ex_canvas_end(&canvas);
 }

@@ -707,8 +707,8 @@ typedef struct sps_scene {
                              gas, classified      voxel; classified   transmittance   at (voxels)   (rms, maximum)
    At medium, the kernels of classified volumes end at 1.82 voxels in shadow buffers, where their ripple is small
    compared with the error of the texels; the price is that flat voxels ripple more.
-   Small pictures need less: slabs are at least 0.5 pixels thick, 0.25 at high and 0.125 at ultra, and texels of lights'
-   sheets at least 0.6 pixels wide, or 0.3 at high and ultra, where the eye is nearest to the gas. If anything is
+   Small pictures need less: from draft to ultra, slabs are at least 1, 0.5, 0.25 and 0.125 pixels thick, and texels of
+   lights' sheets at least 0.9, 0.6, 0.3 and 0.3 pixels wide, where the eye is nearest to the gas. If anything is
    classified, slabs are at least 0.3 pixels thick and texels 0.5 wide at draft and medium; at high and ultra, both are
    as voxels call for, at any size. */
 typedef enum sps_quality {
@@ -791,7 +791,7 @@ typedef enum sps_filling {
        smaller than 0.55 pixels, a pixel has two rays, or four if they are smaller than 0.38, and where they are smaller
        than 0.27, voxels of a coarser level are sampled. One level serves a whole volume, and its voxels are no longer
        than 0.77 pixels where the eye is nearest: if distances differ too much for that, or the lengths of a voxel's
-       edges, a pixel has 16 or 64 rays on a finer level. At high and ultra there are no levels if voxels are more than
+       edges, a pixel has 9 to 64 rays on a finer level. At high and ultra there are no levels if voxels are more than
        twice as long as wide. A texel of a light's sheets has one ray, on such a level, if that serves all of the
        volume. Through classified voxels of any size, there is one ray. Volumes are splatted nevertheless, one by one
        and in each pass, if 64 rays are not enough, if any of their voxels is nearer to the eye or the light than 16
@@ -5387,8 +5387,8 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
 static void spsi_resolve_quality(spsi_frame *frame) {
     static const double slab[2][5] = {{1, 2, 1, 0.5, 0.25}, {0.7, 1.4, 0.7, 0.4, 0.2}};
     static const double texels[2][5] = {{1, 0.75, 1, 2, 4}, {1.25, 1, 1.25, 2, 4}};
-    static const double texel_pixels[2][5] = {{0.6, 0.6, 0.6, 0.3, 0.3}, {0.5, 0.5, 0.5, 0, 0}};
-    static const double slab_pixels[2][5] = {{0.5, 0.5, 0.5, 0.25, 0.125}, {0.3, 0.3, 0.3, 0, 0}};
+    static const double texel_pixels[2][5] = {{0.6, 0.9, 0.6, 0.3, 0.3}, {0.5, 0.5, 0.5, 0, 0}};
+    static const double slab_pixels[2][5] = {{0.5, 1, 0.5, 0.25, 0.125}, {0.3, 0.3, 0.3, 0, 0}};
     static const double cut[] = {3.3, 2.8, 3.3, SPSI_CUT, SPSI_CUT};
     static const double light_cut[] = {2.8, 2.8, 2.8, SPSI_CUT, SPSI_CUT};
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
@@ -9400,11 +9400,12 @@ static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
 }
 
 /* --- pixels wider than voxels ---
-   Neither shadows nor slabs need be finer than what the picture tells apart. A texel of gas has a filter of its own, of
-   1/8 to 1/2 square texels, and lookups add 1/6: at 0.6 pixels, shadows are no more blurred than by 1/4 of a square
-   pixel, which is the pixel filter. Classified volumes are not filtered, since what a mean looks like is not the mean
-   of looks: half a pixel leaves each pixel two texels along each axis. Slabs are second order in their thickness, and
-   those of gas may be half a pixel thick; classified volumes have one sample in each, at 0.3 pixels. */
+   Neither shadows nor slabs need be finer than what the picture tells apart. A texel of gas has a filter of its own,
+   of 1/8 to 1/2 square texels, and lookups add 1/6: at 0.6 pixels, shadows are no more blurred than by 1/4 of a
+   square pixel, which is the pixel filter; at draft they are by twice that. Classified volumes are not filtered,
+   since what a mean looks like is not the mean of looks: half a pixel leaves each pixel two texels along each axis.
+   Slabs are second order in their thickness, and those of gas may be half a pixel thick, or one at draft; classified
+   volumes have one sample in each, at 0.3 pixels. */
 
 /* The least breadth of a pixel at depth t or behind it. */
 static double spsi_pixel_from(const spsi_rays *eye, double t) {
@@ -12240,7 +12241,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    samples of its own. The rays of a vector of pixels are followed side by side: only taps are read one sample after the
    other. Where voxels are smaller than pixels, a pixel of gas has two rays, at opposite corners of its middle half,
    which swing to the other two corners from sample to sample: along a ray that is as good as four. The smallest voxels
-   that are not left to a coarser level have four, or 4^2 or 8^2, evenly spread over the pixel, where a level that is
+   that are not left to a coarser level have four, or 3^2 to 8^2, evenly spread over the pixel, where a level that is
    fine enough for the nearest voxels and the longest edges is too fine for others. Of a light's sheets, a texel has one
    ray: on a level whose voxels are about as wide, or, where it is classified, wherever it hits, since samples at places
    are right in the mean, and looks of means are not. Volumes that are not classified have a pyramid: each level's
@@ -12715,7 +12716,7 @@ typedef struct spsi_tapper {
     const spsi_voxel_field *finest;
     const uint32_t (*cells)[2];    /* of the field, by the reach that is wanted */
     int level;                     /* 0: voxels as they were read */
-    int rays, side;                /* of a pixel: 1, or 2 that swing, or a square of 2^2, 4^2 or 8^2; along its side */
+    int rays, side;                /* of a pixel: 1, or 2 that swing, or a square of 2^2 to 8^2; along its side */
     float aside;                   /* pixels from its centre to the outermost, along each axis */
     double breadth;                /* standard deviation of a voxel of its level, along its longest edge */
     spsi_linear at[3], slab;
@@ -13471,7 +13472,7 @@ static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lat
     tapper->fields = fields;
     tapper->level = level;
     tapper->rays = count;
-    for (tapper->side = 1; tapper->side * tapper->side < count;) tapper->side *= 2;
+    for (tapper->side = 1; tapper->side * tapper->side < count;) ++tapper->side;
     tapper->aside = 0.5f - 0.5f / (float)tapper->side;
     for (int k = 0; k < 3; ++k)
         tapper->breadth = fmax(tapper->breadth, SPSI_SIGMA * (1 << level) * spsi_length(lattice->step[k]));
@@ -13682,9 +13683,9 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
     for (int n = 0; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
         for (int count = 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
             verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, count, tapper);
-    for (int count = 16; count <= SPSI_TAP_RAYS && verdict == SPSI_SPLAT_SMALL; count *= 4)
+    for (int side = 3; side * side <= SPSI_TAP_RAYS && verdict == SPSI_SPLAT_SMALL; ++side)
         for (int n = levels; n >= 0 && verdict == SPSI_SPLAT_SMALL; --n)
-            verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, count, tapper);
+            verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, side * side, tapper);
     tapper->whole = splatter->whole;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (spsi_medium_depth(frame, lattice) > SPSI_TAP_OPAQUE) return SPSI_SPLAT_OPAQUE;

@@ -746,7 +746,25 @@ static int steady(const scenery *x) {
     return good;
 }
 
+/* Steps of one voxel that a ray takes through all volumes, at most: small voxels far from each other make it many. */
+static double steps_to_march(const scenery *x) {
+    double low[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, high[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}, edge = HUGE_VAL;
+    for (int i = 0; i < x->s.scene.volume_count; ++i) {
+        const sps_volume *volume = &x->s.volume[i];
+        for (int k = 0; k < 3; ++k) edge = fmin(edge, spsi_length(volume->placement.axis[k]) / volume->size[k]);
+        for (int corner = 0; corner < 8; ++corner)
+            for (int k = 0; k < 3; ++k) {
+                double at = volume->placement.origin[k];
+                for (int a = 0; a < 3; ++a) at += (corner >> a & 1) * volume->placement.axis[a][k];
+                low[k] = fmin(low[k], at);
+                high[k] = fmax(high[k], at);
+            }
+    }
+    return (high[0] - low[0] + (high[1] - low[1]) + (high[2] - low[2])) / edge;
+}
+
 static int small_enough_to_march(const scenery *x) {
+    enum { STEPS = 1000 };
     const sps_view *view = &x->s.view;
     double extent = 0;
     for (int i = 0; i < x->s.scene.volume_count; ++i)
@@ -754,6 +772,7 @@ static int small_enough_to_march(const scenery *x) {
     for (int i = 0; i < x->s.scene.particle_set_count; ++i)
         if (x->sets[i].count > 300 || x->crowds[i].kind != 0)
             return 0; /* radii set the step, stray particles the length of rays */
+    if (x->s.scene.volume_count > 0 && steps_to_march(x) > STEPS) return 0;
     return view->width * view->height < (from_bytes ? 24 : 200) && extent < 3;
 }
 

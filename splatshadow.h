@@ -916,7 +916,7 @@ typedef struct sps_reference_settings {
    budget; until there is one, and without clock_fn, what two cores of an AMD EPYC with vectors of 16 floats took. Error
    is twice the worst that was found in a list of scenes, by what the scene has (docs/budget.md). */
 typedef struct sps_budget_report {
-    int is_met;          /* 0: there is no budget, or no setting is expected to meet it */
+    int is_met;          /* 1: a budget is set, and expected to be met */
     double seconds;      /* of the whole call; in sps_render, with the measured time until everything was read */
     double error;        /* expected upper limit, as in sps_view.budget_error */
     sps_quality quality; /* chosen, as in sps_view; slab 0: as quality has it */
@@ -982,8 +982,9 @@ typedef struct sps_plan_report {
     double scatter_bound;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read;     /* exact, borders of blocks counted each time */
-    /* Before anything is read. sps_render may choose otherwise: SPS_SCATTERING_AUTO counts as FULL until gas is read,
-       so that an error may be met there which is not here. */
+    /* Before anything is read. sps_render may choose otherwise, and meet an error that is not met here, as
+       SPS_SCATTERING_AUTO counts as FULL until gas is read; or not meet one that is: gas may be smaller than its
+       volume's box, and particles, of which only the number is known, count as nothing here. */
     sps_budget_report budget;
     /* Upper bound of all that the context will hold, with image.depth, but without layers (of pixels, and of texels of
        lights) and the lists that maps are made from, which may be several times as much. Often 2 or 3 times the actual
@@ -6623,6 +6624,12 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
     return SPS_OK;
 }
 
+/* Optical depth along a particle's diameter. */
+static double spsi_particle_depth(const sps_particle *particle, const spsi_particle_set *set) {
+    const double shape = set->soft ? 4.0 / 3 : 2;
+    return (double)particle->optical_depth * (set->is_extinction ? shape * (double)particle->radius : 1);
+}
+
 static void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *bounds) {
     for (int k = 0; k < 3; ++k) {
         const double at = (double)particle->position[k];
@@ -6762,7 +6769,7 @@ static float spsi_brick_extinction(const sps_context *context, const spsi_materi
 static void spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
                                     const spsi_particle_set *set) {
     const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
-    const double depth = (double)particle->optical_depth * (set->is_extinction ? shape * radius : 1);
+    const double depth = spsi_particle_depth(particle, set);
     const double most = depth / fmin(grid->edge[0], fmin(grid->edge[1], grid->edge[2]));
     int low[3], high[3], at[3];
     spsi_bounds box;
@@ -10377,9 +10384,8 @@ static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
 static void spsi_ball_size(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
                            const double offset[3], spsi_ball *ball, double *radius) {
     const double pixel = rays->pixel * spsi_distance_to(rays, offset);
-    const double own = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2.0;
-    double depth = (double)particle->optical_depth;
-    if (set->is_extinction) depth *= shape * own;
+    const double own = (double)particle->radius;
+    double depth = spsi_particle_depth(particle, set);
     *radius = spsi_maximum(own, SPSI_BALL_LEAST * pixel);
     if (own < *radius) depth *= (own / *radius) * (own / *radius);
     ball->depth = (float)spsi_minimum(depth, (double)SPSI_DEPTH_MAX);
@@ -24769,8 +24775,9 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
    33 What a budget buys. There are three ladders of settings: of gas, of the points of lights with an extent, and of
    cells. For each combination, time is the work of each stage, counted in pixels, slabs, texels, points and cells,
    times the rate at which the context last did such work on that rung, or on the nearest one that it knows; until then,
-   start values. Error is twice the worst that a list of scenes has on each rung, by what the scene has, added by
-   squares; tests/budget.c prints both tables (make budget-fit). Cost: lights are aimed and slabs placed for each rung
+   start values. No setting is expected to take less time than a coarser one. Error is twice the worst that a list of
+   scenes has on each rung, by what the scene has, added by squares; tests/budget.c prints both tables (make
+   budget-fit). Cost: lights are aimed and slabs placed for each rung
    of gas and of points. */
 
 /* --- the ladders --- */
@@ -24995,6 +25002,8 @@ static double spsi_expected_seconds(const sps_context *context, const spsi_work 
    gas filled the picture. The finest rungs show what voxels do not resolve, too. */
 static const double spsi_gas_errors[2][SPSI_GRADES] = {{0.25, 0.2, 0.055, 0.02, 0.006, 0.004, 0.0035},
                                                        {0.14, 0.14, 0.14, 0.07, 0.036, 0.029, 0.028}};
+/* The same of balls that scatter light which has shadows, per optical depth along their diameters. */
+static const double spsi_ball_errors[SPSI_GRADES] = {5, 3.1, 1.7, 0.83, 0.26, 0.26, 0.097};
 static const double spsi_point_errors[SPSI_POINT_GRADES] = {0.31, 0.11, 0.038, 0.014};
 static const double spsi_cell_errors[SPSI_CELL_GRADES] = {0.28, 0.13, 0.065, 0.043};
 
@@ -25020,32 +25029,58 @@ static double spsi_density_factor(const spsi_frame *frame) {
     return fmax(1, pow(most / 0.3, 0.55));
 }
 
+/* Mean optical depth along the diameters of the particles that scatter light, by the light that each takes: what meets
+   its disc, or its depth's share of that. 0 before they are read. */
+static double spsi_balls_depth(const spsi_frame *frame) {
+    double sum = 0, weights = 0;
+    for (int i = 0, n = 0; i < frame->particles.set_count && frame->content->particle_count > 0; ++i) {
+        const spsi_particle_set *set = &frame->particles.sets[i];
+        for (; n < frame->content->set_ends[i]; ++n) {
+            const sps_particle *ball = &frame->content->particles[n];
+            const double radius = (double)ball->radius, depth = spsi_particle_depth(ball, set);
+            if (!frame->matter.materials[set->channel].scatters) continue;
+            sum += radius * radius * fmin(depth, 1) * depth;
+            weights += radius * radius * fmin(depth, 1);
+        }
+    }
+    return weights > 0 ? sum / weights : 0;
+}
+
 /* Before black, gas that covers a share c of the pixels, and is off by e of its own mean, is off by e sqrt(c) in the
-   picture, whose mean is c times as much: by e / sqrt(c). Gas that is out of sight may still shade polygons. */
-static double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting) {
+   picture, whose mean is c times as much: by e / sqrt(c). Gas that is out of sight may still shade polygons. `balls`:
+   depth of particles that scatter light. */
+static double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double balls) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     const double covered = fmin(spsi_covered_pixels(frame), pixels);
     const double shown = covered > 0 ? pixels / covered : frame->meshes.triangle_count > 0 ? 1 : 0;
     const int again = spsi_scatters_fully(frame) || spsi_scatters_aside(frame);
     const double cells = again ? spsi_cell_errors[setting->cells] : 0;
+    const double ball = frame->lamps.shadow_count > 0 ? spsi_ball_errors[setting->gas] * balls : 0;
     double gas = 0, points = 0;
     if (frame->matter.material_count > 0)
         gas = spsi_gas_errors[frame->matter.classifies][setting->gas] * spsi_density_factor(frame);
     for (int i = 0; i < frame->lamps.count; ++i) points = fmax(points, spsi_lamp_error(&frame->lamps.list[i], setting));
-    return sqrt(points * points + (gas * gas + cells * cells) * shown);
+    return sqrt(points * points + (gas * gas + ball * ball + cells * cells) * shown);
 }
 
 /* --- the choice --- */
 
 #define SPSI_CELL_HELD_UNITS 0.07 /* what a picture does with a cell that is held, of what following light takes */
 
-/* A setting, and what is expected of it. */
+enum { SPSI_OFFERS = SPSI_GRADES * SPSI_POINT_GRADES * SPSI_CELL_GRADES };
+
+/* What is expected of a setting. */
 typedef struct spsi_offer {
-    int exists;
-    spsi_setting setting;
-    spsi_work work;
+    int exists;   /* rendering would not refuse it */
+    int is_known; /* 1: the context has rates of its own for all of its stages */
     double seconds, error;
 } spsi_offer;
+
+static spsi_setting spsi_offer_setting(int n) {
+    const spsi_setting setting = {n / (SPSI_POINT_GRADES * SPSI_CELL_GRADES), n / SPSI_CELL_GRADES % SPSI_POINT_GRADES,
+                                  n % SPSI_CELL_GRADES};
+    return setting;
+}
 
 /* Whether an offer is better than another: within the budget, by what the budget leaves open; else, the one that is
    nearer to it. */
@@ -25075,24 +25110,71 @@ static double spsi_offer_cells(const sps_context *context, const spsi_frame *fra
     return spsi_cells_are_held(context, frame, setting) ? SPSI_CELL_HELD_UNITS * units : units;
 }
 
-/* Compares all numbers of cells of the frame's setting with the best one so far. `offer` has its work, except for
-   these. What rendering would refuse is no offer. */
-static void spsi_cell_offers(sps_context *context, spsi_frame *frame, double spent, spsi_offer *offer,
-                             spsi_offer *best) {
-    const spsi_work work = offer->work;
+static int spsi_work_is_known(const sps_context *context, const spsi_work *work, const spsi_setting *setting) {
+    for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage)
+        if (work->units[stage] > 0 && !(context->pace.rates[stage][spsi_stage_grade((spsi_stage)stage, setting)] > 0))
+            return 0;
+    return 1;
+}
+
+/* Offers of all numbers of cells of the frame's setting, from number `first` on. `work` has all but these. */
+static void spsi_cell_offers(sps_context *context, spsi_frame *frame, double spent, double balls, spsi_work *work,
+                             int first, spsi_offer *offers) {
     const spsi_setting *only = context->pace.only;
     const int cells = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_CELL_GRADES : 1;
     for (int n = 0; n < cells; ++n) {
+        const spsi_setting setting = spsi_offer_setting(first + n);
+        spsi_offer *offer = &offers[first + n];
         if (only && n != only->cells) continue;
-        offer->setting.cells = n;
-        offer->work = work;
         frame->view.scatter_size = spsi_cell_grades[n];
-        offer->work.units[SPSI_STAGE_CELLS] = spsi_offer_cells(context, frame, &offer->setting);
-        offer->seconds = spent + spsi_expected_seconds(context, &offer->work, &offer->setting);
-        offer->error = spsi_expected_error(frame, &offer->setting);
+        work->units[SPSI_STAGE_CELLS] = spsi_offer_cells(context, frame, &setting);
+        offer->seconds = spent + spsi_expected_seconds(context, work, &setting);
+        offer->error = spsi_expected_error(frame, &setting, balls);
         offer->exists = offer->seconds < HUGE_VAL;
-        if (offer->exists && (!best->exists || spsi_offer_beats(&frame->view, offer, best))) *best = *offer;
+        offer->is_known = spsi_work_is_known(context, work, &setting);
     }
+}
+
+/* The largest bound of offers one rung below, if `sign` is 1, or the least of those one above, if it is -1. */
+static double spsi_offer_bound(const double *bounds, int n, int sign) {
+    static const int strides[3] = {SPSI_POINT_GRADES * SPSI_CELL_GRADES, SPSI_CELL_GRADES, 1};
+    static const int sizes[3] = {SPSI_GRADES, SPSI_POINT_GRADES, SPSI_CELL_GRADES};
+    double bound = sign > 0 ? 0 : HUGE_VAL;
+    for (int k = 0; k < 3; ++k) {
+        const int at = n / strides[k] % sizes[k] - sign;
+        if (at < 0 || at >= sizes[k]) continue;
+        bound = sign > 0 ? fmax(bound, bounds[n - strides[k]]) : fmin(bound, bounds[n + strides[k]]);
+    }
+    return bound;
+}
+
+/* Nothing that is finer takes less time: where the context knows the rates of one of two settings, the other's time is
+   bounded by that, and where it knows neither, the coarser one's by the finer one's. Start values are of other scenes,
+   in which work was shared out among stages otherwise. */
+static void spsi_offers_order(spsi_offer *offers) {
+    double bounds[SPSI_OFFERS];
+    for (int n = 0; n < SPSI_OFFERS; ++n) {
+        spsi_offer *offer = &offers[n];
+        bounds[n] = spsi_offer_bound(bounds, n, 1);
+        if (!offer->exists) continue;
+        if (offer->is_known) bounds[n] = offer->seconds;
+        offer->seconds = fmax(offer->seconds, bounds[n]);
+    }
+    for (int n = SPSI_OFFERS - 1; n >= 0; --n) {
+        spsi_offer *offer = &offers[n];
+        bounds[n] = spsi_offer_bound(bounds, n, -1);
+        if (!offer->exists) continue;
+        if (!offer->is_known) offer->seconds = fmin(offer->seconds, bounds[n]);
+        bounds[n] = offer->seconds;
+    }
+}
+
+/* The best of the offers that exist; of those that are alike, the coarsest. None: the first. */
+static int spsi_offers_best(const sps_view *view, const spsi_offer *offers) {
+    int best = 0;
+    for (int n = 1; n < SPSI_OFFERS; ++n)
+        if (offers[n].exists && (!offers[best].exists || spsi_offer_beats(view, &offers[n], &offers[best]))) best = n;
+    return best;
 }
 
 /* Says, before anything is rendered, that the budget is too small. */
@@ -25104,14 +25186,15 @@ static void spsi_budget_warn(sps_context *context, const spsi_frame *frame, cons
     context->config.message_fn(context->config.message_user, text);
 }
 
-static void spsi_budget_report(const spsi_frame *frame, const spsi_offer *best, sps_budget_report *report) {
+static void spsi_budget_report(const spsi_frame *frame, const spsi_offer *best, const spsi_setting *setting,
+                               sps_budget_report *report) {
     const int timed = frame->view.budget_seconds > 0;
     report->is_met = best->exists && (timed ? best->seconds <= frame->view.budget_seconds
                                             : best->error <= frame->view.budget_error);
     report->seconds = best->seconds;
     report->error = best->error;
     report->quality = frame->view.quality;
-    report->slab = spsi_grades[frame->matter.classifies][best->setting.gas].slab;
+    report->slab = spsi_grades[frame->matter.classifies][setting->gas].slab;
     report->tolerance = frame->view.tolerance;
     report->samples = spsi_lamps_are_open(frame) ? frame->accuracy.light_points : 0;
     report->scatter_size = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? frame->view.scatter_size : 0;
@@ -25123,24 +25206,31 @@ static sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, do
                                      sps_budget_report *report) {
     const spsi_setting *only = context->pace.only;
     const uint64_t gas = spsi_gas_fingerprint(frame);
+    const double balls = spsi_balls_depth(frame);
     const int points = spsi_lamps_are_open(frame) ? SPSI_POINT_GRADES : 1;
-    spsi_offer offer, best;
-    memset(&offer, 0, sizeof offer);
-    best = offer;
-    for (int n = 0; n < SPSI_GRADES * points; ++n) {
-        offer.setting.gas = n / points;
-        offer.setting.points = n % points;
-        offer.setting.cells = 0;
-        if (only && (offer.setting.gas != only->gas || offer.setting.points != only->points)) continue;
-        if (spsi_setting_apply(context, frame, &offer.setting)) return context->result;
-        spsi_work_count(context, frame, voxels, gas, &offer.work);
-        spsi_cell_offers(context, frame, spent > 0 ? spent : 0, &offer, &best); /* clocks may jump */
+    spsi_offer offers[SPSI_OFFERS];
+    spsi_work work;
+    spsi_setting setting;
+    int best;
+    memset(offers, 0, sizeof offers);
+    for (int n = 0; n < SPSI_OFFERS; n += SPSI_CELL_GRADES) {
+        setting = spsi_offer_setting(n);
+        if (setting.points >= points) continue;
+        if (only && (setting.gas != only->gas || setting.points != only->points)) continue;
+        if (spsi_setting_apply(context, frame, &setting)) return context->result;
+        spsi_work_count(context, frame, voxels, gas, &work);
+        spsi_cell_offers(context, frame, fmax(spent, 0), balls, &work, n, offers); /* clocks may jump */
     }
-    if (spsi_setting_apply(context, frame, &best.setting)) return context->result;
-    spsi_budget_report(frame, &best, report);
+    spsi_offers_order(offers);
+    best = spsi_offers_best(&frame->view, offers);
+    setting = spsi_offer_setting(best);
+    if (spsi_setting_apply(context, frame, &setting)) return context->result;
+    spsi_work_count(context, frame, voxels, gas, &work);
+    work.units[SPSI_STAGE_CELLS] = spsi_offer_cells(context, frame, &setting);
+    spsi_budget_report(frame, &offers[best], &setting, report);
     context->pace.counts = 1;
-    context->pace.setting = best.setting;
-    context->pace.work = best.work;
+    context->pace.setting = setting;
+    context->pace.work = work;
     return SPS_OK;
 }
 
@@ -25189,6 +25279,8 @@ static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     seconds[SPSI_STAGE_LIGHT] = stats->seconds_light;
     seconds[SPSI_STAGE_CELLS] = stats->seconds_cells;
     seconds[SPSI_STAGE_EYE] = stats->seconds_eye + stats->seconds_bin;
+    if (stats->cells == 0) /* what is held says nothing of what following light takes */
+        sum = seconds[SPSI_STAGE_CELLS], seconds[SPSI_STAGE_CELLS] = 0;
     spsi_pace_part(seconds);
     for (int stage = 0; stage < SPSI_STAGE_REST; ++stage) sum += seconds[stage];
     seconds[SPSI_STAGE_REST] = fmax(total - sum, 0);
@@ -26253,18 +26345,18 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
    density 1 - (r / radius)^2. */
 static double spsi_ray_depth_in_ball(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set) {
     const double radius = (double)particle->radius;
-    double offset[3], ends[2], middle, square, half, depth = (double)particle->optical_depth;
+    double offset[3], ends[2], middle, square, half;
     for (int i = 0; i < 3; ++i) offset[i] = (double)particle->position[i] - ray->origin[i];
     middle = spsi_dot(offset, ray->direction);
     spsi_along(offset, ray->direction, -middle, offset);
     square = 1 - spsi_dot(offset, offset) / (radius * radius);
     if (!(square > 0)) return 0;
-    if (set->is_extinction) depth *= radius * (set->soft ? 4.0 / 3 : 2.0);
     half = radius * sqrt(square);
     ends[0] = fmin(fmax((ray->low - middle) / half, -1), 1);
     ends[1] = fmin(fmax((ray->high - middle) / half, -1), 1);
     for (int i = 0; i < 2; ++i) ends[i] *= set->soft ? (3 - ends[i] * ends[i]) / 4 : 0.5;
-    return fmin(depth, (double)SPSI_DEPTH_MAX) * sqrt(square) * (set->soft ? square : 1) * (ends[1] - ends[0]);
+    return fmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX) * sqrt(square) * (set->soft ? square : 1) *
+           (ends[1] - ends[0]);
 }
 
 /* Adds the optical depth of each set of particles along a segment of a ray to `depths`. */

@@ -215,6 +215,7 @@ static int search_run(search *s, double bound) {
 static attempt search_best(search *s) {
     double seconds[REPEATS];
     attempt best;
+    memcpy(best.at, s->at, sizeof best.at);
     search_turn(s, s->at);
     search_render(s);
     for (int r = 0; r < REPEATS; ++r) seconds[r] = search_render(s);
@@ -239,20 +240,21 @@ static void search_words(const search *s, char *text, size_t size) {
 enum { BOUNDS = 5 };
 static const double bounds[BOUNDS] = {0.0001, 0.0003, 0.001, 0.003, 0.01};
 
-/* The row of one bound: `seconds` is what the row before takes, 0 if it has none. */
-static double search_row(search *s, double bound, double seconds) {
+/* The row of one bound. `last`: that of the row before, of 0 seconds if it has none; one setting has one time. */
+static void search_row(search *s, double bound, attempt *last) {
+    const double before = last->seconds;
     char setting[200];
     if (!search_run(s, bound)) {
         printf("| %g | not reached | | | |\n", bound);
-        return 0;
+        last->seconds = 0;
+        return;
     }
-    const attempt best = search_best(s);
+    if (!(before > 0) || memcmp(last->at, s->at, sizeof last->at) != 0) *last = search_best(s);
     search_words(s, setting, sizeof setting);
-    printf("| %g | %.5f | %.1f | ", bound, best.error, 1e3 * best.seconds);
-    if (seconds > 0) printf("%.2f", best.seconds / seconds);
+    printf("| %g | %.5f | %.1f | ", bound, last->error, 1e3 * last->seconds);
+    if (before > 0) printf("%.2f", last->seconds / before);
     printf(" | %s |\n", setting);
     fflush(stdout);
-    return best.seconds;
 }
 
 /* A table in Markdown: for each error the cheapest setting that has no more, and its time as a share of the row before;
@@ -260,11 +262,12 @@ static double search_row(search *s, double bound, double seconds) {
 static void search_table(search *s, const char *name) {
     frame bare;
     contender c;
-    double seconds = 0;
+    attempt last;
+    memset(&last, 0, sizeof last);
     printf("\n### %s\n\n| error at most | error | ms | of the row before | cheapest setting |\n"
            "|---|---|---|---|---|\n",
            name);
-    for (int i = 0; i < BOUNDS; ++i) seconds = search_row(s, bounds[i], seconds);
+    for (int i = 0; i < BOUNDS; ++i) search_row(s, bounds[i], &last);
     frame_copy(&bare, s->frame);
     frame_resize(&bare, SEARCH_SIZE, SEARCH_SIZE);
     bare.scene.volume_count = 0;

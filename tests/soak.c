@@ -1,5 +1,5 @@
 /* Random scenes against sps_reference: soak SEED COUNT FIRST compares COUNT of them, from number FIRST on, the same
-   ones for the same SEED on every machine; without COUNT, 8 chosen ones, or 50 where SPLATSHADOW_LONG is set. A scene
+   ones for the same SEED on every machine; without COUNT, 8 chosen ones, or 20 where SPLATSHADOW_LONG is set. A scene
    fails if its error, relative to the reference's mean, is neither below 3 % at medium quality nor falls to half of
    that at high quality, unless it is one of the known ones below. Every other one with polygons is compared again, with
    samples of their edges; every fifth one with light from cell to cell, with random paths. Prints the worst ten, each
@@ -215,7 +215,7 @@ static void print_summary(const soak *s) {
 
 int main(int count, char **arguments) {
     static soak s;
-    const long scenes = count > 2 ? strtol(arguments[2], NULL, 10) : check_long() ? 50L : 0L;
+    const long scenes = count > 2 ? strtol(arguments[2], NULL, 10) : check_long() ? 20L : 0L;
     const long first = count > 3 ? strtol(arguments[3], NULL, 10) : 0;
     ex_session session;
     s.seed = count > 1 ? strtoul(arguments[1], NULL, 10) : 1;

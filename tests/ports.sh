@@ -62,18 +62,26 @@ s390x, big-endian|s390x-linux-gnu-gcc -static $C99 -O2|qemu-s390x|gcc-s390x-linu
 END
 }
 
+is_there() { has "${compile%% *}" && { [ -z "$emulator" ] || has "${emulator%% *}"; }; }
+
+# A compiler may be there without the library of its target.
+build() {
+    # shellcheck disable=SC2086
+    $compile -I. tests/ports.c -o "$file.exe" -lm > "$file.log" 2>&1
+}
+
 # Builds and runs a target; prints its row.
 run_target() {
     name=$1 compile=$2 emulator=$3 packages=$4
     file=$BUILD/$(echo "$name" | tr -c 'a-zA-Z0-9\n' _)
+    rm -f "$file.exe"
     # shellcheck disable=SC2086
-    { has "${compile%% *}" && { [ -z "$emulator" ] || has "${emulator%% *}"; }; } || fetch $packages
-    if ! has "${compile%% *}" || { [ -n "$emulator" ] && ! has "${emulator%% *}"; }; then
+    { is_there && build; } || fetch $packages
+    if ! is_there; then
         echo "skipped: $name: install $packages" >&2
         return
     fi
-    # shellcheck disable=SC2086
-    if ! $compile -I. tests/ports.c -o "$file.exe" -lm > "$file.log" 2>&1; then
+    if ! [ -e "$file.exe" ] && ! build; then
         echo "| $name | \`${compile%% *}\` | not built, see $file.log | | |"
         failed=1
         return

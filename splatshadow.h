@@ -2120,6 +2120,7 @@ typedef enum spsi_stage {
     SPSI_STAGE_SURFACES, /* polygons, and shadow rays from them */
     SPSI_STAGE_LIGHT,    /* sheets, penumbrae and maps */
     SPSI_STAGE_CELLS,    /* light from cell to cell, or spreading */
+    SPSI_STAGE_HELD,     /* what a picture does with light in cells that is held */
     SPSI_STAGE_EYE,
     SPSI_STAGE_REST, /* of the call */
     SPSI_STAGE_COUNT
@@ -2128,6 +2129,7 @@ typedef enum spsi_stage {
 /* The work of a frame by stage. */
 typedef struct spsi_work {
     double units[SPSI_STAGE_COUNT];
+    int tables_held; /* 1: some are that would be part of it */
 } spsi_work;
 
 /* What the context knows of its own speed. */
@@ -24774,11 +24776,11 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
 /* =============================================================================================== >>budget
    33 What a budget buys. There are three ladders of settings: of gas, of the points of lights with an extent, and of
    cells. For each combination, time is the work of each stage, counted in pixels, slabs, texels, points and cells,
-   times the rate at which the context last did such work on that rung, or on the nearest one that it knows; until then,
-   start values. No setting is expected to take less time than a coarser one. Error is twice the worst that a list of
-   scenes has on each rung, by what the scene has, added by squares; tests/budget.c prints both tables (make
-   budget-fit). Cost: lights are aimed and slabs placed for each rung
-   of gas and of points. */
+   times the rate at which the context last did such work on that rung, or on the nearest one that it knows; until
+   then, start values. No setting is expected to take less time than a coarser one, unless something of it is held.
+   Error is twice the worst that a list of scenes has on each rung, by what the scene has, added by squares;
+   tests/budget.c prints both tables (make budget-fit). Cost: lights are aimed and slabs placed for each rung of gas
+   and of points. */
 
 /* --- the ladders --- */
 
@@ -24912,7 +24914,10 @@ static void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, ui
         const int is_empty = spsi_bounds_empty(spsi_lamp_bounds(frame, lamp)); /* volumes hold nothing */
         size_t side;
         if (!lamp->has_map || spsi_scatters_fully(frame) || (is_empty && frame->particles.set_count == 0)) continue;
-        if (!is_empty && spsi_table_is_held(context, frame, lamp, gas)) continue;
+        if (!is_empty && spsi_table_is_held(context, frame, lamp, gas)) {
+            work->tables_held = 1;
+            continue;
+        }
         work->units[SPSI_STAGE_LIGHT] +=
             (double)spsi_lamp_tmap_texels(frame, lamp, &side) * (double)spsi_lamp_tmap_components(frame, lamp);
     }
@@ -24927,7 +24932,7 @@ static double spsi_work_cells(const spsi_frame *frame) {
 }
 
 /* Work of a stage that runs, however little it has to do: some tenths of a millisecond, by frames of one pixel. */
-static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 100, 3e4, 1e4};
+static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 100, 100, 3e4, 1e4};
 
 #define SPSI_DEPTH_TEXEL_UNITS 0.15 /* that a texel of a depth map takes of what a pixel does */
 
@@ -24969,12 +24974,13 @@ static void spsi_work_count(sps_context *context, spsi_frame *frame, double voxe
 static const double spsi_start_rates[SPSI_STAGE_COUNT][SPSI_GRADES] = {
     {40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9}, {22e-9, 22e-9, 22e-9, 26e-9, 40e-9, 40e-9, 33e-9},
     {21e-9, 19e-9, 21e-9, 39e-9, 58e-9, 59e-9, 71e-9}, {20e-9, 11e-9, 8.2e-9, 4.4e-9, 3.5e-9, 3.5e-9, 4.7e-9},
-    {2900e-9, 1300e-9, 1200e-9, 2300e-9, 0, 0, 0},     {16e-9, 8.8e-9, 6.4e-9, 6.6e-9, 8.9e-9, 13e-9, 12e-9},
+    {2900e-9, 1300e-9, 1200e-9, 2300e-9, 0, 0, 0},     {40e-9, 40e-9, 40e-9, 40e-9, 0, 0, 0},
+    {16e-9, 8.8e-9, 6.4e-9, 6.6e-9, 8.9e-9, 13e-9, 12e-9},
     {5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9}};
 
 /* The rung on which a stage stands. */
 static int spsi_stage_grade(spsi_stage stage, const spsi_setting *setting) {
-    return stage == SPSI_STAGE_CELLS ? setting->cells : setting->gas;
+    return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD ? setting->cells : setting->gas;
 }
 
 /* The rate of a stage: the context's own or, from the nearest rung that has one, in the proportion of start values. */
@@ -25065,14 +25071,13 @@ static double spsi_expected_error(const spsi_frame *frame, const spsi_setting *s
 
 /* --- the choice --- */
 
-#define SPSI_CELL_HELD_UNITS 0.07 /* what a picture does with a cell that is held, of what following light takes */
-
 enum { SPSI_OFFERS = SPSI_GRADES * SPSI_POINT_GRADES * SPSI_CELL_GRADES };
 
 /* What is expected of a setting. */
 typedef struct spsi_offer {
     int exists;   /* rendering would not refuse it */
     int is_known; /* 1: the context has rates of its own for all of its stages */
+    int is_held;  /* 1: less is to be done than for others, since something of it is held */
     double seconds, error;
 } spsi_offer;
 
@@ -25103,15 +25108,17 @@ static int spsi_cells_are_held(const sps_context *context, const spsi_frame *fra
            pace->scattered == spsi_scattered_fingerprint(context, frame);
 }
 
-/* Work of cells: little if they are held. */
-static double spsi_offer_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting) {
-    const double cells = spsi_work_cells(frame), units = cells + spsi_fixed_units[SPSI_STAGE_CELLS];
-    if (!(cells > 0)) return 0;
-    return spsi_cells_are_held(context, frame, setting) ? SPSI_CELL_HELD_UNITS * units : units;
+/* Counts cells, as those to follow light in or as those that hold it. */
+static void spsi_work_count_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting,
+                                  spsi_work *work) {
+    const double cells = spsi_work_cells(frame);
+    const int are_held = cells > 0 && spsi_cells_are_held(context, frame, setting);
+    work->units[SPSI_STAGE_CELLS] = cells > 0 && !are_held ? cells + spsi_fixed_units[SPSI_STAGE_CELLS] : 0;
+    work->units[SPSI_STAGE_HELD] = are_held ? cells + spsi_fixed_units[SPSI_STAGE_HELD] : 0;
 }
 
 static int spsi_work_is_known(const sps_context *context, const spsi_work *work, const spsi_setting *setting) {
-    for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage)
+    for (int stage = SPSI_STAGE_FIELDS + 1; stage < SPSI_STAGE_COUNT; ++stage) /* fields are alike at most rungs */
         if (work->units[stage] > 0 && !(context->pace.rates[stage][spsi_stage_grade((spsi_stage)stage, setting)] > 0))
             return 0;
     return 1;
@@ -25127,11 +25134,12 @@ static void spsi_cell_offers(sps_context *context, spsi_frame *frame, double spe
         spsi_offer *offer = &offers[first + n];
         if (only && n != only->cells) continue;
         frame->view.scatter_size = spsi_cell_grades[n];
-        work->units[SPSI_STAGE_CELLS] = spsi_offer_cells(context, frame, &setting);
+        spsi_work_count_cells(context, frame, &setting, work);
         offer->seconds = spent + spsi_expected_seconds(context, work, &setting);
         offer->error = spsi_expected_error(frame, &setting, balls);
         offer->exists = offer->seconds < HUGE_VAL;
         offer->is_known = spsi_work_is_known(context, work, &setting);
+        offer->is_held = work->tables_held || work->units[SPSI_STAGE_HELD] > 0;
     }
 }
 
@@ -25148,9 +25156,9 @@ static double spsi_offer_bound(const double *bounds, int n, int sign) {
     return bound;
 }
 
-/* Nothing that is finer takes less time: where the context knows the rates of one of two settings, the other's time is
-   bounded by that, and where it knows neither, the coarser one's by the finer one's. Start values are of other scenes,
-   in which work was shared out among stages otherwise. */
+/* Nothing that is finer takes less time, unless something of it is held: where the context knows the rates of one of two
+   settings, the other's time is bounded by that, and where it knows neither, the coarser one's by the finer one's. Start
+   values are of other scenes, in which work was shared out among stages otherwise. */
 static void spsi_offers_order(spsi_offer *offers) {
     double bounds[SPSI_OFFERS];
     for (int n = 0; n < SPSI_OFFERS; ++n) {
@@ -25158,14 +25166,14 @@ static void spsi_offers_order(spsi_offer *offers) {
         bounds[n] = spsi_offer_bound(bounds, n, 1);
         if (!offer->exists) continue;
         if (offer->is_known) bounds[n] = offer->seconds;
-        offer->seconds = fmax(offer->seconds, bounds[n]);
+        if (!offer->is_held) offer->seconds = fmax(offer->seconds, bounds[n]);
     }
     for (int n = SPSI_OFFERS - 1; n >= 0; --n) {
         spsi_offer *offer = &offers[n];
         bounds[n] = spsi_offer_bound(bounds, n, -1);
         if (!offer->exists) continue;
         if (!offer->is_known) offer->seconds = fmin(offer->seconds, bounds[n]);
-        bounds[n] = offer->seconds;
+        if (!offer->is_held) bounds[n] = offer->seconds;
     }
 }
 
@@ -25226,7 +25234,7 @@ static sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, do
     setting = spsi_offer_setting(best);
     if (spsi_setting_apply(context, frame, &setting)) return context->result;
     spsi_work_count(context, frame, voxels, gas, &work);
-    work.units[SPSI_STAGE_CELLS] = spsi_offer_cells(context, frame, &setting);
+    spsi_work_count_cells(context, frame, &setting, &work);
     spsi_budget_report(frame, &offers[best], &setting, report);
     context->pace.counts = 1;
     context->pace.setting = setting;
@@ -25277,10 +25285,8 @@ static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     seconds[SPSI_STAGE_SURFACES] =
         stats->seconds_polygons + stats->seconds_textures + stats->seconds_tree + stats->seconds_shadow_rays;
     seconds[SPSI_STAGE_LIGHT] = stats->seconds_light;
-    seconds[SPSI_STAGE_CELLS] = stats->seconds_cells;
+    seconds[stats->cells > 0 ? SPSI_STAGE_CELLS : SPSI_STAGE_HELD] = stats->seconds_cells;
     seconds[SPSI_STAGE_EYE] = stats->seconds_eye + stats->seconds_bin;
-    if (stats->cells == 0) /* what is held says nothing of what following light takes */
-        sum = seconds[SPSI_STAGE_CELLS], seconds[SPSI_STAGE_CELLS] = 0;
     spsi_pace_part(seconds);
     for (int stage = 0; stage < SPSI_STAGE_REST; ++stage) sum += seconds[stage];
     seconds[SPSI_STAGE_REST] = fmax(total - sum, 0);

@@ -562,6 +562,38 @@ static void test_held(void) {
     check_held(&s);
 }
 
+/* A setting of which something is held may be the cheapest of all: it is not taken for as dear as coarser ones that are
+   known, nor are these taken for as cheap. */
+static void test_held_apart(void) {
+    clock_of_tests clock = {0, 0, 0};
+    sps_context *context = timed_context(&clock);
+    spsi_pace *pace = &context->pace;
+    sps_budget_report chosen;
+    sps_plan_report plan;
+    check_scene s;
+    start(&s);
+    s.view.scattering = SPS_SCATTERING_FULL;
+    s.view.filling = SPS_FILLING_SPLAT;
+    s.volume[0].revision = 1;
+    s.view.budget_error = 0.2;
+    check_render(context, &s, image);
+    chosen = budget_of(context);
+    CHECK(chosen.scatter_size > 24);
+    memcpy(pace->rates, spsi_start_rates, sizeof pace->rates);
+    memset(pace->rates[SPSI_STAGE_HELD], 0, sizeof pace->rates[SPSI_STAGE_HELD]);
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+    CHECK(plan.budget.scatter_size == chosen.scatter_size && plan.budget.seconds < 0.2 * chosen.seconds);
+    for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage)
+        for (int grade = 0; grade < SPSI_GRADES; ++grade)
+            pace->rates[stage][grade] = grade != spsi_stage_grade((spsi_stage)stage, &pace->setting) ? 0
+                                        : stage == SPSI_STAGE_CELLS                                  ? 1e-5
+                                                                                                     : 1e-9;
+    s.view.budget_error = 0, s.view.budget_seconds = 1e-12;
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+    CHECK(plan.budget.scatter_size == chosen.scatter_size && plan.budget.quality == chosen.quality);
+    sps_destroy(context);
+}
+
 /* --------------------------------------------------------------------------------------------------------- failures */
 
 static void test_failures(void) {
@@ -621,6 +653,7 @@ int main(void) {
     RUN(test_out_of_sight);
     RUN(test_small_frames);
     RUN(test_held);
+    RUN(test_held_apart);
     RUN(test_failures);
     RUN(test_little);
     return check_report();

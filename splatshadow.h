@@ -25156,9 +25156,9 @@ static double spsi_offer_bound(const double *bounds, int n, int sign) {
     return bound;
 }
 
-/* Nothing that is finer takes less time, unless something of it is held: where the context knows the rates of one of two
-   settings, the other's time is bounded by that, and where it knows neither, the coarser one's by the finer one's. Start
-   values are of other scenes, in which work was shared out among stages otherwise. */
+/* Nothing that is finer takes less time, unless something of it is held: where the context knows the rates of one of
+   two settings, the other's time is bounded by that, and where it knows neither, the coarser one's by the finer
+   one's. Start values are of other scenes, in which work was shared out among stages otherwise. */
 static void spsi_offers_order(spsi_offer *offers) {
     double bounds[SPSI_OFFERS];
     for (int n = 0; n < SPSI_OFFERS; ++n) {

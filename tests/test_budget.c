@@ -242,7 +242,8 @@ static void test_kept(void) {
     if (!check_memory_only()) check_kept(&s, 0.125, errors);
 }
 
-/* Balls that shade each other and themselves, in steps of 0.14 radii: half of them differ by 0.001 of the mean. */
+/* Balls that shade each other and themselves, in steps of 0.14 radii: half as long ones differ by 0.0014 of the mean at
+   most. */
 static void test_balls_kept(void) {
     static const double errors[] = {0.9, 0.35, 0.12};
     for (int n = 0; n < (check_memory_only() ? 1 : 4); ++n) {
@@ -414,7 +415,8 @@ static void test_order(void) {
     sps_destroy(context);
 }
 
-/* Frames whose light in cells is held teach nothing of what following it takes: it is expected to take that again. */
+/* Frames whose light in cells is held teach nothing of what following it takes: it is expected to take that again. Of
+   the hundred or fewer looks until then, each takes a thousandth longer than the last; time as in test_learning. */
 static void test_held_rates(void) {
     clock_of_tests clock = {0, 1e-3, 1e-6};
     sps_context *context = timed_context(&clock);
@@ -432,9 +434,9 @@ static void test_held_rates(void) {
         CHECK((stats.cells > 0) == (n % 3 == 0));
         if (n == 0) rate = rates[0];
         CHECK(rate > 0);
-        CHECK_NEAR(rates[0], rate, n < 3 ? 0 : 0.1 * rate); /* looks have become longer by then */
+        CHECK_NEAR(rates[0], rate, n < 3 ? 0 : 0.1 * rate);
     }
-    CHECK_NEAR(stats.budget.seconds, stats.seconds_total, 0.4 * stats.seconds_total);
+    CHECK_NEAR(stats.budget.seconds, stats.seconds_total, 0.3 * stats.seconds_total);
     sps_destroy(context);
 }
 

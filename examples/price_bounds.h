@@ -4,9 +4,13 @@
 #ifndef PRICE_BOUNDS_H
 #define PRICE_BOUNDS_H
 
-enum { BOUND_STEPS = 2, BOUND_STRIDE = 9 }; /* the pixels of a truth that has all of them */
+/* BOUND_STRIDE: of the pixels of a truth that has all of them. */
+enum { BOUND_STEPS = 2, BOUND_STRIDE = 9 };
 
 static const double bound_steps[BOUND_STEPS] = {0.75, 0.5};
+
+/* Fine steps take twice as long: the third that they have of a truth's pixels, in either direction. */
+static const int bound_strides[BOUND_STEPS] = {1, 3};
 
 /* Some pixels of a scene, and their bounds. */
 typedef struct bounded {
@@ -19,11 +23,21 @@ static size_t bounded_count(const bounded *b) {
     return 3 * (size_t)b->pixels.frame.view.width * (size_t)b->pixels.frame.view.height;
 }
 
-/* Where number i of a sample's pixels is in a picture of PRICE_SIZE. */
+/* The first of a sample's columns, and rows, in a picture of PRICE_SIZE. */
+static size_t sampled_first(const sampled *t) {
+    return (size_t)(PRICE_SIZE - (t->frame.view.width - 1) * t->stride - 1) / 2;
+}
+
+/* Where number i of a sample's pixels is in that picture. */
 static size_t sampled_place(const sampled *t, size_t i) {
-    const size_t side = (size_t)t->frame.view.width, stride = (size_t)t->stride;
-    const size_t first = (PRICE_SIZE - (side - 1) * stride - 1) / 2;
+    const size_t side = (size_t)t->frame.view.width, stride = (size_t)t->stride, first = sampled_first(t);
     return (first + i / side * stride) * PRICE_SIZE + first + i % side * stride;
+}
+
+/* The number of a pixel of that picture, which the sample has. */
+static size_t sampled_number(const sampled *t, size_t place) {
+    const size_t side = (size_t)t->frame.view.width, stride = (size_t)t->stride, first = sampled_first(t);
+    return (place / PRICE_SIZE - first) / stride * side + (place % PRICE_SIZE - first) / stride;
 }
 
 /* Returns non-zero where a scene has no bounds, for which the context has a sentence. */
@@ -49,11 +63,11 @@ static int bounded_measure(bounded *b, ex_session *session, double step) {
     return failed != SPS_OK;
 }
 
-/* The largest distance by which what is known otherwise is outside of the bounds. */
+/* The largest distance by which what is known otherwise, at least in these pixels, is outside of the bounds. */
 static double bounded_outside(const bounded *b, const sampled *truth) {
     double most = 0;
     for (size_t i = 0; i < bounded_count(b); ++i) {
-        const size_t pixel = truth->stride == 1 ? sampled_place(&b->pixels, i / 3) : i / 3;
+        const size_t pixel = sampled_number(truth, sampled_place(&b->pixels, i / 3));
         const double exact = (double)truth->frame.rgba[4 * pixel + i % 3];
         most = fmax(most, fmax((double)b->lower[i] - exact, exact - (double)b->upper[i]));
     }
@@ -72,8 +86,10 @@ static void bounded_error(const bounded *b, const float *rgba, double error[2]) 
     for (int k = 0; k < 2; ++k) error[k] = sqrt(squares[k] / (double)bounded_count(b));
 }
 
-static void bounded_begin(bounded *b, const priced *p) {
-    sampled_begin(&b->pixels, &p->frame, p->truth.stride == 1 ? BOUND_STRIDE : p->truth.stride);
+/* For step number n. */
+static void bounded_begin(bounded *b, const priced *p, int n) {
+    const int stride = p->truth.stride == 1 ? BOUND_STRIDE : p->truth.stride * bound_strides[n];
+    sampled_begin(&b->pixels, &p->frame, stride);
     b->lower = (float *)ex_allocate(bounded_count(b), sizeof(float));
     b->upper = (float *)ex_allocate(bounded_count(b), sizeof(float));
 }

@@ -208,9 +208,13 @@ CONFIGURATIONS ?= wide_sanitized sanitized readme baseline cpp glsl hlsl native
 
 # -O1: half the time to compile, and tests run 4 % slower; the long tests have -O2 and -O3, too
 COMPILE_native    = gcc $(STANDARD) -O1 -march=native
+SANITIZE = clang $(STANDARD) -O1 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all
+# In short tests, undefined behaviour traps, which takes a fifth less time to compile; the stack says where it was.
+TRAP = $(if $(SPLATSHADOW_LONG),,-fsanitize-trap=undefined)
+export ASAN_OPTIONS ?= handle_sigill=1
+COMPILE_wide_sanitized = $(SANITIZE) -march=native $(TRAP)
 # Of pointers, addresses are enough here: wide_sanitized has the rest, too, which takes a third of the time to compile.
-COMPILE_sanitized = clang $(STANDARD) -O1 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all -DSPS_NO_SIMD \
-	$(if $(SPLATSHADOW_LONG),,-fno-sanitize=null,alignment,pointer-overflow)
+COMPILE_sanitized = $(SANITIZE) -DSPS_NO_SIMD $(TRAP) $(if $(SPLATSHADOW_LONG),,-fno-sanitize=null,alignment,pointer-overflow)
 COMPILE_cpp       = g++ -x c++ -std=c++11 -D_POSIX_C_SOURCE=200809L $(if $(SPLATSHADOW_LONG),-O2,-O1)
 COMPILE_baseline  = gcc $(STANDARD) $(if $(SPLATSHADOW_LONG),-O2,-O1)
 COMPILE_plain     = gcc $(STANDARD) -O2 -DSPS_NO_SIMD
@@ -226,10 +230,6 @@ COMPILE_clang     = clang -O1 -march=native
 # The test that runs examples/shaders/, in the shading languages instead of C
 COMPILE_glsl      = $(COMPILE_cpp) -DSAMPLING_GLSL
 COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
-SANITIZE = clang $(STANDARD) -O1 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
-# In short tests, undefined behaviour traps, which takes a fifth less time to compile; the stack says where it was.
-COMPILE_wide_sanitized = $(SANITIZE) $(if $(SPLATSHADOW_LONG),,-fsanitize-trap=undefined)
-export ASAN_OPTIONS ?= handle_sigill=1
 
 # The tests of each configuration: all of them natively, with the same random scenes each time (`make fuzz-scenes` and
 # `make soak` for others), except for the fuzzer's inputs, which are for sanitizers; under sanitizers those with most
@@ -368,10 +368,11 @@ $(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(call skipp
 # Tests that run the command line, which is linked with the native configuration's header
 $(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.log build/tests/$(c).test_files.log: build/tests/render))))
 
-# The program in plain C that test_simd compares itself with, compiled once for several configurations
-$(if $(SPLATSHADOW_LONG),,$(foreach c,$(filter native baseline,$(READY)),\
-	$(eval build/tests/$(c).test_simd.log: build/tests/simd_plain) \
-	$(eval build/tests/$(c).test_simd.log: export SIMD_PLAIN = build/tests/simd_plain)))
+# The program in plain C that test_simd compares itself with, linked once for several configurations
+SIMD_PLAIN_THERE = $(if $(SPLATSHADOW_LONG),,$(if $(filter sanitized,$(READY)),build/tests/simd_plain))
+$(if $(SIMD_PLAIN_THERE),$(foreach c,$(filter native baseline,$(READY)),\
+	$(eval build/tests/$(c).test_simd.log: $(SIMD_PLAIN_THERE)) \
+	$(eval build/tests/$(c).test_simd.log: export SIMD_PLAIN = $(SIMD_PLAIN_THERE))))
 
 # The test that runs the steps of the tutorial, which are linked with the native configuration's header
 READY_STEPS = $(if $(STB_THERE),$(if $(filter native,$(READY)),$(STEPS:%=build/tests/step.%.log)))
@@ -380,8 +381,8 @@ $(foreach c,$(READY),$(eval build/tests/$(c).test_tutorial.log: $(READY_STEPS)))
 # What tests wait for. It is built before: make comes back to a test that had to wait only after all others, although
 # some of these take long.
 .PHONY: objects run-tests
-objects: $(foreach c,$(filter $(SPLIT),$(READY)),$(call code,$(c))) \
-	$(if $(filter native baseline,$(READY)),build/tests/simd_plain) $(if $(STB_THERE),$(if $(filter native,$(READY)),build/tests/render))
+objects: $(foreach c,$(filter $(SPLIT),$(READY)),$(call code,$(c))) $(SIMD_PLAIN_THERE) \
+	$(if $(STB_THERE),$(if $(filter native,$(READY)),build/tests/render))
 run-tests: $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log) $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) $(READY_STEPS) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log build/tests/cases.log \
@@ -480,8 +481,8 @@ build/tests/step.%.log: examples/tutorial/%.c $(HEADERS) $(wildcard examples/sha
 build/tests/render: examples/render.c $(HEADERS) build/tests/native.code.o build/tests/faces/splatshadow.h
 	@$(COMPILE_native) -Ibuild/tests/faces $(INCLUDES) $< build/tests/native.code.o -o $@ $(LIBRARIES)
 
-build/tests/simd_plain: tests/test_simd.c tests/check.h splatshadow.h
-	@$(CC) -std=c99 -O1 -ffp-contract=off -DSPS_NO_SIMD -w -I. $< -o $@ -lm
+build/tests/simd_plain: tests/test_simd.c tests/check.h $(call code,sanitized) build/tests/faces/splatshadow.h
+	@$(COMPILE_sanitized) -ffp-contract=off -w -Ibuild/tests/faces -I. $< $(call code,sanitized) -o $@ $(LIBRARIES)
 
 # The implementation in one object, C as well as C++, and a plain user of it in another.
 LINK_USER = printf '\#include "splatshadow.h"\nint main(void) { return sps_version() != SPS_VERSION; }\n' > link_user.c
@@ -518,15 +519,15 @@ fuzz: $(FUZZ)
 build/fuzz_plain build/fuzz_plain.code.o: ONLY = -DSPS_NO_SIMD
 .PRECIOUS: build/fuzz%.code.o
 build/fuzz.code.o build/fuzz_plain.code.o: build/tests/weak.h
-	$(SANITIZE) $(ONLY) -fsanitize-coverage=inline-8bit-counters,pc-table -w -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
+	$(SANITIZE) -march=native $(ONLY) -fsanitize-coverage=inline-8bit-counters,pc-table -w -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
 
 build/fuzz build/fuzz_plain: %: %.code.o tests/test_seeds.c examples/render.c $(HEADERS) $(wildcard tests/*.h) build/tests/faces/splatshadow.h
-	$(SANITIZE) -fsanitize=fuzzer $(ONLY) -DFUZZER -Wall -Ibuild/tests/faces $(INCLUDES) -Iexamples -Itests \
+	$(SANITIZE) -march=native -fsanitize=fuzzer $(ONLY) -DFUZZER -Wall -Ibuild/tests/faces $(INCLUDES) -Iexamples -Itests \
 		tests/test_seeds.c $< -o $@ $(LIBRARIES) || { echo "libFuzzer comes with clang and libclang-rt-dev"; exit 1; }
 
 # make fuzz-scenes SEED=7 COUNT=5000: random scenes under sanitizers, vectors on
 fuzz-scenes: tests/fuzz.c $(HEADERS) $(wildcard tests/*.h) | build
-	$(SANITIZE) -Wall $(INCLUDES) -Iexamples -Itests $< -o build/fuzz_scenes $(LIBRARIES)
+	$(SANITIZE) -march=native -Wall $(INCLUDES) -Iexamples -Itests $< -o build/fuzz_scenes $(LIBRARIES)
 	build/fuzz_scenes $(or $(SEED),1) $(or $(COUNT),1000)
 
 # make soak SEED=7 COUNT=1000: random scenes against the reference; FIRST is the number of the first of them

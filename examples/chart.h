@@ -259,12 +259,14 @@ static inline void ex_canvas_picture(ex_canvas *canvas, int x, int y, const floa
 
 /* ================================================================================================ >>writing */
 
+enum { EX_CANVAS_LEVELS = 31 }; /* of each color, besides 0, in what is written */
+
 /* Writes folder/name.png for a document: of few colors, unfiltered and packed with patience, it is a third as large. */
 static inline int ex_canvas_write(ex_canvas *canvas, const char *folder, const char *name, ex_error *error) {
     const int usual = stbi_write_png_compression_level;
     char path[4096];
     for (size_t i = 0; i < (size_t)canvas->width * (size_t)canvas->height * 4; ++i) {
-        const double code = floor(ex_srgb_code(canvas->rgba[i]) * (31 / 255.0) + 0.5) / 31;
+        const double code = floor(ex_srgb_code(canvas->rgba[i]) * (EX_CANVAS_LEVELS / 255.0) + 0.5) / EX_CANVAS_LEVELS;
         canvas->rgba[i] = (float)ex_linear_of(code);
     }
     snprintf(path, sizeof path, "%s/%s.png", folder, name);

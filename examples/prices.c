@@ -449,10 +449,12 @@ static void draw_fronts(const price *prices, int count, const char *folder) {
 
 enum { ZOOM = 2, TILE = 108 }; /* pixels for each of the truth's; of a tile, with what is between */
 
-/* The truth, enlarged, and what a grade's picture differs by from it: a full step of grey is 5 % of the mean. */
+/* The truth, enlarged, and what a grade's picture differs by from it: white and black are 5 % of the mean. No
+   difference is one of the levels that a canvas is written in. */
 static void draw_difference(ex_canvas *canvas, const price *p, const float *shown, int x0, int y0, const char *name) {
     const sampled *truth = &p->priced->truth;
     const int side = truth->frame.view.width;
+    const double grey = (EX_CANVAS_LEVELS + 1) / 2 / (double)EX_CANVAS_LEVELS;
     for (int i = 0; i < side * ZOOM * side * ZOOM; ++i) {
         const int x = i % (side * ZOOM), y = i / (side * ZOOM), at = y / ZOOM * side + x / ZOOM;
         const size_t pixel = sampled_place(truth, (size_t)at);
@@ -460,7 +462,7 @@ static void draw_difference(ex_canvas *canvas, const price *p, const float *show
         for (int c = 0; to && c < 3; ++c) {
             const double exact = (double)truth->frame.rgba[4 * at + c];
             const double off = shown ? ((double)shown[4 * pixel + (size_t)c] - exact) / (0.05 * p->mean) : 0;
-            to[c] = (float)(shown ? ex_linear_of(fmin(fmax(0.5 + 0.5 * off, 0), 1)) : fmin(0.4 * exact / p->mean, 1));
+            to[c] = (float)(shown ? ex_linear_of(fmin(fmax(grey + 0.5 * off, 0), 1)) : fmin(0.4 * exact / p->mean, 1));
         }
     }
     ex_canvas_text(canvas, x0, y0 + side * ZOOM + 3, name, 0x000000);

@@ -1262,7 +1262,7 @@ static void test_any_order(void) {
                                        "--coverage 3",
                                        "--slab 0.5",
                                        "--shadow-size 9",
-                                       "--quality high",
+                                       "--quality draft",
                                        "--scattering off",
                                        "--threads 1",
                                        "--pfm order.pfm"};
@@ -1273,7 +1273,7 @@ static void test_any_order(void) {
                      "--emission 0.1,0,0 --phase 0.5,-0.3,0.2 --mesh corner.obj --mesh-color 1,0.2,0 --width 5 "
                      "--height 4 --camera 1,2,5,0,0,0 --up 1,1,0 --fov 30 --light directional,-1,-1,-1,2,2,2 "
                      "--light point,9,9,9,50,40,30 --ambient 0.1,0.1,0.2 --background 0,0,0.1 --region 0,1,5,3 "
-                     "--coverage 3 --slab 0.5 --shadow-size 9 --quality high --scattering off --pfm order.pfm")
+                     "--coverage 3 --slab 0.5 --shadow-size 9 --quality draft --scattering off --pfm order.pfm")
               .status == 0);
     CHECK(read_file("order.pfm", picture, sizeof picture) == 12 + 4 * 3 * 15);
     for (int first = 0; first < count; ++first) {

@@ -208,13 +208,14 @@ CONFIGURATIONS ?= wide_sanitized sanitized readme baseline cpp glsl hlsl native
 
 # -O1: half the time to compile, and tests run 4 % slower; the long tests have -O2 and -O3, too
 COMPILE_native    = gcc $(STANDARD) -O1 -march=native
+comma = ,
 SANITIZE = clang $(STANDARD) -O1 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all
-# In short tests, undefined behaviour traps, which takes a fifth less time to compile; the stack says where it was.
-TRAP = $(if $(SPLATSHADOW_LONG),,-fsanitize-trap=undefined)
+# In short tests, undefined behaviour traps, and the stack says where it was; of pointers, addresses are enough, and
+# alignment with vectors. That takes two thirds of the time to compile.
+TRAP = $(if $(SPLATSHADOW_LONG),,-fsanitize-trap=undefined -fno-sanitize=null,pointer-overflow$(1))
 export ASAN_OPTIONS ?= handle_sigill=1
-COMPILE_wide_sanitized = $(SANITIZE) -march=native $(TRAP)
-# Of pointers, addresses are enough here: wide_sanitized has the rest, too, which takes a third of the time to compile.
-COMPILE_sanitized = $(SANITIZE) -DSPS_NO_SIMD $(TRAP) $(if $(SPLATSHADOW_LONG),,-fno-sanitize=null,alignment,pointer-overflow)
+COMPILE_wide_sanitized = $(SANITIZE) -march=native $(call TRAP)
+COMPILE_sanitized = $(SANITIZE) -DSPS_NO_SIMD $(call TRAP,$(comma)alignment)
 COMPILE_cpp       = g++ -x c++ -std=c++11 -D_POSIX_C_SOURCE=200809L $(if $(SPLATSHADOW_LONG),-O2,-O1)
 COMPILE_baseline  = gcc $(STANDARD) $(if $(SPLATSHADOW_LONG),-O2,-O1)
 COMPILE_plain     = gcc $(STANDARD) -O2 -DSPS_NO_SIMD
@@ -252,10 +253,11 @@ endif
 
 # Where many tests run in one configuration, the header is compiled once, with every function visible, and each test
 # against its declarations alone; tests/mutants.awk writes both out. Not where it matters what is inlined. In short
-# tests, what is not the header is not optimised: compiling it would take longer than it saves.
+# tests, a test itself is not optimised, which takes longer than it saves, unless it computes much.
 SPLIT = native sanitized wide_sanitized cpp glsl hlsl unoptimized threads memory $(if $(SPLATSHADOW_LONG),plain baseline)
 SPLIT_CPP = cpp glsl hlsl
-TEST_OPTIMIZE = $(if $(SPLATSHADOW_LONG),,-O0)
+COMPUTING = test_cells test_filling test_particles test_reading test_sampling test_scattering test_walls
+optimize = $(if $(SPLATSHADOW_LONG)$(filter $(COMPUTING),$(1)),,-O0)
 code = build/tests/$(if $(filter $(SPLIT_CPP),$(1)),cpp,$(1)).code.o
 
 # The header by itself, with every warning an error: compiler_standard_variant; examples likewise. In C99 to an object,
@@ -411,7 +413,7 @@ build/tests/%.code.o: build/tests/weak.h
 
 define split_rules
 build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/shaders/*) $(call code,$(1)) build/tests/faces/splatshadow.h
-	@$(call sized,$(1))$$(call run,$(1).$$*,$$(COMPILE_$(1)) $$(TEST_OPTIMIZE) -Wall -Ibuild/tests/faces $$(INCLUDES) -Iexamples -Itests $$< -x none $(call code,$(1)) \
+	@$(call sized,$(1))$$(call run,$(1).$$*,$$(COMPILE_$(1)) $$(call optimize,$$*) -Wall -Ibuild/tests/faces $$(INCLUDES) -Iexamples -Itests $$< -x none $(call code,$(1)) \
 		-o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
 endef
 $(foreach configuration,$(filter-out $(SPLIT),$(CONFIGURATIONS)),$(eval $(call configuration_rules,$(configuration))))

@@ -856,7 +856,7 @@ typedef struct sps_view {
     /* Instead of quality, slab, tolerance and scatter_size, which must be 0 then, and of the number of points of lights
        whose `samples` is 0: what a picture may cost, or how far it may be off, one of both; 0: neither. See
        sps_budget_report. Seconds are those of clock_fn, for the whole call. The setting with the least expected error
-       that fits is chosen; if none fits, the cheapest, and message_fn is told. */
+       that fits is chosen; if none fits, the one expected to take least, and message_fn is told. */
     double budget_seconds;
     /* Largest root mean square error of radiance, relative to the picture's mean radiance. The cheapest setting that is
        expected to keep it is chosen; UNSUPPORTED if none is. An estimate from a list of scenes (docs/budget.md), no
@@ -28837,6 +28837,9 @@ static sps_result spsi_check_reference(sps_context *context, const sps_reference
     if (!settings->lower != !settings->upper)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, settings->lower ? "upper" : "lower", 0,
                               "is NULL, and the other bound is not: set both or neither");
+    if (settings->lower && settings->lower == settings->upper)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "upper", 0,
+                              "is the memory of lower, too: each bound takes its own");
     if (settings->lower && settings->samples > 0)
         return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, object, -1, "samples", settings->samples,
                                "it must be 0 beside lower and upper: random paths have no bounds");

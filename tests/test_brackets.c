@@ -547,6 +547,9 @@ static void test_refused(void) {
     settings.upper = high, settings.lower = NULL;
     CHECK(sps_reference(context, &s.scene, &s.view, &settings, &image) == SPS_ERROR_ARGUMENT);
     CHECK(strstr(sps_error(context), "lower is NULL") != NULL);
+    settings.lower = high;
+    CHECK(sps_reference(context, &s.scene, &s.view, &settings, &image) == SPS_ERROR_ARGUMENT);
+    CHECK(strstr(sps_error(context), "upper is the memory of lower, too") != NULL);
     settings.lower = low, settings.samples = 4;
     CHECK(sps_reference(context, &s.scene, &s.view, &settings, &image) == SPS_ERROR_UNSUPPORTED);
     CHECK(strstr(sps_error(context), "samples") != NULL);

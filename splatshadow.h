@@ -2135,6 +2135,7 @@ typedef struct spsi_work {
 /* What the context knows of its own speed. */
 typedef struct spsi_pace {
     double rates[SPSI_STAGE_COUNT][SPSI_GRADES]; /* seconds per unit; 0: not known */
+    int splats[SPSI_GRADES]; /* 1: volumes were splatted in a rung's thick slabs; thinner ones may be gathered */
     const spsi_setting *only; /* the one setting to choose from, for who measures all of them; NULL: all are */
     int counts;               /* 1: the frame's work and setting are known */
     spsi_setting setting;
@@ -24983,6 +24984,11 @@ static int spsi_stage_grade(spsi_stage stage, const spsi_setting *setting) {
     return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD ? setting->cells : setting->gas;
 }
 
+/* Whether the rate of a rung says something of others. */
+static int spsi_rate_extends(const sps_context *context, spsi_stage stage, int grade) {
+    return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD || !context->pace.splats[grade];
+}
+
 /* The rate of a stage: the context's own or, from the nearest rung that has one, in the proportion of start values. */
 static double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
     const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
@@ -24990,7 +24996,8 @@ static double spsi_rate(const sps_context *context, spsi_stage stage, const spsi
     for (int away = 0; away < SPSI_GRADES; ++away) /* of two that are as near, the coarser one */
         for (int sign = -1; sign <= 1; sign += 2) {
             const int at = grade + sign * away;
-            if (at >= 0 && at < SPSI_GRADES && known[at] > 0) return known[at] * (start[grade] / start[at]);
+            if (at < 0 || at >= SPSI_GRADES || !(known[at] > 0)) continue;
+            if (away == 0 || spsi_rate_extends(context, stage, at)) return known[at] * (start[grade] / start[at]);
         }
     return start[grade] / spsi_worker_count(context);
 }
@@ -25159,14 +25166,15 @@ static double spsi_offer_bound(const double *bounds, int n, int sign) {
 
 /* Nothing that is finer takes less time, unless something of it is held: where the context knows the rates of one of
    two settings, the other's time is bounded by that, and where it knows neither, the coarser one's by the finer
-   one's. Start values are of other scenes, in which work was shared out among stages otherwise. */
-static void spsi_offers_order(spsi_offer *offers) {
+   one's. Start values are of other scenes, in which work was shared out among stages otherwise. Thick slabs that were
+   splatted bound nothing, since that may take longer than to gather thinner ones. */
+static void spsi_offers_order(const spsi_pace *pace, spsi_offer *offers) {
     double bounds[SPSI_OFFERS];
     for (int n = 0; n < SPSI_OFFERS; ++n) {
         spsi_offer *offer = &offers[n];
         bounds[n] = spsi_offer_bound(bounds, n, 1);
         if (!offer->exists) continue;
-        if (offer->is_known) bounds[n] = offer->seconds;
+        if (offer->is_known && !pace->splats[spsi_offer_setting(n).gas]) bounds[n] = offer->seconds;
         if (!offer->is_held) offer->seconds = fmax(offer->seconds, bounds[n]);
     }
     for (int n = SPSI_OFFERS - 1; n >= 0; --n) {
@@ -25230,7 +25238,7 @@ static sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, do
         spsi_work_count(context, frame, voxels, gas, &work);
         spsi_cell_offers(context, frame, fmax(spent, 0), balls, &work, n, offers); /* clocks may jump */
     }
-    spsi_offers_order(offers);
+    spsi_offers_order(&context->pace, offers);
     best = spsi_offers_best(&frame->view, offers);
     setting = spsi_offer_setting(best);
     if (spsi_setting_apply(context, frame, &setting)) return context->result;
@@ -25272,6 +25280,14 @@ static void spsi_pace_part(double seconds[SPSI_STAGE_COUNT]) {
         }
 }
 
+/* Whether a frame had thick slabs, and splatted all of its volumes in those of the eye or of lights. */
+static int spsi_pace_splats(const sps_stats_report *stats, const spsi_frame *frame, const spsi_setting *setting) {
+    const int for_eye = stats->eye_footprints > 0 && stats->eye_samples == 0;
+    const int for_lights = stats->light_footprints > 0 && stats->light_samples == 0;
+    return frame->medium_count > 0 && spsi_grades[frame->matter.classifies][setting->gas].slab > 0 &&
+           (for_eye || for_lights);
+}
+
 /* Learns from a frame that had a budget and is finished. */
 static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     const sps_stats_report *stats = &context->stats;
@@ -25281,6 +25297,7 @@ static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     pace->scattered = pace->counts && context->cells_held ? spsi_scattered_fingerprint(context, frame) : 0;
     pace->scattered_by = pace->setting;
     if (!pace->counts || !(total > 0)) return;
+    pace->splats[pace->setting.gas] = spsi_pace_splats(stats, frame, &pace->setting);
     seconds[SPSI_STAGE_READ] = stats->seconds_gather;
     seconds[SPSI_STAGE_FIELDS] = pace->seconds_fields;
     seconds[SPSI_STAGE_SURFACES] =

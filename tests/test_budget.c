@@ -415,6 +415,30 @@ static void test_order(void) {
     sps_destroy(context);
 }
 
+/* Flat voxels are splatted in thick slabs, however slow that is: a frame that shows it, by a clock of which every look
+   takes as long as start values have for all of it, says nothing of thinner slabs, which are tried next. In the first
+   scene the eye's sheets and the light's are splatted, in the second one the light's alone. */
+static void test_splatted(void) {
+    for (int n = 0; n < 2; ++n) {
+        clock_of_tests clock = {0, 1e-3, 0};
+        sps_context *context = timed_context(&clock);
+        sps_stats_report stats;
+        check_scene s;
+        start(&s);
+        s.volume[0].placement.axis[1][1] *= 0.1, s.volume[0].placement.origin[1] *= 0.1;
+        if (n == 0) check_set3(s.view.camera.position, 2, 2, 3);
+        s.view.budget_seconds = 1e-9;
+        check_render(context, &s, image);
+        sps_get_stats(context, &stats);
+        CHECK(stats.light_footprints > 0 && stats.light_samples == 0 && (stats.eye_samples == 0) == (n == 0));
+        CHECK(!budget_of(context).is_met && budget_of(context).slab == 8);
+        check_render(context, &s, image);
+        CHECK(!budget_of(context).is_met && budget_of(context).slab < 8);
+        CHECK(budget_of(context).seconds < 0.5 * stats.seconds_total); /* by start values, not by that frame's rates */
+        sps_destroy(context);
+    }
+}
+
 /* Frames whose light in cells is held teach nothing of what following it takes: it is expected to take that again. Of
    the hundred or fewer looks until then, each takes a thousandth longer than the last; time as in test_learning. */
 static void test_held_rates(void) {
@@ -649,6 +673,7 @@ int main(void) {
     RUN(test_seconds);
     RUN(test_learning);
     RUN(test_order);
+    RUN(test_splatted);
     RUN(test_held_rates);
     RUN(test_jumping_clock);
     RUN(test_refused_rungs);

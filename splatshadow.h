@@ -24778,10 +24778,10 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
    33 What a budget buys. There are three ladders of settings: of gas, of the points of lights with an extent, and of
    cells. For each combination, time is the work of each stage, counted in pixels, slabs, texels, points and cells,
    times the rate at which the context last did such work on that rung, or on the nearest one that it knows; until
-   then, start values. No setting is expected to take less time than a coarser one, unless something of it is held.
-   Error is twice the worst that a list of scenes has on each rung, by what the scene has, added by squares;
-   tests/budget.c prints both tables (make budget-fit). Cost: lights are aimed and slabs placed for each rung of gas
-   and of points. */
+   then, start values. No setting is expected to take less time than a coarser one, unless something of it is held, or
+   volumes were splatted in the coarser one's thick slabs. Error is twice the worst that a list of scenes has on each
+   rung, by what the scene has, added by squares; tests/budget.c prints both tables (make budget-fit). Cost: lights are
+   aimed and slabs placed for each rung of gas and of points. */
 
 /* --- the ladders --- */
 

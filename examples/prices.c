@@ -609,8 +609,9 @@ static void print_figures(const price *p) {
 }
 
 static void print_page(const price *prices, int count) {
-    printf("## Which error at which price\n\n%d x %d pixels, %d workers. Errors are root mean squares in radiance, ",
-           PRICE_SIZE, PRICE_SIZE, WORKERS);
+    printf("## Which error at which price\n\n%d scenes, %d x %d pixels, %d workers. Errors are root mean squares in "
+           "radiance, ",
+           count, PRICE_SIZE, PRICE_SIZE, WORKERS);
     printf("relative\nto the mean of the truth. Times are relative to the scene at `medium` once its voxels and shadow "
            "tables are held;\nthe first frame is that of a new context, which makes them. They are not exact: `medium` "
            "itself, which is in each scene's\ntable twice, differs by up to %.0f %%.\n",
@@ -659,10 +660,11 @@ static void print_all_bounds(price *prices, int count) {
         "`sps_reference` with `lower` and `upper`, in steps of some voxels: how far apart these are, on average and in "
         "99 %% of pixels\n(relative to the mean of the truth); its time; and by how much the truth of the tables above "
         "is outside at most, which is that\ntruth's own error: closed forms are of gas, and bounds of its voxels; "
-        "marched truths have steps. From the bounds follow limits of\nthe error of pictures, whatever the truth: "
-        "between root mean squares of the distance outside of them, and of that to the farther\none. Of every 9th "
-        "pixel in either direction, or of those that the truth has; where these are many, fine steps have every "
-        "third of them. `build/prices FOLDER\nbounds` prints this table alone.\n\n"
+        "marched truths have steps. Wherever between the bounds the\ntruth is, the error of a picture is at least "
+        "what it is outside of them by, and at most its distance to the farther one: the two\nfigures for each "
+        "quality, "
+        "root mean squares. Pixels are every 9th in either direction, or those that the truth has; of\nmany, every "
+        "third for fine steps. `build/prices FOLDER bounds` prints this table alone.\n\n"
         "| scene | step | pixels | apart | 99 %% within | time per pixel | truth outside by | error of `medium` | "
         "`high` | `ultra` |\n|---|---|---|---|---|---|---|---|---|---|\n");
     for (int i = 0; i < count; ++i) {

@@ -898,14 +898,14 @@ typedef struct sps_reference_settings {
     /* Optional, with 2 samples or more: three floats per pixel, pixels laid out as in the image: the standard error of
        the radiance, estimated from the variance of the paths. Written on SPS_OK only. */
     float *error;
-    /* Optional, both or neither, each of its own: three floats per pixel, pixels laid out as in the image: bounds between
-       which the radiance lies, whatever the step; the image is their middle, and steps are at most 0.75 voxels along each
-       axis.
-       Bounded is light that scatters once in the field of kernels that nothing cuts up to 4 voxels from a volume's box,
-       beyond which it has no gas; at pixels' centres, or at the points of coverage_samples; up to the rounding of
-       floats, which is allowed for; with polygons' looks and normals as they are without bounds. Bounds approach each
-       other with the sixth power of the step, except at edges of polygons' and gas's shadows in gas, near lamps, at the
-       rims of their cones, and in very dense gas, where steps are halved, but not without end. Without samples.
+    /* Optional, both or neither, each of its own: three floats per pixel, pixels laid out as in the image: bounds
+       between which the radiance lies, whatever the step; the image is their middle, and steps are at most 0.75 voxels
+       along each axis. Bounded is light that scatters once in the field of kernels that nothing cuts up to 4 voxels
+       from a volume's box, beyond which it has no gas; at pixels' centres, or at the points of coverage_samples; up to
+       the rounding of floats, which is allowed for; with polygons' looks and normals as they are without bounds. Bounds
+       approach each other with the sixth power of the step, except at edges of polygons' and gas's shadows in gas, near
+       lamps, at the rims of their cones, and in very dense gas, where steps are halved, but not without end. Without
+       samples.
        SPS_ERROR_UNSUPPORTED for what has no bounds: light that scatters again, transfer functions, lights that have an
        extent or a projector, particles in light that gas scatters. Written on SPS_OK only. */
     float *lower, *upper;

@@ -41,7 +41,7 @@ build_by_cmake() { # source, folder, optimisation
     cmake --build "$2"
 }
 
-# The quick start, which other tests run, is built; a project that fetches the library runs it.
+# The quick start is built; other tests run it. A project that fetches the library is built and run.
 check_cmake() {
     build_by_cmake examples/cmake "$folder/alone" -O0
     test -x "$folder/alone/hello"

@@ -415,9 +415,9 @@ static void test_order(void) {
     sps_destroy(context);
 }
 
-/* Flat voxels are splatted in thick slabs, however slow that is: a frame that shows it, by a clock of which every look
-   takes as long as start values have for all of it, says nothing of thinner slabs, which are tried next. In the first
-   scene the eye's sheets and the light's are splatted, in the second one the light's alone. */
+/* Flat voxels are splatted in thick slabs, however slow that is: a frame that shows it, by a clock of which a frame's
+   looks take several times what start values have for it, says nothing of thinner slabs, which are tried next. In the
+   first scene the eye's sheets and the light's are splatted, in the second one the light's alone. */
 static void test_splatted(void) {
     for (int n = 0; n < 2; ++n) {
         clock_of_tests clock = {0, 1e-3, 0};

@@ -4510,6 +4510,7 @@ typedef struct spsi_light_extent {
 typedef struct spsi_cone {
     int exists;
     float scale, offset;
+    double none; /* 1 - cos of the outer angle */
 } spsi_cone;
 
 /* The image that a light throws. The texel of a point at `offset` from the light is
@@ -4667,10 +4668,12 @@ typedef struct spsi_cell_grid {
     float first;    /* fraction of what glows that is sent by first flights */
 } spsi_cell_grid;
 
-/* A small source of light, >>flights: an even ball that sends the same in all directions. */
+/* A small source of light, >>flights: an even ball. In a direction d it sends 1 - |axis| + 4 max(0, axis . d) of the mean
+   over all directions: gas has no axis, a polygon its normal. */
 typedef struct spsi_emitter {
     float at[3], radius; /* relative to the tree's centre */
-    float sent[3];       /* radiance times area, by channel */
+    float sent[3];       /* mean radiance times area, by channel */
+    float axis[3];
 } spsi_emitter;
 
 /* Emitters, or two nodes: children first and first + 1 if count is 0. */
@@ -4679,9 +4682,9 @@ typedef struct spsi_flight_node {
     int first, count;
 } spsi_flight_node;
 
-/* A tree of all emitters. */
+/* A tree of emitters. */
 typedef struct spsi_flights {
-    double centre[3];
+    double centre[3]; /* the same for all trees */
     spsi_emitter *emitters;
     spsi_flight_node *nodes;
     int *order, count; /* order: of emitters, leaf after leaf */
@@ -5431,7 +5434,7 @@ static void spsi_resolve_quality(spsi_frame *frame) {
     static const int depth_map_texels[] = {1024, 512, 1024, 2048, 4096};
     static const int light_points[] = {16, 8, 16, 32, 64};
     static const int cells[] = {48, 24, 48, 64, 96};
-    static const double flight_angle[] = {0.6, 0.8, 0.6, 0.5, 0.4};
+    static const double flight_angle[] = {0.3, 0.4, 0.3, 0.25, 0.2};
     const int looks = frame->matter.classifies, quality = (int)frame->view.quality;
     frame->accuracy.texel_pixels = frame->view.shadow_size > 0 ? 0 : texel_pixels[looks][quality];
     frame->accuracy.slab_pixels = frame->view.slab > 0 ? 0 : slab_pixels[looks][quality];
@@ -5797,6 +5800,7 @@ static void spsi_cone_build(const sps_light *light, spsi_cone *cone) {
     cone->exists = light->outer_cone > 0;
     cone->scale = (float)scale;
     cone->offset = (float)(-none * scale);
+    cone->none = 2 * sin(0.5 * light->outer_cone) * sin(0.5 * light->outer_cone);
 }
 
 static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int index, spsi_lamp *lamp) {
@@ -20573,16 +20577,18 @@ static const spsi_cell_grid *spsi_flights_grid_of(const spsi_flights *flights, c
     return &flights->grids[n];
 }
 
+static const double spsi_no_axis[3] = {0, 0, 0};
+
 /* Adds an emitter of `amount`, in multiples of `sent`, unless it is black. */
 static void spsi_emitters_add(spsi_flights *flights, const double point[3], double radius, double amount,
-                              const float sent[3], spsi_tree_item *items) {
+                              const float sent[3], const double axis[3], spsi_tree_item *items) {
     spsi_emitter *emitter = &flights->emitters[flights->count];
     double low[3], high[3];
-    amount *= (double)spsi_flights_grid_of(flights, point)->first;
-    if (!(amount > 0)) return;
+    if (!(amount > 0) || spsi_black(sent)) return;
     for (int k = 0; k < 3; ++k) {
         emitter->at[k] = (float)(point[k] - flights->centre[k]);
         emitter->sent[k] = (float)fmin(amount * (double)sent[k], (double)SPSI_RADIANCE_MAX);
+        emitter->axis[k] = (float)axis[k];
         low[k] = point[k] - radius;
         high[k] = point[k] + radius;
     }
@@ -20630,7 +20636,7 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
         for (int k = 0; k < 3; ++k) sums[block].square[k] += value * step[k] * step[k];
     }
     for (int n = 0; n < side * side * side; ++n) {
-        double at[3], point[3], square = 0;
+        double at[3], point[3], square = 0, amount;
         if (!(sums[n].value > 0)) continue;
         for (int k = 0; k < 3; ++k) {
             const double mean = sums[n].place[k] / sums[n].value, spread = sums[n].square[k] / sums[n].value;
@@ -20638,8 +20644,8 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
             square += (fmax(spread - mean * mean, 0) + SPSI_SIGMA * SPSI_SIGMA) * spsi_dot(lattice->step[k], lattice->step[k]);
         }
         spsi_voxel_position(lattice, at, point);
-        spsi_emitters_add(flights, point, sqrt(5.0 / 3 * square), sums[n].value * lattice->voxel_volume,
-                          material->emission, items);
+        amount = sums[n].value * lattice->voxel_volume * (double)spsi_flights_grid_of(flights, point)->first;
+        spsi_emitters_add(flights, point, sqrt(5.0 / 3 * square), amount, material->emission, spsi_no_axis, items);
     }
 }
 
@@ -20657,11 +20663,11 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             const double own = radius < flights->grids->edge ? 0.75 * depth : 0, point[3] = {(double)particle->position[0],
                                                                             (double)particle->position[1],
                                                                             (double)particle->position[2]};
-            const double leaves = own > 1e-6 ? -expm1(-own) / own : 1;
+            const double leaves = (own > 1e-6 ? -expm1(-own) / own : 1) * (double)spsi_flights_grid_of(flights, point)->first;
             if (material->emits)
                 spsi_emitters_add(flights, point, set->soft ? 0.845 * radius : radius,
                                   (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth * leaves,
-                                  material->emission, items);
+                                  material->emission, spsi_no_axis, items);
         }
     }
 }
@@ -20670,14 +20676,16 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
 
 /* Sums up emitters: their centre and spread are weighted by what they send. */
 static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter *sum) {
-    double all = 0, at[3] = {0, 0, 0}, square = 0, sent[3] = {0, 0, 0};
+    double all = 0, at[3] = {0, 0, 0}, square = 0, sent[3] = {0, 0, 0}, axis[3] = {0, 0, 0};
     for (int i = 0; i < count; ++i) {
         const double weight = (double)list[i].sent[0] + (double)list[i].sent[1] + (double)list[i].sent[2];
         all += weight;
         for (int k = 0; k < 3; ++k) at[k] += weight * (double)list[i].at[k];
+        for (int k = 0; k < 3; ++k) axis[k] += weight * (double)list[i].axis[k];
         for (int k = 0; k < 3; ++k) sent[k] += (double)list[i].sent[k];
     }
     for (int k = 0; k < 3; ++k) at[k] /= all;
+    for (int k = 0; k < 3; ++k) sum->axis[k] = (float)(axis[k] / all);
     for (int i = 0; i < count; ++i) {
         const double weight = (double)list[i].sent[0] + (double)list[i].sent[1] + (double)list[i].sent[2];
         double apart = 0.6 * (double)list[i].radius * (double)list[i].radius;
@@ -20717,30 +20725,35 @@ static void spsi_emitters_list(const sps_context *context, const spsi_frame *fra
     spsi_emitters_add_particles(frame, flights, items);
 }
 
-/* Builds the tree of all that glows. Leaves hold their emitters' numbers. */
-static sps_result spsi_flights_build(sps_context *context, const spsi_frame *frame, const spsi_cell_grid *grids,
-                                     int grid_count, spsi_flights *flights) {
-    size_t most;
-    const int blocks = spsi_emitter_blocks(context, frame, &most);
-    spsi_tree_item *items;
+/* Begins two trees, of what glows and of narrow beams, with room for so many emitters. */
+static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid *grids, int grid_count,
+                                     const size_t most[2], spsi_flights trees[2]) {
+    const size_t all = most[0] + most[1], nodes = spsi_tree_nodes(most[0]) + spsi_tree_nodes(most[1]);
+    memset(trees, 0, 2 * sizeof *trees);
+    trees->emitters = (spsi_emitter *)spsi_reserve(context, SPSI_BUFFER_EMITTERS, all, sizeof(spsi_emitter));
+    trees->nodes =
+        (spsi_flight_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_NODES, nodes, sizeof(spsi_flight_node));
+    trees->order = (int *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_ORDER, all, sizeof(int));
+    if (!trees->emitters || !trees->nodes || !trees->order) return context->result;
+    for (int k = 0; k < 3; ++k) trees->centre[k] = grids->corner[k] + 0.5 * grids->edge * grids->size[k];
+    trees->grids = grids;
+    trees->grid_count = grid_count;
+    trees[1] = trees[0];
+    trees[1].emitters += most[0];
+    trees[1].order += most[0];
+    trees[1].nodes += spsi_tree_nodes(most[0]);
+    return SPS_OK;
+}
+
+/* Builds a tree of its emitters, which are also items of it. Leaves hold their numbers. */
+static sps_result spsi_flights_build(sps_context *context, spsi_tree_item *items, spsi_flights *flights) {
+    const size_t nodes = spsi_tree_nodes((size_t)flights->count);
     spsi_tree tree;
-    most += (size_t)frame->content->particle_count;
     memset(&tree, 0, sizeof tree);
-    flights->emitters = (spsi_emitter *)spsi_reserve(context, SPSI_BUFFER_EMITTERS, most, sizeof(spsi_emitter));
-    flights->nodes = (spsi_flight_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_NODES, spsi_tree_nodes(most),
-                                                      sizeof(spsi_flight_node));
-    tree.order = flights->order = (int *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_ORDER, most, sizeof(int));
-    tree.nodes = (spsi_tree_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_TREE, spsi_tree_nodes(most),
-                                                sizeof(spsi_tree_node));
-    items = (spsi_tree_item *)spsi_reserve(context, SPSI_BUFFER_TREE_ITEMS, most, sizeof(spsi_tree_item));
-    if (!flights->emitters || !flights->nodes || !tree.order || !tree.nodes || !items) return context->result;
-    flights->count = 0;
-    for (int k = 0; k < 3; ++k) flights->centre[k] = grids->corner[k] + 0.5 * grids->edge * grids->size[k];
-    flights->grids = grids;
-    flights->grid_count = grid_count;
-    spsi_emitters_list(context, frame, blocks, flights, items);
     tree.count = flights->count;
-    if (spsi_tree_build(context, &tree, items)) return context->result;
+    tree.order = flights->order;
+    tree.nodes = (spsi_tree_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_TREE, nodes, sizeof(spsi_tree_node));
+    if (!tree.nodes || spsi_tree_build(context, &tree, items)) return context->result;
     if (tree.count > 0) spsi_flights_sum(&tree, flights, 0);
     return SPS_OK;
 }
@@ -20752,11 +20765,10 @@ typedef struct spsi_flight_list {
     int count;
 } spsi_flight_list;
 
-/* Lists the nodes that all places within `reach` of one see under an angle of at most `angle`. */
+/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
                                 spsi_flight_list *list) {
     int stack[SPSI_FLIGHT_NODES], top = 0;
-    list->count = 0;
     if (flights->count > 0) stack[top++] = 0;
     while (top > 0) {
         const spsi_flight_node *node = &flights->nodes[stack[--top]];
@@ -20872,8 +20884,11 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
 static void spsi_ways_transmittance(const spsi_cell_grid *grid, const spsi_ways *ways, spsi_v last, int channels,
                                     spsi_v through[3]) {
     const spsi_v own = spsi_cell_pyramid_at(grid, ways->from, spsi_mul(spsi_set(2), ways->begin));
-    const spsi_v depth = spsi_ways_depth(grid, ways);
-    spsi_v ball = spsi_mul(spsi_mul(spsi_set(1.5f), ways->begin), own);
+    spsi_v ball = spsi_mul(spsi_mul(spsi_set(1.5f), ways->begin), own), depth = spsi_ways_depth(grid, ways), next[3];
+    for (int k = 0; k < 3; ++k) /* rays leave a ball by its near side, on the mean a quarter of its radius before */
+        next[k] = spsi_fma(spsi_mul(ways->begin, spsi_set(1.2f)), ways->unit[k], ways->from[k]);
+    depth = spsi_fma(spsi_mul(ways->begin, spsi_set(0.25f)),
+                     spsi_cell_pyramid_at(grid, next, spsi_mul(spsi_set(2), ways->begin)), depth);
     for (int k = 0; k < 3; ++k) { /* gas of another grid is not known here */
         const spsi_m low = spsi_less(ways->from[k], spsi_set(0));
         const spsi_m high = spsi_less(spsi_set((float)grid->size[k]), ways->from[k]);
@@ -20987,6 +21002,13 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_emitter
     even = spsi_div(spsi_set((float)(0.25 / (SPSI_PI * grid->edge * grid->edge))),
                     spsi_max(spsi_sub(square, spread), least));
     bent = spsi_div(square, spsi_add(square, spread));
+    if (node->axis[0] != 0 || node->axis[1] != 0 || node->axis[2] != 0) {
+        const double axis[3] = {(double)node->axis[0], (double)node->axis[1], (double)node->axis[2]};
+        spsi_v along[3];
+        spsi_set3(axis, along);
+        even = spsi_mul(even, spsi_fma(spsi_set(4), spsi_max(spsi_dot_v(along, ways.unit), zero),
+                                       spsi_set((float)(1 - spsi_length(axis)))));
+    }
     if (blocked) spsi_flight_cells_unblocked(job, cells, node, passes);
     for (int c = 0; c < grid->channels; ++c) {
         spsi_v light = spsi_mul(spsi_mul(even, spsi_set(node->sent[c])), through[c]);
@@ -21020,7 +21042,9 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
     spsi_flight_list list;
     double centre[3];
     for (int k = 0; k < 3; ++k) centre[k] = grid->corner[k] + grid->edge * (first[k] + 0.5 * SPSI_FLIGHT_BLOCK);
-    spsi_flights_choose(job->flights, centre, 1.3 * half, job->frame->accuracy.flight_angle, &list);
+    list.count = 0;
+    for (int i = 0; i < 2; ++i)
+        spsi_flights_choose(&job->flights[i], centre, 1.3 * half, 2 * job->frame->accuracy.flight_angle, &list);
     for (int i = 0; i < list.count; ++i)
         blocked[i] = (unsigned char)spsi_flight_blocked(job, centre, half, list.entry[i]);
     for (int z = first[2]; z < spsi_least(first[2] + SPSI_FLIGHT_BLOCK, grid->size[2]); ++z)
@@ -21057,7 +21081,8 @@ typedef struct spsi_flight_place {
     int face;                             /* that the point is on; -1: none */
 } spsi_flight_place;
 
-/* Adds the irradiance by nodes n to n + SPSI_LANES - 1 of a list. An even ball before a plane acts as a point. */
+/* Adds the irradiance by nodes n to n + SPSI_LANES - 1 of a list. An even ball acts as a point
+   on what is outside, and as its inner part does within [Newton's shells]. */
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights,
                                        const spsi_flight_list *list, int n, double irradiance[3]) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
@@ -21066,16 +21091,16 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     int some = 0;
     for (int i = 0; i < SPSI_LANES; ++i) {
         const spsi_emitter *node = list->entry[spsi_least(n + i, list->count - 1)];
-        double square, facing, distance;
+        double facing, distance, within;
         for (int k = 0; k < 3; ++k) {
             origin[i][k] = place->start[k];
             toward[i][k] = flights->centre[k] + (double)node->at[k] - place->point[k];
             lanes[k][i] = (float)(flights->centre[k] + (double)node->at[k] - flights->grids[0].corner[k]);
         }
-        square = spsi_dot(toward[i], toward[i]);
-        distance = sqrt(square);
-        facing = spsi_dot(toward[i], place->normal) / fmax(distance, DBL_MIN);
-        share[i] = facing / fmax(square, fmax((double)node->radius * (double)node->radius, 1e-60));
+        distance = spsi_length(toward[i]);
+        within = fmax(fmax(distance, (double)node->radius), 1e-60);
+        facing = spsi_dot(toward[i], place->normal) / within;
+        share[i] = facing / within / within;
         lanes[3][i] = (float)distance;
         lanes[4][i] = node->radius;
         some |= (n + i < list->count && facing > 0) << i;
@@ -21113,6 +21138,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
 static void spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights *flights,
                                     double irradiance[3]) {
     spsi_flight_list list;
+    list.count = 0;
     spsi_flights_choose(flights, place->point, 0, place->frame->accuracy.flight_angle, &list);
     for (int n = 0; n < list.count; n += SPSI_LANES) spsi_flights_irradiance_of(place, flights, &list, n, irradiance);
 }
@@ -23284,8 +23310,9 @@ typedef struct spsi_cell_job {
     float *emitted;       /* per channel: radiance added along an edge */
     float *incoming;      /* per channel and term: moments of the lights' radiance */
     float *passed_on;     /* the same of what peaks pass on from lights without shadows; NULL: nothing */
-    float *flown;         /* per channel and term: moments of first flights; NULL: nothing glows */
-    const spsi_flights *flights;
+    float *flown;         /* per channel and term: moments of first flights; NULL: there are none */
+    spsi_flights *flights; /* trees of what glows, and of narrow beams */
+    int grid_count;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
     spsi_cell_walls walls;
     const float *wall_light; /* per term: moments of what polygons send, in the channel that is being solved; NULL: 0 */
@@ -23424,9 +23451,32 @@ static int spsi_cells_table_count(const spsi_frame *frame, const spsi_cell_grid 
     return spsi_cells_pass_on(frame, grid) ? frame->lamps.count : frame->lamps.shadow_count;
 }
 
-/* Whether what glows sends first flights. */
+/* Whether a light may be a narrow beam, which cells are too wide for. */
+static int spsi_lamp_has_beam(const spsi_lamp *lamp) {
+    return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.1;
+}
+
+/* Whether anything sends first flights: what glows, or narrow beams. */
 static int spsi_cells_fly(const spsi_frame *frame) {
-    return frame->matter.emits && (frame->matter.scatters || frame->meshes.count > 0);
+    int narrow = 0;
+    for (int i = 0; i < frame->lamps.count; ++i) narrow |= spsi_lamp_has_beam(&frame->lamps.list[i]);
+    return (frame->matter.emits && (frame->matter.scatters || frame->meshes.count > 0)) ||
+           (narrow && frame->matter.scatters);
+}
+
+/* The fraction of a light that beams send: all of it where they are narrower than an eighth of the grid at its far end.
+   Translucent polygons would have to be followed. */
+static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp) {
+    const spsi_cell_grid *grid = job->grid;
+    double to[3], half = 0, longest = 0, width;
+    if (!spsi_lamp_has_beam(lamp) || job->grid_count > 1 || job->frame->meshes.translucent) return 0;
+    for (int k = 0; k < 3; ++k) {
+        to[k] = grid->corner[k] + 0.5 * grid->edge * grid->size[k] - lamp->position[k];
+        half += 0.25 * grid->edge * grid->edge * grid->size[k] * grid->size[k];
+        longest = fmax(longest, grid->edge * grid->size[k]);
+    }
+    width = 2 * (sqrt(lamp->cone.none * (2 - lamp->cone.none)) / fmax(1 - lamp->cone.none, 1e-3)) * (spsi_length(to) + sqrt(half));
+    return fmax(0, fmin(2 - 8 * width / longest, 1));
 }
 
 /* Floats per cell while it is filled and lit. */
@@ -23805,6 +23855,7 @@ static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spo
 static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *table,
                                 const spsi_cell_spot *spot) {
     const int channels = job->grid->channels, passes_on = table && !lamp->shadows;
+    const float fraction = (float)(1 - spsi_cells_beams(job, lamp));
     const spsi_v one = spsi_set(1);
     spsi_v passes[3] = {one, one, one}, passed_on[3], harmonic[SPSI_CELL_TERMS];
     spsi_incident incident;
@@ -23815,7 +23866,7 @@ static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp,
     for (int c = 0; c < channels; ++c) {
         const spsi_v color = spsi_set(lamp->color[c] * (float)(0.25 / SPSI_PI));
         spsi_v amount = spsi_min(spsi_mul(incident.irradiance[c], color), spsi_set(SPSI_RADIANCE_MAX));
-        amount = spsi_mul(amount, spot->depth);
+        amount = spsi_mul(amount, spsi_mul(spot->depth, spsi_set(fraction)));
         spsi_cells_add_moments(job, spot, c, spsi_mul(amount, passes[c]), harmonic, job->incoming);
         if (!passes_on) continue;
         amount = spsi_mul(amount, passed_on[c]);
@@ -23997,9 +24048,9 @@ static void spsi_cell_hits_points(const spsi_cell_hits *hits, int first, int end
     }
 }
 
-/* Lights up to SPSI_PACKET of them, from number `first` on, by one lamp. */
-static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *shadow, int first,
-                                 spsi_cell_hits *hits) {
+/* Lights up to SPSI_PACKET of them, from number `first` on, by a fraction of one lamp. */
+static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp, double fraction,
+                                 const spsi_shadow *shadow, int first, spsi_cell_hits *hits) {
     const spsi_lamp *point = &lamp->points[first / SPSI_PACKET % lamp->point_count];
     const int end = spsi_least(hits->count, first + SPSI_PACKET);
     double irradiance[SPSI_PACKET][3], toward[3];
@@ -24027,7 +24078,7 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
         if (packet.filtered >> (i - first) & 1) spsi_packet_through(&packet, i - first, through);
         for (int c = 0; c < job->grid->channels; ++c)
             hits->lit[i][c] += fmin(irradiance[i - first][c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX) *
-                               through[c] * exp(-depth * (double)job->grid->scale[c]);
+                               fraction * through[c] * exp(-depth * (double)job->grid->scale[c]);
     }
 }
 
@@ -24050,7 +24101,7 @@ static void spsi_cell_walls_fly(const spsi_cell_job *job, size_t at) {
     place.start = start;
     place.normal = normal;
     place.face = -1;
-    spsi_flights_irradiance(&place, job->flights, irradiance);
+    spsi_flights_irradiance(&place, &job->flights[0], irradiance);
     for (size_t c = 0; c < (size_t)grid->channels; ++c)
         walls->lit[c * grid->count + at] +=
             (float)((double)walls->color[c * grid->count + at] * irradiance[c] / SPSI_PI);
@@ -24073,7 +24124,7 @@ static void spsi_cell_walls_set(const spsi_cell_job *job, const spsi_cell_hits *
             walls->normal[k * count + at] += (float)(share * hits->surface[i].normal[k]);
         }
     }
-    if (job->flights) spsi_cell_walls_fly(job, at);
+    if (job->flown && job->flights[0].count > 0) spsi_cell_walls_fly(job, at);
 }
 
 /* Bits of the closed links between a cell and its neighbours; `hits`: where they end, or NULL. */
@@ -24133,7 +24184,7 @@ static void spsi_cells_walls_task(void *data, int row, int worker) {
             const spsi_lamp *lamp = &job->frame->lamps.list[i];
             const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
             for (int first = 0; first < hits.count; first += SPSI_PACKET)
-                spsi_cell_hits_light(job, lamp, own, first, &hits);
+                spsi_cell_hits_light(job, lamp, 1 - spsi_cells_beams(job, lamp), own, first, &hits);
         }
         spsi_cell_walls_set(job, &hits, at);
         job->walls.walled[row] = job->walls.walled[row] == 1 || hits.within ? 1 : 2;
@@ -24193,6 +24244,188 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
     return all > 0 ? changed / all : 0;
 }
 
+/* --- first flights --- */
+
+#define SPSI_BEAM_RINGS 12 /* of as many rays each, in the cone of a narrow beam */
+
+/* A ray of a narrow beam, and the solid angle for which it stands. */
+typedef struct spsi_beam_ray {
+    const spsi_lamp *lamp;
+    double direction[3], solid, fraction;
+    double end; /* distance of the polygon that it meets; infinity: none */
+} spsi_beam_ray;
+
+/* Light of a beam at a distance, by channel: irradiance there, before any shadow, times its width. */
+static void spsi_beam_light(const spsi_cell_job *job, const spsi_beam_ray *beam, double distance, float sent[3]) {
+    double irradiance[3];
+    spsi_surface surface;
+    memset(&surface, 0, sizeof surface);
+    spsi_along(beam->lamp->position, beam->direction, distance, surface.point);
+    for (int k = 0; k < 3; ++k) surface.normal[k] = -beam->direction[k];
+    surface.pixel = job->grid->edge;
+    spsi_surface_point_irradiance(job->frame, beam->lamp, &surface, irradiance);
+    for (int c = 0; c < 3; ++c)
+        sent[c] = (float)fmin(irradiance[c] * (double)beam->lamp->color[c] * beam->solid * distance * distance,
+                              (double)SPSI_RADIANCE_MAX);
+}
+
+/* Adds what gas scatters of a beam, an emitter for each cell's edge on its way. */
+static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_beam_ray *beam, spsi_flights *flights,
+                                  spsi_tree_item *items) {
+    const spsi_cell_grid *grid = job->grid;
+    const int shadows = beam->lamp->shadows;
+    double low[3], high[3], range[2], depth = 0;
+    spsi_ray ray;
+    for (int k = 0; k < 3; ++k) {
+        low[k] = grid->corner[k];
+        high[k] = low[k] + grid->edge * grid->size[k];
+        ray.origin[k] = beam->lamp->position[k];
+        ray.direction[k] = beam->direction[k];
+    }
+    ray.low = 0;
+    ray.high = beam->end;
+    if (!spsi_ray_meets_box(&ray, low, high, range)) return;
+    for (double from = range[0]; from < range[1]; from += grid->edge) {
+        const double length = fmin(grid->edge, range[1] - from), middle = from + 0.5 * length;
+        double point[3], axis[3], ahead = 0, all = 0, own;
+        float sent[3];
+        size_t at = 0;
+        spsi_along(ray.origin, ray.direction, middle, point);
+        for (int k = 2; k >= 0; --k) {
+            const int cell = spsi_most(0, spsi_least((int)((point[k] - low[k]) / grid->edge), grid->size[k] - 1));
+            at = at * (size_t)(k ? grid->size[k] : grid->pitch) + (size_t)cell;
+        }
+        own = (double)grid->depth[at] * length / grid->edge;
+        if (!(own > 0)) continue;
+        spsi_beam_light(job, beam, middle, sent);
+        for (int c = 0; c < 3; ++c) {
+            const int channel = spsi_least(c, grid->channels - 1);
+            const double scale = (double)grid->scale[channel], x = shadows ? scale * own : 0;
+            double scattered = 0;
+            for (int m = 0; m < job->frame->matter.material_count; ++m) {
+                const float *each = job->scattered + (size_t)(m * grid->channels + channel) * grid->count;
+                scattered += (double)(each[at] * grid->lobes[m][0]);
+                ahead += (double)(each[at] * (grid->orders > 1 ? grid->lobes[m][1] : 0));
+                all += (double)(each[at] * grid->lobes[m][0]);
+            }
+            sent[c] *= (float)(scattered * length / grid->edge * (shadows ? exp(-scale * depth) : 1) *
+                               (x > 1e-6 ? -expm1(-x) / x : 1));
+        }
+        depth += own;
+        for (int k = 0; k < 3; ++k) /* 4 max(0, cos) has a mean cosine of 2 / 3 */
+            axis[k] = all > 0 ? fmin(1.5 * fmax(ahead / all, 0), 1) * beam->direction[k] : 0;
+        spsi_emitters_add(flights, point, 0.37 * length, beam->fraction / (4 * SPSI_PI), sent, axis, items);
+    }
+}
+
+/* Adds what polygons reflect of a ring of a beam's rays. */
+static void spsi_beams_on_polygons(const spsi_cell_job *job, const spsi_shadow *shadow, spsi_beam_ray *ring,
+                                   spsi_flights *flights, spsi_tree_item *items) {
+    spsi_cell_view view;
+    spsi_cell_hits hits;
+    spsi_beam_ray *met[SPSI_BEAM_RINGS];
+    hits.count = 0;
+    memset(hits.lit, 0, sizeof hits.lit);
+    spsi_cell_view_build(job->faces, job->grid, job->grid->size, 1, &view);
+    for (int i = 0; i < SPSI_BEAM_RINGS; ++i) {
+        const int before = hits.count;
+        spsi_ray ray;
+        spsi_hit hit;
+        memcpy(ray.origin, ring[i].lamp->position, sizeof ray.origin);
+        memcpy(ray.direction, ring[i].direction, sizeof ray.direction);
+        ray.low = 0;
+        ray.high = ring[i].end = HUGE_VAL;
+        if (job->faces->count == 0 || !spsi_ray_to_wall(job->faces, &ray, &hit)) continue;
+        ring[i].end = ray.high;
+        spsi_cell_hits_add(&view, &ray, &hit, &hits);
+        if (hits.count > before) met[before] = &ring[i];
+    }
+    if (hits.count > 0) spsi_cell_hits_light(job, ring->lamp, 1, shadow, 0, &hits);
+    for (int i = 0; i < hits.count; ++i) {
+        const double cosine = fmax(-spsi_dot(hits.surface[i].normal, met[i]->direction), 1e-3);
+        const double area = met[i]->solid * met[i]->end * met[i]->end / cosine;
+        double point[3];
+        float sent[3];
+        for (int c = 0; c < 3; ++c)
+            sent[c] = (float)(hits.color[i][c] * hits.lit[i][spsi_least(c, job->grid->channels - 1)]);
+        spsi_along(hits.surface[i].point, hits.surface[i].normal, 1e-3 * job->grid->edge, point);
+        spsi_emitters_add(flights, point, 0.51 * sqrt(area), met[i]->fraction * area / (4 * SPSI_PI), sent,
+                          hits.surface[i].normal, items);
+    }
+}
+
+/* Adds a narrow beam's emitters: its rays stand for equal solid angles. */
+static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *shadow,
+                            spsi_flights *flights, spsi_tree_item *items) {
+    spsi_beam_ray ring[SPSI_BEAM_RINGS];
+    double across[2][3];
+    spsi_basis(lamp->direction, across[0], across[1]);
+    for (int n = 0; n < SPSI_BEAM_RINGS; ++n) {
+        const double versine = lamp->cone.none * (n + 0.5) / SPSI_BEAM_RINGS, sine = sqrt(versine * (2 - versine));
+        for (int i = 0; i < SPSI_BEAM_RINGS; ++i) {
+            const double turn = 2 * SPSI_PI * (i + 0.5 * (n % 2)) / SPSI_BEAM_RINGS;
+            ring[i].lamp = lamp;
+            ring[i].solid = 2 * SPSI_PI * lamp->cone.none / (SPSI_BEAM_RINGS * SPSI_BEAM_RINGS);
+            ring[i].fraction = spsi_cells_beams(job, lamp);
+            for (int k = 0; k < 3; ++k)
+                ring[i].direction[k] = (1 - versine) * lamp->direction[k] +
+                                       sine * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
+        }
+        spsi_beams_on_polygons(job, shadow, ring, flights, items);
+        for (int i = 0; i < SPSI_BEAM_RINGS; ++i) spsi_beam_through_gas(job, &ring[i], flights, items);
+    }
+}
+
+/* Upper bound of the number of narrow beams' emitters. */
+static size_t spsi_beams_most(const spsi_cell_job *job) {
+    const int *size = job->grid->size;
+    const size_t each = 2 * (size_t)(size[0] + size[1] + size[2]) + 2;
+    size_t count = 0;
+    for (int i = 0; i < job->frame->lamps.count; ++i)
+        if (spsi_cells_beams(job, &job->frame->lamps.list[i]) > 0) count += each * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
+    return count;
+}
+
+/* Builds the trees of what glows and of narrow beams, once for all grids. */
+static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
+    const spsi_frame *frame = job->frame;
+    spsi_flights *trees = job->flights;
+    spsi_tree_item *items;
+    size_t most[2];
+    const int blocks = spsi_emitter_blocks(job->context, frame, &most[0]);
+    int shadow = 0;
+    most[0] += frame->matter.emits ? (size_t)frame->content->particle_count : 0;
+    most[1] = spsi_beams_most(job);
+    items = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS, most[0] + most[1], sizeof *items);
+    if (!items || spsi_flights_begin(job->context, job->grid, job->grid_count, most, trees))
+        return job->context->result;
+    if (most[0] > 0) spsi_emitters_list(job->context, frame, blocks, &trees[0], items);
+    if (spsi_flights_build(job->context, items, &trees[0])) return job->context->result;
+    for (int i = 0; i < frame->lamps.count && most[1] > 0; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
+        if (spsi_cells_beams(job, lamp) > 0) spsi_beams_list(job, lamp, own, &trees[1], items);
+    }
+    return spsi_flights_build(job->context, items, &trees[1]);
+}
+
+/* Sends first flights to a grid's cells. */
+static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
+    const int *size = job->grid->size;
+    const int rows = (size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
+    const int layers = (size[2] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
+    spsi_flight_job flight;
+    if (!job->later && spsi_cells_emitters(job)) return job->context->result;
+    flight.frame = job->frame;
+    flight.flights = job->flights;
+    flight.faces = job->faces;
+    flight.grid = job->grid;
+    flight.moments = job->flown;
+    if (job->frame->matter.scatters && job->flights[0].count + job->flights[1].count > 0)
+        spsi_parallel(job->context, rows * layers, spsi_flights_light_task, &flight);
+    return SPS_OK;
+}
+
 /* --- all lights --- */
 
 /* Lights all cells, and the polygons about them. */
@@ -24202,7 +24435,7 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     sps_tmap *maps;
     spsi_cell_directions(job->directions);
     if (spsi_cell_walls_begin(job)) return context->result;
-    if (job->frame->lamps.count == 0 && !job->walls.closed) return SPS_OK;
+    if (job->frame->lamps.count == 0 && !job->walls.closed) return job->flown ? spsi_cells_fly_to(job) : SPS_OK;
     job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
     if (!job->shadows || !maps) return context->result;
@@ -24216,7 +24449,7 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job);
-    if (!spsi_cells_shadows(job, part, maps)) {
+    if (!spsi_cells_shadows(job, part, maps) && (!job->flown || !spsi_cells_fly_to(job))) {
         spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
         if (job->walls.closed)
             spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
@@ -24655,21 +24888,6 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* Sends first flights to a grid's cells. */
-static void spsi_cells_fly_to(spsi_cell_job *job, const spsi_flights *flights) {
-    const int *size = job->grid->size;
-    const int rows = (size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
-    const int layers = (size[2] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
-    spsi_flight_job flight;
-    job->flights = flights->count > 0 ? flights : NULL;
-    flight.frame = job->frame;
-    flight.flights = flights;
-    flight.faces = job->faces;
-    flight.grid = job->grid;
-    flight.moments = job->flown;
-    if (job->frame->matter.scatters) spsi_parallel(job->context, rows * layers, spsi_flights_light_task, &flight);
-}
-
 /* Reserves the memory of all grids. */
 static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *frame, spsi_cell_grid *grids, int count) {
     size_t held = 0, seen = 0, own_seen;
@@ -24734,15 +24952,15 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     const int flies = spsi_cells_fly(frame);
     spsi_part_of_call third = *part;
     spsi_cell_job *job;
-    flights->count = 0;
+    flights[0].count = flights[1].count = 0;
     third.share /= 3 * count;
     for (int n = 0; n < count && count > 1 && flies; ++n)
         if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
     for (int n = 0; n < count; ++n) {
         if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
         job->later = n > 0;
-        if (n == 0 && flies && spsi_flights_build(context, frame, grids, count, flights)) return context->result;
-        if (flies) spsi_cells_fly_to(job, flights);
+        job->flights = flights;
+        job->grid_count = count;
         third.progress += third.share;
         if (spsi_cells_light(job, &third)) return context->result;
         third.progress += third.share;
@@ -24767,7 +24985,7 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     const double start = spsi_clock(context);
     spsi_cell_grid *grids =
         (spsi_cell_grid *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, SPSI_CELL_GRIDS, sizeof *grids);
-    spsi_flights *flights = (spsi_flights *)spsi_reserve(context, SPSI_BUFFER_FLIGHTS, 1, sizeof *flights);
+    spsi_flights *flights = (spsi_flights *)spsi_reserve(context, SPSI_BUFFER_FLIGHTS, 2, sizeof *flights);
     spsi_groups groups;
     uint64_t key;
     int count, held;

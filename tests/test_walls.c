@@ -528,10 +528,11 @@ static void test_free(void) {
     }
 }
 
-/* The picture of a floor is the same, to the bit, with a pane above it or a polygon below it: neither is in the way.
-   With a roof it is darker. */
+/* The picture of a floor is the same, to the bit, with a polygon below it, which is not in the way. A pane above it that
+   lets pass half of all light leaves half of what glows where it is in the way, all of it elsewhere, and something
+   between where it hides a part. With a roof it is darker. */
 static void test_same_floor(void) {
-    double sums[2] = {0, 0};
+    double sums[2] = {0, 0}, half = 0, whole = 0;
     for (int n = 0; n < 4; ++n) {
         check_scene s;
         start(&s, NULL);
@@ -555,12 +556,19 @@ static void test_same_floor(void) {
         } else {
             check_render(context, &s, n ? image_a : image_b);
         }
-        if (n == 1 || n == 2) /* the lower half of the picture */
+        for (int i = COUNT / 2; i < COUNT && n == 1; ++i) { /* the lower half of the picture */
+            const double open = (double)image_b[i], filtered = (double)image_a[i];
+            CHECK(filtered <= open * (1 + 1e-5) && filtered >= open * (0.5 - 1e-5));
+            if (i % 4 < 3) half += filtered, whole += open;
+        }
+        if (n == 2)
             CHECK(memcmp(image_a + COUNT / 2, image_b + COUNT / 2, COUNT / 2 * sizeof *image_a) == 0);
         for (int i = COUNT / 2; i < COUNT && n == 3; ++i)
             if (i % 4 < 3) sums[0] += (double)image_a[i], sums[1] += (double)image_b[i];
     }
     if (figures()) printf("a floor below a roof is %.3f of what it would be\n", sums[0] / sums[1]);
+    if (figures()) printf("a floor below a pane is %.3f of what it would be\n", half / whole);
+    CHECK(half < 0.9 * whole);
     CHECK(sums[0] < 0.7 * sums[1] && sums[0] > 0.01 * sums[1]);
 }
 

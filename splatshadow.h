@@ -4665,7 +4665,6 @@ typedef struct spsi_cell_grid {
     float *patches; /* of the grid's sides, >>cells: place, area and, per channel, what leaves them per area */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
     float *pyramid; /* of depth, >>flights; NULL: nothing glows */
-    float first;    /* fraction of what glows that is sent by first flights */
 } spsi_cell_grid;
 
 /* A small source of light, >>flights: an even ball. In a direction d it sends 1 - |axis| + 4 max(0, axis . d) of the mean
@@ -4690,6 +4689,7 @@ typedef struct spsi_flights {
     int *order, count; /* order: of emitters, leaf after leaf */
     const spsi_cell_grid *grids;
     int grid_count;
+    float to_cells, to_polygons; /* fractions of what the emitters send: the rest is swept from cell to cell */
 } spsi_flights;
 
 #define SPSI_TAP_STEPS     1024 /* places between two voxels for which there are weights, >>taps */
@@ -20556,26 +20556,11 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
    Cost: some 10 nodes of 10 to 20 steps for a vector of cells; the same and a few rays for a point of a polygon. */
 
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
-#define SPSI_FLIGHT_NODES  256   /* that a receiver takes, at most */
+#define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
 #define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
 #define SPSI_FLIGHT_STEP   0.5f  /* length of a step per distance from the nearer end; at least a cell's edge */
 
 /* --- emitters --- */
-
-/* The grid that a point is in; by round-off beyond all, the last. */
-static const spsi_cell_grid *spsi_flights_grid_of(const spsi_flights *flights, const double point[3]) {
-    int n = 0;
-    for (; n + 1 < flights->grid_count; ++n) {
-        const spsi_cell_grid *grid = &flights->grids[n];
-        int inside = 1;
-        for (int k = 0; k < 3; ++k) {
-            const double at = (point[k] - grid->corner[k]) / grid->edge;
-            inside &= at >= 0 && at <= grid->size[k];
-        }
-        if (inside) break;
-    }
-    return &flights->grids[n];
-}
 
 static const double spsi_no_axis[3] = {0, 0, 0};
 
@@ -20636,7 +20621,7 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
         for (int k = 0; k < 3; ++k) sums[block].square[k] += value * step[k] * step[k];
     }
     for (int n = 0; n < side * side * side; ++n) {
-        double at[3], point[3], square = 0, amount;
+        double at[3], point[3], square = 0;
         if (!(sums[n].value > 0)) continue;
         for (int k = 0; k < 3; ++k) {
             const double mean = sums[n].place[k] / sums[n].value, spread = sums[n].square[k] / sums[n].value;
@@ -20644,8 +20629,7 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
             square += (fmax(spread - mean * mean, 0) + SPSI_SIGMA * SPSI_SIGMA) * spsi_dot(lattice->step[k], lattice->step[k]);
         }
         spsi_voxel_position(lattice, at, point);
-        amount = sums[n].value * lattice->voxel_volume * (double)spsi_flights_grid_of(flights, point)->first;
-        spsi_emitters_add(flights, point, sqrt(5.0 / 3 * square), amount, material->emission, spsi_no_axis, items);
+        spsi_emitters_add(flights, point, sqrt(5.0 / 3 * square), sums[n].value * lattice->voxel_volume, material->emission, spsi_no_axis, items);
     }
 }
 
@@ -20663,7 +20647,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             const double own = radius < flights->grids->edge ? 0.75 * depth : 0, point[3] = {(double)particle->position[0],
                                                                             (double)particle->position[1],
                                                                             (double)particle->position[2]};
-            const double leaves = (own > 1e-6 ? -expm1(-own) / own : 1) * (double)spsi_flights_grid_of(flights, point)->first;
+            const double leaves = own > 1e-6 ? -expm1(-own) / own : 1;
             if (material->emits)
                 spsi_emitters_add(flights, point, set->soft ? 0.845 * radius : radius,
                                   (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth * leaves,
@@ -20729,7 +20713,6 @@ static void spsi_emitters_list(const sps_context *context, const spsi_frame *fra
 static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid *grids, int grid_count,
                                      const size_t most[2], spsi_flights trees[2]) {
     const size_t all = most[0] + most[1], nodes = spsi_tree_nodes(most[0]) + spsi_tree_nodes(most[1]);
-    memset(trees, 0, 2 * sizeof *trees);
     trees->emitters = (spsi_emitter *)spsi_reserve(context, SPSI_BUFFER_EMITTERS, all, sizeof(spsi_emitter));
     trees->nodes =
         (spsi_flight_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_NODES, nodes, sizeof(spsi_flight_node));
@@ -20739,6 +20722,7 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
     trees->grids = grids;
     trees->grid_count = grid_count;
     trees[1] = trees[0];
+    trees[1].to_cells = 1;
     trees[1].emitters += most[0];
     trees[1].order += most[0];
     trees[1].nodes += spsi_tree_nodes(most[0]);
@@ -20760,34 +20744,50 @@ static sps_result spsi_flights_build(sps_context *context, spsi_tree_item *items
 
 /* --- which nodes a receiver takes --- */
 
+/* Nodes of both trees that a receiver takes. */
 typedef struct spsi_flight_list {
-    const spsi_emitter *entry[SPSI_FLIGHT_NODES];
+    const spsi_emitter *entry[2 * SPSI_FLIGHT_NODES];
     int count;
 } spsi_flight_list;
 
-/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`. */
+/* A node that may be opened: the one that is seen under the widest angle comes first. */
+typedef struct spsi_flight_open {
+    double angle;
+    int node;
+} spsi_flight_open;
+
+static void spsi_flights_see(const spsi_flights *flights, const double place[3], double reach, int node,
+                             spsi_flight_open *open) {
+    const spsi_emitter *sum = &flights->nodes[node].sum;
+    double toward[3], distance;
+    for (int k = 0; k < 3; ++k) toward[k] = place[k] - flights->centre[k] - (double)sum->at[k];
+    distance = spsi_length(toward) - reach;
+    open->node = node;
+    open->angle = distance > (double)sum->radius ? 2 * (double)sum->radius / distance : 2 + (double)sum->radius;
+}
+
+/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; wider ones where
+   the list would get too long. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
                                 spsi_flight_list *list) {
-    int stack[SPSI_FLIGHT_NODES], top = 0;
-    if (flights->count > 0) stack[top++] = 0;
-    while (top > 0) {
-        const spsi_flight_node *node = &flights->nodes[stack[--top]];
-        double square = 0, distance;
-        for (int k = 0; k < 3; ++k) {
-            const double apart = place[k] - flights->centre[k] - (double)node->sum.at[k];
-            square += apart * apart;
-        }
-        distance = sqrt(square) - reach;
-        if (2 * (double)node->sum.radius <= angle * distance || list->count + top + SPSI_TREE_LEAF > SPSI_FLIGHT_NODES) {
-            list->entry[list->count++] = &node->sum;
-            continue;
-        }
+    spsi_flight_open open[SPSI_FLIGHT_NODES];
+    const int most = list->count + SPSI_FLIGHT_NODES;
+    int count = 0;
+    if (flights->count > 0) spsi_flights_see(flights, place, reach, 0, &open[count++]);
+    while (count > 0) {
+        const spsi_flight_node *node;
+        int widest = 0;
+        for (int i = 1; i < count; ++i)
+            if (open[i].angle > open[widest].angle) widest = i;
+        node = &flights->nodes[open[widest].node];
+        if (open[widest].angle <= angle || list->count + count + SPSI_TREE_LEAF > most) break;
+        open[widest] = open[--count];
         for (int i = 0; i < node->count; ++i)
             list->entry[list->count++] = &flights->emitters[flights->order[node->first + i]];
-        if (node->count > 0) continue;
-        stack[top++] = node->first + 1;
-        stack[top++] = node->first;
+        for (int i = 0; i < 2 && node->count == 0; ++i)
+            spsi_flights_see(flights, place, reach, node->first + i, &open[count++]);
     }
+    for (int i = 0; i < count; ++i) list->entry[list->count++] = &flights->nodes[open[i].node].sum;
 }
 
 /* --- optical depth on the way --- */
@@ -20976,10 +20976,10 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
     spsi_flights_unblocked(job->faces, -1, cells->lanes, origin, toward, passes);
 }
 
-/* Adds what a node sends to a vector of cells. The mean over a cell and over an even ball of 1 / distance^2 is
+/* Adds a fraction of what a node sends to a vector of cells. The mean over a cell and over an even ball of 1 / distance^2 is
    1 / (distance^2 - s), to the second order, s being a fifth of the radius squared and a twelfth of the edge squared;
    about the centre of a cell it is 7.7. Directions from a ball near by differ: so higher degrees are less by as much. */
-static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_emitter *node, int blocked,
+static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_emitter *node, float fraction, int blocked,
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_v zero = spsi_set(0), radius = spsi_set(node->radius / (float)grid->edge);
@@ -20999,7 +20999,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_emitter
     for (int k = 0; k < 3; ++k) ways.unit[k] = spsi_div(ways.unit[k], spsi_max(ways.length, spsi_set(1e-3f)));
     spsi_ways_transmittance(grid, &ways, cells->depth, grid->channels, through);
     spsi_harmonics_v(ways.unit, grid->terms, harmonic);
-    even = spsi_div(spsi_set((float)(0.25 / (SPSI_PI * grid->edge * grid->edge))),
+    even = spsi_div(spsi_set(fraction * (float)(0.25 / (SPSI_PI * grid->edge * grid->edge))),
                     spsi_max(spsi_sub(square, spread), least));
     bent = spsi_div(square, spsi_add(square, spread));
     if (node->axis[0] != 0 || node->axis[1] != 0 || node->axis[2] != 0) {
@@ -21038,13 +21038,17 @@ static int spsi_flight_blocked(const spsi_flight_job *job, const double centre[3
 static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[3]) {
     const spsi_cell_grid *grid = job->grid;
     const double half = 0.5 * SPSI_FLIGHT_BLOCK * grid->edge;
-    unsigned char blocked[SPSI_FLIGHT_NODES];
+    unsigned char blocked[2 * SPSI_FLIGHT_NODES];
     spsi_flight_list list;
     double centre[3];
+    int ends[2];
     for (int k = 0; k < 3; ++k) centre[k] = grid->corner[k] + grid->edge * (first[k] + 0.5 * SPSI_FLIGHT_BLOCK);
     list.count = 0;
-    for (int i = 0; i < 2; ++i)
-        spsi_flights_choose(&job->flights[i], centre, 1.3 * half, 2 * job->frame->accuracy.flight_angle, &list);
+    for (int i = 0; i < 2; ++i) {
+        if (job->flights[i].to_cells > 0)
+            spsi_flights_choose(&job->flights[i], centre, 1.3 * half, 2 * job->frame->accuracy.flight_angle, &list);
+        ends[i] = list.count;
+    }
     for (int i = 0; i < list.count; ++i)
         blocked[i] = (unsigned char)spsi_flight_blocked(job, centre, half, list.entry[i]);
     for (int z = first[2]; z < spsi_least(first[2] + SPSI_FLIGHT_BLOCK, grid->size[2]); ++z)
@@ -21054,7 +21058,7 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
             if (x >= grid->size[0] || y >= grid->size[1]) continue;
             spsi_flight_cells_build(job, x, y, z, &cells);
             for (int n = 0; n < list.count && cells.lanes; ++n)
-                spsi_flight_cells_add(job, list.entry[n], blocked[n], &cells);
+                spsi_flight_cells_add(job, list.entry[n], job->flights[n >= ends[0]].to_cells, blocked[n], &cells);
             for (int n = 0; n < grid->channels * grid->terms && cells.lanes; ++n) {
                 float *to = job->moments + (size_t)n * grid->count, lanes[SPSI_LANES];
                 spsi_store(lanes, cells.sum[n / grid->terms][n % grid->terms]);
@@ -21129,7 +21133,8 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         spsi_store(out[c], passes[c]);
         for (int i = 0; i < SPSI_LANES; ++i)
             if (some >> i & 1)
-                irradiance[c] += fmin(share[i] * (double)list->entry[n + i]->sent[c] * (double)out[c][i],
+                irradiance[c] += fmin(share[i] * (double)flights->to_polygons * (double)list->entry[n + i]->sent[c] *
+                                          (double)out[c][i],
                                       (double)SPSI_RADIANCE_MAX);
     }
 }
@@ -24399,7 +24404,7 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     items = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS, most[0] + most[1], sizeof *items);
     if (!items || spsi_flights_begin(job->context, job->grid, job->grid_count, most, trees))
         return job->context->result;
-    if (most[0] > 0) spsi_emitters_list(job->context, frame, blocks, &trees[0], items);
+    if (trees->to_polygons > 0) spsi_emitters_list(job->context, frame, blocks, &trees[0], items);
     if (spsi_flights_build(job->context, items, &trees[0])) return job->context->result;
     for (int i = 0; i < frame->lamps.count && most[1] > 0; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
@@ -24637,10 +24642,25 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     solver->leaving = memory;
 }
 
+/* Sweeps once more without what flies to polygons, but not to cells. */
+static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
+    const spsi_cell_level *level = &job->solver->levels[0];
+    const spsi_flights *flights = job->flights;
+    const float fraction = (flights->to_polygons - flights->to_cells) / (1 - flights->to_cells);
+    const float *emitted = job->emitted + (size_t)channel * job->grid->count;
+    for (int back = 0; back < 2; ++back) {
+        for (size_t at = 0; at < job->grid->count; ++at)
+            if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
+        if (!back) spsi_cells_sweep_out(job->solver);
+    }
+}
+
 /* Keeps what the last sweep found, by which polygons are lit. */
 static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
+    if (job->flown && job->wall_light && job->flights->to_polygons > job->flights->to_cells)
+        spsi_cells_sweep_rest(job, channel);
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
     spsi_cell_patches_fill(job->solver, grid, channel);
@@ -24695,11 +24715,11 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel
         each.share *= 0.5;
         spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
+        spsi_copy(job->context, light, found, moments * sizeof(float));
         each.progress += each.share;
         if (!plain || !spsi_cells_reflect(job, own->channel, plain)) break;
     }
     if (plain) spsi_cells_take_flux(job, own->channel);
-    spsi_copy(job->context, light, found, moments * sizeof(float));
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     for (size_t i = 0; i < moments && job->flown; ++i) light[i] += job->flown[(size_t)own->channel * moments + i];
     if (job->passed_on) spsi_cells_add_passed_on(job, own->channel);
@@ -24751,6 +24771,23 @@ static size_t spsi_cell_grid_floats(const spsi_frame *frame, const spsi_cell_gri
     return (size_t)(1 + grid->channels * grid->terms) * grid->count + spsi_cells_flux_floats(grid) + pyramid;
 }
 
+/* Upper bound of the bytes for first flights. */
+static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *grid) {
+    const size_t steps = 2 * (size_t)(grid->size[0] + grid->size[1] + grid->size[2]) + 2;
+    const size_t each = sizeof(spsi_emitter) + sizeof(spsi_flight_node) + sizeof(int);
+    size_t bricks = 0, count = frame->matter.emits ? frame->particles.count : 0;
+    for (int i = 0; i < frame->medium_count; ++i) {
+        const int *size = frame->media[i].size;
+        const size_t across = (size_t)(size[0] / SPSI_BRICK + 1), up = (size_t)(size[1] / SPSI_BRICK + 1);
+        if (frame->matter.materials[frame->media[i].channel].emits)
+            bricks += across * up * (size_t)(size[2] / SPSI_BRICK + 1);
+    }
+    if (bricks > 0) count += bricks > SPSI_EMITTERS_MOST ? bricks : SPSI_EMITTERS_MOST;
+    for (int i = 0; i < frame->lamps.count; ++i)
+        if (spsi_lamp_has_beam(&frame->lamps.list[i])) count += steps * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
+    return spsi_cells_fly(frame) ? 2 * sizeof(spsi_flights) + (count + 4) * each + spsi_tree_bytes(count) : 0;
+}
+
 /* Upper bound of the bytes for all cells: those of cubes, one after the other. */
 static size_t spsi_cells_bytes(const spsi_frame *frame) {
     const int side = frame->view.scatter_size;
@@ -24767,7 +24804,7 @@ static size_t spsi_cells_bytes(const spsi_frame *frame) {
         if ((frame->lamps.list[i].shadows || spsi_cells_pass_on(frame, &grid)) &&
             !spsi_has_shadow_table(&frame->lamps.list[i]))
             bytes += sizeof(sps_tmap) + spsi_cells_map_bytes(frame, &frame->lamps.list[i]);
-    return bytes + floats * sizeof(float);
+    return bytes + floats * sizeof(float) + spsi_flights_bytes(frame, &grid);
 }
 
 /* A hash of what a light sends; 0 if it may change without notice. */
@@ -24833,24 +24870,37 @@ static int spsi_scattered_take(sps_context *context, uint64_t key) {
     return held;
 }
 
-/* Sets how much of what glows in a grid is sent by first flights: all of it where it fills a small part of the grid, or
-   where gas is thin; none where it is everywhere in gas, which directions serve well. The rest is left to the cells. */
-static void spsi_cells_split_glow(spsi_cell_job *job) {
-    spsi_cell_grid *grid = job->grid;
+/* Sums over the cells of all grids, by which what glows is shared out; the last two are weighted by it. */
+typedef struct spsi_glow {
+    double sum, parts, depth;
+} spsi_glow;
+
+/* Adds a grid's. parts: by how many times its cells are more than those that glow; depth: across a grid of gas that is
+   as dense as where it glows. */
+static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
+    const spsi_cell_grid *grid = job->grid;
     const double cells = (double)grid->size[0] * grid->size[1] * grid->size[2];
-    double sum = 0, squares = 0, depth = 0, parts;
+    double sum = 0, squares = 0, depth = 0;
     for (size_t at = 0; at < grid->count; ++at) {
-        double glow = 0;
-        for (size_t c = 0; c < (size_t)grid->channels; ++c) glow += (double)job->emitted[c * grid->count + at];
-        sum += glow;
-        squares += glow * glow;
-        depth += (double)grid->depth[at];
+        double own = 0;
+        for (size_t c = 0; c < (size_t)grid->channels; ++c) own += (double)job->emitted[c * grid->count + at];
+        sum += own;
+        squares += own * own;
+        depth += own * (double)grid->depth[at];
     }
-    depth = fmin(depth / cells * cbrt(cells), 1);
-    parts = sum > 0 ? cells * squares / sum / sum : HUGE_VAL;
-    grid->first = (float)fmax(0, fmin(parts / (4 * fmax(depth, 1e-9)) - 1, 1));
-    for (size_t i = 0; i < (size_t)grid->channels * grid->count; ++i) job->emitted[i] *= 1 - grid->first;
-    spsi_cell_pyramid_fill(grid);
+    glow->sum += sum;
+    glow->parts += sum > 0 ? cells * squares / sum : 0;
+    glow->depth += depth * cbrt(cells);
+}
+
+/* Chooses which fractions of what glows fly: to cells, all of it where it fills less than a hundredth of the grid and
+   gas is thin, since directions serve wide sources well, and dense gas hides their rays; to polygons, all of it unless
+   gas is dense. */
+static void spsi_glow_split(const spsi_frame *frame, const spsi_glow *glow, spsi_flights *flights) {
+    const double parts = glow->sum > 0 ? glow->parts / glow->sum : 0, depth = glow->sum > 0 ? glow->depth / glow->sum : 0;
+    const double alone = fmax(0, fmin(log(fmax(parts, 1) / 32) / log(4), 1)), thin = fmax(0, fmin(2 - depth / 3, 1));
+    flights->to_cells = (float)(frame->matter.scatters ? alone * thin : 1);
+    flights->to_polygons = (float)fmax((double)flights->to_cells, fmax(0, fmin(2 - depth / 1.5, 1)));
 }
 
 /* Sets up a grid's job, and fills it. */
@@ -24884,7 +24934,7 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
     if (spsi_cells_fly(frame)) job->flown = memory;
     if (spsi_cells_fill(job, part)) return context->result;
     spsi_cells_mean_scale(job);
-    if (job->flown) spsi_cells_split_glow(job);
+    if (job->flown) spsi_cell_pyramid_fill(grid);
     return SPS_OK;
 }
 
@@ -24951,13 +25001,20 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
                                   int count, spsi_flights *flights) {
     const int flies = spsi_cells_fly(frame);
     spsi_part_of_call third = *part;
+    spsi_glow glow = {0, 0, 0};
     spsi_cell_job *job;
-    flights[0].count = flights[1].count = 0;
+    memset(flights, 0, 2 * sizeof *flights);
     third.share /= 3 * count;
-    for (int n = 0; n < count && count > 1 && flies; ++n)
+    for (int n = 0; n < count && count > 1 && flies; ++n) {
         if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
+        spsi_glow_add(job, &glow);
+    }
     for (int n = 0; n < count; ++n) {
         if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
+        if (count == 1 && flies) spsi_glow_add(job, &glow);
+        if (n == 0) spsi_glow_split(frame, &glow, flights);
+        for (size_t i = 0; i < (size_t)grids[n].channels * grids[n].count && flies; ++i)
+            job->emitted[i] *= 1 - flights->to_cells;
         job->later = n > 0;
         job->flights = flights;
         job->grid_count = count;

@@ -12233,10 +12233,10 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     tile->fragments += (uint64_t)(p.x1 - p.x0 + 1) * (uint64_t)(p.y1 - p.y0 + 1) * (uint64_t)(p.last - p.first);
     if (clamped)
         spsi_splat_ball(&p, 1, 1);
-    else if (spsi_rows_for(p.x1 - p.x0 + 1, p.y1 - p.y0 + 1) == 1)
-        spsi_splat_ball(&p, 1, 0);
+    else if (spsi_rows_for(p.x1 - p.x0 + 1, p.y1 - p.y0 + 1) == 2)
+        spsi_splat_ball(&p, 2, 0);
     else
-        spsi_splat_ball(&p, SPSI_ROWS_MOST, 0);
+        spsi_splat_ball(&p, 1, 0);
 }
 
 /* ================================================================================================ >>taps
@@ -15923,7 +15923,8 @@ static void spsi_clear_task(void *data, int index, int worker) {
         for (size_t i = 0; i < into.stride; ++i) into.ranges[i] = 1, into.ranges[into.stride + i] = 0;
     if (filling->visit != SPSI_VISIT_SUMS) return;
     memset(into.sums, 0, (size_t)map->inner.components * into.stride * sizeof(float));
-    if (map->technique->clear) map->technique->clear(into.sums, into.stride, into.stride, map->inner.components);
+    if (map->technique->clear) /* in parentheses: curses.h has a macro clear() */
+        (map->technique->clear)(into.sums, into.stride, into.stride, map->inner.components);
 }
 
 /* Writes a tile's sums to its texels. */
@@ -20987,10 +20988,10 @@ static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
     const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
     const spsi_v tangent = spsi_div(y, spsi_max(x, y)); /* of small angles */
-    const spsi_m small = spsi_less(y, spsi_mul(spsi_set(0.1f), x));
+    const spsi_m narrow = spsi_less(y, spsi_mul(spsi_set(0.1f), x));
     const spsi_v series = spsi_div(spsi_fma(spsi_mul(tangent, tangent), spsi_set(-1.0f / 3), spsi_set(1)), x);
-    if (spsi_bits(small) == spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) return series;
-    return spsi_select(small, series, spsi_div(spsi_angle(x, y), y));
+    if (spsi_bits(narrow) == spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) return series;
+    return spsi_select(narrow, series, spsi_div(spsi_angle(x, y), y));
 }
 
 /* A point light's 1 / r^2 is infinite on a ray through the light, and its mean over a part grows as 1 / q. A pixel's
@@ -28876,10 +28877,10 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
 /* Converts a half to a float, which can hold every half exactly. */
 static float spsi_half(uint16_t half) {
     const uint32_t exponent = half >> 10 & 31, fraction = half & 1023;
-    const float small = (float)fraction * (1 / 16777216.0f); /* if subnormal: in units of 2^-24 */
+    const float subnormal = (float)fraction * (1 / 16777216.0f); /* in units of 2^-24 */
     uint32_t bits = (exponent == 31 ? 255 : exponent + 112) << 23 | fraction << 13;
     float value;
-    if (exponent == 0) memcpy(&bits, &small, sizeof bits);
+    if (exponent == 0) memcpy(&bits, &subnormal, sizeof bits);
     bits |= (uint32_t)(half >> 15) << 31;
     memcpy(&value, &bits, sizeof value);
     return value;

@@ -726,7 +726,8 @@ typedef struct sps_camera {
     double field_of_view;                 /* perspective: the vertical angle, above 0, up to 3.1 */
     double ortho_height;                  /* orthographic: world height of the image, above 0 */
     /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. In perspective,
-       depth may run either way and over any range. In an orthographic matrix it must increase away from the eye;
+       depth may run either way and over any range; row 2 is not needed, except that a matrix which looks more like a
+       camera's when transposed is an error (with 0 0 0 2 there it never does). In an orthographic matrix it must increase away from the eye;
        distances are measured from the plane of clip depth -1, which is the near plane if depth is -1..1, lies
        far - near in front of it if depth is 0..1, and is replaced by a plane across the world's origin if there is none
        within 1e12 pixels. Borrowed for the call. */
@@ -2791,6 +2792,27 @@ static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
         spsi_along(rays->origin, rays->c, spsi_clip_start(m, middle, rays->c, spsi_length(rays->b)), rays->origin);
     }
     return spsi_rays_complete(rays);
+}
+
+/* How much a matrix looks like a camera's, 0..3. 1: row 2 is parallel to row 3 (or 0, as with an infinite reversed
+   depth), since depth is a function of w. 2: w is in world units, so that row 3 has length 1 (or is 0 0 0 1). */
+static int spsi_camera_signs(const double m[16]) {
+    const double *depth = m + 8, *w = m + 12, sideways = spsi_length(m) + spsi_length(m + 4);
+    const double size = spsi_length(depth), unit = spsi_length(w);
+    double product[3];
+    spsi_cross(depth, w, product);
+    return (size <= 1e-6 * sideways || spsi_length(product) <= 1e-5 * size * unit ? 1 : 0) +
+           (fabs((unit > 1e-12 * sideways ? unit : w[3]) - 1) <= 1e-5 ? 2 : 0);
+}
+
+/* Whether a perspective matrix looks less like a camera's than its transpose does. Either sign alone may be missing: a
+   matrix may scale the world, and an oblique near plane changes row 2. */
+static int spsi_is_transposed(const double m[16]) {
+    double other[16];
+    int signs;
+    for (int i = 0; i < 16; ++i) other[i] = m[i % 4 * 4 + i / 4];
+    signs = spsi_camera_signs(other);
+    return (signs & 1) && signs > spsi_camera_signs(m);
 }
 
 /* ---- quantities that are linear along rays ---- */
@@ -5418,8 +5440,12 @@ static void spsi_resolve_quality(spsi_frame *frame) {
 static sps_result spsi_rays_build(sps_context *context, sps_object object, const sps_camera *camera, spsi_rays *rays) {
     double forward[3];
     if (camera->world_to_clip) {
-        if (spsi_rays_from_matrix(rays, camera->world_to_clip)) return SPS_OK;
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera.world_to_clip", 0, "cannot be inverted");
+        const int fits = spsi_rays_from_matrix(rays, camera->world_to_clip);
+        const int transposed = rays->perspective && spsi_is_transposed(camera->world_to_clip);
+        if (fits && !transposed) return SPS_OK;
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera.world_to_clip", 0,
+                              transposed ? "is transposed: it must be row-major; if it is, set its row 2 to 0 0 0 2"
+                                         : "cannot be inverted");
     }
     if (spsi_rays_from_camera(rays, camera)) return SPS_OK;
     spsi_along(camera->target, camera->position, -1, forward);
@@ -10771,8 +10797,8 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
         SPS_SNPRINTF(way_out, sizeof way_out, "it, or set %s on light[%d]", spsi_unsliced(sweep->lamp),
                      sweep->lamp->index);
     SPS_SNPRINTF(rest, sizeof rest,
-                 "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s",
-                 camera, sweep->cosine_of_eye, frame->has_matrix ? "is it row-major? If it is, " : "", way_out);
+                 "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; narrow %s", camera,
+                 sweep->cosine_of_eye, way_out);
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1,
                           frame->has_matrix         ? "camera.world_to_clip"
                           : seen->field_of_view > 0 ? "camera.field_of_view"
@@ -16430,10 +16456,9 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
     spsi_normalise(slabs->normal);
     least = spsi_cosine_to_corners(slabs->normal, rays);
     if (!(least >= SPSI_COSINE_MIN))
-        return spsi_fail_field(
-            context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1, "camera's outermost rays' cosine with its axis", least,
-            frame->has_matrix ? "volumes need 0.1; is world_to_clip row-major? If it is, narrow the light's view"
-                              : "volumes need 0.1; narrow the light's view, up and down or sideways");
+        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1,
+                               "camera's outermost rays' cosine with its axis", least,
+                               "volumes need 0.1; narrow the light's view, up and down or sideways");
     return spsi_slabs_cut(context, frame, rays, NULL, HUGE_VAL, 0, slabs);
 }
 

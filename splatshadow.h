@@ -1065,8 +1065,8 @@ typedef struct sps_tmap_info {
     int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per interval or node */
     size_t texel_count; /* of all faces; also the length of sps_tmap_surfaces; sps_tmap_starts has one more */
     size_t float_count; /* length of sps_tmap_texels; deep, compressed: 0 before sps_tmap_finish */
-    /* Held by the map. Before sps_tmap_finish, what it will hold, except for what depends on the occluders: intervals
-       or nodes, and 4 per texel if anything is opaque. */
+    /* Held by the map, besides up to 32 per allocation. Before sps_tmap_finish, what it will hold, except for what
+       depends on the occluders: intervals or nodes, and 4 per texel if anything is opaque. */
     size_t bytes;
     sps_tmap_settings settings; /* resolved: never SPS_TMAP_DEFAULT, actual components; planes belong to the map */
 } sps_tmap_info;
@@ -2105,6 +2105,12 @@ typedef struct spsi_buffer {
     size_t size;
 } spsi_buffer;
 
+/* Stands before each allocation. The context has a list of all, so that none is lost if a callback throws. */
+typedef struct spsi_link {
+    struct spsi_link *next, **from; /* from: what points at this one */
+    size_t bytes;                   /* with the link */
+} spsi_link;
+
 #define SPSI_FIELD_SIZE    sizeof(((sps_error_info *)0)->field)
 #define SPSI_SENTENCE_SIZE sizeof(((sps_error_info *)0)->sentence)
 
@@ -2156,6 +2162,7 @@ struct sps_context {
     int tmap_count;     /* maps not yet destroyed */
     int cancelled;      /* progress_fn has returned non-zero, which takes effect at the next spsi_progress */
     double clock_start; /* of the call, by clock_fn */
+    spsi_link *links; /* all that was allocated, the latest first */
     spsi_buffer buffers[SPSI_BUFFER_COUNT];
     int segment_count; /* voxel segments held, >>gather */
     uint64_t gathered; /* fingerprint of the volumes whose voxels are held; 0: none */
@@ -2241,29 +2248,38 @@ static sps_result spsi_fail_field(sps_context *context, sps_result result, sps_o
     return spsi_fail_that(context, result, object, index, field, value, rest);
 }
 
-static void spsi_release(sps_context *context, void *data, size_t size) {
-    if (!data) return;
-    SPS_ASSERT(context->stats.bytes >= size);
-    context->stats.bytes -= size; /* before: the last thing released is the context itself */
+static void spsi_free(sps_context *context, void *block, size_t bytes) {
     if (context->config.free_fn)
-        context->config.free_fn(context->config.alloc_user, data, size);
+        context->config.free_fn(context->config.alloc_user, block, bytes);
     else
-        SPS_FREE(data);
+        SPS_FREE(block);
+}
+
+#define SPSI_LINK_BYTES ((sizeof(spsi_link) + 15) / 16 * 16) /* keeps the alignment of what follows */
+
+static void spsi_release(sps_context *context, void *data) {
+    spsi_link *link = data ? (spsi_link *)(void *)((char *)data - SPSI_LINK_BYTES) : NULL;
+    if (!link) return;
+    SPS_ASSERT(context->stats.bytes >= link->bytes);
+    context->stats.bytes -= link->bytes;
+    *link->from = link->next;
+    if (link->next) link->next->from = link->from;
+    spsi_free(context, link, link->bytes);
 }
 
 /* Every allocation except for the context's own comes from here: overflow, limit and failure are one error, with NULL
    returned. */
 static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     const size_t limit = context->config.memory_limit;
-    const size_t bytes = count * size;
-    void *data = NULL;
+    const size_t bytes = count * size + SPSI_LINK_BYTES;
+    spsi_link *link = NULL;
     char sentence[256];
-    if (count == 0 || count <= SIZE_MAX / size) {
+    if (count == 0 || count <= (SIZE_MAX - SPSI_LINK_BYTES) / size) {
         if (limit == 0 || (bytes <= limit && context->stats.bytes <= limit - bytes))
-            data = context->config.alloc_fn ? context->config.alloc_fn(context->config.alloc_user, bytes)
-                                            : SPS_MALLOC(bytes);
+            link = (spsi_link *)(context->config.alloc_fn ? context->config.alloc_fn(context->config.alloc_user, bytes)
+                                                          : SPS_MALLOC(bytes));
     }
-    if (!data) {
+    if (!link) {
         SPS_SNPRINTF(sentence, sizeof sentence, "memory: %.0f bytes more than the %.0f held were refused by the %s",
                      (double)count * (double)size, (double)context->stats.bytes,
                      limit && (double)count * (double)size + (double)context->stats.bytes > (double)limit
@@ -2275,7 +2291,12 @@ static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     context->stats.allocations += 1;
     context->stats.bytes += bytes;
     if (context->stats.bytes > context->stats.bytes_peak) context->stats.bytes_peak = context->stats.bytes;
-    return data;
+    link->bytes = bytes;
+    link->from = &context->links;
+    link->next = context->links;
+    if (link->next) link->next->from = &link->next;
+    context->links = link;
+    return (char *)link + SPSI_LINK_BYTES;
 }
 
 /* Calls progress_fn in the middle of work, so that it is called often enough even if tasks take long. */
@@ -2296,7 +2317,7 @@ static void spsi_copy(sps_context *context, void *to, const void *from, size_t b
 }
 
 static void spsi_buffer_release(sps_context *context, spsi_buffer *buffer) {
-    spsi_release(context, buffer->data, buffer->size);
+    spsi_release(context, buffer->data);
     buffer->data = NULL;
     buffer->size = 0;
 }
@@ -2320,7 +2341,7 @@ static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_
     data = spsi_acquire(context, wanted, size);
     if (!data) return NULL;
     spsi_copy(context, data, buffer->data, kept * size);
-    spsi_release(context, buffer->data, buffer->size);
+    spsi_release(context, buffer->data);
     buffer->data = data;
     buffer->size = wanted * size;
     return data;
@@ -26146,7 +26167,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
                             sps_plan_report *report) {
     const size_t size = (size_t)spsi_depth_map_size(frame);
     const size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
-    size_t tables = 1, sum = sizeof *context + sizeof *frame + sizeof *frame->content;
+    size_t tables = 1;
+    size_t sum = sizeof *context + SPSI_BUFFER_COUNT * SPSI_LINK_BYTES + sizeof *frame + sizeof *frame->content;
     int shares = (int)lights;
     for (int i = 0; i < frame->medium_count; ++i)
         tables += frame->matter.materials[frame->media[i].channel].table != NULL;
@@ -28777,12 +28799,8 @@ SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why) {
 SPS_API void sps_destroy(sps_context *context) {
     if (!context) return;
     SPS_ASSERT(context->tmap_count == 0); /* maps must be destroyed before their context */
-    spsi_shadow_tables_drop(context);
-    for (int i = 0; i < context->segment_count; ++i)
-        spsi_release(context, spsi_segment_at(context, i), sizeof(spsi_segment));
-    for (int i = 0; i < SPSI_BUFFER_COUNT; ++i)
-        spsi_release(context, context->buffers[i].data, context->buffers[i].size);
-    spsi_release(context, context, sizeof *context);
+    while (context->links) spsi_release(context, (char *)context->links + SPSI_LINK_BYTES);
+    spsi_free(context, context, sizeof *context);
 }
 
 SPS_API const char *sps_error(const sps_context *context) {
@@ -29039,7 +29057,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map) {
     spsi_tmap_forget(map);
     spsi_tmap_release(map);
     map->context->tmap_count -= 1;
-    spsi_release(map->context, map, sizeof *map);
+    spsi_release(map->context, map);
 }
 
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,

@@ -1287,6 +1287,12 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #include <stdio.h>
 #define SPS_SNPRINTF snprintf
 #endif
+#if !defined(SPS_CLOCK) && defined(__wasi__) /* has none */
+#define SPS_CLOCK() (-1.0)
+#elif !defined(SPS_CLOCK)
+#include <time.h>
+#define SPS_CLOCK() ((double)clock() / CLOCKS_PER_SEC)
+#endif
 
 #define SPSI_PI       3.14159265358979323846
 #define SPSI_INFINITY ((float)HUGE_VAL)
@@ -2162,6 +2168,7 @@ struct sps_context {
     int tmap_count;     /* maps not yet destroyed */
     int cancelled;      /* progress_fn has returned non-zero, which takes effect at the next spsi_progress */
     double clock_start; /* of the call, by clock_fn */
+    double ticked;      /* when progress_fn was called last, by clock_fn or SPS_CLOCK */
     spsi_link *links; /* all that was allocated, the latest first */
     spsi_buffer buffers[SPSI_BUFFER_COUNT];
     int segment_count; /* voxel segments held, >>gather */
@@ -2280,11 +2287,10 @@ static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
                                                           : SPS_MALLOC(bytes));
     }
     if (!link) {
+        const double wanted = (double)count * (double)size + (double)SPSI_LINK_BYTES;
         SPS_SNPRINTF(sentence, sizeof sentence, "memory: %.0f bytes more than the %.0f held were refused by the %s",
-                     (double)count * (double)size, (double)context->stats.bytes,
-                     limit && (double)count * (double)size + (double)context->stats.bytes > (double)limit
-                         ? "memory_limit"
-                         : "allocator");
+                     wanted, (double)context->stats.bytes,
+                     limit && wanted + (double)context->stats.bytes > (double)limit ? "memory_limit" : "allocator");
         spsi_fail(context, SPS_ERROR_MEMORY, sentence);
         return NULL;
     }
@@ -2299,10 +2305,21 @@ static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     return (char *)link + SPSI_LINK_BYTES;
 }
 
-/* Calls progress_fn in the middle of work, so that it is called often enough even if tasks take long. */
-static void spsi_tick(sps_context *context) {
-    if (context->config.progress_fn && !context->cancelled)
-        context->cancelled = context->config.progress_fn(context->config.progress_user, context->progress) != 0;
+static double spsi_clock(const sps_context *context) {
+    return context->config.clock_fn ? context->config.clock_fn(context->config.clock_user) : 0;
+}
+
+#define SPSI_TICK_SECONDS 0.01 /* of work, between two calls of progress_fn */
+
+/* Calls progress_fn if it is due, by clock_fn or by SPS_CLOCK; without either it always is. A clock that jumps makes it
+   due. */
+static void spsi_tick(sps_context *context, int due) {
+    double now = 0;
+    if (!context->config.progress_fn || context->cancelled) return;
+    if (!due) now = context->config.clock_fn ? spsi_clock(context) : SPS_CLOCK();
+    if (!due && (context->config.clock_fn || now >= 0) && fabs(now - context->ticked) < SPSI_TICK_SECONDS) return;
+    context->cancelled = context->config.progress_fn(context->config.progress_user, context->progress) != 0;
+    context->ticked = now;
 }
 
 #define SPSI_COPY_BYTES ((size_t)1 << 24) /* a few milliseconds' work */
@@ -2312,7 +2329,7 @@ static void spsi_copy(sps_context *context, void *to, const void *from, size_t b
     for (size_t at = 0; at < bytes; at += SPSI_COPY_BYTES) {
         const size_t some = bytes - at < SPSI_COPY_BYTES ? bytes - at : SPSI_COPY_BYTES;
         memcpy((char *)to + at, (const char *)from + at, some);
-        if (bytes > SPSI_COPY_BYTES) spsi_tick(context);
+        if (bytes > SPSI_COPY_BYTES) spsi_tick(context, 0);
     }
 }
 
@@ -2360,13 +2377,8 @@ static int spsi_worker_count(const sps_context *context) {
     return context->config.parallel_for_fn && context->config.worker_count > 0 ? context->config.worker_count : 1;
 }
 
-static double spsi_clock(const sps_context *context) {
-    return context->config.clock_fn ? context->config.clock_fn(context->config.clock_user) : 0;
-}
-
-#define SPSI_GROUP_TASKS  1024
-#define SPSI_TICK_SECONDS 0.01
-#define SPSI_TICK_TASKS   4 /* per worker, if there is no clock: fewer would leave even more workers idle */
+#define SPSI_GROUP_TASKS 1024
+#define SPSI_TICK_TASKS  4 /* per worker, if there is no clock: fewer would leave even more workers idle */
 
 static void spsi_task_run(sps_task_fn task, void *data, int index, int worker) {
     spsi_zero_upper();
@@ -2404,7 +2416,7 @@ static void spsi_group_run(sps_context *context, spsi_task_group *group) {
         last = !timed || stuck;
         group->deadline = last ? HUGE_VAL : spsi_clock(context) + SPSI_TICK_SECONDS;
         context->config.parallel_for_fn(context->config.parallel_user, group->count, spsi_group_task, group);
-        spsi_tick(context);
+        spsi_tick(context, 0);
         for (int i = 0; i < group->count; ++i) still += !group->done[i];
         stuck = still == left;
         left = still;
@@ -2421,7 +2433,7 @@ static void spsi_parallel(sps_context *context, int count, sps_task_fn task, voi
     if (!context->config.parallel_for_fn || count <= 1) {
         for (int i = 0; i < count; ++i) {
             spsi_task_run(task, data, i, 0);
-            spsi_tick(context);
+            spsi_tick(context, 0);
         }
         return;
     }
@@ -2515,7 +2527,7 @@ static int spsi_batch_end(int index, int count) { return spsi_least(count, (inde
 static sps_result spsi_progress(sps_context *context, double fraction) {
     const float now = (float)fmin(1.0, fmax((double)context->progress, fraction));
     context->progress = now;
-    spsi_tick(context);
+    spsi_tick(context, now >= 1);
     if (context->cancelled) return spsi_fail(context, SPS_ERROR_CANCELLED, "cancelled by progress_fn");
     return SPS_OK;
 }
@@ -27048,7 +27060,7 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
     if (spsi_reader_open(context, &job.reader)) return context->result;
     for (int64_t i = 0; i < job.reader.block_count; i += job.reader.at_once)
         if (spsi_reader_next(context, &job.reader, i, spsi_dense_task, &job)) return context->result;
-    for (int z = 0; z < grid->size[2]; spsi_tick(context), ++z)
+    for (int z = 0; z < grid->size[2]; spsi_tick(context, 0), ++z)
         for (int y = 0; y < grid->size[1]; ++y)
             for (int x = 0; x < grid->size[0]; ++x) {
                 const int b[3] = {x / SPSI_BRICK, y / SPSI_BRICK, z / SPSI_BRICK};

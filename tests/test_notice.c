@@ -920,6 +920,7 @@ static void test_progress_steps(void) {
     memset(&c, 0, sizeof c);
     memset(&image, 0, sizeof image);
     config.progress_fn = progress_step;
+    config.clock_fn = check_hasty_clock;
     config.progress_user = &c;
     image.rgba = image_a;
     own = sps_create(&config, NULL);
@@ -946,6 +947,7 @@ static void test_progress_of_calls(void) {
     check_add_directional(&s, 0.3, 0, -1, 2);
     memset(&config, 0, sizeof config);
     config.progress_fn = progress;
+    config.clock_fn = check_hasty_clock;
     config.message_fn = message;
     config.progress_user = config.message_user = &c;
     own = sps_create(&config, NULL);

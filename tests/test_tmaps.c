@@ -2738,6 +2738,7 @@ static void test_progress(void) {
             fixture f;
             memset(&config, 0, sizeof config);
             config.progress_fn = rising_progress;
+            config.clock_fn = check_hasty_clock;
             config.progress_user = seen;
             context = sps_create(&config, NULL);
             begin_little(&f, technique);
@@ -2766,6 +2767,7 @@ static void test_callbacks(void) {
                 memset(&config, 0, sizeof config);
                 memset(&provider, 0, sizeof provider);
                 config.progress_fn = failing_progress;
+                config.clock_fn = check_hasty_clock;
                 context = sps_create(&config, NULL);
                 begin_little(&f, technique);
                 f.sets[0].read_fn = f.sets[1].read_fn = failing_particles;

@@ -93,6 +93,8 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
                                  returns an sps_result instead
     SPS_MALLOC(n), SPS_FREE(p)   default malloc, free; used if the config has no allocator (define both or neither)
     SPS_SNPRINTF                 default snprintf; writes the error sentences
+    SPS_CLOCK()                  default clock() in seconds; below 0: there is no clock, and progress_fn is called after
+                                 every task; used for that alone, if the config has no clock_fn
     SPS_ALLOW_FAST_MATH          allows -ffast-math, -ffinite-math-only and /fp:fast, which are an #error otherwise:
                                  with them invalid data goes unnoticed, and polygons may show gaps
     SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
@@ -123,7 +125,8 @@ THREADS   A context serves one call at a time; any number of contexts can run at
     background, progress, message, allocator) must not call into the same context, and run on the calling thread, one at
     a time, with two exceptions: workers call read_fn, range_fn and eval_fn of volumes that are `concurrent`, several at
     once (in sps_plan, the calling thread does); and with both parallel_for_fn and progress_fn, several workers may call
-    clock_fn at once.
+    clock_fn at once. No callback may leave a call by an exception or by longjmp. If one does, and C code is compiled
+    with unwind tables (-fexceptions), its context and maps can only be destroyed, which returns all their memory.
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
     it does on different machines if they have the same C library and all threads use the same rounding mode and the
     same treatment of denormal numbers. Only a budget (sps_view) chooses settings by the clock, by what the context
@@ -246,8 +249,9 @@ typedef struct sps_config {
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: everything runs on the calling thread */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
     /* `fraction` is 0..1 and never decreases. Returning non-zero cancels, though not at once. Called on the calling
-       thread, every few milliseconds of work for most sizes. With parallel_for_fn, set clock_fn too: otherwise all
-       workers wait for each other after every few tasks, which costs up to a sixth of a frame's time. */
+       thread when all is done, and every 10 ms by clock_fn, or by SPS_CLOCK without one; later if a task takes longer,
+       mostly up to 20 ms. With parallel_for_fn, set clock_fn too: otherwise all workers wait for each other after every
+       few tasks, which costs up to a sixth of a frame's time. */
     int (*progress_fn)(void *user, float fraction);
     /* One line without newline: errors (except for SPS_ERROR_CANCELLED), and warnings. */
     void (*message_fn)(void *user, const char *text);

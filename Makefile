@@ -238,7 +238,7 @@ COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
 TESTS_native    = $(if $(SPLATSHADOW_LONG),$(TESTS),$(filter-out test_seeds,$(TESTS))) fuzz soak
 TESTS_sanitized = test_extremes test_transmittance test_arrays
 TESTS_wide_sanitized = test_engineering test_files test_polygons test_seeds test_tmaps test_watertight
-TESTS_cpp       = test_pictures test_arrays
+TESTS_cpp       = test_pictures test_arrays test_throwing
 TESTS_baseline  = test_simd
 TESTS_readme    = test_watertight
 TESTS_fused     = test_watertight
@@ -267,17 +267,35 @@ CHECK_COMPILERS = gcc clang
 CHECK_STANDARDS = c99 $(if $(SPLATSHADOW_LONG),c11) c++11
 CHECK_VARIANTS = plain sse2 avx2 avx512 face
 STATIC_CHECKS = gcc_c99_static clang_c99_static
-# near and far are what windows.h makes of them
-VARIANT_plain  = -DSPLATSHADOW_IMPLEMENTATION -DSPS_NO_SIMD -Dnear= -Dfar=
+# After the standard headers, and macros of others
+HOSTILE = -include tests/hostile.h
+VARIANT_plain  = -DSPLATSHADOW_IMPLEMENTATION -DSPS_NO_SIMD $(HOSTILE)
 VARIANT_sse2   = -DSPLATSHADOW_IMPLEMENTATION
 VARIANT_static = -DSPLATSHADOW_IMPLEMENTATION -DSPS_API=static
-VARIANT_avx2   = -DSPLATSHADOW_IMPLEMENTATION -mavx2 -mfma
+VARIANT_avx2   = -DSPLATSHADOW_IMPLEMENTATION -mavx2 -mfma $(HOSTILE)
 # gcc 12's own AVX-512 header warns of sign conversions where its intrinsics are macros, at -O0
 VARIANT_avx512 = -Wno-sign-conversion -DSPLATSHADOW_IMPLEMENTATION -mavx512f -mavx512dq -mavx512bw -mavx512vl -mfma
 ifeq ($(filter x86_64 amd64 i%86,$(shell uname -m)),)
 CHECK_VARIANTS = plain sse2 face
 endif
-CHECKS = $(foreach c,$(CHECK_COMPILERS),$(foreach s,$(CHECK_STANDARDS),$(foreach v,$(CHECK_VARIANTS),$(c)_$(s)_$(v)))) $(STATIC_CHECKS)
+# Warnings that engines and browsers switch on for their own code; those that they switch off stay on here. Godot 4:
+# SConstruct, warnings=extra, for gcc and for clang. Unreal 5: UnrealBuildTool's ClangWarnings.cs, with unsafe casts.
+# Chromium: chromium_code and prevent_unsafe_narrowing in build/config/compiler/BUILD.gn, and extra_warnings in
+# build/config/clang/BUILD.gn. None has -Wold-style-cast.
+VARIANT_godot = -DSPLATSHADOW_IMPLEMENTATION -Wall -Wextra -Wshadow -Wwrite-strings -Walloc-zero -Wduplicated-branches \
+	-Wduplicated-cond -Wstringop-overflow=4 -Wattribute-alias=2 -Wlogical-op
+VARIANT_godotclang = -DSPLATSHADOW_IMPLEMENTATION -Wall -Wextra -Wwrite-strings -Wimplicit-fallthrough \
+	-Wshadow-field-in-constructor -Wshadow-uncaptured-local
+VARIANT_unreal = -DSPLATSHADOW_IMPLEMENTATION -Wall -Wdelete-non-virtual-dtor -Wenum-conversion -Wbitfield-enum-conversion \
+	-Wshadow -Wundef -Wdate-time -Wfloat-conversion -Wimplicit-float-conversion -Wimplicit-int-conversion -Wc++11-narrowing
+VARIANT_chromium = -DSPLATSHADOW_IMPLEMENTATION -Wall -Wextra -Wloop-analysis -Wenum-compare-conditional -Wshadow \
+	-Wimplicit-fallthrough -Wunreachable-code-aggressive -Wthread-safety -Wextra-semi -Wheader-hygiene -Wstring-conversion \
+	-Wtautological-overlap-compare -Wexit-time-destructors -Wshorten-64-to-32 -Wimplicit-int-conversion -Wsign-compare \
+	-Wsign-conversion -Wtautological-unsigned-zero-compare
+ENGINE_CHECKS = gcc_c11_godot gcc_c++17_godot clang_c11_godotclang clang_c++17_godotclang clang_c11_unreal \
+	clang_c++20_unreal clang_c11_chromium clang_c++20_chromium
+CHECKS = $(foreach c,$(CHECK_COMPILERS),$(foreach s,$(CHECK_STANDARDS),$(foreach v,$(CHECK_VARIANTS),$(c)_$(s)_$(v)))) \
+	$(STATIC_CHECKS) $(ENGINE_CHECKS)
 EXAMPLE_CHECKS = $(foreach c,gcc $(if $(SPLATSHADOW_LONG),clang),$(foreach e,$(EXAMPLES:build/%=%),$(c)_$(e))) $(if $(SPLATSHADOW_LONG),,clang_hello)
 HELLO_RUNS = gcc $(if $(SPLATSHADOW_LONG),clang)
 
@@ -428,7 +446,7 @@ build/tests/faces/splatshadow.h: splatshadow.h tests/mutants.awk
 # Included twice, which must be possible; the implementation once.
 UNIT = printf '\#include "splatshadow.h"\n\#undef SPLATSHADOW_IMPLEMENTATION\n\#include "splatshadow.h"\nint unit(void);\nint unit(void) { return sps_version(); }\n'
 
-build/tests/header.%.log: splatshadow.h
+build/tests/header.%.log: splatshadow.h tests/hostile.h
 	@$(call run,header.$*,$(UNIT) | $(call part,1,$*) $(call language,$(call part,2,$*)) -O0 $(VARIANT_$(call part,3,$*)) \
 		-I. $(if $(filter-out gcc_c99_plain,$(filter gcc_c99_% clang_c99_% gcc_c++11_sse2,$*)),-c -o build/tests/header.$*.o,-fsyntax-only) - && $(ONE_PASSED))
 

@@ -93,6 +93,8 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
                                  returns an sps_result instead
     SPS_MALLOC(n), SPS_FREE(p)   default malloc, free; used if the config has no allocator (define both or neither)
     SPS_SNPRINTF                 default snprintf; writes the error sentences
+    SPS_CLOCK()                  default clock() in seconds; below 0: there is no clock, and progress_fn is called after
+                                 every task; used for that alone, if the config has no clock_fn
     SPS_ALLOW_FAST_MATH          allows -ffast-math, -ffinite-math-only and /fp:fast, which are an #error otherwise:
                                  with them invalid data goes unnoticed, and polygons may show gaps
     SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
@@ -123,7 +125,8 @@ THREADS   A context serves one call at a time; any number of contexts can run at
     background, progress, message, allocator) must not call into the same context, and run on the calling thread, one at
     a time, with two exceptions: workers call read_fn, range_fn and eval_fn of volumes that are `concurrent`, several at
     once (in sps_plan, the calling thread does); and with both parallel_for_fn and progress_fn, several workers may call
-    clock_fn at once.
+    clock_fn at once. No callback may leave a call by an exception or by longjmp. If one does, and C code is compiled
+    with unwind tables (-fexceptions), its context and maps can only be destroyed, which returns all their memory.
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
     it does on different machines if they have the same C library and all threads use the same rounding mode and the
     same treatment of denormal numbers. Only a budget (sps_view) chooses settings by the clock, by what the context
@@ -246,8 +249,9 @@ typedef struct sps_config {
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: everything runs on the calling thread */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
     /* `fraction` is 0..1 and never decreases. Returning non-zero cancels, though not at once. Called on the calling
-       thread, every few milliseconds of work for most sizes. With parallel_for_fn, set clock_fn too: otherwise all
-       workers wait for each other after every few tasks, which costs up to a sixth of a frame's time. */
+       thread when all is done, and every 10 ms by clock_fn, or by SPS_CLOCK without one; later if a task takes longer,
+       mostly up to 20 ms. With parallel_for_fn, set clock_fn too: otherwise all workers wait for each other after every
+       few tasks, which costs up to a sixth of a frame's time. */
     int (*progress_fn)(void *user, float fraction);
     /* One line without newline: errors (except for SPS_ERROR_CANCELLED), and warnings. */
     void (*message_fn)(void *user, const char *text);
@@ -726,7 +730,8 @@ typedef struct sps_camera {
     double field_of_view;                 /* perspective: the vertical angle, above 0, up to 3.1 */
     double ortho_height;                  /* orthographic: world height of the image, above 0 */
     /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. In perspective,
-       depth may run either way and over any range. In an orthographic matrix it must increase away from the eye;
+       depth may run either way and over any range; row 2 is not needed, except that a matrix which looks more like a
+       camera's when transposed is an error (with 0 0 0 2 there it never does). In an orthographic matrix it must increase away from the eye;
        distances are measured from the plane of clip depth -1, which is the near plane if depth is -1..1, lies
        far - near in front of it if depth is 0..1, and is replaced by a plane across the world's origin if there is none
        within 1e12 pixels. Borrowed for the call. */
@@ -1064,8 +1069,8 @@ typedef struct sps_tmap_info {
     int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per interval or node */
     size_t texel_count; /* of all faces; also the length of sps_tmap_surfaces; sps_tmap_starts has one more */
     size_t float_count; /* length of sps_tmap_texels; deep, compressed: 0 before sps_tmap_finish */
-    /* Held by the map. Before sps_tmap_finish, what it will hold, except for what depends on the occluders: intervals
-       or nodes, and 4 per texel if anything is opaque. */
+    /* Held by the map, besides up to 32 per allocation. Before sps_tmap_finish, what it will hold, except for what
+       depends on the occluders: intervals or nodes, and 4 per texel if anything is opaque. */
     size_t bytes;
     sps_tmap_settings settings; /* resolved: never SPS_TMAP_DEFAULT, actual components; planes belong to the map */
 } sps_tmap_info;
@@ -1285,6 +1290,12 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #ifndef SPS_SNPRINTF
 #include <stdio.h>
 #define SPS_SNPRINTF snprintf
+#endif
+#if !defined(SPS_CLOCK) && defined(__wasi__) /* has none */
+#define SPS_CLOCK() (-1.0)
+#elif !defined(SPS_CLOCK)
+#include <time.h>
+#define SPS_CLOCK() ((double)clock() / CLOCKS_PER_SEC)
 #endif
 
 #define SPSI_PI       3.14159265358979323846
@@ -2109,6 +2120,12 @@ typedef struct spsi_buffer {
     size_t size;
 } spsi_buffer;
 
+/* Stands before each allocation. The context has a list of all, so that none is lost if a callback throws. */
+typedef struct spsi_link {
+    struct spsi_link *next, **from; /* from: what points at this one */
+    size_t bytes;                   /* with the link */
+} spsi_link;
+
 #define SPSI_FIELD_SIZE    sizeof(((sps_error_info *)0)->field)
 #define SPSI_SENTENCE_SIZE sizeof(((sps_error_info *)0)->sentence)
 
@@ -2160,6 +2177,8 @@ struct sps_context {
     int tmap_count;     /* maps not yet destroyed */
     int cancelled;      /* progress_fn has returned non-zero, which takes effect at the next spsi_progress */
     double clock_start; /* of the call, by clock_fn */
+    double ticked;      /* when progress_fn was called last, by clock_fn or SPS_CLOCK */
+    spsi_link *links; /* all that was allocated, the latest first */
     spsi_buffer buffers[SPSI_BUFFER_COUNT];
     int segment_count; /* voxel segments held, >>gather */
     uint64_t gathered; /* fingerprint of the volumes whose voxels are held; 0: none */
@@ -2245,47 +2264,71 @@ static sps_result spsi_fail_field(sps_context *context, sps_result result, sps_o
     return spsi_fail_that(context, result, object, index, field, value, rest);
 }
 
-static void spsi_release(sps_context *context, void *data, size_t size) {
-    if (!data) return;
-    SPS_ASSERT(context->stats.bytes >= size);
-    context->stats.bytes -= size; /* before: the last thing released is the context itself */
+static void spsi_free(sps_context *context, void *block, size_t bytes) {
     if (context->config.free_fn)
-        context->config.free_fn(context->config.alloc_user, data, size);
+        context->config.free_fn(context->config.alloc_user, block, bytes);
     else
-        SPS_FREE(data);
+        SPS_FREE(block);
+}
+
+#define SPSI_LINK_BYTES ((sizeof(spsi_link) + 15) / 16 * 16) /* keeps the alignment of what follows */
+
+static void spsi_release(sps_context *context, void *data) {
+    spsi_link *link = data ? (spsi_link *)(void *)((char *)data - SPSI_LINK_BYTES) : NULL;
+    if (!link) return;
+    SPS_ASSERT(context->stats.bytes >= link->bytes);
+    context->stats.bytes -= link->bytes;
+    *link->from = link->next;
+    if (link->next) link->next->from = link->from;
+    spsi_free(context, link, link->bytes);
 }
 
 /* Every allocation except for the context's own comes from here: overflow, limit and failure are one error, with NULL
    returned. */
 static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     const size_t limit = context->config.memory_limit;
-    const size_t bytes = count * size;
-    void *data = NULL;
+    const size_t bytes = count * size + SPSI_LINK_BYTES;
+    spsi_link *link = NULL;
     char sentence[256];
-    if (count == 0 || count <= SIZE_MAX / size) {
+    if (count == 0 || count <= (SIZE_MAX - SPSI_LINK_BYTES) / size) {
         if (limit == 0 || (bytes <= limit && context->stats.bytes <= limit - bytes))
-            data = context->config.alloc_fn ? context->config.alloc_fn(context->config.alloc_user, bytes)
-                                            : SPS_MALLOC(bytes);
+            link = (spsi_link *)(context->config.alloc_fn ? context->config.alloc_fn(context->config.alloc_user, bytes)
+                                                          : SPS_MALLOC(bytes));
     }
-    if (!data) {
+    if (!link) {
+        const double wanted = (double)count * (double)size + (double)SPSI_LINK_BYTES;
         SPS_SNPRINTF(sentence, sizeof sentence, "memory: %.0f bytes more than the %.0f held were refused by the %s",
-                     (double)count * (double)size, (double)context->stats.bytes,
-                     limit && (double)count * (double)size + (double)context->stats.bytes > (double)limit
-                         ? "memory_limit"
-                         : "allocator");
+                     wanted, (double)context->stats.bytes,
+                     limit && wanted + (double)context->stats.bytes > (double)limit ? "memory_limit" : "allocator");
         spsi_fail(context, SPS_ERROR_MEMORY, sentence);
         return NULL;
     }
     context->stats.allocations += 1;
     context->stats.bytes += bytes;
     if (context->stats.bytes > context->stats.bytes_peak) context->stats.bytes_peak = context->stats.bytes;
-    return data;
+    link->bytes = bytes;
+    link->from = &context->links;
+    link->next = context->links;
+    if (link->next) link->next->from = &link->next;
+    context->links = link;
+    return (char *)link + SPSI_LINK_BYTES;
 }
 
-/* Calls progress_fn in the middle of work, so that it is called often enough even if tasks take long. */
-static void spsi_tick(sps_context *context) {
-    if (context->config.progress_fn && !context->cancelled)
-        context->cancelled = context->config.progress_fn(context->config.progress_user, context->progress) != 0;
+static double spsi_clock(const sps_context *context) {
+    return context->config.clock_fn ? context->config.clock_fn(context->config.clock_user) : 0;
+}
+
+#define SPSI_TICK_SECONDS 0.01 /* of work, between two calls of progress_fn */
+
+/* Calls progress_fn if it is due, by clock_fn or by SPS_CLOCK; without either it always is. A clock that jumps makes it
+   due. */
+static void spsi_tick(sps_context *context, int due) {
+    double now = 0;
+    if (!context->config.progress_fn || context->cancelled) return;
+    if (!due) now = context->config.clock_fn ? spsi_clock(context) : SPS_CLOCK();
+    if (!due && (context->config.clock_fn || now >= 0) && fabs(now - context->ticked) < SPSI_TICK_SECONDS) return;
+    context->cancelled = context->config.progress_fn(context->config.progress_user, context->progress) != 0;
+    context->ticked = now;
 }
 
 #define SPSI_COPY_BYTES ((size_t)1 << 24) /* a few milliseconds' work */
@@ -2295,12 +2338,12 @@ static void spsi_copy(sps_context *context, void *to, const void *from, size_t b
     for (size_t at = 0; at < bytes; at += SPSI_COPY_BYTES) {
         const size_t some = bytes - at < SPSI_COPY_BYTES ? bytes - at : SPSI_COPY_BYTES;
         memcpy((char *)to + at, (const char *)from + at, some);
-        if (bytes > SPSI_COPY_BYTES) spsi_tick(context);
+        if (bytes > SPSI_COPY_BYTES) spsi_tick(context, 0);
     }
 }
 
 static void spsi_buffer_release(sps_context *context, spsi_buffer *buffer) {
-    spsi_release(context, buffer->data, buffer->size);
+    spsi_release(context, buffer->data);
     buffer->data = NULL;
     buffer->size = 0;
 }
@@ -2324,7 +2367,7 @@ static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_
     data = spsi_acquire(context, wanted, size);
     if (!data) return NULL;
     spsi_copy(context, data, buffer->data, kept * size);
-    spsi_release(context, buffer->data, buffer->size);
+    spsi_release(context, buffer->data);
     buffer->data = data;
     buffer->size = wanted * size;
     return data;
@@ -2343,13 +2386,8 @@ static int spsi_worker_count(const sps_context *context) {
     return context->config.parallel_for_fn && context->config.worker_count > 0 ? context->config.worker_count : 1;
 }
 
-static double spsi_clock(const sps_context *context) {
-    return context->config.clock_fn ? context->config.clock_fn(context->config.clock_user) : 0;
-}
-
-#define SPSI_GROUP_TASKS  1024
-#define SPSI_TICK_SECONDS 0.01
-#define SPSI_TICK_TASKS   4 /* per worker, if there is no clock: fewer would leave even more workers idle */
+#define SPSI_GROUP_TASKS 1024
+#define SPSI_TICK_TASKS  4 /* per worker, if there is no clock: fewer would leave even more workers idle */
 
 static void spsi_task_run(sps_task_fn task, void *data, int index, int worker) {
     spsi_zero_upper();
@@ -2387,7 +2425,7 @@ static void spsi_group_run(sps_context *context, spsi_task_group *group) {
         last = !timed || stuck;
         group->deadline = last ? HUGE_VAL : spsi_clock(context) + SPSI_TICK_SECONDS;
         context->config.parallel_for_fn(context->config.parallel_user, group->count, spsi_group_task, group);
-        spsi_tick(context);
+        spsi_tick(context, 0);
         for (int i = 0; i < group->count; ++i) still += !group->done[i];
         stuck = still == left;
         left = still;
@@ -2404,7 +2442,7 @@ static void spsi_parallel(sps_context *context, int count, sps_task_fn task, voi
     if (!context->config.parallel_for_fn || count <= 1) {
         for (int i = 0; i < count; ++i) {
             spsi_task_run(task, data, i, 0);
-            spsi_tick(context);
+            spsi_tick(context, 0);
         }
         return;
     }
@@ -2498,7 +2536,7 @@ static int spsi_batch_end(int index, int count) { return spsi_least(count, (inde
 static sps_result spsi_progress(sps_context *context, double fraction) {
     const float now = (float)fmin(1.0, fmax((double)context->progress, fraction));
     context->progress = now;
-    spsi_tick(context);
+    spsi_tick(context, now >= 1);
     if (context->cancelled) return spsi_fail(context, SPS_ERROR_CANCELLED, "cancelled by progress_fn");
     return SPS_OK;
 }
@@ -2796,6 +2834,27 @@ static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
         spsi_along(rays->origin, rays->c, spsi_clip_start(m, middle, rays->c, spsi_length(rays->b)), rays->origin);
     }
     return spsi_rays_complete(rays);
+}
+
+/* How much a matrix looks like a camera's, 0..3. 1: row 2 is parallel to row 3 (or 0, as with an infinite reversed
+   depth), since depth is a function of w. 2: w is in world units, so that row 3 has length 1 (or is 0 0 0 1). */
+static int spsi_camera_signs(const double m[16]) {
+    const double *depth = m + 8, *w = m + 12, sideways = spsi_length(m) + spsi_length(m + 4);
+    const double size = spsi_length(depth), unit = spsi_length(w);
+    double product[3];
+    spsi_cross(depth, w, product);
+    return (size <= 1e-6 * sideways || spsi_length(product) <= 1e-5 * size * unit ? 1 : 0) +
+           (fabs((unit > 1e-12 * sideways ? unit : w[3]) - 1) <= 1e-5 ? 2 : 0);
+}
+
+/* Whether a perspective matrix looks less like a camera's than its transpose does. Either sign alone may be missing: a
+   matrix may scale the world, and an oblique near plane changes row 2. */
+static int spsi_is_transposed(const double m[16]) {
+    double other[16];
+    int signs;
+    for (int i = 0; i < 16; ++i) other[i] = m[i % 4 * 4 + i / 4];
+    signs = spsi_camera_signs(other);
+    return (signs & 1) && signs > spsi_camera_signs(m);
 }
 
 /* ---- quantities that are linear along rays ---- */
@@ -5454,8 +5513,12 @@ static void spsi_resolve_quality(spsi_frame *frame) {
 static sps_result spsi_rays_build(sps_context *context, sps_object object, const sps_camera *camera, spsi_rays *rays) {
     double forward[3];
     if (camera->world_to_clip) {
-        if (spsi_rays_from_matrix(rays, camera->world_to_clip)) return SPS_OK;
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera.world_to_clip", 0, "cannot be inverted");
+        const int fits = spsi_rays_from_matrix(rays, camera->world_to_clip);
+        const int transposed = rays->perspective && spsi_is_transposed(camera->world_to_clip);
+        if (fits && !transposed) return SPS_OK;
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera.world_to_clip", 0,
+                              transposed ? "is transposed: it must be row-major; if it is, set its row 2 to 0 0 0 2"
+                                         : "cannot be inverted");
     }
     if (spsi_rays_from_camera(rays, camera)) return SPS_OK;
     spsi_along(camera->target, camera->position, -1, forward);
@@ -10808,8 +10871,8 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
         SPS_SNPRINTF(way_out, sizeof way_out, "it, or set %s on light[%d]", spsi_unsliced(sweep->lamp),
                      sweep->lamp->index);
     SPS_SNPRINTF(rest, sizeof rest,
-                 "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s",
-                 camera, sweep->cosine_of_eye, frame->has_matrix ? "is it row-major? If it is, " : "", way_out);
+                 "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; narrow %s", camera,
+                 sweep->cosine_of_eye, way_out);
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1,
                           frame->has_matrix         ? "camera.world_to_clip"
                           : seen->field_of_view > 0 ? "camera.field_of_view"
@@ -12270,10 +12333,10 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     tile->fragments += (uint64_t)(p.x1 - p.x0 + 1) * (uint64_t)(p.y1 - p.y0 + 1) * (uint64_t)(p.last - p.first);
     if (clamped)
         spsi_splat_ball(&p, 1, 1);
-    else if (spsi_rows_for(p.x1 - p.x0 + 1, p.y1 - p.y0 + 1) == 1)
-        spsi_splat_ball(&p, 1, 0);
+    else if (spsi_rows_for(p.x1 - p.x0 + 1, p.y1 - p.y0 + 1) == 2)
+        spsi_splat_ball(&p, 2, 0);
     else
-        spsi_splat_ball(&p, SPSI_ROWS_MOST, 0);
+        spsi_splat_ball(&p, 1, 0);
 }
 
 /* ================================================================================================ >>taps
@@ -15960,7 +16023,8 @@ static void spsi_clear_task(void *data, int index, int worker) {
         for (size_t i = 0; i < into.stride; ++i) into.ranges[i] = 1, into.ranges[into.stride + i] = 0;
     if (filling->visit != SPSI_VISIT_SUMS) return;
     memset(into.sums, 0, (size_t)map->inner.components * into.stride * sizeof(float));
-    if (map->technique->clear) map->technique->clear(into.sums, into.stride, into.stride, map->inner.components);
+    if (map->technique->clear) /* in parentheses: curses.h has a macro clear() */
+        (map->technique->clear)(into.sums, into.stride, into.stride, map->inner.components);
 }
 
 /* Writes a tile's sums to its texels. */
@@ -16466,10 +16530,9 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
     spsi_normalise(slabs->normal);
     least = spsi_cosine_to_corners(slabs->normal, rays);
     if (!(least >= SPSI_COSINE_MIN))
-        return spsi_fail_field(
-            context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1, "camera's outermost rays' cosine with its axis", least,
-            frame->has_matrix ? "volumes need 0.1; is world_to_clip row-major? If it is, narrow the light's view"
-                              : "volumes need 0.1; narrow the light's view, up and down or sideways");
+        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1,
+                               "camera's outermost rays' cosine with its axis", least,
+                               "volumes need 0.1; narrow the light's view, up and down or sideways");
     return spsi_slabs_cut(context, frame, rays, NULL, HUGE_VAL, 0, slabs);
 }
 
@@ -21660,10 +21723,10 @@ static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
     const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
     const spsi_v tangent = spsi_div(y, spsi_max(x, y)); /* of small angles */
-    const spsi_m small = spsi_less(y, spsi_mul(spsi_set(0.1f), x));
+    const spsi_m narrow = spsi_less(y, spsi_mul(spsi_set(0.1f), x));
     const spsi_v series = spsi_div(spsi_fma(spsi_mul(tangent, tangent), spsi_set(-1.0f / 3), spsi_set(1)), x);
-    if (spsi_bits(small) == spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) return series;
-    return spsi_select(small, series, spsi_div(spsi_angle(x, y), y));
+    if (spsi_bits(narrow) == spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) return series;
+    return spsi_select(narrow, series, spsi_div(spsi_angle(x, y), y));
 }
 
 /* A point light's 1 / r^2 is infinite on a ray through the light, and its mean over a part grows as 1 / q. A pixel's
@@ -27125,7 +27188,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
                             sps_plan_report *report) {
     const size_t size = (size_t)spsi_depth_map_size(frame);
     const size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
-    size_t tables = 1, sum = sizeof *context + sizeof *frame + sizeof *frame->content;
+    size_t tables = 1;
+    size_t sum = sizeof *context + SPSI_BUFFER_COUNT * SPSI_LINK_BYTES + sizeof *frame + sizeof *frame->content;
     int shares = (int)lights;
     for (int i = 0; i < frame->medium_count; ++i)
         tables += frame->matter.materials[frame->media[i].channel].table != NULL;
@@ -28005,7 +28069,7 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
     if (spsi_reader_open(context, &job.reader)) return context->result;
     for (int64_t i = 0; i < job.reader.block_count; i += job.reader.at_once)
         if (spsi_reader_next(context, &job.reader, i, spsi_dense_task, &job)) return context->result;
-    for (int z = 0; z < grid->size[2]; spsi_tick(context), ++z)
+    for (int z = 0; z < grid->size[2]; spsi_tick(context, 0), ++z)
         for (int y = 0; y < grid->size[1]; ++y)
             for (int x = 0; x < grid->size[0]; ++x) {
                 const int b[3] = {x / SPSI_BRICK, y / SPSI_BRICK, z / SPSI_BRICK};
@@ -29756,12 +29820,8 @@ SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why) {
 SPS_API void sps_destroy(sps_context *context) {
     if (!context) return;
     SPS_ASSERT(context->tmap_count == 0); /* maps must be destroyed before their context */
-    spsi_shadow_tables_drop(context);
-    for (int i = 0; i < context->segment_count; ++i)
-        spsi_release(context, spsi_segment_at(context, i), sizeof(spsi_segment));
-    for (int i = 0; i < SPSI_BUFFER_COUNT; ++i)
-        spsi_release(context, context->buffers[i].data, context->buffers[i].size);
-    spsi_release(context, context, sizeof *context);
+    while (context->links) spsi_release(context, (char *)context->links + SPSI_LINK_BYTES);
+    spsi_free(context, context, sizeof *context);
 }
 
 SPS_API const char *sps_error(const sps_context *context) {
@@ -29881,10 +29941,10 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
 /* Converts a half to a float, which can hold every half exactly. */
 static float spsi_half(uint16_t half) {
     const uint32_t exponent = half >> 10 & 31, fraction = half & 1023;
-    const float small = (float)fraction * (1 / 16777216.0f); /* if subnormal: in units of 2^-24 */
+    const float subnormal = (float)fraction * (1 / 16777216.0f); /* in units of 2^-24 */
     uint32_t bits = (exponent == 31 ? 255 : exponent + 112) << 23 | fraction << 13;
     float value;
-    if (exponent == 0) memcpy(&bits, &small, sizeof bits);
+    if (exponent == 0) memcpy(&bits, &subnormal, sizeof bits);
     bits |= (uint32_t)(half >> 15) << 31;
     memcpy(&value, &bits, sizeof value);
     return value;
@@ -30018,7 +30078,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map) {
     spsi_tmap_forget(map);
     spsi_tmap_release(map);
     map->context->tmap_count -= 1;
-    spsi_release(map->context, map, sizeof *map);
+    spsi_release(map->context, map);
 }
 
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,

@@ -876,7 +876,7 @@ typedef struct scene_error {
     double light, bias;       /* relative to the reference's mean */
     double coverage;          /* 0..1 */
     double depth;             /* relative to the distance, weighted by coverage; 0 if no depth was rendered */
-    double mean;              /* the reference's */
+    double mean, rms;         /* the reference's */
     int pixels, edges, lamps; /* pixels judged; pixels skipped at polygons' edges, and around lamps */
 } scene_error;
 
@@ -1005,7 +1005,7 @@ static inline double square(double a) { return a * a; }
 static inline void compare_pictures(const random_scene *x, const scene_picture *picture, const scene_picture *exact,
                                     const unsigned char *judged, scene_error *error) {
     const int count = scene_width(x) * scene_height(x);
-    double light = 0, bias = 0, coverage = 0, depth = 0, sum = 0;
+    double light = 0, bias = 0, coverage = 0, depth = 0, sum = 0, squares = 0;
     error->pixels = 0;
     for (int i = 0; i < count; ++i) {
         const float *a = picture->rgba + 4 * i, *b = exact->rgba + 4 * i;
@@ -1016,12 +1016,14 @@ static inline void compare_pictures(const random_scene *x, const scene_picture *
             light += square((double)(a[c] - b[c]));
             bias += (double)(a[c] - b[c]);
             sum += (double)b[c];
+            squares += square((double)b[c]);
         }
         coverage += square((double)(a[3] - b[3]));
         if (away > 0 && b[3] > 0.01f && away < HUGE_VAL)
             depth += square((double)b[3] * ((double)picture->depth[i] - away) / away);
     }
     error->mean = sum / fmax(1, 3 * error->pixels);
+    error->rms = sqrt(squares / fmax(1, 3 * error->pixels));
     error->light = sqrt(light / fmax(1, 3 * error->pixels)) / error->mean;
     error->bias = bias / fmax(1, 3 * error->pixels) / error->mean;
     error->coverage = sqrt(coverage / fmax(1, error->pixels));

@@ -1,50 +1,31 @@
 /* Random scenes against sps_reference: soak SEED COUNT FIRST compares COUNT of them, from number FIRST on, the same
    ones for the same SEED on every machine; without COUNT, 8 chosen ones, or 20 where SPLATSHADOW_LONG is set. A scene
    fails if its error, relative to the reference's mean, is neither below 3 % at medium quality nor falls to half of
-   that at high quality, unless it is one of the known ones below. Every other one with polygons is compared again, with
-   samples of their edges; every fifth one with light from cell to cell, with random paths. Prints the worst ten, each
-   with the line that renders it again; with SOAK_ALL in the environment, every one. */
+   that at high quality, unless one of the causes below explains it. Every other one with polygons is compared again,
+   with samples of their edges; every fifth one with light from cell to cell, with random paths. Prints the worst ten,
+   each with the line that renders it again; with SOAK_ALL in the environment, every one. */
 
 #include "random_scene.h"
 
 #include "measuring.h"
 
-/* Scenes that may fail, and why: nineteen of a thousand, and some of other seeds. The mean square error of a shadow's
-   edge is proportional to the texel, not to its square, so that errors halve in two qualities instead of one. The
-   ripple of kernels does not fall with quality, the reference has its own, and what is gathered has none, so that these
-   three differ. */
-#define EDGES "edges of shadows in dark gas: a texel's halving takes a root of 2 off"
-#define LAMP  "a lamp's surroundings, tens of times as bright as the mean, of which 1 or 2 % are missing"
-#define EVEN  "a surface's normals where values are even: the ripple of kernels, or of the reference's"
+/* Why a scene may fail: each cause is something that can be taken away from it, for the renderer and the reference
+   alike. A failure is due to the fewest causes without which light is right. Bounds are the largest errors of some
+   twenty scenes that fail, at medium and at high quality, and a tenth more. They are relative to the light that there
+   could be, the rms of the picture without shadows and with surfaces as gas: what shadows leave may be nearly nothing.
+ */
+enum { NORMALS = 1, SHADOWS = 2, LAMPS = 4 };
+
 static const struct {
-    uint64_t seed;
-    long number;
+    int causes, within; /* within: a lamp is amid the gas */
+    double medium, high;
     const char *reason;
-} known[] = {
-    {1, 11, EDGES},
-    {1, 137, EVEN},
-    {1, 175, EDGES},
-    {1, 236, EDGES},
-    {1, 381, LAMP},
-    {1, 447, "the eye is in the rim of a surface, which a slab or two hold all of"},
-    {1, 491, EVEN},
-    {1, 528, EDGES},
-    {1, 558, "0.01 voxels of gas too much before the near plane, of a rim that is all that is seen"},
-    {1, 575, EDGES},
-    {1, 604, EDGES},
-    {1, 647, "shadows within balls, by slabs and by texels alike: the error falls by 1.7, and then by 3"},
-    {1, 670, EVEN},
-    {1, 817, EDGES},
-    {1, 818, LAMP},
-    {1, 850, EVEN},
-    {1, 856, EDGES},
-    {1, 889, EVEN},
-    {1, 966, LAMP},
-    {6, 13, EDGES},
-    {7, 41, EDGES},
-    {21, 0, "classified noise around a lamp, tens of times as bright as the mean: its rays share the first slabs' errors"},
-    {31, 3, "shadows within balls of a few pixels: 2.4 % at ultra, too, 1.1 % with texels half as wide"},
-    {60, 2, EVEN},
+} reasons[] = {
+    {NORMALS, 0, 0.046, 0.026, "normals where values are even: kernels ripple, those of the reference too"},
+    {NORMALS, 1, 0.12, 0.075, "normals around a lamp within a surface"},
+    {SHADOWS, 0, 0.043, 0.039, "edges of shadows: halving texels takes a root of 2 off, not 2"},
+    {LAMPS, 1, 0.046, 0.026, "noise around a lamp: its rays share the errors of the first slabs"},
+    {NORMALS | SHADOWS, 0, 0.022, 0.016, "edges of shadows, and normals"},
 };
 
 enum { WORST = 10, CUT = 4, QUICK = 8 }; /* CUT: pixels at polygons' edges that may be left out */
@@ -90,9 +71,38 @@ static void rank(soak *s, const outcome *o) {
     s->worst[at] = *o;
 }
 
-static const char *excuse(uint64_t seed, long number) {
-    for (size_t i = 0; i < sizeof known / sizeof *known; ++i)
-        if (known[i].seed == seed && known[i].number == number) return known[i].reason;
+/* The scene without what causes errors: surfaces are gas, nothing casts shadows, lamps are as bright everywhere. */
+static void take_away(const random_scene *from, int causes, random_scene *x) {
+    *x = *from;
+    x->s.scene.volumes = x->s.volume, x->s.scene.meshes = x->s.mesh, x->s.scene.lights = x->s.light;
+    for (int i = 0; i < x->s.scene.volume_count && causes & NORMALS; ++i) x->s.volume[i].shading = SPS_SHADING_GAS;
+    x->s.view.no_shadows |= (causes & SHADOWS) != 0;
+    for (int i = 0; i < x->s.scene.light_count && causes & LAMPS; ++i)
+        if (x->s.light[i].kind != SPS_LIGHT_DIRECTIONAL) x->s.light[i].falloff = SPS_FALLOFF_NONE;
+}
+
+static int light_is_right(const scene_report *r) {
+    return r->result == SPS_OK && (r->medium.light <= SCENE_BOUND || r->high.light <= 0.5 * r->medium.light);
+}
+
+/* Why a scene that fails may do so; NULL if nothing explains it, or if it is further off than its causes may be. */
+static const char *excuse(sps_context *context, const random_scene *from, const scene_report *r) {
+    static random_scene x;
+    scene_report rest;
+    double scale;
+    if (r->medium.coverage > SCENE_COVERAGE || r->medium.edges > CUT) return NULL;
+    if (r->medium.depth > SCENE_COVERAGE && r->high.depth > 0.5 * r->medium.depth) return NULL;
+    take_away(from, NORMALS | SHADOWS, &x);
+    rest = measure_scene(context, &x, 0);
+    scale = rest.result == SPS_OK ? rest.high.rms : 0;
+    for (size_t i = 0; i < sizeof reasons / sizeof *reasons; ++i) {
+        if (reasons[i].within && from->levels[LIGHT] != LIGHT_WITHIN) continue;
+        if (r->medium.light * r->medium.mean > reasons[i].medium * scale) continue;
+        if (r->high.light * r->high.mean > reasons[i].high * scale) continue;
+        take_away(from, reasons[i].causes, &x);
+        rest = measure_scene(context, &x, 0);
+        if (light_is_right(&rest)) return reasons[i].reason;
+    }
     return NULL;
 }
 
@@ -100,7 +110,7 @@ static const char *excuse(uint64_t seed, long number) {
 static int drawn_levels(int f) { return f == LIGHT ? LIGHT_WIDE_SUN : f == SHADOW ? SHADOW_TABLE : level_count(f); }
 
 /* A light with an extent in the place of every other one without that casts sharp shadows by slabs, or none. Drawn by a
-   generator of its own, so that all other scenes stay the ones that `known` lists. */
+   generator of its own, so that all other scenes stay as they are. */
 static void draw_extent(check_random random, int levels[FEATURES]) {
     const int extended = LIGHT_WIDE_SUN + draw_below(&random, 3);
     const int has_map = levels[SHADOW] != SHADOW_SLABS && levels[SHADOW] != SHADOW_NONE;
@@ -137,15 +147,15 @@ static void draw_levels(check_random *random, int levels[FEATURES]) {
     draw_auto(*random, levels);
 }
 
-static void judge(soak *s, const outcome *o) {
+static void judge(sps_context *context, soak *s, const outcome *o, const random_scene *x) {
     const scene_report *r = &o->report;
-    const char *reason = excuse(s->seed, o->number);
     const int good = scene_good(r) && r->medium.edges <= CUT;
+    const char *reason = good ? NULL : excuse(context, x, r);
     if (s->show_all) print_outcome(s, o);
     ++s->compared;
     rank(s, o);
-    if (!good && reason) printf("scene %ld may fail: %s\n", o->number, reason);
-    s->excused += !good && reason;
+    if (reason) printf("scene %ld may fail: %s\n", o->number, reason);
+    s->excused += reason != NULL;
     if (check_count(good || reason)) return;
     ++s->failed;
     printf("failed, %d pixels at edges left out:\n", r->medium.edges);
@@ -190,7 +200,7 @@ static void soak_scene(sps_context *context, soak *s, long number) {
     o.images = throw_images(&x, random.state);
     o.panes = draw_panes(&x, random.state);
     start = clock();
-    o.report = measure_scene(context, &x, !excuse(s->seed, number));
+    o.report = measure_scene(context, &x, 1);
     o.seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
     if (o.report.result != SPS_OK) {
         ++s->refused;
@@ -200,7 +210,7 @@ static void soak_scene(sps_context *context, soak *s, long number) {
     else if (!scene_shown(&o.report))
         ++s->hidden;
     else
-        judge(s, &o);
+        judge(context, s, &o, &x);
     if (o.report.result == SPS_OK) soak_edges(context, &x, number);
     soak_cells(context, &x, o.levels, number);
     free_scene(&x);
@@ -227,7 +237,8 @@ int main(int count, char **arguments) {
     print_summary(&s);
     CHECK_CASE("Found in review", "random scenes against brute force, medium and high quality",
                "rms of 3 %, or half of it at high: scenes that are not", (double)s.failed, 0,
-               "known ones are listed in tests/soak.c");
+               "causes are listed in tests/soak.c, with bounds");
+    CHECK(25 * s.excused <= s.compared + 12);                      /* 2 in 100 fail; none of the quick ones does */
     CHECK(5 * (s.refused + s.dark + s.hidden) <= s.compared + 10); /* most are compared */
     return check_report();
 }

@@ -600,6 +600,7 @@ static void test_failures(void) {
             memset(&hooks, 0, sizeof hooks);
             config = check_config(&hooks);
             config.progress_fn = check_cancel_at, config.progress_user = &cancel;
+            config.clock_fn = check_hasty_clock;
             by = sps_create(&config, NULL);
             start(&s, 0, 1);
             s.view.region[2] = s.view.region[3] = 2;

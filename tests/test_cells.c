@@ -1618,6 +1618,7 @@ static void test_held_between(void) {
         memset(&hooks, 0, sizeof hooks);
         config = check_config(&hooks);
         config.progress_fn = check_cancel_at, config.progress_user = &cancel;
+        config.clock_fn = check_hasty_clock;
         by = sps_create(&config, NULL);
         start_held(&s);
         check_render(by, &s, image_b);

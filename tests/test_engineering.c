@@ -342,6 +342,7 @@ static sps_context *progress_context(check_hooks *hooks, progress *p) {
     memset(hooks, 0, sizeof *hooks);
     config = check_config(hooks);
     config.progress_fn = progress_cancel;
+    config.clock_fn = check_hasty_clock;
     config.progress_user = p;
     return sps_create(&config, NULL);
 }
@@ -1076,10 +1077,10 @@ static void a_third(void *user, int count, sps_task_fn task, void *data) {
     for (int i = 0; i < count; i += 3) task(data, i, 3);
 }
 
-/* Each task is run once, whatever the clock does; and progress is reported once 0.01 s have passed. A clock that
-   advances by 0.0011 s lets 9 tasks begin in between, and any two rounds in a row do at least one task. Without a clock
-   a round has 4 tasks per worker, and without progress_fn 1024 tasks. Tasks that parallel_for_fn leaves out are run all
-   the same. */
+/* Each task is run once, whatever the clock does; and progress is reported once 0.01 s have passed, never if time
+   stands still. A clock that advances by 0.0011 s lets 9 tasks begin in between, and any two rounds in a row do at
+   least one task. Without a clock a round has 4 tasks per worker, and without progress_fn 1024 tasks. Tasks that
+   parallel_for_fn leaves out are run all the same. */
 static void test_rounds_of_tasks(void) {
     static const double steps[] = {0, 1e-9, 0.0011, 0.5, HUGE_VAL, NAN};
     for (int counts = 1; counts <= 3000; counts = counts * 3 + 7)
@@ -1099,9 +1100,9 @@ static void test_rounds_of_tasks(void) {
             spsi_parallel(context, counts, count_task, &t);
             for (int i = 0; i < 3000; ++i) CHECK(t.ran[i] == (i < counts));
             if (counts > 1 && !lazy) CHECK(t.wrong == 0);
-            if (which < 2) CHECK(t.ticks == (counts + 1023) / 1024);
+            if (which < 2) CHECK(t.ticks == 0);
             if (which == 2 && counts > 1) CHECK(t.ticks >= counts / 10 && t.ticks <= counts / 9 + 4);
-            if (way == 6) CHECK(t.ticks == (counts + 15) / 16);
+            if (way == 6) CHECK(t.ticks <= (counts + 15) / 16);
             if (way == 7) CHECK(t.ticks == 0);
             sps_destroy(context);
         }
@@ -1164,7 +1165,7 @@ static void test_quick_start(void) {
 
 /* Nothing is needed but a C compiler: the header includes the standard library, and what compilers come with. */
 static void test_includes(void) {
-    static const char allowed[] = "assert.h float.h math.h stddef.h stdint.h stdio.h stdlib.h string.h "
+    static const char allowed[] = "assert.h float.h math.h stddef.h stdint.h stdio.h stdlib.h string.h time.h "
                                   "emmintrin.h immintrin.h arm_neon.h ";
     char line[512], name[64];
     FILE *header = fopen("splatshadow.h", "r");

@@ -124,6 +124,7 @@ static int fails_between(kept kind, cause why, long n) {
     memset(&hooks, 0, sizeof hooks);
     config = check_config(&hooks);
     config.progress_fn = check_cancel_at, config.progress_user = &cancel;
+    config.clock_fn = check_hasty_clock;
     context = sps_create(&config, NULL);
     shows(context, kind, 0);
     if (why == ALLOCATION) hooks.fail_at = hooks.allocations + n;

@@ -920,6 +920,7 @@ static void test_progress_steps(void) {
     memset(&c, 0, sizeof c);
     memset(&image, 0, sizeof image);
     config.progress_fn = progress_step;
+    config.clock_fn = check_hasty_clock;
     config.progress_user = &c;
     image.rgba = image_a;
     own = sps_create(&config, NULL);
@@ -928,6 +929,65 @@ static void test_progress_steps(void) {
     memset(&c, 0, sizeof c);
     CHECK(sps_render(own, &s.scene, &s.view, &image) == SPS_OK && c.step > 0 && c.step < 0.21f);
     sps_destroy(own);
+}
+
+#define TASK_SECONDS 0.0004 /* pass between two looks at the clock: a task */
+
+typedef struct pace {
+    double now, last, least, most; /* seconds: the time, that of the last call, and between two calls */
+    long calls, cancel_at;
+    float fraction;
+} pace;
+
+static double pace_clock(void *user) { return ((pace *)user)->now += TASK_SECONDS; }
+
+static int pace_progress(void *user, float fraction) {
+    pace *p = (pace *)user;
+    const double between = p->now - p->last;
+    if (p->calls++ > 0 && fraction < 1) p->least = fmin(p->least, between), p->most = fmax(p->most, between);
+    p->last = p->now;
+    p->fraction = fraction;
+    return p->calls == p->cancel_at;
+}
+
+/* progress_fn is called every 10 ms by the clock, and when all is done; no later than that and the task that goes on,
+   or, with several workers, whose rounds may begin just before it is due and last as long, than 20 ms and two tasks. */
+static void test_progress_pace(void) {
+    for (int which = 0; which < 12; ++which) {
+        const int workers = which % 2 ? 4 : 0, marched = which / 2 % 2, cancels = which / 4 == 1, timed = which < 8;
+        check_hooks hooks;
+        pace p = {0, 0, HUGE_VAL, 0, 0, 0, 0};
+        sps_config config;
+        sps_context *own;
+        sps_result result;
+        check_scene s;
+        clock_t began;
+        sps_image image = {image_a, NULL, 0};
+        start(&s, SIDE, SIDE, 1);
+        add_gas(&s, 1.5, -0.8, 0.8, 1);
+        check_add_directional(&s, 0.3, 0, -1, 2);
+        s.view.slab = 0.02;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.worker_count = workers;
+        config = check_config(&hooks);
+        config.progress_fn = pace_progress, config.clock_fn = timed ? pace_clock : NULL;
+        config.progress_user = config.clock_user = &p;
+        p.cancel_at = cancels ? 3 : 0;
+        own = sps_create(&config, NULL);
+        began = clock();
+        result =
+            marched ? check_reference(own, &s.scene, &s.view, 1, &image) : sps_render(own, &s.scene, &s.view, &image);
+        CHECK(result == (cancels ? SPS_ERROR_CANCELLED : SPS_OK) && (cancels || p.fraction >= 1));
+        if (!timed) p.now = (double)(clock() - began) / CLOCKS_PER_SEC;
+        CHECK(cancels ? p.calls == 3 : p.calls >= (timed ? 4 : 1) && p.calls <= p.now / 0.01 + 2);
+        sps_destroy(own);
+        if (!timed) continue;
+        CHECK_CASE("Engineering", "progress by a clock that passes 0.4 ms per task", "seconds between two calls",
+                   p.most, (workers ? 0.02 : 0.01) + 3.5 * TASK_SECONDS,
+                   "10 ms, the task and two looks for statistics");
+        CHECK(p.least > 0.01 - 1e-9 && p.least < 1);
+        if (getenv("CHECK_FIGURES")) printf("%d: %ld calls in %g, %g to %g\n", which, p.calls, p.now, p.least, p.most);
+    }
 }
 
 static void message(void *user, const char *text) {
@@ -946,6 +1006,7 @@ static void test_progress_of_calls(void) {
     check_add_directional(&s, 0.3, 0, -1, 2);
     memset(&config, 0, sizeof config);
     config.progress_fn = progress;
+    config.clock_fn = check_hasty_clock;
     config.message_fn = message;
     config.progress_user = config.message_user = &c;
     own = sps_create(&config, NULL);
@@ -1109,6 +1170,7 @@ int main(void) {
     RUN(test_shadow_edge_in_slabs);
     RUN(test_progress_of_calls);
     RUN(test_progress_steps);
+    RUN(test_progress_pace);
     RUN(test_failed_plans);
     RUN(test_unwritten_voxels);
     sps_destroy(context);

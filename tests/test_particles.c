@@ -898,6 +898,7 @@ static void test_failing(void) {
     CHECK(x.clouds[1].largest == 4096 && x.clouds[1].zeroed == 3 * 4096);
     memset(&config, 0, sizeof config);
     config.progress_fn = stop_at;
+    config.clock_fn = check_hasty_clock;
     config.progress_user = &left;
     own = sps_create(&config, NULL);
     for (int n = 1; n < 1000; n += 1 + n / 4) {

@@ -505,6 +505,7 @@ static void test_failures(void) {
     memset(&hooks, 0, sizeof hooks);
     config = check_config(&hooks);
     config.progress_fn = check_cancel_at, config.progress_user = &cancel;
+    config.clock_fn = check_hasty_clock;
     do {
         sps_context *own = sps_create(&config, NULL);
         cancel.calls = 0, cancel.at = ++cancelled;

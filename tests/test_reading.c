@@ -492,6 +492,7 @@ static void test_failures(void) {
             config = check_config(&hooks);
             config.parallel_for_fn = on_other_threads, config.parallel_user = &workers;
             config.progress_fn = watch_progress, config.progress_user = &w;
+            config.clock_fn = check_hasty_clock;
             context = sps_create(&config, NULL);
             if (!cancels) hooks.fail_at = hooks.allocations + at;
             result = check_try(context, &s, pixels_b);

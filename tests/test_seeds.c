@@ -51,6 +51,7 @@ static void trial_begin(trial *t, int workers, const trouble *wrong) {
     if (wrong && wrong->kind == LITTLE_MEMORY) t->hooks.memory_limit = (size_t)wrong->at;
     sps_config config = check_config(&t->hooks);
     config.progress_fn = watch_progress, config.progress_user = t;
+    config.clock_fn = check_hasty_clock;
     config.message_fn = watch_message;
     t->context = sps_create(&config, NULL);
     CHECK(t->context || t->hooks.memory_limit);

@@ -619,6 +619,7 @@ static int check_interrupted(int kind, long cancelled, long refused, int reading
     memset(&image, 0, sizeof image);
     config = check_config(&hooks);
     config.progress_fn = check_cancel_at;
+    config.clock_fn = check_hasty_clock;
     config.progress_user = &c;
     holder = sps_create(&config, NULL);
     image.rgba = image_a;

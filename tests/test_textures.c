@@ -711,6 +711,7 @@ static void test_cancel(void) {
         memset(&config, 0, sizeof config);
         memset(&image, 0, sizeof image);
         config.progress_fn = check_cancel_at;
+        config.clock_fn = check_hasty_clock;
         config.progress_user = &c;
         image.rgba = image_a;
         for (int i = 0; i < 4 * PIXELS; ++i) image_a[i] = (float)-i;

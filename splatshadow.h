@@ -10373,6 +10373,10 @@ static void spsi_pane_map_filter(const spsi_pane_map *map, const spsi_faces *fac
 #define SPSI_BALL_ASIDE 0.05
 #define SPSI_BALL_LEAST 0.75 /* minimum radius in pixels; a smaller ball could fall between rays */
 
+/* Radii in pixels from which on chords alone keep a ball's mass: in pictures to 2 %, where rims lie anywhere. */
+#define SPSI_BALL_COARSE       4.0
+#define SPSI_BALL_COARSE_LIGHT 1.5
+
 /* A ball, with (dx, dy) a pixel's offset from the centre's, e its ray and c the centre's ray. With p = tilt . (dx, dy)
    and q = bend[0] dx^2 + 2 bend[1] dx dy + bend[2] dy^2, e.e / c.c = 1 + 2p + q in perspective. */
 typedef struct spsi_ball {
@@ -10594,6 +10598,105 @@ static inline spsi_v spsi_chord_share(int soft, spsi_v v) {
     return spsi_fma(s, spsi_sub(spsi_set(0.75f), spsi_mul(spsi_set(0.25f), spsi_mul(s, s))), half);
 }
 
+/* Solid angle of a texel of a cube's face, relative to one in its middle; a texel on an edge has only half of its solid
+   angle in the face. */
+static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
+    const int edges = (x == 0 || x == rays->width - 1) + (y == 0 || y == rays->height - 1);
+    double e[3];
+    spsi_ray_direction(rays, x, y, e);
+    return pow(spsi_dot(e, e), -1.5) * (edges == 0 ? 1 : edges == 1 ? 0.5 : 0.25);
+}
+
+/* Sum of a ball's chords, each 1 in its middle, over the texels of a box; around a light, texels are weighted by their
+   solid angle. */
+static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const int box[4], int round) {
+    float lanes[SPSI_LANES];
+    spsi_v sums = spsi_set(0);
+    double sum = 0;
+    for (int y = box[1]; y <= box[3]; ++y)
+        for (int x = box[0]; x <= box[2]; x += SPSI_LANES) {
+            const spsi_m inside = spsi_less(spsi_iota(), spsi_set((float)(box[2] - x) + 0.5f));
+            spsi_chord chord;
+            spsi_v share;
+            spsi_ball_chord(rays, ball, x, y, &chord);
+            share = ball->soft ? spsi_mul(chord.share, spsi_mul(chord.share, chord.share)) : chord.share;
+            for (int i = 0; i < SPSI_LANES && round; ++i) lanes[i] = (float)spsi_ray_angle(rays, x + i, y);
+            if (round) share = spsi_mul(share, spsi_load(lanes));
+            sums = spsi_add(sums, spsi_select(inside, share, spsi_set(0)));
+        }
+    spsi_store(lanes, sums);
+    for (int i = 0; i < SPSI_LANES; ++i) sum += (double)lanes[i];
+    return sum;
+}
+
+/* Mean of a ball's chords, which are 1 in the middle, over its outline. */
+static double spsi_ball_mean(const spsi_ball *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
+
+/* Box of texels that a ball which is not near may cover, also beyond its face's edges: that of an ellipse. Returns the
+   ellipse's area, or 0 where the angle is so grazing that there is none. */
+static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
+    const double a = (double)ball->cross[0], b = (double)ball->cross[1], c = (double)ball->cross[2];
+    const double square = a * c - b * b, x = ball->x0 + (double)ball->x, y = ball->y0 + (double)ball->y;
+    double across, down;
+    if (!(square > 0)) return 0;
+    across = sqrt(c / square) + 1, down = sqrt(a / square) + 1; /* perspective shifts it a little */
+    if (!(across + down < SPSI_TILE_WIDTH)) return 0;
+    box[0] = (int)ceil(x - across), box[2] = (int)floor(x + across);
+    box[1] = (int)ceil(y - down), box[3] = (int)floor(y + down);
+    return SPSI_PI / sqrt(square);
+}
+
+/* Ratio of the sum of a ball's chords in all faces around a light to the exact sum. It is the same for each face that
+   sees the ball, so that there is no seam. */
+static double spsi_ball_mass_round(const spsi_rays *own, const spsi_rays *faces, const spsi_particle_set *set,
+                                   const sps_particle *particle, const spsi_ball *ball, const double offset[3]) {
+    const double texel = spsi_length(own->a) * spsi_length(offset);
+    const int last = own->width - 1;
+    double radius, sum = 0;
+    spsi_ball other;
+    int box[4], alone;
+    spsi_ball_size(own, set, particle, offset, &other, &radius);
+    alone = !ball->near_by && spsi_ball_box(ball, box) > 0;
+    alone = alone && box[0] > 0 && box[1] > 0 && box[2] < last && box[3] < last; /* no other face sees it */
+    for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
+        const spsi_rays *rays = &faces[face];
+        if (alone && rays != own) continue;
+        spsi_ball_build(rays, set, particle, &other);
+        box[0] = other.x0, box[1] = other.y0, box[2] = other.x1, box[3] = other.y1;
+        sum += spsi_ball_sum(rays, &other, box, 1);
+    }
+    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball));
+}
+
+/* Ratio of the sum of a ball's chords over all texels to the exact sum; 1 where that is unknown. */
+static double spsi_ball_mass(const spsi_rays *rays, const spsi_rays *faces, const spsi_particle_set *set,
+                             const sps_particle *particle, const spsi_ball *ball, const double offset[3]) {
+    int box[4];
+    double area;
+    if (faces) return spsi_ball_mass_round(rays, faces, set, particle, ball, offset);
+    area = ball->near_by ? 0 : spsi_ball_box(ball, box);
+    return area > 0 ? spsi_ball_sum(rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
+}
+
+/* Adjusts the optical depth of a small ball so that its mass is exact wherever its centre lies among the texels: of
+   two thirds of `coarse` texels or less. Chords of `coarse` texels are exact; in between, the two are blended. `faces`: of a
+   cube, in all of which a particle has one mass; NULL: there is only one face. */
+static void spsi_ball_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse, const spsi_particle_set *set,
+                            const sps_particle *particle, spsi_ball *ball) {
+    double centre[3], offset[3], texel, share, mass;
+    /* most are much too large: the sum of the inverse squares of the outline's half axes is small */
+    if (!ball->near_by && (double)ball->cross[0] + (double)ball->cross[2] < 1 / (coarse * coarse)) return;
+    for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
+    spsi_along(centre, rays->origin, -1, offset);
+    texel = rays->pixel * spsi_distance_to(rays, offset);
+    share = 3 - 3 * (double)particle->radius / (coarse * texel);
+    if (!(share > 0) || ball->x1 < ball->x0 || ball->y1 < ball->y0) return;
+    /* a face of too few texels, or a ball as wide as its distance */
+    if (faces && (rays->width < 3 || !(2 * (double)particle->radius < spsi_length(offset)))) return;
+    mass = spsi_ball_mass(rays, faces, set, particle, ball, offset);
+    if (mass > 0) ball->depth *= (float)(1 + fmin(share, 1) * (1 / mass - 1));
+}
+
 /* ============================================================================================== >>slicing
    19 Slabs. They are perpendicular to s = normalise(e + l), where e and l are the directions in which the eye's and the
    light's rays travel, or to normalise(l - e) where these differ by more than a right angle; |l +- e| >= sqrt 2, so s
@@ -10746,6 +10849,13 @@ static double spsi_cosine_of_eye(const spsi_frame *frame, const spsi_sweep *swee
 static void spsi_eye_axis(const spsi_rays *eye, double axis[3]) {
     spsi_ray_direction(eye, 0.5 * (eye->width - 1), 0.5 * (eye->height - 1), axis);
     spsi_normalise(axis);
+}
+
+/* Whether slabs about the camera's axis are crossed at a slant by its corners' rays: parts of the image serve better. */
+static int spsi_eye_is_wide(const spsi_frame *frame) {
+    double axis[3];
+    spsi_eye_axis(&frame->content->eye, axis);
+    return spsi_cosine_to_corners(axis, &frame->content->eye) < SPSI_COSINE_EVEN;
 }
 
 /* Middle direction of the eye's rays: towards the middle of the gas if all of it lies in front of the eye, otherwise
@@ -11061,11 +11171,13 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
     return spsi_slabs_cut(context, frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
 }
 
-/* Cuts the image into as few parts as slabs can serve, for sweeps without a light's sheets. If even quarters cannot be
-   served, it stays whole, and is refused. */
+/* Cuts the image into as few parts as slabs serve well, or else can serve, for sweeps without a light's sheets. If even
+   quarters cannot be served, it stays whole, and is refused. */
 static void spsi_image_divide(const spsi_frame *frame) {
+    static const double cosines[] = {SPSI_COSINE_EVEN, 0.25, SPSI_COSINE_MIN};
     spsi_content *content = frame->content;
-    for (int parts = 0; parts < 4; ++parts) {
+    for (int attempt = spsi_eye_is_wide(frame) ? 0 : 8; attempt < 12; ++attempt) {
+        const int parts = attempt % 4;
         int serves = 1;
         for (int k = 0; k < 2; ++k) {
             content->parts[k] = 1 + (parts >> k & 1);
@@ -11075,7 +11187,7 @@ static void spsi_image_divide(const spsi_frame *frame) {
         for (int n = 0; n < content->parts[0] * content->parts[1] && serves; ++n) {
             spsi_sweep sweep;
             spsi_sweep_clear(frame, NULL, n, &sweep);
-            serves = spsi_sweep_aim(frame, &sweep);
+            serves = spsi_sweep_aim(frame, &sweep) && sweep.cosine_of_eye >= cosines[attempt / 4];
         }
         if (serves) return;
     }
@@ -12123,10 +12235,11 @@ static void spsi_particle_slabs(const spsi_crossing *crossing, const spsi_partic
 }
 
 static void spsi_seen_build(const spsi_crossing *crossing, const spsi_particle_set *set, const sps_particle *particle,
-                            int channel, int first_slab, spsi_seen *seen) {
+                            int channel, int first_slab, double coarse, spsi_seen *seen) {
     const spsi_rays *rays = crossing->rays;
     const double radius = spsi_ball_build(rays, set, particle, &seen->ball);
     double centre[3], t;
+    spsi_ball_weigh(rays, NULL, coarse, set, particle, &seen->ball);
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* widened to a pixel, it is too thin to count */
     t = rays->perspective ? (double)seen->ball.t + rays->depth_reference : 1;
@@ -14555,7 +14668,8 @@ static void spsi_seen_task(void *data, int index, int worker) {
             const spsi_target *target = contents->targets[n];
             spsi_seen *seen = &target->particles.seen[i];
             spsi_seen_build(&target->crossing, set, &particles[particle],
-                            target->set_channels[set - frame->particles.sets], contents->first_slab, seen);
+                            target->set_channels[set - frame->particles.sets], contents->first_slab,
+                            target->rays == &frame->content->eye ? SPSI_BALL_COARSE : SPSI_BALL_COARSE_LIGHT, seen);
             target->particles.places[i] = spsi_list_place(target, &seen->ball);
         }
     }
@@ -16198,11 +16312,6 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
 /* Number of depth steps by which particles are sorted; more would not shorten the sorting that remains. */
 #define SPSI_DEPTH_STEPS 4096
 
-/* Radii in texels. Up to the first, a particle's mass is made exact wherever among the texels it lies; from the second
-   on, its chords are exact. In between, the two are blended. */
-#define SPSI_BALL_FINE   1.0
-#define SPSI_BALL_COARSE 1.5
-
 typedef struct spsi_ball_job {
     const spsi_rays *rays;
     const spsi_rays *faces; /* of a cube, in all of which a particle has one mass; NULL: there is only one face */
@@ -16252,103 +16361,6 @@ static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     return SPS_OK;
 }
 
-/* Solid angle of a texel of a cube's face, relative to one in its middle; a texel on an edge has only half of its solid
-   angle in the face. */
-static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
-    const int edges = (x == 0 || x == rays->width - 1) + (y == 0 || y == rays->height - 1);
-    double e[3];
-    spsi_ray_direction(rays, x, y, e);
-    return pow(spsi_dot(e, e), -1.5) * (edges == 0 ? 1 : edges == 1 ? 0.5 : 0.25);
-}
-
-/* Sum of a ball's chords, each 1 in its middle, over the texels of a box; around a light, texels are weighted by their
-   solid angle. Summed row by row and one by one, so that the sum does not depend on the vectors' length. */
-static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const int box[4], int round) {
-    double sum = 0;
-    for (int y = box[1]; y <= box[3]; ++y)
-        for (int x = box[0]; x <= box[2]; x += SPSI_LANES) {
-            float shares[SPSI_LANES];
-            spsi_chord chord;
-            spsi_ball_chord(rays, ball, x, y, &chord);
-            spsi_store(shares, chord.share);
-            for (int i = 0; i < spsi_least(SPSI_LANES, box[2] + 1 - x); ++i) {
-                const double share = (double)shares[i];
-                if (share > 0)
-                    sum += (ball->soft ? share * share * share : share) * (round ? spsi_ray_angle(rays, x + i, y) : 1);
-            }
-        }
-    return sum;
-}
-
-/* Mean of a ball's chords, which are 1 in the middle, over its outline. */
-static double spsi_ball_mean(const spsi_ball *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
-
-/* Box of texels that a ball which is not near may cover, also beyond its face's edges: that of an ellipse. Returns the
-   ellipse's area, or 0 where the angle is so grazing that there is none. */
-static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
-    const double a = (double)ball->cross[0], b = (double)ball->cross[1], c = (double)ball->cross[2];
-    const double square = a * c - b * b, x = ball->x0 + (double)ball->x, y = ball->y0 + (double)ball->y;
-    double across, down;
-    if (!(square > 0)) return 0;
-    across = sqrt(c / square) + 1, down = sqrt(a / square) + 1; /* perspective shifts it a little */
-    if (!(across + down < SPSI_TILE_WIDTH)) return 0;
-    box[0] = (int)ceil(x - across), box[2] = (int)floor(x + across);
-    box[1] = (int)ceil(y - down), box[3] = (int)floor(y + down);
-    return SPSI_PI / sqrt(square);
-}
-
-/* Ratio of the sum of a ball's chords in all faces around a light to the exact sum. It is the same for each face that
-   sees the ball, so that there is no seam. */
-static double spsi_ball_mass_round(const spsi_ball_job *job, const spsi_particle_set *set, const sps_particle *particle,
-                                   const spsi_ball *ball, const double offset[3]) {
-    const double texel = spsi_length(job->rays->a) * spsi_length(offset);
-    const int last = job->rays->width - 1;
-    double radius, sum = 0;
-    spsi_ball other;
-    int box[4], alone;
-    spsi_ball_size(job->rays, set, particle, offset, &other, &radius);
-    alone = !ball->near_by && spsi_ball_box(ball, box) > 0;
-    alone = alone && box[0] > 0 && box[1] > 0 && box[2] < last && box[3] < last; /* no other face sees it */
-    for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
-        const spsi_rays *rays = &job->faces[face];
-        if (alone && rays != job->rays) continue;
-        spsi_ball_build(rays, set, particle, &other);
-        box[0] = other.x0, box[1] = other.y0, box[2] = other.x1, box[3] = other.y1;
-        sum += spsi_ball_sum(rays, &other, box, 1);
-    }
-    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball));
-}
-
-/* Ratio of the sum of a ball's chords over all texels to the exact sum; 1 where that is unknown. */
-static double spsi_ball_mass(const spsi_ball_job *job, const spsi_particle_set *set, const sps_particle *particle,
-                             const spsi_ball *ball, const double offset[3]) {
-    int box[4];
-    double area;
-    if (job->faces) return spsi_ball_mass_round(job, set, particle, ball, offset);
-    area = ball->near_by ? 0 : spsi_ball_box(ball, box);
-    return area > 0 ? spsi_ball_sum(job->rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
-}
-
-/* Adjusts the optical depth of a ball of a texel or less so that its mass is exact, wherever its centre lies among the
-   texels. */
-static void spsi_ball_weigh(const spsi_ball_job *job, const spsi_particle_set *set, const sps_particle *particle,
-                            spsi_ball *ball) {
-    const spsi_rays *rays = job->rays;
-    double centre[3], offset[3], texel, share, mass;
-    /* most are much too large: the sum of the inverse squares of the outline's half axes is small */
-    if (!ball->near_by && (double)ball->cross[0] + (double)ball->cross[2] < 1 / (SPSI_BALL_COARSE * SPSI_BALL_COARSE))
-        return;
-    for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
-    spsi_along(centre, rays->origin, -1, offset);
-    texel = rays->pixel * spsi_distance_to(rays, offset);
-    share = (SPSI_BALL_COARSE - (double)particle->radius / texel) / (SPSI_BALL_COARSE - SPSI_BALL_FINE);
-    if (!(share > 0) || ball->x1 < ball->x0 || ball->y1 < ball->y0) return;
-    /* a face of too few texels, or a ball as wide as its distance */
-    if (job->faces && (rays->width < 3 || !(2 * (double)particle->radius < spsi_length(offset)))) return;
-    mass = spsi_ball_mass(job, set, particle, ball, offset);
-    if (mass > 0) ball->depth *= (float)(1 + fmin(share, 1) * (1 / mass - 1));
-}
-
 static void spsi_balls_task(void *data, int index, int worker) {
     const spsi_ball_job *job = (const spsi_ball_job *)data;
     const spsi_frame *frame = job->frame;
@@ -16358,7 +16370,8 @@ static void spsi_balls_task(void *data, int index, int worker) {
         const int particle = job->order ? (int)job->order[i] : i;
         const spsi_particle_set *set = spsi_set_of(frame, particle);
         spsi_ball_build(job->rays, set, &frame->content->particles[particle], &job->balls[i]);
-        spsi_ball_weigh(job, set, &frame->content->particles[particle], &job->balls[i]);
+        spsi_ball_weigh(job->rays, job->faces, SPSI_BALL_COARSE_LIGHT, set, &frame->content->particles[particle],
+                        &job->balls[i]);
     }
 }
 
@@ -18804,7 +18817,7 @@ static void spsi_lamp_take(spsi_lamp *lamp, int table, spsi_choice choice) {
    reading, it counts as wider. */
 static void spsi_choose_for_unserved(const spsi_frame *frame, spsi_sweep *sweep, spsi_lamp *lamp) {
     const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
-    const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_MIN;
+    const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
     spsi_rays rays[SPSI_CUBE_FACES];
     int faces;
     spsi_lamp_take(lamp, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
@@ -18821,9 +18834,13 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
     spsi_sweep sweep;
     size_t held, filling;
     double bytes;
+    int serves;
     spsi_sweep_clear(frame, lamp, 0, &sweep);
     lamp->choice = SPSI_CHOICE_SHEETS;
-    if (!spsi_sweep_aim(frame, &sweep)) {
+    serves = spsi_sweep_aim(frame, &sweep);
+    if (spsi_eye_is_wide(frame) && !others && !lamp->extent.exists) /* parts of the image serve better */
+        serves &= sweep.cosine_of_eye >= SPSI_COSINE_EVEN;
+    if (!serves) {
         spsi_choose_for_unserved(frame, &sweep, lamp);
         return;
     }
@@ -26026,7 +26043,7 @@ static int spsi_axis_serves(const spsi_frame *frame, const spsi_lamp *lamp) {
     spsi_eye_axis(&frame->content->eye, axis);
     spsi_sweep_turn(frame, axis, &sweep);
     for (int i = 0; i < 3; ++i) toward[i] = sweep.back_to_front ? -sweep.slabs.normal[i] : sweep.slabs.normal[i];
-    return spsi_cosine_to_corners(toward, &frame->content->eye) >= SPSI_COSINE_MIN;
+    return spsi_cosine_to_corners(toward, &frame->content->eye) >= SPSI_COSINE_EVEN;
 }
 
 /* Chooses as a render does, except that particles have not been read: what depends on them stays open. */
@@ -26056,17 +26073,14 @@ static int spsi_plan_sliced_count(const spsi_frame *frame) {
    to call for all four where slabs about the camera's axis do not serve the whole image. */
 static int spsi_plan_sweep_count(const spsi_frame *frame) {
     const int sliced = spsi_plan_sliced_count(frame);
-    double axis[3];
     int parts = 0, part[4], sheets = 0;
     for (int i = 0; i < frame->lamps.count; ++i)
         sheets |= frame->lamps.list[i].sliced && frame->lamps.list[i].choice != SPSI_CHOICE_OPEN;
-    spsi_eye_axis(&frame->content->eye, axis);
     for (int n = 0; n < spsi_part_count(frame); ++n) {
         spsi_part_place(frame, n, part);
         parts += spsi_part_meets(part, frame->view.region);
     }
-    if (frame->particles.set_count > 0 && !sheets)
-        parts = spsi_cosine_to_corners(axis, &frame->content->eye) >= SPSI_COSINE_MIN ? 1 : 4;
+    if (frame->particles.set_count > 0 && !sheets) parts = spsi_eye_is_wide(frame) ? 4 : 1;
     return spsi_most(parts, sliced);
 }
 

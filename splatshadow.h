@@ -4565,11 +4565,11 @@ typedef struct spsi_light_extent {
     double axis[2][3]; /* from the centre to (1, 0) and (0, 1); directional: unit vectors across its direction */
 } spsi_light_extent;
 
-/* The cone of a spotlight: its light is the square of scale * cosine + offset, clamped to 0..1. */
+/* The cone of a spotlight. At an angle whose 1 - cos is v, its light is the square of (none - v) / rim, clamped to 0..1:
+   cosines themselves could not tell narrow cones apart. */
 typedef struct spsi_cone {
     int exists;
-    float scale, offset;
-    double none; /* 1 - cos of the outer angle */
+    double none, rim; /* 1 - cos of the outer angle, and how much more that is than of the inner one */
 } spsi_cone;
 
 /* The image that a light throws. The texel of a point at `offset` from the light is
@@ -4606,6 +4606,7 @@ typedef struct spsi_lamp {
     int is_point;        /* 1: a light with a position, 0: a directional light */
     double position[3];  /* its centre */
     double direction[3]; /* direction in which a directional light travels, or a cone's axis; of unit length */
+    double across[2][3]; /* unit vectors across that, of a light with a cone or an image: its frame is these three */
     spsi_cone cone;
     spsi_projection projection;
     float color[3]; /* intensity of a point light, irradiance of a directional one or of one that does not fall off */
@@ -5839,6 +5840,7 @@ static void spsi_lamp_place(const spsi_lamp *lamp, double x, double y, spsi_lamp
             point->direction[i] =
                 (1 - less) * lamp->direction[i] + per * (x * extent->axis[0][i] + y * extent->axis[1][i]);
         spsi_normalise(point->direction);
+        spsi_basis(point->direction, point->across[0], point->across[1]);
     }
     if (lamp->projection.exists) spsi_projection_move(lamp, point);
 }
@@ -5858,12 +5860,10 @@ static void spsi_extent_points(const spsi_lamp *lamp, int count, spsi_lamp *poin
 }
 
 static void spsi_cone_build(const sps_light *light, spsi_cone *cone) {
-    const double whole = cos(light->inner_cone), none = cos(light->outer_cone);
-    const double scale = 1 / fmax(whole - none, 1e-6); /* a narrower rim could not be told from a jump in floats */
-    cone->exists = light->outer_cone > 0;
-    cone->scale = (float)scale;
-    cone->offset = (float)(-none * scale);
-    cone->none = 2 * sin(0.5 * light->outer_cone) * sin(0.5 * light->outer_cone);
+    const double inner = light->inner_cone, outer = light->outer_cone;
+    cone->exists = outer > 0;
+    cone->none = fmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* what is narrower has no rim in floats */
+    cone->rim = fmax(2 * sin(0.5 * (outer + inner)) * sin(0.5 * (outer - inner)), 1e-7 * cone->none);
 }
 
 static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int index, spsi_lamp *lamp) {
@@ -5877,6 +5877,7 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
     memcpy(lamp->color, light->color, sizeof lamp->color);
     lamp->samples = light->samples;
     spsi_cone_build(light, &lamp->cone);
+    spsi_basis(lamp->direction, lamp->across[0], lamp->across[1]);
     if (light->projector) spsi_projection_build(light, lamp->direction, &lamp->projection);
     lamp->falls_off = lamp->is_point && light->falloff == SPS_FALLOFF_INVERSE_SQUARE;
     lamp->points = lamp->few = lamp;
@@ -9607,17 +9608,36 @@ static int spsi_lamp_rays(const spsi_frame *frame, const spsi_lamp *lamp, spsi_r
     return lamp->is_point ? spsi_lamp_rays_around(frame, lamp, rays) : 0;
 }
 
-/* What a spotlight's cone lets pass in a direction, given by its cosine with the axis. */
-static inline spsi_v spsi_cone_share(const spsi_cone *cone, spsi_v cosine) {
-    const spsi_v share =
-        spsi_clamp(spsi_fma(cosine, spsi_set(cone->scale), spsi_set(cone->offset)), spsi_set(0), spsi_set(1));
-    return spsi_mul(share, share);
+/* Components of an offset in a light's frame, where small angles from the axis stay precise in floats. */
+static void spsi_to_lamp(const spsi_lamp *lamp, const double offset[3], double place[3]) {
+    for (int k = 0; k < 3; ++k) place[k] = spsi_dot(k < 2 ? lamp->across[k] : lamp->direction, offset);
 }
 
-/* The same for one direction. */
-static double spsi_cone_at(const spsi_cone *cone, double cosine) {
-    const double share = fmin(fmax(cosine * (double)cone->scale + (double)cone->offset, 0), 1);
+/* What a spotlight's cone lets pass at an angle from its axis, given by 1 - cos. */
+static inline spsi_v spsi_cone_share(const spsi_cone *cone, spsi_v versine) {
+    const spsi_v share = spsi_div(spsi_sub(spsi_set((float)cone->none), versine), spsi_set((float)cone->rim));
+    const spsi_v most = spsi_clamp(share, spsi_set(0), spsi_set(1));
+    return spsi_mul(most, most);
+}
+
+static double spsi_cone_at(const spsi_cone *cone, double versine) {
+    const double share = fmin(fmax((cone->none - versine) / cone->rim, 0), 1);
     return cone->exists ? share * share : 1;
+}
+
+/* 1 - cos of the angle between the axis and a place in a light's frame. */
+static inline spsi_v spsi_versine_v(const spsi_v place[3]) {
+    const spsi_v aside = spsi_fma(place[0], place[0], spsi_mul(place[1], place[1])), z = place[2];
+    const spsi_v r = spsi_max(spsi_sqrt(spsi_fma(z, z, aside)), spsi_set(FLT_MIN));
+    const spsi_v ahead = spsi_div(aside, spsi_add(r, spsi_max(z, spsi_set(0))));
+    return spsi_div(spsi_select(spsi_less(z, spsi_set(0)), spsi_sub(r, z), ahead), r);
+}
+
+static double spsi_versine(const spsi_lamp *lamp, const double travel[3]) {
+    double place[3], aside;
+    spsi_to_lamp(lamp, travel, place);
+    aside = place[0] * place[0] + place[1] * place[1];
+    return place[2] > 0 ? aside / (1 + place[2]) : 1 - place[2];
 }
 
 /* Vector from a point to a light, in units of a packet's reach: the whole way to a point light, a unit vector towards a
@@ -9825,24 +9845,24 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
     }
 }
 
-/* Color that a light's image has in the direction of points at `offset` from the light, as seen by pixels of world size
-   `pixel`. Nothing is thrown backwards. */
-static void spsi_projection_lookup(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_v offset[3], spsi_v pixel,
+/* Color that a light's image has at places in the light's frame, as seen by pixels of world size `pixel`. Nothing is
+   thrown backwards. */
+static void spsi_projection_lookup(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_v place[3], spsi_v pixel,
                                    spsi_v rgb[3]) {
     const spsi_projection *projection = &lamp->projection;
     const float per_edge = (float)(1 / fmin(projection->edge[0], projection->edge[1]));
     spsi_v row[3], at[2], way = spsi_set(1), size = spsi_mul(pixel, spsi_set(per_edge));
     spsi_m ahead = spsi_less(spsi_set(0), way);
     if (lamp->is_point) {
-        spsi_set3(projection->forward, row);
-        way = spsi_dot_v(row, offset);
-        ahead = spsi_less(spsi_set(FLT_MIN), way);
-        way = spsi_max(way, spsi_set(FLT_MIN));
+        ahead = spsi_less(spsi_set(FLT_MIN), place[2]);
+        way = spsi_max(place[2], spsi_set(FLT_MIN));
         size = spsi_div(size, way);
     }
     for (int k = 0; k < 2; ++k) {
-        spsi_set3(projection->across[k], row);
-        at[k] = spsi_add(spsi_div(spsi_dot_v(row, offset), way), spsi_set((float)projection->add[k]));
+        double across[3];
+        spsi_to_lamp(lamp, projection->across[k], across);
+        spsi_set3(across, row);
+        at[k] = spsi_add(spsi_div(spsi_dot_v(row, place), way), spsi_set((float)projection->add[k]));
     }
     spsi_image_lookup(&frame->content->images[projection->image], at[0], at[1], size, rgb);
     for (int c = 0; c < 3; ++c) rgb[c] = spsi_select(ahead, rgb[c], spsi_set(0));
@@ -9851,11 +9871,12 @@ static void spsi_projection_lookup(const spsi_frame *frame, const spsi_lamp *lam
 /* The same for one point. */
 static void spsi_projection_at(const spsi_frame *frame, const spsi_lamp *lamp, const double point[3], double pixel,
                                double rgb[3]) {
-    double offset[3];
+    double offset[3], at[3];
     spsi_v place[3], color[3];
     float lanes[SPSI_LANES];
     spsi_along(point, lamp->position, -1, offset);
-    spsi_set3(offset, place);
+    spsi_to_lamp(lamp, offset, at);
+    spsi_set3(at, place);
     spsi_projection_lookup(frame, lamp, place, spsi_set((float)pixel), color);
     for (int c = 0; c < 3; ++c) {
         spsi_store(lanes, color[c]);
@@ -10450,6 +10471,10 @@ static void spsi_pane_map_filter(const spsi_pane_map *map, const spsi_faces *fac
 #define SPSI_BALL_ASIDE 0.05
 #define SPSI_BALL_LEAST 0.75 /* minimum radius in pixels; a smaller ball could fall between rays */
 
+/* Radii in pixels from which on chords alone keep a ball's mass: in pictures to 2 %, where rims lie anywhere. */
+#define SPSI_BALL_COARSE       4.0
+#define SPSI_BALL_COARSE_LIGHT 1.5
+
 /* A ball, with (dx, dy) a pixel's offset from the centre's, e its ray and c the centre's ray. With p = tilt . (dx, dy)
    and q = bend[0] dx^2 + 2 bend[1] dx dy + bend[2] dy^2, e.e / c.c = 1 + 2p + q in perspective. */
 typedef struct spsi_ball {
@@ -10671,6 +10696,105 @@ static inline spsi_v spsi_chord_share(int soft, spsi_v v) {
     return spsi_fma(s, spsi_sub(spsi_set(0.75f), spsi_mul(spsi_set(0.25f), spsi_mul(s, s))), half);
 }
 
+/* Solid angle of a texel of a cube's face, relative to one in its middle; a texel on an edge has only half of its solid
+   angle in the face. */
+static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
+    const int edges = (x == 0 || x == rays->width - 1) + (y == 0 || y == rays->height - 1);
+    double e[3];
+    spsi_ray_direction(rays, x, y, e);
+    return pow(spsi_dot(e, e), -1.5) * (edges == 0 ? 1 : edges == 1 ? 0.5 : 0.25);
+}
+
+/* Sum of a ball's chords, each 1 in its middle, over the texels of a box; around a light, texels are weighted by their
+   solid angle. */
+static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const int box[4], int round) {
+    float lanes[SPSI_LANES];
+    spsi_v sums = spsi_set(0);
+    double sum = 0;
+    for (int y = box[1]; y <= box[3]; ++y)
+        for (int x = box[0]; x <= box[2]; x += SPSI_LANES) {
+            const spsi_m inside = spsi_less(spsi_iota(), spsi_set((float)(box[2] - x) + 0.5f));
+            spsi_chord chord;
+            spsi_v share;
+            spsi_ball_chord(rays, ball, x, y, &chord);
+            share = ball->soft ? spsi_mul(chord.share, spsi_mul(chord.share, chord.share)) : chord.share;
+            for (int i = 0; i < SPSI_LANES && round; ++i) lanes[i] = (float)spsi_ray_angle(rays, x + i, y);
+            if (round) share = spsi_mul(share, spsi_load(lanes));
+            sums = spsi_add(sums, spsi_select(inside, share, spsi_set(0)));
+        }
+    spsi_store(lanes, sums);
+    for (int i = 0; i < SPSI_LANES; ++i) sum += (double)lanes[i];
+    return sum;
+}
+
+/* Mean of a ball's chords, which are 1 in the middle, over its outline. */
+static double spsi_ball_mean(const spsi_ball *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
+
+/* Box of texels that a ball which is not near may cover, also beyond its face's edges: that of an ellipse. Returns the
+   ellipse's area, or 0 where the angle is so grazing that there is none. */
+static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
+    const double a = (double)ball->cross[0], b = (double)ball->cross[1], c = (double)ball->cross[2];
+    const double square = a * c - b * b, x = ball->x0 + (double)ball->x, y = ball->y0 + (double)ball->y;
+    double across, down;
+    if (!(square > 0)) return 0;
+    across = sqrt(c / square) + 1, down = sqrt(a / square) + 1; /* perspective shifts it a little */
+    if (!(across + down < SPSI_TILE_WIDTH)) return 0;
+    box[0] = (int)ceil(x - across), box[2] = (int)floor(x + across);
+    box[1] = (int)ceil(y - down), box[3] = (int)floor(y + down);
+    return SPSI_PI / sqrt(square);
+}
+
+/* Ratio of the sum of a ball's chords in all faces around a light to the exact sum. It is the same for each face that
+   sees the ball, so that there is no seam. */
+static double spsi_ball_mass_round(const spsi_rays *own, const spsi_rays *faces, const spsi_particle_set *set,
+                                   const sps_particle *particle, const spsi_ball *ball, const double offset[3]) {
+    const double texel = spsi_length(own->a) * spsi_length(offset);
+    const int last = own->width - 1;
+    double radius, sum = 0;
+    spsi_ball other;
+    int box[4], alone;
+    spsi_ball_size(own, set, particle, offset, &other, &radius);
+    alone = !ball->near_by && spsi_ball_box(ball, box) > 0;
+    alone = alone && box[0] > 0 && box[1] > 0 && box[2] < last && box[3] < last; /* no other face sees it */
+    for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
+        const spsi_rays *rays = &faces[face];
+        if (alone && rays != own) continue;
+        spsi_ball_build(rays, set, particle, &other);
+        box[0] = other.x0, box[1] = other.y0, box[2] = other.x1, box[3] = other.y1;
+        sum += spsi_ball_sum(rays, &other, box, 1);
+    }
+    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball));
+}
+
+/* Ratio of the sum of a ball's chords over all texels to the exact sum; 1 where that is unknown. */
+static double spsi_ball_mass(const spsi_rays *rays, const spsi_rays *faces, const spsi_particle_set *set,
+                             const sps_particle *particle, const spsi_ball *ball, const double offset[3]) {
+    int box[4];
+    double area;
+    if (faces) return spsi_ball_mass_round(rays, faces, set, particle, ball, offset);
+    area = ball->near_by ? 0 : spsi_ball_box(ball, box);
+    return area > 0 ? spsi_ball_sum(rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
+}
+
+/* Adjusts the optical depth of a small ball so that its mass is exact wherever its centre lies among the texels: of
+   two thirds of `coarse` texels or less. Chords of `coarse` texels are exact; in between, the two are blended. `faces`: of a
+   cube, in all of which a particle has one mass; NULL: there is only one face. */
+static void spsi_ball_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse, const spsi_particle_set *set,
+                            const sps_particle *particle, spsi_ball *ball) {
+    double centre[3], offset[3], texel, share, mass;
+    /* most are much too large: the sum of the inverse squares of the outline's half axes is small */
+    if (!ball->near_by && (double)ball->cross[0] + (double)ball->cross[2] < 1 / (coarse * coarse)) return;
+    for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
+    spsi_along(centre, rays->origin, -1, offset);
+    texel = rays->pixel * spsi_distance_to(rays, offset);
+    share = 3 - 3 * (double)particle->radius / (coarse * texel);
+    if (!(share > 0) || ball->x1 < ball->x0 || ball->y1 < ball->y0) return;
+    /* a face of too few texels, or a ball as wide as its distance */
+    if (faces && (rays->width < 3 || !(2 * (double)particle->radius < spsi_length(offset)))) return;
+    mass = spsi_ball_mass(rays, faces, set, particle, ball, offset);
+    if (mass > 0) ball->depth *= (float)(1 + fmin(share, 1) * (1 / mass - 1));
+}
+
 /* ============================================================================================== >>slicing
    19 Slabs. They are perpendicular to s = normalise(e + l), where e and l are the directions in which the eye's and the
    light's rays travel, or to normalise(l - e) where these differ by more than a right angle; |l +- e| >= sqrt 2, so s
@@ -10823,6 +10947,13 @@ static double spsi_cosine_of_eye(const spsi_frame *frame, const spsi_sweep *swee
 static void spsi_eye_axis(const spsi_rays *eye, double axis[3]) {
     spsi_ray_direction(eye, 0.5 * (eye->width - 1), 0.5 * (eye->height - 1), axis);
     spsi_normalise(axis);
+}
+
+/* Whether slabs about the camera's axis are crossed at a slant by its corners' rays: parts of the image serve better. */
+static int spsi_eye_is_wide(const spsi_frame *frame) {
+    double axis[3];
+    spsi_eye_axis(&frame->content->eye, axis);
+    return spsi_cosine_to_corners(axis, &frame->content->eye) < SPSI_COSINE_EVEN;
 }
 
 /* Middle direction of the eye's rays: towards the middle of the gas if all of it lies in front of the eye, otherwise
@@ -11138,11 +11269,13 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
     return spsi_slabs_cut(context, frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
 }
 
-/* Cuts the image into as few parts as slabs can serve, for sweeps without a light's sheets. If even quarters cannot be
-   served, it stays whole, and is refused. */
+/* Cuts the image into as few parts as slabs serve well, or else can serve, for sweeps without a light's sheets. If even
+   quarters cannot be served, it stays whole, and is refused. */
 static void spsi_image_divide(const spsi_frame *frame) {
+    static const double cosines[] = {SPSI_COSINE_EVEN, 0.25, SPSI_COSINE_MIN};
     spsi_content *content = frame->content;
-    for (int parts = 0; parts < 4; ++parts) {
+    for (int attempt = spsi_eye_is_wide(frame) ? 0 : 8; attempt < 12; ++attempt) {
+        const int parts = attempt % 4;
         int serves = 1;
         for (int k = 0; k < 2; ++k) {
             content->parts[k] = 1 + (parts >> k & 1);
@@ -11152,7 +11285,7 @@ static void spsi_image_divide(const spsi_frame *frame) {
         for (int n = 0; n < content->parts[0] * content->parts[1] && serves; ++n) {
             spsi_sweep sweep;
             spsi_sweep_clear(frame, NULL, n, &sweep);
-            serves = spsi_sweep_aim(frame, &sweep);
+            serves = spsi_sweep_aim(frame, &sweep) && sweep.cosine_of_eye >= cosines[attempt / 4];
         }
         if (serves) return;
     }
@@ -12200,10 +12333,11 @@ static void spsi_particle_slabs(const spsi_crossing *crossing, const spsi_partic
 }
 
 static void spsi_seen_build(const spsi_crossing *crossing, const spsi_particle_set *set, const sps_particle *particle,
-                            int channel, int first_slab, spsi_seen *seen) {
+                            int channel, int first_slab, double coarse, spsi_seen *seen) {
     const spsi_rays *rays = crossing->rays;
     const double radius = spsi_ball_build(rays, set, particle, &seen->ball);
     double centre[3], t;
+    spsi_ball_weigh(rays, NULL, coarse, set, particle, &seen->ball);
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* widened to a pixel, it is too thin to count */
     t = rays->perspective ? (double)seen->ball.t + rays->depth_reference : 1;
@@ -14632,7 +14766,8 @@ static void spsi_seen_task(void *data, int index, int worker) {
             const spsi_target *target = contents->targets[n];
             spsi_seen *seen = &target->particles.seen[i];
             spsi_seen_build(&target->crossing, set, &particles[particle],
-                            target->set_channels[set - frame->particles.sets], contents->first_slab, seen);
+                            target->set_channels[set - frame->particles.sets], contents->first_slab,
+                            target->rays == &frame->content->eye ? SPSI_BALL_COARSE : SPSI_BALL_COARSE_LIGHT, seen);
             target->particles.places[i] = spsi_list_place(target, &seen->ball);
         }
     }
@@ -16276,11 +16411,6 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
 /* Number of depth steps by which particles are sorted; more would not shorten the sorting that remains. */
 #define SPSI_DEPTH_STEPS 4096
 
-/* Radii in texels. Up to the first, a particle's mass is made exact wherever among the texels it lies; from the second
-   on, its chords are exact. In between, the two are blended. */
-#define SPSI_BALL_FINE   1.0
-#define SPSI_BALL_COARSE 1.5
-
 typedef struct spsi_ball_job {
     const spsi_rays *rays;
     const spsi_rays *faces; /* of a cube, in all of which a particle has one mass; NULL: there is only one face */
@@ -16330,103 +16460,6 @@ static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     return SPS_OK;
 }
 
-/* Solid angle of a texel of a cube's face, relative to one in its middle; a texel on an edge has only half of its solid
-   angle in the face. */
-static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
-    const int edges = (x == 0 || x == rays->width - 1) + (y == 0 || y == rays->height - 1);
-    double e[3];
-    spsi_ray_direction(rays, x, y, e);
-    return pow(spsi_dot(e, e), -1.5) * (edges == 0 ? 1 : edges == 1 ? 0.5 : 0.25);
-}
-
-/* Sum of a ball's chords, each 1 in its middle, over the texels of a box; around a light, texels are weighted by their
-   solid angle. Summed row by row and one by one, so that the sum does not depend on the vectors' length. */
-static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const int box[4], int round) {
-    double sum = 0;
-    for (int y = box[1]; y <= box[3]; ++y)
-        for (int x = box[0]; x <= box[2]; x += SPSI_LANES) {
-            float shares[SPSI_LANES];
-            spsi_chord chord;
-            spsi_ball_chord(rays, ball, x, y, &chord);
-            spsi_store(shares, chord.share);
-            for (int i = 0; i < spsi_least(SPSI_LANES, box[2] + 1 - x); ++i) {
-                const double share = (double)shares[i];
-                if (share > 0)
-                    sum += (ball->soft ? share * share * share : share) * (round ? spsi_ray_angle(rays, x + i, y) : 1);
-            }
-        }
-    return sum;
-}
-
-/* Mean of a ball's chords, which are 1 in the middle, over its outline. */
-static double spsi_ball_mean(const spsi_ball *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
-
-/* Box of texels that a ball which is not near may cover, also beyond its face's edges: that of an ellipse. Returns the
-   ellipse's area, or 0 where the angle is so grazing that there is none. */
-static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
-    const double a = (double)ball->cross[0], b = (double)ball->cross[1], c = (double)ball->cross[2];
-    const double square = a * c - b * b, x = ball->x0 + (double)ball->x, y = ball->y0 + (double)ball->y;
-    double across, down;
-    if (!(square > 0)) return 0;
-    across = sqrt(c / square) + 1, down = sqrt(a / square) + 1; /* perspective shifts it a little */
-    if (!(across + down < SPSI_TILE_WIDTH)) return 0;
-    box[0] = (int)ceil(x - across), box[2] = (int)floor(x + across);
-    box[1] = (int)ceil(y - down), box[3] = (int)floor(y + down);
-    return SPSI_PI / sqrt(square);
-}
-
-/* Ratio of the sum of a ball's chords in all faces around a light to the exact sum. It is the same for each face that
-   sees the ball, so that there is no seam. */
-static double spsi_ball_mass_round(const spsi_ball_job *job, const spsi_particle_set *set, const sps_particle *particle,
-                                   const spsi_ball *ball, const double offset[3]) {
-    const double texel = spsi_length(job->rays->a) * spsi_length(offset);
-    const int last = job->rays->width - 1;
-    double radius, sum = 0;
-    spsi_ball other;
-    int box[4], alone;
-    spsi_ball_size(job->rays, set, particle, offset, &other, &radius);
-    alone = !ball->near_by && spsi_ball_box(ball, box) > 0;
-    alone = alone && box[0] > 0 && box[1] > 0 && box[2] < last && box[3] < last; /* no other face sees it */
-    for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
-        const spsi_rays *rays = &job->faces[face];
-        if (alone && rays != job->rays) continue;
-        spsi_ball_build(rays, set, particle, &other);
-        box[0] = other.x0, box[1] = other.y0, box[2] = other.x1, box[3] = other.y1;
-        sum += spsi_ball_sum(rays, &other, box, 1);
-    }
-    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball));
-}
-
-/* Ratio of the sum of a ball's chords over all texels to the exact sum; 1 where that is unknown. */
-static double spsi_ball_mass(const spsi_ball_job *job, const spsi_particle_set *set, const sps_particle *particle,
-                             const spsi_ball *ball, const double offset[3]) {
-    int box[4];
-    double area;
-    if (job->faces) return spsi_ball_mass_round(job, set, particle, ball, offset);
-    area = ball->near_by ? 0 : spsi_ball_box(ball, box);
-    return area > 0 ? spsi_ball_sum(job->rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
-}
-
-/* Adjusts the optical depth of a ball of a texel or less so that its mass is exact, wherever its centre lies among the
-   texels. */
-static void spsi_ball_weigh(const spsi_ball_job *job, const spsi_particle_set *set, const sps_particle *particle,
-                            spsi_ball *ball) {
-    const spsi_rays *rays = job->rays;
-    double centre[3], offset[3], texel, share, mass;
-    /* most are much too large: the sum of the inverse squares of the outline's half axes is small */
-    if (!ball->near_by && (double)ball->cross[0] + (double)ball->cross[2] < 1 / (SPSI_BALL_COARSE * SPSI_BALL_COARSE))
-        return;
-    for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
-    spsi_along(centre, rays->origin, -1, offset);
-    texel = rays->pixel * spsi_distance_to(rays, offset);
-    share = (SPSI_BALL_COARSE - (double)particle->radius / texel) / (SPSI_BALL_COARSE - SPSI_BALL_FINE);
-    if (!(share > 0) || ball->x1 < ball->x0 || ball->y1 < ball->y0) return;
-    /* a face of too few texels, or a ball as wide as its distance */
-    if (job->faces && (rays->width < 3 || !(2 * (double)particle->radius < spsi_length(offset)))) return;
-    mass = spsi_ball_mass(job, set, particle, ball, offset);
-    if (mass > 0) ball->depth *= (float)(1 + fmin(share, 1) * (1 / mass - 1));
-}
-
 static void spsi_balls_task(void *data, int index, int worker) {
     const spsi_ball_job *job = (const spsi_ball_job *)data;
     const spsi_frame *frame = job->frame;
@@ -16436,7 +16469,8 @@ static void spsi_balls_task(void *data, int index, int worker) {
         const int particle = job->order ? (int)job->order[i] : i;
         const spsi_particle_set *set = spsi_set_of(frame, particle);
         spsi_ball_build(job->rays, set, &frame->content->particles[particle], &job->balls[i]);
-        spsi_ball_weigh(job, set, &frame->content->particles[particle], &job->balls[i]);
+        spsi_ball_weigh(job->rays, job->faces, SPSI_BALL_COARSE_LIGHT, set, &frame->content->particles[particle],
+                        &job->balls[i]);
     }
 }
 
@@ -18881,7 +18915,7 @@ static void spsi_lamp_take(spsi_lamp *lamp, int table, spsi_choice choice) {
    reading, it counts as wider. */
 static void spsi_choose_for_unserved(const spsi_frame *frame, spsi_sweep *sweep, spsi_lamp *lamp) {
     const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
-    const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_MIN;
+    const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
     spsi_rays rays[SPSI_CUBE_FACES];
     int faces;
     spsi_lamp_take(lamp, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
@@ -18898,9 +18932,13 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
     spsi_sweep sweep;
     size_t held, filling;
     double bytes;
+    int serves;
     spsi_sweep_clear(frame, lamp, 0, &sweep);
     lamp->choice = SPSI_CHOICE_SHEETS;
-    if (!spsi_sweep_aim(frame, &sweep)) {
+    serves = spsi_sweep_aim(frame, &sweep);
+    if (spsi_eye_is_wide(frame) && !others && !lamp->extent.exists) /* parts of the image serve better */
+        serves &= sweep.cosine_of_eye >= SPSI_COSINE_EVEN;
+    if (!serves) {
         spsi_choose_for_unserved(frame, &sweep, lamp);
         return;
     }
@@ -21421,6 +21459,7 @@ typedef struct spsi_part {
     const spsi_sample *samples;
     spsi_v middle;      /* depth of its middle along the ray */
     spsi_v half;        /* half of its extent in depth */
+    spsi_v ends[2];     /* depths of its ends in the light's order, to the bit those of its neighbours */
     spsi_v depth;       /* optical depth */
     spsi_v first, last; /* shares of the slab's optical depth at which it begins and ends */
     int number;         /* in the light's order */
@@ -21753,6 +21792,9 @@ typedef struct spsi_reach {
     spsi_v middle[3]; /* from the light */
     spsi_v half;      /* half of its length along the eye's ray */
     spsi_v pixel;     /* world size of a pixel */
+    /* with a cone or an image, in the light's frame: */
+    spsi_v ends[2][3], normal[3]; /* normal: of the plane that the light and the ray span, about which it swings */
+    spsi_v centre[3], lit[2];     /* of what is lit, which begins and ends at these shares of it */
 } spsi_reach;
 
 static void spsi_reach_build(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
@@ -21793,6 +21835,172 @@ static spsi_v spsi_lamp_falloff(const spsi_pixels *p, const spsi_reach *reach) {
     return spsi_mean_inverse_square(spsi_max(beside, spsi_sqrt(spsi_dot_v(foot, foot))), s, reach->half);
 }
 
+/* Sets a part's ends in a light's frame. Small offsets from the axis are small in floats, too. */
+static void spsi_reach_place(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
+                             const spsi_part *part, spsi_reach *reach) {
+    const spsi_rays *eye = shader->eye;
+    const double turned = eye->perspective ? 1 : 0, moved = 1 - turned, y = (double)p->line.y;
+    double origin[3], a[3], b[3], c[3], from[3][SPSI_LANES], step[3][SPSI_LANES];
+    float t[2][SPSI_LANES], at[3][3][SPSI_LANES];
+    for (int k = 0; k < 2; ++k) spsi_store(t[k], part->ends[k]);
+    spsi_along(eye->origin, lamp->position, -1, c);
+    spsi_to_lamp(lamp, c, origin);
+    spsi_to_lamp(lamp, eye->a, a);
+    spsi_to_lamp(lamp, eye->b, b);
+    spsi_to_lamp(lamp, eye->c, c);
+    for (int k = 0; k < 3; ++k)
+        for (int n = 0; n < SPSI_LANES; ++n) {
+            const double aside = (p->line.x + n) * a[k] + y * b[k];
+            step[k][n] = c[k] + turned * aside;
+            from[k][n] = origin[k] + moved * aside + eye->depth_reference * step[k][n];
+            for (int end = 0; end < 2; ++end) at[end][k][n] = (float)(from[k][n] + (double)t[end][n] * step[k][n]);
+        }
+    for (int k = 0; k < 3; ++k) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        for (int n = 0; n < SPSI_LANES; ++n)
+            at[2][k][n] = (t[1][n] - t[0][n]) * (float)(from[i][n] * step[j][n] - from[j][n] * step[i][n]);
+    }
+    for (int k = 0; k < 3; ++k) {
+        for (int end = 0; end < 2; ++end) reach->ends[end][k] = spsi_load(at[end][k]);
+        reach->normal[k] = spsi_load(at[2][k]);
+        reach->centre[k] = spsi_mul(spsi_add(reach->ends[0][k], reach->ends[1][k]), spsi_set(0.5f));
+    }
+    reach->lit[0] = spsi_set(0);
+    reach->lit[1] = spsi_set(1);
+}
+
+/* A segment as a spotlight sees it. Directions to its points are at angles phi from the one that is nearest to the axis:
+   u = tan(phi / 2) stays precise in narrow cones. phi has the tangent s / z, both of which are linear in the point. */
+typedef struct spsi_swing {
+    spsi_v axial, versine; /* cosine between the axis and the plane of light and segment; 1 - cos */
+    spsi_v s, z, ds, dz;   /* at the beginning, and changes */
+    spsi_v area;           /* z ds - s dz */
+} spsi_swing;
+
+/* Where along the segment u is, 0..1. */
+static spsi_v spsi_swing_share(const spsi_swing *g, spsi_v u) {
+    const spsi_v c = spsi_sub(spsi_set(1), spsi_mul(u, u)), s = spsi_add(u, u);
+    const spsi_v way = spsi_sub(spsi_mul(s, g->z), spsi_mul(c, g->s));
+    const spsi_v size = spsi_sub(spsi_mul(c, g->ds), spsi_mul(s, g->dz));
+    return spsi_clamp(spsi_div(way, spsi_max(size, spsi_set(FLT_MIN))), spsi_set(0), spsi_set(1));
+}
+
+/* Integral of a cone's light from u = a to b over half of phi, or where light does not fall off, over the share of the
+   segment. [Gauss and Legendre] */
+static spsi_v spsi_swing_sum(const spsi_swing *g, const spsi_lamp *lamp, spsi_v a, spsi_v b) {
+    static const float at[3] = {0.112701665f, 0.5f, 0.887298335f}, weights[3] = {5.0f / 18, 8.0f / 18, 5.0f / 18};
+    const spsi_v way = spsi_sub(b, a), one = spsi_set(1);
+    spsi_v sum = spsi_set(0);
+    for (int i = 0; i < 3; ++i) {
+        const spsi_v u = spsi_fma(way, spsi_set(at[i]), a), square = spsi_mul(u, u), q = spsi_add(one, square);
+        const spsi_v more = spsi_div(spsi_mul(g->axial, spsi_add(square, square)), q);
+        const spsi_v light = spsi_cone_share(&lamp->cone, spsi_add(g->versine, more));
+        const spsi_v across = spsi_sub(spsi_mul(spsi_sub(one, square), g->ds), spsi_mul(spsi_add(u, u), g->dz));
+        const spsi_v speed = lamp->falls_off ? spsi_div(one, q)
+                                             : spsi_div(spsi_mul(spsi_add(g->area, g->area), q),
+                                                        spsi_max(spsi_mul(across, across), spsi_set(FLT_MIN)));
+        sum = spsi_fma(spsi_mul(light, spsi_set(weights[i])), speed, sum);
+    }
+    return spsi_mul(way, sum);
+}
+
+/* Moves a part's centre to u, in lanes. */
+static void spsi_swing_centre(const spsi_swing *g, const spsi_v n[3], spsi_v u, spsi_m lanes, spsi_reach *reach) {
+    const spsi_v one = spsi_set(1), square = spsi_mul(u, u), c = spsi_sub(one, square), share = spsi_swing_share(g, u);
+    spsi_v at[3], r, s;
+    for (int k = 0; k < 3; ++k) at[k] = spsi_mix(reach->ends[0][k], reach->ends[1][k], share);
+    r = spsi_sqrt(spsi_dot_v(at, at));
+    r = spsi_div(r, spsi_max(spsi_mul(spsi_add(one, square), g->axial), spsi_set(FLT_MIN)));
+    s = spsi_mul(spsi_add(u, u), r), r = spsi_mul(c, r);
+    at[0] = spsi_sub(spsi_mul(s, n[1]), spsi_mul(spsi_mul(r, n[2]), n[0]));
+    at[1] = spsi_sub(spsi_mul(spsi_sub(spsi_set(0), s), n[0]), spsi_mul(spsi_mul(r, n[2]), n[1]));
+    at[2] = spsi_mul(spsi_mul(g->axial, g->axial), r);
+    for (int k = 0; k < 3; ++k) reach->centre[k] = spsi_select(lanes, at[k], reach->centre[k]);
+}
+
+/* Mean of what a cone lets pass to a part, weighted by 1 / r^2 if light falls off, and where that is. Parts that lie in
+   one direction from the light, or behind it, take the light of their middle. */
+static spsi_v spsi_cone_mean(const spsi_lamp *lamp, spsi_reach *reach) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), tiny = spsi_set(FLT_MIN);
+    const spsi_v size = spsi_sqrt(spsi_max(spsi_dot_v(reach->normal, reach->normal), tiny));
+    const spsi_v nx = spsi_div(reach->normal[0], size), ny = spsi_div(reach->normal[1], size);
+    const spsi_v nz = spsi_div(reach->normal[2], size);
+    spsi_v n[3], s[2], u[2], outer[2], inner[2], sum, share, even = spsi_cone_share(&lamp->cone, spsi_versine_v(reach->centre));
+    spsi_swing g;
+    spsi_m lit, turns;
+    g.axial = spsi_sqrt(spsi_fma(nx, nx, spsi_mul(ny, ny)));
+    g.versine = spsi_div(spsi_mul(nz, nz), spsi_add(one, g.axial));
+    for (int k = 0; k < 2; ++k) {
+        const spsi_v *end = reach->ends[k];
+        const spsi_v away = spsi_mul(spsi_sqrt(spsi_dot_v(end, end)), g.axial);
+        s[k] = spsi_sub(spsi_mul(end[0], ny), spsi_mul(end[1], nx));
+        u[k] = spsi_div(s[k], spsi_max(spsi_add(away, end[2]), spsi_fma(away, spsi_set(1e-6f), tiny)));
+    }
+    g.s = s[0], g.ds = spsi_sub(s[1], s[0]);
+    g.z = reach->ends[0][2], g.dz = spsi_sub(reach->ends[1][2], g.z);
+    g.area = spsi_sub(spsi_mul(g.z, g.ds), spsi_mul(g.s, g.dz));
+    turns = spsi_less(spsi_mul(spsi_abs(u[0]), spsi_set(1e-5f)), spsi_sub(u[1], u[0]));
+    for (int k = 0; k < 2; ++k) {
+        const spsi_v edge = spsi_sub(spsi_set((float)(lamp->cone.none - k * lamp->cone.rim)), g.versine);
+        const spsi_v square = spsi_max(spsi_div(edge, spsi_max(spsi_add(g.axial, g.axial), tiny)), zero);
+        const spsi_v rim = spsi_sqrt(spsi_div(square, spsi_max(spsi_sub(one, square), spsi_set(1e-12f))));
+        spsi_v *end = k ? inner : outer;
+        end[0] = spsi_clamp(spsi_sub(zero, rim), u[0], u[1]);
+        end[1] = spsi_clamp(rim, u[0], u[1]);
+    }
+    lit = spsi_and(turns, spsi_less(outer[0], outer[1]));
+    even = spsi_select(turns, spsi_select(lit, one, zero), even);
+    if (!spsi_bits(spsi_and(lit, spsi_less(spsi_sub(inner[1], inner[0]), spsi_sub(u[1], u[0]))))) return even;
+    sum = spsi_add(spsi_swing_sum(&g, lamp, outer[0], inner[0]), spsi_swing_sum(&g, lamp, inner[1], outer[1]));
+    if (lamp->falls_off) {
+        const spsi_v all = spsi_angle(spsi_fma(u[0], u[1], one), spsi_sub(u[1], u[0]));
+        const spsi_v bright = spsi_angle(spsi_fma(inner[0], inner[1], one), spsi_sub(inner[1], inner[0]));
+        sum = spsi_div(spsi_add(sum, bright), spsi_max(all, tiny));
+    } else
+        sum = spsi_add(sum, spsi_swing_sum(&g, lamp, inner[0], inner[1]));
+    for (int k = 0; k < 2; ++k) {
+        share = spsi_swing_share(&g, outer[k]);
+        share = spsi_select(k ? spsi_less(outer[1], u[1]) : spsi_less(u[0], outer[0]), share, reach->lit[k]);
+        reach->lit[k] = spsi_select(lit, share, reach->lit[k]);
+    }
+    n[0] = nx, n[1] = ny, n[2] = nz;
+    spsi_swing_centre(&g, n, spsi_mul(spsi_add(outer[0], outer[1]), spsi_set(0.5f)), lit, reach);
+    return spsi_select(lit, spsi_min(sum, one), even);
+}
+
+/* What a cone lets pass to a part, along which optical depth changes by `change`: what is lit of it is attenuated by
+   less or more than all of it is. `travel` receives the direction of the light at its centre. */
+static spsi_v spsi_cone_over(const spsi_lamp *lamp, spsi_v change, spsi_reach *reach, spsi_v travel[3]) {
+    const spsi_v mean = spsi_cone_mean(lamp, reach), less = spsi_max(spsi_sub(spsi_set(0), change), spsi_set(0));
+    const spsi_v first = spsi_fma(change, reach->lit[0], less), last = spsi_fma(change, reach->lit[1], less);
+    const spsi_v all = spsi_mean_transmittance(less, spsi_add(change, less));
+    const spsi_v r = spsi_sqrt(spsi_max(spsi_dot_v(reach->centre, reach->centre), spsi_set(FLT_MIN)));
+    for (int i = 0; i < 3; ++i) {
+        const double axis[3] = {lamp->across[0][i], lamp->across[1][i], lamp->direction[i]};
+        spsi_v row[3];
+        spsi_set3(axis, row);
+        travel[i] = spsi_div(spsi_dot_v(row, reach->centre), r);
+    }
+    return spsi_mul(mean, spsi_div(spsi_mean_transmittance(first, last), all));
+}
+
+/* Whether a cone's light covers a vector of parts, 1, none of them, -1, or may end in one, 0. At an angle a from the
+   axis, the root of 1 - cos is sqrt(2) sin(a / 2). */
+static int spsi_cone_meets(const spsi_lamp *lamp, const spsi_reach *reach) {
+    const spsi_v zero = spsi_set(0), error = spsi_set(4e-6f), *middle = reach->middle;
+    const spsi_v r = spsi_sqrt(spsi_max(spsi_dot_v(middle, middle), spsi_set(FLT_MIN)));
+    const spsi_v turn = spsi_div(spsi_mul(reach->half, spsi_set(1.2f)), r); /* sqrt(1/2) pi/2 of its sine */
+    spsi_v axis[3], versine, none, whole;
+    if (!lamp->cone.exists) return 1;
+    spsi_set3(lamp->direction, axis);
+    versine = spsi_sub(spsi_set(1), spsi_div(spsi_dot_v(axis, middle), r));
+    none = spsi_add(spsi_set((float)sqrt(lamp->cone.none)), turn);
+    whole = spsi_sub(spsi_set((float)sqrt(fmax(lamp->cone.none - lamp->cone.rim, 0))), turn);
+    if (!spsi_bits(spsi_less(versine, spsi_fma(none, none, error)))) return -1;
+    whole = spsi_max(whole, zero);
+    return spsi_bits(spsi_less(spsi_mul(whole, whole), spsi_add(versine, error))) ? 0 : 1;
+}
+
 #define SPSI_IMAGE_STEPS 4 /* lookups of an image along a part of a slab */
 
 /* Colors the light at a part by the mean of the light's image along it. Pixels are at least as large as a step across
@@ -21801,57 +22009,58 @@ static void spsi_incident_color(const spsi_frame *frame, const spsi_lamp *lamp, 
                                 const spsi_reach *reach, spsi_incident *incident) {
     const spsi_v share = spsi_set(1.0f / SPSI_IMAGE_STEPS), cosine = spsi_dot_v(p->toward, incident->travel);
     const spsi_v sine = spsi_sqrt(spsi_max(spsi_sub(spsi_set(1), spsi_mul(cosine, cosine)), spsi_set(0)));
-    const spsi_v step = spsi_mul(spsi_mul(reach->half, sine), spsi_set(2.0f / SPSI_IMAGE_STEPS));
+    const spsi_v part = spsi_mul(spsi_sub(reach->lit[1], reach->lit[0]), share);
+    const spsi_v step = spsi_mul(spsi_mul(reach->half, sine), spsi_add(part, part));
     spsi_v color[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     for (int n = 0; n < SPSI_IMAGE_STEPS; ++n) {
-        const spsi_v along = spsi_mul(reach->half, spsi_set((2 * (float)n + 1) / SPSI_IMAGE_STEPS - 1));
+        const spsi_v along = spsi_mul(part, spsi_set((float)n + 0.5f - 0.5f * SPSI_IMAGE_STEPS));
         spsi_v at[3], here[3];
-        for (int i = 0; i < 3; ++i) at[i] = spsi_fma(along, p->toward[i], reach->middle[i]);
+        for (int i = 0; i < 3; ++i)
+            at[i] = spsi_fma(along, spsi_sub(reach->ends[1][i], reach->ends[0][i]), reach->centre[i]);
         spsi_projection_lookup(frame, lamp, at, spsi_max(reach->pixel, step), here);
         for (int c = 0; c < 3; ++c) color[c] = spsi_fma(share, here[c], color[c]);
     }
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(incident->irradiance[c], color[c]);
 }
 
-/* Light from a point of a light at a part of a slab. */
-static void spsi_lamp_point_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
-                               const spsi_part *part, spsi_incident *incident) {
-    const spsi_frame *frame = shader->frame;
-    spsi_v axis[3], irradiance = spsi_set(1);
-    spsi_reach reach;
+/* Irradiance from a point of a light at a part of a slab. `incident` holds the direction in which light travels, and gets
+   that of what a cone lights. Returns 0 if there is none. */
+static int spsi_lamp_point_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
+                              const spsi_part *part, spsi_v change, spsi_reach *reach, spsi_incident *incident) {
+    const int rim = spsi_cone_meets(lamp, reach);
+    spsi_v irradiance = spsi_set(rim < 0 ? 0.0f : 1.0f);
+    if (lamp->falls_off && rim >= 0) irradiance = spsi_lamp_falloff(p, reach);
+    if (rim >= 0 && (lamp->projection.exists || rim == 0)) spsi_reach_place(shader, lamp, p, part, reach);
+    if (rim == 0) irradiance = spsi_mul(irradiance, spsi_cone_over(lamp, change, reach, incident->travel));
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = irradiance;
-    if (!lamp->is_point && !lamp->projection.exists) { /* the same everywhere */
-        spsi_set3(lamp->direction, incident->travel);
-        return;
-    }
-    spsi_reach_build(shader, lamp, p, part, &reach);
-    if (lamp->falls_off) irradiance = spsi_lamp_falloff(p, &reach);
-    spsi_lamp_travel(lamp, p, &reach, incident->travel);
-    if (lamp->cone.exists) {
-        spsi_set3(lamp->direction, axis);
-        irradiance = spsi_mul(irradiance, spsi_cone_share(&lamp->cone, spsi_dot_v(axis, incident->travel)));
-    }
-    for (int c = 0; c < 3; ++c) incident->irradiance[c] = irradiance;
-    if (lamp->projection.exists) spsi_incident_color(frame, lamp, p, &reach, incident);
+    if (rim >= 0 && lamp->projection.exists) spsi_incident_color(shader->frame, lamp, p, reach, incident);
+    return rim >= 0;
 }
 
-/* The same from a light with an extent: the direction from its centre, and the mean irradiance of its points. */
-static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p, const spsi_part *part,
-                         spsi_incident *incident) {
-    const spsi_v share = spsi_set(1.0f / (float)lamp->few_count);
-    spsi_v sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+/* Light at a part of a slab, along which optical depth changes by `change` on its way: from a light with an extent the
+   direction from its centre, and the mean irradiance of its points. Returns 0 if there is none. */
+static int spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p, const spsi_part *part,
+                        spsi_v change, spsi_incident *incident) {
+    const spsi_v share = spsi_set(1.0f / (float)lamp->few_count), zero = spsi_set(0);
+    spsi_v sum[3] = {zero, zero, zero};
     spsi_reach reach;
-    if (lamp->few_count == 1) {
-        spsi_lamp_point_at(shader, lamp, p, part, incident);
-        return;
-    }
-    for (int i = 0; i < lamp->few_count; ++i) {
-        spsi_lamp_point_at(shader, &lamp->few[i], p, part, incident);
-        for (int c = 0; c < 3; ++c) sum[c] = spsi_add(sum[c], incident->irradiance[c]);
+    int any = 0;
+    for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_set(1);
+    if (!lamp->is_point && !lamp->projection.exists) { /* the same everywhere */
+        spsi_set3(lamp->direction, incident->travel);
+        return 1;
     }
     spsi_reach_build(shader, lamp, p, part, &reach);
     spsi_lamp_travel(lamp, p, &reach, incident->travel);
+    if (lamp->few_count == 1) return spsi_lamp_point_at(shader, lamp, p, part, change, &reach, incident);
+    for (int i = 0; i < lamp->few_count; ++i) {
+        spsi_incident own = *incident;
+        spsi_reach_build(shader, &lamp->few[i], p, part, &reach);
+        any |= spsi_lamp_point_at(shader, &lamp->few[i], p, part, change, &reach, &own);
+        for (int c = 0; c < 3; ++c) sum[c] = spsi_add(sum[c], own.irradiance[c]);
+    }
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(sum[c], share);
+    return any;
 }
 
 /* Where a part adds the radiance that it sends, by color. */
@@ -21865,7 +22074,7 @@ typedef struct spsi_carried {
     spsi_v passes[3];  /* mean transmittance between light and eye, times the lit share, by color */
     spsi_v lit[3];     /* the lit share alone; if light spreads, times the mean transmittance from the light */
     spsi_v start, end; /* optical depth between light and eye at the part's ends; if light spreads, from the part on */
-    int is_attenuated; /* 0: by nothing, and it is not scattered again; start, end and lit are not set */
+    int is_attenuated; /* 0: by nothing, and it is not scattered again; lit is not set */
 } spsi_carried;
 
 /* Radiance of light scattered forward more than once, per unit of the sample's optical depth and of irradiance without
@@ -21900,7 +22109,7 @@ static void spsi_add_lamp(const spsi_shader *shader, const spsi_pixels *p, const
     spsi_incident incident;
     spsi_forward_part place;
     spsi_v once[3], again[3];
-    spsi_lamp_at(shader, lamp, p, part, &incident);
+    if (!spsi_lamp_at(shader, lamp, p, part, spsi_sub(carried->end, carried->start), &incident)) return;
     if (forward)
         spsi_forward_part_build(spsi_sub(spsi_set(0), spsi_dot_v(incident.travel, p->toward)),
                                 spsi_add(carried->start, sent->ahead), spsi_add(carried->end, sent->ahead), &place);
@@ -22219,7 +22428,8 @@ static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_lam
     square = fmax(spsi_dot(toward, toward), DBL_MIN);
     cosine /= sqrt(square) * spsi_length(surface->normal);
     if (lamp->falls_off) cosine /= square;
-    if (lamp->is_point) cosine *= spsi_cone_at(&lamp->cone, -spsi_dot(lamp->direction, toward) / sqrt(square));
+    for (int i = 0; i < 3; ++i) toward[i] /= -sqrt(square);
+    if (lamp->is_point) cosine *= spsi_cone_at(&lamp->cone, spsi_versine(lamp, toward));
     irradiance[0] = irradiance[1] = irradiance[2] = 1;
     if (lamp->projection.exists) spsi_projection_at(frame, lamp, surface->point, surface->pixel, irradiance);
     for (int c = 0; c < 3; ++c) irradiance[c] *= cosine;
@@ -22735,12 +22945,24 @@ static void spsi_surfaces_ways(const spsi_surfaces *list, const double from[3], 
     }
 }
 
+/* The places in a light's frame. */
+static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_lamp *lamp, spsi_v place[3]) {
+    float lanes[3][SPSI_LANES];
+    for (int n = 0; n < SPSI_LANES; ++n) {
+        double offset[3], at[3];
+        for (int i = 0; i < 3; ++i) offset[i] = list->points.at[i][n] - lamp->position[i];
+        spsi_to_lamp(lamp, offset, at);
+        for (int i = 0; i < 3; ++i) lanes[i][n] = (float)at[i];
+    }
+    for (int i = 0; i < 3; ++i) place[i] = spsi_load(lanes[i]);
+}
+
 /* Adds the irradiance from a point of a light per unit of the light's color, before any shadow; where light falls off,
    times the square of the unit. Only the shading normal decides which side is lit, as for spsi_sight. */
 static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_lamp *point, const spsi_surfaces *list,
                                     double unit, spsi_v irradiance[3]) {
     const spsi_v zero = spsi_set(0);
-    spsi_v travel[3], normal[3], image[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, square = spsi_set(1), share;
+    spsi_v travel[3], normal[3], image[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, square = spsi_set(1), share, place[3];
     for (int i = 0; i < 3; ++i) normal[i] = spsi_load(list->normal[i]);
     spsi_set3(point->direction, travel);
     if (point->is_point) {
@@ -22750,16 +22972,10 @@ static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_lamp *
     }
     share = spsi_max(spsi_sub(zero, spsi_dot_v(normal, travel)), zero);
     if (point->falls_off) share = spsi_div(share, square);
-    if (point->cone.exists) {
-        spsi_v axis[3];
-        spsi_set3(point->direction, axis);
-        share = spsi_mul(share, spsi_cone_share(&point->cone, spsi_dot_v(axis, travel)));
-    }
-    if (point->projection.exists) {
-        spsi_v ways[3];
-        spsi_surfaces_ways(list, point->position, 1, ways);
-        spsi_projection_lookup(shader->frame, point, ways, spsi_surfaces_pixels(shader, list), image);
-    }
+    if (point->cone.exists || point->projection.exists) spsi_surfaces_places(list, point, place);
+    if (point->cone.exists) share = spsi_mul(share, spsi_cone_share(&point->cone, spsi_versine_v(place)));
+    if (point->projection.exists)
+        spsi_projection_lookup(shader->frame, point, place, spsi_surfaces_pixels(shader, list), image);
     for (int c = 0; c < 3; ++c) irradiance[c] = spsi_fma(share, image[c], irradiance[c]);
 }
 
@@ -23069,6 +23285,8 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
     part->samples = slab->samples + i * slab->material_count;
     part->middle = spsi_mix(from, to, spsi_set(((float)i + 0.5f) / count));
     part->half = spsi_mul(spsi_abs(spsi_sub(to, from)), spsi_set(0.5f / count));
+    part->ends[0] = i > 0 ? part->ends[1] : from;
+    part->ends[1] = i + 1 < slab->part_count ? spsi_mix(from, to, spsi_set(((float)i + 1) / count)) : to;
     part->depth = slab->part_depth[i];
     part->first = i > 0 ? part->last : spsi_set(0);
     part->last = i + 1 < slab->part_count ? spsi_min(spsi_add(part->first, share), spsi_set(1)) : spsi_set(1);
@@ -23088,6 +23306,7 @@ static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, spsi_
     const spsi_v from = spsi_clamp(spsi_sub(spsi_mul(first, count), number), zero, one);
     const spsi_v to = spsi_clamp(spsi_sub(spsi_mul(last, count), number), from, one);
     const spsi_v share = spsi_sub(to, from), aside = spsi_sub(spsi_add(from, to), one), begins = part->first;
+    const spsi_v ends[2] = {part->ends[0], part->ends[1]};
     if (!spsi_bits(spsi_less(zero, share))) return 0;
     for (int m = 0; m < slab->material_count; ++m) {
         samples[m] = part->samples[m];
@@ -23100,6 +23319,8 @@ static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, spsi_
     part->cut[1] = to;
     part->middle = spsi_fma(spsi_mul(part->half, spsi_set(backwards ? -1.0f : 1.0f)), aside, part->middle);
     part->half = spsi_mul(part->half, share);
+    part->ends[0] = spsi_mix(ends[0], ends[1], from);
+    part->ends[1] = spsi_mix(ends[0], ends[1], to);
     part->depth = spsi_mul(part->depth, share);
     part->first = spsi_mix(begins, part->last, from);
     part->last = spsi_mix(begins, part->last, to);
@@ -23868,6 +24089,8 @@ static void spsi_cell_spot_build(const spsi_shader *shader, double thickness, in
     spsi_pixels_build(shader, x, y, &spot->pixels);
     spot->part.middle = spsi_set(middle);
     spot->part.half = spsi_set(half);
+    spot->part.ends[0] = spsi_set(middle - half);
+    spot->part.ends[1] = spsi_set(middle + half);
     spot->slab.part_count = 1;
     spot->slab.enter = spsi_set(middle - half);
     spot->slab.leave = spsi_set(middle + half);
@@ -23927,7 +24150,7 @@ static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp,
     const spsi_v one = spsi_set(1);
     spsi_v passes[3] = {one, one, one}, passed_on[3], harmonic[SPSI_CELL_TERMS];
     spsi_incident incident;
-    spsi_lamp_at(&job->shader, lamp, &spot->pixels, &spot->part, &incident);
+    spsi_lamp_at(&job->shader, lamp, &spot->pixels, &spot->part, spsi_set(0), &incident);
     if (lamp->shadows) spsi_cell_spot_passes(job, table, spot, passes);
     if (passes_on) spsi_cell_spot_passed_on(table, spot, channels, passed_on);
     spsi_harmonics_v(incident.travel, job->grid->terms, harmonic);
@@ -24874,7 +25097,7 @@ static size_t spsi_cells_bytes(const spsi_frame *frame) {
 static uint64_t spsi_lamp_fingerprint(uint64_t hash, const spsi_lamp *lamp) {
     const double numbers[] = {lamp->position[0],   lamp->position[1],        lamp->position[2],
                               lamp->direction[0],  lamp->direction[1],       lamp->direction[2],
-                              lamp->extent.radius, (double)lamp->cone.scale, (double)lamp->cone.offset};
+                              lamp->extent.radius, lamp->cone.none,          lamp->cone.rim};
     const int flags[] = {
         lamp->is_point,      lamp->falls_off,           lamp->shadows,        lamp->cone.exists,
         lamp->extent.exists, lamp->extent.is_disc,      lamp->few_count,      lamp->has_map,
@@ -25221,7 +25444,8 @@ static void spsi_spread_light_task(void *data, int y, int worker) {
             spsi_cell_spot_build(&job->shader, thickness, x, y, job->first + k, &spot);
             middle = spot.part;
             middle.half = spsi_set(0);
-            spsi_lamp_at(&job->shader, &job->lamp, &spot.pixels, &middle, &incident);
+            middle.ends[0] = middle.ends[1] = middle.middle;
+            spsi_lamp_at(&job->shader, &job->lamp, &spot.pixels, &middle, spsi_set(0), &incident);
             spsi_spread_polygons(job, &spot, texel, at, filter);
             for (int c = 0; c < job->spread->channels; ++c)
                 spsi_store(job->source + (size_t)c * SPSI_CHUNK * job->plane + at,
@@ -26885,7 +27109,7 @@ static int spsi_axis_serves(const spsi_frame *frame, const spsi_lamp *lamp) {
     spsi_eye_axis(&frame->content->eye, axis);
     spsi_sweep_turn(frame, axis, &sweep);
     for (int i = 0; i < 3; ++i) toward[i] = sweep.back_to_front ? -sweep.slabs.normal[i] : sweep.slabs.normal[i];
-    return spsi_cosine_to_corners(toward, &frame->content->eye) >= SPSI_COSINE_MIN;
+    return spsi_cosine_to_corners(toward, &frame->content->eye) >= SPSI_COSINE_EVEN;
 }
 
 /* Chooses as a render does, except that particles have not been read: what depends on them stays open. */
@@ -26915,17 +27139,14 @@ static int spsi_plan_sliced_count(const spsi_frame *frame) {
    to call for all four where slabs about the camera's axis do not serve the whole image. */
 static int spsi_plan_sweep_count(const spsi_frame *frame) {
     const int sliced = spsi_plan_sliced_count(frame);
-    double axis[3];
     int parts = 0, part[4], sheets = 0;
     for (int i = 0; i < frame->lamps.count; ++i)
         sheets |= frame->lamps.list[i].sliced && frame->lamps.list[i].choice != SPSI_CHOICE_OPEN;
-    spsi_eye_axis(&frame->content->eye, axis);
     for (int n = 0; n < spsi_part_count(frame); ++n) {
         spsi_part_place(frame, n, part);
         parts += spsi_part_meets(part, frame->view.region);
     }
-    if (frame->particles.set_count > 0 && !sheets)
-        parts = spsi_cosine_to_corners(axis, &frame->content->eye) >= SPSI_COSINE_MIN ? 1 : 4;
+    if (frame->particles.set_count > 0 && !sheets) parts = spsi_eye_is_wide(frame) ? 4 : 1;
     return spsi_most(parts, sliced);
 }
 
@@ -27746,7 +27967,7 @@ static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *poi
     if (lamp->falls_off) irradiance *= spsi_point_inverse_square(point, lamp->position);
     if (lamp->projection.exists) spsi_projection_at(marcher->frame, lamp, point->position, point->pixel, image);
     if (!(image[0] > 0 || image[1] > 0 || image[2] > 0)) return 0;
-    irradiance *= spsi_cone_at(&lamp->cone, spsi_dot(lamp->direction, travel));
+    irradiance *= spsi_cone_at(&lamp->cone, spsi_versine(lamp, travel));
     if (!(irradiance > 0)) return 0;
     if (lamp->shadows && !spsi_march_sight(marcher->faces, lamp, point->position, -1, passes)) return 0;
     for (int c = 0; c < 3; ++c) arrives[c] = irradiance * image[c] * passes[c] * (double)lamp->color[c];
@@ -28679,33 +28900,34 @@ static double spsi_step_turn(const spsi_step *step, const spsi_lamp *lamp) {
     return half < distance ? asin(half / distance) : 4;
 }
 
-/* Range of the cosines between light that comes to a step and the light's axis. */
+/* Range of 1 - cos between light that comes to a step and the light's axis: at an angle a, its root is
+   sqrt(2) sin(a / 2), and changes by at most 1 / sqrt(2) of what a does. */
 static spsi_between spsi_step_axis(const spsi_step *step, const spsi_lamp *lamp) {
-    double travel[3], cosine, turn = spsi_step_turn(step, lamp);
+    const double turn = sqrt(0.5) * spsi_step_turn(step, lamp);
+    double travel[3], root;
     spsi_lamp_direction(lamp, step->points[1], travel);
-    cosine = spsi_dot(lamp->direction, travel);
-    return spsi_between_of(fmax(cosine - turn, -1), fmin(cosine + turn, 1));
+    root = sqrt(spsi_versine(lamp, travel));
+    return spsi_between_of(pow(fmax(root - turn, 0), 2), fmin(pow(root + turn, 2), 2));
 }
 
-/* Whether a cone begins or ends in a range of cosines. */
+/* Whether a cone begins or ends in a range of 1 - cos. */
 static int spsi_cone_bends(const spsi_cone *cone, spsi_between range) {
-    const double low = range.low * (double)cone->scale + (double)cone->offset;
-    const double high = range.high * (double)cone->scale + (double)cone->offset;
+    const double low = (cone->none - range.high) / cone->rim, high = (cone->none - range.low) / cone->rim;
     return cone->exists && ((low < 0 && high > 0) || (low < 1 && high > 1));
 }
 
-/* What a light's cone lets pass on a step, in which the cosine from its axis is within `range`. Where it begins and
-   where it ends it has corners, and between them it is the square of a linear function. */
-static void spsi_coming_cone(const spsi_cone *cone, const double cosines[3], spsi_between range,
+/* What a light's cone lets pass on a step, in which 1 - cos from its axis is within `range`. Where it begins and where it
+   ends it has corners, and between them it is the square of a linear function. */
+static void spsi_coming_cone(const spsi_cone *cone, const double versines[3], spsi_between range,
                              const spsi_series *turning, spsi_coming *coming) {
     spsi_series share = *turning;
-    for (int j = 0; j < 3; ++j) coming->falls[j] *= spsi_cone_at(cone, cosines[j]);
-    coming->range.low *= spsi_cone_at(cone, range.low);
-    coming->range.high *= spsi_cone_at(cone, range.high);
-    if (!cone->exists || spsi_cone_at(cone, range.low) >= 1) return;
+    for (int j = 0; j < 3; ++j) coming->falls[j] *= spsi_cone_at(cone, versines[j]);
+    coming->range.low *= spsi_cone_at(cone, range.high);
+    coming->range.high *= spsi_cone_at(cone, range.low);
+    if (!cone->exists || spsi_cone_at(cone, range.high) >= 1) return;
     coming->smooth &= !spsi_cone_bends(cone, range);
-    for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) share.term[k] *= (double)cone->scale;
-    share.term[0] = fmax(range.high * (double)cone->scale + (double)cone->offset, 0);
+    for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) share.term[k] /= cone->rim;
+    share.term[0] = fmax((cone->none - range.low) / cone->rim, 0);
     coming->falloff = spsi_series_product(&coming->falloff, &share);
     coming->falloff = spsi_series_product(&coming->falloff, &share);
 }
@@ -28744,7 +28966,7 @@ static void spsi_coming_phase(const spsi_step *step, const spsi_lamp *lamp, cons
         double travel[3], offset[3];
         spsi_lamp_direction(lamp, step->points[j], travel);
         cosines[j] = -spsi_dot(travel, step->ray.direction);
-        axis[j] = spsi_dot(lamp->direction, travel);
+        axis[j] = spsi_versine(lamp, travel);
         spsi_along(lamp->position, step->points[j], -1, offset);
         if (j == 1 && lamp->is_point) distance = spsi_length(offset);
     }

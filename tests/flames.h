@@ -15,6 +15,12 @@
 #define FLAME_SIZE   (2 * FLAME_RADIUS)   /* its diameter */
 enum { FLAME_SIDE = 32, HAZE_SIDE = 64 }; /* voxels along each side */
 
+typedef enum flames_source {
+    FLAMES_BALL, /* of even glow */
+    FLAMES_LAMP, /* a point light */
+    FLAMES_SPOT  /* a spotlight from straight above, which lights a disc of the floor */
+} flames_source;
+
 /* A scene and what it is made of. All pointers lead into the struct, so that it must stay where it is. */
 typedef struct flames {
     sps_scene scene;
@@ -28,11 +34,13 @@ typedef struct flames {
     sps_indexed_mesh net;
     float corners[12];
     sps_light lamp;
-    /* For the truth: a ball of even glow about the origin, a box of even gas, a floor */
-    double radius, intensity[3]; /* of all of the ball, per steradian */
-    double half[3], extinction, albedo[3];
-    double floor, color[3]; /* the floor's y */
-    int has_floor;
+    /* For the truth: a source of light, a box of even gas about the origin, a square floor or the walls of that box */
+    flames_source source;
+    double focus[3];                       /* where it is; of a spotlight, where it lights the floor */
+    double radius, intensity[3];           /* of the ball, and of all of it, per steradian */
+    double half[3], extinction, albedo[3]; /* of the gas */
+    double floor, floor_half, color[3];    /* the floor's y, half of its side, its reflectance */
+    int has_floor, has_walls;              /* all sides of the box but +z */
 } flames;
 
 /* --- parts of scenes --- */
@@ -128,7 +136,7 @@ static inline void flames_add_floor(flames *f, double below, double half, double
     f->net.vertex_count = 4, f->net.positions = f->corners, f->net.triangle_count = 2, f->net.indices_u16 = indices;
     f->mesh.triangle_count = 2, f->mesh.read_fn = sps_indexed_mesh_read, f->mesh.user = &f->net;
     f->scene.meshes = &f->mesh, f->scene.mesh_count = 1;
-    f->has_floor = 1, f->floor = (double)y;
+    f->has_floor = 1, f->floor = (double)y, f->floor_half = half;
     for (int c = 0; c < 3; ++c) f->mesh.color[c] = color[c], f->color[c] = (double)color[c];
     sps_camera *camera = &f->view.camera;
     camera->target[1] = (double)y;
@@ -183,6 +191,54 @@ static inline flames *flames_floor(int width, double below, double shown, flames
     if (around == FLAMES_WIDE) flames_add_haze(f, boxes[0], 1e-5, black);
     if (around == FLAMES_IN_SMOKE) flames_add_haze(f, boxes[1], 0.3, smoke);
     flames_add_floor(f, below, 30 * below, shown);
+    return f;
+}
+
+/* A spotlight from 2 units straight above lights a disc of 0.1 on a wall of 4 (here the floor), in haze with an optical
+   depth of 0.1 per unit, seen along the wall, 2 units across. */
+static inline flames *flames_patch(int width) {
+    const double half[3] = {2, 1, 2};
+    const float albedo[3] = {1, 0.9f, 0.7f}, color[3] = {100000, 60000, 20000};
+    flames *f = flames_begin(width);
+    flames_add_haze(f, half, 0.1, albedo);
+    flames_add_floor(f, 0.9, 2, 2);
+    memset(&f->view.camera, 0, sizeof f->view.camera);
+    f->view.camera.position[2] = 20, f->view.camera.ortho_height = 2;
+    f->lamp.kind = SPS_LIGHT_POINT, f->lamp.position[1] = 1.1, f->lamp.direction[1] = -1;
+    f->lamp.outer_cone = atan(0.025);
+    for (int c = 0; c < 3; ++c) f->lamp.color[c] = color[c], f->intensity[c] = (double)color[c];
+    f->scene.lights = &f->lamp, f->scene.light_count = 1;
+    f->source = FLAMES_SPOT, f->focus[1] = f->floor;
+    return f;
+}
+
+/* A lamp in fog with an optical depth of 0.5 per unit, which fills a room of 4 by 3 by 4 units. The side towards the
+   camera is open; beyond the other walls the fog goes on for four voxels, so that it is even up to them. */
+static inline flames *flames_room(int width) {
+    static const float sides[] = {-2, -1.5f, 2,  -2, -1.5f, -2, -2, 1.5f,  -2, -2, 1.5f,  2,  2,  -1.5f, -2,
+                                  2,  -1.5f, 2,  2,  1.5f,  2,  2,  1.5f,  -2, -2, -1.5f, 2,  2,  -1.5f, 2,
+                                  2,  -1.5f, -2, -2, -1.5f, -2, -2, 1.5f,  -2, 2,  1.5f,  -2, 2,  1.5f,  2,
+                                  -2, 1.5f,  2,  -2, -1.5f, -2, 2,  -1.5f, -2, 2,  1.5f,  -2, -2, 1.5f,  -2};
+    static const uint16_t indices[] = {0, 1,  2,  0,  2,  3,  4,  5,  6,  4,  6,  7,  8,  9,  10,
+                                       8, 10, 11, 12, 13, 14, 12, 14, 15, 16, 17, 18, 16, 18, 19};
+    const double half[3] = {2, 1.5, 2};
+    double grown[3];
+    const float albedo[3] = {0.95f, 0.9f, 0.8f}, color[3] = {10, 6, 2};
+    flames *f = flames_begin(width);
+    for (int i = 0; i < 3; ++i) grown[i] = half[i] * HAZE_SIDE / (HAZE_SIDE - 8);
+    flames_add_haze(f, grown, 0.5, albedo);
+    f->volumes[0].placement.origin[2] -= grown[2] - half[2]; /* its front, too, is where the room's is */
+    flames_add_floor(f, 1.5, 2, 2.8);
+    memcpy(f->half, half, sizeof half);
+    f->has_floor = 0, f->has_walls = 1;
+    f->net.vertex_count = 20, f->net.positions = sides, f->net.triangle_count = 10, f->net.indices_u16 = indices;
+    f->mesh.triangle_count = 10;
+    memset(&f->view.camera, 0, sizeof f->view.camera);
+    f->view.camera.position[2] = 20, f->view.camera.ortho_height = 2.8;
+    f->lamp.kind = SPS_LIGHT_POINT, f->lamp.position[1] = 0.5;
+    for (int c = 0; c < 3; ++c) f->lamp.color[c] = color[c], f->intensity[c] = (double)color[c];
+    f->scene.lights = &f->lamp, f->scene.light_count = 1;
+    f->source = FLAMES_LAMP, f->radius = 0.002, f->focus[1] = 0.5;
     return f;
 }
 
@@ -256,61 +312,163 @@ typedef struct flames_ray {
     double origin[3], direction[3]; /* of unit length */
 } flames_ray;
 
-/* The part of a ray in the gas, from 0 on, up to the floor. Returns the distance of the floor, infinity if it has none.
- */
-static inline double flames_cross(const flames *f, const flames_ray *ray, double range[2]) {
-    double end = HUGE_VAL;
-    range[0] = 0, range[1] = HUGE_VAL;
-    if (f->has_floor && ray->direction[1] < 0 && ray->origin[1] > f->floor)
-        end = range[1] = (f->floor - ray->origin[1]) / ray->direction[1];
-    for (int i = 0; i < 3; ++i) {
-        const double d = fabs(ray->direction[i]) > 1e-12 ? ray->direction[i] : 1e-12;
-        const double a = (-f->half[i] - ray->origin[i]) / d, b = (f->half[i] - ray->origin[i]) / d;
-        range[0] = fmax(range[0], fmin(a, b)), range[1] = fmin(range[1], fmax(a, b));
-    }
-    if (!(range[1] > range[0])) range[1] = range[0] = 0;
-    return end;
-}
-
-/* Transmittance between a point and the flame's centre, and their distance. */
-static inline double flames_passes(const flames *f, const double point[3], double *distance) {
-    flames_ray ray;
-    double range[2];
-    *distance = sqrt(point[0] * point[0] + point[1] * point[1] + point[2] * point[2]);
-    for (int i = 0; i < 3; ++i) ray.origin[i] = point[i], ray.direction[i] = -point[i] / *distance;
-    flames_cross(f, &ray, range);
-    return exp(-f->extinction * fmax(0, fmin(range[1], *distance) - fmin(range[0], *distance)));
-}
+/* A place on a ray where it meets a floor or a wall. */
+typedef struct flames_hit {
+    double distance;  /* infinity: none */
+    double normal[3]; /* towards where the ray comes from */
+} flames_hit;
 
 static inline void flames_along(const flames_ray *ray, double t, double point[3]) {
     for (int i = 0; i < 3; ++i) point[i] = ray->origin[i] + t * ray->direction[i];
 }
 
-/* Adds what gas at a point scatters towards anywhere, straight from the flame, per unit of optical depth. */
+static inline void flames_hit_floor(const flames *f, const flames_ray *ray, flames_hit *hit) {
+    const double t = (f->floor - ray->origin[1]) / ray->direction[1];
+    double point[3];
+    if (!(f->has_floor && ray->direction[1] < 0 && t > 0)) return;
+    flames_along(ray, t, point);
+    if (!(fabs(point[0]) <= f->floor_half && fabs(point[2]) <= f->floor_half)) return;
+    hit->distance = t, hit->normal[1] = 1;
+}
+
+/* The part of a ray in the gas, from 0 on, up to the floor or wall that it meets. */
+static inline void flames_cross(const flames *f, const flames_ray *ray, double range[2], flames_hit *hit) {
+    int last = 0;
+    memset(hit, 0, sizeof *hit);
+    hit->distance = HUGE_VAL;
+    flames_hit_floor(f, ray, hit);
+    range[0] = 0, range[1] = hit->distance;
+    for (int i = 0; i < 3; ++i) {
+        const double d = fabs(ray->direction[i]) > 1e-12 ? ray->direction[i] : 1e-12;
+        const double a = (-f->half[i] - ray->origin[i]) / d, b = (f->half[i] - ray->origin[i]) / d;
+        range[0] = fmax(range[0], fmin(a, b));
+        if (fmax(a, b) < range[1]) range[1] = fmax(a, b), last = i;
+    }
+    if (!(range[1] > range[0])) {
+        range[1] = range[0] = 0;
+    } else if (f->has_walls && !(last == 2 && ray->direction[2] > 0)) {
+        hit->distance = range[1];
+        hit->normal[last] = ray->direction[last] > 0 ? -1 : 1;
+    }
+}
+
+/* Transmittance between a point and another one, their distance, and the direction. */
+static inline double flames_passes(const flames *f, const double from[3], const double to[3], double *distance,
+                                   double direction[3]) {
+    flames_ray ray;
+    flames_hit hit;
+    double range[2], square = 0;
+    for (int i = 0; i < 3; ++i) square += (to[i] - from[i]) * (to[i] - from[i]);
+    *distance = sqrt(fmax(square, 1e-300));
+    for (int i = 0; i < 3; ++i)
+        ray.origin[i] = from[i], ray.direction[i] = direction[i] = (to[i] - from[i]) / *distance;
+    flames_cross(f, &ray, range, &hit);
+    return exp(-f->extinction * fmax(0, fmin(range[1], *distance) - fmin(range[0], *distance)));
+}
+
+/* --- light straight from the source, and from the beam of a spotlight --- */
+
+enum { FLAMES_BEAM = 24 };
+
+/* Flux of a spotlight without inner cone, per unit of intensity: the square of a share that grows with the cosine. */
+static inline double flames_spot_flux(const flames *f) { return 2 * FLAME_PI * (1 - cos(f->lamp.outer_cone)) / 3; }
+
+/* The n-th of FLAMES_BEAM points of the lit disc that reflect the same power. */
+static inline void flames_spot_point(const flames *f, int n, double point[3]) {
+    const double s = cbrt((n / 6 + 0.5) / (FLAMES_BEAM / 6)), turn = (n % 6 + 0.25 * (n / 6)) * FLAME_PI / 3;
+    const double cosine = 1 - (1 - s) * (1 - cos(f->lamp.outer_cone));
+    const double r = (f->lamp.position[1] - f->floor) * sqrt(1 / (cosine * cosine) - 1);
+    point[0] = r * cos(turn), point[1] = f->floor, point[2] = r * sin(turn);
+}
+
+/* The n-th of FLAMES_BEAM points of the beam, even in angle about a point. Returns the power that gas scatters there,
+   as intensity over the square of the distance, per unit of the spotlight's intensity and of the albedo. */
+static inline double flames_beam_point(const flames *f, const double about[3], int n, double point[3]) {
+    const double q = fmax(hypot(about[0], about[2]), 1e-9), top = fmin(f->half[1], f->lamp.position[1]);
+    const double low = atan((f->floor - about[1]) / q), high = atan((top - about[1]) / q);
+    const double past =
+        exp(-f->extinction * (top - (point[1] = about[1] + q * tan(low + (high - low) * (n + 0.5) / FLAMES_BEAM))));
+    point[0] = point[2] = 0;
+    return flames_spot_flux(f) * f->extinction * past / (4 * FLAME_PI) * (high - low) / FLAMES_BEAM / q;
+}
+
+/* Adds the light of a spotlight that gas or floor has sent on once: fluence, or irradiance if there is a normal. */
+static inline void flames_add_spot(const flames *f, const double point[3], const double *normal, double sum[3]) {
+    const double past = exp(-f->extinction * (fmin(f->half[1], f->lamp.position[1]) - f->floor));
+    for (int n = 0; n < FLAMES_BEAM; ++n) {
+        double at[3], way[3], distance, power = flames_beam_point(f, point, n, at);
+        double passes = flames_passes(f, point, at, &distance, way);
+        const double cosine = normal ? fmax(0, normal[0] * way[0] + normal[1] * way[1] + normal[2] * way[2]) : 1;
+        for (int c = 0; c < 3; ++c) sum[c] += power * passes * cosine * f->albedo[c] * f->intensity[c];
+        if (normal) continue; /* the floor does not light itself */
+        flames_spot_point(f, n, at);
+        passes = flames_passes(f, point, at, &distance, way) * fmax(0, -way[1]) / (distance * distance);
+        power = flames_spot_flux(f) * past / (FLAMES_BEAM * FLAME_PI);
+        for (int c = 0; c < 3; ++c) sum[c] += power * passes * f->color[c] * f->intensity[c];
+    }
+}
+
+/* Adds what gas at a point scatters, straight from the source, per unit of optical depth. */
 static inline void flames_light_gas(const flames *f, const double point[3], const double weight[3], double sum[3]) {
-    double distance;
-    const double passes = flames_passes(f, point, &distance);
-    const double mean = passes * flames_inverse_square(f->radius, distance) / (4 * FLAME_PI);
-    for (int c = 0; c < 3; ++c) sum[c] += weight[c] * f->albedo[c] * f->intensity[c] * mean;
+    double fluence[3] = {0, 0, 0}, distance, way[3];
+    if (f->source == FLAMES_SPOT) {
+        flames_add_spot(f, point, NULL, fluence);
+    } else {
+        const double passes = flames_passes(f, point, f->focus, &distance, way);
+        for (int c = 0; c < 3; ++c) fluence[c] = f->intensity[c] * passes * flames_inverse_square(f->radius, distance);
+    }
+    for (int c = 0; c < 3; ++c) sum[c] += weight[c] * f->albedo[c] * fluence[c] / (4 * FLAME_PI);
 }
 
-/* Adds what the floor reflects straight from the flame. */
-static inline void flames_light_floor(const flames *f, const double point[3], const double weight[3], double sum[3]) {
-    double distance;
-    const double passes = flames_passes(f, point, &distance);
-    for (int c = 0; c < 3; ++c)
-        sum[c] += weight[c] * f->color[c] / FLAME_PI * f->intensity[c] * passes * flames_irradiance(point);
+/* Adds what a floor or wall reflects, straight from the source. */
+static inline void flames_light_wall(const flames *f, const double point[3], const double normal[3],
+                                     const double weight[3], double sum[3]) {
+    double irradiance[3] = {0, 0, 0}, distance, way[3];
+    if (f->source == FLAMES_SPOT) {
+        flames_add_spot(f, point, normal, irradiance);
+    } else {
+        const double passes = flames_passes(f, point, f->focus, &distance, way);
+        const double cosine = fmax(0, normal[0] * way[0] + normal[1] * way[1] + normal[2] * way[2]);
+        for (int c = 0; c < 3; ++c) irradiance[c] = f->intensity[c] * passes * cosine / (distance * distance);
+    }
+    for (int c = 0; c < 3; ++c) sum[c] += weight[c] * f->color[c] / FLAME_PI * irradiance[c];
 }
 
-/* A random direction: evenly, or about +y by its cosine. */
-static inline void flames_direction(uint64_t *random, int up, double direction[3]) {
-    const double u = flames_random(random), turn = 2 * FLAME_PI * flames_random(random);
-    const double y = up ? sqrt(u) : 2 * u - 1, r = sqrt(fmax(0, 1 - y * y));
-    direction[0] = r * cos(turn), direction[1] = y, direction[2] = r * sin(turn);
+/* A unit vector at a cosine from an axis, itself a unit vector, in a random direction about it. */
+static inline void flames_about(uint64_t *random, const double axis[3], double cosine, double direction[3]) {
+    const double turn = 2 * FLAME_PI * flames_random(random), sine = sqrt(fmax(0, 1 - cosine * cosine));
+    const int k = fabs(axis[0]) < 0.6 ? 0 : 1; /* an axis across */
+    double across[3] = {-axis[k] * axis[0], -axis[k] * axis[1], -axis[k] * axis[2]}, size;
+    across[k] += 1;
+    size = sqrt(across[0] * across[0] + across[1] * across[1] + across[2] * across[2]);
+    for (int i = 0; i < 3; ++i) across[i] /= size;
+    for (int i = 0; i < 3; ++i) {
+        const int j = (i + 1) % 3, l = (i + 2) % 3;
+        direction[i] =
+            cosine * axis[i] + sine * (cos(turn) * across[i] + sin(turn) * (axis[j] * across[l] - axis[l] * across[j]));
+    }
 }
 
-/* Draws a place on a ray's part in the gas: by what gets there, or by the angle about the flame, at which it lights
-   evenly. Returns the probability of a collision there over the density. */
+/* Turns a path, in gas evenly, off a wall by the cosine: half of all that way, the others by an even angle from the
+   direction of the source, near which a ray meets the brightest places. Returns the weight. */
+static inline double flames_turn(const flames *f, uint64_t *random, const double *normal, flames_ray *ray) {
+    double toward[3], distance, cosine, part, along = 1, density;
+    flames_passes(f, ray->origin, f->focus, &distance, toward);
+    if (flames_random(random) < 0.5)
+        flames_about(random, toward, cos(FLAME_PI * flames_random(random)), ray->direction);
+    else if (normal)
+        flames_about(random, normal, sqrt(flames_random(random)), ray->direction);
+    else
+        flames_about(random, toward, 2 * flames_random(random) - 1, ray->direction);
+    cosine = toward[0] * ray->direction[0] + toward[1] * ray->direction[1] + toward[2] * ray->direction[2];
+    part = 1 / (2 * FLAME_PI * FLAME_PI * fmax(sqrt(fmax(0, 1 - cosine * cosine)), 1e-9));
+    if (normal) along = normal[0] * ray->direction[0] + normal[1] * ray->direction[1] + normal[2] * ray->direction[2];
+    density = normal ? fmax(along, 0) / FLAME_PI : 0.25 / FLAME_PI;
+    return density / (0.5 * density + 0.5 * part);
+}
+
+/* Draws a place on a ray's part in the gas: by what gets there, or by the angle about the source, which lights all
+   angles evenly. Returns the probability of a collision there over the density. */
 static inline double flames_collide(const flames *f, const flames_ray *ray, const double range[2], uint64_t *random,
                                     double *t) {
     const double middle =
@@ -318,7 +476,8 @@ static inline double flames_collide(const flames *f, const flames_ray *ray, cons
     const double taken = -expm1(-f->extinction * (range[1] - range[0]));
     double foot[3], q, low, high, density;
     flames_along(ray, middle, foot);
-    q = fmax(sqrt(foot[0] * foot[0] + foot[1] * foot[1] + foot[2] * foot[2]), 1e-6 * (range[1] - range[0]));
+    q = hypot(hypot(foot[0] - f->focus[0], foot[1] - f->focus[1]), foot[2] - f->focus[2]);
+    q = fmax(q, 1e-6 * (range[1] - range[0]));
     low = atan((range[0] - middle) / q), high = atan((range[1] - middle) / q);
     if (flames_random(random) < 0.5)
         *t = range[0] - log1p(-taken * flames_random(random)) / f->extinction;
@@ -330,63 +489,69 @@ static inline double flames_collide(const flames *f, const flames_ray *ray, cons
     return collides / density;
 }
 
-/* Follows a path that has just been turned, and adds what it meets that the flame lights. */
-static inline void flames_follow(const flames *f, flames_ray *ray, const double start[3], uint64_t *random,
-                                 double sum[3]) {
+/* Follows a path that has just been turned, by a wall or by gas, and adds what it meets that the source lights. */
+static inline void flames_follow(const flames *f, flames_ray *ray, int off_wall, const double start[3],
+                                 uint64_t *random, double sum[3]) {
     double weight[3] = {start[0], start[1], start[2]}, range[2], t;
-    for (int order = 0; order < 12; ++order) {
-        const double floor = flames_cross(f, ray, range), passes = exp(-f->extinction * (range[1] - range[0]));
-        const double chance = !(floor < 1e300) ? 1 : passes < 1 ? fmin(fmax(1 - passes, 0.25), 0.75) : 0; /* of gas */
-        if (!(floor < 1e300) && !(passes < 1)) return;
-        if (flames_random(random) < chance) {
-            const double w = flames_collide(f, ray, range, random, &t) / chance;
-            for (int c = 0; c < 3; ++c) weight[c] *= w;
-            flames_along(ray, t, ray->origin);
+    for (int order = 0; order < 40 && weight[0] > 0; ++order) {
+        flames_hit hit;
+        flames_cross(f, ray, range, &hit);
+        const double passes = exp(-f->extinction * (range[1] - range[0]));
+        const int wall = hit.distance < 1e300 && !off_wall;
+        const double chance = !wall ? 1 : passes < 1 ? fmin(fmax(1 - passes, 0.25), 0.75) : 0; /* of gas */
+        if (!wall && !(passes < 1)) return;
+        off_wall = !(flames_random(random) < chance);
+        double w = off_wall ? passes / (1 - chance) : flames_collide(f, ray, range, random, &t) / chance;
+        for (int c = 0; c < 3; ++c) weight[c] *= w;
+        flames_along(ray, off_wall ? hit.distance : t, ray->origin);
+        if (off_wall)
+            flames_light_wall(f, ray->origin, hit.normal, weight, sum);
+        else
             flames_light_gas(f, ray->origin, weight, sum);
-            for (int c = 0; c < 3; ++c) weight[c] *= f->albedo[c];
-            flames_direction(random, 0, ray->direction);
-        } else {
-            const double w = passes / (1 - chance);
-            for (int c = 0; c < 3; ++c) weight[c] *= w;
-            flames_along(ray, floor, ray->origin);
-            flames_light_floor(f, ray->origin, weight, sum);
-            for (int c = 0; c < 3; ++c) weight[c] *= f->color[c];
-            flames_direction(random, 1, ray->direction);
-        }
+        w = flames_turn(f, random, off_wall ? hit.normal : NULL, ray);
+        for (int c = 0; c < 3; ++c) weight[c] *= w * (off_wall ? f->color[c] : f->albedo[c]);
     }
 }
 
-/* Radiance along an eye's ray, without what the flame itself shows there: what has scattered or been reflected once by
-   `steps` midpoints, the rest by random paths, one that begins in the gas for each step of `paths`, and one on the
-   floor. */
-static inline void flames_radiance(const flames *f, const flames_ray *eye, int steps, int paths, uint64_t *random,
-                                   double sum[3]) {
-    double range[2], more[3] = {0, 0, 0};
-    const double floor = flames_cross(f, eye, range), length = range[1] - range[0];
-    const double past = exp(-f->extinction * length);
-    flames_ray ray;
-    double weight[3];
+/* What has scattered or been reflected once, straight from the source, along an eye's ray, by midpoints. */
+static inline void flames_radiance_once(const flames *f, const flames_ray *eye, int steps, double sum[3]) {
+    double range[2], weight[3], point[3];
+    flames_hit hit;
+    flames_cross(f, eye, range, &hit);
+    const double length = range[1] - range[0], h = length / steps;
     sum[0] = sum[1] = sum[2] = 0;
     for (int i = 0; i < steps && length > 0; ++i) {
-        const double h = length / steps, t = (i + 0.5) * h, w = f->extinction * h * exp(-f->extinction * t);
-        flames_along(eye, range[0] + t, ray.origin);
-        for (int c = 0; c < 3; ++c) weight[c] = w;
-        flames_light_gas(f, ray.origin, weight, sum);
+        weight[0] = weight[1] = weight[2] = f->extinction * h * exp(-f->extinction * (i + 0.5) * h);
+        flames_along(eye, range[0] + (i + 0.5) * h, point);
+        flames_light_gas(f, point, weight, sum);
     }
-    for (int c = 0; c < 3; ++c) weight[c] = past;
-    flames_along(eye, floor, ray.origin);
-    if (floor < 1e300) flames_light_floor(f, ray.origin, weight, sum);
+    weight[0] = weight[1] = weight[2] = exp(-f->extinction * length);
+    if (!(hit.distance < 1e300)) return;
+    flames_along(eye, hit.distance, point);
+    flames_light_wall(f, point, hit.normal, weight, sum);
+}
+
+/* Radiance along an eye's ray, without what the source itself shows there: the above, and the rest by random paths, so
+   many that begin in the gas, and as many on the wall. */
+static inline void flames_radiance(const flames *f, const flames_ray *eye, int steps, int paths, uint64_t *random,
+                                   double sum[3]) {
+    double range[2], more[3] = {0, 0, 0}, weight[3], w;
+    flames_ray ray;
+    flames_hit hit;
+    flames_cross(f, eye, range, &hit);
+    const double past = exp(-f->extinction * (range[1] - range[0]));
+    flames_radiance_once(f, eye, steps, sum);
     for (int i = 0; i < paths && f->extinction > 0; ++i) {
         const double u = (i + flames_random(random)) / paths;
         flames_along(eye, range[0] - log(1 - u * (1 - past)) / f->extinction, ray.origin);
-        flames_direction(random, 0, ray.direction);
-        for (int c = 0; c < 3; ++c) weight[c] = (1 - past) * f->albedo[c] / paths;
-        flames_follow(f, &ray, weight, random, more);
-        if (!(floor < 1e300)) continue;
-        flames_along(eye, floor, ray.origin);
-        flames_direction(random, 1, ray.direction);
-        for (int c = 0; c < 3; ++c) weight[c] = past * f->color[c] / paths;
-        flames_follow(f, &ray, weight, random, more);
+        w = flames_turn(f, random, NULL, &ray);
+        for (int c = 0; c < 3; ++c) weight[c] = w * (1 - past) * f->albedo[c] / paths;
+        flames_follow(f, &ray, 0, weight, random, more);
+        if (!(hit.distance < 1e300)) continue;
+        flames_along(eye, hit.distance, ray.origin);
+        w = flames_turn(f, random, hit.normal, &ray);
+        for (int c = 0; c < 3; ++c) weight[c] = w * past * f->color[c] / paths;
+        flames_follow(f, &ray, 1, weight, random, more);
     }
     for (int c = 0; c < 3; ++c) sum[c] += more[c];
 }

@@ -1,7 +1,7 @@
 /* first-flights: how light that has not scattered yet reaches gas and polygons from small sources: for each scene of
    tests/flames.h and each quality, the error of the default render against closed forms and random paths of its own,
    beside it what these are off themselves, and the time of the frame on one core.
-   fire [scene]   `rings`, `ground`, `smoke`, `floors`: that one alone */
+   fire [scene]   `rings`, `ground`, `floors`, `smoke`, `patch`, `room`: that one alone */
 
 #define _POSIX_C_SOURCE 200809L
 #include "flames.h"
@@ -186,69 +186,116 @@ static void floors(void) {
     }
 }
 
-/* --- a fire over a ground, in thin smoke --- */
+/* --- pictures against paths --- */
 
-enum { SMOKE_WIDTH = 128, SMOKE_EVERY = 16, SMOKE_PATHS = 40000 };
+enum { PATHS_WIDTH = 128, PATHS_EVERY = 16, PATHS_COUNT = (PATHS_WIDTH / PATHS_EVERY) * (PATHS_WIDTH / PATHS_EVERY) };
 
-/* Radiance at every sixteenth pixel, which does not see the flame. The rest is 0. */
-static void smoke_truth(const flames *f, int paths, uint64_t seed, double (*truth)[3]) {
-    const double h = 0.5, v = sqrt(0.75);
-    for (int y = 0; y < SMOKE_WIDTH; y += SMOKE_EVERY)
-        for (int x = 0; x < SMOKE_WIDTH; x += SMOKE_EVERY, ++truth) {
-            flames_ray eye = {{0, 0, 0}, {0, -h, -v}};
+typedef struct trial {
+    const char *name;
+    flames *(*build)(int width);
+    /* The eye's ray of a pixel, from 30 units before what it shows on; returns 0 for a pixel that does not count. */
+    int (*eye)(const flames *f, int x, int y, flames_ray *ray);
+    int steps, paths;
+} trial;
+
+static flames *smoke_build(int width) { return flames_floor(width, 0.3, 2.4, FLAMES_IN_SMOKE); }
+
+static int smoke_eye(const flames *f, int x, int y, flames_ray *ray) {
+    const double down[3] = {0, -0.5, -sqrt(0.75)};
+    flames_floor_point(f, x, y, ray->origin);
+    if (flames_ball_before(f, ray->origin)) return 0;
+    for (int i = 0; i < 3; ++i) ray->direction[i] = down[i], ray->origin[i] -= 30 * down[i];
+    return 1;
+}
+
+/* A ray along -z. Returns its distance from the axis through the focus along y (0) or z (1). */
+static double straight_eye(const flames *f, int x, int y, int along_z, flames_ray *ray) {
+    const double pixel = f->view.camera.ortho_height / f->view.height;
+    memset(ray, 0, sizeof *ray);
+    ray->origin[0] = (x + 0.5 - 0.5 * f->view.width) * pixel;
+    ray->origin[1] = (0.5 * f->view.height - y - 0.5) * pixel;
+    ray->origin[2] = 30, ray->direction[2] = -1;
+    return along_z ? hypot(ray->origin[0], ray->origin[1] - f->focus[1]) : fabs(ray->origin[0]);
+}
+
+static int patch_eye(const flames *f, int x, int y, flames_ray *ray) {
+    return straight_eye(f, x, y, 0, ray) > 0.1 && ray->origin[1] > f->floor + 0.03 && ray->origin[1] < 0.9;
+}
+
+static int room_eye(const flames *f, int x, int y, flames_ray *ray) { return straight_eye(f, x, y, 1, ray) > 0.15; }
+
+/* Radiance at every sixteenth pixel; 0 at those that do not count. */
+static void trial_truth(const trial *t, const flames *f, int paths, uint64_t seed, double (*truth)[3]) {
+    for (int y = PATHS_EVERY / 2; y < PATHS_WIDTH; y += PATHS_EVERY)
+        for (int x = PATHS_EVERY / 2; x < PATHS_WIDTH; x += PATHS_EVERY, ++truth) {
+            flames_ray eye;
             memset(*truth, 0, sizeof *truth);
-            flames_floor_point(f, x, y, eye.origin);
-            if (flames_ball_before(f, eye.origin)) continue;
-            for (int i = 0; i < 3; ++i) eye.origin[i] -= 30 * eye.direction[i];
-            flames_radiance(f, &eye, 400, paths, &seed, *truth);
+            if (t->eye(f, x, y, &eye)) flames_radiance(f, &eye, t->steps, paths, &seed, *truth);
         }
 }
 
-/* Relative to the mean radiance: rms of the difference to a truth, and that of the means. */
-static void smoke_compare(const float *rgba, const double (*other)[3], const double (*truth)[3], double out[3]) {
+/* The error of a picture, or of another truth: of the mean, rms of relative errors, and the largest of these. */
+static void trial_compare(const float *rgba, const double (*other)[3], const double (*truth)[3], double out[3]) {
     double square = 0, sum = 0, mean = 0, worst = 0;
-    int n = 0, count = 0;
-    for (int y = 0; y < SMOKE_WIDTH; y += SMOKE_EVERY)
-        for (int x = 0; x < SMOKE_WIDTH; x += SMOKE_EVERY, ++n)
-            for (int c = 0; c < 3; ++c) {
-                const double right = truth[n][c];
-                const double got = rgba ? (double)rgba[4 * (y * SMOKE_WIDTH + x) + c] : other[n][c];
-                if (!(right > 0)) continue;
-                ++count, mean += right, sum += got - right, square += pow(got / right - 1, 2);
-                worst = fmax(worst, fabs(got / right - 1));
-            }
-    out[0] = sum / mean, out[1] = sqrt(square / count), out[2] = worst;
+    int count = 0;
+    for (int n = 0; n < PATHS_COUNT; ++n)
+        for (int c = 0; c < 3; ++c) {
+            const int x = n % (PATHS_WIDTH / PATHS_EVERY), y = n / (PATHS_WIDTH / PATHS_EVERY);
+            const int pixel = (PATHS_EVERY * y + PATHS_EVERY / 2) * PATHS_WIDTH + PATHS_EVERY * x + PATHS_EVERY / 2;
+            const double right = truth[n][c], got = rgba ? (double)rgba[4 * pixel + c] : other[n][c];
+            if (!(right > 0)) continue;
+            ++count, mean += right, sum += got - right, square += pow(got / right - 1, 2);
+            if (fabs(got / right - 1) > fabs(worst)) worst = got / right - 1;
+        }
+    out[0] = 100 * sum / mean, out[1] = 100 * sqrt(square / count), out[2] = 100 * worst;
+}
+
+static void trial_rows(const trial *t) {
+    static float rgba[PATHS_WIDTH * PATHS_WIDTH * 4];
+    static double truth[PATHS_COUNT][3], again[PATHS_COUNT][3];
+    flames *f = t->build(PATHS_WIDTH);
+    double e[3], more = 0, all = 0;
+    trial_truth(t, f, 0, 1, again);
+    trial_truth(t, f, t->paths, 1, truth);
+    for (int n = 0; n < PATHS_COUNT; ++n) all += truth[n][0], more += truth[n][0] - again[n][0];
+    trial_truth(t, f, t->paths / 4, 2, again);
+    trial_compare(NULL, (const double(*)[3])again, (const double(*)[3])truth, e);
+    printf("%s; %.0f %% of red light by paths; a quarter of other paths: mean %+.2f %%, rms %.2f %%\n", t->name,
+           100 * more / all, e[0], e[1]);
+    for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_ULTRA; ++quality) {
+        const double time = render(f, (sps_quality)quality, rgba);
+        trial_compare(rgba, NULL, (const double(*)[3])truth, e);
+        printf("  %-6s mean %+6.2f %%, relative rms %6.2f %%, worst %+7.2f %%; %.2f s\n", quality_names[quality], e[0],
+               e[1], e[2], time);
+    }
+    free(f);
 }
 
 static void smoke(void) {
-    enum { COUNT = (SMOKE_WIDTH / SMOKE_EVERY) * (SMOKE_WIDTH / SMOKE_EVERY) };
-    static float rgba[SMOKE_WIDTH * SMOKE_WIDTH * 4];
-    static double truth[COUNT][3], again[COUNT][3];
-    flames *f = flames_floor(SMOKE_WIDTH, 0.3, 2.4, FLAMES_IN_SMOKE);
-    double e[3];
-    smoke_truth(f, SMOKE_PATHS, 1, truth);
-    smoke_truth(f, SMOKE_PATHS / 4, 2, again);
-    smoke_compare(NULL, (const double(*)[3])again, (const double(*)[3])truth, e);
-    printf("a fire over a ground in thin smoke; truth by a quarter of other paths: mean %+.2f %%, rms %.2f %%\n",
-           100 * e[0], 100 * e[1]);
-    for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_ULTRA; ++quality) {
-        const double time = render(f, (sps_quality)quality, rgba);
-        smoke_compare(rgba, NULL, (const double(*)[3])truth, e);
-        printf("  %-6s mean %+6.2f %%, relative rms %6.2f %%, worst %6.2f %%; %.2f s\n", quality_names[quality],
-               100 * e[0], 100 * e[1], 100 * e[2], time);
-    }
-    free(f);
+    const trial t = {"a fire over a ground in thin smoke", smoke_build, smoke_eye, 400, 20000};
+    trial_rows(&t);
+}
+
+static void patch(void) {
+    const trial t = {"haze lit by a lit patch of a wall", flames_patch, patch_eye, 200, 4000};
+    trial_rows(&t);
+}
+
+static void room(void) {
+    const trial t = {"a lamp in a room full of fog", flames_room, room_eye, 400, 60000};
+    trial_rows(&t);
 }
 
 int main(int count, char **words) {
     static const struct {
         const char *name;
         void (*run)(void);
-    } scenes[] = {{"rings", rings}, {"ground", ground}, {"floors", floors}, {"smoke", smoke}};
+    } scenes[] = {{"rings", rings}, {"ground", ground}, {"floors", floors},
+                  {"smoke", smoke}, {"patch", patch},   {"room", room}};
     int run = 0;
     setvbuf(stdout, NULL, _IOLBF, BUFSIZ);
     for (size_t i = 0; i < sizeof scenes / sizeof *scenes; ++i)
         if (count < 2 || strcmp(words[1], scenes[i].name) == 0) scenes[i].run(), ++run;
-    if (!run) fprintf(stderr, "fire: no scene %s: rings, ground, floors or smoke\n", words[1]);
+    if (!run) fprintf(stderr, "fire: no scene %s: rings, ground, floors, smoke, patch or room\n", words[1]);
     return !run;
 }

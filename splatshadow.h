@@ -890,7 +890,8 @@ typedef struct sps_reference_settings {
        gas scatters light and a light casts shadows; say OFF. Otherwise, whatever that says, light scatters any number
        of times, in gas and between gas and polygons, though not from polygon to polygon, and ambient light comes from
        infinity, through the gas and past the polygons. What the eye sees of light that has scattered once is marched;
-       the rest is an unbiased estimate, whose error falls with the square root of their number. Polygons that only
+       the rest is an unbiased estimate, whose error falls with the square root of their number. Small flames are no
+       harder than lights: paths look for what emits, too. Polygons that only
        paths meet show the colors of their meshes, without shade_fn. Of translucent triangles in one plane, a path that
        has passed one does not meet the others. */
     int samples;
@@ -1136,8 +1137,8 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
    has the optical depth of the balls along it, lit as at its middle. With settings->samples, light that has scattered
    more than once is added by random paths, which SPS_SCATTERING_AUTO, FULL and CONVOLUTION need. No slicing limit: any
    light, any camera. Quality, slab, tolerance and budgets have no effect. Holds all voxels, triangles and particles in
-   memory, 68 bytes per particle, 144 bytes per pixel of the region, 48 more with samples,
-   and 192 more with lower and upper. Particles smaller than a
+   memory, 68 bytes per particle, 144 bytes per pixel of the region, 48 more with samples, and 192 more with lower and
+   upper; with samples, 8 per particle and row of voxels, too. Particles smaller than a
    pixel are not widened. With coverage_samples, each of a pixel's rays is marched by itself, through gas as well; only
    the background is that at the pixel's centre. shade_fn is called for the nearest polygons of all pixels, then for
    those seen through these, and so on; all of it again for each sample. The image is written only if SPS_OK is
@@ -28503,7 +28504,7 @@ static void spsi_path_turn(spsi_path *path, const double direction[3], int face,
 /* Adds the light that gas at a point scatters along the path. */
 static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *point, const spsi_material *material,
                                 spsi_path *path) {
-    const int lamps = path->scattered > 0 ? marcher->frame->lamps.count : 0; /* otherwise they are marched */
+    const int lamps = path->scattered > 0 ? marcher->frame->lamps.count : 0; /* the first event's are marched */
     for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lamps; ++i) { /* -1: what emits */
         double travel[3], arrives[3], response[3], passes, density;
         spsi_lamp at;
@@ -28555,8 +28556,8 @@ static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample 
    face's plane. */
 static void spsi_path_light_face(const spsi_marcher *marcher, int face, const double plane[3],
                                  const spsi_surface *surface, const double color[3], spsi_path *path) {
-    const int lamps = path->scattered > 0 ? marcher->frame->lamps.count : 0;
-    for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lamps; ++i) {
+    const int lamp_count = path->scattered > 0 ? marcher->frame->lamps.count : 0;
+    for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lamp_count; ++i) {
         double irradiance[3], passes[3] = {1, 1, 1}, toward[3], emitted[3], through, density;
         spsi_lamp at;
         if (i < 0)

@@ -69,6 +69,30 @@ static void ring_truth(const flames *f, double radius, int paths, uint64_t seed,
     }
 }
 
+/* The same rings by sps_reference, whose pixels have noise. */
+static void rings_by_reference(const double (*truth)[3]) {
+    enum { SIDE = 128 };
+    static float rgba[SIDE * SIDE * 4];
+    const sps_reference_settings settings = {.step = 2, .samples = 256, .seed = 1};
+    const sps_image image = {.rgba = rgba};
+    sps_context *context = sps_create(NULL, NULL);
+    flames *f = flames_rings(SIDE, 0);
+    const double start = seconds();
+    if (!context || sps_reference(context, &f->scene, &f->view, &settings, &image)) {
+        printf("reference: %s\n", sps_error(context));
+        exit(1);
+    }
+    printf("  sps_reference, 256 paths, %.1f s:", seconds() - start);
+    for (int r = 0; r < RING_COUNT; ++r) {
+        double ring[3];
+        ring_measure(rgba, SIDE, 1 << r, 0, ring);
+        printf(" radius %d %.2f..%.2f, mean %+.2f %%%s", 1 << r, ring[1] / ring[0], ring[2] / ring[0],
+               100 * (ring[0] / truth[r][0] - 1), r + 1 < RING_COUNT ? ";" : "\n");
+    }
+    sps_destroy(context);
+    free(f);
+}
+
 static void rings(void) {
     static float rgba[WIDTH * WIDTH * 4], lit[WIDTH * WIDTH * 4];
     flames *f = flames_rings(WIDTH, 0), *lamp = flames_rings(WIDTH, 1);
@@ -80,6 +104,7 @@ static void rings(void) {
         printf("  radius %d: truth %.5g; by half as many other paths %+.2f %%\n", 1 << r, truth[r][0],
                100 * (again[0] / truth[r][0] - 1));
     }
+    rings_by_reference((const double(*)[3])truth);
     for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_ULTRA; ++quality) {
         const double time = render(f, (sps_quality)quality, rgba);
         render(lamp, (sps_quality)quality, lit);

@@ -16,6 +16,7 @@
 # make headline    the README's picture of a scene at three grades, docs/price.png, and the error and time of each
 # make accuracy-tables  that page's tables of error against time of single effects
 # make budget      what budgets of time and error promise, and what they keep, into docs/budget.md; 8 minutes
+# make first-flights  the error of light from small sources, scene by scene and quality by quality; FIRE=rings: that one
 # make maps        transmittance maps compared with each other, into docs/maps.md and docs/maps_*.png
 # make effects     what each effect costs, and that it costs nothing where it is not needed, into docs/effects.md
 # make gallery     only the pictures of the scene programs
@@ -181,6 +182,18 @@ budget: build/budget
 
 budget-fit: build/budget
 	build/budget fit
+
+# Programs that measure are linked with one object of the header.
+.PHONY: first-flights
+build/measure/splatshadow.o: splatshadow.h
+	@mkdir -p $(@D)
+	$(CC) $(STANDARD) $(OPTIMIZE) -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
+
+build/measure/%: tests/measure/%.c tests/flames.h build/measure/splatshadow.o
+	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) -Itests $< build/measure/splatshadow.o -o $@ $(LIBRARIES)
+
+first-flights: build/measure/fire
+	build/measure/fire $(FIRE)
 
 # The program prints Markdown. Its pictures are in build/maps_pictures/, since build/maps is the program itself.
 .PHONY: maps
@@ -578,7 +591,7 @@ uninstall:
 
 # hello.c keeps its form in the header; the header's tables are formatted by hand.
 format:
-	clang-format -i $(filter-out examples/hello.c,$(wildcard examples/*.[ch] examples/shaders/* examples/tutorial/* tests/*.[ch]))
+	clang-format -i $(filter-out examples/hello.c,$(wildcard examples/*.[ch] examples/shaders/* examples/tutorial/* tests/*.[ch] tests/measure/*.c))
 
 clean:
 	rm -rf build

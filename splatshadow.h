@@ -895,7 +895,8 @@ typedef struct sps_reference_settings {
        gas scatters light and a light casts shadows; say OFF. Otherwise, whatever that says, light scatters any number
        of times, in gas and between gas and polygons, though not from polygon to polygon, and ambient light comes from
        infinity, through the gas and past the polygons. What the eye sees of light that has scattered once is marched;
-       the rest is an unbiased estimate, whose error falls with the square root of their number. Polygons that only
+       the rest is an unbiased estimate, whose error falls with the square root of their number. Small flames are no
+       harder than lights: paths look for what emits, too. Polygons that only
        paths meet show the colors of their meshes, without shade_fn. Of translucent triangles in one plane, a path that
        has passed one does not meet the others. */
     int samples;
@@ -1141,8 +1142,8 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
    has the optical depth of the balls along it, lit as at its middle. With settings->samples, light that has scattered
    more than once is added by random paths, which SPS_SCATTERING_AUTO, FULL and CONVOLUTION need. No slicing limit: any
    light, any camera. Quality, slab, tolerance and budgets have no effect. Holds all voxels, triangles and particles in
-   memory, 68 bytes per particle, 144 bytes per pixel of the region, 48 more with samples,
-   and 192 more with lower and upper. Particles smaller than a
+   memory, 68 bytes per particle, 144 bytes per pixel of the region, 48 more with samples, and 192 more with lower and
+   upper; with samples, 8 per particle and row of voxels, too. Particles smaller than a
    pixel are not widened. With coverage_samples, each of a pixel's rays is marched by itself, through gas as well; only
    the background is that at the pixel's centre. shade_fn is called for the nearest polygons of all pixels, then for
    those seen through these, and so on; all of it again for each sample. The image is written only if SPS_OK is
@@ -2101,6 +2102,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_ROW,               /* directions and colors of one row of background */
     SPSI_BUFFER_MARCHER,           /* >>reference */
     SPSI_BUFFER_PATHS,             /* >>paths */
+    SPSI_BUFFER_GLOW,              /* what emits, for them */
     SPSI_BUFFER_WALKERS,           /* the reference's rays, one per pixel */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
@@ -27584,6 +27586,9 @@ typedef struct spsi_marcher {
     spsi_hit *hits;       /* of the whole image, for shade_fn; NULL: no mesh has one */
     spsi_visible visible; /* those hits, and what shade_fn has set there */
     spsi_sample *samples; /* one per part, per worker */
+    const double *glow;   /* for paths: emission of rows of voxels, then of particles, each added to those before it */
+    size_t glow_count;
+    double glow_sum; /* of all of it; 0: nothing emits */
     /* Follows the ray of a pixel up to its next face and through that. */
     void (*follow)(const struct spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker);
     const struct spsi_bracketing *bracketing; /* NULL: without bounds */
@@ -29382,8 +29387,11 @@ static void spsi_bracket_finish(const spsi_marcher *marcher, const sps_image *im
    1965]: tentative collisions lie -ln(u) / bound apart, and one is real with probability extinction / bound; each brick
    has a bound of its own. Balls have closed forms, which are inverted. The nearest of all these collisions and of the
    faces on the ray is the event. There, shadow rays to all lights, through gas by ratio tracking [Novak et al. 2014],
-   add what scatters there, and the phase function draws the way on. The first event has been marched already, so that
-   it only turns the path. Cost: paths * events * (1 + lights) * bound * way * 343 voxels. */
+   add what scatters there, and the phase function draws the way on. What lights send to the first event has been
+   marched already. Emission is found in two ways: each event has a shadow ray to a point that is drawn in proportion to
+   emission, and each ray from an event on finds a point on its way. They are weighted by their densities [Veach and
+   Guibas 1995, balance heuristic], so that neither small flames nor being inside of one makes noise. Cost: paths *
+   events * (1 + lights) * bound * way * 343 voxels. */
 
 #define SPSI_PATHS_MAX    (1 << 20)
 #define SPSI_PATH_ROUND   16    /* paths of a pixel between two calls of progress_fn, at most */
@@ -29398,6 +29406,8 @@ typedef struct spsi_path {
     spsi_ray ray; /* from the last event on; its direction has unit length, low is 0 */
     double weight[3];
     double radiance[3];
+    double from[3];  /* the last event */
+    double density;  /* per steradian, with which its way on was drawn there */
     uint64_t random; /* state of the generator */
     int face;        /* that it begins on; -1: none */
     int scattered;   /* number of times so far */
@@ -29607,6 +29617,115 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
             spsi_particles_pick(marcher, ray, ray->high, 1e-6 * (range[1] - range[0]), random);
 }
 
+/* --- what emits --- */
+
+/* What a part emits per unit of its value: the mean of its colors. */
+static double spsi_glow_of(const spsi_material *material) {
+    return ((double)material->emission[0] + (double)material->emission[1] + (double)material->emission[2]) / 3;
+}
+
+static size_t spsi_dense_rows(const spsi_dense *grid) { return (size_t)grid->size[1] * (size_t)grid->size[2]; }
+
+/* Adds all emission up. */
+static sps_result spsi_glow_build(sps_context *context, spsi_marcher *marcher) {
+    const spsi_frame *frame = marcher->frame;
+    size_t count = (size_t)frame->content->particle_count;
+    double sum = 0, *sums;
+    for (int m = 0; m < frame->medium_count; ++m) count += spsi_dense_rows(&marcher->grids[m]);
+    marcher->glow_count = count;
+    marcher->glow = sums = (double *)spsi_reserve(context, SPSI_BUFFER_GLOW, count + 1, sizeof *sums);
+    if (!sums) return context->result;
+    for (int m = 0; m < frame->medium_count; ++m) {
+        const double glow = spsi_glow_of(spsi_part_material(frame, m)) * frame->media[m].lattice->voxel_volume;
+        const float *value = marcher->grids[m].values;
+        for (size_t row = 0; row < spsi_dense_rows(&marcher->grids[m]); *sums++ = sum, ++row) {
+            if (row % (size_t)marcher->grids[m].size[1] == 0) spsi_tick(context);
+            for (int x = 0; x < marcher->grids[m].size[0]; ++x) sum += glow * (double)*value++;
+        }
+    }
+    for (int i = 0; i < frame->content->particle_count; *sums++ = sum, ++i) {
+        const sps_particle *particle = &frame->content->particles[i];
+        const spsi_particle_set *set = spsi_set_of(frame, i);
+        const double depth = fmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX);
+        const double section = SPSI_PI * (double)particle->radius * (double)particle->radius;
+        sum += spsi_glow_of(&frame->matter.materials[set->channel]) * depth * section * (set->soft ? 2.0 / 5 : 2.0 / 3);
+    }
+    marcher->glow_sum = sum;
+    return SPS_OK;
+}
+
+/* Draws a point that emits, as a light with the color of its part, whose mean is 1: in a ball by its density; by the
+   kernel of a voxel, which ends nowhere: 1e-6 of it lies beyond SPSI_REFERENCE_REACH, where nothing emits. */
+static void spsi_glow_draw(const spsi_marcher *marcher, uint64_t *random, spsi_lamp *lamp) {
+    const spsi_frame *frame = marcher->frame;
+    const double pick = (1 - DBL_EPSILON) * spsi_random(random) * marcher->glow_sum; /* rounded, it is below the sum */
+    const spsi_material *material;
+    size_t low = 0, high = marcher->glow_count - 1, rows;
+    double left;
+    int m = 0;
+    while (low < high) {
+        const size_t middle = low + (high - low) / 2;
+        if (marcher->glow[middle] > pick)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    left = low > 0 ? pick - marcher->glow[low - 1] : pick;
+    memset(lamp, 0, sizeof *lamp);
+    lamp->is_point = lamp->falls_off = lamp->shadows = 1;
+    for (; m < frame->medium_count && low >= (rows = spsi_dense_rows(&marcher->grids[m])); ++m) low -= rows;
+    if (m < frame->medium_count) {
+        const spsi_dense *grid = &marcher->grids[m];
+        const float *value = grid->values + low * (size_t)grid->size[0];
+        double at[3] = {0.5, 0.5 + (double)(low % (size_t)grid->size[1]), 0.5 + (double)(low / (size_t)grid->size[1])};
+        material = spsi_part_material(frame, m);
+        left /= spsi_glow_of(material) * frame->media[m].lattice->voxel_volume;
+        for (; at[0] + 1 < grid->size[0] && left >= (double)*value; at[0] += 1) left -= (double)*value++;
+        for (int k = 0; k < 3; ++k)
+            at[k] += SPSI_SIGMA * sqrt(2 * spsi_random_depth(random)) * cos(2 * SPSI_PI * spsi_random(random));
+        spsi_voxel_position(frame->media[m].lattice, at, lamp->position);
+    } else {
+        const spsi_particle_set *set = spsi_set_of(frame, (int)low);
+        const sps_particle *particle = &frame->content->particles[low];
+        const double up[3] = {0, 0, 1};
+        double r, way[3];
+        material = &frame->matter.materials[set->channel];
+        do r = cbrt(spsi_random(random));
+        while (set->soft && spsi_random(random) < r * r);
+        spsi_random_about(random, up, 2 * spsi_random(random) - 1, way);
+        for (int i = 0; i < 3; ++i)
+            lamp->position[i] = (double)particle->position[i] + r * (double)particle->radius * way[i];
+    }
+    for (int c = 0; c < 3; ++c) lamp->color[c] = (float)((double)material->emission[c] / spsi_glow_of(material));
+}
+
+/* Finds what all gas emits at a point per unit of length. `density`: per steradian, with which an event sends paths
+   towards it. Returns the weight of drawing the point; the rest of 1 is the weight of a path that meets it. */
+static double spsi_glow_at(const spsi_marcher *marcher, const double event[3], double density, const double point[3],
+                           double emitted[3]) {
+    const spsi_bounds *bounds = &marcher->frame->content->bounds;
+    spsi_ray ray = {{event[0], event[1], event[2]}, {0, 0, 0}, 0, 0};
+    double depths[SPSI_SETS_MAX], across[3], way, room, drawn;
+    spsi_along(bounds->high, bounds->low, -1, across);
+    spsi_along(point, event, -1, ray.direction);
+    way = spsi_length(ray.direction);
+    memset(emitted, 0, 3 * sizeof *emitted);
+    if (!spsi_normalise(ray.direction)) return 0;
+    room = 1e-7 * spsi_length(across); /* particles emit their mean over a length that is next to nothing */
+    ray.low = way - room;
+    ray.high = way + room;
+    spsi_particles_depth(marcher, &ray, depths);
+    for (int m = 0; m < marcher->part_count; ++m) {
+        const spsi_material *material = spsi_part_material(marcher->frame, m);
+        const int set = m - marcher->frame->medium_count;
+        double value = 0;
+        if (material->emits) value = set < 0 ? spsi_field(&marcher->grids[m], point, NULL) : depths[set] / (2 * room);
+        for (int c = 0; c < 3; ++c) emitted[c] += value * (double)material->emission[c];
+    }
+    drawn = spsi_color_mean(emitted) / marcher->glow_sum * way * way * spsi_length(across);
+    return drawn > 0 ? 1 / (1 + density / drawn) : 0;
+}
+
 /* --- events --- */
 
 /* Estimate of the transmittance of all gas between a point and a light. */
@@ -29642,29 +29761,31 @@ static void spsi_path_take(spsi_path *path, const double radiance[3]) {
 /* Adds what the gas on the path's ray emits, up to its end: what is emitted before the event, on average over all
    events, is what is emitted times the transmittance before it. */
 static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
-    const spsi_frame *frame = marcher->frame;
-    double depths[SPSI_SETS_MAX], range[2], point[3], sum[3] = {0, 0, 0};
-    int emits = 0;
-    for (int m = 0; m < frame->matter.material_count; ++m) emits |= frame->matter.materials[m].emits;
-    if (!emits || !spsi_ray_meets_box(&path->ray, frame->content->bounds.low, frame->content->bounds.high, range))
-        return;
+    const spsi_bounds *bounds = &marcher->frame->content->bounds;
+    double range[2], point[3], emitted[3], weight;
+    if (!(marcher->glow_sum > 0) || !spsi_ray_meets_box(&path->ray, bounds->low, bounds->high, range)) return;
     spsi_along(path->ray.origin, path->ray.direction, range[0] + spsi_random(&path->random) * (range[1] - range[0]),
                point);
-    spsi_particles_depth(marcher, &path->ray, depths);
-    for (int m = 0; m < marcher->part_count; ++m) {
-        const spsi_material *material = spsi_part_material(frame, m);
-        const double amount = !material->emits ? 0
-                              : m < frame->medium_count
-                                  ? spsi_field(&marcher->grids[m], point, NULL) * (range[1] - range[0])
-                                  : depths[m - frame->medium_count];
-        for (int c = 0; c < 3; ++c) sum[c] += amount * (double)material->emission[c];
-    }
-    spsi_path_take(path, sum);
+    weight = 1 - spsi_glow_at(marcher, path->from, path->density, point, emitted);
+    for (int c = 0; c < 3; ++c) emitted[c] *= weight * (range[1] - range[0]);
+    spsi_path_take(path, emitted);
 }
 
-/* Begins the next ray at the end of the last one. */
-static void spsi_path_turn(spsi_path *path, const double direction[3], int face) {
+/* Density per steradian of the directions into which a part sends paths. */
+static double spsi_path_density(const spsi_material *material, double cosine) {
+    float phase[SPSI_LANES];
+    spsi_store(phase, spsi_phase(material, spsi_set((float)cosine)));
+    return material->table && material->shading == SPS_SHADING_SURFACE ? 0.25 / SPSI_PI : (double)phase[0];
+}
+
+/* Begins the next ray at the end of the last one; after an event, in a direction that was drawn with this density. */
+static void spsi_path_turn(spsi_path *path, const double direction[3], int face, double density) {
     spsi_along(path->ray.origin, path->ray.direction, path->ray.high, path->ray.origin);
+    if (density >= 0) {
+        memcpy(path->from, path->ray.origin, sizeof path->from);
+        path->density = density;
+        path->scattered += 1;
+    }
     memcpy(path->ray.direction, direction, sizeof path->ray.direction);
     path->ray.low = 0;
     path->ray.high = HUGE_VAL;
@@ -29674,13 +29795,19 @@ static void spsi_path_turn(spsi_path *path, const double direction[3], int face)
 /* Adds the light that gas at a point scatters along the path. */
 static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *point, const spsi_material *material,
                                 spsi_path *path) {
-    for (int i = 0; i < marcher->frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &marcher->frame->lamps.list[i];
-        double travel[3], arrives[3], response[3], passes;
+    const int lamps = path->scattered > 0 ? marcher->frame->lamps.count : 0; /* the first event's are marched */
+    for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lamps; ++i) { /* -1: what emits */
+        double travel[3], arrives[3], response[3], passes, density;
         spsi_lamp at;
-        spsi_reference_point(lamp, point->position, 0, &at);
+        if (i < 0)
+            spsi_glow_draw(marcher, &path->random, &at);
+        else
+            spsi_reference_point(&marcher->frame->lamps.list[i], point->position, 0, &at);
         if (!spsi_point_arrival(marcher, point, &at, travel, arrives)) continue;
         passes = spsi_path_transmittance(marcher, &at, point->position, &path->random);
+        density = spsi_path_density(material, -spsi_dot(travel, point->direction));
+        if (i < 0) passes *= marcher->glow_sum * spsi_glow_at(marcher, point->position, density, at.position, response);
+        if (!(passes > 0)) continue;
         spsi_march_response(material, point->samples, point->direction, travel, response);
         for (int c = 0; c < 3; ++c) response[c] *= arrives[c] * passes;
         spsi_path_take(path, response);
@@ -29702,7 +29829,7 @@ static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample 
         spsi_extinction_at(material, spsi_field(&marcher->grids[part], point.position, surface ? gradient : NULL),
                            appearance);
     spsi_march_sample(material, appearance, gradient, sample);
-    if (path->scattered > 0) spsi_path_light_gas(marcher, &point, material, path);
+    spsi_path_light_gas(marcher, &point, material, path);
     cosine = surface ? 2 * spsi_random(&path->random) - 1 : spsi_random_phase(&path->random, material);
     spsi_random_about(&path->random, path->ray.direction, cosine, way);
     for (int i = 0; i < 3; ++i) back[i] = -way[i];
@@ -29712,23 +29839,31 @@ static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample 
     } else {
         for (int c = 0; c < 3; ++c) path->weight[c] *= (double)(material->table ? appearance[c] : material->albedo[c]);
     }
-    spsi_path_turn(path, way, -1);
+    spsi_path_turn(path, way, -1, spsi_path_density(material, cosine));
     path->off_face = 0;
-    path->scattered += 1;
 }
 
-/* Adds the light that a surface reflects along the path. */
-static void spsi_path_light_face(const spsi_marcher *marcher, int face, const spsi_surface *surface,
-                                 const double color[3], spsi_path *path) {
-    for (int i = 0; i < marcher->frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &marcher->frame->lamps.list[i];
-        double irradiance[3], passes[3] = {1, 1, 1}, through;
+/* Adds the light that a surface reflects along the path; from what emits, none from where no path goes, behind the
+   face's plane. */
+static void spsi_path_light_face(const spsi_marcher *marcher, int face, const double plane[3],
+                                 const spsi_surface *surface, const double color[3], spsi_path *path) {
+    const int lamp_count = path->scattered > 0 ? marcher->frame->lamps.count : 0;
+    for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lamp_count; ++i) {
+        double irradiance[3], passes[3] = {1, 1, 1}, toward[3], emitted[3], through, density;
         spsi_lamp at;
-        spsi_reference_point(lamp, surface->point, 0, &at);
+        if (i < 0)
+            spsi_glow_draw(marcher, &path->random, &at);
+        else
+            spsi_reference_point(&marcher->frame->lamps.list[i], surface->point, 0, &at);
         if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
-        if (lamp->shadows && !spsi_march_sight(marcher->faces, &at, surface->start, face, passes)) continue;
+        spsi_toward_lamp(&at, surface->point, toward);
+        if (i < 0 && spsi_dot(toward, plane) * spsi_dot(path->ray.direction, plane) >= 0) continue;
+        if (at.shadows && !spsi_march_sight(marcher->faces, &at, surface->start, face, passes)) continue;
         through = spsi_path_transmittance(marcher, &at, surface->point, &path->random);
-        for (int c = 0; c < 3; ++c) irradiance[c] *= color[c] / SPSI_PI * passes[c] * through * (double)lamp->color[c];
+        density = irradiance[0] * spsi_dot(toward, toward) / SPSI_PI;
+        if (i < 0) through *= marcher->glow_sum * spsi_glow_at(marcher, surface->point, density, at.position, emitted);
+        if (!(through > 0)) continue;
+        for (int c = 0; c < 3; ++c) irradiance[c] *= color[c] / SPSI_PI * passes[c] * through * (double)at.color[c];
         spsi_path_take(path, irradiance);
     }
 }
@@ -29747,7 +29882,7 @@ static int spsi_path_on_face(const spsi_marcher *marcher, const spsi_hit *hit, s
     if (spsi_random(&path->random) < share) {
         for (int c = 0; c < 3; ++c) path->weight[c] *= passes[c] / share;
         memcpy(way, path->ray.direction, sizeof way);
-        spsi_path_turn(path, way, hit->face);
+        spsi_path_turn(path, way, hit->face, -1);
         return 1;
     }
     if (path->off_face || !(share < 1)) return 0;
@@ -29757,13 +29892,12 @@ static int spsi_path_on_face(const spsi_marcher *marcher, const spsi_hit *hit, s
     spsi_face_plane(face, plane);
     spsi_surface_face(face, hit, plane, path->ray.direction, &surface);
     if (!spsi_normalise(surface.normal)) return 0;
-    if (path->scattered > 0) spsi_path_light_face(marcher, hit->face, &surface, color, path);
+    spsi_path_light_face(marcher, hit->face, plane, &surface, color, path);
     spsi_random_about(&path->random, surface.normal, sqrt(spsi_random(&path->random)), way);
     if (spsi_dot(way, plane) * spsi_dot(path->ray.direction, plane) >= 0) return 0; /* into the face */
     for (int c = 0; c < 3; ++c) path->weight[c] *= color[c];
-    spsi_path_turn(path, way, hit->face);
+    spsi_path_turn(path, way, hit->face, fmax(spsi_dot(way, surface.normal), 0) / SPSI_PI);
     path->off_face = 1;
-    path->scattered += 1;
     return 1;
 }
 
@@ -29883,7 +30017,7 @@ static void spsi_paths_finish(const spsi_paths *paths, const sps_image *image) {
 }
 
 /* Follows all paths. Afterwards only spsi_paths_finish is left to do. */
-static sps_result spsi_paths_run(sps_context *context, const spsi_marcher *marcher, spsi_paths *paths) {
+static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher, spsi_paths *paths) {
     const int *region = marcher->frame->view.region, samples = marcher->settings->samples;
     const size_t pixels = (size_t)region[2] * (size_t)region[3];
     const int rows = spsi_worker_count(context); /* between two calls of progress_fn */
@@ -29892,6 +30026,7 @@ static sps_result spsi_paths_run(sps_context *context, const spsi_marcher *march
     paths->sums = (spsi_path_sums *)spsi_reserve(context, SPSI_BUFFER_PATHS, pixels, sizeof *paths->sums);
     if (!paths->sums) return context->result;
     memset(paths->sums, 0, pixels * sizeof *paths->sums);
+    if (spsi_glow_build(context, marcher)) return context->result;
     for (int m = 0; m < marcher->frame->medium_count; ++m)
         spsi_dense_bound(spsi_part_material(marcher->frame, m), &marcher->grids[m]);
     for (; paths->from < samples; paths->from = paths->to) {

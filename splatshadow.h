@@ -29639,7 +29639,7 @@ static sps_result spsi_glow_build(sps_context *context, spsi_marcher *marcher) {
         const double glow = spsi_glow_of(spsi_part_material(frame, m)) * frame->media[m].lattice->voxel_volume;
         const float *value = marcher->grids[m].values;
         for (size_t row = 0; row < spsi_dense_rows(&marcher->grids[m]); *sums++ = sum, ++row) {
-            if (row % (size_t)marcher->grids[m].size[1] == 0) spsi_tick(context);
+            if (row % (size_t)marcher->grids[m].size[1] == 0) spsi_tick(context, 0);
             for (int x = 0; x < marcher->grids[m].size[0]; ++x) sum += glow * (double)*value++;
         }
     }

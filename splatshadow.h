@@ -17246,6 +17246,8 @@ static spsi_area spsi_area_none(void) {
 
 static int spsi_area_empty(spsi_area a) { return a.x0 > a.x1 || a.y0 > a.y1; }
 
+#define SPSI_BEAM_TILE (SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT)
+
 #define SPSI_SLIDE_LEAST 0.1 /* minimum of 1 + d_t L where there is gas; elsewhere it is clamped */
 
 /* Texels on a plane as seen from another grid of rays: (x + d L) / (1 + d_t L), L = l . (1, x, y). */
@@ -17275,6 +17277,7 @@ typedef struct spsi_penumbra {
     int first_slab; /* of the chunk that the sheets hold */
     int pending;    /* 1: the beams have not yet crossed these sheets */
     float *sheets;  /* mean extinction per slab, SPSI_CHUNK sheets of the rays' texels */
+    float *hidden;  /* fraction of what gas passes that polygons stop, SPSI_PARTS layers per slab; NULL: no polygons */
     uint64_t *held; /* per tile, bits: patches whose sheets hold something */
     float *scratch; /* per worker */
     size_t scratch_floats;
@@ -17579,19 +17582,21 @@ static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *fram
 typedef struct spsi_penumbra_size {
     uint64_t beams;   /* texels of all beams, twice with polygons */
     uint64_t sheets;  /* of a chunk */
+    uint64_t hidden;  /* likewise; 0 without polygons */
     uint64_t scratch; /* per worker */
     uint64_t held;    /* of the patches' bits */
 } spsi_penumbra_size;
 
 static spsi_penumbra_size spsi_penumbra_measure(const spsi_penumbra *penumbra, int has_polygons) {
-    spsi_penumbra_size size = {0, 0, 0, 0};
+    spsi_penumbra_size size = {0, 0, 0, 0, 0};
     for (int i = 0; i < penumbra->beam_count; ++i) {
         const uint64_t texels = spsi_ray_count(&penumbra->beams[i].rays);
         size.beams += texels * (uint64_t)(1 + has_polygons);
         size.scratch = 3 * texels > size.scratch ? 3 * texels : size.scratch;
     }
-    size.scratch += SPSI_LANES; /* lengths are stored in whole vectors */
+    size.scratch += SPSI_LANES + 2 * SPSI_BEAM_TILE; /* lengths are stored in whole vectors */
     size.sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
+    size.hidden = has_polygons ? SPSI_PARTS * size.sheets : 0;
     size.held = 2 * (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y;
     return size;
 }
@@ -17599,7 +17604,7 @@ static spsi_penumbra_size spsi_penumbra_measure(const spsi_penumbra *penumbra, i
 /* At most what SIZE_MAX bytes hold, which cannot be reserved. */
 static size_t spsi_penumbra_floats(const sps_context *context, const spsi_penumbra_size *size) {
     const uint64_t workers = (uint64_t)spsi_worker_count(context), most = SIZE_MAX / sizeof(float);
-    const uint64_t floats = size->beams + size->sheets + workers * size->scratch + size->held;
+    const uint64_t floats = size->beams + size->sheets + size->hidden + workers * size->scratch + size->held;
     return (size_t)(floats < most ? floats : most);
 }
 
@@ -17611,7 +17616,7 @@ static sps_result spsi_penumbra_reserve(sps_context *context, spsi_penumbra *pen
     if (!memory) return context->result;
     penumbra->held = (uint64_t *)(void *)memory; /* first, as its alignment is the strictest */
     memory += size.held;
-    memset(penumbra->held, 0, (size_t)(size.held + size.beams + size.sheets) * sizeof(float));
+    memset(penumbra->held, 0, (size_t)(size.held + size.beams + size.sheets + size.hidden) * sizeof(float));
     for (int i = 0; i < penumbra->beam_count; ++i) {
         spsi_beam *beam = &penumbra->beams[i];
         const size_t texels = spsi_ray_count(&beam->rays);
@@ -17621,7 +17626,8 @@ static sps_result spsi_penumbra_reserve(sps_context *context, spsi_penumbra *pen
         memory += texels * (size_t)(1 + has_polygons);
     }
     penumbra->sheets = memory;
-    penumbra->scratch = memory + size.sheets;
+    penumbra->hidden = has_polygons ? memory + size.sheets : NULL;
+    penumbra->scratch = memory + size.sheets + size.hidden;
     penumbra->scratch_floats = (size_t)size.scratch;
     return SPS_OK;
 }
@@ -17682,9 +17688,12 @@ typedef struct spsi_beam_part {
     const spsi_beam *beam;
     spsi_area area;
     int width, height;
-    float *depth;   /* optical depth so far */
-    float *stopped; /* share of light that polygons have stopped */
-    float *lengths; /* world length per slab */
+    float *depth;    /* optical depth so far */
+    float *stopped;  /* share of light that polygons have stopped */
+    float *lengths;  /* world length per slab */
+    float low, high; /* range of the slab coordinates at which polygons stop it; infinity: some rays are not stopped */
+    float *passes;   /* per texel of the tile: transmittance of gas at the last plane */
+    float *weight;   /* per texel of the tile: its mean over the last slab */
 } spsi_beam_part;
 
 static spsi_area spsi_beam_area(const spsi_beam *beam) {
@@ -17768,25 +17777,32 @@ static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *me
     texels = (size_t)part->width * (size_t)part->height;
     part->depth = memory;
     part->stopped = memory + texels;
-    part->lengths = memory + 2 * texels;
+    part->passes = memory + 2 * texels; /* before the lengths, which are stored in whole vectors */
+    part->weight = part->passes + SPSI_BEAM_TILE;
+    part->lengths = part->weight + SPSI_BEAM_TILE;
+    part->low = SPSI_INFINITY;
+    part->high = -SPSI_INFINITY;
     for (int y = 0; y < part->height; ++y) {
         const size_t from = (size_t)(area.y0 + y - beam->y0) * width + (size_t)(area.x0 - beam->x0);
         const size_t to = (size_t)y * (size_t)part->width;
         memcpy(part->depth + to, beam->depth + from, (size_t)part->width * sizeof(float));
         spsi_beam_lengths(beam, area.x0, area.y0 + y, part->width, part->lengths + to);
+        for (int x = 0; x < part->width && beam->stop; ++x) {
+            part->low = spsi_lower(beam->stop[from + (size_t)x], part->low);
+            part->high = spsi_higher(beam->stop[from + (size_t)x], part->high);
+        }
     }
 }
 
-/* The share of each texel's light that polygons have stopped before the plane at a slab coordinate, spread over the
-   slab around it. */
-static void spsi_beam_part_stop(const spsi_beam_part *part, float slab) {
+/* The fraction of each texel's light that polygons stop, as the mean over a layer of a slab. */
+static void spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
     const spsi_beam *beam = part->beam;
     for (int y = 0; y < part->height; ++y) {
         const size_t own =
             (size_t)(part->area.y0 + y - beam->y0) * (size_t)beam->rays.width + (size_t)(part->area.x0 - beam->x0);
         float *stopped = part->stopped + (size_t)y * (size_t)part->width;
         for (int x = 0; x < part->width; ++x) {
-            const float behind = slab + 0.5f - beam->stop[own + (size_t)x];
+            const float behind = layer + 1 - SPSI_PARTS * beam->stop[own + (size_t)x];
             stopped[x] = behind > 0 ? behind < 1 ? behind : 1 : 0;
         }
     }
@@ -17797,24 +17813,60 @@ static void spsi_beam_part_stop(const spsi_beam_part *part, float slab) {
    forward is followed. */
 static float spsi_penumbra_whole(const spsi_penumbra *penumbra) { return penumbra->end > SPSI_LIGHT_END ? 0.0f : 1.0f; }
 
-/* Adds that of a beam to a row of a plane's texels: optical depth is looked up, since transmittance bends more between
-   texels. */
+/* The transmittance of a beam at texels of a row of a plane: optical depth is looked up, since transmittance bends more
+   between texels. Adds it to the plane, and its mean with that at the plane before to the weights of the slab. */
 static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam_part *part, const spsi_slide *slide,
                               const spsi_area *area, int y, float *plane) {
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), whole = spsi_set(spsi_penumbra_whole(penumbra));
-    float depth[SPSI_TILE_WIDTH + SPSI_LANES] = {0}, stopped[SPSI_TILE_WIDTH + SPSI_LANES] = {0};
-    spsi_texel_grid grid = {part->depth, part->area.x0, part->area.y0, part->width, part->height};
-    spsi_texel_row row = {area->x0, y, area->x1 - area->x0 + 1, NULL, depth};
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), whole = spsi_set(spsi_penumbra_whole(penumbra));
+    const size_t at = (size_t)(y % SPSI_TILE_HEIGHT * SPSI_TILE_WIDTH + area->x0 % SPSI_TILE_WIDTH);
+    float depth[SPSI_TILE_WIDTH + SPSI_LANES] = {0}, *passes = part->passes + at, *weight = part->weight + at;
+    const spsi_texel_grid grid = {part->depth, part->area.x0, part->area.y0, part->width, part->height};
+    const spsi_texel_row row = {area->x0, y, area->x1 - area->x0 + 1, NULL, depth};
     spsi_row_add(&grid, slide, &row);
-    grid.values = part->stopped;
-    row.out = stopped;
-    if (part->beam->stop) spsi_row_add(&grid, slide, &row);
     for (int i = 0; i < row.count; i += SPSI_LANES) {
         const int some = spsi_least(SPSI_LANES, row.count - i);
         const spsi_v through = spsi_exp(spsi_sub(zero, spsi_max(zero, spsi_load(depth + i))));
-        const spsi_v lit = spsi_sub(one, spsi_clamp(spsi_load(stopped + i), zero, one)); /* cubics overshoot */
-        const spsi_v lost = spsi_sub(whole, spsi_mul(through, lit));
+        const spsi_v lost = spsi_sub(whole, through);
         spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), lost), some);
+        if (!penumbra->hidden) continue;
+        spsi_store_first(weight + i, spsi_mul(half, spsi_add(spsi_load_first(passes + i, some), through)), some);
+        spsi_store_first(passes + i, through, some);
+    }
+}
+
+/* Adds what polygons stop of a beam to a row of a layer. */
+static void spsi_beam_hide_row(const spsi_beam_part *part, const spsi_slide *slide, const spsi_area *area, int y,
+                               float *layer) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    const float *weight = part->weight + (y % SPSI_TILE_HEIGHT * SPSI_TILE_WIDTH + area->x0 % SPSI_TILE_WIDTH);
+    float stopped[SPSI_TILE_WIDTH + SPSI_LANES] = {0};
+    const spsi_texel_grid grid = {part->stopped, part->area.x0, part->area.y0, part->width, part->height};
+    const spsi_texel_row row = {area->x0, y, area->x1 - area->x0 + 1, NULL, stopped};
+    spsi_row_add(&grid, slide, &row);
+    for (int i = 0; i < row.count; i += SPSI_LANES) {
+        const int some = spsi_least(SPSI_LANES, row.count - i);
+        const spsi_v share = spsi_clamp(spsi_load(stopped + i), zero, one); /* cubics overshoot */
+        const spsi_v sum = spsi_fma(share, spsi_load_first(weight + i, some), spsi_load_first(layer + i, some));
+        spsi_store_first(layer + i, sum, some);
+    }
+}
+
+/* Adds what polygons stop of a beam to the layers of slab k, whose weights are known. */
+static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam_part *part, const spsi_lookups *lookups,
+                           int k) {
+    const size_t texels = spsi_ray_count(penumbra->rays), pitch = (size_t)penumbra->rays->width;
+    const float slab = (float)(penumbra->first_slab + k);
+    spsi_slide slide;
+    if (!(part->low < slab + 1)) return;
+    for (int n = 0; n < SPSI_PARTS; ++n) {
+        float *layer = penumbra->hidden + (size_t)(k * SPSI_PARTS + n) * texels;
+        spsi_beam_part_stop(part, slab * SPSI_PARTS + (float)n);
+        spsi_slide_build(penumbra, part->beam, (double)slab + (n + 0.5) / SPSI_PARTS, -1, &slide);
+        for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {
+            const spsi_area *row = &lookups->rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
+            if (!spsi_area_empty(*row))
+                spsi_beam_hide_row(part, &slide, row, y, layer + (size_t)y * pitch + (size_t)row->x0);
+        }
     }
 }
 
@@ -17834,13 +17886,13 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, c
     if (!held && spsi_area_empty(spsi_area_meet(area, beam->crossed))) return 0;
     spsi_beam_part_load(beam, area, memory, &part);
     for (int k = 0; k <= SPSI_CHUNK; ++k) {
-        if (beam->stop) spsi_beam_part_stop(&part, (float)(first + k));
         spsi_slide_build(penumbra, beam, first + k, -1, &slide);
         for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {
             const spsi_area *row = &lookups->rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
             if (!spsi_area_empty(*row))
                 spsi_beam_add_row(penumbra, &part, &slide, row, y, planes[k] + (size_t)y * pitch + (size_t)row->x0);
         }
+        if (k > 0 && penumbra->hidden) spsi_beam_hide(penumbra, &part, lookups, k - 1);
         if (k == SPSI_CHUNK || !held) continue;
         spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slide);
         for (int y = 0; y < part.height; ++y) {
@@ -17852,20 +17904,37 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, c
     return 1;
 }
 
-/* Turns the sum over `added` of the beams into -log of the mean transmittance. */
-static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int added, int count, float *plane) {
+/* Turns what `added` beams lose at a row's texels into the sum of what all pass. */
+static spsi_v spsi_penumbra_sum(const spsi_penumbra *penumbra, int added, spsi_v lost) {
     const float all = (float)penumbra->beam_count, whole = spsi_penumbra_whole(penumbra);
-    const spsi_v share = spsi_set(1.0f / all), most = spsi_set(whole > 0 ? whole : 1 - (float)added / all);
+    return spsi_sub(spsi_set(whole > 0 ? all : all - (float)added), lost);
+}
+
+/* Divides what polygons stop by what gas passes, in a row of a slab's layers, given the planes before and behind. */
+static void spsi_penumbra_hide_row(const spsi_penumbra *penumbra, int added, int count, const float *before,
+                                   const float *behind, float *layer) {
     for (int x = 0; x < count; x += SPSI_LANES) {
         const int some = spsi_least(SPSI_LANES, count - x);
-        const spsi_v lost = spsi_mul(spsi_load_first(plane + x, some), share);
-        spsi_store_first(plane + x, spsi_minus_log(spsi_sub(most, lost), penumbra->end), some);
+        const spsi_v ends = spsi_add(spsi_penumbra_sum(penumbra, added, spsi_load_first(before + x, some)),
+                                     spsi_penumbra_sum(penumbra, added, spsi_load_first(behind + x, some)));
+        const spsi_v passes = spsi_max(spsi_mul(spsi_set(0.5f), ends), spsi_set(1e-7f));
+        spsi_store_first(layer + x, spsi_min(spsi_div(spsi_load_first(layer + x, some), passes), spsi_set(1)), some);
     }
 }
 
-/* Fills a tile of the planes of the current chunk, as far as gas can look it up. */
+/* Turns the sum over `added` of the beams into -log of the mean transmittance. */
+static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int added, int count, float *plane) {
+    const spsi_v share = spsi_set(1.0f / (float)penumbra->beam_count);
+    for (int x = 0; x < count; x += SPSI_LANES) {
+        const int some = spsi_least(SPSI_LANES, count - x);
+        const spsi_v passes = spsi_penumbra_sum(penumbra, added, spsi_load_first(plane + x, some));
+        spsi_store_first(plane + x, spsi_minus_log(spsi_mul(passes, share), penumbra->end), some);
+    }
+}
+
+/* Fills a tile of the planes of the current chunk, and of its layers, as far as gas can look it up. */
 static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int worker, float *const *planes) {
-    const size_t pitch = (size_t)penumbra->rays->width;
+    const size_t pitch = (size_t)penumbra->rays->width, texels = spsi_ray_count(penumbra->rays);
     float *memory = penumbra->scratch + (size_t)worker * penumbra->scratch_floats;
     int added = 0;
     spsi_lookups lookups;
@@ -17875,12 +17944,18 @@ static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int wor
         for (int k = 0; k <= SPSI_CHUNK; ++k)
             for (int y = lookups.bounds.y0; y <= lookups.bounds.y1; ++y) {
                 const spsi_area *row = &lookups.rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
-                float *plane = planes[k] + (size_t)y * pitch;
+                const size_t at = (size_t)y * pitch + (size_t)row->x0;
+                const int count = row->x1 - row->x0 + 1;
                 if (spsi_area_empty(*row)) continue;
-                if (pass == 0)
-                    memset(plane + row->x0, 0, (size_t)(row->x1 - row->x0 + 1) * sizeof(float));
-                else
-                    spsi_penumbra_finish_row(penumbra, added, row->x1 - row->x0 + 1, plane + row->x0);
+                if (pass == 0) memset(planes[k] + at, 0, (size_t)count * sizeof(float));
+                for (int n = 0; n < SPSI_PARTS && penumbra->hidden && k < SPSI_CHUNK; ++n) {
+                    float *layer = penumbra->hidden + (size_t)(k * SPSI_PARTS + n) * texels + at;
+                    if (pass == 0)
+                        memset(layer, 0, (size_t)count * sizeof(float));
+                    else
+                        spsi_penumbra_hide_row(penumbra, added, count, planes[k] + at, planes[k + 1] + at, layer);
+                }
+                if (pass == 1) spsi_penumbra_finish_row(penumbra, added, count, planes[k] + at);
             }
         for (int i = 0; i < penumbra->beam_count && pass == 0; ++i)
             added += spsi_beam_add(penumbra, &penumbra->beams[i], &lookups, memory, planes);
@@ -18644,6 +18719,25 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     spsi_sliced_project(shadow->sliced, at, q);
     if (planes->cubic) return spsi_bicubic(planes->depth[k], planes->width, planes->height, q[0], q[1]);
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
+}
+
+/* What polygons hide of a penumbra at such points, given the number of their layer. */
+static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], spsi_v layer) {
+    const spsi_planes *planes = &sliced->planes;
+    const size_t texels = spsi_ray_count(sliced->target.rays);
+    const spsi_v k = spsi_floor(spsi_clamp(layer, spsi_set(0), spsi_set(SPSI_PARTS * SPSI_CHUNK - 1)));
+    spsi_v q[2], hidden = spsi_set(0);
+    float number[SPSI_LANES];
+    spsi_sliced_project(sliced, at, q);
+    spsi_store(number, k);
+    for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
+        const float *values = sliced->penumbra.hidden + (size_t)number[lane] * texels;
+        const spsi_m here = spsi_less(spsi_abs(spsi_sub(k, spsi_set(number[lane]))), spsi_set(0.5f));
+        if (done >> lane & 1) continue;
+        hidden = spsi_select(here, spsi_bilinear(values, planes->width, planes->height, q[0], q[1]), hidden);
+        done |= spsi_bits(here);
+    }
+    return hidden;
 }
 
 /* Indices of the texels in which such points lie, or of some nearby where floats cannot tell. */
@@ -21337,6 +21431,23 @@ static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shado
     for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->pane_map_count * steps)));
 }
 
+/* The fraction of what gas lets pass to a part that opaque polygons stop on the way from a light's points. */
+static spsi_v spsi_part_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
+                               const spsi_part *part) {
+    const int steps = shader->frame->matter.classifies ? 1 : SPSI_PARTS;
+    const spsi_v from = spsi_sub(part->middle, part->half), scale = spsi_div(spsi_set(SPSI_PARTS), p->line.scale);
+    const spsi_v step = spsi_mul(part->half, spsi_set(2.0f / (float)steps));
+    spsi_v sum = spsi_set(0), at[3];
+    spsi_courses courses;
+    spsi_courses_build(shadow->along, p->line.at, (float)p->line.y, &courses);
+    for (int i = 0; i < steps; ++i) {
+        const spsi_v d = spsi_fma(step, spsi_set((float)i + 0.5f), from);
+        spsi_courses_at(&courses, d, at);
+        sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, at, spsi_fma(d, scale, spsi_mul(spsi_set(SPSI_PARTS), p->line.base))));
+    }
+    return spsi_mul(sum, spsi_set(1.0f / (float)steps));
+}
+
 /* Adds one of the lights that the sweep carries, attenuated by its planes or its map, cut off by opaque polygons and
    filtered by translucent ones. Within a slab, optical depth towards the light and towards the eye grow in proportion:
    both come from the same matter. */
@@ -21360,6 +21471,10 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
         arrives = spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
     }
     if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
+    if (shadow->soft && shadow->sliced->penumbra.hidden) {
+        const spsi_v seen = spsi_sub(spsi_set(1), spsi_part_hidden(shader, shadow, p, part));
+        for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(filter[c], seen);
+    }
     for (int c = 0; c < 3; ++c) {
         carried.passes[c] = spsi_mul(passes, filter[c]);
         carried.lit[c] = spsi_mul(arrives, filter[c]);

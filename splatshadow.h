@@ -18063,15 +18063,6 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
     return depth + sum * (double)lengths[0];
 }
 
-/* Mean transmittance of gas between a light and a point, as -log of it. Polygons do not count. */
-static double spsi_penumbra_depth(const spsi_penumbra *penumbra, const double point[3]) {
-    double sum = 0;
-    for (int i = 0; i < penumbra->beam_count; ++i)
-        sum += exp(-spsi_beam_depth_at(penumbra, &penumbra->beams[i], point));
-    sum /= penumbra->beam_count;
-    return sum > 1e-7 ? -log(sum) : (double)SPSI_LIGHT_END;
-}
-
 /* ============================================================================================ >>spreading
    26 Light that scatters forward spreads sideways on its way through a light's sheets. What a sheet of optical depth t,
    of which s scatters, passes on of light of flux F is F exp(s - t): turning, it stays in the beam. Of that, light U
@@ -18551,6 +18542,7 @@ typedef struct spsi_shadow {
     const sps_tmap *tmap;      /* with a map */
     int soft;                  /* 1: its sheets hold polygons' shadows too */
     const float *lit;          /* per pixel of the image: spsi_sight */
+    const unsigned char *open; /* per pixel and point of the light, if it is soft: likewise */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
     spsi_pane_map *pane_maps;    /* of the light's points */
@@ -18820,14 +18812,8 @@ static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, cons
     memset(depths, 0, SPSI_LANES * sizeof *depths);
     if (shadow->kind == SPSI_SHADOW_MAP)
         spsi_mapped_surfaces(shadow->tmap, points, depths);
-    else if (shadow->kind == SPSI_SHADOW_SHEETS && !shadow->sliced->is_soft)
+    else if (shadow->kind == SPSI_SHADOW_SHEETS)
         spsi_sliced_surfaces(shadow->sliced, first_slab, points, depths);
-    else
-        for (int n = 0; n < SPSI_LANES && shadow->kind == SPSI_SHADOW_SHEETS; ++n) {
-            double point[3];
-            spsi_points_get(points, n, point);
-            if (points->lanes >> n & 1) depths[n] = (float)spsi_penumbra_depth(&shadow->sliced->penumbra, point);
-        }
 }
 
 /* --- the choice between sheets and a table --- */
@@ -21614,6 +21600,7 @@ typedef struct spsi_sight_job {
     const spsi_visible *visible;
     const spsi_lamp *lamp;
     float *lit;     /* per place: spsi_lit_channels shares of a light's irradiance that polygons let pass */
+    unsigned char *open; /* per place and point: 255 times the root of what they let pass on average; NULL: not wanted */
     uint64_t *rays; /* per worker: number of rays */
 } spsi_sight_job;
 
@@ -21632,8 +21619,15 @@ static int spsi_lit_channels(const spsi_frame *frame, const spsi_lamp *lamp) {
     return frame->meshes.translucent || (lamp->projection.exists && lamp->point_count > 1) ? 3 : 1;
 }
 
-/* Traces rays from a block's polygons to one point of the light. Returns their number. */
-static int spsi_sight_point(const spsi_sight_job *job, const spsi_lamp *point, spsi_sight_surfaces *block) {
+/* What shadow rays find at a place, in floats. */
+static int spsi_sight_floats(const spsi_frame *frame, const spsi_lamp *lamp, int soft) {
+    return spsi_lit_channels(frame, lamp) + (soft ? (lamp->point_count + 3) / 4 : 0);
+}
+
+/* Traces rays from a block's polygons to the n-th point of the light. Returns their number. */
+static int spsi_sight_point(const spsi_sight_job *job, int n, spsi_sight_surfaces *block) {
+    const spsi_lamp *point = &job->lamp->points[n];
+    const size_t pitch = (size_t)job->lamp->point_count;
     spsi_packet packet;
     double toward[3], irradiance[SPSI_PACKET][3];
     int rays = 0, open;
@@ -21654,6 +21648,9 @@ static int spsi_sight_point(const spsi_sight_job *job, const spsi_lamp *point, s
         double through[3] = {1, 1, 1};
         if (packet.filtered >> at & 1) spsi_packet_through(&packet, at, through);
         for (int c = 0; c < 3 && open >> at & 1; ++c) block->seen[at][c] += through[c] * irradiance[at][c];
+        if (job->open && open >> at & 1)
+            job->open[block->index[at] * pitch + (size_t)n] =
+                (unsigned char)(255 * sqrt((through[0] + through[1] + through[2]) / 3) + 0.5);
     }
     return rays;
 }
@@ -21681,7 +21678,7 @@ static void spsi_sight_add(const spsi_sight_job *job, const spsi_place *place, i
 static int spsi_sight_trace(const spsi_sight_job *job, spsi_sight_surfaces *block) {
     int rays = 0;
     for (int i = 0; i < job->lamp->point_count && block->facing; ++i)
-        rays += spsi_sight_point(job, &job->lamp->points[i], block);
+        rays += spsi_sight_point(job, i, block);
     for (int at = 0; at < SPSI_PACKET; ++at)
         if (block->facing >> at & 1) spsi_sight_store(job, block->index[at], block->all[at], block->seen[at]);
     return rays;
@@ -21845,6 +21842,7 @@ static int spsi_sight_is_clear(const spsi_sight_job *job, const spsi_lamp *point
 static int spsi_sight_open(const spsi_sight_job *job, int x0, int y0, int worker) {
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
     const int channels = spsi_lit_channels(job->frame, job->lamp);
+    const size_t pitch = (size_t)job->lamp->point_count;
     spsi_sight_view view;
     memset(&view, 0, sizeof view);
     view.x0 = x0;
@@ -21862,6 +21860,7 @@ static int spsi_sight_open(const spsi_sight_job *job, int x0, int y0, int worker
             job->rays[worker] += (uint64_t)points;
             for (int c = 0; c < channels; ++c)
                 job->lit[(size_t)channels * index + (size_t)c] = points > 0 ? 1.0f : 0.0f;
+            if (job->open) memset(job->open + index * pitch, 255, pitch);
         }
     return 1;
 }
@@ -21884,7 +21883,8 @@ static void spsi_sight_task(void *data, int index, int worker) {
    All pixels have the same points: turning them from pixel to pixel would trade the steps of a penumbra
    for noise, which neither a filter nor the next frame of an animation could tell from the picture. */
 static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                       const spsi_visible *visible, const spsi_lamp *lamp, uint64_t *rays, float *lit) {
+                       const spsi_visible *visible, const spsi_lamp *lamp, uint64_t *rays, float *lit,
+                       unsigned char *open) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
     spsi_sight_job job;
@@ -21893,8 +21893,10 @@ static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi
     job.visible = visible;
     job.lamp = lamp;
     job.lit = lit;
+    job.open = open;
     job.rays = rays;
     memset(job.lit, 0, spsi_place_count(frame, visible) * (size_t)spsi_lit_channels(frame, lamp) * sizeof *lit);
+    if (open) memset(open, 0, spsi_place_count(frame, visible) * (size_t)lamp->point_count);
     memset(job.rays, 0, (size_t)spsi_worker_count(context) * sizeof *rays);
     spsi_parallel(context, spsi_sight_tiles(region[0], region[2]) * spsi_sight_tiles(region[1], region[3]),
                   spsi_sight_task, &job);
@@ -22148,12 +22150,56 @@ static int spsi_surfaces_lit(const spsi_frame *frame, const spsi_shadow *shadow,
     return any;
 }
 
+/* Optical depth of gas between the places and the n-th point of a light, where `weight` is not 0. */
+static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces *list, int n, spsi_v weight) {
+    const spsi_penumbra *penumbra = &shadow->sliced->penumbra;
+    float lanes[SPSI_LANES] = {0};
+    const int lit = spsi_bits(spsi_less(spsi_set(0), weight)) & list->points.lanes;
+    for (int lane = 0; lit >> lane; ++lane) {
+        double point[3];
+        spsi_points_get(&list->points, lane, point);
+        if (lit >> lane & 1) lanes[lane] = (float)spsi_beam_depth_at(penumbra, &penumbra->beams[n], point);
+    }
+    return spsi_load(lanes);
+}
+
+/* Multiplies by the mean of what gas lets pass from the points of a light, each of which counts as much as the
+   irradiance that polygons let pass from it. */
+static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_shadow *shadow,
+                                         const spsi_surfaces *list, spsi_v lit[3]) {
+    const spsi_lamp *lamp = shadow->lamp;
+    const double unit = spsi_surfaces_unit(lamp, list);
+    spsi_v all = spsi_set(FLT_MIN), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+    for (int i = 0; i < lamp->point_count; ++i) {
+        spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, weight, depth;
+        float open[SPSI_LANES] = {0};
+        for (int n = 0; list->points.lanes >> n; ++n)
+            if (list->points.lanes >> n & 1)
+                open[n] = shadow->open[list->place[n].index * (size_t)lamp->point_count + (size_t)i];
+        spsi_surfaces_add_point(shader, &lamp->points[i], list, unit, irradiance);
+        weight = spsi_add(irradiance[0], spsi_add(irradiance[1], irradiance[2]));
+        weight = spsi_mul(weight, spsi_mul(spsi_load(open), spsi_load(open)));
+        if (!spsi_bits(spsi_less(spsi_set(0), weight))) continue;
+        depth = spsi_surfaces_depth(shadow, list, i, weight);
+        all = spsi_add(all, weight);
+        for (int c = 0; c < 3; ++c) {
+            const spsi_v scale = spsi_set(-(float)spsi_straight_scale(shader->frame, c));
+            sum[c] = spsi_fma(weight, spsi_exp(spsi_mul(depth, scale)), sum[c]);
+        }
+    }
+    for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_div(sum[c], all));
+}
+
 /* Multiplies by what gas between a light and the places lets pass, with light that goes straight on. */
 static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list,
                                     spsi_v lit[3]) {
     const int alike = !shader->frame->content->cells;
     float lanes[SPSI_LANES];
     spsi_v passes = spsi_set(1);
+    if (shadow->soft) {
+        spsi_surfaces_attenuate_soft(shader, shadow, list, lit);
+        return;
+    }
     spsi_shadow_surfaces(shadow, shader->first_slab, &list->points, lanes);
     for (int c = 0; c < 3; ++c) {
         const float scale = (float)spsi_straight_scale(shader->frame, c);
@@ -25642,14 +25688,18 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
         if (spsi_sweep_carries(sweep, &frame->lamps.list[i]))
             spsi_shadow_start(picture, sweep, &frame->lamps.list[i], &run->shadows[run->shader.shadow_count++]);
     if (!picture->visible.hits || count == 0) return SPS_OK;
-    for (int i = 0; i < count; ++i) shares += spsi_lit_channels(frame, run->shadows[i].lamp);
+    for (int i = 0; i < count; ++i) shares += spsi_sight_floats(frame, run->shadows[i].lamp, run->shadows[i].soft);
     rays = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, spsi_sight_bytes(context, places, shares));
     if (!rays) return context->result;
     lit = (float *)(void *)(rays + spsi_worker_count(context));
     for (int i = 0; i < count; ++i) {
-        spsi_sight(context, frame, &picture->faces, &picture->visible, run->shadows[i].lamp, rays, lit);
-        run->shadows[i].lit = lit;
-        lit += places * (size_t)spsi_lit_channels(frame, run->shadows[i].lamp);
+        spsi_shadow *shadow = &run->shadows[i];
+        unsigned char *open = (unsigned char *)(lit + places * (size_t)spsi_lit_channels(frame, shadow->lamp));
+        if (!shadow->soft) open = NULL;
+        spsi_sight(context, frame, &picture->faces, &picture->visible, shadow->lamp, rays, lit, open);
+        shadow->lit = lit;
+        shadow->open = open;
+        lit += places * (size_t)spsi_sight_floats(frame, shadow->lamp, shadow->soft);
     }
     return SPS_OK;
 }
@@ -26248,7 +26298,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(frame);
     if (frame->view.scattering == SPS_SCATTERING_AUTO) /* not decided yet */
         report->pass[SPS_PASS_CELLS].bytes += SPSI_BOUND_BYTES;
-    for (int i = 0; i < frame->lamps.count; ++i) shares += spsi_lit_channels(frame, &frame->lamps.list[i]) - 1;
+    for (int i = 0; i < frame->lamps.count; ++i)
+        shares += spsi_sight_floats(frame, &frame->lamps.list[i], frame->lamps.list[i].extent.exists) - 1;
     if (frame->meshes.triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
             frame->meshes.triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +

@@ -4527,6 +4527,7 @@ typedef enum spsi_choice {
     SPSI_CHOICE_SHEETS,
     SPSI_CHOICE_TABLE_IN_GAS, /* a table: the light is in the gas or too close to it for slabs */
     SPSI_CHOICE_TABLE_CAMERA, /* a table: no slabs serve both this light and the camera's rays */
+    SPSI_CHOICE_TABLES,       /* likewise, and the points of an area light share several */
     SPSI_CHOICE_TABLE_SHARED, /* a table: another light's sweep can carry it */
     SPSI_CHOICE_TABLE_AGAIN   /* a table: it serves the light in the cells, too */
 } spsi_choice;
@@ -4546,7 +4547,7 @@ typedef struct spsi_lamp {
     float color[3]; /* intensity of a point light, irradiance of a directional one or of one that does not fall off */
     int falls_off;  /* 1: irradiance falls with the square of the distance */
     spsi_light_extent extent;
-    const struct spsi_lamp *points; /* that stand for an extended light; of another light, itself */
+    struct spsi_lamp *points; /* that stand for an extended light; of another light, itself */
     int point_count;
     const struct spsi_lamp *few; /* fewer points, from which gas takes its irradiance; at least one */
     int few_count;
@@ -4555,6 +4556,7 @@ typedef struct spsi_lamp {
     int sliced;                    /* 1: it shades gas by sheets, and so needs slabs that suit it */
     int has_map;                   /* 1: it shades gas by a transmittance map */
     spsi_choice choice;            /* who chose between the two, and why */
+    int tables;                    /* number of tables that its points share, if it has tables; otherwise 0 or 1 */
     int map_size;                  /* texels on the map's longer side; 0: fitted to the gas */
     const spsi_bounds *map_bounds; /* of the gas that it serves, while other gas shades that, too; NULL: all */
     int map_omnidirectional;       /* 1: the map has six faces wherever the light is */
@@ -4603,8 +4605,10 @@ typedef struct spsi_matter {
 } spsi_matter;
 
 typedef struct spsi_lamps {
-    spsi_lamp *list;
+    spsi_lamp *list; /* `whole`, or what follows it: those whose points share tables as several lights, >>shadows */
     int count;
+    spsi_lamp *whole; /* as the scene has them */
+    int whole_count;
     int shadow_count; /* number of lamps that cast shadows */
     int sliced_count; /* number of lamps that shade gas by sheets: each needs a sweep of its own */
     int image_count;  /* number of lamps that throw an image */
@@ -5189,10 +5193,6 @@ static sps_result spsi_check_extent(sps_context *context, const sps_light *light
     if (light->shadow_map && spsi_light_extended(light))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, i, "shadow_map", 0,
                               "holds the shadow of a single point; an extended light has none");
-    if (light->shadow_source == SPS_SHADOW_TABLE && spsi_light_extended(light))
-        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, i, "shadow_source", 0,
-                              "is SPS_SHADOW_TABLE: a table holds the shadow of a single point; an extended light has "
-                              "none");
     return SPS_OK;
 }
 
@@ -5728,7 +5728,7 @@ static void spsi_lamp_place(const spsi_lamp *lamp, double x, double y, spsi_lamp
     const spsi_light_extent *extent = &lamp->extent;
     *point = *lamp;
     memset(&point->extent, 0, sizeof point->extent);
-    point->points = point->few = point;
+    point->few = point->points = point;
     point->point_count = point->few_count = 1;
     if (lamp->is_point) {
         spsi_along(point->position, extent->axis[0], x, point->position);
@@ -5779,7 +5779,7 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
     spsi_cone_build(light, &lamp->cone);
     if (light->projector) spsi_projection_build(light, lamp->direction, &lamp->projection);
     lamp->falls_off = lamp->is_point && light->falloff == SPS_FALLOFF_INVERSE_SQUARE;
-    lamp->points = lamp->few = lamp;
+    lamp->few = lamp->points = lamp;
     lamp->point_count = lamp->few_count = 1;
     if (spsi_light_extended(light)) spsi_extent_build(light, lamp->direction, &lamp->extent);
     lamp->shadows = !light->no_shadow && !frame->view.no_shadows;
@@ -5792,6 +5792,8 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
     lamp->map_omnidirectional = light->shadow_map_omnidirectional;
     lamp->map_size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
 }
+
+#define SPSI_TABLES_MOST 16 /* that the points of an area light share */
 
 /* Places the points of all extended lights. A mean over few points is as good for what varies slowly over a light: its
    squared distance and, with more of them, its cone. An image needs all points. */
@@ -5842,28 +5844,40 @@ static sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame) {
     return SPS_OK;
 }
 
+/* Sets the list of lamps. */
+static void spsi_lamps_list(spsi_lamps *lamps, spsi_lamp *list, int count) {
+    lamps->list = list;
+    lamps->count = count;
+    lamps->shadow_count = lamps->sliced_count = 0;
+    for (int i = 0; i < count; ++i) {
+        lamps->shadow_count += list[i].shadows;
+        lamps->sliced_count += list[i].sliced;
+    }
+}
+
 /* Lists the lights that are not black; none if nothing in the scene could reflect or scatter them. */
 static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
     size_t lit = 0;
+    spsi_lamps *lamps = &frame->lamps;
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         frame->matter.extinguishes |= material->extinguishes;
         frame->gradients.exist |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
     }
-    for (int i = 0; i < count; ++i) lit += !spsi_black(scene->lights[i].color);
-    frame->lamps.list = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, lit, sizeof(spsi_lamp));
-    if (!frame->lamps.list) return context->result;
+    for (int i = 0; i < count; ++i)
+        if (!spsi_black(scene->lights[i].color)) lit += spsi_light_extended(&scene->lights[i]) ? 1 + SPSI_TABLES_MOST : 2;
+    lamps->whole = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, lit, sizeof(spsi_lamp));
+    if (!lamps->whole) return context->result;
     for (int i = 0; i < count; ++i) {
-        spsi_lamp *lamp = &frame->lamps.list[frame->lamps.count];
+        spsi_lamp *lamp = &lamps->whole[lamps->whole_count];
         if (spsi_black(scene->lights[i].color)) continue;
         spsi_lamp_build(frame, &scene->lights[i], i, lamp);
-        if (lamp->projection.exists) lamp->projection.image = frame->lamps.image_count++;
-        frame->lamps.count += 1;
-        frame->lamps.shadow_count += lamp->shadows;
-        frame->lamps.sliced_count += lamp->sliced;
+        if (lamp->projection.exists) lamp->projection.image = lamps->image_count++;
+        lamps->whole_count += 1;
     }
-    if (frame->lamps.count == 0) frame->gradients.exist = 0;
+    spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
+    if (lamps->count == 0) frame->gradients.exist = 0;
     if (spsi_resolve_planes(context, frame)) return context->result;
     return spsi_resolve_points(context, frame);
 }
@@ -9385,7 +9399,8 @@ static int spsi_has_shadow_table(const spsi_lamp *lamp) {
 
 /* The same of a light's map. */
 static int spsi_map_texels_most(const spsi_frame *frame, const spsi_lamp *lamp) {
-    return spsi_has_shadow_table(lamp) ? SPSI_SHADOW_TABLE_TEXELS_MOST : spsi_light_texels_most(frame);
+    const double share = cbrt((double)spsi_most(1, lamp->tables)); /* together they take the memory of one */
+    return spsi_has_shadow_table(lamp) ? (int)(SPSI_SHADOW_TABLE_TEXELS_MOST / share) : spsi_light_texels_most(frame);
 }
 
 static int spsi_has_shadow_tables(const spsi_frame *frame) {
@@ -10744,19 +10759,14 @@ static const char *spsi_gases(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
-/* The fields of a light that spare it slabs. */
-static const char *spsi_unsliced(const spsi_lamp *lamp) {
-    return lamp->extent.exists ? "no_shadow" : "shadow_source or no_shadow";
-}
-
 /* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy. */
 static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
     const double cosine = sweep->cosine_of_light;
     char rest[SPSI_SENTENCE_SIZE];
     SPS_SNPRINTF(rest, sizeof rest,
                  "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
-                 "needed; move it away, or set %s on it",
-                 spsi_gases(frame), cosine, spsi_unsliced(sweep->lamp));
+                 "needed; move it away, or set shadow_source or no_shadow on it",
+                 spsi_gases(frame), cosine);
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->lamp->index, "", cosine, rest);
 }
 
@@ -10768,7 +10778,7 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
     char way_out[64] = "it to 168 degrees from corner to corner";
     if (!frame->has_matrix) SPS_SNPRINTF(camera, sizeof camera, "is %g", value);
     if (sweep->lamp)
-        SPS_SNPRINTF(way_out, sizeof way_out, "it, or set %s on light[%d]", spsi_unsliced(sweep->lamp),
+        SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_source or no_shadow on light[%d]",
                      sweep->lamp->index);
     SPS_SNPRINTF(rest, sizeof rest,
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s",
@@ -10787,8 +10797,8 @@ static sps_result spsi_sweep_refuse_fit(sps_context *context, const spsi_frame *
     if (lamp->is_point)
         SPS_SNPRINTF(rest, sizeof rest,
                      "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
-                     "middle; move it away, or set %s on it",
-                     spsi_gases(frame), spsi_unsliced(lamp));
+                     "middle; move it away, or set shadow_source or no_shadow on it",
+                     spsi_gases(frame));
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0, rest);
 }
 
@@ -17574,7 +17584,7 @@ static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *fram
         if (!spsi_beam_aim(frame, penumbra, &lamp->points[i], &penumbra->beams[i]))
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0,
                                   "is so wide or so close that some of its points have gas beside or behind them; make "
-                                  "it smaller, move it away, or set no_shadow on it");
+                                  "it smaller, move it away, or set shadow_source or no_shadow on it");
     return SPS_OK;
 }
 
@@ -18854,21 +18864,68 @@ static void spsi_lamp_take(spsi_lamp *lamp, int table, spsi_choice choice) {
     lamp->has_map = table;
     lamp->sliced = !table;
     lamp->choice = choice;
+    lamp->tables = 0;
 }
 
-/* A table for a light that no slabs serve. It holds the shadow of a point: a light that has an extent keeps its sheets,
-   which are refused, unless its widest penumbra is narrower than half a texel. Where that cannot be known before
-   reading, it counts as wider. */
-static void spsi_choose_for_unserved(const spsi_frame *frame, spsi_sweep *sweep, spsi_lamp *lamp) {
+/* Whether slabs that serve a light and the eye also serve the rays of all its points. */
+static int spsi_beams_serve(const spsi_frame *frame, const spsi_sweep *sweep) {
+    spsi_slabs slabs = sweep->slabs;
+    spsi_penumbra penumbra;
+    spsi_beam beam;
+    int serve = 1;
+    memset(&penumbra, 0, sizeof penumbra);
+    penumbra.rays = &sweep->rays;
+    penumbra.slabs = &slabs;
+    slabs.start = HUGE_VAL;
+    for (int corner = 0; corner < 8; ++corner) {
+        double point[3];
+        spsi_bounds_corner(&frame->content->bounds, corner, point);
+        slabs.start = fmin(slabs.start, spsi_dot(point, slabs.normal));
+    }
+    for (int i = 0; i < sweep->lamp->point_count && serve; ++i)
+        serve = spsi_beam_aim(frame, &penumbra, &sweep->lamp->points[i], &beam);
+    return serve;
+}
+
+/* Sets the number of tables that a light's points share: a quarter of theirs, at least 4, as far as `room` bytes hold
+   them beside `others`. One is enough where penumbrae are narrower than half a texel; where that cannot be known before
+   reading, they count as wider. */
+static void spsi_lamp_share(const spsi_frame *frame, const spsi_sweep *sweep, double others, double *room,
+                            spsi_lamp *lamp) {
     const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
+    size_t held, filling;
+    lamp->tables = spsi_least(lamp->point_count, spsi_least(spsi_most(4, lamp->point_count / 4), SPSI_TABLES_MOST));
+    if (known && sweep->rays.width > 0 && spsi_penumbra_texels(frame, sweep) < 0.5) lamp->tables = 1;
+    for (; lamp->tables > 1; lamp->tables /= 2) {
+        spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
+        if (lamp->tables * (double)held + (double)filling + others <= *room) break;
+    }
+    if (lamp->tables > 1) *room -= lamp->tables * (double)held + (double)filling;
+}
+
+/* A table for a light that no slabs serve, or tables that the points of an area light share. */
+static void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, spsi_sweep *sweep,
+                                     double *room, spsi_lamp *lamp) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_MIN;
     spsi_rays rays[SPSI_CUBE_FACES];
-    int faces;
     spsi_lamp_take(lamp, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
-    faces = spsi_lamp_rays(frame, lamp, rays);
-    sweep->rays = rays[0];
-    if (faces == 0 || (lamp->extent.exists && !(known && by_camera && spsi_penumbra_texels(frame, sweep) < 0.5)))
+    if (spsi_lamp_rays(frame, lamp, rays) == 0) {
         spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
+        return;
+    }
+    sweep->rays = rays[0];
+    if (!lamp->extent.exists) return;
+    spsi_lamp_share(frame, sweep, spsi_bytes_without_tables(context, frame, sweep), room, lamp);
+    if (lamp->tables > 1) lamp->choice = SPSI_CHOICE_TABLES;
+}
+
+/* Shares tables among the points of an area light that is to shade gas by a table. */
+static void spsi_share_by_caller(const sps_context *context, const spsi_frame *frame, double *room, spsi_lamp *lamp) {
+    spsi_rays rays[SPSI_CUBE_FACES];
+    spsi_sweep sweep;
+    spsi_sweep_clear(frame, lamp, 0, &sweep);
+    if (spsi_lamp_rays(frame, lamp, rays) > 0) sweep.rays = rays[0];
+    spsi_lamp_share(frame, &sweep, spsi_bytes_without_tables(context, frame, &sweep), room, lamp);
 }
 
 /* Chooses between sheets and a table for a light for which the caller has not. `others`: 1 if an earlier light has
@@ -18880,8 +18937,8 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
     double bytes;
     spsi_sweep_clear(frame, lamp, 0, &sweep);
     lamp->choice = SPSI_CHOICE_SHEETS;
-    if (!spsi_sweep_aim(frame, &sweep)) {
-        spsi_choose_for_unserved(frame, &sweep, lamp);
+    if (!spsi_sweep_aim(frame, &sweep) || (sweep.soft && !spsi_beams_serve(frame, &sweep))) {
+        spsi_choose_for_unserved(context, frame, &sweep, room, lamp);
         return;
     }
     if ((!others && !spsi_scatters_fully(frame)) || frame->matter.classifies || lamp->extent.exists) return;
@@ -18893,6 +18950,71 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
         *room -= bytes;
     else
         spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
+}
+
+/* Moves those of a light's points from number `first` on that are nearest to a part than to other parts to the front.
+   Returns the number of the first that is not. */
+static int spsi_lamp_gather_points(const spsi_lamp *lamp, const spsi_lamp *parts, int count, int n, int first) {
+    for (int i = first; i < lamp->point_count; ++i) {
+        const spsi_lamp point = lamp->points[i];
+        double nearest = HUGE_VAL;
+        int best = 0;
+        for (int k = n; k < count; ++k) {
+            double way[3], square;
+            spsi_along(point.is_point ? point.position : point.direction,
+                       point.is_point ? parts[k].position : parts[k].direction, -1, way);
+            square = spsi_dot(way, way);
+            if (square < nearest) nearest = square, best = k;
+        }
+        if (best != n) continue;
+        lamp->points[i] = lamp->points[first];
+        lamp->points[first++] = point;
+    }
+    return first;
+}
+
+/* Makes lights of their own of an area light's points that share a table: that of their mean. Returns how many. */
+static int spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts) {
+    spsi_lamp centres[SPSI_TABLES_MOST];
+    int made = 0, first = 0, end;
+    spsi_extent_points(lamp, lamp->tables, centres);
+    for (int n = 0; n < lamp->tables; ++n, first = end) {
+        spsi_lamp *part = &parts[made];
+        double sum[3] = {0, 0, 0};
+        end = spsi_lamp_gather_points(lamp, centres, lamp->tables, n, first);
+        if (end == first) continue;
+        *part = *lamp;
+        part->points = lamp->points + first;
+        part->point_count = end - first;
+        part->few = lamp->projection.exists ? part->points : part;
+        part->few_count = lamp->projection.exists ? part->point_count : 1;
+        for (int i = 0; i < part->point_count; ++i) {
+            const spsi_lamp *point = &part->points[i];
+            spsi_along(sum, lamp->is_point ? point->position : point->direction, 1.0 / part->point_count, sum);
+        }
+        memcpy(lamp->is_point ? part->position : part->direction, sum, sizeof sum);
+        if (!lamp->is_point) spsi_normalise(part->direction);
+        for (int c = 0; c < 3; ++c) part->color[c] *= (float)part->point_count / (float)lamp->point_count;
+        ++made;
+    }
+    return made;
+}
+
+/* Lists lights as they are, except for those whose points share tables: as several. */
+static void spsi_lamps_split(spsi_lamps *lamps) {
+    spsi_lamp *list = lamps->whole + lamps->whole_count;
+    int count = 0, split = 0;
+    for (int i = 0; i < lamps->whole_count; ++i) split |= lamps->whole[i].has_map && lamps->whole[i].tables > 1;
+    for (int i = 0; i < lamps->whole_count && split; ++i) {
+        const spsi_lamp *lamp = &lamps->whole[i];
+        list[count] = *lamp;
+        if (!lamp->extent.exists) list[count].few = list[count].points = &list[count];
+        count += lamp->has_map && lamp->tables > 1 ? spsi_lamp_split(lamp, list + count) : 1;
+    }
+    if (split)
+        spsi_lamps_list(lamps, list, count);
+    else
+        spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
 }
 
 /* Chooses how gas is shaded by each light that leaves it open, and how the image is cut, from the volumes' boxes and
@@ -18910,13 +19032,17 @@ static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
         content->outer = tight;
     }
     content->bounds = content->outer;
+    spsi_lamps_list(&frame->lamps, frame->lamps.whole, frame->lamps.whole_count);
     frame->lamps.sliced_count = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         spsi_lamp *lamp = &frame->lamps.list[i];
         if (lamp->choice == SPSI_CHOICE_OPEN)
             spsi_choose_for_lamp(context, frame, frame->lamps.sliced_count > 0, &room, lamp);
+        else if (lamp->extent.exists && lamp->has_map)
+            spsi_share_by_caller(context, frame, &room, lamp);
         frame->lamps.sliced_count += lamp->sliced;
     }
+    spsi_lamps_split(&frame->lamps);
     if (frame->lamps.sliced_count == 0) spsi_image_divide(frame);
     content->bounds = tight;
 }
@@ -24983,12 +25109,10 @@ static int spsi_lamps_are_open(const spsi_frame *frame) {
 
 /* Lets lights choose between sheets and tables again. */
 static void spsi_choices_reopen(spsi_frame *frame) {
-    frame->lamps.sliced_count = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_lamp *lamp = &frame->lamps.list[i];
-        if (lamp->choice != SPSI_CHOICE_CALLER) spsi_lamp_take(lamp, 0, SPSI_CHOICE_OPEN);
-        frame->lamps.sliced_count += lamp->sliced;
-    }
+    spsi_lamps *lamps = &frame->lamps;
+    for (int i = 0; i < lamps->whole_count; ++i)
+        if (lamps->whole[i].choice != SPSI_CHOICE_CALLER) spsi_lamp_take(&lamps->whole[i], 0, SPSI_CHOICE_OPEN);
+    spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
 }
 
 /* Applies a setting to the frame. Lights' choices are open then. */
@@ -26170,6 +26294,8 @@ static const char *spsi_plan_map_reason(const spsi_frame *frame) {
                                           "",
                                           "a table: the light is in the gas",
                                           "a table: no slabs serve both the light and so wide a camera",
+                                          "tables: no slabs serve an area light, whose points share a few, so that "
+                                          "penumbrae of gas have steps",
                                           "a table: the light shares the sweep of another",
                                           "a table: it serves the light in the cells, too"};
     for (int choice = SPSI_CHOICE_OPEN; choice <= SPSI_CHOICE_TABLE_AGAIN; ++choice)

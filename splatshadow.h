@@ -18986,8 +18986,8 @@ static int spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts) {
         *part = *lamp;
         part->points = lamp->points + first;
         part->point_count = end - first;
-        part->few = lamp->projection.exists ? part->points : part;
-        part->few_count = lamp->projection.exists ? part->point_count : 1;
+        part->few = part->points; /* the light may be as close as gas gets */
+        part->few_count = part->point_count;
         for (int i = 0; i < part->point_count; ++i) {
             const spsi_lamp *point = &part->points[i];
             spsi_along(sum, lamp->is_point ? point->position : point->direction, 1.0 / part->point_count, sum);
@@ -26082,9 +26082,10 @@ static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_fram
     pass->runs += sweep->soft || frame->particles.set_count > 0 || polygons;
     if (frame->particles.set_count > 0) {
         const uint64_t tiles = side / SPSI_TILE_WIDTH + 1;
-        size.scratch = 3 * most * most + SPSI_LANES;
+        size.scratch = 3 * most * most + SPSI_LANES + 2 * SPSI_BEAM_TILE;
         size.beams = (uint64_t)sweep->lamp->point_count * most * most * (uint64_t)(1 + polygons);
         size.sheets = SPSI_CHUNK * side * side;
+        size.hidden = polygons ? SPSI_PARTS * size.sheets : 0;
         size.held = 2 * tiles * tiles;
     } else {
         if (spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;

@@ -6,7 +6,7 @@
 
 #define PI 3.14159265358979323846
 
-enum { SIDE = 28, COUNT = 4 * SIDE * SIDE, SPHERES = 11, FACES = 16 };
+enum { SIDE = 20, COUNT = 4 * SIDE * SIDE, SPHERES = 11, FACES = 16 };
 static float image_a[COUNT], image_b[COUNT];
 static sps_context *context;
 static check_triangles triangles;
@@ -130,7 +130,7 @@ static void start_sun_and_lamp(check_scene *s) {
 
 /* --- brute force --- */
 
-static int points = 64; /* of a light; a multiple of 8 */
+static int points = 48; /* of a light; a multiple of 8 */
 
 typedef struct vec {
     double x, y, z;
@@ -286,7 +286,7 @@ static double bias_of(const float *image, const double *exact, double *rms) {
 
 /* --- lights that polygons and gas hide --- */
 
-/* Steps of 0.03 leave 0.1 % of the mean to brute force, and 64 points 0.1 %: with 0.01 and 512 it changes by less. The
+/* Steps of 0.04 leave 0.1 % of the mean to brute force, and 48 points 0.1 %: with 0.01 and 512 it changes by less. The
    bounds are those of a picture's brightness that can just be seen side by side, 1.5 %, and half of it. The product of
    means, by slabs in whole, had -6 and -4 % for the disc, -6 and -3 % for the sun and the lamp. */
 static void test_gas_and_polygons(void) {
@@ -300,7 +300,7 @@ static void test_gas_and_polygons(void) {
                 start_sun_and_lamp(&s);
             else
                 start_disc(&s);
-            if (q == 0) brute_force(&s, 0.03, exact);
+            if (q == 0) brute_force(&s, 0.04, exact);
             s.view.quality = q ? SPS_QUALITY_HIGH : SPS_QUALITY_DEFAULT;
             check_render(context, &s, image_a);
             bias = bias_of(image_a, exact, &rms);
@@ -315,11 +315,11 @@ static void test_gas_and_polygons(void) {
         }
 }
 
-/* --- a ground at y = 0 below a disc of radius 1 at y = 4, of which a plate hides the left half and a dense sphere most
-   of the right one --- */
+/* --- a ground at y = 0 below a disc of radius 1 at y = 4, of which a plate hides the left half and a sphere most of
+ * the right one --- */
 
 static void start_ground(check_scene *s) {
-    static const sps_particle sphere = {{0.5f, 2, 0}, 0.45f, 3};
+    static const sps_particle sphere = {{0.5f, 2, 0}, 0.45f, 1};
     const double ground[3] = {-6, 0, -6}, plate[3] = {-4, 2.6, -4}, along_x[3] = {12, 0, 0}, along_z[3] = {0, 0, 12};
     const double left[3] = {4, 0, 0}, deep[3] = {0, 0, 8};
     sps_light *light;
@@ -341,8 +341,9 @@ static void start_ground(check_scene *s) {
 }
 
 /* 256 points of the renderer and 512 of brute force have errors of up to 2 / (K sqrt 12) of the unhidden light each
-   (test_penumbrae), 0.0034 together; a fifth of that light is left, so that they are 1.7 % of the mean, and the
-   sphere's chords between texels as much again. The product of means is 2.4 times too bright. */
+   (test_penumbrae), 0.0034 together. A quarter of that light is left, so that they are 1.4 % of the mean; what the
+   sphere lets pass is interpolated between texels, which may take as much again. The product of means is 60 % too
+   bright. */
 static void test_ground(void) {
     static double exact[SIDE * SIDE];
     check_scene s;
@@ -351,12 +352,12 @@ static void test_ground(void) {
     s.light[0].samples = 256;
     points = 512;
     brute_force(&s, 1, exact);
-    points = 64;
+    points = 48;
     check_render(context, &s, image_a);
     bias = bias_of(image_a, exact, &rms);
     if (figures()) printf("ground: %.2f %%, rms %.2f %%\n", 100 * bias, 100 * rms);
     CHECK_CASE("Shadows", "a plate hides one half of a disc light, gas the other", "brute force on the ground, rms",
-               rms, 0.034, "points, chords between texels");
+               rms, 0.028, "points, chords between texels");
 }
 
 /* --- lights that no slabs serve --- */
@@ -377,6 +378,8 @@ static void start_unserved(check_scene *s, int kind) {
     if (kind == 2) s->light[0].shadow_source = SPS_SHADOW_TABLE;
 }
 
+/* Slabs and texels of particles are off by as much as for a point light in the place of the disc's centre: 5 and 2.5 %
+   amid the gas, 2.6 and 0.7 % for the wide camera. Four or eight tables for all points, and brute force, add 0.5 %. */
 static void test_unserved(void) {
     static double exact[SIDE * SIDE];
     for (int kind = 0; kind < 3; ++kind)
@@ -385,7 +388,7 @@ static void test_unserved(void) {
             double bias, rms;
             sps_stats_report stats;
             start_unserved(&s, kind);
-            if (q == 0) brute_force(&s, 0.03, exact);
+            if (q == 0) brute_force(&s, 0.04, exact);
             s.view.quality = q ? SPS_QUALITY_HIGH : SPS_QUALITY_DEFAULT;
             check_render(context, &s, image_a);
             sps_get_stats(context, &stats);
@@ -393,7 +396,7 @@ static void test_unserved(void) {
             bias = bias_of(image_a, exact, &rms);
             if (figures()) printf("unserved %d, quality %d: %.2f %%, rms %.2f %%\n", kind, q, 100 * bias, 100 * rms);
             CHECK_CASE("Shadows", "area light in the gas, beside a wide camera, or with tables",
-                       "brute force over eye and light, mean error", fabs(bias), q ? 0.01 : 0.02,
+                       "brute force over eye and light, mean error", fabs(bias), q ? 0.03 : 0.055,
                        "slabs and texels, a quarter of the points");
         }
 }
@@ -423,11 +426,11 @@ static void test_shared_tables(void) {
     CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
     check_workers(&s, image_b, image_a);
     memset(&config, 0, sizeof config);
-    config.memory_limit = 80000000;
+    config.memory_limit = 40000000;
     other = sps_create(&config, NULL);
     check_render(other, &s, image_b);
     sps_get_stats(other, &stats);
-    CHECK(stats.tables_made == 1 && check_rms(image_a, image_b, COUNT) > 0);
+    CHECK(stats.tables_made > 0 && stats.tables_made < 4 && check_rms(image_a, image_b, COUNT) > 0);
     sps_destroy(other);
     s.light[0].shadow_source = SPS_SHADOW_SHEETS;
     check_fails(context, &s, image_b, SPS_ERROR_UNSUPPORTED, "move it away, or set shadow_source or no_shadow on it");

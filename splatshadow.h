@@ -10960,9 +10960,10 @@ static double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sw
         double point[3], q[3];
         spsi_bounds_corner(&all, corner, point);
         spsi_project(&sweep->rays, point, q);
-        near_by = fmin(near_by, fmax(q[2], lamp->extent.radius));
+        near_by = fmin(near_by, q[2]);
         far_off = fmax(far_off, q[2]);
     }
+    if (!(near_by > 0)) return HUGE_VAL;
     return 2 * lamp->extent.radius * (1 / near_by - 1 / far_off) / texel;
 }
 

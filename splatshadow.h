@@ -4547,7 +4547,7 @@ typedef struct spsi_lamp {
     float color[3]; /* intensity of a point light, irradiance of a directional one or of one that does not fall off */
     int falls_off;  /* 1: irradiance falls with the square of the distance */
     spsi_light_extent extent;
-    struct spsi_lamp *points; /* that stand for an extended light; of another light, itself */
+    const struct spsi_lamp *points; /* that stand for an extended light; of another light, itself */
     int point_count;
     const struct spsi_lamp *few; /* fewer points, from which gas takes its irradiance; at least one */
     int few_count;
@@ -4609,6 +4609,7 @@ typedef struct spsi_lamps {
     int count;
     spsi_lamp *whole; /* as the scene has them */
     int whole_count;
+    spsi_lamp *split_points; /* room for all points of area lights */
     int shadow_count; /* number of lamps that cast shadows */
     int sliced_count; /* number of lamps that shade gas by sheets: each needs a sweep of its own */
     int image_count;  /* number of lamps that throw an image */
@@ -5728,7 +5729,7 @@ static void spsi_lamp_place(const spsi_lamp *lamp, double x, double y, spsi_lamp
     const spsi_light_extent *extent = &lamp->extent;
     *point = *lamp;
     memset(&point->extent, 0, sizeof point->extent);
-    point->few = point->points = point;
+    point->points = point->few = point;
     point->point_count = point->few_count = 1;
     if (lamp->is_point) {
         spsi_along(point->position, extent->axis[0], x, point->position);
@@ -5779,7 +5780,7 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
     spsi_cone_build(light, &lamp->cone);
     if (light->projector) spsi_projection_build(light, lamp->direction, &lamp->projection);
     lamp->falls_off = lamp->is_point && light->falloff == SPS_FALLOFF_INVERSE_SQUARE;
-    lamp->few = lamp->points = lamp;
+    lamp->points = lamp->few = lamp;
     lamp->point_count = lamp->few_count = 1;
     if (spsi_light_extended(light)) spsi_extent_build(light, lamp->direction, &lamp->extent);
     lamp->shadows = !light->no_shadow && !frame->view.no_shadows;
@@ -5793,7 +5794,7 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
     lamp->map_size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
 }
 
-#define SPSI_TABLES_MOST 16 /* that the points of an area light share */
+#define SPSI_TABLES_MOST 13 /* that the points of an area light share */
 
 /* Places the points of all extended lights. A mean over few points is as good for what varies slowly over a light: its
    squared distance and, with more of them, its cone. An image needs all points. */
@@ -5806,7 +5807,7 @@ static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
         lamp->point_count = lamp->samples > 0 ? lamp->samples : frame->accuracy.light_points;
         if (lamp->is_point) lamp->few_count = spsi_least(lamp->point_count, lamp->cone.exists ? 16 : 4);
         if (lamp->projection.exists) lamp->few_count = lamp->point_count;
-        count += (size_t)(lamp->point_count + lamp->few_count);
+        count += (size_t)(2 * lamp->point_count + lamp->few_count);
     }
     if (count == 0) return SPS_OK;
     points = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMP_POINTS, count, sizeof(spsi_lamp));
@@ -5822,6 +5823,7 @@ static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
         lamp->few = points;
         points += lamp->few_count;
     }
+    frame->lamps.split_points = points;
     return SPS_OK;
 }
 
@@ -18869,64 +18871,49 @@ static void spsi_lamp_take(spsi_lamp *lamp, int table, spsi_choice choice) {
 }
 
 /* Whether slabs that serve a light and the eye also serve the rays of all its points. */
-static int spsi_beams_serve(const spsi_frame *frame, const spsi_sweep *sweep) {
-    spsi_slabs slabs = sweep->slabs;
+static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
     spsi_penumbra penumbra;
     spsi_beam beam;
-    int serve = 1;
+    int i = 0;
     memset(&penumbra, 0, sizeof penumbra);
     penumbra.rays = &sweep->rays;
-    penumbra.slabs = &slabs;
-    slabs.start = HUGE_VAL;
-    for (int corner = 0; corner < 8; ++corner) {
-        double point[3];
-        spsi_bounds_corner(&frame->content->bounds, corner, point);
-        slabs.start = fmin(slabs.start, spsi_dot(point, slabs.normal));
-    }
-    for (int i = 0; i < sweep->lamp->point_count && serve; ++i)
-        serve = spsi_beam_aim(frame, &penumbra, &sweep->lamp->points[i], &beam);
-    return serve;
+    penumbra.slabs = &sweep->slabs;
+    spsi_slabs_place(frame, &sweep->eye, sweep->lamp, HUGE_VAL, HUGE_VAL, &sweep->slabs);
+    while (i < sweep->lamp->point_count && spsi_beam_aim(frame, &penumbra, &sweep->lamp->points[i], &beam)) ++i;
+    return i == sweep->lamp->point_count;
 }
 
-/* Sets the number of tables that a light's points share: a quarter of theirs, at least 4, as far as `room` bytes hold
-   them beside `others`. One is enough where penumbrae are narrower than half a texel; where that cannot be known before
-   reading, they count as wider. */
-static void spsi_lamp_share(const spsi_frame *frame, const spsi_sweep *sweep, double others, double *room,
-                            spsi_lamp *lamp) {
+/* Sets the number of tables that a light's points share, a Fibonacci number, as far as `room` bytes hold them. One is
+   enough where penumbrae are narrower than half a texel; where that cannot be known before reading, they count as
+   wider. */
+static void spsi_lamp_share(const sps_context *context, const spsi_frame *frame, double *room, spsi_lamp *lamp) {
     const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
+    const int tables = lamp->point_count < 32 ? 5 : lamp->point_count < 64 ? 8 : SPSI_TABLES_MOST;
+    spsi_rays rays[SPSI_CUBE_FACES];
+    spsi_sweep sweep;
     size_t held, filling;
-    lamp->tables = spsi_least(lamp->point_count, spsi_least(spsi_most(4, lamp->point_count / 4), SPSI_TABLES_MOST));
-    if (known && sweep->rays.width > 0 && spsi_penumbra_texels(frame, sweep) < 0.5) lamp->tables = 1;
+    double bytes = 0;
+    spsi_sweep_clear(frame, lamp, 0, &sweep);
+    if (!lamp->extent.exists || !lamp->has_map || !spsi_lamp_rays(frame, lamp, rays)) return;
+    sweep.rays = rays[0];
+    lamp->tables = known && spsi_penumbra_texels(frame, &sweep) < 0.5 ? 1 : spsi_least(tables, lamp->point_count);
     for (; lamp->tables > 1; lamp->tables /= 2) {
         spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
-        if (lamp->tables * (double)held + (double)filling + others <= *room) break;
+        bytes = lamp->tables * (double)held + (double)filling;
+        if (bytes + spsi_bytes_without_tables(context, frame, &sweep) <= *room) break;
     }
-    if (lamp->tables > 1) *room -= lamp->tables * (double)held + (double)filling;
+    if (lamp->tables > 1) *room -= bytes;
 }
 
-/* A table for a light that no slabs serve, or tables that the points of an area light share. */
-static void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, spsi_sweep *sweep,
+/* A table for a light that no slabs serve, or several, which the points of an area light share. */
+static void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                      double *room, spsi_lamp *lamp) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_MIN;
     spsi_rays rays[SPSI_CUBE_FACES];
     spsi_lamp_take(lamp, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
-    if (spsi_lamp_rays(frame, lamp, rays) == 0) {
-        spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
-        return;
-    }
-    sweep->rays = rays[0];
-    if (!lamp->extent.exists) return;
-    spsi_lamp_share(frame, sweep, spsi_bytes_without_tables(context, frame, sweep), room, lamp);
+    if (!spsi_lamp_rays(frame, lamp, rays)) spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
+    spsi_lamp_share(context, frame, room, lamp);
     if (lamp->tables > 1) lamp->choice = SPSI_CHOICE_TABLES;
-}
-
-/* Shares tables among the points of an area light that is to shade gas by a table. */
-static void spsi_share_by_caller(const sps_context *context, const spsi_frame *frame, double *room, spsi_lamp *lamp) {
-    spsi_rays rays[SPSI_CUBE_FACES];
-    spsi_sweep sweep;
-    spsi_sweep_clear(frame, lamp, 0, &sweep);
-    if (spsi_lamp_rays(frame, lamp, rays) > 0) sweep.rays = rays[0];
-    spsi_lamp_share(frame, &sweep, spsi_bytes_without_tables(context, frame, &sweep), room, lamp);
 }
 
 /* Chooses between sheets and a table for a light for which the caller has not. `others`: 1 if an earlier light has
@@ -18953,69 +18940,44 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
         spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
 }
 
-/* Moves those of a light's points from number `first` on that are nearest to a part than to other parts to the front.
-   Returns the number of the first that is not. */
-static int spsi_lamp_gather_points(const spsi_lamp *lamp, const spsi_lamp *parts, int count, int n, int first) {
-    for (int i = first; i < lamp->point_count; ++i) {
-        const spsi_lamp point = lamp->points[i];
-        double nearest = HUGE_VAL;
-        int best = 0;
-        for (int k = n; k < count; ++k) {
-            double way[3], square;
-            spsi_along(point.is_point ? point.position : point.direction,
-                       point.is_point ? parts[k].position : parts[k].direction, -1, way);
-            square = spsi_dot(way, way);
-            if (square < nearest) nearest = square, best = k;
-        }
-        if (best != n) continue;
-        lamp->points[i] = lamp->points[first];
-        lamp->points[first++] = point;
-    }
-    return first;
-}
-
-/* Makes lights of their own of an area light's points that share a table: that of their mean. Returns how many. */
-static int spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts) {
-    spsi_lamp centres[SPSI_TABLES_MOST];
-    int made = 0, first = 0, end;
-    spsi_extent_points(lamp, lamp->tables, centres);
-    for (int n = 0; n < lamp->tables; ++n, first = end) {
-        spsi_lamp *part = &parts[made];
+/* Makes lights of their own of an area light's points that share a table, every tables-th of them: that of their mean.
+   On a spiral of golden angles these are sectors, on a lattice of golden rows strips. */
+static void spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts, spsi_lamp *points) {
+    for (int n = 0; n < lamp->tables; ++n) {
+        spsi_lamp *part = &parts[n];
         double sum[3] = {0, 0, 0};
-        end = spsi_lamp_gather_points(lamp, centres, lamp->tables, n, first);
-        if (end == first) continue;
         *part = *lamp;
-        part->points = lamp->points + first;
-        part->point_count = end - first;
-        part->few = part->points; /* the light may be as close as gas gets */
-        part->few_count = part->point_count;
-        for (int i = 0; i < part->point_count; ++i) {
-            const spsi_lamp *point = &part->points[i];
+        part->points = part->few = points; /* the light may be as close as gas gets */
+        part->point_count = part->few_count = (lamp->point_count - n + lamp->tables - 1) / lamp->tables;
+        for (int i = n; i < lamp->point_count; i += lamp->tables) {
+            const spsi_lamp *point = &lamp->points[i];
             spsi_along(sum, lamp->is_point ? point->position : point->direction, 1.0 / part->point_count, sum);
+            *points++ = *point;
         }
         memcpy(lamp->is_point ? part->position : part->direction, sum, sizeof sum);
         if (!lamp->is_point) spsi_normalise(part->direction);
         for (int c = 0; c < 3; ++c) part->color[c] *= (float)part->point_count / (float)lamp->point_count;
-        ++made;
     }
-    return made;
 }
 
 /* Lists lights as they are, except for those whose points share tables: as several. */
 static void spsi_lamps_split(spsi_lamps *lamps) {
-    spsi_lamp *list = lamps->whole + lamps->whole_count;
+    spsi_lamp *list = lamps->whole + lamps->whole_count, *points = lamps->split_points;
     int count = 0, split = 0;
-    for (int i = 0; i < lamps->whole_count; ++i) split |= lamps->whole[i].has_map && lamps->whole[i].tables > 1;
-    for (int i = 0; i < lamps->whole_count && split; ++i) {
+    for (int i = 0; i < lamps->whole_count; ++i) {
         const spsi_lamp *lamp = &lamps->whole[i];
+        if (lamp->tables > 1) {
+            spsi_lamp_split(lamp, list + count, points);
+            count += lamp->tables;
+            points += lamp->point_count;
+            split = 1;
+            continue;
+        }
         list[count] = *lamp;
-        if (!lamp->extent.exists) list[count].few = list[count].points = &list[count];
-        count += lamp->has_map && lamp->tables > 1 ? spsi_lamp_split(lamp, list + count) : 1;
+        if (!lamp->extent.exists) list[count].points = list[count].few = &list[count];
+        ++count;
     }
-    if (split)
-        spsi_lamps_list(lamps, list, count);
-    else
-        spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
+    spsi_lamps_list(lamps, split ? list : lamps->whole, split ? count : lamps->whole_count);
 }
 
 /* Chooses how gas is shaded by each light that leaves it open, and how the image is cut, from the volumes' boxes and
@@ -19039,8 +19001,8 @@ static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
         spsi_lamp *lamp = &frame->lamps.list[i];
         if (lamp->choice == SPSI_CHOICE_OPEN)
             spsi_choose_for_lamp(context, frame, frame->lamps.sliced_count > 0, &room, lamp);
-        else if (lamp->extent.exists && lamp->has_map)
-            spsi_share_by_caller(context, frame, &room, lamp);
+        else
+            spsi_lamp_share(context, frame, &room, lamp);
         frame->lamps.sliced_count += lamp->sliced;
     }
     spsi_lamps_split(&frame->lamps);

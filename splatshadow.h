@@ -18883,12 +18883,17 @@ static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
     return i == sweep->lamp->point_count;
 }
 
-/* Sets the number of tables that a light's points share, a Fibonacci number, as far as `room` bytes hold them. One is
+/* Number of tables that an area light's points share, a Fibonacci number. */
+static int spsi_lamp_tables(const spsi_lamp *lamp) {
+    const int count = lamp->point_count;
+    return count < 32 ? spsi_least(count, 5) : count < 64 ? 8 : SPSI_TABLES_MOST;
+}
+
+/* Sets the number of tables that a light's points share, as far as `room` bytes hold them. One is
    enough where penumbrae are narrower than half a texel; where that cannot be known before reading, they count as
    wider. */
 static void spsi_lamp_share(const sps_context *context, const spsi_frame *frame, double *room, spsi_lamp *lamp) {
     const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
-    const int tables = lamp->point_count < 32 ? 5 : lamp->point_count < 64 ? 8 : SPSI_TABLES_MOST;
     spsi_rays rays[SPSI_CUBE_FACES];
     spsi_sweep sweep;
     size_t held, filling;
@@ -18896,7 +18901,7 @@ static void spsi_lamp_share(const sps_context *context, const spsi_frame *frame,
     spsi_sweep_clear(frame, lamp, 0, &sweep);
     if (!lamp->extent.exists || !lamp->has_map || !spsi_lamp_rays(frame, lamp, rays)) return;
     sweep.rays = rays[0];
-    lamp->tables = known && spsi_penumbra_texels(frame, &sweep) < 0.5 ? 1 : spsi_least(tables, lamp->point_count);
+    lamp->tables = known && spsi_penumbra_texels(frame, &sweep) < 0.5 ? 1 : spsi_lamp_tables(lamp);
     for (; lamp->tables > 1; lamp->tables /= 2) {
         spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
         bytes = lamp->tables * (double)held + (double)filling;
@@ -26070,22 +26075,31 @@ static int spsi_axis_serves(const spsi_frame *frame, const spsi_lamp *lamp) {
     spsi_eye_axis(&frame->content->eye, axis);
     spsi_sweep_turn(frame, axis, &sweep);
     for (int i = 0; i < 3; ++i) toward[i] = sweep.back_to_front ? -sweep.slabs.normal[i] : sweep.slabs.normal[i];
-    return spsi_cosine_to_corners(toward, &frame->content->eye) >= SPSI_COSINE_MIN;
+    return sweep.cosine_of_light >= SPSI_COSINE_MIN &&
+           spsi_cosine_to_corners(toward, &frame->content->eye) >= SPSI_COSINE_MIN;
 }
 
 /* Chooses as a render does, except that particles have not been read: what depends on them stays open. */
 static void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
     int open = 0, sliced = 0;
     spsi_choose_shadows(context, frame);
-    for (int i = 0; i < frame->lamps.count && frame->particles.set_count > 0; ++i) {
+    if (frame->particles.set_count == 0) return;
+    spsi_lamps_list(&frame->lamps, frame->lamps.whole, frame->lamps.whole_count);
+    for (int i = 0; i < frame->lamps.count; ++i) {
         spsi_lamp *lamp = &frame->lamps.list[i];
-        const int is_known = lamp->choice == SPSI_CHOICE_CALLER || lamp->extent.exists ||
-                             (open + sliced == 0 && spsi_axis_serves(frame, lamp));
+        const int is_known = lamp->choice == SPSI_CHOICE_CALLER ||
+                             ((open + sliced == 0 || lamp->extent.exists) && spsi_axis_serves(frame, lamp));
         if (!is_known || lamp->choice == SPSI_CHOICE_OPEN)
             lamp->choice = is_known ? SPSI_CHOICE_SHEETS : SPSI_CHOICE_OPEN;
+        if (lamp->extent.exists && (!is_known || lamp->has_map)) lamp->tables = spsi_lamp_tables(lamp);
         open += !is_known;
         sliced += is_known && lamp->sliced;
     }
+}
+
+/* Number of tables that a light of the list has, if it has any. */
+static int spsi_plan_tables(const spsi_frame *frame, const spsi_lamp *lamp) {
+    return frame->lamps.list == frame->lamps.whole ? spsi_most(1, lamp->tables) : 1;
 }
 
 /* Number of lights that have sheets, or may. */
@@ -26273,7 +26287,8 @@ static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan
     const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
     int maps = 0;
     for (int i = 0; i < frame->lamps.count; ++i)
-        maps += frame->lamps.list[i].has_map || frame->lamps.list[i].choice == SPSI_CHOICE_OPEN;
+        if (frame->lamps.list[i].has_map || frame->lamps.list[i].choice == SPSI_CHOICE_OPEN)
+            maps += spsi_plan_tables(frame, &frame->lamps.list[i]);
     spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, spsi_plan_sliced_count(frame), "volumes or particles cast shadows",
                    !shade                      ? nothing
                    : frame->lamps.shadow_count ? "every light that casts shadows has a shadow_map or a table"
@@ -26374,7 +26389,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
 static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                             sps_plan_report *report) {
     const size_t size = (size_t)spsi_depth_map_size(frame);
-    const size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
+    size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
     size_t tables = 1, sum = sizeof *context + sizeof *frame + sizeof *frame->content;
     int shares = (int)lights;
     for (int i = 0; i < frame->medium_count; ++i)
@@ -26388,8 +26403,11 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(frame);
     if (frame->view.scattering == SPS_SCATTERING_AUTO) /* not decided yet */
         report->pass[SPS_PASS_CELLS].bytes += SPSI_BOUND_BYTES;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        shares += spsi_sight_floats(frame, &frame->lamps.list[i], frame->lamps.list[i].extent.exists) - 1;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        shares += spsi_plan_tables(frame, lamp) * spsi_sight_floats(frame, lamp, lamp->extent.exists) - 1;
+        lights += (size_t)spsi_plan_tables(frame, lamp) - 1;
+    }
     if (frame->meshes.triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
             frame->meshes.triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
@@ -26419,7 +26437,7 @@ static void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_r
         lamp.has_map |= lamp.choice == SPSI_CHOICE_OPEN;
         if (!lamp.has_map) continue;
         spsi_lamp_tmap_bytes(frame, &lamp, &held, &filling);
-        report->pass[SPS_PASS_LIGHT_MAPS].bytes += held;
+        report->pass[SPS_PASS_LIGHT_MAPS].bytes += (size_t)spsi_plan_tables(frame, &lamp) * held;
         if (filling > most) most = filling;
         if (spsi_has_shadow_table(&lamp)) prints = (size_t)bricks * sizeof(uint64_t);
     }

@@ -5868,7 +5868,8 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
         frame->gradients.exist |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
     }
     for (int i = 0; i < count; ++i)
-        if (!spsi_black(scene->lights[i].color)) lit += spsi_light_extended(&scene->lights[i]) ? 1 + SPSI_TABLES_MOST : 2;
+        if (!spsi_black(scene->lights[i].color))
+            lit += spsi_light_extended(&scene->lights[i]) ? (size_t)(1 + SPSI_TABLES_MOST) : 2;
     lamps->whole = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, lit, sizeof(spsi_lamp));
     if (!lamps->whole) return context->result;
     for (int i = 0; i < count; ++i) {
@@ -18735,12 +18736,12 @@ static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], 
     float number[SPSI_LANES];
     spsi_sliced_project(sliced, at, q);
     spsi_store(number, k);
-    for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
+    for (int lane = 0, found = 0; lane < SPSI_LANES; ++lane) {
         const float *values = sliced->penumbra.hidden + (size_t)number[lane] * texels;
         const spsi_m here = spsi_less(spsi_abs(spsi_sub(k, spsi_set(number[lane]))), spsi_set(0.5f));
-        if (done >> lane & 1) continue;
+        if (found >> lane & 1) continue;
         hidden = spsi_select(here, spsi_bilinear(values, planes->width, planes->height, q[0], q[1]), hidden);
-        done |= spsi_bits(here);
+        found |= spsi_bits(here);
     }
     return hidden;
 }
@@ -18897,17 +18898,17 @@ static void spsi_lamp_share(const sps_context *context, const spsi_frame *frame,
     spsi_rays rays[SPSI_CUBE_FACES];
     spsi_sweep sweep;
     size_t held, filling;
-    double bytes = 0;
+    double sum = 0;
     spsi_sweep_clear(frame, lamp, 0, &sweep);
     if (!lamp->extent.exists || !lamp->has_map || !spsi_lamp_rays(frame, lamp, rays)) return;
     sweep.rays = rays[0];
     lamp->tables = known && spsi_penumbra_texels(frame, &sweep) < 0.5 ? 1 : spsi_lamp_tables(lamp);
     for (; lamp->tables > 1; lamp->tables /= 2) {
         spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
-        bytes = lamp->tables * (double)held + (double)filling;
-        if (bytes + spsi_bytes_without_tables(context, frame, &sweep) <= *room) break;
+        sum = lamp->tables * (double)held + (double)filling;
+        if (sum + spsi_bytes_without_tables(context, frame, &sweep) <= *room) break;
     }
-    if (lamp->tables > 1) *room -= bytes;
+    if (lamp->tables > 1) *room -= sum;
 }
 
 /* A table for a light that no slabs serve, or several, which the points of an area light share. */
@@ -21514,18 +21515,17 @@ static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shado
 /* The fraction of what gas lets pass to a part that opaque polygons stop on the way from a light's points. */
 static spsi_v spsi_part_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                                const spsi_part *part) {
-    const int steps = shader->frame->matter.classifies ? 1 : SPSI_PARTS;
-    const spsi_v from = spsi_sub(part->middle, part->half), scale = spsi_div(spsi_set(SPSI_PARTS), p->line.scale);
-    const spsi_v step = spsi_mul(part->half, spsi_set(2.0f / (float)steps));
+    const int count = shader->frame->matter.classifies ? 1 : SPSI_PARTS;
+    const spsi_v layers = spsi_set(SPSI_PARTS), scale = spsi_div(layers, p->line.scale);
     spsi_v sum = spsi_set(0), at[3];
     spsi_courses courses;
     spsi_courses_build(shadow->along, p->line.at, (float)p->line.y, &courses);
-    for (int i = 0; i < steps; ++i) {
-        const spsi_v d = spsi_fma(step, spsi_set((float)i + 0.5f), from);
+    for (int i = 0; i < count; ++i) {
+        const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
         spsi_courses_at(&courses, d, at);
-        sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, at, spsi_fma(d, scale, spsi_mul(spsi_set(SPSI_PARTS), p->line.base))));
+        sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, at, spsi_fma(d, scale, spsi_mul(layers, p->line.base))));
     }
-    return spsi_mul(sum, spsi_set(1.0f / (float)steps));
+    return spsi_mul(sum, spsi_set(1.0f / (float)count));
 }
 
 /* Adds one of the lights that the sweep carries, attenuated by its planes or its map, cut off by opaque polygons and
@@ -21694,7 +21694,7 @@ typedef struct spsi_sight_job {
     const spsi_visible *visible;
     const spsi_lamp *lamp;
     float *lit;     /* per place: spsi_lit_channels shares of a light's irradiance that polygons let pass */
-    unsigned char *open; /* per place and point: 255 times the root of what they let pass on average; NULL: not wanted */
+    unsigned char *open; /* per place and point: 255 times the root of what they let pass, for gas; NULL: not needed */
     uint64_t *rays; /* per worker: number of rays */
 } spsi_sight_job;
 
@@ -26272,8 +26272,7 @@ static const char *spsi_plan_map_reason(const spsi_frame *frame) {
                                           "",
                                           "a table: the light is in the gas",
                                           "a table: no slabs serve both the light and so wide a camera",
-                                          "tables: no slabs serve an area light, whose points share a few, so that "
-                                          "penumbrae of gas have steps",
+                                          "tables that an area light's points share: no slabs serve it; steps show",
                                           "a table: the light shares the sweep of another",
                                           "a table: it serves the light in the cells, too"};
     for (int choice = SPSI_CHOICE_OPEN; choice <= SPSI_CHOICE_TABLE_AGAIN; ++choice)

@@ -362,8 +362,7 @@ static void test_ground(void) {
 
 /* --- lights that no slabs serve --- */
 
-static const char shared[] = "tables: no slabs serve an area light, whose points share a few, so that penumbrae of gas "
-                             "have steps";
+static const char shared[] = "tables that an area light's points share: no slabs serve it; steps show";
 
 /* A disc amid the gas; one that a camera of 115 degrees sees at too wide an angle; one that is to have tables. */
 static void start_unserved(check_scene *s, int kind) {

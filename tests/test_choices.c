@@ -11,8 +11,7 @@ static sps_tmap_settings table;
 
 static const char in_gas[] = "a table: the light is in the gas";
 static const char by_camera[] = "a table: no slabs serve both the light and so wide a camera";
-static const char of_points[] =
-    "tables: no slabs serve an area light, whose points share a few, so that penumbrae of gas have steps";
+static const char of_points[] = "tables that an area light's points share: no slabs serve it; steps show";
 static const char shared[] = "a table: the light shares the sweep of another";
 
 /* --- scenes --- */

@@ -17702,12 +17702,12 @@ typedef struct spsi_beam_part {
     const spsi_beam *beam;
     spsi_area area;
     int width, height;
-    float *depth;    /* optical depth so far */
-    float *stopped;  /* share of light that polygons have stopped */
-    float *lengths;  /* world length per slab */
-    float low, high; /* range of the slab coordinates at which polygons stop it; infinity: some rays are not stopped */
-    float *passes;   /* per texel of the tile: transmittance of gas at the last plane */
-    float *weight;   /* per texel of the tile: its mean over the last slab */
+    float *depth;   /* optical depth so far */
+    float *stopped; /* share of light that polygons stop in a layer */
+    float *lengths; /* world length per slab */
+    float low;      /* slab coordinate at which polygons stop the first of its rays */
+    float *passes;  /* per texel of the tile: transmittance of gas at the last plane */
+    float *weight;  /* per texel of the tile: its mean over the last slab */
 } spsi_beam_part;
 
 static spsi_area spsi_beam_area(const spsi_beam *beam) {
@@ -17795,16 +17795,13 @@ static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *me
     part->weight = part->passes + SPSI_BEAM_TILE;
     part->lengths = part->weight + SPSI_BEAM_TILE;
     part->low = SPSI_INFINITY;
-    part->high = -SPSI_INFINITY;
     for (int y = 0; y < part->height; ++y) {
         const size_t from = (size_t)(area.y0 + y - beam->y0) * width + (size_t)(area.x0 - beam->x0);
         const size_t to = (size_t)y * (size_t)part->width;
         memcpy(part->depth + to, beam->depth + from, (size_t)part->width * sizeof(float));
         spsi_beam_lengths(beam, area.x0, area.y0 + y, part->width, part->lengths + to);
-        for (int x = 0; x < part->width && beam->stop; ++x) {
+        for (int x = 0; x < part->width && beam->stop; ++x)
             part->low = spsi_lower(beam->stop[from + (size_t)x], part->low);
-            part->high = spsi_higher(beam->stop[from + (size_t)x], part->high);
-        }
     }
 }
 
@@ -17871,9 +17868,9 @@ static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam_part *
     const size_t texels = spsi_ray_count(penumbra->rays), pitch = (size_t)penumbra->rays->width;
     const float slab = (float)(penumbra->first_slab + k);
     spsi_slide slide;
-    if (!(part->low < slab + 1)) return;
     for (int n = 0; n < SPSI_PARTS; ++n) {
         float *layer = penumbra->hidden + (size_t)(k * SPSI_PARTS + n) * texels;
+        if (!(part->low < slab + (float)(n + 1) / SPSI_PARTS)) continue;
         spsi_beam_part_stop(part, slab * SPSI_PARTS + (float)n);
         spsi_slide_build(penumbra, part->beam, (double)slab + (n + 0.5) / SPSI_PARTS, -1, &slide);
         for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {

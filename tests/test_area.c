@@ -342,7 +342,7 @@ static void start_ground(check_scene *s) {
 
 /* 256 points of the renderer and 512 of brute force have errors of up to 2 / (K sqrt 12) of the unhidden light each
    (test_penumbrae), 0.0034 together. A quarter of that light is left, so that they are 1.4 % of the mean; what the
-   sphere lets pass is interpolated between texels, which may take as much again. The product of means is 60 % too
+   sphere lets pass is interpolated between texels, which may take as much again. The product of means is 16 % too
    bright. */
 static void test_ground(void) {
     static double exact[SIDE * SIDE];

@@ -107,7 +107,8 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, 8
     while one is made or updated, by default up to 256^3 entries per face; if all volumes have a revision, also 8 per
     patch of 8 x 8 texels, and 8 per brick of 8^3 voxels. A light with an extent adds 64 bytes per texel of its shadow
-    buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light throws
+    buffer (320 if there are polygons), 4 per texel and point (8 if there are polygons), 1 per point and pixel of the
+    image if there are polygons, and 12 per texel and worker. An image that a light throws
     takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
     bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
@@ -188,8 +189,8 @@ typedef enum sps_result {
     SPS_ERROR_MEMORY,      /* the allocator returned NULL, or memory_limit would be exceeded */
     SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero */
     SPS_ERROR_DATA,        /* a callback delivered a value that is not finite, negative or above 1e18 */
-    SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light, and the light has an extent or is to shade by
-                              sheets (sps_light); or sps_reference has no paths for the view's scattering; or numbers
+    SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light, and the light is to shade by sheets
+                              (sps_light); or sps_reference has no paths for the view's scattering; or numbers
                               exceed the range of floats */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
@@ -620,17 +621,16 @@ typedef struct sps_projector {
 } sps_projector;
 
 /* A light. One with an extent casts penumbrae: it shines as points spread evenly over it would, except that gas
-   scatters its light as if it came from the centre, and that a surface takes the mean of what polygons let pass times
-   the mean of what gas does. Where the extent is 0, shadows are sharp, to the same bits as those of a point. Where gas
-   cannot cast or receive a penumbra of half a texel of the light's sheets, by the bounds of all gas and polygons, its
-   shadows are left sharp. Shadows of volumes and particles by sheets come from slabs perpendicular to the half-way
-   vector between eye and light, so every eye ray and every light ray through the volumes must cross those slabs with a
-   cosine of at least 0.1. Where that cannot be (a point light inside or close to a volume, a very wide camera), the
-   light takes a table (shadow_source). A light with an extent cannot, unless its penumbrae are narrower than half a
-   texel and there are neither polygons nor particles: rendering fails with SPS_ERROR_UNSUPPORTED then. Where no light
-   shades by sheets, slabs are perpendicular to the eye's central ray; the image of a camera that sees volumes across
-   more than 168 degrees (2.94) from corner to corner is rendered in two or four parts, each with slabs of its own.
-   Polygons have no such limit. */
+   scatters its light as if it came from the centre. Where the extent is 0, shadows are sharp, to the same bits as those
+   of a point. Where gas cannot cast or receive a penumbra of half a texel of the light's sheets, by the bounds of all
+   gas and polygons, its shadows are left sharp. Shadows of volumes and particles by sheets come from slabs
+   perpendicular to the half-way vector between eye and light, so every eye ray and every light ray through the volumes
+   must cross those slabs with a cosine of at least 0.1. Where that cannot be (a point light inside or close to a volume,
+   a very wide camera), the light takes a table (shadow_source). The points of a light with an extent share 5, 8 from 32
+   points on, or 13 from 64 on, unless memory_limit calls for fewer: its penumbrae have as many steps in gas. Where no
+   light shades by sheets, slabs are perpendicular to the eye's central ray; the image of a camera that sees volumes
+   across more than 168 degrees (2.94) from corner to corner is rendered in two or four parts, each with slabs of its
+   own. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
@@ -669,7 +669,7 @@ typedef struct sps_light {
        are filled whose rays pass bricks of 8^3 voxels, or particles, that have changed. Volumes are read and compared
        as a whole: a revision need not say where. A call that fails may release it. Volumes that are shaded
        as surfaces, or dense, show the errors of maps of few components as blotches near the terminator. A light with an
-       extent cannot have one. Borrowed for the call. */
+       extent cannot have one, but shadow_source SPS_SHADOW_TABLE. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
     /* How gas is shaded where shadow_map is NULL. SPS_SHADOW_SHEETS beside a shadow_map is an error, and so is
        SPS_SHADOW_TABLE beside one of another technique. */
@@ -17233,8 +17233,10 @@ static void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
    far, d the shift per slab, and a row of texels has one fraction. Optical depth is never resampled, so no blur builds
    up, and occluders one behind the other are right. Planes hold -log of the mean transmittance.
        A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k))
-   Polygons stop a point's rays at the plane where they are. Cost: 3 bicubic lookups and an exponential per point, slab
-   and texel that has gas, 4 with polygons; 4 bytes per point and texel, 8 with polygons. */
+   Polygons stop a point's rays where they are: layers between the planes hold the fraction of what gas passes that they
+   stop, since -log would be no measure of a mean between a plane with light and one without. Cost: 3 bicubic lookups and
+   an exponential per point, slab and texel that has gas, 7 where polygons stop some; 4 bytes per point and texel, 8 with
+   polygons, and 256 per texel for the layers. */
 
 /* A rectangle of texels. */
 typedef struct spsi_area {

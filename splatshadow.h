@@ -625,12 +625,12 @@ typedef struct sps_projector {
    of a point. Where gas cannot cast or receive a penumbra of half a texel of the light's sheets, by the bounds of all
    gas and polygons, its shadows are left sharp. Shadows of volumes and particles by sheets come from slabs
    perpendicular to the half-way vector between eye and light, so every eye ray and every light ray through the volumes
-   must cross those slabs with a cosine of at least 0.1. Where that cannot be (a point light inside or close to a volume,
-   a very wide camera), the light takes a table (shadow_source). The points of a light with an extent share 5, 8 from 32
-   points on, or 13 from 64 on, unless memory_limit calls for fewer: its penumbrae have as many steps in gas. Where no
-   light shades by sheets, slabs are perpendicular to the eye's central ray; the image of a camera that sees volumes
-   across more than 168 degrees (2.94) from corner to corner is rendered in two or four parts, each with slabs of its
-   own. Polygons have no such limit. */
+   must cross those slabs with a cosine of at least 0.1. Where that cannot be (a point light inside or close to a
+   volume, a very wide camera), the light takes a table (shadow_source). The points of a light with an extent share 5, 8
+   from 32 points on, or 13 from 64 on, unless memory_limit calls for fewer: its penumbrae have as many steps in gas.
+   Where no light shades by sheets, slabs are perpendicular to the eye's central ray; the image of a camera that sees
+   volumes across more than 168 degrees (2.94) from corner to corner is rendered in two or four parts, each with slabs
+   of its own. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
@@ -17233,10 +17233,10 @@ static void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
    far, d the shift per slab, and a row of texels has one fraction. Optical depth is never resampled, so no blur builds
    up, and occluders one behind the other are right. Planes hold -log of the mean transmittance.
        A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k))
-   Polygons stop a point's rays where they are: layers between the planes hold the fraction of what gas passes that they
-   stop, since -log would be no measure of a mean between a plane with light and one without. Cost: 3 bicubic lookups and
-   an exponential per point, slab and texel that has gas, 7 where polygons stop some; 4 bytes per point and texel, 8 with
-   polygons, and 256 per texel for the layers. */
+   Polygons stop a point's rays where they are: layers between the planes hold the fraction of what gas passes that
+   they stop, since -log would be no measure of a mean between a plane with light and one without. Cost: 3 bicubic
+   lookups and an exponential per point, slab and texel that has gas, 7 where polygons stop some; 4 bytes per point
+   and texel, 8 with polygons, and 256 per texel for the layers. */
 
 /* A rectangle of texels. */
 typedef struct spsi_area {

@@ -17926,11 +17926,12 @@ static spsi_v spsi_penumbra_sum(const spsi_penumbra *penumbra, int added, spsi_v
 /* Divides what polygons stop by what gas passes, in a row of a slab's layers, given the planes before and behind. */
 static void spsi_penumbra_hide_row(const spsi_penumbra *penumbra, int added, int count, const float *before,
                                    const float *behind, float *layer) {
+    const spsi_v least = spsi_set(penumbra->end > SPSI_LIGHT_END ? 1e-30f : 1e-7f); /* what the sums can tell from 0 */
     for (int x = 0; x < count; x += SPSI_LANES) {
         const int some = spsi_least(SPSI_LANES, count - x);
         const spsi_v ends = spsi_add(spsi_penumbra_sum(penumbra, added, spsi_load_first(before + x, some)),
                                      spsi_penumbra_sum(penumbra, added, spsi_load_first(behind + x, some)));
-        const spsi_v passes = spsi_max(spsi_mul(spsi_set(0.5f), ends), spsi_set(1e-7f));
+        const spsi_v passes = spsi_max(spsi_mul(spsi_set(0.5f), ends), least);
         spsi_store_first(layer + x, spsi_min(spsi_div(spsi_load_first(layer + x, some), passes), spsi_set(1)), some);
     }
 }

@@ -315,6 +315,17 @@ static void test_gas_and_polygons(void) {
         }
 }
 
+/* Any number of workers, and a context that has rendered something else, make the same bits, with panes, too. */
+static void test_workers(void) {
+    check_scene s;
+    for (int panes = 0; panes < 2; ++panes) {
+        start_disc(&s);
+        if (panes) check_translucent(&s.mesh[0], 0.4);
+        check_render(context, &s, image_a);
+        check_workers(&s, image_b, image_a);
+    }
+}
+
 /* --- a ground at y = 0 below a disc of radius 1 at y = 4, of which a plate hides the left half and a sphere most of
  * the right one --- */
 
@@ -438,6 +449,7 @@ static void test_shared_tables(void) {
 int main(void) {
     context = sps_create(NULL, NULL);
     RUN(test_gas_and_polygons);
+    RUN(test_workers);
     RUN(test_ground);
     RUN(test_unserved);
     RUN(test_shared_tables);

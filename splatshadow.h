@@ -21528,6 +21528,16 @@ static spsi_v spsi_part_hidden(const spsi_shader *shader, const spsi_shadow *sha
     return spsi_mul(sum, spsi_set(1.0f / (float)count));
 }
 
+/* Multiplies by what polygons let pass from a light to a part: translucent ones, and opaque ones from its points. */
+static void spsi_part_pass(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
+                           const spsi_part *part, spsi_v filter[3]) {
+    if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
+    if (shadow->soft && shadow->sliced->penumbra.hidden) {
+        const spsi_v seen = spsi_sub(spsi_set(1), spsi_part_hidden(shader, shadow, p, part));
+        for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(filter[c], seen);
+    }
+}
+
 /* Adds one of the lights that the sweep carries, attenuated by its planes or its map, cut off by opaque polygons and
    filtered by translucent ones. Within a slab, optical depth towards the light and towards the eye grow in proportion:
    both come from the same matter. */
@@ -21550,11 +21560,7 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
         carried.end = eye[1];
         arrives = spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
     }
-    if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
-    if (shadow->soft && shadow->sliced->penumbra.hidden) {
-        const spsi_v seen = spsi_sub(spsi_set(1), spsi_part_hidden(shader, shadow, p, part));
-        for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(filter[c], seen);
-    }
+    if (shadow->soft || shadow->pane_map_count > 0) spsi_part_pass(shader, shadow, p, part, filter);
     for (int c = 0; c < 3; ++c) {
         carried.passes[c] = spsi_mul(passes, filter[c]);
         carried.lit[c] = spsi_mul(arrives, filter[c]);

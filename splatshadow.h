@@ -109,7 +109,8 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, 8
     while one is made or updated, by default up to 256^3 entries per face; if all volumes have a revision, also 8 per
     patch of 8 x 8 texels, and 8 per brick of 8^3 voxels. A light with an extent adds 64 bytes per texel of its shadow
-    buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light throws
+    buffer (320 if there are polygons), 4 per texel and point (8 if there are polygons), 1 per point and pixel of the
+    image if there are polygons, and 12 per texel and worker. An image that a light throws
     takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
     bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
@@ -191,8 +192,8 @@ typedef enum sps_result {
     SPS_ERROR_MEMORY,      /* the allocator returned NULL, or memory_limit would be exceeded */
     SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero */
     SPS_ERROR_DATA,        /* a callback delivered a value that is not finite, negative or above 1e18 */
-    SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light, and the light has an extent or is to shade by
-                              sheets (sps_light); or sps_reference has no paths for the view's scattering; or numbers
+    SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light, and the light is to shade by sheets
+                              (sps_light); or sps_reference has no paths for the view's scattering; or numbers
                               exceed the range of floats */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
@@ -624,17 +625,16 @@ typedef struct sps_projector {
 } sps_projector;
 
 /* A light. One with an extent casts penumbrae: it shines as points spread evenly over it would, except that gas
-   scatters its light as if it came from the centre, and that a surface takes the mean of what polygons let pass times
-   the mean of what gas does. Where the extent is 0, shadows are sharp, to the same bits as those of a point. Where gas
-   cannot cast or receive a penumbra of half a texel of the light's sheets, by the bounds of all gas and polygons, its
-   shadows are left sharp. Shadows of volumes and particles by sheets come from slabs perpendicular to the half-way
-   vector between eye and light, so every eye ray and every light ray through the volumes must cross those slabs with a
-   cosine of at least 0.1. Where that cannot be (a point light inside or close to a volume, a very wide camera), the
-   light takes a table (shadow_source). A light with an extent cannot, unless its penumbrae are narrower than half a
-   texel and there are neither polygons nor particles: rendering fails with SPS_ERROR_UNSUPPORTED then. Where no light
-   shades by sheets, slabs are perpendicular to the eye's central ray; the image of a camera that sees volumes across
-   more than 168 degrees (2.94) from corner to corner is rendered in two or four parts, each with slabs of its own.
-   Polygons have no such limit. */
+   scatters its light as if it came from the centre. Where the extent is 0, shadows are sharp, to the same bits as those
+   of a point. Where gas cannot cast or receive a penumbra of half a texel of the light's sheets, by the bounds of all
+   gas and polygons, its shadows are left sharp. Shadows of volumes and particles by sheets come from slabs
+   perpendicular to the half-way vector between eye and light, so every eye ray and every light ray through the volumes
+   must cross those slabs with a cosine of at least 0.1. Where that cannot be (a point light inside or close to a
+   volume, a very wide camera), the light takes a table (shadow_source). The points of a light with an extent share 5, 8
+   from 32 points on, or 13 from 64 on, unless memory_limit calls for fewer: its penumbrae have as many steps in gas.
+   Where no light shades by sheets, slabs are perpendicular to the eye's central ray; the image of a camera that sees
+   volumes across more than 168 degrees (2.94) from corner to corner is rendered in two or four parts, each with slabs
+   of its own. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
@@ -673,7 +673,7 @@ typedef struct sps_light {
        are filled whose rays pass bricks of 8^3 voxels, or particles, that have changed. Volumes are read and compared
        as a whole: a revision need not say where. A call that fails may release it. Volumes that are shaded
        as surfaces, or dense, show the errors of maps of few components as blotches near the terminator. A light with an
-       extent cannot have one. Borrowed for the call. */
+       extent cannot have one, but shadow_source SPS_SHADOW_TABLE. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
     /* How gas is shaded where shadow_map is NULL. SPS_SHADOW_SHEETS beside a shadow_map is an error, and so is
        SPS_SHADOW_TABLE beside one of another technique. */
@@ -4594,6 +4594,7 @@ typedef enum spsi_choice {
     SPSI_CHOICE_SHEETS,
     SPSI_CHOICE_TABLE_IN_GAS, /* a table: the light is in the gas or too close to it for slabs */
     SPSI_CHOICE_TABLE_CAMERA, /* a table: no slabs serve both this light and the camera's rays */
+    SPSI_CHOICE_TABLES,       /* likewise, and the points of an area light share several */
     SPSI_CHOICE_TABLE_SHARED, /* a table: another light's sweep can carry it */
     SPSI_CHOICE_TABLE_AGAIN   /* a table: it serves the light in the cells, too */
 } spsi_choice;
@@ -4623,6 +4624,7 @@ typedef struct spsi_lamp {
     int sliced;                    /* 1: it shades gas by sheets, and so needs slabs that suit it */
     int has_map;                   /* 1: it shades gas by a transmittance map */
     spsi_choice choice;            /* who chose between the two, and why */
+    int tables;                    /* number of tables that its points share, if it has tables; otherwise 0 or 1 */
     int map_size;                  /* texels on the map's longer side; 0: fitted to the gas */
     const spsi_bounds *map_bounds; /* of the gas that it serves, while other gas shades that, too; NULL: all */
     int map_omnidirectional;       /* 1: the map has six faces wherever the light is */
@@ -4672,8 +4674,11 @@ typedef struct spsi_matter {
 } spsi_matter;
 
 typedef struct spsi_lamps {
-    spsi_lamp *list;
+    spsi_lamp *list; /* `whole`, or what follows it: those whose points share tables as several lights, >>shadows */
     int count;
+    spsi_lamp *whole; /* as the scene has them */
+    int whole_count;
+    spsi_lamp *split_points; /* room for all points of area lights */
     int shadow_count; /* number of lamps that cast shadows */
     int sliced_count; /* number of lamps that shade gas by sheets: each needs a sweep of its own */
     int image_count;  /* number of lamps that throw an image */
@@ -5285,10 +5290,6 @@ static sps_result spsi_check_extent(sps_context *context, const sps_light *light
     if (light->shadow_map && spsi_light_extended(light))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, i, "shadow_map", 0,
                               "holds the shadow of a single point; an extended light has none");
-    if (light->shadow_source == SPS_SHADOW_TABLE && spsi_light_extended(light))
-        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, i, "shadow_source", 0,
-                              "is SPS_SHADOW_TABLE: a table holds the shadow of a single point; an extended light has "
-                              "none");
     return SPS_OK;
 }
 
@@ -5896,6 +5897,8 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
     lamp->map_size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
 }
 
+#define SPSI_TABLES_MOST 13 /* that the points of an area light share */
+
 /* Places the points of all extended lights. A mean over few points is as good for what varies slowly over a light: its
    squared distance and, with more of them, its cone. An image needs all points. */
 static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
@@ -5907,7 +5910,7 @@ static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
         lamp->point_count = lamp->samples > 0 ? lamp->samples : frame->accuracy.light_points;
         if (lamp->is_point) lamp->few_count = spsi_least(lamp->point_count, lamp->cone.exists ? 16 : 4);
         if (lamp->projection.exists) lamp->few_count = lamp->point_count;
-        count += (size_t)(lamp->point_count + lamp->few_count);
+        count += (size_t)(2 * lamp->point_count + lamp->few_count);
     }
     if (count == 0) return SPS_OK;
     points = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMP_POINTS, count, sizeof(spsi_lamp));
@@ -5923,6 +5926,7 @@ static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
         lamp->few = points;
         points += lamp->few_count;
     }
+    frame->lamps.split_points = points;
     return SPS_OK;
 }
 
@@ -5945,28 +5949,41 @@ static sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame) {
     return SPS_OK;
 }
 
+/* Sets the list of lamps. */
+static void spsi_lamps_list(spsi_lamps *lamps, spsi_lamp *list, int count) {
+    lamps->list = list;
+    lamps->count = count;
+    lamps->shadow_count = lamps->sliced_count = 0;
+    for (int i = 0; i < count; ++i) {
+        lamps->shadow_count += list[i].shadows;
+        lamps->sliced_count += list[i].sliced;
+    }
+}
+
 /* Lists the lights that are not black; none if nothing in the scene could reflect or scatter them. */
 static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
     size_t lit = 0;
+    spsi_lamps *lamps = &frame->lamps;
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         frame->matter.extinguishes |= material->extinguishes;
         frame->gradients.exist |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
     }
-    for (int i = 0; i < count; ++i) lit += !spsi_black(scene->lights[i].color);
-    frame->lamps.list = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, lit, sizeof(spsi_lamp));
-    if (!frame->lamps.list) return context->result;
+    for (int i = 0; i < count; ++i)
+        if (!spsi_black(scene->lights[i].color))
+            lit += spsi_light_extended(&scene->lights[i]) ? (size_t)(1 + SPSI_TABLES_MOST) : 2;
+    lamps->whole = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, lit, sizeof(spsi_lamp));
+    if (!lamps->whole) return context->result;
     for (int i = 0; i < count; ++i) {
-        spsi_lamp *lamp = &frame->lamps.list[frame->lamps.count];
+        spsi_lamp *lamp = &lamps->whole[lamps->whole_count];
         if (spsi_black(scene->lights[i].color)) continue;
         spsi_lamp_build(frame, &scene->lights[i], i, lamp);
-        if (lamp->projection.exists) lamp->projection.image = frame->lamps.image_count++;
-        frame->lamps.count += 1;
-        frame->lamps.shadow_count += lamp->shadows;
-        frame->lamps.sliced_count += lamp->sliced;
+        if (lamp->projection.exists) lamp->projection.image = lamps->image_count++;
+        lamps->whole_count += 1;
     }
-    if (frame->lamps.count == 0) frame->gradients.exist = 0;
+    spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
+    if (lamps->count == 0) frame->gradients.exist = 0;
     if (spsi_resolve_planes(context, frame)) return context->result;
     return spsi_resolve_points(context, frame);
 }
@@ -9488,7 +9505,8 @@ static int spsi_has_shadow_table(const spsi_lamp *lamp) {
 
 /* The same of a light's map. */
 static int spsi_map_texels_most(const spsi_frame *frame, const spsi_lamp *lamp) {
-    return spsi_has_shadow_table(lamp) ? SPSI_SHADOW_TABLE_TEXELS_MOST : spsi_light_texels_most(frame);
+    const double share = cbrt((double)spsi_most(1, lamp->tables)); /* together they take the memory of one */
+    return spsi_has_shadow_table(lamp) ? (int)(SPSI_SHADOW_TABLE_TEXELS_MOST / share) : spsi_light_texels_most(frame);
 }
 
 static int spsi_has_shadow_tables(const spsi_frame *frame) {
@@ -10977,19 +10995,14 @@ static const char *spsi_gases(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
-/* The fields of a light that spare it slabs. */
-static const char *spsi_unsliced(const spsi_lamp *lamp) {
-    return lamp->extent.exists ? "no_shadow" : "shadow_source or no_shadow";
-}
-
 /* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy. */
 static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
     const double cosine = sweep->cosine_of_light;
     char rest[SPSI_SENTENCE_SIZE];
     SPS_SNPRINTF(rest, sizeof rest,
                  "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
-                 "needed; move it away, or set %s on it",
-                 spsi_gases(frame), cosine, spsi_unsliced(sweep->lamp));
+                 "needed; move it away, or set shadow_source or no_shadow on it",
+                 spsi_gases(frame), cosine);
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->lamp->index, "", cosine, rest);
 }
 
@@ -11001,7 +11014,7 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
     char way_out[64] = "it to 168 degrees from corner to corner";
     if (!frame->has_matrix) SPS_SNPRINTF(camera, sizeof camera, "is %g", value);
     if (sweep->lamp)
-        SPS_SNPRINTF(way_out, sizeof way_out, "it, or set %s on light[%d]", spsi_unsliced(sweep->lamp),
+        SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_source or no_shadow on light[%d]",
                      sweep->lamp->index);
     SPS_SNPRINTF(rest, sizeof rest,
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; narrow %s", camera,
@@ -11020,8 +11033,8 @@ static sps_result spsi_sweep_refuse_fit(sps_context *context, const spsi_frame *
     if (lamp->is_point)
         SPS_SNPRINTF(rest, sizeof rest,
                      "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
-                     "middle; move it away, or set %s on it",
-                     spsi_gases(frame), spsi_unsliced(lamp));
+                     "middle; move it away, or set shadow_source or no_shadow on it",
+                     spsi_gases(frame));
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0, rest);
 }
 
@@ -11183,9 +11196,10 @@ static double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sw
         double point[3], q[3];
         spsi_bounds_corner(&all, corner, point);
         spsi_project(&sweep->rays, point, q);
-        near_by = fmin(near_by, fmax(q[2], lamp->extent.radius));
+        near_by = fmin(near_by, q[2]);
         far_off = fmax(far_off, q[2]);
     }
+    if (!(near_by > 0)) return HUGE_VAL;
     return 2 * lamp->extent.radius * (1 / near_by - 1 / far_off) / texel;
 }
 
@@ -17355,8 +17369,10 @@ static void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
    far, d the shift per slab, and a row of texels has one fraction. Optical depth is never resampled, so no blur builds
    up, and occluders one behind the other are right. Planes hold -log of the mean transmittance.
        A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k))
-   Polygons stop a point's rays at the plane where they are. Cost: 3 bicubic lookups and an exponential per point, slab
-   and texel that has gas, 4 with polygons; 4 bytes per point and texel, 8 with polygons. */
+   Polygons stop a point's rays where they are: layers between the planes hold the fraction of what gas passes that
+   they stop, since -log would be no measure of a mean between a plane with light and one without. Cost: 3 bicubic
+   lookups and an exponential per point, slab and texel that has gas, 7 where polygons stop some; 4 bytes per point
+   and texel, 8 with polygons, and 256 per texel for the layers. */
 
 /* A rectangle of texels. */
 typedef struct spsi_area {
@@ -17381,6 +17397,8 @@ static spsi_area spsi_area_none(void) {
 }
 
 static int spsi_area_empty(spsi_area a) { return a.x0 > a.x1 || a.y0 > a.y1; }
+
+#define SPSI_BEAM_TILE (SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT)
 
 #define SPSI_SLIDE_LEAST 0.1 /* minimum of 1 + d_t L where there is gas; elsewhere it is clamped */
 
@@ -17411,6 +17429,7 @@ typedef struct spsi_penumbra {
     int first_slab; /* of the chunk that the sheets hold */
     int pending;    /* 1: the beams have not yet crossed these sheets */
     float *sheets;  /* mean extinction per slab, SPSI_CHUNK sheets of the rays' texels */
+    float *hidden;  /* fraction of what gas passes that polygons stop, SPSI_PARTS layers per slab; NULL: no polygons */
     uint64_t *held; /* per tile, bits: patches whose sheets hold something */
     float *scratch; /* per worker */
     size_t scratch_floats;
@@ -17707,7 +17726,7 @@ static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *fram
         if (!spsi_beam_aim(frame, penumbra, &lamp->points[i], &penumbra->beams[i]))
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0,
                                   "is so wide or so close that some of its points have gas beside or behind them; make "
-                                  "it smaller, move it away, or set no_shadow on it");
+                                  "it smaller, move it away, or set shadow_source or no_shadow on it");
     return SPS_OK;
 }
 
@@ -17715,19 +17734,21 @@ static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *fram
 typedef struct spsi_penumbra_size {
     uint64_t beams;   /* texels of all beams, twice with polygons */
     uint64_t sheets;  /* of a chunk */
+    uint64_t hidden;  /* likewise; 0 without polygons */
     uint64_t scratch; /* per worker */
     uint64_t held;    /* of the patches' bits */
 } spsi_penumbra_size;
 
 static spsi_penumbra_size spsi_penumbra_measure(const spsi_penumbra *penumbra, int has_polygons) {
-    spsi_penumbra_size size = {0, 0, 0, 0};
+    spsi_penumbra_size size = {0, 0, 0, 0, 0};
     for (int i = 0; i < penumbra->beam_count; ++i) {
         const uint64_t texels = spsi_ray_count(&penumbra->beams[i].rays);
         size.beams += texels * (uint64_t)(1 + has_polygons);
         size.scratch = 3 * texels > size.scratch ? 3 * texels : size.scratch;
     }
-    size.scratch += SPSI_LANES; /* lengths are stored in whole vectors */
+    size.scratch += SPSI_LANES + 2 * SPSI_BEAM_TILE; /* lengths are stored in whole vectors */
     size.sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
+    size.hidden = has_polygons ? SPSI_PARTS * size.sheets : 0;
     size.held = 2 * (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y;
     return size;
 }
@@ -17735,7 +17756,7 @@ static spsi_penumbra_size spsi_penumbra_measure(const spsi_penumbra *penumbra, i
 /* At most what SIZE_MAX bytes hold, which cannot be reserved. */
 static size_t spsi_penumbra_floats(const sps_context *context, const spsi_penumbra_size *size) {
     const uint64_t workers = (uint64_t)spsi_worker_count(context), most = SIZE_MAX / sizeof(float);
-    const uint64_t floats = size->beams + size->sheets + workers * size->scratch + size->held;
+    const uint64_t floats = size->beams + size->sheets + size->hidden + workers * size->scratch + size->held;
     return (size_t)(floats < most ? floats : most);
 }
 
@@ -17747,7 +17768,7 @@ static sps_result spsi_penumbra_reserve(sps_context *context, spsi_penumbra *pen
     if (!memory) return context->result;
     penumbra->held = (uint64_t *)(void *)memory; /* first, as its alignment is the strictest */
     memory += size.held;
-    memset(penumbra->held, 0, (size_t)(size.held + size.beams + size.sheets) * sizeof(float));
+    memset(penumbra->held, 0, (size_t)(size.held + size.beams + size.sheets + size.hidden) * sizeof(float));
     for (int i = 0; i < penumbra->beam_count; ++i) {
         spsi_beam *beam = &penumbra->beams[i];
         const size_t texels = spsi_ray_count(&beam->rays);
@@ -17757,7 +17778,8 @@ static sps_result spsi_penumbra_reserve(sps_context *context, spsi_penumbra *pen
         memory += texels * (size_t)(1 + has_polygons);
     }
     penumbra->sheets = memory;
-    penumbra->scratch = memory + size.sheets;
+    penumbra->hidden = has_polygons ? memory + size.sheets : NULL;
+    penumbra->scratch = memory + size.sheets + size.hidden;
     penumbra->scratch_floats = (size_t)size.scratch;
     return SPS_OK;
 }
@@ -17819,8 +17841,11 @@ typedef struct spsi_beam_part {
     spsi_area area;
     int width, height;
     float *depth;   /* optical depth so far */
-    float *stopped; /* share of light that polygons have stopped */
+    float *stopped; /* share of light that polygons stop in a layer */
     float *lengths; /* world length per slab */
+    float low;      /* slab coordinate at which polygons stop the first of its rays */
+    float *passes;  /* per texel of the tile: transmittance of gas at the last plane */
+    float *weight;  /* per texel of the tile: its mean over the last slab */
 } spsi_beam_part;
 
 static spsi_area spsi_beam_area(const spsi_beam *beam) {
@@ -17904,25 +17929,29 @@ static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *me
     texels = (size_t)part->width * (size_t)part->height;
     part->depth = memory;
     part->stopped = memory + texels;
-    part->lengths = memory + 2 * texels;
+    part->passes = memory + 2 * texels; /* before the lengths, which are stored in whole vectors */
+    part->weight = part->passes + SPSI_BEAM_TILE;
+    part->lengths = part->weight + SPSI_BEAM_TILE;
+    part->low = SPSI_INFINITY;
     for (int y = 0; y < part->height; ++y) {
         const size_t from = (size_t)(area.y0 + y - beam->y0) * width + (size_t)(area.x0 - beam->x0);
         const size_t to = (size_t)y * (size_t)part->width;
         memcpy(part->depth + to, beam->depth + from, (size_t)part->width * sizeof(float));
         spsi_beam_lengths(beam, area.x0, area.y0 + y, part->width, part->lengths + to);
+        for (int x = 0; x < part->width && beam->stop; ++x)
+            part->low = spsi_lower(beam->stop[from + (size_t)x], part->low);
     }
 }
 
-/* The share of each texel's light that polygons have stopped before the plane at a slab coordinate, spread over the
-   slab around it. */
-static void spsi_beam_part_stop(const spsi_beam_part *part, float slab) {
+/* The fraction of each texel's light that polygons stop, as the mean over a layer of a slab. */
+static void spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
     const spsi_beam *beam = part->beam;
     for (int y = 0; y < part->height; ++y) {
         const size_t own =
             (size_t)(part->area.y0 + y - beam->y0) * (size_t)beam->rays.width + (size_t)(part->area.x0 - beam->x0);
         float *stopped = part->stopped + (size_t)y * (size_t)part->width;
         for (int x = 0; x < part->width; ++x) {
-            const float behind = slab + 0.5f - beam->stop[own + (size_t)x];
+            const float behind = layer + 1 - SPSI_PARTS * beam->stop[own + (size_t)x];
             stopped[x] = behind > 0 ? behind < 1 ? behind : 1 : 0;
         }
     }
@@ -17933,24 +17962,60 @@ static void spsi_beam_part_stop(const spsi_beam_part *part, float slab) {
    forward is followed. */
 static float spsi_penumbra_whole(const spsi_penumbra *penumbra) { return penumbra->end > SPSI_LIGHT_END ? 0.0f : 1.0f; }
 
-/* Adds that of a beam to a row of a plane's texels: optical depth is looked up, since transmittance bends more between
-   texels. */
+/* The transmittance of a beam at texels of a row of a plane: optical depth is looked up, since transmittance bends more
+   between texels. Adds it to the plane, and its mean with that at the plane before to the weights of the slab. */
 static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam_part *part, const spsi_slide *slide,
                               const spsi_area *area, int y, float *plane) {
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), whole = spsi_set(spsi_penumbra_whole(penumbra));
-    float depth[SPSI_TILE_WIDTH + SPSI_LANES] = {0}, stopped[SPSI_TILE_WIDTH + SPSI_LANES] = {0};
-    spsi_texel_grid grid = {part->depth, part->area.x0, part->area.y0, part->width, part->height};
-    spsi_texel_row row = {area->x0, y, area->x1 - area->x0 + 1, NULL, depth};
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), whole = spsi_set(spsi_penumbra_whole(penumbra));
+    const size_t at = (size_t)(y % SPSI_TILE_HEIGHT * SPSI_TILE_WIDTH + area->x0 % SPSI_TILE_WIDTH);
+    float depth[SPSI_TILE_WIDTH + SPSI_LANES] = {0}, *passes = part->passes + at, *weight = part->weight + at;
+    const spsi_texel_grid grid = {part->depth, part->area.x0, part->area.y0, part->width, part->height};
+    const spsi_texel_row row = {area->x0, y, area->x1 - area->x0 + 1, NULL, depth};
     spsi_row_add(&grid, slide, &row);
-    grid.values = part->stopped;
-    row.out = stopped;
-    if (part->beam->stop) spsi_row_add(&grid, slide, &row);
     for (int i = 0; i < row.count; i += SPSI_LANES) {
         const int some = spsi_least(SPSI_LANES, row.count - i);
         const spsi_v through = spsi_exp(spsi_sub(zero, spsi_max(zero, spsi_load(depth + i))));
-        const spsi_v lit = spsi_sub(one, spsi_clamp(spsi_load(stopped + i), zero, one)); /* cubics overshoot */
-        const spsi_v lost = spsi_sub(whole, spsi_mul(through, lit));
+        const spsi_v lost = spsi_sub(whole, through);
         spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), lost), some);
+        if (!penumbra->hidden) continue;
+        spsi_store_first(weight + i, spsi_mul(half, spsi_add(spsi_load_first(passes + i, some), through)), some);
+        spsi_store_first(passes + i, through, some);
+    }
+}
+
+/* Adds what polygons stop of a beam to a row of a layer. */
+static void spsi_beam_hide_row(const spsi_beam_part *part, const spsi_slide *slide, const spsi_area *area, int y,
+                               float *layer) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    const float *weight = part->weight + (y % SPSI_TILE_HEIGHT * SPSI_TILE_WIDTH + area->x0 % SPSI_TILE_WIDTH);
+    float stopped[SPSI_TILE_WIDTH + SPSI_LANES] = {0};
+    const spsi_texel_grid grid = {part->stopped, part->area.x0, part->area.y0, part->width, part->height};
+    const spsi_texel_row row = {area->x0, y, area->x1 - area->x0 + 1, NULL, stopped};
+    spsi_row_add(&grid, slide, &row);
+    for (int i = 0; i < row.count; i += SPSI_LANES) {
+        const int some = spsi_least(SPSI_LANES, row.count - i);
+        const spsi_v share = spsi_clamp(spsi_load(stopped + i), zero, one); /* cubics overshoot */
+        const spsi_v sum = spsi_fma(share, spsi_load_first(weight + i, some), spsi_load_first(layer + i, some));
+        spsi_store_first(layer + i, sum, some);
+    }
+}
+
+/* Adds what polygons stop of a beam to the layers of slab k, whose weights are known. */
+static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam_part *part, const spsi_lookups *lookups,
+                           int k) {
+    const size_t texels = spsi_ray_count(penumbra->rays), pitch = (size_t)penumbra->rays->width;
+    const float slab = (float)(penumbra->first_slab + k);
+    spsi_slide slide;
+    for (int n = 0; n < SPSI_PARTS; ++n) {
+        float *layer = penumbra->hidden + (size_t)(k * SPSI_PARTS + n) * texels;
+        if (!(part->low < slab + (float)(n + 1) / SPSI_PARTS)) continue;
+        spsi_beam_part_stop(part, slab * SPSI_PARTS + (float)n);
+        spsi_slide_build(penumbra, part->beam, (double)slab + (n + 0.5) / SPSI_PARTS, -1, &slide);
+        for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {
+            const spsi_area *row = &lookups->rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
+            if (!spsi_area_empty(*row))
+                spsi_beam_hide_row(part, &slide, row, y, layer + (size_t)y * pitch + (size_t)row->x0);
+        }
     }
 }
 
@@ -17970,13 +18035,13 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, c
     if (!held && spsi_area_empty(spsi_area_meet(area, beam->crossed))) return 0;
     spsi_beam_part_load(beam, area, memory, &part);
     for (int k = 0; k <= SPSI_CHUNK; ++k) {
-        if (beam->stop) spsi_beam_part_stop(&part, (float)(first + k));
         spsi_slide_build(penumbra, beam, first + k, -1, &slide);
         for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {
             const spsi_area *row = &lookups->rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
             if (!spsi_area_empty(*row))
                 spsi_beam_add_row(penumbra, &part, &slide, row, y, planes[k] + (size_t)y * pitch + (size_t)row->x0);
         }
+        if (k > 0 && penumbra->hidden) spsi_beam_hide(penumbra, &part, lookups, k - 1);
         if (k == SPSI_CHUNK || !held) continue;
         spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slide);
         for (int y = 0; y < part.height; ++y) {
@@ -17988,20 +18053,38 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, c
     return 1;
 }
 
-/* Turns the sum over `added` of the beams into -log of the mean transmittance. */
-static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int added, int count, float *plane) {
+/* Turns what `added` beams lose at a row's texels into the sum of what all pass. */
+static spsi_v spsi_penumbra_sum(const spsi_penumbra *penumbra, int added, spsi_v lost) {
     const float all = (float)penumbra->beam_count, whole = spsi_penumbra_whole(penumbra);
-    const spsi_v share = spsi_set(1.0f / all), most = spsi_set(whole > 0 ? whole : 1 - (float)added / all);
+    return spsi_sub(spsi_set(whole > 0 ? all : all - (float)added), lost);
+}
+
+/* Divides what polygons stop by what gas passes, in a row of a slab's layers, given the planes before and behind. */
+static void spsi_penumbra_hide_row(const spsi_penumbra *penumbra, int added, int count, const float *before,
+                                   const float *behind, float *layer) {
+    const spsi_v least = spsi_set(penumbra->end > SPSI_LIGHT_END ? 1e-30f : 1e-7f); /* what the sums can tell from 0 */
     for (int x = 0; x < count; x += SPSI_LANES) {
         const int some = spsi_least(SPSI_LANES, count - x);
-        const spsi_v lost = spsi_mul(spsi_load_first(plane + x, some), share);
-        spsi_store_first(plane + x, spsi_minus_log(spsi_sub(most, lost), penumbra->end), some);
+        const spsi_v ends = spsi_add(spsi_penumbra_sum(penumbra, added, spsi_load_first(before + x, some)),
+                                     spsi_penumbra_sum(penumbra, added, spsi_load_first(behind + x, some)));
+        const spsi_v passes = spsi_max(spsi_mul(spsi_set(0.5f), ends), least);
+        spsi_store_first(layer + x, spsi_min(spsi_div(spsi_load_first(layer + x, some), passes), spsi_set(1)), some);
     }
 }
 
-/* Fills a tile of the planes of the current chunk, as far as gas can look it up. */
+/* Turns the sum over `added` of the beams into -log of the mean transmittance. */
+static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int added, int count, float *plane) {
+    const spsi_v share = spsi_set(1.0f / (float)penumbra->beam_count);
+    for (int x = 0; x < count; x += SPSI_LANES) {
+        const int some = spsi_least(SPSI_LANES, count - x);
+        const spsi_v passes = spsi_penumbra_sum(penumbra, added, spsi_load_first(plane + x, some));
+        spsi_store_first(plane + x, spsi_minus_log(spsi_mul(passes, share), penumbra->end), some);
+    }
+}
+
+/* Fills a tile of the planes of the current chunk, and of its layers, as far as gas can look it up. */
 static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int worker, float *const *planes) {
-    const size_t pitch = (size_t)penumbra->rays->width;
+    const size_t pitch = (size_t)penumbra->rays->width, texels = spsi_ray_count(penumbra->rays);
     float *memory = penumbra->scratch + (size_t)worker * penumbra->scratch_floats;
     int added = 0;
     spsi_lookups lookups;
@@ -18011,12 +18094,18 @@ static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int wor
         for (int k = 0; k <= SPSI_CHUNK; ++k)
             for (int y = lookups.bounds.y0; y <= lookups.bounds.y1; ++y) {
                 const spsi_area *row = &lookups.rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
-                float *plane = planes[k] + (size_t)y * pitch;
+                const size_t at = (size_t)y * pitch + (size_t)row->x0;
+                const int count = row->x1 - row->x0 + 1;
                 if (spsi_area_empty(*row)) continue;
-                if (pass == 0)
-                    memset(plane + row->x0, 0, (size_t)(row->x1 - row->x0 + 1) * sizeof(float));
-                else
-                    spsi_penumbra_finish_row(penumbra, added, row->x1 - row->x0 + 1, plane + row->x0);
+                if (pass == 0) memset(planes[k] + at, 0, (size_t)count * sizeof(float));
+                for (int n = 0; n < SPSI_PARTS && penumbra->hidden && k < SPSI_CHUNK; ++n) {
+                    float *layer = penumbra->hidden + (size_t)(k * SPSI_PARTS + n) * texels + at;
+                    if (pass == 0)
+                        memset(layer, 0, (size_t)count * sizeof(float));
+                    else
+                        spsi_penumbra_hide_row(penumbra, added, count, planes[k] + at, planes[k + 1] + at, layer);
+                }
+                if (pass == 1) spsi_penumbra_finish_row(penumbra, added, count, planes[k] + at);
             }
         for (int i = 0; i < penumbra->beam_count && pass == 0; ++i)
             added += spsi_beam_add(penumbra, &penumbra->beams[i], &lookups, memory, planes);
@@ -18122,15 +18211,6 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
     }
     spsi_slab_lengths(beam, spsi_set((float)q[0]), (float)q[1], lengths);
     return depth + sum * (double)lengths[0];
-}
-
-/* Mean transmittance of gas between a light and a point, as -log of it. Polygons do not count. */
-static double spsi_penumbra_depth(const spsi_penumbra *penumbra, const double point[3]) {
-    double sum = 0;
-    for (int i = 0; i < penumbra->beam_count; ++i)
-        sum += exp(-spsi_beam_depth_at(penumbra, &penumbra->beams[i], point));
-    sum /= penumbra->beam_count;
-    return sum > 1e-7 ? -log(sum) : (double)SPSI_LIGHT_END;
 }
 
 /* ============================================================================================ >>spreading
@@ -18612,6 +18692,7 @@ typedef struct spsi_shadow {
     const sps_tmap *tmap;      /* with a map */
     int soft;                  /* 1: its sheets hold polygons' shadows too */
     const float *lit;          /* per pixel of the image: spsi_sight */
+    const unsigned char *open; /* per pixel and point of the light, if it is soft: likewise */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
     spsi_pane_map *pane_maps;    /* of the light's points */
@@ -18782,6 +18863,25 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
+/* What polygons hide of a penumbra at such points, given the number of their layer. */
+static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], spsi_v layer) {
+    const spsi_planes *planes = &sliced->planes;
+    const size_t texels = spsi_ray_count(sliced->target.rays);
+    const spsi_v k = spsi_floor(spsi_clamp(layer, spsi_set(0), spsi_set(SPSI_PARTS * SPSI_CHUNK - 1)));
+    spsi_v q[2], hidden = spsi_set(0);
+    float number[SPSI_LANES];
+    spsi_sliced_project(sliced, at, q);
+    spsi_store(number, k);
+    for (int lane = 0, found = 0; lane < SPSI_LANES; ++lane) {
+        const float *values = sliced->penumbra.hidden + (size_t)number[lane] * texels;
+        const spsi_m here = spsi_less(spsi_abs(spsi_sub(k, spsi_set(number[lane]))), spsi_set(0.5f));
+        if (found >> lane & 1) continue;
+        hidden = spsi_select(here, spsi_bilinear(values, planes->width, planes->height, q[0], q[1]), hidden);
+        found |= spsi_bits(here);
+    }
+    return hidden;
+}
+
 /* Indices of the texels in which such points lie, or of some nearby where floats cannot tell. */
 static inline void spsi_sliced_texels(const spsi_sliced *sliced, const spsi_v at[3], int texels[SPSI_LANES]) {
     const spsi_planes *planes = &sliced->planes;
@@ -18862,14 +18962,8 @@ static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, cons
     memset(depths, 0, SPSI_LANES * sizeof *depths);
     if (shadow->kind == SPSI_SHADOW_MAP)
         spsi_mapped_surfaces(shadow->tmap, points, depths);
-    else if (shadow->kind == SPSI_SHADOW_SHEETS && !shadow->sliced->is_soft)
+    else if (shadow->kind == SPSI_SHADOW_SHEETS)
         spsi_sliced_surfaces(shadow->sliced, first_slab, points, depths);
-    else
-        for (int n = 0; n < SPSI_LANES && shadow->kind == SPSI_SHADOW_SHEETS; ++n) {
-            double point[3];
-            spsi_points_get(points, n, point);
-            if (points->lanes >> n & 1) depths[n] = (float)spsi_penumbra_depth(&shadow->sliced->penumbra, point);
-        }
 }
 
 /* --- the choice between sheets and a table --- */
@@ -18910,21 +19004,58 @@ static void spsi_lamp_take(spsi_lamp *lamp, int table, spsi_choice choice) {
     lamp->has_map = table;
     lamp->sliced = !table;
     lamp->choice = choice;
+    lamp->tables = 0;
 }
 
-/* A table for a light that no slabs serve. It holds the shadow of a point: a light that has an extent keeps its sheets,
-   which are refused, unless its widest penumbra is narrower than half a texel. Where that cannot be known before
-   reading, it counts as wider. */
-static void spsi_choose_for_unserved(const spsi_frame *frame, spsi_sweep *sweep, spsi_lamp *lamp) {
+/* Whether slabs that serve a light and the eye also serve the rays of all its points. */
+static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
+    spsi_penumbra penumbra;
+    spsi_beam beam;
+    int i = 0;
+    memset(&penumbra, 0, sizeof penumbra);
+    penumbra.rays = &sweep->rays;
+    penumbra.slabs = &sweep->slabs;
+    spsi_slabs_place(frame, &sweep->eye, sweep->lamp, HUGE_VAL, HUGE_VAL, &sweep->slabs);
+    while (i < sweep->lamp->point_count && spsi_beam_aim(frame, &penumbra, &sweep->lamp->points[i], &beam)) ++i;
+    return i == sweep->lamp->point_count;
+}
+
+/* Number of tables that an area light's points share, a Fibonacci number. */
+static int spsi_lamp_tables(const spsi_lamp *lamp) {
+    const int count = lamp->point_count;
+    return count < 32 ? spsi_least(count, 5) : count < 64 ? 8 : SPSI_TABLES_MOST;
+}
+
+/* Sets the number of tables that a light's points share, as far as `room` bytes hold them. One is
+   enough where penumbrae are narrower than half a texel; where that cannot be known before reading, they count as
+   wider. */
+static void spsi_lamp_share(const sps_context *context, const spsi_frame *frame, double *room, spsi_lamp *lamp) {
     const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
+    spsi_rays rays[SPSI_CUBE_FACES];
+    spsi_sweep sweep;
+    size_t held, filling;
+    double sum = 0;
+    spsi_sweep_clear(frame, lamp, 0, &sweep);
+    if (!lamp->extent.exists || !lamp->has_map || !spsi_lamp_rays(frame, lamp, rays)) return;
+    sweep.rays = rays[0];
+    lamp->tables = known && spsi_penumbra_texels(frame, &sweep) < 0.5 ? 1 : spsi_lamp_tables(lamp);
+    for (; lamp->tables > 1; lamp->tables /= 2) {
+        spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
+        sum = lamp->tables * (double)held + (double)filling;
+        if (sum + spsi_bytes_without_tables(context, frame, &sweep) <= *room) break;
+    }
+    if (lamp->tables > 1) *room -= sum;
+}
+
+/* A table for a light that no slabs serve, or several, which the points of an area light share. */
+static void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                     double *room, spsi_lamp *lamp) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
     spsi_rays rays[SPSI_CUBE_FACES];
-    int faces;
     spsi_lamp_take(lamp, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
-    faces = spsi_lamp_rays(frame, lamp, rays);
-    sweep->rays = rays[0];
-    if (faces == 0 || (lamp->extent.exists && !(known && by_camera && spsi_penumbra_texels(frame, sweep) < 0.5)))
-        spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
+    if (!spsi_lamp_rays(frame, lamp, rays)) spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
+    spsi_lamp_share(context, frame, room, lamp);
+    if (lamp->tables > 1) lamp->choice = SPSI_CHOICE_TABLES;
 }
 
 /* Chooses between sheets and a table for a light for which the caller has not. `others`: 1 if an earlier light has
@@ -18937,11 +19068,11 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
     int serves;
     spsi_sweep_clear(frame, lamp, 0, &sweep);
     lamp->choice = SPSI_CHOICE_SHEETS;
-    serves = spsi_sweep_aim(frame, &sweep);
+    serves = spsi_sweep_aim(frame, &sweep) && (!sweep.soft || spsi_beams_serve(frame, &sweep));
     if (spsi_eye_is_wide(frame) && !others && !lamp->extent.exists) /* parts of the image serve better */
         serves &= sweep.cosine_of_eye >= SPSI_COSINE_EVEN;
     if (!serves) {
-        spsi_choose_for_unserved(frame, &sweep, lamp);
+        spsi_choose_for_unserved(context, frame, &sweep, room, lamp);
         return;
     }
     if ((!others && !spsi_scatters_fully(frame)) || frame->matter.classifies || lamp->extent.exists) return;
@@ -18953,6 +19084,46 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
         *room -= bytes;
     else
         spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
+}
+
+/* Makes lights of their own of an area light's points that share a table, every tables-th of them: that of their mean.
+   On a spiral of golden angles these are sectors, on a lattice of golden rows strips. */
+static void spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts, spsi_lamp *points) {
+    for (int n = 0; n < lamp->tables; ++n) {
+        spsi_lamp *part = &parts[n];
+        double sum[3] = {0, 0, 0};
+        *part = *lamp;
+        part->points = part->few = points; /* the light may be as close as gas gets */
+        part->point_count = part->few_count = (lamp->point_count - n + lamp->tables - 1) / lamp->tables;
+        for (int i = n; i < lamp->point_count; i += lamp->tables) {
+            const spsi_lamp *point = &lamp->points[i];
+            spsi_along(sum, lamp->is_point ? point->position : point->direction, 1.0 / part->point_count, sum);
+            *points++ = *point;
+        }
+        memcpy(lamp->is_point ? part->position : part->direction, sum, sizeof sum);
+        if (!lamp->is_point) spsi_normalise(part->direction);
+        for (int c = 0; c < 3; ++c) part->color[c] *= (float)part->point_count / (float)lamp->point_count;
+    }
+}
+
+/* Lists lights as they are, except for those whose points share tables: as several. */
+static void spsi_lamps_split(spsi_lamps *lamps) {
+    spsi_lamp *list = lamps->whole + lamps->whole_count, *points = lamps->split_points;
+    int count = 0, split = 0;
+    for (int i = 0; i < lamps->whole_count; ++i) {
+        const spsi_lamp *lamp = &lamps->whole[i];
+        if (lamp->tables > 1) {
+            spsi_lamp_split(lamp, list + count, points);
+            count += lamp->tables;
+            points += lamp->point_count;
+            split = 1;
+            continue;
+        }
+        list[count] = *lamp;
+        if (!lamp->extent.exists) list[count].points = list[count].few = &list[count];
+        ++count;
+    }
+    spsi_lamps_list(lamps, split ? list : lamps->whole, split ? count : lamps->whole_count);
 }
 
 /* Chooses how gas is shaded by each light that leaves it open, and how the image is cut, from the volumes' boxes and
@@ -18970,13 +19141,17 @@ static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
         content->outer = tight;
     }
     content->bounds = content->outer;
+    spsi_lamps_list(&frame->lamps, frame->lamps.whole, frame->lamps.whole_count);
     frame->lamps.sliced_count = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         spsi_lamp *lamp = &frame->lamps.list[i];
         if (lamp->choice == SPSI_CHOICE_OPEN)
             spsi_choose_for_lamp(context, frame, frame->lamps.sliced_count > 0, &room, lamp);
+        else
+            spsi_lamp_share(context, frame, &room, lamp);
         frame->lamps.sliced_count += lamp->sliced;
     }
+    spsi_lamps_split(&frame->lamps);
     if (frame->lamps.sliced_count == 0) spsi_image_divide(frame);
     content->bounds = tight;
 }
@@ -22284,6 +22459,32 @@ static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shado
     for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->pane_map_count * steps)));
 }
 
+/* The fraction of what gas lets pass to a part that opaque polygons stop on the way from a light's points. */
+static spsi_v spsi_part_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
+                               const spsi_part *part) {
+    const int count = shader->frame->matter.classifies ? 1 : SPSI_PARTS;
+    const spsi_v layers = spsi_set(SPSI_PARTS), scale = spsi_div(layers, p->line.scale);
+    spsi_v sum = spsi_set(0), at[3];
+    spsi_courses courses;
+    spsi_courses_build(shadow->along, p->line.at, (float)p->line.y, &courses);
+    for (int i = 0; i < count; ++i) {
+        const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
+        spsi_courses_at(&courses, d, at);
+        sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, at, spsi_fma(d, scale, spsi_mul(layers, p->line.base))));
+    }
+    return spsi_mul(sum, spsi_set(1.0f / (float)count));
+}
+
+/* Multiplies by what polygons let pass from a light to a part: translucent ones, and opaque ones from its points. */
+static void spsi_part_pass(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
+                           const spsi_part *part, spsi_v filter[3]) {
+    if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
+    if (shadow->soft && shadow->sliced->penumbra.hidden) {
+        const spsi_v seen = spsi_sub(spsi_set(1), spsi_part_hidden(shader, shadow, p, part));
+        for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(filter[c], seen);
+    }
+}
+
 /* Adds one of the lights that the sweep carries, attenuated by its planes or its map, cut off by opaque polygons and
    filtered by translucent ones. Within a slab, optical depth towards the light and towards the eye grow in proportion:
    both come from the same matter. */
@@ -22306,7 +22507,7 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
         carried.end = eye[1];
         arrives = spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
     }
-    if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
+    if (shadow->soft || shadow->pane_map_count > 0) spsi_part_pass(shader, shadow, p, part, filter);
     for (int c = 0; c < 3; ++c) {
         carried.passes[c] = spsi_mul(passes, filter[c]);
         carried.lit[c] = spsi_mul(arrives, filter[c]);
@@ -22447,6 +22648,7 @@ typedef struct spsi_sight_job {
     const spsi_visible *visible;
     const spsi_lamp *lamp;
     float *lit;     /* per place: spsi_lit_channels shares of a light's irradiance that polygons let pass */
+    unsigned char *open; /* per place and point: 255 times the root of what they let pass, for gas; NULL: not needed */
     uint64_t *rays; /* per worker: number of rays */
 } spsi_sight_job;
 
@@ -22465,8 +22667,15 @@ static int spsi_lit_channels(const spsi_frame *frame, const spsi_lamp *lamp) {
     return frame->meshes.translucent || (lamp->projection.exists && lamp->point_count > 1) ? 3 : 1;
 }
 
-/* Traces rays from a block's polygons to one point of the light. Returns their number. */
-static int spsi_sight_point(const spsi_sight_job *job, const spsi_lamp *point, spsi_sight_surfaces *block) {
+/* What shadow rays find at a place, in floats. */
+static int spsi_sight_floats(const spsi_frame *frame, const spsi_lamp *lamp, int soft) {
+    return spsi_lit_channels(frame, lamp) + (soft ? (lamp->point_count + 3) / 4 : 0);
+}
+
+/* Traces rays from a block's polygons to the n-th point of the light. Returns their number. */
+static int spsi_sight_point(const spsi_sight_job *job, int n, spsi_sight_surfaces *block) {
+    const spsi_lamp *point = &job->lamp->points[n];
+    const size_t pitch = (size_t)job->lamp->point_count;
     spsi_packet packet;
     double toward[3], irradiance[SPSI_PACKET][3];
     int rays = 0, open;
@@ -22487,6 +22696,9 @@ static int spsi_sight_point(const spsi_sight_job *job, const spsi_lamp *point, s
         double through[3] = {1, 1, 1};
         if (packet.filtered >> at & 1) spsi_packet_through(&packet, at, through);
         for (int c = 0; c < 3 && open >> at & 1; ++c) block->seen[at][c] += through[c] * irradiance[at][c];
+        if (job->open && open >> at & 1)
+            job->open[block->index[at] * pitch + (size_t)n] =
+                (unsigned char)(255 * sqrt((through[0] + through[1] + through[2]) / 3) + 0.5);
     }
     return rays;
 }
@@ -22514,7 +22726,7 @@ static void spsi_sight_add(const spsi_sight_job *job, const spsi_place *place, i
 static int spsi_sight_trace(const spsi_sight_job *job, spsi_sight_surfaces *block) {
     int rays = 0;
     for (int i = 0; i < job->lamp->point_count && block->facing; ++i)
-        rays += spsi_sight_point(job, &job->lamp->points[i], block);
+        rays += spsi_sight_point(job, i, block);
     for (int at = 0; at < SPSI_PACKET; ++at)
         if (block->facing >> at & 1) spsi_sight_store(job, block->index[at], block->all[at], block->seen[at]);
     return rays;
@@ -22678,6 +22890,7 @@ static int spsi_sight_is_clear(const spsi_sight_job *job, const spsi_lamp *point
 static int spsi_sight_open(const spsi_sight_job *job, int x0, int y0, int worker) {
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
     const int channels = spsi_lit_channels(job->frame, job->lamp);
+    const size_t pitch = (size_t)job->lamp->point_count;
     spsi_sight_view view;
     memset(&view, 0, sizeof view);
     view.x0 = x0;
@@ -22695,6 +22908,7 @@ static int spsi_sight_open(const spsi_sight_job *job, int x0, int y0, int worker
             job->rays[worker] += (uint64_t)points;
             for (int c = 0; c < channels; ++c)
                 job->lit[(size_t)channels * index + (size_t)c] = points > 0 ? 1.0f : 0.0f;
+            if (job->open) memset(job->open + index * pitch, 255, pitch);
         }
     return 1;
 }
@@ -22717,7 +22931,8 @@ static void spsi_sight_task(void *data, int index, int worker) {
    All pixels have the same points: turning them from pixel to pixel would trade the steps of a penumbra
    for noise, which neither a filter nor the next frame of an animation could tell from the picture. */
 static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                       const spsi_visible *visible, const spsi_lamp *lamp, uint64_t *rays, float *lit) {
+                       const spsi_visible *visible, const spsi_lamp *lamp, uint64_t *rays, float *lit,
+                       unsigned char *open) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
     spsi_sight_job job;
@@ -22726,8 +22941,10 @@ static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi
     job.visible = visible;
     job.lamp = lamp;
     job.lit = lit;
+    job.open = open;
     job.rays = rays;
     memset(job.lit, 0, spsi_place_count(frame, visible) * (size_t)spsi_lit_channels(frame, lamp) * sizeof *lit);
+    if (open) memset(open, 0, spsi_place_count(frame, visible) * (size_t)lamp->point_count);
     memset(job.rays, 0, (size_t)spsi_worker_count(context) * sizeof *rays);
     spsi_parallel(context, spsi_sight_tiles(region[0], region[2]) * spsi_sight_tiles(region[1], region[3]),
                   spsi_sight_task, &job);
@@ -22997,12 +23214,56 @@ static int spsi_surfaces_lit(const spsi_frame *frame, const spsi_shadow *shadow,
     return any;
 }
 
+/* Optical depth of gas between the places and the n-th point of a light, where `weight` is not 0. */
+static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces *list, int n, spsi_v weight) {
+    const spsi_penumbra *penumbra = &shadow->sliced->penumbra;
+    float lanes[SPSI_LANES] = {0};
+    const int lit = spsi_bits(spsi_less(spsi_set(0), weight)) & list->points.lanes;
+    for (int lane = 0; lit >> lane; ++lane) {
+        double point[3];
+        spsi_points_get(&list->points, lane, point);
+        if (lit >> lane & 1) lanes[lane] = (float)spsi_beam_depth_at(penumbra, &penumbra->beams[n], point);
+    }
+    return spsi_load(lanes);
+}
+
+/* Multiplies by the mean of what gas lets pass from the points of a light, each of which counts as much as the
+   irradiance that polygons let pass from it. */
+static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_shadow *shadow,
+                                         const spsi_surfaces *list, spsi_v lit[3]) {
+    const spsi_lamp *lamp = shadow->lamp;
+    const double unit = spsi_surfaces_unit(lamp, list);
+    spsi_v all = spsi_set(FLT_MIN), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+    for (int i = 0; i < lamp->point_count; ++i) {
+        spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, weight, depth;
+        float open[SPSI_LANES] = {0};
+        for (int n = 0; list->points.lanes >> n; ++n)
+            if (list->points.lanes >> n & 1)
+                open[n] = shadow->open[list->place[n].index * (size_t)lamp->point_count + (size_t)i];
+        spsi_surfaces_add_point(shader, &lamp->points[i], list, unit, irradiance);
+        weight = spsi_add(irradiance[0], spsi_add(irradiance[1], irradiance[2]));
+        weight = spsi_mul(weight, spsi_mul(spsi_load(open), spsi_load(open)));
+        if (!spsi_bits(spsi_less(spsi_set(0), weight))) continue;
+        depth = spsi_surfaces_depth(shadow, list, i, weight);
+        all = spsi_add(all, weight);
+        for (int c = 0; c < 3; ++c) {
+            const spsi_v scale = spsi_set(-(float)spsi_straight_scale(shader->frame, c));
+            sum[c] = spsi_fma(weight, spsi_exp(spsi_mul(depth, scale)), sum[c]);
+        }
+    }
+    for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_div(sum[c], all));
+}
+
 /* Multiplies by what gas between a light and the places lets pass, with light that goes straight on. */
 static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list,
                                     spsi_v lit[3]) {
     const int alike = !shader->frame->content->cells;
     float lanes[SPSI_LANES];
     spsi_v passes = spsi_set(1);
+    if (shadow->soft) {
+        spsi_surfaces_attenuate_soft(shader, shadow, list, lit);
+        return;
+    }
     spsi_shadow_surfaces(shadow, shader->first_slab, &list->points, lanes);
     for (int c = 0; c < 3; ++c) {
         const float scale = (float)spsi_straight_scale(shader->frame, c);
@@ -26116,12 +26377,10 @@ static int spsi_lamps_are_open(const spsi_frame *frame) {
 
 /* Lets lights choose between sheets and tables again. */
 static void spsi_choices_reopen(spsi_frame *frame) {
-    frame->lamps.sliced_count = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_lamp *lamp = &frame->lamps.list[i];
-        if (lamp->choice != SPSI_CHOICE_CALLER) spsi_lamp_take(lamp, 0, SPSI_CHOICE_OPEN);
-        frame->lamps.sliced_count += lamp->sliced;
-    }
+    spsi_lamps *lamps = &frame->lamps;
+    for (int i = 0; i < lamps->whole_count; ++i)
+        if (lamps->whole[i].choice != SPSI_CHOICE_CALLER) spsi_lamp_take(&lamps->whole[i], 0, SPSI_CHOICE_OPEN);
+    spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
 }
 
 /* Applies a setting to the frame. Lights' choices are open then. */
@@ -26821,14 +27080,18 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
         if (spsi_sweep_carries(sweep, &frame->lamps.list[i]))
             spsi_shadow_start(picture, sweep, &frame->lamps.list[i], &run->shadows[run->shader.shadow_count++]);
     if (!picture->visible.hits || count == 0) return SPS_OK;
-    for (int i = 0; i < count; ++i) shares += spsi_lit_channels(frame, run->shadows[i].lamp);
+    for (int i = 0; i < count; ++i) shares += spsi_sight_floats(frame, run->shadows[i].lamp, run->shadows[i].soft);
     rays = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, spsi_sight_bytes(context, places, shares));
     if (!rays) return context->result;
     lit = (float *)(void *)(rays + spsi_worker_count(context));
     for (int i = 0; i < count; ++i) {
-        spsi_sight(context, frame, &picture->faces, &picture->visible, run->shadows[i].lamp, rays, lit);
-        run->shadows[i].lit = lit;
-        lit += places * (size_t)spsi_lit_channels(frame, run->shadows[i].lamp);
+        spsi_shadow *shadow = &run->shadows[i];
+        unsigned char *open = (unsigned char *)(lit + places * (size_t)spsi_lit_channels(frame, shadow->lamp));
+        if (!shadow->soft) open = NULL;
+        spsi_sight(context, frame, &picture->faces, &picture->visible, shadow->lamp, rays, lit, open);
+        shadow->lit = lit;
+        shadow->open = open;
+        lit += places * (size_t)spsi_sight_floats(frame, shadow->lamp, shadow->soft);
     }
     return SPS_OK;
 }
@@ -27087,9 +27350,10 @@ static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_fram
     pass->runs += sweep->soft || frame->particles.set_count > 0 || polygons;
     if (frame->particles.set_count > 0) {
         const uint64_t tiles = side / SPSI_TILE_WIDTH + 1;
-        size.scratch = 3 * most * most + SPSI_LANES;
+        size.scratch = 3 * most * most + SPSI_LANES + 2 * SPSI_BEAM_TILE;
         size.beams = (uint64_t)sweep->lamp->point_count * most * most * (uint64_t)(1 + polygons);
         size.sheets = SPSI_CHUNK * side * side;
+        size.hidden = polygons ? SPSI_PARTS * size.sheets : 0;
         size.held = 2 * tiles * tiles;
     } else {
         if (spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;
@@ -27111,22 +27375,31 @@ static int spsi_axis_serves(const spsi_frame *frame, const spsi_lamp *lamp) {
     spsi_eye_axis(&frame->content->eye, axis);
     spsi_sweep_turn(frame, axis, &sweep);
     for (int i = 0; i < 3; ++i) toward[i] = sweep.back_to_front ? -sweep.slabs.normal[i] : sweep.slabs.normal[i];
-    return spsi_cosine_to_corners(toward, &frame->content->eye) >= SPSI_COSINE_EVEN;
+    return sweep.cosine_of_light >= SPSI_COSINE_MIN &&
+           spsi_cosine_to_corners(toward, &frame->content->eye) >= SPSI_COSINE_EVEN;
 }
 
 /* Chooses as a render does, except that particles have not been read: what depends on them stays open. */
 static void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
     int open = 0, sliced = 0;
     spsi_choose_shadows(context, frame);
-    for (int i = 0; i < frame->lamps.count && frame->particles.set_count > 0; ++i) {
+    if (frame->particles.set_count == 0) return;
+    spsi_lamps_list(&frame->lamps, frame->lamps.whole, frame->lamps.whole_count);
+    for (int i = 0; i < frame->lamps.count; ++i) {
         spsi_lamp *lamp = &frame->lamps.list[i];
-        const int is_known = lamp->choice == SPSI_CHOICE_CALLER || lamp->extent.exists ||
-                             (open + sliced == 0 && spsi_axis_serves(frame, lamp));
+        const int is_known = lamp->choice == SPSI_CHOICE_CALLER ||
+                             ((open + sliced == 0 || lamp->extent.exists) && spsi_axis_serves(frame, lamp));
         if (!is_known || lamp->choice == SPSI_CHOICE_OPEN)
             lamp->choice = is_known ? SPSI_CHOICE_SHEETS : SPSI_CHOICE_OPEN;
+        if (lamp->extent.exists && (!is_known || lamp->has_map)) lamp->tables = spsi_lamp_tables(lamp);
         open += !is_known;
         sliced += is_known && lamp->sliced;
     }
+}
+
+/* Number of tables that a light of the list has, if it has any. */
+static int spsi_plan_tables(const spsi_frame *frame, const spsi_lamp *lamp) {
+    return frame->lamps.list == frame->lamps.whole ? spsi_most(1, lamp->tables) : 1;
 }
 
 /* Number of lights that have sheets, or may. */
@@ -27296,6 +27569,7 @@ static const char *spsi_plan_map_reason(const spsi_frame *frame) {
                                           "",
                                           "a table: the light is in the gas",
                                           "a table: no slabs serve both the light and so wide a camera",
+                                          "tables that an area light's points share: no slabs serve it; steps show",
                                           "a table: the light shares the sweep of another",
                                           "a table: it serves the light in the cells, too"};
     for (int choice = SPSI_CHOICE_OPEN; choice <= SPSI_CHOICE_TABLE_AGAIN; ++choice)
@@ -27309,7 +27583,8 @@ static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan
     const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
     int maps = 0;
     for (int i = 0; i < frame->lamps.count; ++i)
-        maps += frame->lamps.list[i].has_map || frame->lamps.list[i].choice == SPSI_CHOICE_OPEN;
+        if (frame->lamps.list[i].has_map || frame->lamps.list[i].choice == SPSI_CHOICE_OPEN)
+            maps += spsi_plan_tables(frame, &frame->lamps.list[i]);
     spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, spsi_plan_sliced_count(frame), "volumes or particles cast shadows",
                    !shade                      ? nothing
                    : frame->lamps.shadow_count ? "every light that casts shadows has a shadow_map or a table"
@@ -27410,7 +27685,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
 static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                             sps_plan_report *report) {
     const size_t size = (size_t)spsi_depth_map_size(frame);
-    const size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
+    size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
     size_t tables = 1;
     size_t sum = sizeof *context + SPSI_BUFFER_COUNT * SPSI_LINK_BYTES + sizeof *frame + sizeof *frame->content;
     int shares = (int)lights;
@@ -27425,7 +27700,11 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(frame);
     if (frame->view.scattering == SPS_SCATTERING_AUTO) /* not decided yet */
         report->pass[SPS_PASS_CELLS].bytes += SPSI_BOUND_BYTES;
-    for (int i = 0; i < frame->lamps.count; ++i) shares += spsi_lit_channels(frame, &frame->lamps.list[i]) - 1;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        shares += spsi_plan_tables(frame, lamp) * spsi_sight_floats(frame, lamp, lamp->extent.exists) - 1;
+        lights += (size_t)spsi_plan_tables(frame, lamp) - 1;
+    }
     if (frame->meshes.triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
             frame->meshes.triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
@@ -27455,7 +27734,7 @@ static void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_r
         lamp.has_map |= lamp.choice == SPSI_CHOICE_OPEN;
         if (!lamp.has_map) continue;
         spsi_lamp_tmap_bytes(frame, &lamp, &held, &filling);
-        report->pass[SPS_PASS_LIGHT_MAPS].bytes += held;
+        report->pass[SPS_PASS_LIGHT_MAPS].bytes += (size_t)spsi_plan_tables(frame, &lamp) * held;
         if (filling > most) most = filling;
         if (spsi_has_shadow_table(&lamp)) prints = (size_t)bricks * sizeof(uint64_t);
     }

@@ -325,9 +325,7 @@ static int explain(const arguments *all, const ex_session *session, sps_result r
     sps_get_error(session->context, &why);
     name_subject(all, &why, subject, sizeof subject);
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_LIGHT)
-        way_out = all->lights[why.index].size.count > 0 || all->lights[why.index].angle > 0
-                      ? " (--no-shadows and --reference have no such limit)"
-                      : " (--shadow auto, --no-shadows and --reference have no such limit)";
+        way_out = " (--shadow auto, --no-shadows and --reference have no such limit)";
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_VIEW)
         way_out = strcmp(why.field, "scattering") == 0     ? " (--samples N, or --scattering off)"
                   : strcmp(why.field, "scatter_size") == 0 ? " (--scattering off has no such limit)"

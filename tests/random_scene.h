@@ -668,12 +668,13 @@ static inline void draw_travel(random_scene *x, int side, double out[3]) {
     }
 }
 
-static inline void set_shadow(random_scene *x, sps_light *light, int n, int shadow) {
+/* Slabs are asked for, except for area lights: those that slabs cannot serve have tables. */
+static inline void set_shadow(random_scene *x, sps_light *light, int n, int shadow, int extended) {
     static const sps_tmap_technique techniques[] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_OPACITY,
                                                     SPS_TMAP_TABLE};
     sps_tmap_settings *map = &x->maps[n];
     light->no_shadow = shadow == SHADOW_NONE;
-    light->shadow_source = shadow == SHADOW_SLABS ? SPS_SHADOW_SHEETS : SPS_SHADOW_AUTO;
+    if (shadow == SHADOW_SLABS && !extended) light->shadow_source = SPS_SHADOW_SHEETS;
     if (shadow < SHADOW_DEEP || shadow == SHADOW_AUTO) return;
     light->shadow_map = map;
     map->technique = techniques[shadow - SHADOW_DEEP];
@@ -707,7 +708,7 @@ static inline void add_scene_light(random_scene *x, int kind, int shadow, int si
     double travel[3], place[3];
     draw_travel(x, side, travel);
     draw_color(random, 0.5, 3, light->color);
-    set_shadow(x, light, n, shadow);
+    set_shadow(x, light, n, shadow, kind >= LIGHT_WIDE_SUN);
     memcpy(light->direction, travel, sizeof travel);
     if (kind >= LIGHT_WIDE_SUN) set_extent(x, light, distance);
     if (light->kind == SPS_LIGHT_DIRECTIONAL) return;

@@ -11,6 +11,7 @@ static sps_tmap_settings table;
 
 static const char in_gas[] = "a table: the light is in the gas";
 static const char by_camera[] = "a table: no slabs serve both the light and so wide a camera";
+static const char of_points[] = "tables that an area light's points share: no slabs serve it; steps show";
 static const char shared[] = "a table: the light shares the sweep of another";
 
 /* --- scenes --- */
@@ -196,9 +197,10 @@ static void test_wall(void) {
     }
 }
 
-/* A light with an extent has no table, unless its penumbrae could not be told from sharp shadows: within half a texel
-   of a 25th of the box's width, which is 3.5 units from corner to corner. A sun of 0.005 radians blurs by 0.0173 units,
-   half of 0.035; one of 0.02 by 0.069. */
+/* The points of an area light that no slabs serve share tables: five at medium quality, or one, if its penumbrae could
+   not be told from sharp shadows: within half a texel of a 25th of the box's width, which is 3.5 units from corner to
+   corner. A sun of 0.005 radians blurs by 0.0173 units, half of 0.035; one of 0.02 by 0.069. A disc amid the gas may be
+   of any size. Sheets that are asked for are refused. */
 static void test_extents(void) {
     static const double suns[] = {0.005, 0.02};
     check_scene s;
@@ -208,19 +210,22 @@ static void test_extents(void) {
     check_add_directional(&s, 1, 0, 0.2, 2);
     for (int i = 0; i < 2; ++i) {
         s.light[0].angular_diameter = suns[i];
-        if (i == 0) check_chosen(&s, 0, 1, by_camera, image_a);
-        if (i == 1) check_fails(context, &s, image_a, SPS_ERROR_UNSUPPORTED, "or set no_shadow on light[0]");
+        check_chosen(&s, 0, i ? 5 : 1, i ? of_points : by_camera, image_a);
     }
+    s.light[0].shadow_source = SPS_SHADOW_SHEETS;
+    check_fails(context, &s, image_a, SPS_ERROR_UNSUPPORTED, "or set shadow_source or no_shadow on light[0]");
     start(&s, GAS);
     check_add_point(&s, 0.1, 0, 0.1, 3);
     s.light[0].kind = SPS_LIGHT_DISC;
     for (int i = 0; i < 2; ++i) {
         s.light[0].axes[0][0] = s.light[0].axes[1][1] = i ? 40 : 1e-3;
-        check_fails(context, &s, image_a, SPS_ERROR_UNSUPPORTED, "move it away, or set no_shadow on it");
+        s.light[0].shadow_source = SPS_SHADOW_AUTO;
+        check_chosen(&s, 0, 5, of_points, image_a);
+        s.light[0].shadow_source = SPS_SHADOW_SHEETS;
+        check_fails(context, &s, image_a, SPS_ERROR_UNSUPPORTED, "move it away, or set shadow_source or no_shadow on");
     }
     s.light[0].shadow_source = SPS_SHADOW_TABLE;
-    check_fails(context, &s, image_a, SPS_ERROR_UNSUPPORTED,
-                "light[0].shadow_source is SPS_SHADOW_TABLE: a table holds");
+    check_chosen(&s, 0, 5, "lights have a shadow_map or SPS_SHADOW_TABLE", image_a);
 }
 
 /* --- lights that share a sweep --- */

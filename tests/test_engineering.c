@@ -1911,9 +1911,11 @@ static void test_light_options(void) {
          "--light-size of --light point,9,9,9,1,1,1 and --shadow deep exclude each other: a map holds the shadow"},
         {VOLUME "--shadow beer --map-size 9 --light directional,0,0,1,1,1,1 --light-angle 1 --plan", 2,
          "--light-angle of --light directional,0,0,1,1,1,1 and --shadow beer exclude each other"},
-        {VOLUME "--light point,.5,.5,.5,1,1,1 --light-size 1 --out a.png", 1, "--light point,.5,.5,.5,1,1,1: light[0]"},
-        {VOLUME "--light point,.5,.5,.5,1,1,1 --light-size 1 --out a.png", 1,
-         "no_shadow on it (--no-shadows and --reference have no such limit)"}};
+        {VOLUME "--light point,.5,.5,.5,1,1,1 --light-size 1 --out a.png", 0, NULL},
+        {VOLUME "--light point,.5,.5,.5,1,1,1 --light-size 1 --shadow sheets --out a.png", 1,
+         "--light point,.5,.5,.5,1,1,1: light[0]"},
+        {VOLUME "--light point,.5,.5,.5,1,1,1 --light-size 1 --shadow sheets --out a.png", 1,
+         "no_shadow on it (--shadow auto, --no-shadows and --reference have no such limit)"}};
     static char pictures[EXTENTS][400];
     char text[4000], other[400];
     for (int i = 0; i < EXTENTS; ++i) {

@@ -651,6 +651,7 @@ static void test_refused(void) {
     check_refused(&s, SPS_ERROR_UNSUPPORTED, "light[0].shadow_map holds the shadow of a single point");
     s.light[0].shadow_map = NULL;
     s.light[0].angular_diameter = 2;
+    s.light[0].shadow_source = SPS_SHADOW_SHEETS;
     check_refused(&s, SPS_ERROR_UNSUPPORTED, "light[0] is inside or too close");
     s.light[0].kind = SPS_LIGHT_DISC;
     check_set3(s.light[0].axes[0], 40, 0, 0);

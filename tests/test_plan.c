@@ -666,6 +666,7 @@ static void cloud_light(check_scene *s, int kind, const sps_tmap_settings *setti
         place ? check_add_point(s, 0, kind == CLOUD_DISC ? 4 : 0, 0, 9) : check_add_directional(s, 0.3, -1, -0.6, 2);
     if (kind == CLOUD_WIDE_SUN) light->angular_diameter = 0.1;
     if (kind == CLOUD_DISC) light->kind = SPS_LIGHT_DISC, light->axes[0][0] = light->axes[1][2] = 0.5;
+    if (kind == CLOUD_DISC) light->shadow_source = SPS_SHADOW_SHEETS; /* open, it might turn out to need tables */
     if (kind == CLOUD_MAP || kind == CLOUD_MAP_WITHIN) light->shadow_map = settings;
 }
 

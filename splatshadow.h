@@ -731,10 +731,10 @@ typedef struct sps_camera {
     double ortho_height;                  /* orthographic: world height of the image, above 0 */
     /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. In perspective,
        depth may run either way and over any range; row 2 is not needed, except that a matrix which looks more like a
-       camera's when transposed is an error (with 0 0 0 2 there it never does). In an orthographic matrix it must increase away from the eye;
-       distances are measured from the plane of clip depth -1, which is the near plane if depth is -1..1, lies
-       far - near in front of it if depth is 0..1, and is replaced by a plane across the world's origin if there is none
-       within 1e12 pixels. Borrowed for the call. */
+       camera's when transposed is an error (with 0 0 0 2 there it never does). In an orthographic matrix depth must
+       increase away from the eye; distances are measured from the plane of clip depth -1, which is the near plane if
+       depth is -1..1, lies far - near in front of it if depth is 0..1, and is replaced by a plane across the world's
+       origin if there is none within 1e12 pixels. Borrowed for the call. */
     const double *world_to_clip;
 } sps_camera;
 

@@ -39,13 +39,14 @@ typedef struct outcome {
     int images; /* that lights throw */
     int panes;  /* 1: the mesh lets light pass */
     scene_report report;
-    double seconds; /* by all workers */
+    const char *reason; /* why it may fail; NULL: it may not, or is good */
+    double seconds;     /* by all workers */
 } outcome;
 
 typedef struct soak {
     uint64_t seed;
     outcome worst[WORST];
-    int worst_count, show_all;
+    int worst_count, show_all, refines; /* refines: 1: before it is asked why a scene fails */
     long compared, refused, dark, hidden, failed, excused;
 } soak;
 
@@ -160,10 +161,10 @@ static void draw_levels(check_random *random, int levels[FEATURES]) {
     draw_area(*random, levels);
 }
 
-static void judge(sps_context *context, soak *s, const outcome *o, const random_scene *x) {
+static void judge(soak *s, const outcome *o) {
     const scene_report *r = &o->report;
     const int good = scene_good(r) && r->medium.edges <= CUT;
-    const char *reason = good ? NULL : excuse(context, x, r);
+    const char *reason = good ? NULL : o->reason;
     if (s->show_all) print_outcome(s, o);
     ++s->compared;
     rank(s, o);
@@ -213,7 +214,11 @@ static void soak_scene(sps_context *context, soak *s, long number) {
     o.images = throw_images(&x, random.state);
     o.panes = draw_panes(&x, random.state);
     start = clock();
-    o.report = measure_scene(context, &x, 1);
+    for (int refine = s->refines; refine < 2 && !o.reason; ++refine) { /* that takes as long as fifty others */
+        o.report = measure_scene(context, &x, refine);
+        if (o.report.result != SPS_OK || scene_good(&o.report)) break;
+        o.reason = excuse(context, &x, &o.report);
+    }
     o.seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
     if (o.report.result != SPS_OK) {
         const int area = o.levels[LIGHT] >= LIGHT_WIDE_SUN && strstr(sps_error(context), "light[0]");
@@ -225,7 +230,7 @@ static void soak_scene(sps_context *context, soak *s, long number) {
     else if (!scene_shown(&o.report))
         ++s->hidden;
     else
-        judge(context, s, &o, &x);
+        judge(s, &o);
     if (o.report.result == SPS_OK) soak_edges(context, &x, number);
     soak_cells(context, &x, o.levels, number);
     free_scene(&x);
@@ -245,6 +250,7 @@ int main(int count, char **arguments) {
     ex_session session;
     s.seed = count > 1 ? strtoul(arguments[1], NULL, 10) : 1;
     s.show_all = getenv("SOAK_ALL") != NULL;
+    s.refines = scenes == 0;
     ex_session_measure(&session, "soak", 0);
     for (long i = first; i < first + scenes; ++i) soak_scene(session.context, &s, i);
     for (int i = 0; i < QUICK && scenes == 0; ++i) soak_scene(session.context, &s, quick[i]);
@@ -253,7 +259,7 @@ int main(int count, char **arguments) {
     CHECK_CASE("Found in review", "random scenes against brute force, medium and high quality",
                "rms of 3 %, or half of it at high: scenes that are not", (double)s.failed, 0,
                "causes are listed in tests/soak.c, with bounds");
-    CHECK(25 * s.excused <= s.compared + 12);                      /* 2 in 100 fail; none of the quick ones does */
+    CHECK(s.excused <= (scenes > 0) + s.compared / 20);            /* 2 in 100 fail, none of the quick ones */
     CHECK(5 * (s.refused + s.dark + s.hidden) <= s.compared + 10); /* most are compared */
     return check_report();
 }

@@ -10679,8 +10679,8 @@ static double spsi_ball_mass(const spsi_rays *rays, const spsi_rays *faces, cons
 }
 
 /* Adjusts the optical depth of a small ball so that its mass is exact wherever its centre lies among the texels: of
-   two thirds of `coarse` texels or less. Chords of `coarse` texels are exact; in between, the two are blended. `faces`: of a
-   cube, in all of which a particle has one mass; NULL: there is only one face. */
+   two thirds of `coarse` texels or less. Chords of `coarse` texels are exact; in between, the two are blended.
+   `faces`: of a cube, in all of which a particle has one mass; NULL: there is only one face. */
 static void spsi_ball_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse, const spsi_particle_set *set,
                             const sps_particle *particle, spsi_ball *ball) {
     double centre[3], offset[3], texel, share, mass;
@@ -21061,6 +21061,7 @@ typedef struct spsi_reach {
     /* with a cone or an image, in the light's frame: */
     spsi_v ends[2][3], normal[3]; /* normal: of the plane that the light and the ray span, about which it swings */
     spsi_v centre[3], lit[2];     /* of what is lit, which begins and ends at these shares of it */
+    spsi_v width;                 /* lit[1] - lit[0], precise */
 } spsi_reach;
 
 static void spsi_reach_build(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
@@ -21132,7 +21133,7 @@ static void spsi_reach_place(const spsi_shader *shader, const spsi_lamp *lamp, c
         reach->centre[k] = spsi_mul(spsi_add(reach->ends[0][k], reach->ends[1][k]), spsi_set(0.5f));
     }
     reach->lit[0] = spsi_set(0);
-    reach->lit[1] = spsi_set(1);
+    reach->lit[1] = reach->width = spsi_set(1);
 }
 
 /* A segment as a spotlight sees it. Directions to its points are at angles phi from the one that is nearest to the axis:
@@ -21143,12 +21144,12 @@ typedef struct spsi_swing {
     spsi_v area;           /* z ds - s dz */
 } spsi_swing;
 
-/* Where along the segment u is, 0..1. */
-static spsi_v spsi_swing_share(const spsi_swing *g, spsi_v u) {
+/* Where along the segment u is, 0..1. `across`: by how much phi changes there, times q r^2. */
+static spsi_v spsi_swing_share(const spsi_swing *g, spsi_v u, spsi_v *across) {
     const spsi_v c = spsi_sub(spsi_set(1), spsi_mul(u, u)), s = spsi_add(u, u);
     const spsi_v way = spsi_sub(spsi_mul(s, g->z), spsi_mul(c, g->s));
-    const spsi_v size = spsi_sub(spsi_mul(c, g->ds), spsi_mul(s, g->dz));
-    return spsi_clamp(spsi_div(way, spsi_max(size, spsi_set(FLT_MIN))), spsi_set(0), spsi_set(1));
+    *across = spsi_max(spsi_sub(spsi_mul(c, g->ds), spsi_mul(s, g->dz)), spsi_set(FLT_MIN));
+    return spsi_clamp(spsi_div(way, *across), spsi_set(0), spsi_set(1));
 }
 
 /* Integral of a cone's light from u = a to b over half of phi, or where light does not fall off, over the share of the
@@ -21161,19 +21162,18 @@ static spsi_v spsi_swing_sum(const spsi_swing *g, const spsi_lamp *lamp, spsi_v 
         const spsi_v u = spsi_fma(way, spsi_set(at[i]), a), square = spsi_mul(u, u), q = spsi_add(one, square);
         const spsi_v more = spsi_div(spsi_mul(g->axial, spsi_add(square, square)), q);
         const spsi_v light = spsi_cone_share(&lamp->cone, spsi_add(g->versine, more));
-        const spsi_v across = spsi_sub(spsi_mul(spsi_sub(one, square), g->ds), spsi_mul(spsi_add(u, u), g->dz));
-        const spsi_v speed = lamp->falls_off ? spsi_div(one, q)
-                                             : spsi_div(spsi_mul(spsi_add(g->area, g->area), q),
-                                                        spsi_max(spsi_mul(across, across), spsi_set(FLT_MIN)));
-        sum = spsi_fma(spsi_mul(light, spsi_set(weights[i])), speed, sum);
+        spsi_v across, speed = spsi_div(one, q);
+        spsi_swing_share(g, u, &across);
+        if (!lamp->falls_off) speed = spsi_div(spsi_div(spsi_mul(spsi_add(g->area, g->area), q), across), across);
+        sum = spsi_fma(spsi_mul(light, spsi_set(weights[i])), spsi_min(speed, spsi_set(1e30f)), sum);
     }
     return spsi_mul(way, sum);
 }
 
 /* Moves a part's centre to u, in lanes. */
 static void spsi_swing_centre(const spsi_swing *g, const spsi_v n[3], spsi_v u, spsi_m lanes, spsi_reach *reach) {
-    const spsi_v one = spsi_set(1), square = spsi_mul(u, u), c = spsi_sub(one, square), share = spsi_swing_share(g, u);
-    spsi_v at[3], r, s;
+    const spsi_v one = spsi_set(1), square = spsi_mul(u, u), c = spsi_sub(one, square);
+    spsi_v at[3], r, s, across, share = spsi_swing_share(g, u, &across);
     for (int k = 0; k < 3; ++k) at[k] = spsi_mix(reach->ends[0][k], reach->ends[1][k], share);
     r = spsi_sqrt(spsi_dot_v(at, at));
     r = spsi_div(r, spsi_max(spsi_mul(spsi_add(one, square), g->axial), spsi_set(FLT_MIN)));
@@ -21191,7 +21191,7 @@ static spsi_v spsi_cone_mean(const spsi_lamp *lamp, spsi_reach *reach) {
     const spsi_v size = spsi_sqrt(spsi_max(spsi_dot_v(reach->normal, reach->normal), tiny));
     const spsi_v nx = spsi_div(reach->normal[0], size), ny = spsi_div(reach->normal[1], size);
     const spsi_v nz = spsi_div(reach->normal[2], size);
-    spsi_v n[3], s[2], u[2], outer[2], inner[2], sum, share, even = spsi_cone_share(&lamp->cone, spsi_versine_v(reach->centre));
+    spsi_v n[3], s[2], u[2], outer[2], inner[2], across[2], sum, share, even = spsi_cone_share(&lamp->cone, spsi_versine_v(reach->centre));
     spsi_swing g;
     spsi_m lit, turns;
     g.axial = spsi_sqrt(spsi_fma(nx, nx, spsi_mul(ny, ny)));
@@ -21224,11 +21224,11 @@ static spsi_v spsi_cone_mean(const spsi_lamp *lamp, spsi_reach *reach) {
         sum = spsi_div(spsi_add(sum, bright), spsi_max(all, tiny));
     } else
         sum = spsi_add(sum, spsi_swing_sum(&g, lamp, inner[0], inner[1]));
-    for (int k = 0; k < 2; ++k) {
-        share = spsi_swing_share(&g, outer[k]);
-        share = spsi_select(k ? spsi_less(outer[1], u[1]) : spsi_less(u[0], outer[0]), share, reach->lit[k]);
-        reach->lit[k] = spsi_select(lit, share, reach->lit[k]);
-    }
+    for (int k = 0; k < 2; ++k)
+        reach->lit[k] = spsi_select(lit, spsi_swing_share(&g, outer[k], &across[k]), reach->lit[k]);
+    share = spsi_mul(spsi_mul(spsi_sub(outer[1], outer[0]), spsi_fma(outer[0], outer[1], one)), g.area);
+    share = spsi_div(spsi_div(spsi_add(share, share), across[0]), across[1]);
+    reach->width = spsi_select(lit, share, reach->width);
     n[0] = nx, n[1] = ny, n[2] = nz;
     spsi_swing_centre(&g, n, spsi_mul(spsi_add(outer[0], outer[1]), spsi_set(0.5f)), lit, reach);
     return spsi_select(lit, spsi_min(sum, one), even);
@@ -21269,24 +21269,28 @@ static int spsi_cone_meets(const spsi_lamp *lamp, const spsi_reach *reach) {
 
 #define SPSI_IMAGE_STEPS 4 /* lookups of an image along a part of a slab */
 
-/* Colors the light at a part by the mean of the light's image along it. Pixels are at least as large as a step across
+/* Colors the light at a part by the mean of the light's image along it, weighted by its cone. [Gauss and Legendre] Pixels are at least as large as a step across
    the light's rays: what lies between lookups would show as moire. */
 static void spsi_incident_color(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_pixels *p,
                                 const spsi_reach *reach, spsi_incident *incident) {
+    static const float places[] = {-0.430568156f, -0.169990522f, 0.169990522f, 0.430568156f};
+    static const float weights[] = {0.173927423f, 0.326072577f, 0.326072577f, 0.173927423f};
     const spsi_v share = spsi_set(1.0f / SPSI_IMAGE_STEPS), cosine = spsi_dot_v(p->toward, incident->travel);
     const spsi_v sine = spsi_sqrt(spsi_max(spsi_sub(spsi_set(1), spsi_mul(cosine, cosine)), spsi_set(0)));
-    const spsi_v part = spsi_mul(spsi_sub(reach->lit[1], reach->lit[0]), share);
-    const spsi_v step = spsi_mul(spsi_mul(reach->half, sine), spsi_add(part, part));
-    spsi_v color[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+    const spsi_v step = spsi_mul(spsi_mul(reach->half, sine), spsi_mul(reach->width, spsi_add(share, share)));
+    spsi_v color[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, sum = spsi_set(FLT_MIN);
     for (int n = 0; n < SPSI_IMAGE_STEPS; ++n) {
-        const spsi_v along = spsi_mul(part, spsi_set((float)n + 0.5f - 0.5f * SPSI_IMAGE_STEPS));
-        spsi_v at[3], here[3];
+        const spsi_v along = spsi_mul(reach->width, spsi_set(places[n]));
+        spsi_v at[3], here[3], weight = spsi_set(weights[n]);
         for (int i = 0; i < 3; ++i)
             at[i] = spsi_fma(along, spsi_sub(reach->ends[1][i], reach->ends[0][i]), reach->centre[i]);
         spsi_projection_lookup(frame, lamp, at, spsi_max(reach->pixel, step), here);
-        for (int c = 0; c < 3; ++c) color[c] = spsi_fma(share, here[c], color[c]);
+        if (lamp->cone.exists) weight = spsi_mul(weight, spsi_cone_share(&lamp->cone, spsi_versine_v(at)));
+        for (int c = 0; c < 3; ++c) color[c] = spsi_fma(weight, here[c], color[c]);
+        sum = spsi_add(sum, weight);
     }
-    for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(incident->irradiance[c], color[c]);
+    for (int c = 0; c < 3; ++c)
+        incident->irradiance[c] = spsi_mul(incident->irradiance[c], spsi_div(color[c], sum));
 }
 
 /* Irradiance from a point of a light at a part of a slab. `incident` holds the direction in which light travels, and gets

@@ -560,7 +560,8 @@ static void build_mixed(stage *x) {
    16 x 16: the sum of optical depths over all pixels, of what it is: pi r^2 depth times the mean chord. */
 static double mass_of(int soft, double radius, double oblong, double x, double y) {
     enum { SIZE = 16 };
-    const double depth = 0.5, matrix[16] = {2.0 / SIZE, 0, 0, 0, 0, 2.0 / SIZE / oblong, 0, 0, 0, 0, -0.1, 0, 0, 0, 0, 1};
+    const double depth = 0.5,
+                 matrix[16] = {2.0 / SIZE, 0, 0, 0, 0, 2.0 / SIZE / oblong, 0, 0, 0, 0, -0.1, 0, 0, 0, 0, 1};
     stage s;
     double sum = 0;
     stage_clear(&s, SIZE, SIZE);
@@ -621,7 +622,8 @@ static void test_drift(void) {
             stage_free(&x);
         }
         CHECK_CASE("Particles", "small balls that drift by 0.1 pixels a frame",
-                   "coverage and light of the picture: change from frame to frame", worst, 0.01, "light within a texel");
+                   "coverage and light of the picture: change from frame to frame", worst, 0.01,
+                   "light within a texel");
     }
 }
 

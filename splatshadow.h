@@ -449,8 +449,9 @@ typedef struct sps_particle {
     float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
 } sps_particle;
 
-/* A set of particles of the same material. Those smaller than a pixel or texel are widened to one, at the same mass.
-   Optical depth along a pixel's ray is exact for slabs of any thickness; light within a ball is resolved by slabs
+/* A set of particles of the same material. Those smaller than a pixel or texel are widened to one. Up to 8/3 pixels (1
+   texel) a particle keeps its mass wherever it lies; from 4 pixels (1.5 texels) on, optical depth along rays is exact,
+   for slabs of any thickness. Light within a ball is resolved by slabs
    (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality. A particle that
    overlaps a polygon ends at it. */
 typedef struct sps_particles {
@@ -629,7 +630,7 @@ typedef struct sps_projector {
    light takes a table (shadow_source). A light with an extent cannot, unless its penumbrae are narrower than half a
    texel and there are neither polygons nor particles: rendering fails with SPS_ERROR_UNSUPPORTED then. Where no light
    shades by sheets, slabs are perpendicular to the eye's central ray; the image of a camera that sees volumes across
-   more than 168 degrees (2.94) from corner to corner is rendered in two or four parts, each with slabs of its own.
+   more than 139 degrees (2.42) from corner to corner is rendered in two or four parts, each with slabs of its own.
    Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
@@ -4501,8 +4502,8 @@ typedef struct spsi_light_extent {
     double axis[2][3]; /* from the centre to (1, 0) and (0, 1); directional: unit vectors across its direction */
 } spsi_light_extent;
 
-/* The cone of a spotlight. At an angle whose 1 - cos is v, its light is the square of (none - v) / rim, clamped to 0..1:
-   cosines themselves could not tell narrow cones apart. */
+/* The cone of a spotlight. At an angle whose 1 - cos is v, its light is the square of (none - v) / rim, clamped to
+   0..1: cosines themselves could not tell narrow cones apart. */
 typedef struct spsi_cone {
     int exists;
     double none, rim; /* 1 - cos of the outer angle, and how much more that is than of the inner one */
@@ -10851,7 +10852,7 @@ static void spsi_eye_axis(const spsi_rays *eye, double axis[3]) {
     spsi_normalise(axis);
 }
 
-/* Whether slabs about the camera's axis are crossed at a slant by its corners' rays: parts of the image serve better. */
+/* Whether the corners' rays cross slabs about the camera's axis at a slant: parts of the image serve better. */
 static int spsi_eye_is_wide(const spsi_frame *frame) {
     double axis[3];
     spsi_eye_axis(&frame->content->eye, axis);
@@ -21136,8 +21137,8 @@ static void spsi_reach_place(const spsi_shader *shader, const spsi_lamp *lamp, c
     reach->lit[1] = reach->width = spsi_set(1);
 }
 
-/* A segment as a spotlight sees it. Directions to its points are at angles phi from the one that is nearest to the axis:
-   u = tan(phi / 2) stays precise in narrow cones. phi has the tangent s / z, both of which are linear in the point. */
+/* A segment as a spotlight sees it. Directions to its points are at angles phi from the one that is nearest to the
+   axis: u = tan(phi / 2) stays precise in narrow cones. phi has the tangent s / z, both linear in the point. */
 typedef struct spsi_swing {
     spsi_v axial, versine; /* cosine between the axis and the plane of light and segment; 1 - cos */
     spsi_v s, z, ds, dz;   /* at the beginning, and changes */
@@ -21191,7 +21192,8 @@ static spsi_v spsi_cone_mean(const spsi_lamp *lamp, spsi_reach *reach) {
     const spsi_v size = spsi_sqrt(spsi_max(spsi_dot_v(reach->normal, reach->normal), tiny));
     const spsi_v nx = spsi_div(reach->normal[0], size), ny = spsi_div(reach->normal[1], size);
     const spsi_v nz = spsi_div(reach->normal[2], size);
-    spsi_v n[3], s[2], u[2], outer[2], inner[2], across[2], sum, share, even = spsi_cone_share(&lamp->cone, spsi_versine_v(reach->centre));
+    spsi_v even = spsi_cone_share(&lamp->cone, spsi_versine_v(reach->centre));
+    spsi_v n[3], s[2], u[2], outer[2], inner[2], across[2], sum, share;
     spsi_swing g;
     spsi_m lit, turns;
     g.axial = spsi_sqrt(spsi_fma(nx, nx, spsi_mul(ny, ny)));
@@ -21269,8 +21271,8 @@ static int spsi_cone_meets(const spsi_lamp *lamp, const spsi_reach *reach) {
 
 #define SPSI_IMAGE_STEPS 4 /* lookups of an image along a part of a slab */
 
-/* Colors the light at a part by the mean of the light's image along it, weighted by its cone. [Gauss and Legendre] Pixels are at least as large as a step across
-   the light's rays: what lies between lookups would show as moire. */
+/* Colors the light at a part by the mean of the light's image along it, weighted by its cone. [Gauss and Legendre]
+   Pixels are at least as large as a step across the light's rays: what lies between lookups would show as moire. */
 static void spsi_incident_color(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_pixels *p,
                                 const spsi_reach *reach, spsi_incident *incident) {
     static const float places[] = {-0.430568156f, -0.169990522f, 0.169990522f, 0.430568156f};
@@ -21293,8 +21295,8 @@ static void spsi_incident_color(const spsi_frame *frame, const spsi_lamp *lamp, 
         incident->irradiance[c] = spsi_mul(incident->irradiance[c], spsi_div(color[c], sum));
 }
 
-/* Irradiance from a point of a light at a part of a slab. `incident` holds the direction in which light travels, and gets
-   that of what a cone lights. Returns 0 if there is none. */
+/* Irradiance from a point of a light at a part of a slab. `incident` holds the direction in which light travels, and
+   gets that of what a cone lights. Returns 0 if there is none. */
 static int spsi_lamp_point_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
                               const spsi_part *part, spsi_v change, spsi_reach *reach, spsi_incident *incident) {
     const int rim = spsi_cone_meets(lamp, reach);
@@ -22222,7 +22224,8 @@ static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_lamp *lam
 static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_lamp *point, const spsi_surfaces *list,
                                     double unit, spsi_v irradiance[3]) {
     const spsi_v zero = spsi_set(0);
-    spsi_v travel[3], normal[3], image[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, square = spsi_set(1), share, place[3];
+    spsi_v travel[3], normal[3], image[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, square = spsi_set(1), share;
+    spsi_v place[3];
     for (int i = 0; i < 3; ++i) normal[i] = spsi_load(list->normal[i]);
     spsi_set3(point->direction, travel);
     if (point->is_point) {
@@ -27853,8 +27856,8 @@ static int spsi_cone_bends(const spsi_cone *cone, spsi_between range) {
     return cone->exists && ((low < 0 && high > 0) || (low < 1 && high > 1));
 }
 
-/* What a light's cone lets pass on a step, in which 1 - cos from its axis is within `range`. Where it begins and where it
-   ends it has corners, and between them it is the square of a linear function. */
+/* What a light's cone lets pass on a step, in which 1 - cos from its axis is within `range`. Where it begins and where
+   it ends it has corners, and between them it is the square of a linear function. */
 static void spsi_coming_cone(const spsi_cone *cone, const double versines[3], spsi_between range,
                              const spsi_series *turning, spsi_coming *coming) {
     spsi_series share = *turning;

@@ -451,9 +451,8 @@ typedef struct sps_particle {
 
 /* A set of particles of the same material. Those smaller than a pixel or texel are widened to one. Up to 8/3 pixels (1
    texel) a particle keeps its mass wherever it lies; from 4 pixels (1.5 texels) on, optical depth along rays is exact,
-   for slabs of any thickness. Light within a ball is resolved by slabs
-   (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality. A particle that
-   overlaps a polygon ends at it. */
+   for slabs of any thickness. Light within a ball is resolved by slabs (sps_view.slab) and by the texels of the light's
+   sheets, which are 0.35 radii wide at medium quality. A particle that overlaps a polygon ends at it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */

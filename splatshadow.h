@@ -454,10 +454,10 @@ typedef struct sps_particle {
     float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
 } sps_particle;
 
-/* A set of particles of the same material. Those smaller than a pixel or texel are widened to one, at the same mass.
-   Optical depth along a pixel's ray is exact for slabs of any thickness; light within a ball is resolved by slabs
-   (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality. A particle that
-   overlaps a polygon ends at it. */
+/* A set of particles of the same material. Those smaller than a pixel or texel are widened to one. Up to 8/3 pixels (1
+   texel) a particle keeps its mass wherever it lies; from 4 pixels (1.5 texels) on, optical depth along rays is exact,
+   for slabs of any thickness. Light within a ball is resolved by slabs (sps_view.slab) and by the texels of the light's
+   sheets, which are 0.35 radii wide at medium quality. A particle that overlaps a polygon ends at it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -633,7 +633,7 @@ typedef struct sps_projector {
    volume, a very wide camera), the light takes a table (shadow_source). The points of a light with an extent share 5, 8
    from 32 points on, or 13 from 64 on, unless memory_limit calls for fewer: its penumbrae have as many steps in gas.
    Where no light shades by sheets, slabs are perpendicular to the eye's central ray; the image of a camera that sees
-   volumes across more than 168 degrees (2.94) from corner to corner is rendered in two or four parts, each with slabs
+   volumes across more than 139 degrees (2.42) from corner to corner is rendered in two or four parts, each with slabs
    of its own. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
@@ -4567,8 +4567,8 @@ typedef struct spsi_light_extent {
     double axis[2][3]; /* from the centre to (1, 0) and (0, 1); directional: unit vectors across its direction */
 } spsi_light_extent;
 
-/* The cone of a spotlight. At an angle whose 1 - cos is v, its light is the square of (none - v) / rim, clamped to 0..1:
-   cosines themselves could not tell narrow cones apart. */
+/* The cone of a spotlight. At an angle whose 1 - cos is v, its light is the square of (none - v) / rim, clamped to
+   0..1: cosines themselves could not tell narrow cones apart. */
 typedef struct spsi_cone {
     int exists;
     double none, rim; /* 1 - cos of the outer angle, and how much more that is than of the inner one */
@@ -10797,8 +10797,8 @@ static double spsi_ball_mass(const spsi_rays *rays, const spsi_rays *faces, cons
 }
 
 /* Adjusts the optical depth of a small ball so that its mass is exact wherever its centre lies among the texels: of
-   two thirds of `coarse` texels or less. Chords of `coarse` texels are exact; in between, the two are blended. `faces`: of a
-   cube, in all of which a particle has one mass; NULL: there is only one face. */
+   two thirds of `coarse` texels or less. Chords of `coarse` texels are exact; in between, the two are blended.
+   `faces`: of a cube, in all of which a particle has one mass; NULL: there is only one face. */
 static void spsi_ball_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse, const spsi_particle_set *set,
                             const sps_particle *particle, spsi_ball *ball) {
     double centre[3], offset[3], texel, share, mass;
@@ -10969,7 +10969,7 @@ static void spsi_eye_axis(const spsi_rays *eye, double axis[3]) {
     spsi_normalise(axis);
 }
 
-/* Whether slabs about the camera's axis are crossed at a slant by its corners' rays: parts of the image serve better. */
+/* Whether the corners' rays cross slabs about the camera's axis at a slant: parts of the image serve better. */
 static int spsi_eye_is_wide(const spsi_frame *frame) {
     double axis[3];
     spsi_eye_axis(&frame->content->eye, axis);
@@ -21972,6 +21972,7 @@ typedef struct spsi_reach {
     /* with a cone or an image, in the light's frame: */
     spsi_v ends[2][3], normal[3]; /* normal: of the plane that the light and the ray span, about which it swings */
     spsi_v centre[3], lit[2];     /* of what is lit, which begins and ends at these shares of it */
+    spsi_v width;                 /* lit[1] - lit[0], precise */
 } spsi_reach;
 
 static void spsi_reach_build(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
@@ -22043,23 +22044,23 @@ static void spsi_reach_place(const spsi_shader *shader, const spsi_lamp *lamp, c
         reach->centre[k] = spsi_mul(spsi_add(reach->ends[0][k], reach->ends[1][k]), spsi_set(0.5f));
     }
     reach->lit[0] = spsi_set(0);
-    reach->lit[1] = spsi_set(1);
+    reach->lit[1] = reach->width = spsi_set(1);
 }
 
-/* A segment as a spotlight sees it. Directions to its points are at angles phi from the one that is nearest to the axis:
-   u = tan(phi / 2) stays precise in narrow cones. phi has the tangent s / z, both of which are linear in the point. */
+/* A segment as a spotlight sees it. Directions to its points are at angles phi from the one that is nearest to the
+   axis: u = tan(phi / 2) stays precise in narrow cones. phi has the tangent s / z, both linear in the point. */
 typedef struct spsi_swing {
     spsi_v axial, versine; /* cosine between the axis and the plane of light and segment; 1 - cos */
     spsi_v s, z, ds, dz;   /* at the beginning, and changes */
     spsi_v area;           /* z ds - s dz */
 } spsi_swing;
 
-/* Where along the segment u is, 0..1. */
-static spsi_v spsi_swing_share(const spsi_swing *g, spsi_v u) {
+/* Where along the segment u is, 0..1. `across`: by how much phi changes there, times q r^2. */
+static spsi_v spsi_swing_share(const spsi_swing *g, spsi_v u, spsi_v *across) {
     const spsi_v c = spsi_sub(spsi_set(1), spsi_mul(u, u)), s = spsi_add(u, u);
     const spsi_v way = spsi_sub(spsi_mul(s, g->z), spsi_mul(c, g->s));
-    const spsi_v size = spsi_sub(spsi_mul(c, g->ds), spsi_mul(s, g->dz));
-    return spsi_clamp(spsi_div(way, spsi_max(size, spsi_set(FLT_MIN))), spsi_set(0), spsi_set(1));
+    *across = spsi_max(spsi_sub(spsi_mul(c, g->ds), spsi_mul(s, g->dz)), spsi_set(FLT_MIN));
+    return spsi_clamp(spsi_div(way, *across), spsi_set(0), spsi_set(1));
 }
 
 /* Integral of a cone's light from u = a to b over half of phi, or where light does not fall off, over the share of the
@@ -22072,19 +22073,18 @@ static spsi_v spsi_swing_sum(const spsi_swing *g, const spsi_lamp *lamp, spsi_v 
         const spsi_v u = spsi_fma(way, spsi_set(at[i]), a), square = spsi_mul(u, u), q = spsi_add(one, square);
         const spsi_v more = spsi_div(spsi_mul(g->axial, spsi_add(square, square)), q);
         const spsi_v light = spsi_cone_share(&lamp->cone, spsi_add(g->versine, more));
-        const spsi_v across = spsi_sub(spsi_mul(spsi_sub(one, square), g->ds), spsi_mul(spsi_add(u, u), g->dz));
-        const spsi_v speed = lamp->falls_off ? spsi_div(one, q)
-                                             : spsi_div(spsi_mul(spsi_add(g->area, g->area), q),
-                                                        spsi_max(spsi_mul(across, across), spsi_set(FLT_MIN)));
-        sum = spsi_fma(spsi_mul(light, spsi_set(weights[i])), speed, sum);
+        spsi_v across, speed = spsi_div(one, q);
+        spsi_swing_share(g, u, &across);
+        if (!lamp->falls_off) speed = spsi_div(spsi_div(spsi_mul(spsi_add(g->area, g->area), q), across), across);
+        sum = spsi_fma(spsi_mul(light, spsi_set(weights[i])), spsi_min(speed, spsi_set(1e30f)), sum);
     }
     return spsi_mul(way, sum);
 }
 
 /* Moves a part's centre to u, in lanes. */
 static void spsi_swing_centre(const spsi_swing *g, const spsi_v n[3], spsi_v u, spsi_m lanes, spsi_reach *reach) {
-    const spsi_v one = spsi_set(1), square = spsi_mul(u, u), c = spsi_sub(one, square), share = spsi_swing_share(g, u);
-    spsi_v at[3], r, s;
+    const spsi_v one = spsi_set(1), square = spsi_mul(u, u), c = spsi_sub(one, square);
+    spsi_v at[3], r, s, across, share = spsi_swing_share(g, u, &across);
     for (int k = 0; k < 3; ++k) at[k] = spsi_mix(reach->ends[0][k], reach->ends[1][k], share);
     r = spsi_sqrt(spsi_dot_v(at, at));
     r = spsi_div(r, spsi_max(spsi_mul(spsi_add(one, square), g->axial), spsi_set(FLT_MIN)));
@@ -22102,7 +22102,8 @@ static spsi_v spsi_cone_mean(const spsi_lamp *lamp, spsi_reach *reach) {
     const spsi_v size = spsi_sqrt(spsi_max(spsi_dot_v(reach->normal, reach->normal), tiny));
     const spsi_v nx = spsi_div(reach->normal[0], size), ny = spsi_div(reach->normal[1], size);
     const spsi_v nz = spsi_div(reach->normal[2], size);
-    spsi_v n[3], s[2], u[2], outer[2], inner[2], sum, share, even = spsi_cone_share(&lamp->cone, spsi_versine_v(reach->centre));
+    spsi_v even = spsi_cone_share(&lamp->cone, spsi_versine_v(reach->centre));
+    spsi_v n[3], s[2], u[2], outer[2], inner[2], across[2], sum, share;
     spsi_swing g;
     spsi_m lit, turns;
     g.axial = spsi_sqrt(spsi_fma(nx, nx, spsi_mul(ny, ny)));
@@ -22135,11 +22136,11 @@ static spsi_v spsi_cone_mean(const spsi_lamp *lamp, spsi_reach *reach) {
         sum = spsi_div(spsi_add(sum, bright), spsi_max(all, tiny));
     } else
         sum = spsi_add(sum, spsi_swing_sum(&g, lamp, inner[0], inner[1]));
-    for (int k = 0; k < 2; ++k) {
-        share = spsi_swing_share(&g, outer[k]);
-        share = spsi_select(k ? spsi_less(outer[1], u[1]) : spsi_less(u[0], outer[0]), share, reach->lit[k]);
-        reach->lit[k] = spsi_select(lit, share, reach->lit[k]);
-    }
+    for (int k = 0; k < 2; ++k)
+        reach->lit[k] = spsi_select(lit, spsi_swing_share(&g, outer[k], &across[k]), reach->lit[k]);
+    share = spsi_mul(spsi_mul(spsi_sub(outer[1], outer[0]), spsi_fma(outer[0], outer[1], one)), g.area);
+    share = spsi_div(spsi_div(spsi_add(share, share), across[0]), across[1]);
+    reach->width = spsi_select(lit, share, reach->width);
     n[0] = nx, n[1] = ny, n[2] = nz;
     spsi_swing_centre(&g, n, spsi_mul(spsi_add(outer[0], outer[1]), spsi_set(0.5f)), lit, reach);
     return spsi_select(lit, spsi_min(sum, one), even);
@@ -22180,28 +22181,32 @@ static int spsi_cone_meets(const spsi_lamp *lamp, const spsi_reach *reach) {
 
 #define SPSI_IMAGE_STEPS 4 /* lookups of an image along a part of a slab */
 
-/* Colors the light at a part by the mean of the light's image along it. Pixels are at least as large as a step across
-   the light's rays: what lies between lookups would show as moire. */
+/* Colors the light at a part by the mean of the light's image along it, weighted by its cone. [Gauss and Legendre]
+   Pixels are at least as large as a step across the light's rays: what lies between lookups would show as moire. */
 static void spsi_incident_color(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_pixels *p,
                                 const spsi_reach *reach, spsi_incident *incident) {
+    static const float places[] = {-0.430568156f, -0.169990522f, 0.169990522f, 0.430568156f};
+    static const float weights[] = {0.173927423f, 0.326072577f, 0.326072577f, 0.173927423f};
     const spsi_v share = spsi_set(1.0f / SPSI_IMAGE_STEPS), cosine = spsi_dot_v(p->toward, incident->travel);
     const spsi_v sine = spsi_sqrt(spsi_max(spsi_sub(spsi_set(1), spsi_mul(cosine, cosine)), spsi_set(0)));
-    const spsi_v part = spsi_mul(spsi_sub(reach->lit[1], reach->lit[0]), share);
-    const spsi_v step = spsi_mul(spsi_mul(reach->half, sine), spsi_add(part, part));
-    spsi_v color[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+    const spsi_v step = spsi_mul(spsi_mul(reach->half, sine), spsi_mul(reach->width, spsi_add(share, share)));
+    spsi_v color[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, sum = spsi_set(FLT_MIN);
     for (int n = 0; n < SPSI_IMAGE_STEPS; ++n) {
-        const spsi_v along = spsi_mul(part, spsi_set((float)n + 0.5f - 0.5f * SPSI_IMAGE_STEPS));
-        spsi_v at[3], here[3];
+        const spsi_v along = spsi_mul(reach->width, spsi_set(places[n]));
+        spsi_v at[3], here[3], weight = spsi_set(weights[n]);
         for (int i = 0; i < 3; ++i)
             at[i] = spsi_fma(along, spsi_sub(reach->ends[1][i], reach->ends[0][i]), reach->centre[i]);
         spsi_projection_lookup(frame, lamp, at, spsi_max(reach->pixel, step), here);
-        for (int c = 0; c < 3; ++c) color[c] = spsi_fma(share, here[c], color[c]);
+        if (lamp->cone.exists) weight = spsi_mul(weight, spsi_cone_share(&lamp->cone, spsi_versine_v(at)));
+        for (int c = 0; c < 3; ++c) color[c] = spsi_fma(weight, here[c], color[c]);
+        sum = spsi_add(sum, weight);
     }
-    for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(incident->irradiance[c], color[c]);
+    for (int c = 0; c < 3; ++c)
+        incident->irradiance[c] = spsi_mul(incident->irradiance[c], spsi_div(color[c], sum));
 }
 
-/* Irradiance from a point of a light at a part of a slab. `incident` holds the direction in which light travels, and gets
-   that of what a cone lights. Returns 0 if there is none. */
+/* Irradiance from a point of a light at a part of a slab. `incident` holds the direction in which light travels, and
+   gets that of what a cone lights. Returns 0 if there is none. */
 static int spsi_lamp_point_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
                               const spsi_part *part, spsi_v change, spsi_reach *reach, spsi_incident *incident) {
     const int rim = spsi_cone_meets(lamp, reach);
@@ -23181,7 +23186,8 @@ static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_lamp *lam
 static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_lamp *point, const spsi_surfaces *list,
                                     double unit, spsi_v irradiance[3]) {
     const spsi_v zero = spsi_set(0);
-    spsi_v travel[3], normal[3], image[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, square = spsi_set(1), share, place[3];
+    spsi_v travel[3], normal[3], image[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, square = spsi_set(1), share;
+    spsi_v place[3];
     for (int i = 0; i < 3; ++i) normal[i] = spsi_load(list->normal[i]);
     spsi_set3(point->direction, travel);
     if (point->is_point) {
@@ -29200,8 +29206,8 @@ static int spsi_cone_bends(const spsi_cone *cone, spsi_between range) {
     return cone->exists && ((low < 0 && high > 0) || (low < 1 && high > 1));
 }
 
-/* What a light's cone lets pass on a step, in which 1 - cos from its axis is within `range`. Where it begins and where it
-   ends it has corners, and between them it is the square of a linear function. */
+/* What a light's cone lets pass on a step, in which 1 - cos from its axis is within `range`. Where it begins and where
+   it ends it has corners, and between them it is the square of a linear function. */
 static void spsi_coming_cone(const spsi_cone *cone, const double versines[3], spsi_between range,
                              const spsi_series *turning, spsi_coming *coming) {
     spsi_series share = *turning;

@@ -804,6 +804,24 @@ static inline int throw_images(random_scene *x, uint64_t seed) {
     return count;
 }
 
+/* In one of six scenes, lights that have a place are spotlights, with cones down to 0.03 radians, which the reference's
+   steps still tell: a generator of its own, as above. Returns their number. */
+static inline int narrow_cones(random_scene *x, uint64_t seed) {
+    check_random random;
+    int count = 0;
+    random.state = ~seed;
+    for (int i = 0; i < 14; ++i) check_next(&random);
+    if (!one_in(&random, 6)) return 0;
+    for (int i = 0; i < x->s.scene.light_count; ++i) {
+        sps_light *light = &x->s.light[i];
+        if (light->kind == SPS_LIGHT_DIRECTIONAL) continue;
+        light->outer_cone = draw_log(&random, 0.03, 1.5);
+        light->inner_cone = one_in(&random, 2) ? 0 : draw(&random, 0.1, 0.9) * light->outer_cone;
+        ++count;
+    }
+    return count;
+}
+
 /* In one of three scenes that have a mesh, it lets light pass. A generator of its own, as above. Returns whether it
    does. */
 static inline int draw_panes(random_scene *x, uint64_t seed) {

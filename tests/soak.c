@@ -37,6 +37,7 @@ typedef struct outcome {
     long number;
     int levels[FEATURES];
     int images; /* that lights throw */
+    int cones;  /* spotlights */
     int panes;  /* 1: the mesh lets light pass */
     scene_report report;
     const char *reason; /* why it may fail; NULL: it may not, or is good */
@@ -53,11 +54,11 @@ typedef struct soak {
 static void print_outcome(const soak *s, const outcome *o) {
     const scene_report *r = &o->report;
     printf("%6.2f %% %6.2f %%  bias %6.2f %% %6.2f %%  coverage %.4f  depth %.4f  mean %.2g  own %.2f %%  %d images  "
-           "%d panes  %.1f s  "
+           "%d cones  %d panes  %.1f s  "
            "make soak SEED=%llu FIRST=%ld COUNT=1\n            ",
            100 * r->medium.light, 100 * r->high.light, 100 * r->medium.bias, 100 * r->high.bias, r->medium.coverage,
-           r->medium.depth, r->high.mean, 100 * r->own, o->images, o->panes, o->seconds, (unsigned long long)s->seed,
-           o->number);
+           r->medium.depth, r->high.mean, 100 * r->own, o->images, o->cones, o->panes, o->seconds,
+           (unsigned long long)s->seed, o->number);
     print_levels(o->levels);
     fflush(stdout);
 }
@@ -212,6 +213,7 @@ static void soak_scene(sps_context *context, soak *s, long number) {
     voxels = 9 + draw_below(&random, 8);
     build_scene(&x, o.levels, random.state, voxels, pixels);
     o.images = throw_images(&x, random.state);
+    o.cones = narrow_cones(&x, random.state);
     o.panes = draw_panes(&x, random.state);
     start = clock();
     for (int refine = s->refines; refine < 2 && !o.reason; ++refine) { /* that takes as long as fifty others */

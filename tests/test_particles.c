@@ -555,12 +555,12 @@ static void build_mixed(stage *x) {
     stage_ready(x);
 }
 
-/* Thousands in one picture add up to the sum of their chords, as long as each is wider than a pixel. */
 /* A ball of `radius` pixels that are `oblong` times as high as wide, at (x, y) in pixels from the middle of an image of
    16 x 16: the sum of optical depths over all pixels, of what it is: pi r^2 depth times the mean chord. */
 static double mass_of(int soft, double radius, double oblong, double x, double y) {
     enum { SIZE = 16 };
-    const double depth = 0.5, matrix[16] = {2.0 / SIZE, 0, 0, 0, 0, 2.0 / SIZE / oblong, 0, 0, 0, 0, -0.1, 0, 0, 0, 0, 1};
+    const double depth = 0.5,
+                 matrix[16] = {2.0 / SIZE, 0, 0, 0, 0, 2.0 / SIZE / oblong, 0, 0, 0, 0, -0.1, 0, 0, 0, 0, 1};
     stage s;
     double sum = 0;
     stage_clear(&s, SIZE, SIZE);
@@ -587,9 +587,9 @@ static void test_mass(void) {
                 const double off = fabs(mass_of(soft, radii[n], oblong, x, y) - 1);
                 if (oblong < 1.5 || radii[n] < 2.6) worst[radii[n] > 8.0 / 3] = fmax(worst[radii[n] > 8.0 / 3], off);
             }
-    CHECK_CASE("Particles", "balls of 0.001 to 8/3 pixels, anywhere in a pixel",
+    CHECK_CASE("Found in review", "balls of 0.001 to 8/3 pixels, anywhere in a pixel",
                "mass: sum of optical depths / pi r^2 d mean chord", worst[0], 2e-4, "round-off of coverage");
-    CHECK_CASE("Particles", "balls of 8/3 to 5 pixels, anywhere in a pixel",
+    CHECK_CASE("Found in review", "balls of 8/3 to 5 pixels, anywhere in a pixel",
                "mass: sum of optical depths / pi r^2 d mean chord", worst[1], 0.02, "rims between pixels");
 }
 
@@ -620,11 +620,13 @@ static void test_drift(void) {
             }
             stage_free(&x);
         }
-        CHECK_CASE("Particles", "small balls that drift by 0.1 pixels a frame",
-                   "coverage and light of the picture: change from frame to frame", worst, 0.01, "light within a texel");
+        CHECK_CASE("Found in review", "small balls that drift by 0.1 pixels a frame",
+                   "coverage and light of the picture: change from frame to frame", worst, 0.01,
+                   "light within a texel");
     }
 }
 
+/* Hundreds in one picture add up to the sum of their chords, as long as each is wider than 4 pixels. */
 static void test_many(void) {
     stage x;
     check_random random;

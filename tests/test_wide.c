@@ -105,8 +105,8 @@ static double error_step(int at_seam) {
 
 /* 109 degrees in one sweep, 160 and 170 in four. Pixels in the middle are tan(85) / tan(54.4) = 8.2 times as wide, so
    that errors may grow by as much. No seam: errors of two parts are independent, so that at the seam they differ by
-   sqrt(2) times the error of one sweep. Gas, whose errors do not depend on pixels, is within 0.2 % at any angle, and changes by no more
-   than that, half a step of a display. */
+   sqrt(2) times the error of one sweep. Gas, whose errors do not depend on pixels, is within 0.2 % at any angle, and
+   changes by no more than that, half a step of a display. */
 static void test_against_reference(void) {
     static const double angles[] = {1.9, 2.793, 2.967, 3.1};
     for (int kind = GAS; kind < KINDS; ++kind) {

@@ -2571,6 +2571,21 @@ static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
                     spsi_select(spsi_less(d, spsi_set(0.25f)), series, quotient));
 }
 
+/* The same where exp(-a) and exp(-b) are known, to 4e-7. */
+static inline spsi_v spsi_mean_between(spsi_v a, spsi_v b, spsi_v through_a, spsi_v through_b) {
+    const spsi_v d = spsi_sub(b, a), square = spsi_mul(d, d), least = spsi_set(0.25f);
+    const spsi_m near_by = spsi_less(spsi_abs(d), least);
+    const spsi_v quotient = spsi_div(spsi_sub(through_a, through_b), spsi_select(near_by, least, d));
+    const spsi_v series = spsi_fma(spsi_fma(square, spsi_set(1.0f / 240), spsi_set(-1.0f / 24)), square, spsi_set(0.5f));
+    return spsi_select(near_by, spsi_mul(spsi_add(through_a, through_b), series), quotient);
+}
+
+/* 1 - exp(-depth); 1 where exp is 0. */
+static inline spsi_v spsi_coverage(spsi_v depth) {
+    const spsi_v zero = spsi_set(0), dense = spsi_sub(spsi_set(1), spsi_exp(spsi_sub(zero, depth)));
+    return spsi_select(spsi_less(depth, spsi_set(0.25f)), spsi_mul(depth, spsi_mean_transmittance(zero, depth)), dense);
+}
+
 /* The mean position, as a fraction of its length, of what the eye sees of an interval of optical depth d:
    1/d - 1/(exp(d) - 1), which is 1/2 at d = 0. The series below d = 0.5 is accurate to 1e-7. */
 static inline spsi_v spsi_mean_way(spsi_v d) {
@@ -4703,6 +4718,7 @@ typedef struct spsi_content {
     int set_ends[SPSI_SETS_MAX];   /* the end of each set in `particles`; the next one begins there */
     double particle_radius;        /* geometric mean of the radii */
     double particle_spread;        /* root mean square distance of the particles from their mean */
+    double particle_extinction;    /* mean of their gas, in a particle or where they overlap, whichever is larger */
     const spsi_image *images;      /* that lights throw, >>projectors */
     spsi_fields *fields;           /* of the volumes; NULL: they are splatted, >>taps */
     const spsi_cell_grid *cells;   /* grids of them; NULL: light is not followed from cell to cell */
@@ -6643,8 +6659,28 @@ static void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *boun
     }
 }
 
-/* Bounds, mean radius and spread of the particles. The latter two are means, so that a stray particle among many hardly
-   changes them. */
+/* Mean extinction of the gas of particles: each of them, weighted by what it covers, or that of all together in about
+   the volume that they are spread over (a cube of edge a has a spread of a / 2), whichever is larger. */
+static double spsi_measure_extinction(const spsi_frame *frame) {
+    const spsi_content *content = frame->content;
+    double mass = 0, volume = 0, covered = 0, sum = 0;
+    for (int n = 0, set = 0; n < content->particle_count; ++n) {
+        const double radius = (double)content->particles[n].radius, square = radius * radius;
+        double depth, extinction;
+        while (n >= content->set_ends[set]) ++set;
+        depth = fmin(spsi_particle_depth(&content->particles[n], &frame->particles.sets[set]), (double)SPSI_DEPTH_MAX);
+        extinction = depth * (frame->particles.sets[set].soft ? 0.25 : 0.5) / radius;
+        mass += extinction * square * radius;
+        volume += square * radius;
+        covered += -expm1(-depth) * square;
+        sum += -expm1(-depth) * square * extinction;
+    }
+    volume = volume / content->particle_count + 8 / (4 * SPSI_PI / 3) * pow(content->particle_spread, 3);
+    return covered > 0 && volume > 0 ? fmax(mass / volume, sum / covered) : 0;
+}
+
+/* Bounds, mean radius, spread and extinction of the particles. They are means, so that a stray particle among many
+   hardly changes them. */
 static void spsi_measure_particles(const spsi_frame *frame) {
     double logs = 0, sum[3] = {0, 0, 0}, squares = 0, origin[3];
     if (frame->content->particle_count == 0) return;
@@ -6665,6 +6701,7 @@ static void spsi_measure_particles(const spsi_frame *frame) {
     frame->content->particle_radius = exp(logs / frame->content->particle_count);
     squares -= spsi_dot(sum, sum) / frame->content->particle_count;
     frame->content->particle_spread = sqrt(fmax(squares / frame->content->particle_count, 0));
+    frame->content->particle_extinction = spsi_measure_extinction(frame);
 }
 
 /* Reads every set of particles once, and keeps 20 bytes per particle. */
@@ -9266,6 +9303,9 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
    15 Lights: where their light comes from, and grids of rays that cover what it may reach. */
 
 #define SPSI_PARTICLE_EDGE 0.7 /* in radii, >>slicing */
+#define SPSI_GROUP_MOST    8   /* slabs that are shaded at once */
+#define SPSI_FINE_PIXELS   2.5 /* times texel_pixels: least texels of dense particles */
+#define SPSI_FINE_SLABS    40  /* in the diagonal of all gas, times sps_view.slab, beyond which none are refined */
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
 
 /* Unit vector along which light travels at a point. */
@@ -9275,6 +9315,18 @@ static void spsi_lamp_direction(const spsi_lamp *lamp, const double point[3], do
     else
         spsi_along(point, lamp->position, -1, direction);
     spsi_normalise(direction);
+}
+
+/* How many times finer slabs and texels are where particles are dense, since what lights the inside of a sphere changes
+   within optical depths. Clouds that are many particles deep are not resolved as finely. */
+static double spsi_particle_fineness(const spsi_frame *frame) {
+    const spsi_content *content = frame->content;
+    const double edge = SPSI_PARTICLE_EDGE * content->particle_radius, depth = edge * content->particle_extinction;
+    double across[3], finer;
+    if (content->particle_count == 0 || frame->matter.classifies || !(depth > 0.0875)) return 1;
+    spsi_along(content->bounds.high, content->bounds.low, -1, across);
+    finer = fmin(fmin(fmax(5 * pow(depth, 0.8), 1.4), SPSI_GROUP_MOST), SPSI_FINE_SLABS * edge / spsi_length(across));
+    return finer < 1.4 ? 1 : finer;
 }
 
 /* Minimum breadth of any volume's voxels across a ray; infinity without volumes. */
@@ -10586,7 +10638,8 @@ typedef struct spsi_slabs {
     double start;     /* s . p where the first slab begins */
     double thickness;
     int count;
-    int wide; /* 1: thicker than voxels call for, since pixels are wide */
+    int group; /* a power of 2: number of slabs that are shaded at once; `count` is a multiple of it */
+    int wide;  /* 1: thicker than voxels call for, since pixels are wide */
 } spsi_slabs;
 
 /* Slab coordinate of a point: its integer part is the number of the slab. */
@@ -10701,6 +10754,7 @@ static void spsi_sweep_clear(const spsi_frame *frame, const spsi_lamp *lamp, int
     memset(sweep, 0, sizeof *sweep);
     sweep->lamp = lamp;
     sweep->slabs.normal[2] = sweep->slabs.thickness = 1;
+    sweep->slabs.group = 1;
     sweep->eye = frame->content->eye;
     spsi_part_place(frame, part, sweep->part);
     sweep->eye.width = sweep->part[2] - sweep->part[0];
@@ -10907,6 +10961,7 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *latti
    than `least`, or than what makes a chunk of them. Returns their number. */
 static double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_lamp *lamp, double edge,
                                double least, spsi_slabs *slabs) {
+    const double particles = edge;
     double low = HUGE_VAL, high = -HUGE_VAL;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
@@ -10921,7 +10976,14 @@ static double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, c
     least = fmin(least, (high - low) / SPSI_CHUNK);
     slabs->wide = least > frame->view.slab * edge;
     slabs->thickness = fmin(fmax(frame->view.slab * edge, least), high - low); /* never thicker than the whole extent */
-    return ceil((high - low) / slabs->thickness);
+    slabs->group = 1;
+    if (particles < HUGE_VAL) {
+        const double fine = fmax(frame->view.slab * particles / spsi_particle_fineness(frame), least);
+        const double finer = fmax(slabs->thickness / fine, 1);
+        while (slabs->group < SPSI_GROUP_MOST && slabs->group < 0.71 * finer) slabs->group *= 2;
+        if (slabs->group > 1) slabs->thickness /= finer;
+    }
+    return slabs->group * ceil((high - low) / (slabs->thickness * slabs->group));
 }
 
 /* Cuts the same slabs, and refuses them if they are too many. */
@@ -10961,7 +11023,8 @@ static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_lamp *lamp = sweep->lamp;
     const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_shadow(frame, lamp);
     const double texel = fmax(spsi_lamp_texel(frame, lamp), pixels);
-    if (!spsi_rays_fit(lamp, &frame->content->bounds, texel, frame->view.shadow_size, spsi_light_texels_most(frame),
+    const double fine = fmax(texel / spsi_particle_fineness(frame), fmin(texel, SPSI_FINE_PIXELS * pixels));
+    if (!spsi_rays_fit(lamp, &frame->content->bounds, fine, frame->view.shadow_size, spsi_light_texels_most(frame),
                        &sweep->rays))
         return 0;
     sweep->soft = lamp->extent.exists && spsi_penumbra_texels(frame, sweep) >= 0.5;
@@ -18381,6 +18444,7 @@ static spsi_v spsi_spread_flux(const spsi_spread *spread, int channel, const sps
 
 typedef struct spsi_planes {
     float *depth[SPSI_CHUNK + 1]; /* width * height each */
+    int wide;                     /* 1: too large for a cache: what lookups need is fetched ahead */
     int width, height, tiles_x, tiles_y;
     float end;             /* optical depth at which light is no longer followed */
     int cubic;             /* 1: bicubic lookup, for classified volumes, whose depth bends within a voxel */
@@ -18500,6 +18564,7 @@ static sps_result spsi_planes_build(sps_context *context, const spsi_frame *fram
     memory = (float *)(void *)(planes->open + tiles);
     planes->width = rays->width;
     planes->height = rays->height;
+    planes->wide = texels > 16384;
     planes->end = spsi_light_end(frame);
     planes->cubic = frame->matter.classifies && rays->width >= 4 && rays->height >= 4;
     for (int k = 0; k <= SPSI_CHUNK; ++k) planes->depth[k] = memory + (size_t)k * texels;
@@ -20486,7 +20551,8 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 
 /* One light at the current slab of a vector of pixels. */
 typedef struct spsi_arrival {
-    spsi_v light[2];        /* optical depth from the light to the start and end of the ray's path through the slab */
+    /* optical depth from the light to the start and end of the ray's path through the group, and where slabs meet */
+    spsi_v light[SPSI_GROUP_MOST + 1];
     int plane;              /* plane of the last lookup; -1: none */
     spsi_v plane_light;     /* optical depth found there */
     spsi_v skipped;         /* optical depth of the gas that was passed since */
@@ -20630,11 +20696,12 @@ static inline spsi_v spsi_plane_depth(const spsi_line *line, int k) {
     return spsi_mul(spsi_sub(spsi_set((float)k), line->base), line->scale);
 }
 
-/* The depths at which a ray enters and leaves slab k, nearer first, clamped to the polygon and the near plane. */
-static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, spsi_v *enter,
+/* The depths at which a ray enters and leaves slabs from k on, nearer first, clamped to the polygon and the near
+   plane. */
+static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, int group, spsi_v *enter,
                                    spsi_v *leave) {
     const spsi_rays *eye = shader->eye;
-    const spsi_v a = spsi_plane_depth(line, k), b = spsi_plane_depth(line, k + 1);
+    const spsi_v a = spsi_plane_depth(line, k), b = spsi_plane_depth(line, k + group);
     const float near_d = spsi_rays_begin(eye);
     *enter = spsi_min(spsi_max(spsi_min(a, b), spsi_set(near_d)), line->polygon);
     *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), line->polygon));
@@ -20668,9 +20735,10 @@ static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out
     }
 }
 
-/* A slab on a vector of rays. If any volume is classified it is shaded in parts, in the light's order. */
+/* A slab on a vector of rays, or a group of slabs (spsi_slabs) that differ only in depth and light. If any volume is
+   classified it is shaded in parts, in the light's order. */
 typedef struct spsi_slab {
-    int k, part_count, material_count;
+    int k, group, part_count, material_count;
     int open;                      /* the rays that have not ended, as bits */
     spsi_sample *samples;          /* material_count per part */
     spsi_v enter, leave;           /* depths along the ray */
@@ -20678,6 +20746,8 @@ typedef struct spsi_slab {
     spsi_arrival *arrivals;        /* one for each of the shader's shadows */
     spsi_v depth;                  /* optical depth of all samples */
     spsi_v part_depth[SPSI_PARTS]; /* the same for each part */
+    spsi_v share[SPSI_GROUP_MOST]; /* of a group: the share of this in each slab */
+    int filled;                    /* the slabs that hold anything, as bits; both or none of a pair */
 } spsi_slab;
 
 /* One part of a slab. */
@@ -21278,7 +21348,7 @@ static void spsi_arrival_begin(const spsi_shadow *shadow, const spsi_pixels *p, 
 static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, const spsi_arrival *arrival, int k) {
     const spsi_v d = spsi_plane_depth(&p->line, k);
     spsi_v at[3];
-    if (shadow->kind == SPSI_SHADOW_SHEETS) {
+    if (shadow->kind == SPSI_SHADOW_SHEETS && shadow->sliced->planes.wide) {
         int texels[SPSI_LANES];
         spsi_courses_at(&arrival->ahead, d, at);
         spsi_sliced_texels(shadow->sliced, at, texels);
@@ -21296,19 +21366,27 @@ static int spsi_slab_skips(const spsi_shader *shader, const spsi_slab *slab, sps
     return spsi_bits(spsi_less(most, arrival->skipped)) == 0;
 }
 
-/* Looks up one light where the ray enters and leaves a slab. */
+/* Looks up one light where the ray enters and leaves a slab, or each of a group. */
 static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                             const spsi_slab *slab, spsi_arrival *arrival) {
+    const spsi_v count = spsi_set((float)slab->group), zero = spsi_set(0), one = spsi_set(1);
+    const spsi_v first = spsi_mul(slab->first, count), last = spsi_mul(slab->last, count);
+    const int skips = spsi_slab_skips(shader, slab, arrival);
     spsi_v a0 = arrival->plane_light, a1 = a0;
-    if (!spsi_slab_skips(shader, slab, arrival)) {
-        a1 = spsi_plane_light(shadow, p, arrival, slab->k + 1);
-        if (arrival->plane != slab->k) a0 = spsi_plane_light(shadow, p, arrival, slab->k);
-        arrival->plane = slab->k + 1;
-        arrival->plane_light = a1;
-        arrival->skipped = spsi_set(0);
+    if (!skips && arrival->plane != slab->k && (slab->filled & 1)) a0 = spsi_plane_light(shadow, p, arrival, slab->k);
+    for (int i = 0; i < slab->group; ++i) {
+        const spsi_v at = spsi_set((float)i), ended = i > 0 ? arrival->light[i] : zero;
+        if (!skips && (slab->filled >> i & 3)) a1 = spsi_plane_light(shadow, p, arrival, slab->k + i + 1);
+        arrival->light[i] = spsi_mix(a0, a1, spsi_clamp(spsi_sub(first, at), zero, one));
+        if (i > 0) arrival->light[i] = spsi_select(spsi_less(last, at), ended, arrival->light[i]);
+        arrival->light[i + 1] = spsi_mix(a0, a1, spsi_clamp(spsi_sub(last, at), zero, one));
+        a0 = a1;
     }
-    arrival->light[0] = spsi_mix(a0, a1, slab->first);
-    arrival->light[1] = spsi_mix(a0, a1, slab->last);
+    if (!skips) {
+        arrival->plane = slab->filled >> (slab->group - 1) ? slab->k + slab->group : -1;
+        arrival->plane_light = a1;
+        arrival->skipped = zero;
+    }
     spsi_lit_shares(shader, &shadow->depth_map, p, slab, arrival->lit);
 }
 
@@ -21337,14 +21415,50 @@ static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shado
     for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->pane_map_count * steps)));
 }
 
+/* What passes from a light through a group of slabs to the eye, as a mean over all that the group holds, of which the
+   share `lit` is lit. `eye`: whether the way to the eye counts. Within a slab, depth is linear in the share of matter,
+   which errs by the square of the slab's depth. So the same sum over pairs of slabs tells what is wrong with that over
+   slabs, and a third of the difference is added (Richardson). */
+static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arrival, const spsi_part *part, spsi_v lit,
+                                int eye) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), own = spsi_sub(part->after, part->before);
+    const int is_cut = spsi_bits(spsi_less(lit, one)) != 0;
+    spsi_v sum = zero, pairs = zero, passed = zero;
+    for (int i = 0; i < slab->group; i += 2) {
+        spsi_v at[3], through[3], share[2];
+        if (!(slab->filled >> i & 1)) continue;
+        for (int j = 0; j < 3; ++j) {
+            at[j] = arrival->light[i + j];
+            if (eye) at[j] = spsi_add(at[j], spsi_fma(own, passed, part->before));
+            if (j < 2) share[j] = slab->share[i + j], passed = spsi_add(passed, share[j]);
+        }
+        if (is_cut) {
+            spsi_v left = spsi_sub(lit, spsi_sub(passed, spsi_add(share[0], share[1])));
+            for (int j = 0; j < 2; ++j) {
+                const spsi_v way = spsi_clamp(spsi_div(left, spsi_max(share[j], spsi_set(FLT_MIN))), zero, one);
+                at[j + 1] = spsi_mix(at[j], at[j + 1], way);
+                left = spsi_sub(left, share[j]);
+                share[j] = spsi_mul(share[j], way);
+            }
+        }
+        for (int j = 0; j < 3; ++j) through[j] = spsi_exp(spsi_sub(zero, at[j]));
+        for (int j = 0; j < 2; ++j)
+            sum = spsi_fma(share[j], spsi_mean_between(at[j], at[j + 1], through[j], through[j + 1]), sum);
+        share[0] = spsi_add(share[0], share[1]);
+        pairs = spsi_fma(share[0], spsi_mean_between(at[0], at[2], through[0], through[2]), pairs);
+    }
+    return spsi_clamp(spsi_fma(spsi_sub(sum, pairs), spsi_set(1.0f / 3), sum), zero, lit);
+}
+
 /* Adds one of the lights that the sweep carries, attenuated by its planes or its map, cut off by opaque polygons and
    filtered by translucent ones. Within a slab, optical depth towards the light and towards the eye grow in proportion:
    both come from the same matter. */
-static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
-                              const spsi_pixels *p, const spsi_part *part, const spsi_sent *sent) {
+static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_slab *slab,
+                              const spsi_arrival *arrival, const spsi_pixels *p, const spsi_part *part,
+                              const spsi_sent *sent) {
     const spsi_v lit = spsi_part_lit(arrival, part), end_share = spsi_mix(part->first, part->last, lit);
-    const spsi_v light[2] = {spsi_mix(arrival->light[0], arrival->light[1], part->first),
-                             spsi_mix(arrival->light[0], arrival->light[1], end_share)};
+    const spsi_v *ends = arrival->light, last = ends[slab->group];
+    const spsi_v light[2] = {spsi_mix(ends[0], last, part->first), spsi_mix(ends[0], last, end_share)};
     const spsi_v eye[2] = {part->before, spsi_mix(part->before, part->after, lit)};
     spsi_v passes, arrives = lit, filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
     spsi_carried carried;
@@ -21353,11 +21467,13 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
     carried.is_attenuated = 1;
     carried.start = spsi_add(light[0], eye[0]);
     carried.end = spsi_add(light[1], eye[1]);
-    passes = spsi_mul(lit, spsi_mean_transmittance(carried.start, carried.end));
+    passes = slab->group > 1 ? spsi_group_passes(slab, arrival, part, lit, 1)
+                             : spsi_mul(lit, spsi_mean_transmittance(carried.start, carried.end));
     if (shadow->spread) {
         carried.start = eye[0];
         carried.end = eye[1];
-        arrives = spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
+        arrives = slab->group > 1 ? spsi_group_passes(slab, arrival, part, lit, 0)
+                                  : spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
     }
     if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
     for (int c = 0; c < 3; ++c) {
@@ -22274,18 +22390,50 @@ typedef struct spsi_scratch {
 /* Number of samples of a worker's scratch memory. */
 static int spsi_scratch_samples(const spsi_frame *frame) { return frame->matter.material_count * (SPSI_PARTS + 1); }
 
-/* Reads slab k of a vector of pixels. Returns 0 if it holds nothing. */
+/* What gases have in each slab of a group, into the group's sums, one for each material, and the shares of optical
+   depth that slabs have. Returns 0 if there is nothing. */
+static int spsi_group_sum(const spsi_shader *shader, const spsi_tile *tile, size_t at, spsi_v length, spsi_slab *slab) {
+    const spsi_v zero = spsi_set(0);
+    spsi_v any = zero, whole = zero;
+    slab->filled = 0;
+    for (int m = 0; m < slab->material_count; ++m) slab->samples[m].value_length = zero;
+    for (int i = 0; i < slab->group; ++i, at += tile->sheet_size) {
+        slab->share[i] = zero;
+        for (int m = 0; m < slab->material_count; ++m) {
+            const float extinction = shader->frame->matter.materials[m].extinction;
+            const spsi_v sum = spsi_mul(spsi_sheet_sum(tile, m, at), length);
+            const spsi_v depth = spsi_min(spsi_mul(sum, spsi_set(extinction)), spsi_set(SPSI_DEPTH_MAX));
+            any = spsi_max(any, sum);
+            slab->samples[m].value_length = spsi_add(slab->samples[m].value_length, sum);
+            slab->share[i] = spsi_add(slab->share[i], depth);
+        }
+        whole = spsi_add(whole, slab->share[i]);
+        if (spsi_bits(spsi_less(zero, slab->share[i]))) slab->filled |= 3 << (i & ~1);
+    }
+    if (spsi_scatters_forward(shader->frame) || shader->frame->view.lookup_threshold > 0) slab->filled = ~0;
+    whole = spsi_div(spsi_set(1), spsi_max(whole, spsi_set(FLT_MIN)));
+    for (int i = 0; i < slab->group; ++i) slab->share[i] = spsi_mul(slab->share[i], whole);
+    return spsi_bits(spsi_less(zero, any)) != 0;
+}
+
+/* Reads slab k of a vector of pixels, or a group from there on. Returns 0 if it holds nothing. */
 static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                            spsi_slab *slab) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = slab->material_count;
     const size_t at = (size_t)(k + margin) * tile->sheet_size +
                       (size_t)((p->line.y - tile->y0) * tile->pitch + (p->line.x - tile->x0));
-    const spsi_v zero = spsi_set(0), whole = spsi_abs(p->line.scale);
+    const spsi_v zero = spsi_set(0), whole = spsi_mul(spsi_abs(p->line.scale), spsi_set((float)slab->group));
     spsi_v any = zero, way;
-    for (int m = 0; m < count; ++m) any = spsi_max(any, spsi_load(tile->sheets + (size_t)m * tile->channel_size + at));
-    if (!spsi_bits(spsi_less(zero, any))) return 0;
+    if (slab->group > 1) {
+        if (!spsi_group_sum(shader, tile, at, p->length, slab)) return 0;
+    } else {
+        for (int m = 0; m < count; ++m)
+            any = spsi_max(any, spsi_load(tile->sheets + (size_t)m * tile->channel_size + at));
+        if (!spsi_bits(spsi_less(zero, any))) return 0;
+        slab->filled = 1;
+    }
     slab->k = k;
-    spsi_slab_range(shader, &p->line, k, &slab->enter, &slab->leave);
+    spsi_slab_range(shader, &p->line, k, slab->group, &slab->enter, &slab->leave);
     way = spsi_sub(slab->leave, slab->enter);
     if (!spsi_bits(spsi_less(zero, way))) return 0;
     slab->first = zero;
@@ -22303,8 +22451,10 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
         if (shader->frame->matter.materials[m].table)
             spsi_samples_classified(shader, tile, p, m, slab);
         else
-            spsi_samples_gas(&shader->frame->matter.materials[m], spsi_mul(spsi_sheet_sum(tile, m, at), p->length), m,
-                             slab);
+            spsi_samples_gas(&shader->frame->matter.materials[m],
+                             slab->group > 1 ? slab->samples[m].value_length
+                                             : spsi_mul(spsi_sheet_sum(tile, m, at), p->length),
+                             m, slab);
     for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
     if (!shader->frame->matter.emits && !spsi_bits(spsi_less(zero, slab->depth)))
         return 0; /* values without extinction */
@@ -22389,7 +22539,7 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const
         sum->distance = spsi_mul(sum->distance, through);
     }
     for (int i = 0; i < shader->shadow_count && shader->frame->matter.scatters; ++i)
-        spsi_add_shadowed(shader, &shader->shadows[i], &slab->arrivals[i], p, part, &sent);
+        spsi_add_shadowed(shader, &shader->shadows[i], slab, &slab->arrivals[i], p, part, &sent);
     if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, &sent);
     for (int c = 0; c < shader->frame->channels && ahead; ++c) {
         sum->radiance[c] = spsi_fma(filtered[0][c], spsi_load(ahead->filter[c]), sum->radiance[c]);
@@ -22476,13 +22626,19 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
     }
 }
 
-/* Composites slab k of a vector of pixels, and the polygons in it. Returns 0 if it held nothing. */
-static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
+/* Composites slab k of a vector of pixels, or a group from there on, and the polygons in it. Layers divide a group.
+   Returns 0 if it held nothing. */
+static int spsi_add_slab(const spsi_shading *shading, int k, int group, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
-    const float high = k + 1 == shading->slab_count ? shading->high : (float)(shader->first_slab + k + 1);
+    const float high = k + group == shading->slab_count ? shading->high : (float)(shader->first_slab + k + group);
     const int backwards = shader->sweep->back_to_front;
-    int held;
+    int held = 0;
+    if (group > 1 && row->has_layers && spsi_ahead_before(&row->ahead, high)) {
+        for (int i = 0; i < group; ++i) held |= spsi_add_slab(shading, k + i, 1, row);
+        return held;
+    }
+    row->slab.group = group;
     row->slab.open = backwards ? SPSI_ALL_LANES : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
     held = spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
     if (shader->hits && backwards)
@@ -22557,6 +22713,7 @@ static int spsi_pixels_layered(const spsi_shader *shader, int x, int y, int widt
 static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int width) {
     const spsi_shader *shader = shading->shader;
     const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
+    const int group = shader->sweep->slabs.group;
     spsi_row row;
     int held = 0;
     row.slab.samples = shading->scratch.samples;
@@ -22574,9 +22731,10 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     row.has_layers = spsi_pixels_layered(shader, x, y, width);
     if (row.has_layers) spsi_ahead_begin(shader, &row.pixels, width, shading->low, &row.ahead);
     spsi_gathered_load(shader, at, &row.sum);
-    for (int k = 0; k < shading->slab_count; ++k) {
-        held += width * spsi_add_slab(shading, k, &row);
-        if (!shader->sweep->back_to_front && !spsi_end_rays(shader, &row.pixels, k + 1, spsi_row_ahead(&row), &row.sum))
+    for (int k = 0; k < shading->slab_count; k += group) {
+        held += width * spsi_add_slab(shading, k, group, &row);
+        if (!shader->sweep->back_to_front &&
+            !spsi_end_rays(shader, &row.pixels, k + group, spsi_row_ahead(&row), &row.sum))
             break;
     }
     if (shading->slab_count == 0) spsi_add_range(shading, &row);
@@ -25382,10 +25540,8 @@ static sps_result spsi_begin_total(sps_context *context, const spsi_frame *frame
 
 /* Adds a sweep's radiance to a pixel of the total; the first sweep also covers the background, and contributes coverage
    and distance. */
-static void spsi_add_pixel(const spsi_run *run, int x, int y, float *pixel) {
+static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float covered, float *pixel) {
     const spsi_shader *shader = &run->shader;
-    const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
-    const float depth = shader->depth[at], covered = spsi_flush(depth < 86 ? -expm1f(-depth) : 1);
     const float *behind = spsi_behind(shader, x, y);
     for (int c = 0; c < 3 && run->sweep->first; ++c) pixel[c] = pixel[c] * (1 - covered) * (behind ? behind[c] : 1);
     for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
@@ -25408,14 +25564,21 @@ typedef struct spsi_sum_job {
 static void spsi_sum_task(void *data, int index, int worker) {
     const spsi_sum_job *job = (const spsi_sum_job *)data;
     const spsi_frame *frame = job->run->frame;
+    const spsi_shader *shader = &job->run->shader;
     const int *region = frame->view.region, *part = job->run->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
     const int x1 = spsi_least(part[2], region[0] + region[2]);
     const int y1 = spsi_least(part[3], spsi_least(region[1] + region[3], top + SPSI_SUM_ROWS));
     (void)worker;
     for (int y = spsi_most(part[1], top); y < y1; ++y)
-        for (int x = spsi_most(part[0], region[0]); x < x1; ++x) {
+        for (int x = spsi_most(part[0], region[0]); x < x1; x += SPSI_LANES) {
             const size_t pixel = (size_t)(y - region[1]) * (size_t)region[2] + (size_t)(x - region[0]);
-            spsi_add_pixel(job->run, x, y, job->total + pixel * spsi_total_floats(frame));
+            const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
+            const int count = spsi_least(SPSI_LANES, x1 - x);
+            float covered[SPSI_LANES];
+            spsi_store(covered, spsi_coverage(spsi_load_first(shader->depth + at, count)));
+            for (int i = 0; i < count; ++i)
+                spsi_add_pixel(job->run, x + i, y, at + (size_t)i, spsi_flush(covered[i]),
+                               job->total + (pixel + (size_t)i) * spsi_total_floats(frame));
         }
 }
 

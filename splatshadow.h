@@ -10956,13 +10956,28 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *latti
     return fmin(extent, fmax(chord, flattest * extent));
 }
 
+/* Cuts slabs finer, for groups of them, where light within changes in less than their thickness: down to `fine` for
+   particles, and to 1.4 times the shortest edge of long voxels, but not below `least`. */
+static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
+    double finer;
+    slabs->group = 1;
+    if (frame->matter.classifies) return;
+    for (int i = 0; i < frame->medium_count; ++i) {
+        double shortest = HUGE_VAL;
+        for (int k = 0; k < 3; ++k) shortest = fmin(shortest, spsi_length(frame->lattices[i].step[k]));
+        fine = fmin(fine, 1.4 * frame->view.slab * shortest);
+    }
+    finer = fmin(slabs->thickness / fmax(fine, least), SPSI_GROUP_MOST);
+    while (slabs->group < SPSI_GROUP_MOST && slabs->group < 0.71 * finer) slabs->group *= 2;
+    if (slabs->group > 1) slabs->thickness /= finer;
+}
+
 /* Places slabs over the bounds of volumes and particles, along their normal, that serve the rays of a target and those
    of a light (NULL: none). `edge` is the voxel edge that stands for particles, or infinite. Slabs need not be thinner
    than `least`, or than what makes a chunk of them. Returns their number. */
 static double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_lamp *lamp, double edge,
                                double least, spsi_slabs *slabs) {
-    const double particles = edge;
-    double low = HUGE_VAL, high = -HUGE_VAL;
+    double low = HUGE_VAL, high = -HUGE_VAL, particles;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
         spsi_bounds_corner(&frame->content->bounds, corner, point);
@@ -10970,19 +10985,14 @@ static double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, c
         high = fmax(high, spsi_dot(point, slabs->normal));
     }
     edge = fmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits the slabs that a stray particle calls for */
+    particles = edge;
     for (int i = 0; i < frame->medium_count; ++i)
         edge = fmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, lamp, slabs->normal));
     slabs->start = low;
     least = fmin(least, (high - low) / SPSI_CHUNK);
     slabs->wide = least > frame->view.slab * edge;
     slabs->thickness = fmin(fmax(frame->view.slab * edge, least), high - low); /* never thicker than the whole extent */
-    slabs->group = 1;
-    if (particles < HUGE_VAL) {
-        const double fine = fmax(frame->view.slab * particles / spsi_particle_fineness(frame), least);
-        const double finer = fmax(slabs->thickness / fine, 1);
-        while (slabs->group < SPSI_GROUP_MOST && slabs->group < 0.71 * finer) slabs->group *= 2;
-        if (slabs->group > 1) slabs->thickness /= finer;
-    }
+    spsi_slabs_group(frame, frame->view.slab * particles / spsi_particle_fineness(frame), least, slabs);
     return slabs->group * ceil((high - low) / (slabs->thickness * slabs->group));
 }
 

@@ -6659,21 +6659,22 @@ static void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *boun
     }
 }
 
-/* Mean extinction of the gas of particles: each of them, weighted by what it covers, or that of all together in about
-   the volume that they are spread over (a cube of edge a has a spread of a / 2), whichever is larger. */
+/* Mean extinction of the gas of particles: of each, weighted by about what it covers, or of all in the volume that they
+   are spread over (a cube of edge a has a spread of a / 2), whichever is larger. Soft ones, which have no edges, count
+   as a bit thinner than they are. */
 static double spsi_measure_extinction(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
     double mass = 0, volume = 0, covered = 0, sum = 0;
-    for (int n = 0, set = 0; n < content->particle_count; ++n) {
+    for (int n = 0, i = 0; n < content->particle_count; ++n) {
         const double radius = (double)content->particles[n].radius, square = radius * radius;
-        double depth, extinction;
-        while (n >= content->set_ends[set]) ++set;
-        depth = fmin(spsi_particle_depth(&content->particles[n], &frame->particles.sets[set]), (double)SPSI_DEPTH_MAX);
-        extinction = depth * (frame->particles.sets[set].soft ? 0.25 : 0.5) / radius;
-        mass += extinction * square * radius;
+        double depth, most;
+        while (n >= content->set_ends[i]) ++i;
+        depth = fmin(spsi_particle_depth(&content->particles[n], &frame->particles.sets[i]), (double)SPSI_DEPTH_MAX);
+        most = depth * (frame->particles.sets[i].soft ? 0.25 : 0.5);
+        mass += most * square;
         volume += square * radius;
-        covered += -expm1(-depth) * square;
-        sum += -expm1(-depth) * square * extinction;
+        covered += square * depth / (1 + depth);
+        sum += most * radius * depth / (1 + depth);
     }
     volume = volume / content->particle_count + 8 / (4 * SPSI_PI / 3) * pow(content->particle_spread, 3);
     return covered > 0 && volume > 0 ? fmax(mass / volume, sum / covered) : 0;
@@ -14360,16 +14361,21 @@ static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
+#define SPSI_SUMMED_MOST 2048 /* particles that are summed in sheets: each may lose half of 2048 roundings */
+
+/* Tiles of sheets for each worker: a second one if so many particles may meet that their sums are carried. */
+static size_t spsi_sheet_tiles(const spsi_frame *frame) { return frame->particles.count > SPSI_SUMMED_MOST ? 2 : 1; }
+
 /* Allocates the workers' scratch: a tile of sheets, shared by the targets, and counters for each target. */
 static sps_result spsi_targets_reserve(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const int count = contents->target_count;
-    const size_t workers = (size_t)spsi_worker_count(context);
+    const size_t workers = (size_t)spsi_worker_count(context), tiles = spsi_sheet_tiles(contents->frame);
     size_t floats = 0;
     uint64_t *counts;
     float *sheets;
     for (int i = 0; i < count; ++i) {
-        const size_t own = spsi_shape_floats(&contents->targets[i]->shape);
+        const size_t own = tiles * spsi_shape_floats(&contents->targets[i]->shape);
         floats = own > floats ? own : floats;
     }
     floats = (floats + 1) / 2 * 2; /* keeps the counters aligned */
@@ -14668,11 +14674,23 @@ typedef struct spsi_tile_fill {
     const spsi_contents *contents;
     spsi_tile *tile;
     int column, row, touched;
+    int summed;  /* particles that the sheets hold */
+    int carried; /* 1: the sums behind the sheets hold others */
 } spsi_tile_fill;
 
 static void spsi_tile_touch(spsi_tile_fill *fill) {
     if (!fill->touched) memset(fill->tile->sheets, 0, spsi_shape_floats(&fill->target->shape) * sizeof(float));
     fill->touched = 1;
+}
+
+/* Moves what the sheets hold to the sums behind them: a weak particle is lost in the rounding of a sum of many. */
+static void spsi_tile_carry(spsi_tile_fill *fill) {
+    const size_t floats = spsi_shape_floats(&fill->target->shape);
+    float *sheets = fill->tile->sheets, *sums = sheets + floats;
+    for (size_t i = 0; i < floats; ++i) sums[i] = fill->carried ? sums[i] + sheets[i] : sheets[i];
+    memset(sheets, 0, floats * sizeof *sheets);
+    fill->summed = 0;
+    fill->carried = 1;
 }
 
 /* Places a patch of a tile. Returns 0 if it has no pixels. */
@@ -14924,6 +14942,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
 static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_seen *seen) {
     const int left = fill->target->slabs->count - fill->contents->first_slab;
     spsi_tile_touch(fill);
+    if (fill->summed++ == SPSI_SUMMED_MOST) spsi_tile_carry(fill);
     spsi_splat_particle(fill->tile, &fill->target->crossing, seen, fill->contents->first_slab == 0, left);
 }
 
@@ -14962,13 +14981,18 @@ static int spsi_tile_splat(const spsi_target *target, const spsi_contents *conte
     fill.tile = tile;
     fill.column = column;
     fill.row = row;
-    fill.touched = 0;
+    fill.touched = fill.summed = fill.carried = 0;
     spsi_tile_splat_bricks(&fill);
     if (contents->particles.current == 0) return fill.touched;
     for (int up = 0; up <= (row > 0); ++up)
         for (int left = 0; left <= (column > 0); ++left)
             spsi_tile_splat_list(&fill, (row - up) * target->columns + column - left, left + 2 * up);
     spsi_tile_splat_wide(&fill);
+    if (fill.carried) {
+        spsi_tile_carry(&fill);
+        memcpy(tile->sheets, tile->sheets + spsi_shape_floats(&target->shape),
+               spsi_shape_floats(&target->shape) * sizeof(float));
+    }
     return fill.touched;
 }
 
@@ -25948,7 +25972,7 @@ static size_t spsi_plan_spent_bytes(const spsi_frame *frame, size_t side) {
 static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
     const spsi_shape eye = spsi_eye_shape(frame, frame->gradients.exist), light = spsi_light_shape(frame);
     const size_t shadow = frame->lamps.shadow_count > 0 ? spsi_shape_floats(&light) : 0;
-    return shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye);
+    return spsi_sheet_tiles(frame) * (shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye));
 }
 
 /* Bytes by which a sweep's light casts penumbrae. Particles and polygons have not been read: whether penumbrae are wide

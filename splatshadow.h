@@ -9306,6 +9306,7 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 
 #define SPSI_PARTICLE_EDGE 0.7 /* in radii, >>slicing */
 #define SPSI_GROUP_MOST    8   /* slabs that are shaded at once */
+#define SPSI_GROUP_SLAB    2   /* sps_view.slab up to which there are groups: thicker ones are to be cheap */
 #define SPSI_FINE_PIXELS   2.5 /* times texel_pixels: least texels of dense particles */
 #define SPSI_FINE_SLABS    40  /* in the diagonal of all gas, times sps_view.slab, beyond which none are refined */
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
@@ -9460,6 +9461,7 @@ static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
     size = spsi_voxel_across(frame, right, down) / frame->accuracy.shadow_texels;
     if (frame->content->particle_count == 0) return size;
     own = 0.5 * SPSI_PARTICLE_EDGE * frame->content->particle_radius / frame->accuracy.shadow_texels;
+    if (spsi_has_shadow_table(lamp)) own /= sqrt(spsi_particle_fineness(frame)); /* whose time is its texels' cube */
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
     return fmin(size, fmax(own, spsi_length(across) / frame->accuracy.depth_map_texels));
 }
@@ -10964,7 +10966,7 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *latti
 static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
     double finer;
     slabs->group = 1;
-    if (frame->matter.classifies) return;
+    if (frame->matter.classifies || frame->view.slab > SPSI_GROUP_SLAB) return;
     for (int i = 0; i < frame->medium_count; ++i) {
         const double extinction = (double)frame->matter.materials[frame->media[i].channel].extinction;
         double shortest = HUGE_VAL;

@@ -9307,7 +9307,7 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 #define SPSI_PARTICLE_EDGE 0.7 /* in radii, >>slicing */
 #define SPSI_GROUP_MOST    8   /* slabs that are shaded at once */
 #define SPSI_GROUP_SLAB    2   /* sps_view.slab up to which there are groups: thicker ones are to be cheap */
-#define SPSI_FINE_PIXELS   2.5 /* times texel_pixels: least texels of dense particles */
+#define SPSI_FINE_PIXELS   1.7 /* times texel_pixels: least texels of dense particles */
 #define SPSI_FINE_SLABS    40  /* in the diagonal of all gas, times sps_view.slab, beyond which none are refined */
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
 
@@ -21461,7 +21461,7 @@ static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shado
 static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arrival, const spsi_part *part, spsi_v lit,
                                 int eye) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), own = spsi_sub(part->after, part->before);
-    const int is_cut = spsi_bits(spsi_less(lit, one)) != 0;
+    const spsi_m is_cut = spsi_less(lit, one);
     spsi_v sum = zero, pairs = zero, passed = zero;
     for (int i = 0; i < slab->group; i += 2) {
         spsi_v at[3], through[3], share[2];
@@ -21471,13 +21471,13 @@ static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arriv
             if (eye) at[j] = spsi_add(at[j], spsi_fma(own, passed, part->before));
             if (j < 2) share[j] = slab->share[i + j], passed = spsi_add(passed, share[j]);
         }
-        if (is_cut) {
+        if (spsi_bits(is_cut)) {
             spsi_v left = spsi_sub(lit, spsi_sub(passed, spsi_add(share[0], share[1])));
             for (int j = 0; j < 2; ++j) {
                 const spsi_v way = spsi_clamp(spsi_div(left, spsi_max(share[j], spsi_set(FLT_MIN))), zero, one);
-                at[j + 1] = spsi_mix(at[j], at[j + 1], way);
+                at[j + 1] = spsi_select(is_cut, spsi_mix(at[j], at[j + 1], way), at[j + 1]);
                 left = spsi_sub(left, share[j]);
-                share[j] = spsi_mul(share[j], way);
+                share[j] = spsi_select(is_cut, spsi_mul(share[j], way), share[j]);
             }
         }
         for (int j = 0; j < 3; ++j) through[j] = spsi_exp(spsi_sub(zero, at[j]));
@@ -21497,6 +21497,7 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
                               const spsi_sent *sent) {
     const spsi_v lit = spsi_part_lit(arrival, part), end_share = spsi_mix(part->first, part->last, lit);
     const spsi_v *ends = arrival->light, last = ends[slab->group];
+    const spsi_m whole = spsi_less(spsi_set(0.9999995f), spsi_sub(part->last, part->first)); /* no layer cuts it */
     const spsi_v light[2] = {spsi_mix(ends[0], last, part->first), spsi_mix(ends[0], last, end_share)};
     const spsi_v eye[2] = {part->before, spsi_mix(part->before, part->after, lit)};
     spsi_v passes, arrives = lit, filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
@@ -21506,13 +21507,13 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
     carried.is_attenuated = 1;
     carried.start = spsi_add(light[0], eye[0]);
     carried.end = spsi_add(light[1], eye[1]);
-    passes = slab->group > 1 ? spsi_group_passes(slab, arrival, part, lit, 1)
-                             : spsi_mul(lit, spsi_mean_transmittance(carried.start, carried.end));
+    passes = spsi_mul(lit, spsi_mean_transmittance(carried.start, carried.end));
+    if (slab->group > 1) passes = spsi_select(whole, spsi_group_passes(slab, arrival, part, lit, 1), passes);
     if (shadow->spread) {
         carried.start = eye[0];
         carried.end = eye[1];
-        arrives = slab->group > 1 ? spsi_group_passes(slab, arrival, part, lit, 0)
-                                  : spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
+        arrives = spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
+        if (slab->group > 1) arrives = spsi_select(whole, spsi_group_passes(slab, arrival, part, lit, 0), arrives);
     }
     if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
     for (int c = 0; c < 3; ++c) {
@@ -22665,19 +22666,15 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
     }
 }
 
-/* Composites slab k of a vector of pixels, or a group from there on, and the polygons in it. Layers divide a group.
-   Returns 0 if it held nothing. */
-static int spsi_add_slab(const spsi_shading *shading, int k, int group, spsi_row *row) {
+/* Composites slab k of a vector of pixels, or a group from there on, and the polygons in it. Returns 0 if it held
+   nothing. */
+static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
-    const float high = k + group == shading->slab_count ? shading->high : (float)(shader->first_slab + k + group);
+    const int end = k + row->slab.group;
+    const float high = end == shading->slab_count ? shading->high : (float)(shader->first_slab + end);
     const int backwards = shader->sweep->back_to_front;
-    int held = 0;
-    if (group > 1 && row->has_layers && spsi_ahead_before(&row->ahead, high)) {
-        for (int i = 0; i < group; ++i) held |= spsi_add_slab(shading, k + i, 1, row);
-        return held;
-    }
-    row->slab.group = group;
+    int held;
     row->slab.open = backwards ? SPSI_ALL_LANES : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
     held = spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
     if (shader->hits && backwards)
@@ -22755,6 +22752,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     const int group = shader->sweep->slabs.group;
     spsi_row row;
     int held = 0;
+    row.slab.group = group;
     row.slab.samples = shading->scratch.samples;
     row.slab.arrivals = shading->scratch.arrivals;
     row.slab.material_count = shader->frame->matter.material_count;
@@ -22771,7 +22769,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     if (row.has_layers) spsi_ahead_begin(shader, &row.pixels, width, shading->low, &row.ahead);
     spsi_gathered_load(shader, at, &row.sum);
     for (int k = 0; k < shading->slab_count; k += group) {
-        held += width * spsi_add_slab(shading, k, group, &row);
+        held += width * spsi_add_slab(shading, k, &row);
         if (!shader->sweep->back_to_front &&
             !spsi_end_rays(shader, &row.pixels, k + group, spsi_row_ahead(&row), &row.sum))
             break;

@@ -10961,8 +10961,8 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *latti
 }
 
 /* Cuts slabs finer, for groups of them, where light within changes in less than their thickness: down to `fine` for
-   particles, and to 1.4 times the shortest edge of long voxels, or to where their gas has an optical depth of 0.05 at
-   value 1, but not below `least`. */
+   particles, and to the shortest edge of long voxels, or to where their gas has an optical depth of 0.05 at value 1, but
+   not below `least`. */
 static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
     double finer;
     slabs->group = 1;
@@ -10971,7 +10971,7 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
         const double extinction = (double)frame->matter.materials[frame->media[i].channel].extinction;
         double shortest = HUGE_VAL;
         for (int k = 0; k < 3; ++k) shortest = fmin(shortest, spsi_length(frame->lattices[i].step[k]));
-        fine = fmin(fine, fmax(1.4 * frame->view.slab * shortest, 0.05 / fmax(extinction, DBL_MIN)));
+        fine = fmin(fine, fmax(frame->view.slab * shortest, 0.05 / fmax(extinction, DBL_MIN)));
     }
     finer = fmin(slabs->thickness / fmax(fine, least), SPSI_GROUP_MOST);
     while (slabs->group < SPSI_GROUP_MOST && slabs->group < 0.71 * finer) slabs->group *= 2;

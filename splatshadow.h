@@ -21454,39 +21454,28 @@ static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shado
     for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->pane_map_count * steps)));
 }
 
-/* What passes from a light through a group of slabs to the eye, as a mean over all that the group holds, of which the
-   share `lit` is lit. `eye`: whether the way to the eye counts. Within a slab, depth is linear in the share of matter,
-   which errs by the square of the slab's depth. So the same sum over pairs of slabs tells what is wrong with that over
-   slabs, and a third of the difference is added (Richardson). */
-static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arrival, const spsi_part *part, spsi_v lit,
-                                int eye) {
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), own = spsi_sub(part->after, part->before);
-    const spsi_m is_cut = spsi_less(lit, one);
+/* What passes from a light through a group of slabs to the eye, as a mean over all that the group holds. `eye`: whether
+   the way to the eye counts. Within a slab, depth is taken to be linear in the share of matter, which errs by the square
+   of the slab's depth. The same sum over pairs of slabs errs by four times that, so a third of the difference is added
+   (Richardson). Pairs that hold nothing are left out: their light is not looked up. */
+static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arrival, const spsi_part *part, int eye) {
+    const spsi_v zero = spsi_set(0), own = spsi_sub(part->after, part->before);
     spsi_v sum = zero, pairs = zero, passed = zero;
     for (int i = 0; i < slab->group; i += 2) {
-        spsi_v at[3], through[3], share[2];
+        const spsi_v *share = slab->share + i;
+        spsi_v at[3], through[3];
         if (!(slab->filled >> i & 1)) continue;
         for (int j = 0; j < 3; ++j) {
             at[j] = arrival->light[i + j];
             if (eye) at[j] = spsi_add(at[j], spsi_fma(own, passed, part->before));
-            if (j < 2) share[j] = slab->share[i + j], passed = spsi_add(passed, share[j]);
+            if (j < 2) passed = spsi_add(passed, share[j]);
+            through[j] = spsi_exp(spsi_sub(zero, at[j]));
         }
-        if (spsi_bits(is_cut)) {
-            spsi_v left = spsi_sub(lit, spsi_sub(passed, spsi_add(share[0], share[1])));
-            for (int j = 0; j < 2; ++j) {
-                const spsi_v way = spsi_clamp(spsi_div(left, spsi_max(share[j], spsi_set(FLT_MIN))), zero, one);
-                at[j + 1] = spsi_select(is_cut, spsi_mix(at[j], at[j + 1], way), at[j + 1]);
-                left = spsi_sub(left, share[j]);
-                share[j] = spsi_select(is_cut, spsi_mul(share[j], way), share[j]);
-            }
-        }
-        for (int j = 0; j < 3; ++j) through[j] = spsi_exp(spsi_sub(zero, at[j]));
         for (int j = 0; j < 2; ++j)
             sum = spsi_fma(share[j], spsi_mean_between(at[j], at[j + 1], through[j], through[j + 1]), sum);
-        share[0] = spsi_add(share[0], share[1]);
-        pairs = spsi_fma(share[0], spsi_mean_between(at[0], at[2], through[0], through[2]), pairs);
+        pairs = spsi_fma(spsi_add(share[0], share[1]), spsi_mean_between(at[0], at[2], through[0], through[2]), pairs);
     }
-    return spsi_clamp(spsi_fma(spsi_sub(sum, pairs), spsi_set(1.0f / 3), sum), zero, lit);
+    return spsi_clamp(spsi_fma(spsi_sub(sum, pairs), spsi_set(1.0f / 3), sum), zero, spsi_set(1));
 }
 
 /* Adds one of the lights that the sweep carries, attenuated by its planes or its map, cut off by opaque polygons and
@@ -21497,7 +21486,8 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
                               const spsi_sent *sent) {
     const spsi_v lit = spsi_part_lit(arrival, part), end_share = spsi_mix(part->first, part->last, lit);
     const spsi_v *ends = arrival->light, last = ends[slab->group];
-    const spsi_m whole = spsi_less(spsi_set(0.9999995f), spsi_sub(part->last, part->first)); /* no layer cuts it */
+    /* neither layers nor the edge of a polygon's shadow cut it */
+    const spsi_m whole = spsi_less(spsi_set(0.9999995f), spsi_min(lit, spsi_sub(part->last, part->first)));
     const spsi_v light[2] = {spsi_mix(ends[0], last, part->first), spsi_mix(ends[0], last, end_share)};
     const spsi_v eye[2] = {part->before, spsi_mix(part->before, part->after, lit)};
     spsi_v passes, arrives = lit, filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
@@ -21508,12 +21498,12 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
     carried.start = spsi_add(light[0], eye[0]);
     carried.end = spsi_add(light[1], eye[1]);
     passes = spsi_mul(lit, spsi_mean_transmittance(carried.start, carried.end));
-    if (slab->group > 1) passes = spsi_select(whole, spsi_group_passes(slab, arrival, part, lit, 1), passes);
+    if (slab->group > 1) passes = spsi_select(whole, spsi_group_passes(slab, arrival, part, 1), passes);
     if (shadow->spread) {
         carried.start = eye[0];
         carried.end = eye[1];
         arrives = spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
-        if (slab->group > 1) arrives = spsi_select(whole, spsi_group_passes(slab, arrival, part, lit, 0), arrives);
+        if (slab->group > 1) arrives = spsi_select(whole, spsi_group_passes(slab, arrival, part, 0), arrives);
     }
     if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
     for (int c = 0; c < 3; ++c) {
@@ -22430,8 +22420,8 @@ typedef struct spsi_scratch {
 /* Number of samples of a worker's scratch memory. */
 static int spsi_scratch_samples(const spsi_frame *frame) { return frame->matter.material_count * (SPSI_PARTS + 1); }
 
-/* What gases have in each slab of a group, into the group's sums, one for each material, and the shares of optical
-   depth that slabs have. Returns 0 if there is nothing. */
+/* What each slab of a group holds, into sums of the group, one for each material, and the shares of optical depth that
+   slabs have. Returns 0 if there is nothing. */
 static int spsi_group_sum(const spsi_shader *shader, const spsi_tile *tile, size_t at, spsi_v length, spsi_slab *slab) {
     const spsi_v zero = spsi_set(0);
     spsi_v any = zero, whole = zero;
@@ -22450,7 +22440,9 @@ static int spsi_group_sum(const spsi_shader *shader, const spsi_tile *tile, size
         whole = spsi_add(whole, slab->share[i]);
         if (spsi_bits(spsi_less(zero, slab->share[i]))) slab->filled |= 3 << (i & ~1);
     }
-    if (spsi_scatters_forward(shader->frame) || shader->frame->view.lookup_threshold > 0) slab->filled = ~0;
+    if (slab->group == 1 || spsi_scatters_forward(shader->frame) || shader->frame->view.lookup_threshold > 0)
+        slab->filled = ~0; /* light at all planes is used */
+    if (slab->group == 1) return spsi_bits(spsi_less(zero, any)) != 0;
     whole = spsi_div(spsi_set(1), spsi_max(whole, spsi_set(FLT_MIN)));
     for (int i = 0; i < slab->group; ++i) slab->share[i] = spsi_mul(slab->share[i], whole);
     return spsi_bits(spsi_less(zero, any)) != 0;
@@ -22463,15 +22455,8 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     const size_t at = (size_t)(k + margin) * tile->sheet_size +
                       (size_t)((p->line.y - tile->y0) * tile->pitch + (p->line.x - tile->x0));
     const spsi_v zero = spsi_set(0), whole = spsi_mul(spsi_abs(p->line.scale), spsi_set((float)slab->group));
-    spsi_v any = zero, way;
-    if (slab->group > 1) {
-        if (!spsi_group_sum(shader, tile, at, p->length, slab)) return 0;
-    } else {
-        for (int m = 0; m < count; ++m)
-            any = spsi_max(any, spsi_load(tile->sheets + (size_t)m * tile->channel_size + at));
-        if (!spsi_bits(spsi_less(zero, any))) return 0;
-        slab->filled = 1;
-    }
+    spsi_v way;
+    if (!spsi_group_sum(shader, tile, at, p->length, slab)) return 0;
     slab->k = k;
     spsi_slab_range(shader, &p->line, k, slab->group, &slab->enter, &slab->leave);
     way = spsi_sub(slab->leave, slab->enter);
@@ -22491,10 +22476,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
         if (shader->frame->matter.materials[m].table)
             spsi_samples_classified(shader, tile, p, m, slab);
         else
-            spsi_samples_gas(&shader->frame->matter.materials[m],
-                             slab->group > 1 ? slab->samples[m].value_length
-                                             : spsi_mul(spsi_sheet_sum(tile, m, at), p->length),
-                             m, slab);
+            spsi_samples_gas(&shader->frame->matter.materials[m], slab->samples[m].value_length, m, slab);
     for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
     if (!shader->frame->matter.emits && !spsi_bits(spsi_less(zero, slab->depth)))
         return 0; /* values without extinction */

@@ -102,7 +102,8 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     20 bytes per relevant voxel, those of bricks where it is gathered (sps_filling: 12 to 16 more per voxel of dense
     gas, twice that at high and ultra), 32 per particle and 264 more for those in the fullest 16 slabs, 176 per triangle
     and 68 more if lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
-    sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
+    sheets (0.3 MB per kind of gas or classified volume), two with more than 8192 particles.
+    Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its map or table; those of
     lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, 8
     while one is made or updated, by default up to 256^3 entries per face; if all volumes have a revision, also 8 per
@@ -451,8 +452,8 @@ typedef struct sps_particle {
 
 /* A set of particles of the same material. Those smaller than a pixel or texel are widened to one, at the same mass.
    Optical depth along a pixel's ray is exact for slabs of any thickness; light within a ball is resolved by slabs
-   (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality. A particle that
-   overlaps a polygon ends at it. */
+   (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality. Both are up to
+   8 times finer where particles are dense. A particle that overlaps a polygon ends at it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -811,7 +812,8 @@ typedef struct sps_view {
     sps_quality quality;
     /* Slab thickness in voxels, the main trade of speed for error: error is proportional to its square. 0: from
        quality, and more where pixels are wide (sps_quality). Particles count as voxels of 0.7 times their geometric
-       mean radius, but no smaller than about 1/500 of their cloud; with voxels too, the smaller of the two counts. */
+       mean radius, but no smaller than about 1/500 of their cloud; with voxels too, the smaller of the two counts.
+       Where particles are dense or voxels of gas long, slabs are up to 8 times thinner, for values up to 2. */
     double slab;
     /* Texels on the longer side of a light's sheets, and of the depth map by which polygons shade gas, up to 16384; 0:
        from quality, and fewer where pixels are wide (sps_quality): a shadow need not be sharper than the picture. Where
@@ -2576,7 +2578,8 @@ static inline spsi_v spsi_mean_between(spsi_v a, spsi_v b, spsi_v through_a, sps
     const spsi_v d = spsi_sub(b, a), square = spsi_mul(d, d), least = spsi_set(0.25f);
     const spsi_m near_by = spsi_less(spsi_abs(d), least);
     const spsi_v quotient = spsi_div(spsi_sub(through_a, through_b), spsi_select(near_by, least, d));
-    const spsi_v series = spsi_fma(spsi_fma(square, spsi_set(1.0f / 240), spsi_set(-1.0f / 24)), square, spsi_set(0.5f));
+    const spsi_v bend = spsi_fma(square, spsi_set(1.0f / 240), spsi_set(-1.0f / 24));
+    const spsi_v series = spsi_fma(bend, square, spsi_set(0.5f));
     return spsi_select(near_by, spsi_mul(spsi_add(through_a, through_b), series), quotient);
 }
 
@@ -10961,8 +10964,8 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *latti
 }
 
 /* Cuts slabs finer, for groups of them, where light within changes in less than their thickness: down to `fine` for
-   particles, and to the shortest edge of long voxels, or to where their gas has an optical depth of 0.05 at value 1, but
-   not below `least`. */
+   particles, and to the shortest edge of long voxels, or to where their gas has an optical depth of 0.05 at value 1.
+   None is thinner than `least`. */
 static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
     double finer;
     slabs->group = 1;
@@ -21455,7 +21458,7 @@ static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shado
 }
 
 /* What passes from a light through a group of slabs to the eye, as a mean over all that the group holds. `eye`: whether
-   the way to the eye counts. Within a slab, depth is taken to be linear in the share of matter, which errs by the square
+   the way to the eye counts. Within a slab, depth is taken to be linear in the share of matter. That errs by the square
    of the slab's depth. The same sum over pairs of slabs errs by four times that, so a third of the difference is added
    (Richardson). Pairs that hold nothing are left out: their light is not looked up. */
 static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arrival, const spsi_part *part, int eye) {
@@ -21473,7 +21476,8 @@ static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arriv
         }
         for (int j = 0; j < 2; ++j)
             sum = spsi_fma(share[j], spsi_mean_between(at[j], at[j + 1], through[j], through[j + 1]), sum);
-        pairs = spsi_fma(spsi_add(share[0], share[1]), spsi_mean_between(at[0], at[2], through[0], through[2]), pairs);
+        pairs = spsi_fma(spsi_add(share[0], share[1]), spsi_mean_between(at[0], at[2], through[0], through[2]),
+                         pairs);
     }
     return spsi_clamp(spsi_fma(spsi_sub(sum, pairs), spsi_set(1.0f / 3), sum), zero, spsi_set(1));
 }

@@ -10645,7 +10645,7 @@ typedef struct spsi_slabs {
     double start;     /* s . p where the first slab begins */
     double thickness;
     int count;
-    int group; /* a power of 2: number of slabs that are shaded at once; `count` is a multiple of it */
+    int group; /* number of slabs that are shaded at once, a power of 2; the last ones may lie behind all */
     int wide;  /* 1: thicker than voxels call for, since pixels are wide */
 } spsi_slabs;
 
@@ -10964,8 +10964,8 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *latti
 }
 
 /* Cuts slabs finer, for groups of them, where light within changes in less than their thickness: down to `fine` for
-   particles, and to the shortest edge of long voxels, or to where their gas has an optical depth of 0.05 at value 1.
-   None is thinner than `least`. */
+   particles, and to the shortest edge of long voxels, or to where their gas has an optical depth of 0.05 at value 1,
+   times sps_view.slab. None is thinner than `least`. */
 static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
     double finer;
     slabs->group = 1;
@@ -10974,7 +10974,7 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
         const double extinction = (double)frame->matter.materials[frame->media[i].channel].extinction;
         double shortest = HUGE_VAL;
         for (int k = 0; k < 3; ++k) shortest = fmin(shortest, spsi_length(frame->lattices[i].step[k]));
-        fine = fmin(fine, fmax(frame->view.slab * shortest, 0.05 / fmax(extinction, DBL_MIN)));
+        fine = fmin(fine, frame->view.slab * fmax(shortest, 0.05 / fmax(extinction, DBL_MIN)));
     }
     finer = fmin(slabs->thickness / fmax(fine, least), SPSI_GROUP_MOST);
     while (slabs->group < SPSI_GROUP_MOST && slabs->group < 0.71 * finer) slabs->group *= 2;
@@ -11002,7 +11002,7 @@ static double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, c
     slabs->wide = least > frame->view.slab * edge;
     slabs->thickness = fmin(fmax(frame->view.slab * edge, least), high - low); /* never thicker than the whole extent */
     spsi_slabs_group(frame, frame->view.slab * particles / spsi_particle_fineness(frame), least, slabs);
-    return slabs->group * ceil((high - low) / (slabs->thickness * slabs->group));
+    return ceil((high - low) / slabs->thickness);
 }
 
 /* Cuts the same slabs, and refuses them if they are too many. */
@@ -22658,7 +22658,7 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
     const int end = k + row->slab.group;
-    const float high = end == shading->slab_count ? shading->high : (float)(shader->first_slab + end);
+    const float high = end >= shading->slab_count ? shading->high : (float)(shader->first_slab + end);
     const int backwards = shader->sweep->back_to_front;
     int held;
     row->slab.open = backwards ? SPSI_ALL_LANES : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));

@@ -104,7 +104,8 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     20 bytes per relevant voxel, those of bricks where it is gathered (sps_filling: 12 to 16 more per voxel of dense
     gas, twice that at high and ultra), 32 per particle and 264 more for those in the fullest 16 slabs, 176 per triangle
     and 68 more if lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
-    sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
+    sheets (0.3 MB per kind of gas or classified volume), two with more than 8192 particles.
+    Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its map or table; those of
     lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, 8
     while one is made or updated, by default up to 256^3 entries per face; if all volumes have a revision, also 8 per
@@ -457,7 +458,8 @@ typedef struct sps_particle {
 /* A set of particles of the same material. Those smaller than a pixel or texel are widened to one. Up to 8/3 pixels (1
    texel) a particle keeps its mass wherever it lies; from 4 pixels (1.5 texels) on, optical depth along rays is exact,
    for slabs of any thickness. Light within a ball is resolved by slabs (sps_view.slab) and by the texels of the light's
-   sheets, which are 0.35 radii wide at medium quality. A particle that overlaps a polygon ends at it. */
+   sheets, which are 0.35 radii wide at medium quality; both are up to 8 times finer where particles are dense. A
+   particle that overlaps a polygon ends at it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -816,7 +818,8 @@ typedef struct sps_view {
     sps_quality quality;
     /* Slab thickness in voxels, the main trade of speed for error: error is proportional to its square. 0: from
        quality, and more where pixels are wide (sps_quality). Particles count as voxels of 0.7 times their geometric
-       mean radius, but no smaller than about 1/500 of their cloud; with voxels too, the smaller of the two counts. */
+       mean radius, but no smaller than about 1/500 of their cloud; with voxels too, the smaller of the two counts.
+       Where particles are dense or voxels of gas long, slabs are up to 8 times thinner, for values up to 2. */
     double slab;
     /* Texels on the longer side of a light's sheets, and of the depth map by which polygons shade gas, up to 16384; 0:
        from quality, and fewer where pixels are wide (sps_quality): a shadow need not be sharper than the picture. Where
@@ -2614,6 +2617,22 @@ static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
     series = spsi_fma(spsi_mul(d, spsi_set(-1)), series, spsi_set(1));
     return spsi_mul(spsi_exp(spsi_sub(spsi_set(0), spsi_min(a, b))),
                     spsi_select(spsi_less(d, spsi_set(0.25f)), series, quotient));
+}
+
+/* The same where exp(-a) and exp(-b) are known, to 4e-7. */
+static inline spsi_v spsi_mean_between(spsi_v a, spsi_v b, spsi_v through_a, spsi_v through_b) {
+    const spsi_v d = spsi_sub(b, a), square = spsi_mul(d, d), least = spsi_set(0.25f);
+    const spsi_m near_by = spsi_less(spsi_abs(d), least);
+    const spsi_v quotient = spsi_div(spsi_sub(through_a, through_b), spsi_select(near_by, least, d));
+    const spsi_v bend = spsi_fma(square, spsi_set(1.0f / 240), spsi_set(-1.0f / 24));
+    const spsi_v series = spsi_fma(bend, square, spsi_set(0.5f));
+    return spsi_select(near_by, spsi_mul(spsi_add(through_a, through_b), series), quotient);
+}
+
+/* 1 - exp(-depth); 1 where exp is 0. */
+static inline spsi_v spsi_coverage(spsi_v depth) {
+    const spsi_v zero = spsi_set(0), dense = spsi_sub(spsi_set(1), spsi_exp(spsi_sub(zero, depth)));
+    return spsi_select(spsi_less(depth, spsi_set(0.25f)), spsi_mul(depth, spsi_mean_transmittance(zero, depth)), dense);
 }
 
 /* The mean position, as a fraction of its length, of what the eye sees of an interval of optical depth d:
@@ -4803,6 +4822,7 @@ typedef struct spsi_content {
     int set_ends[SPSI_SETS_MAX];   /* the end of each set in `particles`; the next one begins there */
     double particle_radius;        /* geometric mean of the radii */
     double particle_spread;        /* root mean square distance of the particles from their mean */
+    double particle_extinction;    /* mean of their gas, in a particle or where they overlap, whichever is larger */
     const spsi_image *images;      /* that lights throw, >>projectors */
     spsi_fields *fields;           /* of the volumes; NULL: they are splatted, >>taps */
     const spsi_cell_grid *cells;   /* grids of them; NULL: light is not followed from cell to cell */
@@ -6763,8 +6783,30 @@ static void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *boun
     }
 }
 
-/* Bounds, mean radius and spread of the particles. The latter two are means, so that a stray particle among many hardly
-   changes them. */
+/* Mean extinction of the gas of particles: of each, weighted by about what it covers, or of all in the volume that they
+   are spread over (a cube of edge a has a spread of a / 2), whichever is larger. Soft ones, which have no edges, count
+   as a bit thinner than they are. A few thousand stand for all. */
+static double spsi_measure_extinction(const spsi_frame *frame) {
+    const spsi_content *content = frame->content;
+    const int step = 1 + content->particle_count / 8192;
+    double mass = 0, volume = 0, covered = 0, sum = 0;
+    for (int n = 0, i = 0; n < content->particle_count; n += step) {
+        const double radius = (double)content->particles[n].radius, square = radius * radius;
+        double depth, most;
+        while (n >= content->set_ends[i]) ++i;
+        depth = fmin(spsi_particle_depth(&content->particles[n], &frame->particles.sets[i]), (double)SPSI_DEPTH_MAX);
+        most = depth * (frame->particles.sets[i].soft ? 0.25 : 0.5);
+        mass += step * most * square;
+        volume += step * square * radius;
+        covered += square * depth / (1 + depth);
+        sum += most * radius * depth / (1 + depth);
+    }
+    volume = volume / content->particle_count + 8 / (4 * SPSI_PI / 3) * pow(content->particle_spread, 3);
+    return covered > 0 && volume > 0 ? fmax(mass / volume, sum / covered) : 0;
+}
+
+/* Bounds, mean radius, spread and extinction of the particles. They are means, so that a stray particle among many
+   hardly changes them. */
 static void spsi_measure_particles(const spsi_frame *frame) {
     double logs = 0, sum[3] = {0, 0, 0}, squares = 0, origin[3];
     if (frame->content->particle_count == 0) return;
@@ -6785,6 +6827,7 @@ static void spsi_measure_particles(const spsi_frame *frame) {
     frame->content->particle_radius = exp(logs / frame->content->particle_count);
     squares -= spsi_dot(sum, sum) / frame->content->particle_count;
     frame->content->particle_spread = sqrt(fmax(squares / frame->content->particle_count, 0));
+    frame->content->particle_extinction = spsi_measure_extinction(frame);
 }
 
 /* Reads every set of particles once, and keeps 20 bytes per particle. */
@@ -9386,6 +9429,10 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
    15 Lights: where their light comes from, and grids of rays that cover what it may reach. */
 
 #define SPSI_PARTICLE_EDGE 0.7 /* in radii, >>slicing */
+#define SPSI_GROUP_MOST    8   /* slabs that are shaded at once */
+#define SPSI_GROUP_SLAB    2   /* sps_view.slab up to which there are groups: thicker ones are to be cheap */
+#define SPSI_FINE_PIXELS   1.7 /* times texel_pixels: least texels of dense particles */
+#define SPSI_FINE_SLABS    40  /* in the diagonal of all gas, times sps_view.slab, beyond which none are refined */
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
 
 /* Unit vector along which light travels at a point. */
@@ -9395,6 +9442,18 @@ static void spsi_lamp_direction(const spsi_lamp *lamp, const double point[3], do
     else
         spsi_along(point, lamp->position, -1, direction);
     spsi_normalise(direction);
+}
+
+/* How many times finer slabs and texels are where particles are dense, since what lights the inside of a sphere changes
+   within optical depths. Clouds that are many particles deep are not resolved as finely. */
+static double spsi_particle_fineness(const spsi_frame *frame) {
+    const spsi_content *content = frame->content;
+    const double edge = SPSI_PARTICLE_EDGE * content->particle_radius, depth = edge * content->particle_extinction;
+    double across[3], finer;
+    if (content->particle_count == 0 || frame->matter.classifies || !(depth > 0.0875)) return 1;
+    spsi_along(content->bounds.high, content->bounds.low, -1, across);
+    finer = fmin(fmin(fmax(5 * pow(depth, 0.8), 1.4), SPSI_GROUP_MOST), SPSI_FINE_SLABS * edge / spsi_length(across));
+    return finer < 1.4 ? 1 : finer;
 }
 
 /* Minimum breadth of any volume's voxels across a ray; infinity without volumes. */
@@ -9527,6 +9586,7 @@ static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
     size = spsi_voxel_across(frame, right, down) / frame->accuracy.shadow_texels;
     if (frame->content->particle_count == 0) return size;
     own = 0.5 * SPSI_PARTICLE_EDGE * frame->content->particle_radius / frame->accuracy.shadow_texels;
+    if (spsi_has_shadow_table(lamp)) own /= sqrt(spsi_particle_fineness(frame)); /* whose time is its texels' cube */
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
     return fmin(size, fmax(own, spsi_length(across) / frame->accuracy.depth_map_texels));
 }
@@ -10830,7 +10890,8 @@ typedef struct spsi_slabs {
     double start;     /* s . p where the first slab begins */
     double thickness;
     int count;
-    int wide; /* 1: thicker than voxels call for, since pixels are wide */
+    int group; /* number of slabs that are shaded at once, a power of 2; the last ones may lie behind all */
+    int wide;  /* 1: thicker than voxels call for, since pixels are wide */
 } spsi_slabs;
 
 /* Slab coordinate of a point: its integer part is the number of the slab. */
@@ -10945,6 +11006,7 @@ static void spsi_sweep_clear(const spsi_frame *frame, const spsi_lamp *lamp, int
     memset(sweep, 0, sizeof *sweep);
     sweep->lamp = lamp;
     sweep->slabs.normal[2] = sweep->slabs.thickness = 1;
+    sweep->slabs.group = 1;
     sweep->eye = frame->content->eye;
     spsi_part_place(frame, part, sweep->part);
     sweep->eye.width = sweep->part[2] - sweep->part[0];
@@ -11148,12 +11210,30 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *latti
     return fmin(extent, fmax(chord, flattest * extent));
 }
 
+/* Cuts slabs finer, for groups of them, where light within changes in less than their thickness: down to `fine` for
+   particles, and to the shortest edge of long voxels, or to where their gas has an optical depth of 0.05 at value 1,
+   times sps_view.slab. None is thinner than `least`. */
+static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
+    double finer;
+    slabs->group = 1;
+    if (frame->matter.classifies || frame->view.slab > SPSI_GROUP_SLAB) return;
+    for (int i = 0; i < frame->medium_count; ++i) {
+        const double extinction = (double)frame->matter.materials[frame->media[i].channel].extinction;
+        double shortest = HUGE_VAL;
+        for (int k = 0; k < 3; ++k) shortest = fmin(shortest, spsi_length(frame->lattices[i].step[k]));
+        fine = fmin(fine, frame->view.slab * fmax(shortest, 0.05 / fmax(extinction, DBL_MIN)));
+    }
+    finer = fmin(slabs->thickness / fmax(fine, least), SPSI_GROUP_MOST);
+    while (slabs->group < SPSI_GROUP_MOST && slabs->group < 0.71 * finer) slabs->group *= 2;
+    if (slabs->group > 1) slabs->thickness /= finer;
+}
+
 /* Places slabs over the bounds of volumes and particles, along their normal, that serve the rays of a target and those
    of a light (NULL: none). `edge` is the voxel edge that stands for particles, or infinite. Slabs need not be thinner
    than `least`, or than what makes a chunk of them. Returns their number. */
 static double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_lamp *lamp, double edge,
                                double least, spsi_slabs *slabs) {
-    double low = HUGE_VAL, high = -HUGE_VAL;
+    double low = HUGE_VAL, high = -HUGE_VAL, particles;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
         spsi_bounds_corner(&frame->content->bounds, corner, point);
@@ -11161,12 +11241,14 @@ static double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, c
         high = fmax(high, spsi_dot(point, slabs->normal));
     }
     edge = fmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits the slabs that a stray particle calls for */
+    particles = edge;
     for (int i = 0; i < frame->medium_count; ++i)
         edge = fmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, lamp, slabs->normal));
     slabs->start = low;
     least = fmin(least, (high - low) / SPSI_CHUNK);
     slabs->wide = least > frame->view.slab * edge;
     slabs->thickness = fmin(fmax(frame->view.slab * edge, least), high - low); /* never thicker than the whole extent */
+    spsi_slabs_group(frame, frame->view.slab * particles / spsi_particle_fineness(frame), least, slabs);
     return ceil((high - low) / slabs->thickness);
 }
 
@@ -11208,7 +11290,8 @@ static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_lamp *lamp = sweep->lamp;
     const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_shadow(frame, lamp);
     const double texel = fmax(spsi_lamp_texel(frame, lamp), pixels);
-    if (!spsi_rays_fit(lamp, &frame->content->bounds, texel, frame->view.shadow_size, spsi_light_texels_most(frame),
+    const double fine = fmax(texel / spsi_particle_fineness(frame), fmin(texel, SPSI_FINE_PIXELS * pixels));
+    if (!spsi_rays_fit(lamp, &frame->content->bounds, fine, frame->view.shadow_size, spsi_light_texels_most(frame),
                        &sweep->rays))
         return 0;
     sweep->soft = lamp->extent.exists && spsi_penumbra_texels(frame, sweep) >= 0.5;
@@ -14537,16 +14620,21 @@ static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
+#define SPSI_SUMMED_MOST 8192 /* particles that are summed in sheets: each may lose half of 8192 roundings, 2.5e-4 */
+
+/* Tiles of sheets for each worker: a second one if so many particles may meet that their sums are carried. */
+static size_t spsi_sheet_tiles(const spsi_frame *frame) { return frame->particles.count > SPSI_SUMMED_MOST ? 2 : 1; }
+
 /* Allocates the workers' scratch: a tile of sheets, shared by the targets, and counters for each target. */
 static sps_result spsi_targets_reserve(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const int count = contents->target_count;
-    const size_t workers = (size_t)spsi_worker_count(context);
+    const size_t workers = (size_t)spsi_worker_count(context), tiles = spsi_sheet_tiles(contents->frame);
     size_t floats = 0;
     uint64_t *counts;
     float *sheets;
     for (int i = 0; i < count; ++i) {
-        const size_t own = spsi_shape_floats(&contents->targets[i]->shape);
+        const size_t own = tiles * spsi_shape_floats(&contents->targets[i]->shape);
         floats = own > floats ? own : floats;
     }
     floats = (floats + 1) / 2 * 2; /* keeps the counters aligned */
@@ -14846,11 +14934,23 @@ typedef struct spsi_tile_fill {
     const spsi_contents *contents;
     spsi_tile *tile;
     int column, row, touched;
+    int summed;  /* particles that the sheets hold */
+    int carried; /* 1: the sums behind the sheets hold others */
 } spsi_tile_fill;
 
 static void spsi_tile_touch(spsi_tile_fill *fill) {
     if (!fill->touched) memset(fill->tile->sheets, 0, spsi_shape_floats(&fill->target->shape) * sizeof(float));
     fill->touched = 1;
+}
+
+/* Moves what the sheets hold to the sums behind them: a weak particle is lost in the rounding of a sum of many. */
+static void spsi_tile_carry(spsi_tile_fill *fill) {
+    const size_t floats = spsi_shape_floats(&fill->target->shape);
+    float *sheets = fill->tile->sheets, *sums = sheets + floats;
+    for (size_t i = 0; i < floats; ++i) sums[i] = fill->carried ? sums[i] + sheets[i] : sheets[i];
+    memset(sheets, 0, floats * sizeof *sheets);
+    fill->summed = 0;
+    fill->carried = 1;
 }
 
 /* Places a patch of a tile. Returns 0 if it has no pixels. */
@@ -15102,6 +15202,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
 static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_seen *seen) {
     const int left = fill->target->slabs->count - fill->contents->first_slab;
     spsi_tile_touch(fill);
+    if (fill->summed++ == SPSI_SUMMED_MOST) spsi_tile_carry(fill);
     spsi_splat_particle(fill->tile, &fill->target->crossing, seen, fill->contents->first_slab == 0, left);
 }
 
@@ -15140,13 +15241,18 @@ static int spsi_tile_splat(const spsi_target *target, const spsi_contents *conte
     fill.tile = tile;
     fill.column = column;
     fill.row = row;
-    fill.touched = 0;
+    fill.touched = fill.summed = fill.carried = 0;
     spsi_tile_splat_bricks(&fill);
     if (contents->particles.current == 0) return fill.touched;
     for (int up = 0; up <= (row > 0); ++up)
         for (int left = 0; left <= (column > 0); ++left)
             spsi_tile_splat_list(&fill, (row - up) * target->columns + column - left, left + 2 * up);
     spsi_tile_splat_wide(&fill);
+    if (fill.carried) {
+        spsi_tile_carry(&fill);
+        memcpy(tile->sheets, tile->sheets + spsi_shape_floats(&target->shape),
+               spsi_shape_floats(&target->shape) * sizeof(float));
+    }
     return fill.touched;
 }
 
@@ -18597,6 +18703,7 @@ static spsi_v spsi_spread_flux(const spsi_spread *spread, int channel, const sps
 
 typedef struct spsi_planes {
     float *depth[SPSI_CHUNK + 1]; /* width * height each */
+    int wide;                     /* 1: too large for a cache: what lookups need is fetched ahead */
     int width, height, tiles_x, tiles_y;
     float end;             /* optical depth at which light is no longer followed */
     int cubic;             /* 1: bicubic lookup, for classified volumes, whose depth bends within a voxel */
@@ -18717,6 +18824,7 @@ static sps_result spsi_planes_build(sps_context *context, const spsi_frame *fram
     memory = (float *)(void *)(planes->open + tiles);
     planes->width = rays->width;
     planes->height = rays->height;
+    planes->wide = texels > 16384;
     planes->end = spsi_light_end(frame);
     planes->cubic = frame->matter.classifies && rays->width >= 4 && rays->height >= 4;
     for (int k = 0; k <= SPSI_CHUNK; ++k) planes->depth[k] = memory + (size_t)k * texels;
@@ -21437,7 +21545,8 @@ static void spsi_flights_irradiance(const spsi_flight_place *place, const spsi_f
 
 /* One light at the current slab of a vector of pixels. */
 typedef struct spsi_arrival {
-    spsi_v light[2];        /* optical depth from the light to the start and end of the ray's path through the slab */
+    /* optical depth from the light to the start and end of the ray's path through the group, and where slabs meet */
+    spsi_v light[SPSI_GROUP_MOST + 1];
     int plane;              /* plane of the last lookup; -1: none */
     spsi_v plane_light;     /* optical depth found there */
     spsi_v skipped;         /* optical depth of the gas that was passed since */
@@ -21581,11 +21690,12 @@ static inline spsi_v spsi_plane_depth(const spsi_line *line, int k) {
     return spsi_mul(spsi_sub(spsi_set((float)k), line->base), line->scale);
 }
 
-/* The depths at which a ray enters and leaves slab k, nearer first, clamped to the polygon and the near plane. */
-static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, spsi_v *enter,
+/* The depths at which a ray enters and leaves slabs from k on, nearer first, clamped to the polygon and the near
+   plane. */
+static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, int group, spsi_v *enter,
                                    spsi_v *leave) {
     const spsi_rays *eye = shader->eye;
-    const spsi_v a = spsi_plane_depth(line, k), b = spsi_plane_depth(line, k + 1);
+    const spsi_v a = spsi_plane_depth(line, k), b = spsi_plane_depth(line, k + group);
     const float near_d = spsi_rays_begin(eye);
     *enter = spsi_min(spsi_max(spsi_min(a, b), spsi_set(near_d)), line->polygon);
     *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), line->polygon));
@@ -21619,9 +21729,10 @@ static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out
     }
 }
 
-/* A slab on a vector of rays. If any volume is classified it is shaded in parts, in the light's order. */
+/* A slab on a vector of rays, or a group of slabs (spsi_slabs) that differ only in depth and light. If any volume is
+   classified it is shaded in parts, in the light's order. */
 typedef struct spsi_slab {
-    int k, part_count, material_count;
+    int k, group, part_count, material_count;
     int open;                      /* the rays that have not ended, as bits */
     spsi_sample *samples;          /* material_count per part */
     spsi_v enter, leave;           /* depths along the ray */
@@ -21629,6 +21740,8 @@ typedef struct spsi_slab {
     spsi_arrival *arrivals;        /* one for each of the shader's shadows */
     spsi_v depth;                  /* optical depth of all samples */
     spsi_v part_depth[SPSI_PARTS]; /* the same for each part */
+    spsi_v share[SPSI_GROUP_MOST]; /* of a group: the share of this in each slab */
+    int filled;                    /* the slabs that hold anything, as bits; both or none of a pair */
 } spsi_slab;
 
 /* One part of a slab. */
@@ -22405,7 +22518,7 @@ static void spsi_arrival_begin(const spsi_shadow *shadow, const spsi_pixels *p, 
 static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, const spsi_arrival *arrival, int k) {
     const spsi_v d = spsi_plane_depth(&p->line, k);
     spsi_v at[3];
-    if (shadow->kind == SPSI_SHADOW_SHEETS) {
+    if (shadow->kind == SPSI_SHADOW_SHEETS && shadow->sliced->planes.wide) {
         int texels[SPSI_LANES];
         spsi_courses_at(&arrival->ahead, d, at);
         spsi_sliced_texels(shadow->sliced, at, texels);
@@ -22423,19 +22536,27 @@ static int spsi_slab_skips(const spsi_shader *shader, const spsi_slab *slab, sps
     return spsi_bits(spsi_less(most, arrival->skipped)) == 0;
 }
 
-/* Looks up one light where the ray enters and leaves a slab. */
+/* Looks up one light where the ray enters and leaves a slab, or each of a group. */
 static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                             const spsi_slab *slab, spsi_arrival *arrival) {
+    const spsi_v count = spsi_set((float)slab->group), zero = spsi_set(0), one = spsi_set(1);
+    const spsi_v first = spsi_mul(slab->first, count), last = spsi_mul(slab->last, count);
+    const int skips = spsi_slab_skips(shader, slab, arrival);
     spsi_v a0 = arrival->plane_light, a1 = a0;
-    if (!spsi_slab_skips(shader, slab, arrival)) {
-        a1 = spsi_plane_light(shadow, p, arrival, slab->k + 1);
-        if (arrival->plane != slab->k) a0 = spsi_plane_light(shadow, p, arrival, slab->k);
-        arrival->plane = slab->k + 1;
-        arrival->plane_light = a1;
-        arrival->skipped = spsi_set(0);
+    if (!skips && arrival->plane != slab->k && (slab->filled & 1)) a0 = spsi_plane_light(shadow, p, arrival, slab->k);
+    for (int i = 0; i < slab->group; ++i) {
+        const spsi_v at = spsi_set((float)i), ended = i > 0 ? arrival->light[i] : zero;
+        if (!skips && (slab->filled >> i & 3)) a1 = spsi_plane_light(shadow, p, arrival, slab->k + i + 1);
+        arrival->light[i] = spsi_mix(a0, a1, spsi_clamp(spsi_sub(first, at), zero, one));
+        if (i > 0) arrival->light[i] = spsi_select(spsi_less(last, at), ended, arrival->light[i]);
+        arrival->light[i + 1] = spsi_mix(a0, a1, spsi_clamp(spsi_sub(last, at), zero, one));
+        a0 = a1;
     }
-    arrival->light[0] = spsi_mix(a0, a1, slab->first);
-    arrival->light[1] = spsi_mix(a0, a1, slab->last);
+    if (!skips) {
+        arrival->plane = slab->filled >> (slab->group - 1) ? slab->k + slab->group : -1;
+        arrival->plane_light = a1;
+        arrival->skipped = zero;
+    }
     spsi_lit_shares(shader, &shadow->depth_map, p, slab, arrival->lit);
 }
 
@@ -22490,14 +22611,42 @@ static void spsi_part_pass(const spsi_shader *shader, const spsi_shadow *shadow,
     }
 }
 
+/* What passes from a light through a group of slabs to the eye, as a mean over all that the group holds. `eye`: whether
+   the way to the eye counts. Within a slab, depth is taken to be linear in the share of matter. That errs by the square
+   of the slab's depth. The same sum over pairs of slabs errs by four times that, so a third of the difference is added
+   (Richardson). Pairs that hold nothing are left out: their light is not looked up. */
+static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arrival, const spsi_part *part, int eye) {
+    const spsi_v zero = spsi_set(0), own = spsi_sub(part->after, part->before);
+    spsi_v sum = zero, pairs = zero, passed = zero;
+    for (int i = 0; i < slab->group; i += 2) {
+        const spsi_v *share = slab->share + i;
+        spsi_v at[3], through[3];
+        if (!(slab->filled >> i & 1)) continue;
+        for (int j = 0; j < 3; ++j) {
+            at[j] = arrival->light[i + j];
+            if (eye) at[j] = spsi_add(at[j], spsi_fma(own, passed, part->before));
+            if (j < 2) passed = spsi_add(passed, share[j]);
+            through[j] = spsi_exp(spsi_sub(zero, at[j]));
+        }
+        for (int j = 0; j < 2; ++j)
+            sum = spsi_fma(share[j], spsi_mean_between(at[j], at[j + 1], through[j], through[j + 1]), sum);
+        pairs = spsi_fma(spsi_add(share[0], share[1]), spsi_mean_between(at[0], at[2], through[0], through[2]),
+                         pairs);
+    }
+    return spsi_clamp(spsi_fma(spsi_sub(sum, pairs), spsi_set(1.0f / 3), sum), zero, spsi_set(1));
+}
+
 /* Adds one of the lights that the sweep carries, attenuated by its planes or its map, cut off by opaque polygons and
    filtered by translucent ones. Within a slab, optical depth towards the light and towards the eye grow in proportion:
    both come from the same matter. */
-static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
-                              const spsi_pixels *p, const spsi_part *part, const spsi_sent *sent) {
+static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_slab *slab,
+                              const spsi_arrival *arrival, const spsi_pixels *p, const spsi_part *part,
+                              const spsi_sent *sent) {
     const spsi_v lit = spsi_part_lit(arrival, part), end_share = spsi_mix(part->first, part->last, lit);
-    const spsi_v light[2] = {spsi_mix(arrival->light[0], arrival->light[1], part->first),
-                             spsi_mix(arrival->light[0], arrival->light[1], end_share)};
+    const spsi_v *ends = arrival->light, last = ends[slab->group];
+    /* neither layers nor the edge of a polygon's shadow cut it */
+    const spsi_m whole = spsi_less(spsi_set(0.9999995f), spsi_min(lit, spsi_sub(part->last, part->first)));
+    const spsi_v light[2] = {spsi_mix(ends[0], last, part->first), spsi_mix(ends[0], last, end_share)};
     const spsi_v eye[2] = {part->before, spsi_mix(part->before, part->after, lit)};
     spsi_v passes, arrives = lit, filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
     spsi_carried carried;
@@ -22507,10 +22656,12 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
     carried.start = spsi_add(light[0], eye[0]);
     carried.end = spsi_add(light[1], eye[1]);
     passes = spsi_mul(lit, spsi_mean_transmittance(carried.start, carried.end));
+    if (slab->group > 1) passes = spsi_select(whole, spsi_group_passes(slab, arrival, part, 1), passes);
     if (shadow->spread) {
         carried.start = eye[0];
         carried.end = eye[1];
         arrives = spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
+        if (slab->group > 1) arrives = spsi_select(whole, spsi_group_passes(slab, arrival, part, 0), arrives);
     }
     if (shadow->soft || shadow->pane_map_count > 0) spsi_part_pass(shader, shadow, p, part, filter);
     for (int c = 0; c < 3; ++c) {
@@ -23505,18 +23656,45 @@ typedef struct spsi_scratch {
 /* Number of samples of a worker's scratch memory. */
 static int spsi_scratch_samples(const spsi_frame *frame) { return frame->matter.material_count * (SPSI_PARTS + 1); }
 
-/* Reads slab k of a vector of pixels. Returns 0 if it holds nothing. */
+/* What each slab of a group holds, into sums of the group, one for each material, and the shares of optical depth that
+   slabs have. Returns 0 if there is nothing. */
+static int spsi_group_sum(const spsi_shader *shader, const spsi_tile *tile, size_t at, spsi_v length, spsi_slab *slab) {
+    const spsi_v zero = spsi_set(0);
+    spsi_v any = zero, whole = zero;
+    slab->filled = 0;
+    for (int m = 0; m < slab->material_count; ++m) slab->samples[m].value_length = zero;
+    for (int i = 0; i < slab->group; ++i, at += tile->sheet_size) {
+        slab->share[i] = zero;
+        for (int m = 0; m < slab->material_count; ++m) {
+            const float extinction = shader->frame->matter.materials[m].extinction;
+            const spsi_v sum = spsi_mul(spsi_sheet_sum(tile, m, at), length);
+            const spsi_v depth = spsi_min(spsi_mul(sum, spsi_set(extinction)), spsi_set(SPSI_DEPTH_MAX));
+            any = spsi_max(any, sum);
+            slab->samples[m].value_length = spsi_add(slab->samples[m].value_length, sum);
+            slab->share[i] = spsi_add(slab->share[i], depth);
+        }
+        whole = spsi_add(whole, slab->share[i]);
+        if (spsi_bits(spsi_less(zero, slab->share[i]))) slab->filled |= 3 << (i & ~1);
+    }
+    if (slab->group == 1 || spsi_scatters_forward(shader->frame) || shader->frame->view.lookup_threshold > 0)
+        slab->filled = ~0; /* light at all planes is used */
+    if (slab->group == 1) return spsi_bits(spsi_less(zero, any)) != 0;
+    whole = spsi_div(spsi_set(1), spsi_max(whole, spsi_set(FLT_MIN)));
+    for (int i = 0; i < slab->group; ++i) slab->share[i] = spsi_mul(slab->share[i], whole);
+    return spsi_bits(spsi_less(zero, any)) != 0;
+}
+
+/* Reads slab k of a vector of pixels, or a group from there on. Returns 0 if it holds nothing. */
 static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                            spsi_slab *slab) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = slab->material_count;
     const size_t at = (size_t)(k + margin) * tile->sheet_size +
                       (size_t)((p->line.y - tile->y0) * tile->pitch + (p->line.x - tile->x0));
-    const spsi_v zero = spsi_set(0), whole = spsi_abs(p->line.scale);
-    spsi_v any = zero, way;
-    for (int m = 0; m < count; ++m) any = spsi_max(any, spsi_load(tile->sheets + (size_t)m * tile->channel_size + at));
-    if (!spsi_bits(spsi_less(zero, any))) return 0;
+    const spsi_v zero = spsi_set(0), whole = spsi_mul(spsi_abs(p->line.scale), spsi_set((float)slab->group));
+    spsi_v way;
+    if (!spsi_group_sum(shader, tile, at, p->length, slab)) return 0;
     slab->k = k;
-    spsi_slab_range(shader, &p->line, k, &slab->enter, &slab->leave);
+    spsi_slab_range(shader, &p->line, k, slab->group, &slab->enter, &slab->leave);
     way = spsi_sub(slab->leave, slab->enter);
     if (!spsi_bits(spsi_less(zero, way))) return 0;
     slab->first = zero;
@@ -23534,8 +23712,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
         if (shader->frame->matter.materials[m].table)
             spsi_samples_classified(shader, tile, p, m, slab);
         else
-            spsi_samples_gas(&shader->frame->matter.materials[m], spsi_mul(spsi_sheet_sum(tile, m, at), p->length), m,
-                             slab);
+            spsi_samples_gas(&shader->frame->matter.materials[m], slab->samples[m].value_length, m, slab);
     for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
     if (!shader->frame->matter.emits && !spsi_bits(spsi_less(zero, slab->depth)))
         return 0; /* values without extinction */
@@ -23625,7 +23802,7 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const
         sum->distance = spsi_mul(sum->distance, through);
     }
     for (int i = 0; i < shader->shadow_count && shader->frame->matter.scatters; ++i)
-        spsi_add_shadowed(shader, &shader->shadows[i], &slab->arrivals[i], p, part, &sent);
+        spsi_add_shadowed(shader, &shader->shadows[i], slab, &slab->arrivals[i], p, part, &sent);
     if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, &sent);
     for (int c = 0; c < shader->frame->channels && ahead; ++c) {
         sum->radiance[c] = spsi_fma(filtered[0][c], spsi_load(ahead->filter[c]), sum->radiance[c]);
@@ -23712,11 +23889,13 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
     }
 }
 
-/* Composites slab k of a vector of pixels, and the polygons in it. Returns 0 if it held nothing. */
+/* Composites slab k of a vector of pixels, or a group from there on, and the polygons in it. Returns 0 if it held
+   nothing. */
 static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
-    const float high = k + 1 == shading->slab_count ? shading->high : (float)(shader->first_slab + k + 1);
+    const int end = k + row->slab.group;
+    const float high = end >= shading->slab_count ? shading->high : (float)(shader->first_slab + end);
     const int backwards = shader->sweep->back_to_front;
     int held;
     row->slab.open = backwards ? SPSI_ALL_LANES : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
@@ -23793,8 +23972,10 @@ static int spsi_pixels_layered(const spsi_shader *shader, int x, int y, int widt
 static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int width) {
     const spsi_shader *shader = shading->shader;
     const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
+    const int group = shader->sweep->slabs.group;
     spsi_row row;
     int held = 0;
+    row.slab.group = group;
     row.slab.samples = shading->scratch.samples;
     row.slab.arrivals = shading->scratch.arrivals;
     row.slab.material_count = shader->frame->matter.material_count;
@@ -23810,9 +23991,10 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     row.has_layers = spsi_pixels_layered(shader, x, y, width);
     if (row.has_layers) spsi_ahead_begin(shader, &row.pixels, width, shading->low, &row.ahead);
     spsi_gathered_load(shader, at, &row.sum);
-    for (int k = 0; k < shading->slab_count; ++k) {
+    for (int k = 0; k < shading->slab_count; k += group) {
         held += width * spsi_add_slab(shading, k, &row);
-        if (!shader->sweep->back_to_front && !spsi_end_rays(shader, &row.pixels, k + 1, spsi_row_ahead(&row), &row.sum))
+        if (!shader->sweep->back_to_front &&
+            !spsi_end_rays(shader, &row.pixels, k + group, spsi_row_ahead(&row), &row.sum))
             break;
     }
     if (shading->slab_count == 0) spsi_add_range(shading, &row);
@@ -26941,10 +27123,8 @@ static sps_result spsi_begin_total(sps_context *context, const spsi_frame *frame
 
 /* Adds a sweep's radiance to a pixel of the total; the first sweep also covers the background, and contributes coverage
    and distance. */
-static void spsi_add_pixel(const spsi_run *run, int x, int y, float *pixel) {
+static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float covered, float *pixel) {
     const spsi_shader *shader = &run->shader;
-    const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
-    const float depth = shader->depth[at], covered = spsi_flush(depth < 86 ? -expm1f(-depth) : 1);
     const float *behind = spsi_behind(shader, x, y);
     for (int c = 0; c < 3 && run->sweep->first; ++c) pixel[c] = pixel[c] * (1 - covered) * (behind ? behind[c] : 1);
     for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
@@ -26967,14 +27147,21 @@ typedef struct spsi_sum_job {
 static void spsi_sum_task(void *data, int index, int worker) {
     const spsi_sum_job *job = (const spsi_sum_job *)data;
     const spsi_frame *frame = job->run->frame;
+    const spsi_shader *shader = &job->run->shader;
     const int *region = frame->view.region, *part = job->run->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
     const int x1 = spsi_least(part[2], region[0] + region[2]);
     const int y1 = spsi_least(part[3], spsi_least(region[1] + region[3], top + SPSI_SUM_ROWS));
     (void)worker;
     for (int y = spsi_most(part[1], top); y < y1; ++y)
-        for (int x = spsi_most(part[0], region[0]); x < x1; ++x) {
+        for (int x = spsi_most(part[0], region[0]); x < x1; x += SPSI_LANES) {
             const size_t pixel = (size_t)(y - region[1]) * (size_t)region[2] + (size_t)(x - region[0]);
-            spsi_add_pixel(job->run, x, y, job->total + pixel * spsi_total_floats(frame));
+            const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
+            const int count = spsi_least(SPSI_LANES, x1 - x);
+            float covered[SPSI_LANES];
+            spsi_store(covered, spsi_coverage(spsi_load_first(shader->depth + at, count)));
+            for (int i = 0; i < count; ++i)
+                spsi_add_pixel(job->run, x + i, y, at + (size_t)i, spsi_flush(covered[i]),
+                               job->total + (pixel + (size_t)i) * spsi_total_floats(frame));
         }
 }
 
@@ -27338,7 +27525,7 @@ static size_t spsi_plan_spent_bytes(const spsi_frame *frame, size_t side) {
 static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
     const spsi_shape eye = spsi_eye_shape(frame, frame->gradients.exist), light = spsi_light_shape(frame);
     const size_t shadow = frame->lamps.shadow_count > 0 ? spsi_shape_floats(&light) : 0;
-    return shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye);
+    return spsi_sheet_tiles(frame) * (shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye));
 }
 
 /* Bytes by which a sweep's light casts penumbrae. Particles and polygons have not been read: whether penumbrae are wide

@@ -566,6 +566,7 @@ static inline void add_set(random_scene *x, int soft) {
         for (int k = 0; k < 3; ++k) p->position[k] = (float)world[k];
         p->radius = (float)(x->scale * radius * draw(random, 0.6, 1.4));
         p->optical_depth = (float)draw_log(random, 0.03, 1.5);
+        if (set->count == 1) p->radius *= 2.5f, p->optical_depth *= 3.5f; /* a single dense sphere */
         if (set->is_extinction) p->optical_depth /= 2 * p->radius;
     }
 }

@@ -4705,6 +4705,7 @@ typedef struct spsi_content {
     double particle_spread;        /* root mean square distance of the particles from their mean */
     const spsi_image *images;      /* that lights throw, >>projectors */
     spsi_fields *fields;           /* of the volumes; NULL: they are splatted, >>taps */
+    int levels[SPSI_VOLUMES_MAX];  /* by medium: the level for all targets; -1: none, voxels are splatted, >>taps */
     const spsi_cell_grid *cells;   /* grids of them; NULL: light is not followed from cell to cell */
     int cell_grid_count;
     spsi_rays eye; /* the frame's, with depths relative to the middle of the content */
@@ -12725,7 +12726,7 @@ typedef struct spsi_tapper {
     const spsi_voxel_field *field; /* of its level */
     const spsi_voxel_field *finest;
     const uint32_t (*cells)[2];    /* of the field, by the reach that is wanted */
-    int level;                     /* 0: voxels as they were read */
+    int level, wanted;             /* 0: voxels as they were read; the frame's, which may be wider than texels */
     int rays, side;                /* of a pixel: 1, or 2 that swing, or a square of 2^2 to 8^2; along its side */
     float aside;                   /* pixels from its centre to the outermost, along each axis */
     double breadth;                /* standard deviation of a voxel of its level, along its longest edge */
@@ -13578,7 +13579,7 @@ static spsi_verdict spsi_tapper_serves_at(const spsi_tapper *tapper, const spsi_
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
     if (finer * finer * spsi_least_variance(splatter, q) < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
     widest = spsi_least(tapper->side, 2) * tapper->breadth / (rays->perspective ? pitch * q[2] : pitch);
-    if (widest * widest > SPSI_TAP_WIDEST && tapper->level > 0) return SPSI_SPLAT_SMALL;
+    if (widest * widest > SPSI_TAP_WIDEST && tapper->level > tapper->wanted) return SPSI_SPLAT_SMALL;
     spsi_tapper_way(tapper, rays, q, way);
     if (!(sqrt(spsi_dot(way, way)) <= SPSI_TAP_MOST * spsi_tap_step(tapper->fields)) && !tapper->lone)
         return SPSI_SPLAT_THICK;
@@ -13669,37 +13670,78 @@ static int spsi_tapper_is_fine(const spsi_tapper *tapper, const spsi_lattice *la
 /* Builds the tapper of a level. A classified volume has one sample in a slab that needs no more: a parabola through
    samples is as exact as one through means, and needs none beyond the slabs beside. Where slabs are as thick as pixels
    call for, it also has one: the mean of several is classified as none of them is. */
-static spsi_verdict spsi_tapper_try(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
+static spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                     const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
                                     spsi_tapper *tapper) {
-    spsi_tapper_build(fields, lattice, rays, slabs, level, count, tapper);
+    spsi_tapper_build(frame->content->fields, lattice, rays, slabs, level, count, tapper);
+    tapper->wanted = frame->content->levels[lattice->medium];
     tapper->lone = !(splatter->filter > 0) && (slabs->wide || spsi_tapper_is_fine(tapper, lattice, rays));
     return spsi_tapper_serves(tapper, lattice, rays, splatter);
 }
 
-/* How a volume fills sheets, whose splatter is ready. Builds the tapper of one that is gathered: of the finest level
-   that two or four rays serve, or else of the coarsest with the fewest rays, which costs least. */
+/* How a volume fills sheets, whose splatter is ready. Builds the tapper of one that is gathered: of the frame's level
+   with the fewest rays that serve, or, where none has been chosen, of the finest level that two or four rays serve, or
+   else of the coarsest with the fewest rays, which costs least. */
 static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                       const spsi_slabs *slabs, const spsi_splatter *splatter, spsi_tapping tapping,
                                       spsi_tapper *tapper) {
     const spsi_fields *fields = frame->content->fields;
-    const int levels = spsi_levels_wanted(frame, lattice->medium);
+    const int levels = spsi_levels_wanted(frame, lattice->medium), wanted = frame->content->levels[lattice->medium];
     spsi_verdict verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
-    for (int n = 0; n <= levels && tapping == SPSI_TAP_SHEETS && verdict == SPSI_SPLAT_SMALL; ++n)
-        verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, 1, tapper);
-    if (verdict == SPSI_SPLAT_SMALL) verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, 0, 1, tapper);
-    for (int n = 0; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
+    if (wanted < 0) return SPSI_SPLAT_CHEAPER;
+    for (int n = 0; n * n <= SPSI_TAP_RAYS && (tapping == SPSI_TAP_SHEETS || wanted > 0); ++n) {
+        if (verdict != SPSI_SPLAT_SMALL) break;
+        verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, wanted, n > 1 ? n * n : n + 1, tapper);
+    }
+    if (verdict == SPSI_SPLAT_SMALL) verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, 0, 1, tapper);
+    for (int n = wanted; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
         for (int count = 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
-            verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, count, tapper);
+            verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, n, count, tapper);
     for (int side = 3; side * side <= SPSI_TAP_RAYS && verdict == SPSI_SPLAT_SMALL; ++side)
-        for (int n = levels; n >= 0 && verdict == SPSI_SPLAT_SMALL; --n)
-            verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, side * side, tapper);
+        for (int n = levels; n >= wanted && verdict == SPSI_SPLAT_SMALL; --n)
+            verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, n, side * side, tapper);
     tapper->whole = splatter->whole;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (spsi_medium_depth(frame, lattice) > SPSI_TAP_OPAQUE) return SPSI_SPLAT_OPAQUE;
-    return spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
+    return wanted > 0 || spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
+}
+
+/* Judges how rays fill these slabs, and extends the content's bounds by what levels reach beyond voxels' own kernels.
+   `chooses`: their levels become the frame's. */
+static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs, int chooses) {
+    spsi_content *content = frame->content;
+    for (int m = 0; m < frame->medium_count; ++m) {
+        const spsi_lattice *lattice = frame->media[m].lattice;
+        spsi_verdict verdict;
+        spsi_splatter splatter;
+        spsi_tapper tapper;
+        double reach;
+        if (!spsi_splatter_build(lattice, rays, slabs, 1, frame->accuracy.cut, &splatter)) continue; /* it is refused */
+        verdict = spsi_tapper_judge(frame, lattice, rays, slabs, &splatter, SPSI_TAP_PIXELS, &tapper);
+        if (verdict == SPSI_SPLAT_ASKED || verdict == SPSI_SPLAT_SPREAD || tapper.level == 0) continue;
+        if (chooses) content->levels[m] = spsi_gathers(verdict) ? tapper.level : -1;
+        reach = fmax(0, spsi_tapper_reach(&tapper) - SPSI_REACH);
+        for (int i = 0; i < 3 && spsi_gathers(verdict); ++i) {
+            double way = 0;
+            for (int k = 0; k < 3; ++k) way += reach * fabs(lattice->step[k][i]);
+            content->bounds.low[i] -= way;
+            content->bounds.high[i] += way;
+        }
+    }
+}
+
+/* Chooses the volumes' levels by the eye's pixels: where light and eye saw different ones, gas would lie before or
+   behind its own shadow. */
+static void spsi_levels_choose(const spsi_frame *frame) {
+    spsi_content *content = frame->content;
+    spsi_slabs slabs;
+    if (!content->fields || spsi_bounds_empty(&content->bounds)) return;
+    spsi_eye_direction(frame, slabs.normal);
+    spsi_slabs_place(frame, &content->eye, NULL, HUGE_VAL, frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame),
+                     &slabs);
+    spsi_levels_extend(frame, &content->eye, &slabs, 1);
 }
 
 /* --- making fields --- */
@@ -16424,6 +16466,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
 /* Slabs perpendicular to a face's axis, for the volumes of a frame; here particles are not part of sheets. */
 static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                   spsi_slabs *slabs) {
+    const spsi_bounds own = frame->content->bounds;
     double least;
     memcpy(slabs->normal, rays->inverse[2], sizeof slabs->normal);
     spsi_normalise(slabs->normal);
@@ -16433,7 +16476,11 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
             context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1, "camera's outermost rays' cosine with its axis", least,
             frame->has_matrix ? "volumes need 0.1; is world_to_clip row-major? If it is, narrow the light's view"
                               : "volumes need 0.1; narrow the light's view, up and down or sideways");
-    return spsi_slabs_cut(context, frame, rays, NULL, HUGE_VAL, 0, slabs);
+    spsi_slabs_place(frame, rays, NULL, HUGE_VAL, 0, slabs);
+    spsi_levels_extend(frame, rays, slabs, 0);
+    spsi_slabs_cut(context, frame, rays, NULL, HUGE_VAL, 0, slabs);
+    frame->content->bounds = own;
+    return context->result;
 }
 
 /* Prepares the splatting of volumes into a face. */
@@ -25613,6 +25660,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
     if (spsi_has_budget(&frame->view) && spsi_budget_take(context, frame)) return context->result;
     if (spsi_fields_place(context, frame)) return context->result;
+    spsi_levels_choose(frame);
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame)) spsi_shadow_tables_drop(context);
     gathered = spsi_clock(context);
@@ -26215,6 +26263,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
         if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
     if (spsi_has_budget(&frame->view) && spsi_plan_budget(context, frame, &reading, report)) return context->result;
     if (spsi_plan_fields(context, frame, &reading)) return context->result;
+    spsi_levels_choose(frame);
     spsi_plan_choices(context, frame);
     bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
     if (spsi_plan_sweeps(context, frame, bricks, report) || spsi_plan_samples(context, frame, report))

@@ -4705,7 +4705,7 @@ typedef struct spsi_content {
     double particle_spread;        /* root mean square distance of the particles from their mean */
     const spsi_image *images;      /* that lights throw, >>projectors */
     spsi_fields *fields;           /* of the volumes; NULL: they are splatted, >>taps */
-    int levels[SPSI_VOLUMES_MAX];  /* by medium: the level for all targets; -1: none, voxels are splatted, >>taps */
+    float levels[SPSI_VOLUMES_MAX]; /* by medium: for all targets, with a fraction of the next; -1: splatted, >>taps */
     const spsi_cell_grid *cells;   /* grids of them; NULL: light is not followed from cell to cell */
     int cell_grid_count;
     spsi_rays eye; /* the frame's, with depths relative to the middle of the content */
@@ -11812,23 +11812,21 @@ static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footp
 
 #define SPSI_NARROW 0.45f /* variance in square pixels; the sum of wider footprints differs by 3e-4 at most */
 
-/* Sum over pixels of a Gaussian at x, by its integral: samples a pixel apart alias a wave as long as a pixel. */
-static inline spsi_v spsi_pixels_sum(spsi_v x, spsi_v deviation) {
-    const spsi_v most = spsi_set(4.0f * SPSI_SIZE_MAX), at = spsi_clamp(x, spsi_sub(spsi_set(0), most), most);
+/* Sum over pixels of a Gaussian at x, by its integral: samples a pixel apart take a wave as long as a pixel for more. */
+static inline spsi_v spsi_pixels_sum(spsi_v x, spsi_v variance) {
+    const spsi_v at = spsi_clamp(x, spsi_set(-4.0f * SPSI_SIZE_MAX), spsi_set(4.0f * SPSI_SIZE_MAX));
     const spsi_v turn = spsi_fma(spsi_abs(spsi_sub(at, spsi_round(at))), spsi_set(4), spsi_set(-1));
-    const spsi_v cosine = spsi_mul(turn, spsi_fma(spsi_mul(turn, turn), spsi_set(0.5f), spsi_set(-1.5f))); /* to 2 % */
-    const spsi_v square = spsi_min(spsi_mul(deviation, deviation), spsi_set(4));
-    const spsi_v wave = spsi_exp(spsi_mul(square, spsi_set((float)(-2 * SPSI_PI * SPSI_PI))));
-    return spsi_fma(spsi_add(wave, wave), cosine, spsi_set(1));
+    const spsi_v cosine = spsi_mul(turn, spsi_sub(spsi_mul(turn, turn), spsi_set(3))); /* twice, to 2 % */
+    const spsi_v wave = spsi_mul(spsi_min(variance, spsi_set(4)), spsi_set((float)(-2 * SPSI_PI * SPSI_PI)));
+    return spsi_fma(spsi_exp(wave), cosine, spsi_set(1));
 }
 
 /* Scales narrow footprints so that their pixels add up to their mass wherever they lie. */
 static inline void spsi_footprints_even(const spsi_splatter *s, spsi_footprints *f) {
-    const spsi_v per_cut = spsi_set(1 / s->cut);
-    const spsi_v width = spsi_mul(spsi_load(f->half_width), per_cut);
-    const spsi_v height = spsi_mul(spsi_load(f->half_height), per_cut), least = spsi_min(width, height);
-    if (!(s->filter > 0) || !spsi_bits(spsi_less(spsi_mul(least, least), spsi_set(SPSI_NARROW)))) return;
-    const spsi_v sum = spsi_mul(spsi_pixels_sum(spsi_load(f->x), width), spsi_pixels_sum(spsi_load(f->y), height));
+    const spsi_v width = spsi_mul(spsi_load(f->half_width), spsi_set(1 / s->cut)), xx = spsi_mul(width, width);
+    const spsi_v height = spsi_mul(spsi_load(f->half_height), spsi_set(1 / s->cut)), yy = spsi_mul(height, height);
+    const spsi_v sum = spsi_mul(spsi_pixels_sum(spsi_load(f->x), xx), spsi_pixels_sum(spsi_load(f->y), yy));
+    if (!(s->filter > 0) || !spsi_bits(spsi_less(spsi_min(xx, yy), spsi_set(SPSI_NARROW)))) return;
     spsi_store(f->amplitude, spsi_div(spsi_load(f->amplitude), sum));
 }
 
@@ -12750,6 +12748,7 @@ typedef struct spsi_tapper {
     const spsi_voxel_field *finest;
     const uint32_t (*cells)[2];    /* of the field, by the reach that is wanted */
     int level, wanted;             /* 0: voxels as they were read; the frame's, which may be wider than texels */
+    float mix, least;              /* weight of the next level; least variance of voxels, in rays' distances */
     int rays, side;                /* of a pixel: 1, or 2 that swing, or a square of 2^2 to 8^2; along its side */
     float aside;                   /* pixels from its centre to the outermost, along each axis */
     double breadth;                /* standard deviation of a voxel of its level, along its longest edge */
@@ -13525,7 +13524,8 @@ static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lat
 /* How far voxels reach, in those that were read: a level's weights are for up to 1.5 finer voxels more. */
 static double spsi_tapper_reach(const spsi_tapper *tapper) {
     const double reach = tapper->fields->taps / 2.0;
-    return tapper->level ? (reach + 1.5) * (1 << tapper->level) : reach;
+    const int level = tapper->level + (tapper->mix > 0);
+    return level ? (reach + 1.5) * (1 << level) : reach;
 }
 
 /* The covariance of a footprint, xx, yy and xy, without the pixel filter, at ray coordinates (x t, y t, t). */
@@ -13593,14 +13593,16 @@ static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *ra
 }
 
 /* Whether a field serves the rays at a point in ray coordinates. */
-static spsi_verdict spsi_tapper_serves_at(const spsi_tapper *tapper, const spsi_rays *rays,
+static spsi_verdict spsi_tapper_serves_at(spsi_tapper *tapper, const spsi_rays *rays,
                                           const spsi_splatter *splatter, const double q[3]) {
     const double pitch = fmin(spsi_length(rays->a), spsi_length(rays->b));
     const double finer = (double)(tapper->side << tapper->level);
     const double least = tapper->rays == 2 ? SPSI_TAP_TWO : SPSI_TAP_VARIANCE;
+    const double variance = finer * finer * spsi_least_variance(splatter, q);
     double way[3], widest;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
-    if (finer * finer * spsi_least_variance(splatter, q) < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
+    if (variance < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
+    tapper->least = spsi_lower(tapper->least, (float)variance);
     widest = spsi_least(tapper->side, 2) * tapper->breadth / (rays->perspective ? pitch * q[2] : pitch);
     if (widest * widest > SPSI_TAP_WIDEST && tapper->level > tapper->wanted) return SPSI_SPLAT_SMALL;
     spsi_tapper_way(tapper, rays, q, way);
@@ -13622,7 +13624,7 @@ static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lat
 
 /* Whether a field serves these rays: voxels are no smaller than texels may be and not near the origin of rays, and
    slabs are not too thick. */
-static spsi_verdict spsi_tapper_serves(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+static spsi_verdict spsi_tapper_serves(spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
                                        const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
         const double share[3] = {(double)(corner & 1), (double)(corner >> 1 & 1), (double)(corner >> 2)};
@@ -13697,7 +13699,9 @@ static spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_lattice 
                                     const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
                                     spsi_tapper *tapper) {
     spsi_tapper_build(frame->content->fields, lattice, rays, slabs, level, count, tapper);
-    tapper->wanted = frame->content->levels[lattice->medium];
+    tapper->wanted = (int)frame->content->levels[lattice->medium];
+    tapper->least = FLT_MAX;
+    tapper->mix = level == tapper->wanted ? frame->content->levels[lattice->medium] - (float)level : 0;
     tapper->lone = !(splatter->filter > 0) && (slabs->wide || spsi_tapper_is_fine(tapper, lattice, rays));
     return spsi_tapper_serves(tapper, lattice, rays, splatter);
 }
@@ -13709,16 +13713,15 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
                                       const spsi_slabs *slabs, const spsi_splatter *splatter, spsi_tapping tapping,
                                       spsi_tapper *tapper) {
     const spsi_fields *fields = frame->content->fields;
-    const int levels = spsi_levels_wanted(frame, lattice->medium), wanted = frame->content->levels[lattice->medium];
+    const float chosen = frame->content->levels[lattice->medium];
+    const int levels = spsi_levels_wanted(frame, lattice->medium), wanted = (int)chosen;
+    const int most = tapping == SPSI_TAP_SHEETS || chosen > 0 ? SPSI_TAP_RAYS : 0;
     spsi_verdict verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
     if (wanted < 0) return SPSI_SPLAT_CHEAPER;
-    for (int n = 0; n * n <= SPSI_TAP_RAYS && (tapping == SPSI_TAP_SHEETS || wanted > 0); ++n) {
-        if (verdict != SPSI_SPLAT_SMALL) break;
+    for (int n = 0; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
         verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, wanted, n > 1 ? n * n : n + 1, tapper);
-    }
-    if (verdict == SPSI_SPLAT_SMALL) verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, 0, 1, tapper);
     for (int n = wanted; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
         for (int count = 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
             verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, n, count, tapper);
@@ -13728,29 +13731,40 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
     tapper->whole = splatter->whole;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (spsi_medium_depth(frame, lattice) > SPSI_TAP_OPAQUE) return SPSI_SPLAT_OPAQUE;
-    return wanted > 0 || spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
+    return chosen > 0 || spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
 
-/* Judges how rays fill these slabs, and extends the content's bounds by what levels reach beyond voxels' own kernels.
-   `chooses`: their levels become the frame's. */
+/* Weight of the level behind a tapper's, in sixteenths: 1 where its own becomes too fine for four rays, so that nothing
+   jumps there, 0 where its voxels are sqrt(2) times as large; or if that level does not follow, but more rays. */
+static float spsi_levels_mix(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
+                             const spsi_slabs *slabs, const spsi_splatter *splatter, const spsi_tapper *tapper) {
+    const double octaves = log((double)tapper->least / SPSI_TAP_VARIANCE) / log(2.0);
+    spsi_tapper next;
+    if (tapper->side != 2 || octaves >= 1 || tapper->level >= spsi_levels_wanted(frame, lattice->medium)) return 0;
+    if (spsi_tapper_try(frame, lattice, rays, slabs, splatter, tapper->level + 1, 4, &next) != SPSI_GATHER_ASKED)
+        return 0;
+    return (float)floor(16 * fmin(1 - octaves, 0.95)) / 16;
+}
+
+/* Extends the content's bounds by what levels reach beyond voxels' own kernels, as rays gather them that fill these
+   slabs. `chooses`: they become the frame's. */
 static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs, int chooses) {
-    spsi_content *content = frame->content;
+    spsi_bounds *bounds = &frame->content->bounds;
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_lattice *lattice = frame->media[m].lattice;
         spsi_verdict verdict;
         spsi_splatter splatter;
         spsi_tapper tapper;
-        double reach;
         if (!spsi_splatter_build(lattice, rays, slabs, 1, frame->accuracy.cut, &splatter)) continue; /* it is refused */
         verdict = spsi_tapper_judge(frame, lattice, rays, slabs, &splatter, SPSI_TAP_PIXELS, &tapper);
-        if (verdict == SPSI_SPLAT_ASKED || verdict == SPSI_SPLAT_SPREAD || tapper.level == 0) continue;
-        if (chooses) content->levels[m] = spsi_gathers(verdict) ? tapper.level : -1;
-        reach = fmax(0, spsi_tapper_reach(&tapper) - SPSI_REACH);
-        for (int i = 0; i < 3 && spsi_gathers(verdict); ++i) {
-            double way = 0;
-            for (int k = 0; k < 3; ++k) way += reach * fabs(lattice->step[k][i]);
-            content->bounds.low[i] -= way;
-            content->bounds.high[i] += way;
+        if (verdict == SPSI_SPLAT_CHEAPER && chooses && tapper.level > 0) frame->content->levels[m] = -1;
+        if (!spsi_gathers(verdict)) continue;
+        if (chooses) tapper.mix = spsi_levels_mix(frame, lattice, rays, slabs, &splatter, &tapper);
+        if (chooses) frame->content->levels[m] = (float)tapper.level + tapper.mix;
+        for (int n = 0; n < 9 && tapper.level + tapper.mix > 0; ++n) {
+            const double reach = fabs(lattice->step[n / 3][n % 3]) * (spsi_tapper_reach(&tapper) - SPSI_REACH);
+            bounds->low[n % 3] -= reach;
+            bounds->high[n % 3] += reach;
         }
     }
 }
@@ -14185,7 +14199,7 @@ static int spsi_target_interpolates(const spsi_target *target, int medium) {
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
     const spsi_tapper *tapper = &target->tappers[medium];
     return target->tolerance > 0 && spsi_gathers(target->verdicts[medium]) && tapper->level <= 1 &&
-           !material->table && !material->emits;
+           !(tapper->mix > 0) && !material->table && !material->emits;
 }
 
 static size_t spsi_spent_bytes(const spsi_rays *rays) {
@@ -14521,7 +14535,7 @@ static sps_result spsi_contents_fields(const spsi_contents *contents) {
             if (!spsi_gathers(contents->targets[n]->verdicts[i])) continue;
             gathers = 1;
             interpolates |= spsi_target_interpolates(contents->targets[n], i);
-            level = spsi_most(level, contents->targets[n]->tappers[i].level);
+            level = spsi_most(level, contents->targets[n]->tappers[i].level + (contents->targets[n]->tappers[i].mix > 0));
         }
     if (gathers && spsi_fields_fill(context, contents->frame)) return context->result;
     if (interpolates && spsi_fields_bend(context, contents->frame)) return context->result;
@@ -14851,11 +14865,10 @@ static void spsi_tile_follow(const spsi_tapper *here, spsi_tile *tile, const uin
         }
 }
 
-/* Adds a gathered volume to the patches of a tile, without the margin, which nothing reads of it. */
-static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
+/* Adds a level of a gathered volume to the patches of a tile, without the margin, which nothing reads of it. */
+static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t patches, spsi_tapper here) {
     const spsi_target *target = fill->target;
     spsi_tile *tile = fill->tile;
-    spsi_tapper here = target->tappers[medium];
     uint64_t rest[SPSI_TAP_SLABS];
     float *channel, way;
     here.slab.base[0] -= (float)(fill->contents->first_slab - target->shape.slab_margin);
@@ -14867,6 +14880,22 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     for (int slab = 0; slab < tile->slab_count; ++slab) rest[slab] = patches;
     if (spsi_target_interpolates(target, medium)) spsi_tile_interpolate(fill, &here, medium, way, channel, rest);
     spsi_tile_follow(&here, tile, rest, spsi_tap_steps(&here, way), channel);
+}
+
+/* Adds its level, and what it has of the next. */
+static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
+    const spsi_target *target = fill->target;
+    spsi_tapper here = target->tappers[medium], next;
+    if (here.mix > 0) {
+        spsi_tapper_build(here.fields, &target->frame->lattices[medium], target->rays, target->slabs, here.level + 1,
+                          here.rays, &next);
+        next.whole = here.whole;
+        next.lone = here.lone;
+        next.scale = here.scale * here.mix;
+        here.scale *= 1 - here.mix;
+        spsi_tile_gather_level(fill, medium, patches, next);
+    }
+    spsi_tile_gather_level(fill, medium, patches, here);
 }
 
 static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
@@ -16613,6 +16642,7 @@ static void spsi_print_face(const spsi_filling *filling) {
         const int gathers = spsi_gathers(volumes->target.verdicts[i]);
         const int way = gathers ? volumes->target.tappers[i].rays + 128 * volumes->target.tappers[i].level : 0;
         job.media[i] = spsi_fingerprint_word(spsi_medium_fingerprint(frame, i), (uint64_t)way);
+        job.media[i] = spsi_fingerprint(job.media[i], &frame->content->levels[i], sizeof(float));
     }
     if (volumes) {
         job.start = spsi_fingerprint(job.start, &volumes->slabs.start, sizeof volumes->slabs.start);
@@ -17111,6 +17141,7 @@ static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_volumes_fingerprint(frame);
     for (int i = 0; i < frame->medium_count && hash; ++i)
         hash = spsi_fingerprint_word(hash, spsi_medium_fingerprint(frame, i));
+    if (hash) hash = spsi_fingerprint(hash, frame->content->levels, sizeof frame->content->levels);
     for (int i = 0; i < frame->particles.set_count && hash; ++i) {
         hash = spsi_set_fingerprint(hash, &frame->particles.sets[i]);
         hash = spsi_fingerprint(hash, &frame->content->set_ends[i], sizeof(int));

@@ -4687,7 +4687,7 @@ typedef struct spsi_fields {
     float weights[SPSI_TAP_STEPS + 1][8];    /* by place; those beyond `taps` are 0 */
     float changes[SPSI_TAP_STEPS + 1][8];    /* of the weights, per voxel */
     spsi_voxel_field list[SPSI_VOLUMES_MAX]; /* by medium */
-    int leveled;                             /* 1: so have those of coarser levels */
+    int leveled;                             /* number of coarser levels that have theirs */
     int bent;                                /* 1: how much they bend is known */
     spsi_voxel_field levels[SPSI_VOLUMES_MAX][SPSI_LEVELS];
 } spsi_fields;
@@ -11127,6 +11127,7 @@ typedef struct spsi_footprints {
     float row_width[SPSI_LANES];   /* standard deviation of x at given y */
     float half_height[SPSI_LANES]; /* half the height of its bounding box, in pixels */
     float half_width[SPSI_LANES];  /* half the width of its bounding box, in pixels */
+    float alone[SPSI_LANES];       /* 1: its pixels are to add up to its mass; 0: with its neighbours', they do */
     float per_slab[SPSI_LANES];    /* change of v from plane to plane */
     float slope_x[SPSI_LANES];     /* change of a plane's v per pixel along x */
     float slope_y[SPSI_LANES];     /* change of a plane's v per pixel along y */
@@ -11244,6 +11245,10 @@ static void spsi_splatter_classified(spsi_splatter *splatter) {
     splatter->eye_near = -FLT_MAX;
 }
 
+/* Per square pixel by which the filter widens a footprint: voxels of up to 0.5 pixels count as alone, of 0.7 not. Evened
+   out each for itself, voxels about a pixel apart would beat with the pixels where gas is even. */
+#define SPSI_ALONE 16
+
 /* The parts of a footprint that follow from R at (x, y, t): the pixel filter, the conditional Gaussians, the
    section. */
 static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v y, spsi_v t, spsi_v value,
@@ -11268,6 +11273,7 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
     widen = spsi_max(spsi_set(0), spsi_sub(spsi_set(s->filter), least));
     rxx = spsi_add(rxx, widen);
     ryy = spsi_add(ryy, widen);
+    spsi_store(out->alone, spsi_clamp(spsi_fma(widen, spsi_set(SPSI_ALONE), spsi_set(-1)), spsi_set(0), one));
     determinant =
         spsi_max(spsi_sub(spsi_mul(rxx, ryy), spsi_mul(rxy, rxy)), spsi_mul(spsi_set(1e-6f), spsi_mul(rxx, ryy)));
     across = spsi_div(ryy, determinant);
@@ -11810,24 +11816,23 @@ static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footp
     return spsi_bits(spsi_and(spsi_and(m0, m1), spsi_less(spsi_set(0), spsi_load(f->per_slab))));
 }
 
-#define SPSI_NARROW 0.45f /* variance in square pixels; the sum of wider footprints differs by 3e-4 at most */
-
 /* Sum over pixels of a Gaussian at x, by its integral: samples a pixel apart take a wave as long as a pixel for more. */
-static inline spsi_v spsi_pixels_sum(spsi_v x, spsi_v variance) {
-    const spsi_v at = spsi_clamp(x, spsi_set(-4.0f * SPSI_SIZE_MAX), spsi_set(4.0f * SPSI_SIZE_MAX));
+static inline spsi_v spsi_pixels_sum(const float *x, const float *half, spsi_v per_cut, spsi_v alone) {
+    const spsi_v at = spsi_clamp(spsi_load(x), spsi_set(-4.0f * SPSI_SIZE_MAX), spsi_set(4.0f * SPSI_SIZE_MAX));
     const spsi_v turn = spsi_fma(spsi_abs(spsi_sub(at, spsi_round(at))), spsi_set(4), spsi_set(-1));
     const spsi_v cosine = spsi_mul(turn, spsi_sub(spsi_mul(turn, turn), spsi_set(3))); /* twice, to 2 % */
-    const spsi_v wave = spsi_mul(spsi_min(variance, spsi_set(4)), spsi_set((float)(-2 * SPSI_PI * SPSI_PI)));
-    return spsi_fma(spsi_exp(wave), cosine, spsi_set(1));
+    const spsi_v deviation = spsi_min(spsi_mul(spsi_load(half), per_cut), spsi_set(2));
+    const spsi_v wave = spsi_mul(spsi_mul(deviation, deviation), spsi_set((float)(-2 * SPSI_PI * SPSI_PI)));
+    return spsi_fma(spsi_mul(alone, spsi_exp(wave)), cosine, spsi_set(1));
 }
 
-/* Scales narrow footprints so that their pixels add up to their mass wherever they lie. */
+/* Scales footprints of voxels much smaller than pixels so that their mass does not depend on their place. */
 static inline void spsi_footprints_even(const spsi_splatter *s, spsi_footprints *f) {
-    const spsi_v width = spsi_mul(spsi_load(f->half_width), spsi_set(1 / s->cut)), xx = spsi_mul(width, width);
-    const spsi_v height = spsi_mul(spsi_load(f->half_height), spsi_set(1 / s->cut)), yy = spsi_mul(height, height);
-    const spsi_v sum = spsi_mul(spsi_pixels_sum(spsi_load(f->x), xx), spsi_pixels_sum(spsi_load(f->y), yy));
-    if (!(s->filter > 0) || !spsi_bits(spsi_less(spsi_min(xx, yy), spsi_set(SPSI_NARROW)))) return;
-    spsi_store(f->amplitude, spsi_div(spsi_load(f->amplitude), sum));
+    const spsi_v alone = spsi_load(f->alone), per_cut = spsi_set(1 / s->cut);
+    if (!spsi_bits(spsi_less(spsi_set(0), alone))) return;
+    spsi_store(f->amplitude, spsi_div(spsi_load(f->amplitude),
+                                      spsi_mul(spsi_pixels_sum(f->x, f->half_width, per_cut, alone),
+                                               spsi_pixels_sum(f->y, f->half_height, per_cut, alone))));
 }
 
 /* Splats the voxels of one brick into a tile. */
@@ -13967,11 +13972,16 @@ static sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* Makes grids of all coarser levels. Returns the number of bricks that they hold. */
-static size_t spsi_levels_number(const spsi_frame *frame, int *memory, spsi_fields *fields) {
+/* Number of a volume's levels, `most` at most. */
+static int spsi_levels_held(const spsi_frame *frame, int medium, int most) {
+    return frame->content->fields->list[medium].count > 0 ? spsi_least(most, spsi_levels_wanted(frame, medium)) : 0;
+}
+
+/* Makes grids of coarser levels. Returns the number of bricks that they hold. */
+static size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memory, spsi_fields *fields) {
     size_t count = 0;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n) {
+        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n) {
             spsi_voxel_field *level = &fields->levels[m][n];
             memory = spsi_field_lay(level, memory);
             spsi_level_number(n ? level - 1 : &fields->list[m], level);
@@ -13980,27 +13990,28 @@ static size_t spsi_levels_number(const spsi_frame *frame, int *memory, spsi_fiel
     return count;
 }
 
-/* Fills the coarser levels of all fields, which are filled themselves, unless they are; when the first volume is to be
+/* Fills so many coarser levels of all fields, which are filled themselves, unless they are; when a volume is to be
    gathered from one. */
-static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame) {
+static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame, int levels) {
     spsi_fields *fields = frame->content->fields;
     spsi_field_stock stock;
     size_t cells = 0, count;
     int *grids;
-    if (fields->leveled) return SPS_OK;
+    if (fields->leveled >= levels) return SPS_OK;
+    fields->leveled = 0;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n)
+        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n)
             cells += spsi_field_cells(&fields->levels[m][n]);
     grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, spsi_field_grid_bytes(1));
     if (!grids) return context->result;
-    count = spsi_levels_number(frame, grids, fields);
+    count = spsi_levels_number(frame, levels, grids, fields);
     if (spsi_field_stock_reserve(context, SPSI_BUFFER_LEVEL_VALUES, fields->taps, count, &stock))
         return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n)
+        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n)
             spsi_field_fill(context, frame, m, &stock, n ? &fields->levels[m][n - 1] : &fields->list[m],
                             &fields->levels[m][n]);
-    fields->leveled = 1;
+    fields->leveled = levels;
     return SPS_OK;
 }
 
@@ -14199,7 +14210,7 @@ static int spsi_target_interpolates(const spsi_target *target, int medium) {
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
     const spsi_tapper *tapper = &target->tappers[medium];
     return target->tolerance > 0 && spsi_gathers(target->verdicts[medium]) && tapper->level <= 1 &&
-           !(tapper->mix > 0) && !material->table && !material->emits;
+           !material->table && !material->emits;
 }
 
 static size_t spsi_spent_bytes(const spsi_rays *rays) {
@@ -14539,7 +14550,7 @@ static sps_result spsi_contents_fields(const spsi_contents *contents) {
         }
     if (gathers && spsi_fields_fill(context, contents->frame)) return context->result;
     if (interpolates && spsi_fields_bend(context, contents->frame)) return context->result;
-    if (level > 0 && spsi_levels_fill(context, contents->frame)) return context->result;
+    if (level > 0 && spsi_levels_fill(context, contents->frame, level)) return context->result;
     context->pace.seconds_fields += spsi_clock(context) - start;
     return SPS_OK;
 }
@@ -14790,7 +14801,7 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *here,
         int run[2];
         if (!(patches >> n & 1) || !spsi_tile_patch(fill->tile, n, &plan.patch)) continue;
         plan.spent = &spent[n];
-        plan.depth = spsi_target_depth(target, medium, &plan.patch);
+        plan.depth = here->mix * spsi_target_depth(target, medium, &plan.patch);
         spsi_patch_choose(here, fill->tile, &plan);
         for (run[0] = 0; run[0] < count; run[0] = run[1]) {
             const int steps = plan.steps[run[0]], cubic = spsi_patch_run(here, fill->tile, &plan, run);
@@ -14872,30 +14883,31 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     uint64_t rest[SPSI_TAP_SLABS];
     float *channel, way;
     here.slab.base[0] -= (float)(fill->contents->first_slab - target->shape.slab_margin);
-    here.scale /= (float)here.rays;
+    here.scale *= here.mix / (float)here.rays;
     spsi_tile_touch(fill);
     channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
     way = spsi_tap_way(&here, tile);
     here.cells = (const uint32_t(*)[2])here.field->cells[spsi_reach_wanted(target, medium, way)];
     for (int slab = 0; slab < tile->slab_count; ++slab) rest[slab] = patches;
-    if (spsi_target_interpolates(target, medium)) spsi_tile_interpolate(fill, &here, medium, way, channel, rest);
+    if (spsi_target_interpolates(target, medium) && here.level <= 1)
+        spsi_tile_interpolate(fill, &here, medium, way, channel, rest);
     spsi_tile_follow(&here, tile, rest, spsi_tap_steps(&here, way), channel);
 }
 
-/* Adds its level, and what it has of the next. */
+/* Adds its level, and the next: `mix` is that of each from here on. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
-    spsi_tapper here = target->tappers[medium], next;
-    if (here.mix > 0) {
-        spsi_tapper_build(here.fields, &target->frame->lattices[medium], target->rays, target->slabs, here.level + 1,
-                          here.rays, &next);
-        next.whole = here.whole;
-        next.lone = here.lone;
-        next.scale = here.scale * here.mix;
-        here.scale *= 1 - here.mix;
-        spsi_tile_gather_level(fill, medium, patches, next);
-    }
+    spsi_tapper here = target->tappers[medium], next = here;
+    here.mix = 1 - next.mix;
     spsi_tile_gather_level(fill, medium, patches, here);
+    if (!(next.mix > 0)) return;
+    spsi_tapper_build(here.fields, &target->frame->lattices[medium], target->rays, target->slabs, here.level + 1,
+                      here.rays, &next);
+    next.mix = 1 - here.mix;
+    next.scale = here.scale;
+    next.whole = here.whole;
+    next.lone = here.lone;
+    spsi_tile_gather_level(fill, medium, patches, next);
 }
 
 static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
@@ -22907,11 +22919,15 @@ static int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays,
     return spsi_rays_complete(rays);
 }
 
-/* How a volume fills samples, whose splatter is built. Gas keeps its mass: it is deposited if its voxels are small. */
+/* How a volume fills samples, whose splatter is built. Gas keeps its mass: it is deposited if its voxels are small, or
+   gathered on the level on which the eye sees it. */
 static spsi_verdict spsi_samples_judge(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *rays,
                                        const spsi_slabs *slabs, spsi_splatter *splatter, spsi_tapper *tapper) {
-    if (frame->matter.materials[medium->channel].table)
-        return spsi_tapper_judge(frame, medium->lattice, rays, slabs, splatter, SPSI_TAP_PIXELS, tapper);
+    if (frame->matter.materials[medium->channel].table || frame->content->levels[medium->lattice->medium] > 0) {
+        const spsi_verdict verdict =
+            spsi_tapper_judge(frame, medium->lattice, rays, slabs, splatter, SPSI_TAP_PIXELS, tapper);
+        if (frame->matter.materials[medium->channel].table || spsi_gathers(verdict)) return verdict;
+    }
     spsi_splatter_deposits(splatter, rays, &frame->content->bounds);
     return splatter->deposits ? SPSI_DEPOSITED : SPSI_SPLAT_MASS;
 }

@@ -13699,16 +13699,22 @@ static int spsi_tapper_is_fine(const spsi_tapper *tapper, const spsi_lattice *la
 
 /* Builds the tapper of a level. A classified volume has one sample in a slab that needs no more: a parabola through
    samples is as exact as one through means, and needs none beyond the slabs beside. Where slabs are as thick as pixels
-   call for, it also has one: the mean of several is classified as none of them is. */
+   call for, it also has one: the mean of several is classified as none of them is. Where four rays serve a level, nine
+   are taken, by which a lone voxel's mass depends less on its place. */
 static spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                     const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
                                     spsi_tapper *tapper) {
+    spsi_verdict verdict;
     spsi_tapper_build(frame->content->fields, lattice, rays, slabs, level, count, tapper);
     tapper->wanted = (int)frame->content->levels[lattice->medium];
     tapper->least = FLT_MAX;
     tapper->mix = level == tapper->wanted ? frame->content->levels[lattice->medium] - (float)level : 0;
     tapper->lone = !(splatter->filter > 0) && (slabs->wide || spsi_tapper_is_fine(tapper, lattice, rays));
-    return spsi_tapper_serves(tapper, lattice, rays, splatter);
+    verdict = spsi_tapper_serves(tapper, lattice, rays, splatter);
+    tapper->side += level > 0 && count == 4;
+    tapper->rays = tapper->side == 3 ? 9 : count;
+    tapper->aside = 0.5f - 0.5f / (float)tapper->side;
+    return verdict;
 }
 
 /* How a volume fills sheets, whose splatter is ready. Builds the tapper of one that is gathered: of the frame's level
@@ -13745,7 +13751,7 @@ static float spsi_levels_mix(const spsi_frame *frame, const spsi_lattice *lattic
                              const spsi_slabs *slabs, const spsi_splatter *splatter, const spsi_tapper *tapper) {
     const double octaves = log((double)tapper->least / SPSI_TAP_VARIANCE) / log(2.0);
     spsi_tapper next;
-    if (tapper->side != 2 || octaves >= 1 || tapper->level >= spsi_levels_wanted(frame, lattice->medium)) return 0;
+    if (octaves >= 1 || tapper->level >= spsi_levels_wanted(frame, lattice->medium)) return 0;
     if (spsi_tapper_try(frame, lattice, rays, slabs, splatter, tapper->level + 1, 4, &next) != SPSI_GATHER_ASKED)
         return 0;
     return (float)floor(16 * fmin(1 - octaves, 0.95)) / 16;

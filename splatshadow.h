@@ -12298,6 +12298,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 #define SPSI_TAP_OPAQUE   1e4      /* optical depth of a voxel; those 3 voxels away weigh 1e-5, and count then */
 #define SPSI_TAP_VARIANCE 0.125    /* least of a voxel, in rays' distances: half that of the pixel filter in pixels */
 #define SPSI_TAP_TWO      0.25     /* the same where two rays swing, which miss more of what is as narrow as they */
+#define SPSI_TAP_LONE     0.3      /* the same where lone voxels of a level keep their mass to 1 %: 4 exp(-2 pi^2 0.3) */
 #define SPSI_TAP_WIDEST   1.0      /* most of a level's voxel, in texels of one ray, or halves of a pixel of several */
 #define SPSI_TAP_RAYS     64       /* most of a pixel */
 #define SPSI_TAP_SLABS    (SPSI_CHUNK + 4) /* of a tile, at most */
@@ -12753,7 +12754,7 @@ typedef struct spsi_tapper {
     const spsi_voxel_field *finest;
     const uint32_t (*cells)[2];    /* of the field, by the reach that is wanted */
     int level, wanted;             /* 0: voxels as they were read; the frame's, which may be wider than texels */
-    float mix, least;              /* weight of the next level; least variance of voxels, in rays' distances */
+    float mix, least, widest;      /* weight of the next level; least variance in rays' distances; greatest width */
     int rays, side;                /* of a pixel: 1, or 2 that swing, or a square of 2^2 to 8^2; along its side */
     float aside;                   /* pixels from its centre to the outermost, along each axis */
     double breadth;                /* standard deviation of a voxel of its level, along its longest edge */
@@ -13602,14 +13603,16 @@ static spsi_verdict spsi_tapper_serves_at(spsi_tapper *tapper, const spsi_rays *
                                           const spsi_splatter *splatter, const double q[3]) {
     const double pitch = fmin(spsi_length(rays->a), spsi_length(rays->b));
     const double finer = (double)(tapper->side << tapper->level);
-    const double least = tapper->rays == 2 ? SPSI_TAP_TWO : SPSI_TAP_VARIANCE;
+    const int many = tapper->level > 0 && tapper->side > 2; /* a lone voxel's mass depends less on its place */
+    const double least = tapper->rays == 2 ? SPSI_TAP_TWO : many ? SPSI_TAP_LONE : SPSI_TAP_VARIANCE;
     const double variance = finer * finer * spsi_least_variance(splatter, q);
     double way[3], widest;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
     if (variance < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
-    tapper->least = spsi_lower(tapper->least, (float)variance);
     widest = spsi_least(tapper->side, 2) * tapper->breadth / (rays->perspective ? pitch * q[2] : pitch);
     if (widest * widest > SPSI_TAP_WIDEST && tapper->level > tapper->wanted) return SPSI_SPLAT_SMALL;
+    tapper->least = spsi_lower(tapper->least, (float)variance);
+    tapper->widest = spsi_higher(tapper->widest, (float)widest);
     spsi_tapper_way(tapper, rays, q, way);
     if (!(sqrt(spsi_dot(way, way)) <= SPSI_TAP_MOST * spsi_tap_step(tapper->fields)) && !tapper->lone)
         return SPSI_SPLAT_THICK;
@@ -13711,7 +13714,7 @@ static spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_lattice 
     tapper->mix = level == tapper->wanted ? frame->content->levels[lattice->medium] - (float)level : 0;
     tapper->lone = !(splatter->filter > 0) && (slabs->wide || spsi_tapper_is_fine(tapper, lattice, rays));
     verdict = spsi_tapper_serves(tapper, lattice, rays, splatter);
-    tapper->side += level > 0 && count == 4;
+    tapper->side += level > 0 && count == 4 && tapper->least < (float)SPSI_TAP_LONE;
     tapper->rays = tapper->side == 3 ? 9 : count;
     tapper->aside = 0.5f - 0.5f / (float)tapper->side;
     return verdict;
@@ -13726,15 +13729,15 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
     const spsi_fields *fields = frame->content->fields;
     const float chosen = frame->content->levels[lattice->medium];
     const int levels = spsi_levels_wanted(frame, lattice->medium), wanted = (int)chosen;
-    const int most = tapping == SPSI_TAP_SHEETS || chosen > 0 ? SPSI_TAP_RAYS : 0;
+    const int most = tapping == SPSI_TAP_SHEETS || chosen > 0 ? SPSI_TAP_RAYS : 0, few = wanted > 0 ? 4 : 2;
     spsi_verdict verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
     if (wanted < 0) return SPSI_SPLAT_CHEAPER;
-    for (int n = 0; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
-        verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, wanted, n > 1 ? n * n : n + 1, tapper);
+    for (int n = wanted > 0 && tapping == SPSI_TAP_PIXELS; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
+        verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, wanted, n == 1 ? few : n * n + !n, tapper);
     for (int n = wanted; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
-        for (int count = 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
+        for (int count = n > 0 ? 4 : 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
             verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, n, count, tapper);
     for (int side = 3; side * side <= SPSI_TAP_RAYS && verdict == SPSI_SPLAT_SMALL; ++side)
         for (int n = levels; n >= wanted && verdict == SPSI_SPLAT_SMALL; --n)
@@ -13745,16 +13748,14 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
     return chosen > 0 || spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
 
-/* Weight of the level behind a tapper's, in sixteenths: 1 where its own becomes too fine for four rays, so that nothing
+/* Weight of the level behind a tapper's, in 32nds: 1 where its own becomes too fine for four rays, so that nothing
    jumps there, 0 where its voxels are sqrt(2) times as large; or if that level does not follow, but more rays. */
-static float spsi_levels_mix(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
-                             const spsi_slabs *slabs, const spsi_splatter *splatter, const spsi_tapper *tapper) {
-    const double octaves = log((double)tapper->least / SPSI_TAP_VARIANCE) / log(2.0);
-    spsi_tapper next;
-    if (octaves >= 1 || tapper->level >= spsi_levels_wanted(frame, lattice->medium)) return 0;
-    if (spsi_tapper_try(frame, lattice, rays, slabs, splatter, tapper->level + 1, 4, &next) != SPSI_GATHER_ASKED)
+static float spsi_levels_mix(const spsi_frame *frame, const spsi_tapper *tapper) {
+    const double ratio = (double)tapper->least / SPSI_TAP_VARIANCE, octaves = log(ratio) / log(2.0);
+    if (tapper->side < 2 || tapper->level >= spsi_levels_wanted(frame, (int)(tapper->finest - tapper->fields->list)) ||
+        !(octaves < 1 && 2 * (double)tapper->widest <= sqrt(ratio)))
         return 0;
-    return (float)floor(16 * fmin(1 - octaves, 0.95)) / 16;
+    return (float)floor(32 * fmin(1 - octaves, 0.97)) / 32;
 }
 
 /* Extends the content's bounds by what levels reach beyond voxels' own kernels, as rays gather them that fill these
@@ -13770,9 +13771,9 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
         verdict = spsi_tapper_judge(frame, lattice, rays, slabs, &splatter, SPSI_TAP_PIXELS, &tapper);
         if (verdict == SPSI_SPLAT_CHEAPER && chooses && tapper.level > 0) frame->content->levels[m] = -1;
         if (!spsi_gathers(verdict)) continue;
-        if (chooses) tapper.mix = spsi_levels_mix(frame, lattice, rays, slabs, &splatter, &tapper);
+        if (chooses) tapper.mix = spsi_levels_mix(frame, &tapper);
         if (chooses) frame->content->levels[m] = (float)tapper.level + tapper.mix;
-        for (int n = 0; n < 9 && tapper.level + tapper.mix > 0; ++n) {
+        for (int n = 0; n < 9 && (tapper.level > 0 || tapper.mix > 0); ++n) {
             const double reach = fabs(lattice->step[n / 3][n % 3]) * (spsi_tapper_reach(&tapper) - SPSI_REACH);
             bounds->low[n % 3] -= reach;
             bounds->high[n % 3] += reach;

@@ -13703,7 +13703,7 @@ static int spsi_tapper_is_fine(const spsi_tapper *tapper, const spsi_lattice *la
 /* Builds the tapper of a level. A classified volume has one sample in a slab that needs no more: a parabola through
    samples is as exact as one through means, and needs none beyond the slabs beside. Where slabs are as thick as pixels
    call for, it also has one: the mean of several is classified as none of them is. Where four rays serve a level, nine
-   are taken, by which a lone voxel's mass depends less on its place. */
+   are taken if they are few for a lone voxel's mass, or if 4 taps cut its edge off. */
 static spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                     const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
                                     spsi_tapper *tapper) {
@@ -13714,7 +13714,7 @@ static spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_lattice 
     tapper->mix = level == tapper->wanted ? frame->content->levels[lattice->medium] - (float)level : 0;
     tapper->lone = !(splatter->filter > 0) && (slabs->wide || spsi_tapper_is_fine(tapper, lattice, rays));
     verdict = spsi_tapper_serves(tapper, lattice, rays, splatter);
-    tapper->side += level > 0 && count == 4 && tapper->least < (float)SPSI_TAP_LONE;
+    tapper->side += level > 0 && count == 4 && (tapper->fields->taps == 4 || tapper->least < (float)SPSI_TAP_LONE);
     tapper->rays = tapper->side == 3 ? 9 : count;
     tapper->aside = 0.5f - 0.5f / (float)tapper->side;
     return verdict;

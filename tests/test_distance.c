@@ -45,8 +45,8 @@ static void check_layer(int layers, double pixels, int quality, int filling, int
     check_add_directional(&s, 0, 0, behind ? 1 : -1, 3.14159265358979);
     if (!check_render(context, &s, image)) return;
     if (figures())
-        printf("layer of %d, voxels of %.4f pixels, quality %d, filling %d, from %s: %+.3f %%, light %+.3f %%\n", layers,
-               pixels, quality, filling, behind ? "behind" : "before", 100 * ((double)middle[3] / covered - 1),
+        printf("layer of %d, voxels of %.4f pixels, quality %d, filling %d, from %s: %+.3f %%, light %+.3f %%\n",
+               layers, pixels, quality, filling, behind ? "behind" : "before", 100 * ((double)middle[3] / covered - 1),
                100 * ((double)middle[0] / lit - 1));
     if (!CHECK_CASE("Distance", "layers of voxels from 0.7 to 1/64 of a pixel", "1 - exp(-1) of coverage",
                     fabs((double)middle[3] / covered - 1), 0.005, "kernels that are cut at 3.3 deviations") ||
@@ -170,8 +170,8 @@ static void test_even(void) {
 /* --- a camera that recedes --- */
 
 /* A blob of an optical depth of up to 0.3 under a sun, from 4 pixels a voxel to 1/64, in 200 frames. Per solid angle,
-   coverage and light change from frame to frame by no more than 0.5 %; over a frame's 2.8 % of distance, what the filter
-   covers more of a dense blob as it shrinks is below 0.1 %. */
+   coverage and light change from frame to frame by no more than 0.5 %; over a frame's 2.8 % of distance, what the
+   filter covers more of a dense blob as it shrinks is below 0.1 %. */
 static void test_receding(void) {
     double before[2] = {0, 0}, most = 0;
     for (int frame = 0; frame < 200; ++frame) {
@@ -221,8 +221,8 @@ static void test_maps(void) {
         light = check_light_of(&s.view);
         memset(&settings, 0, sizeof settings);
         settings.far_depth = 100;
-        if (CHECK_OK(context, sps_tmap_create(context, &light, &settings, &map)) && CHECK(!sps_tmap_add(map, &s.scene)) &&
-            CHECK(!sps_tmap_finish(map))) {
+        if (CHECK_OK(context, sps_tmap_create(context, &light, &settings, &map)) &&
+            CHECK(!sps_tmap_add(map, &s.scene)) && CHECK(!sps_tmap_finish(map))) {
             sps_tmap_query(map, 1, point, &depth, NULL);
             if (!CHECK_CASE("Distance", "maps of layers whose voxels are smaller than texels", "an optical depth of 1",
                             fabs((double)depth - 1), 0.005, "kernels that are cut at 3.3 deviations"))
@@ -232,9 +232,10 @@ static void test_maps(void) {
     }
 }
 
-/* Light from cell to cell in a layer of an optical depth of 1 that is 40 pixels wide. Levels spread it over 2 pixels, as
-   much as 2 * 40 * 2 / 40^2 = 10 % of its surface by its sides, by which half of what scatters again, a third of all,
-   leaves in the rim alone: less than 5 % in the middle. What cells, a table and the eye see must be of one level. */
+/* Light from cell to cell in a layer of an optical depth of 1 that is 40 pixels wide. Levels spread it over 2 pixels,
+   as much as 2 * 40 * 2 / 40^2 = 10 % of its surface by its sides, by which half of what scatters again, a third of
+   all, leaves in the rim alone: less than 5 % in the middle. What cells, a table and the eye see must be of one level.
+ */
 static void test_cells(void) {
     double light[2] = {0, 0};
     for (int splat = 0; splat < 2; ++splat) {
@@ -274,8 +275,8 @@ static void test_kept(void) {
         check_add_directional(&s, 0, 0, -1, 3)->shadow_source = SPS_SHADOW_TABLE;
         check_render(own, &s, again);
         check_render_plain(&s, image);
-        CHECK_CASE("Distance", "a context that has rendered other distances, with tables and cells", "that of a new one",
-                   memcmp(image, again, sizeof image) != 0, 0, "same bits");
+        CHECK_CASE("Distance", "a context that has rendered other distances, with tables and cells",
+                   "that of a new one", memcmp(image, again, sizeof image) != 0, 0, "same bits");
     }
     sps_destroy(own);
 }

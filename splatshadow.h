@@ -785,18 +785,20 @@ typedef enum sps_filling {
        more than rays do. memory_limit is not looked at: where bricks do not fit, ask for SPLAT. */
     SPS_FILLING_AUTO = 0,
     SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
-    /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3 per
-       voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per slab.
-       Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where a gas's voxels are
-       smaller than 0.55 pixels, a pixel has two rays, or four if they are smaller than 0.38, and where they are smaller
-       than 0.27, voxels of a coarser level are sampled. One level serves a whole volume, and its voxels are no longer
-       than 0.77 pixels where the eye is nearest: if distances differ too much for that, or the lengths of a voxel's
-       edges, a pixel has 9 to 64 rays on a finer level. At high and ultra there are no levels if voxels are more than
-       twice as long as wide. A texel of a light's sheets has one ray, on such a level, if that serves all of the
-       volume. Through classified voxels of any size, there is one ray. Volumes are splatted nevertheless, one by one
-       and in each pass, if 64 rays are not enough, if any of their voxels is nearer to the eye or the light than 16
-       times a kernel's reach (26 of its longest edges at high), if rays cross more than 15 voxels in a slab (11 at high
-       and ultra), or if they are scattered too thinly. Cost besides: 5900 bytes per brick of 8^3 voxels within reach of
+    /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3
+       per voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per
+       slab. Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where a gas's voxels
+       are smaller than 0.55 pixels, a pixel has two rays, or four if they are smaller than 0.38, and where they are
+       smaller than 0.27, voxels of a coarser level are sampled, by 9 rays. From 0.38 pixels on, that level fades in, so
+       that nothing jumps as a camera recedes. One level serves a whole volume, in the picture, its shadows and its
+       cells, and its voxels are no longer than 0.77 pixels where the eye is nearest: if distances differ too much for
+       that, or the lengths of a voxel's edges, a pixel has 9 to 64 rays on a finer level. A level keeps all mass, and
+       spreads it over about a pixel, also behind a polygon that is nearer to it than that. At high and ultra there are
+       no levels if voxels are more than twice as long as wide. A texel of a light's sheets has one ray, if that serves.
+       Through classified voxels of any size, there is one ray. Volumes are splatted nevertheless, one by one and in
+       each pass, if 64 rays are not enough, if any of their voxels is nearer to the eye or the light than 16 times a
+       kernel's reach (26 of its longest edges at high), if rays cross more than 15 voxels in a slab (11 at high and
+       ultra), or if they are scattered too thinly. Cost besides: 5900 bytes per brick of 8^3 voxels within reach of
        one, 10900 at high and ultra, and roughly an eighth as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;
@@ -11245,8 +11247,8 @@ static void spsi_splatter_classified(spsi_splatter *splatter) {
     splatter->eye_near = -FLT_MAX;
 }
 
-/* Per square pixel by which the filter widens a footprint: voxels of up to 0.5 pixels count as alone, of 0.7 not. Evened
-   out each for itself, voxels about a pixel apart would beat with the pixels where gas is even. */
+/* Per square pixel by which the filter widens a footprint: voxels of up to 0.5 pixels count as alone, of 0.7 not. If
+   voxels about a pixel apart were evened out one by one, even gas would beat with the pixels. */
 #define SPSI_ALONE 16
 
 /* The parts of a footprint that follow from R at (x, y, t): the pixel filter, the conditional Gaussians, the
@@ -11816,7 +11818,7 @@ static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footp
     return spsi_bits(spsi_and(spsi_and(m0, m1), spsi_less(spsi_set(0), spsi_load(f->per_slab))));
 }
 
-/* Sum over pixels of a Gaussian at x, by its integral: samples a pixel apart take a wave as long as a pixel for more. */
+/* Sum over pixels of a Gaussian at x, by its integral: pixels alias a wave of their own length. */
 static inline spsi_v spsi_pixels_sum(const float *x, const float *half, spsi_v per_cut, spsi_v alone) {
     const spsi_v at = spsi_clamp(spsi_load(x), spsi_set(-4.0f * SPSI_SIZE_MAX), spsi_set(4.0f * SPSI_SIZE_MAX));
     const spsi_v turn = spsi_fma(spsi_abs(spsi_sub(at, spsi_round(at))), spsi_set(4), spsi_set(-1));
@@ -12278,12 +12280,14 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    samples of its own. The rays of a vector of pixels are followed side by side: only taps are read one sample after the
    other. Where voxels are smaller than pixels, a pixel of gas has two rays, at opposite corners of its middle half,
    which swing to the other two corners from sample to sample: along a ray that is as good as four. The smallest voxels
-   that are not left to a coarser level have four, or 3^2 to 8^2, evenly spread over the pixel, where a level that is
-   fine enough for the nearest voxels and the longest edges is too fine for others. Of a light's sheets, a texel has one
-   ray: on a level whose voxels are about as wide, or, where it is classified, wherever it hits, since samples at places
-   are right in the mean, and looks of means are not. Volumes that are not classified have a pyramid: each level's
-   voxels are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Gradients
-   of surfaces are sums of the same voxels, weighted by the kernel's derivative.
+   that are not left to a coarser level have four, a level's nine, or 3^2 to 8^2, evenly spread over the pixel, where a
+   level that is fine enough for the nearest voxels and the longest edges is too fine for others. The eye's pixels
+   choose a volume's level for all targets: with two of them, gas would lie before or behind its own shadow. A share of
+   the next level, which grows as voxels become smaller, is added to each. Of a light's sheets, a texel has as few rays
+   as serve the level, or one, where it is classified, wherever it hits, since samples at places are right in the mean,
+   and looks of means are not. Volumes that are not classified have a pyramid: each level's voxels are twice as large,
+   halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Gradients of surfaces are sums of the
+   same voxels, weighted by the kernel's derivative.
    With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels in those slabs where gas is smooth: cubics across
    the patch, and midpoints or cubics along it, are off by what a bound on the field's third derivatives allows, the
    greatest third differences of voxels in eighths of bricks. These are differences of a smooth field to within the
@@ -12298,7 +12302,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 #define SPSI_TAP_OPAQUE   1e4      /* optical depth of a voxel; those 3 voxels away weigh 1e-5, and count then */
 #define SPSI_TAP_VARIANCE 0.125    /* least of a voxel, in rays' distances: half that of the pixel filter in pixels */
 #define SPSI_TAP_TWO      0.25     /* the same where two rays swing, which miss more of what is as narrow as they */
-#define SPSI_TAP_LONE     0.3      /* the same where lone voxels of a level keep their mass to 1 %: 4 exp(-2 pi^2 0.3) */
+#define SPSI_TAP_LONE     0.3      /* the same where a level's lone voxels keep their mass: 4 exp(-2 pi^2 0.3) is 1 % */
 #define SPSI_TAP_WIDEST   1.0      /* most of a level's voxel, in texels of one ray, or halves of a pixel of several */
 #define SPSI_TAP_RAYS     64       /* most of a pixel */
 #define SPSI_TAP_SLABS    (SPSI_CHUNK + 4) /* of a tile, at most */
@@ -14550,10 +14554,11 @@ static sps_result spsi_contents_fields(const spsi_contents *contents) {
     int gathers = 0, level = 0, interpolates = 0;
     for (int n = 0; n < contents->target_count; ++n)
         for (int i = 0; i < contents->frame->medium_count; ++i) {
+            const spsi_tapper *tapper = &contents->targets[n]->tappers[i];
             if (!spsi_gathers(contents->targets[n]->verdicts[i])) continue;
             gathers = 1;
             interpolates |= spsi_target_interpolates(contents->targets[n], i);
-            level = spsi_most(level, contents->targets[n]->tappers[i].level + (contents->targets[n]->tappers[i].mix > 0));
+            level = spsi_most(level, tapper->level + (tapper->mix > 0));
         }
     if (gathers && spsi_fields_fill(context, contents->frame)) return context->result;
     if (interpolates && spsi_fields_bend(context, contents->frame)) return context->result;

@@ -48,10 +48,11 @@ static void check_layer(int layers, double pixels, int quality, int filling, int
         printf("layer of %d, voxels of %.4f pixels, quality %d, filling %d, from %s: %+.3f %%, light %+.3f %%\n",
                layers, pixels, quality, filling, behind ? "behind" : "before", 100 * ((double)middle[3] / covered - 1),
                100 * ((double)middle[0] / lit - 1));
-    if (!CHECK_CASE("Distance", "layers of voxels from 0.7 to 1/64 of a pixel", "1 - exp(-1) of coverage",
+    if (!CHECK_CASE("Extremes", "layers of voxels from 0.7 to 1/64 of a pixel", "1 - exp(-1) of coverage",
                     fabs((double)middle[3] / covered - 1), 0.005, "kernels that are cut at 3.3 deviations") ||
-        !CHECK_CASE("Distance", "the same, lit from before and behind", "closed forms of single scattering",
-                    fabs((double)middle[0] / lit - 1), 0.01, "light is linear within a slab"))
+        !CHECK_CASE("Extremes", "layers of voxels from 0.7 to 1/64 of a pixel, lit from before and behind",
+                    "closed forms of single scattering", fabs((double)middle[0] / lit - 1), 0.01,
+                    "light is linear within a slab"))
         printf("    layer of %d, voxels of %g pixels, quality %d, filling %d, behind %d\n", layers, pixels, quality,
                filling, behind);
 }
@@ -125,7 +126,7 @@ static void check_mass(shape kind, double pixels, int quality, int filling) {
         if (figures())
             printf("%s of %.4f pixels, quality %d, filling %d: %+.3f %%\n", shape_names[kind], pixels, quality, filling,
                    100 * (mass - 1));
-        if (!CHECK_CASE("Distance", "faint volumes of voxels from 1/2 to 1/64 of a pixel, and lone voxels",
+        if (!CHECK_CASE("Extremes", "faint volumes of voxels from 1/2 to 1/64 of a pixel, and lone voxels",
                         "sum over pixels: that over voxels", fabs(mass - 1), 0.01,
                         "samples of what is hardly wider than they lie apart"))
             printf("    %s of %g pixels, quality %d, filling %d\n", shape_names[kind], pixels, quality, filling);
@@ -161,7 +162,7 @@ static void test_even(void) {
             low = fmin(low, -log1p(-(double)image[4 * i + 3]));
             high = fmax(high, -log1p(-(double)image[4 * i + 3]));
         }
-        if (!CHECK_CASE("Distance", "even gas, splatted, of voxels from 0.4 to 1.2 pixels", "an even picture",
+        if (!CHECK_CASE("Extremes", "even gas, splatted, of voxels from 0.4 to 1.2 pixels", "an even picture",
                         high - low, 0.008, "kernels' ripple, and 0.2 % of what they even out"))
             printf("    voxels of %g pixels: %g to %g\n", pixels, low, high);
     }
@@ -194,7 +195,7 @@ static void test_receding(void) {
         for (int k = 0; k < 2 && frame > 70; ++k) { /* all of it is in the picture */
             const double step = fabs(sums[k] / before[k] - 1);
             most = fmax(most, step);
-            if (!CHECK_CASE("Distance", "a blob from which the camera recedes, 200 frames", "no steps of its light",
+            if (!CHECK_CASE("Extremes", "a blob from which the camera recedes, 200 frames", "no steps of its light",
                             step, 0.005, "a level passes into the next along a factor of 1.4"))
                 printf("    frame %d, voxels of %g pixels\n", frame, pixels);
         }
@@ -224,7 +225,7 @@ static void test_maps(void) {
         if (CHECK_OK(context, sps_tmap_create(context, &light, &settings, &map)) &&
             CHECK(!sps_tmap_add(map, &s.scene)) && CHECK(!sps_tmap_finish(map))) {
             sps_tmap_query(map, 1, point, &depth, NULL);
-            if (!CHECK_CASE("Distance", "maps of layers whose voxels are smaller than texels", "an optical depth of 1",
+            if (!CHECK_CASE("Extremes", "maps of layers whose voxels are smaller than texels", "an optical depth of 1",
                             fabs((double)depth - 1), 0.005, "kernels that are cut at 3.3 deviations"))
                 printf("    voxels of %g texels: %g\n", pixels, (double)depth);
         }
@@ -251,7 +252,7 @@ static void test_cells(void) {
         light[splat] = (double)image[4 * (SIDE / 2 * SIDE + SIDE / 2)];
     }
     if (figures()) printf("cells: %g by levels, %g splatted\n", light[0], light[1]);
-    CHECK_CASE("Distance", "light from cell to cell in a layer of small voxels", "the same by levels as splatted",
+    CHECK_CASE("Extremes", "light from cell to cell in a layer of small voxels", "the same by levels as splatted",
                fabs(light[0] / light[1] - 1), 0.05, "more of a thicker layer's light leaves by its sides");
 }
 
@@ -275,7 +276,7 @@ static void test_kept(void) {
         check_add_directional(&s, 0, 0, -1, 3)->shadow_source = SPS_SHADOW_TABLE;
         check_render(own, &s, again);
         check_render_plain(&s, image);
-        CHECK_CASE("Distance", "a context that has rendered other distances, with tables and cells",
+        CHECK_CASE("Extremes", "a context that has rendered other distances, with tables and cells",
                    "that of a new one", memcmp(image, again, sizeof image) != 0, 0, "same bits");
     }
     sps_destroy(own);

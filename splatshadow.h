@@ -792,18 +792,20 @@ typedef enum sps_filling {
        more than rays do. memory_limit is not looked at: where bricks do not fit, ask for SPLAT. */
     SPS_FILLING_AUTO = 0,
     SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
-    /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3 per
-       voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per slab.
-       Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where a gas's voxels are
-       smaller than 0.55 pixels, a pixel has two rays, or four if they are smaller than 0.38, and where they are smaller
-       than 0.27, voxels of a coarser level are sampled. One level serves a whole volume, and its voxels are no longer
-       than 0.77 pixels where the eye is nearest: if distances differ too much for that, or the lengths of a voxel's
-       edges, a pixel has 9 to 64 rays on a finer level. At high and ultra there are no levels if voxels are more than
-       twice as long as wide. A texel of a light's sheets has one ray, on such a level, if that serves all of the
-       volume. Through classified voxels of any size, there is one ray. Volumes are splatted nevertheless, one by one
-       and in each pass, if 64 rays are not enough, if any of their voxels is nearer to the eye or the light than 16
-       times a kernel's reach (26 of its longest edges at high), if rays cross more than 15 voxels in a slab (11 at high
-       and ultra), or if they are scattered too thinly. Cost besides: 5900 bytes per brick of 8^3 voxels within reach of
+    /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3
+       per voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per
+       slab. Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where a gas's voxels
+       are smaller than 0.55 pixels, a pixel has two rays, or four if they are smaller than 0.38, and where they are
+       smaller than 0.27, voxels of a coarser level are sampled, by 9 rays. From 0.38 pixels on, that level fades in, so
+       that nothing jumps as a camera recedes. One level serves a whole volume, in the picture, its shadows and its
+       cells, and its voxels are no longer than 0.77 pixels where the eye is nearest: if distances differ too much for
+       that, or the lengths of a voxel's edges, a pixel has 9 to 64 rays on a finer level. A level keeps all mass, and
+       spreads it over about a pixel, also behind a polygon that is nearer to it than that. At high and ultra there are
+       no levels if voxels are more than twice as long as wide. A texel of a light's sheets has one ray, if that serves.
+       Through classified voxels of any size, there is one ray. Volumes are splatted nevertheless, one by one and in
+       each pass, if 64 rays are not enough, if any of their voxels is nearer to the eye or the light than 16 times a
+       kernel's reach (26 of its longest edges at high), if rays cross more than 15 voxels in a slab (11 at high and
+       ultra), or if they are scattered too thinly. Cost besides: 5900 bytes per brick of 8^3 voxels within reach of
        one, 10900 at high and ultra, and roughly an eighth as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;
@@ -4780,7 +4782,7 @@ typedef struct spsi_flights {
 
 #define SPSI_TAP_STEPS     1024 /* places between two voxels for which there are weights, >>taps */
 #define SPSI_FIELD_REACHES 3    /* about what is shown, in which samples are taken */
-#define SPSI_LEVELS        8    /* of voxels twice as large each, besides those that were read */
+#define SPSI_LEVELS        12   /* of voxels twice as large each, besides those that were read */
 
 /* Values of a volume, by which its sheets are filled pixel by pixel, >>taps. */
 typedef struct spsi_voxel_field {
@@ -4806,7 +4808,7 @@ typedef struct spsi_fields {
     float weights[SPSI_TAP_STEPS + 1][8];    /* by place; those beyond `taps` are 0 */
     float changes[SPSI_TAP_STEPS + 1][8];    /* of the weights, per voxel */
     spsi_voxel_field list[SPSI_VOLUMES_MAX]; /* by medium */
-    int leveled;                             /* 1: so have those of coarser levels */
+    int leveled;                             /* number of coarser levels that have theirs */
     int bent;                                /* 1: how much they bend is known */
     spsi_voxel_field levels[SPSI_VOLUMES_MAX][SPSI_LEVELS];
 } spsi_fields;
@@ -4825,6 +4827,7 @@ typedef struct spsi_content {
     double particle_extinction;    /* mean of their gas, in a particle or where they overlap, whichever is larger */
     const spsi_image *images;      /* that lights throw, >>projectors */
     spsi_fields *fields;           /* of the volumes; NULL: they are splatted, >>taps */
+    float levels[SPSI_VOLUMES_MAX]; /* by medium: for all targets, with a fraction of the next; -1: splatted, >>taps */
     const spsi_cell_grid *cells;   /* grids of them; NULL: light is not followed from cell to cell */
     int cell_grid_count;
     const spsi_flights *flights; /* light of what glows; NULL: nothing does, or cells carry it */
@@ -11458,6 +11461,7 @@ typedef struct spsi_footprints {
     float row_width[SPSI_LANES];   /* standard deviation of x at given y */
     float half_height[SPSI_LANES]; /* half the height of its bounding box, in pixels */
     float half_width[SPSI_LANES];  /* half the width of its bounding box, in pixels */
+    float alone[SPSI_LANES];       /* 1: its pixels are to add up to its mass; 0: with its neighbours', they do */
     float per_slab[SPSI_LANES];    /* change of v from plane to plane */
     float slope_x[SPSI_LANES];     /* change of a plane's v per pixel along x */
     float slope_y[SPSI_LANES];     /* change of a plane's v per pixel along y */
@@ -11575,6 +11579,10 @@ static void spsi_splatter_classified(spsi_splatter *splatter) {
     splatter->eye_near = -FLT_MAX;
 }
 
+/* Per square pixel by which the filter widens a footprint: voxels of up to 0.5 pixels count as alone, of 0.7 not. If
+   voxels about a pixel apart were evened out one by one, even gas would beat with the pixels. */
+#define SPSI_ALONE 16
+
 /* The parts of a footprint that follow from R at (x, y, t): the pixel filter, the conditional Gaussians, the
    section. */
 static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v y, spsi_v t, spsi_v value,
@@ -11599,6 +11607,7 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
     widen = spsi_max(spsi_set(0), spsi_sub(spsi_set(s->filter), least));
     rxx = spsi_add(rxx, widen);
     ryy = spsi_add(ryy, widen);
+    spsi_store(out->alone, spsi_clamp(spsi_fma(widen, spsi_set(SPSI_ALONE), spsi_set(-1)), spsi_set(0), one));
     determinant =
         spsi_max(spsi_sub(spsi_mul(rxx, ryy), spsi_mul(rxy, rxy)), spsi_mul(spsi_set(1e-6f), spsi_mul(rxx, ryy)));
     across = spsi_div(ryy, determinant);
@@ -12141,6 +12150,25 @@ static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footp
     return spsi_bits(spsi_and(spsi_and(m0, m1), spsi_less(spsi_set(0), spsi_load(f->per_slab))));
 }
 
+/* Sum over pixels of a Gaussian at x, by its integral: pixels alias a wave of their own length. */
+static inline spsi_v spsi_pixels_sum(const float *x, const float *half, spsi_v per_cut, spsi_v alone) {
+    const spsi_v at = spsi_clamp(spsi_load(x), spsi_set(-4.0f * SPSI_SIZE_MAX), spsi_set(4.0f * SPSI_SIZE_MAX));
+    const spsi_v turn = spsi_fma(spsi_abs(spsi_sub(at, spsi_round(at))), spsi_set(4), spsi_set(-1));
+    const spsi_v cosine = spsi_mul(turn, spsi_sub(spsi_mul(turn, turn), spsi_set(3))); /* twice, to 2 % */
+    const spsi_v deviation = spsi_min(spsi_mul(spsi_load(half), per_cut), spsi_set(2));
+    const spsi_v wave = spsi_mul(spsi_mul(deviation, deviation), spsi_set((float)(-2 * SPSI_PI * SPSI_PI)));
+    return spsi_fma(spsi_mul(alone, spsi_exp(wave)), cosine, spsi_set(1));
+}
+
+/* Scales footprints of voxels much smaller than pixels so that their mass does not depend on their place. */
+static inline void spsi_footprints_even(const spsi_splatter *s, spsi_footprints *f) {
+    const spsi_v alone = spsi_load(f->alone), per_cut = spsi_set(1 / s->cut);
+    if (!spsi_bits(spsi_less(spsi_set(0), alone))) return;
+    spsi_store(f->amplitude, spsi_div(spsi_load(f->amplitude),
+                                      spsi_mul(spsi_pixels_sum(f->x, f->half_width, per_cut, alone),
+                                               spsi_pixels_sum(f->y, f->half_height, per_cut, alone))));
+}
+
 /* Splats the voxels of one brick into a tile. */
 static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi_anchor *anchor,
                              const spsi_segment *segment, const spsi_brick *brick, float *channel) {
@@ -12180,6 +12208,7 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
             spsi_store(f.amplitude, spsi_mul(value, spsi_set(unit)));
         }
         if (bits) bits &= spsi_footprints_inside(tile, &f);
+        if (bits) spsi_footprints_even(s, &f);
         for (print.lane = 0; bits >> print.lane; ++print.lane)
             if (bits >> print.lane & 1) spsi_splat_footprint(&print);
         if (near_bits) spsi_splat_near_voxels(tile, s, q, slab, value, near_bits, channel);
@@ -12584,12 +12613,14 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    samples of its own. The rays of a vector of pixels are followed side by side: only taps are read one sample after the
    other. Where voxels are smaller than pixels, a pixel of gas has two rays, at opposite corners of its middle half,
    which swing to the other two corners from sample to sample: along a ray that is as good as four. The smallest voxels
-   that are not left to a coarser level have four, or 3^2 to 8^2, evenly spread over the pixel, where a level that is
-   fine enough for the nearest voxels and the longest edges is too fine for others. Of a light's sheets, a texel has one
-   ray: on a level whose voxels are about as wide, or, where it is classified, wherever it hits, since samples at places
-   are right in the mean, and looks of means are not. Volumes that are not classified have a pyramid: each level's
-   voxels are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Gradients
-   of surfaces are sums of the same voxels, weighted by the kernel's derivative.
+   that are not left to a coarser level have four, a level's nine, or 3^2 to 8^2, evenly spread over the pixel, where a
+   level that is fine enough for the nearest voxels and the longest edges is too fine for others. The eye's pixels
+   choose a volume's level for all targets: with two of them, gas would lie before or behind its own shadow. A share of
+   the next level, which grows as voxels become smaller, is added to each. Of a light's sheets, a texel has as few rays
+   as serve the level, or one, where it is classified, wherever it hits, since samples at places are right in the mean,
+   and looks of means are not. Volumes that are not classified have a pyramid: each level's voxels are twice as large,
+   halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Gradients of surfaces are sums of the
+   same voxels, weighted by the kernel's derivative.
    With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels in those slabs where gas is smooth: cubics across
    the patch, and midpoints or cubics along it, are off by what a bound on the field's third derivatives allows, the
    greatest third differences of voxels in eighths of bricks. These are differences of a smooth field to within the
@@ -12604,6 +12635,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 #define SPSI_TAP_OPAQUE   1e4      /* optical depth of a voxel; those 3 voxels away weigh 1e-5, and count then */
 #define SPSI_TAP_VARIANCE 0.125    /* least of a voxel, in rays' distances: half that of the pixel filter in pixels */
 #define SPSI_TAP_TWO      0.25     /* the same where two rays swing, which miss more of what is as narrow as they */
+#define SPSI_TAP_LONE     0.3      /* the same where a level's lone voxels keep their mass: 4 exp(-2 pi^2 0.3) is 1 % */
 #define SPSI_TAP_WIDEST   1.0      /* most of a level's voxel, in texels of one ray, or halves of a pixel of several */
 #define SPSI_TAP_RAYS     64       /* most of a pixel */
 #define SPSI_TAP_SLABS    (SPSI_CHUNK + 4) /* of a tile, at most */
@@ -13058,7 +13090,8 @@ typedef struct spsi_tapper {
     const spsi_voxel_field *field; /* of its level */
     const spsi_voxel_field *finest;
     const uint32_t (*cells)[2];    /* of the field, by the reach that is wanted */
-    int level;                     /* 0: voxels as they were read */
+    int level, wanted;             /* 0: voxels as they were read; the frame's, which may be wider than texels */
+    float mix, least, widest;      /* weight of the next level; least variance in rays' distances; greatest width */
     int rays, side;                /* of a pixel: 1, or 2 that swing, or a square of 2^2 to 8^2; along its side */
     float aside;                   /* pixels from its centre to the outermost, along each axis */
     double breadth;                /* standard deviation of a voxel of its level, along its longest edge */
@@ -13834,7 +13867,8 @@ static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lat
 /* How far voxels reach, in those that were read: a level's weights are for up to 1.5 finer voxels more. */
 static double spsi_tapper_reach(const spsi_tapper *tapper) {
     const double reach = tapper->fields->taps / 2.0;
-    return tapper->level ? (reach + 1.5) * (1 << tapper->level) : reach;
+    const int level = tapper->level + (tapper->mix > 0);
+    return level ? (reach + 1.5) * (1 << level) : reach;
 }
 
 /* The covariance of a footprint, xx, yy and xy, without the pixel filter, at ray coordinates (x t, y t, t). */
@@ -13902,16 +13936,20 @@ static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *ra
 }
 
 /* Whether a field serves the rays at a point in ray coordinates. */
-static spsi_verdict spsi_tapper_serves_at(const spsi_tapper *tapper, const spsi_rays *rays,
+static spsi_verdict spsi_tapper_serves_at(spsi_tapper *tapper, const spsi_rays *rays,
                                           const spsi_splatter *splatter, const double q[3]) {
     const double pitch = fmin(spsi_length(rays->a), spsi_length(rays->b));
     const double finer = (double)(tapper->side << tapper->level);
-    const double least = tapper->rays == 2 ? SPSI_TAP_TWO : SPSI_TAP_VARIANCE;
+    const int many = tapper->level > 0 && tapper->side > 2; /* a lone voxel's mass depends less on its place */
+    const double least = tapper->rays == 2 ? SPSI_TAP_TWO : many ? SPSI_TAP_LONE : SPSI_TAP_VARIANCE;
+    const double variance = finer * finer * spsi_least_variance(splatter, q);
     double way[3], widest;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
-    if (finer * finer * spsi_least_variance(splatter, q) < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
+    if (variance < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
     widest = spsi_least(tapper->side, 2) * tapper->breadth / (rays->perspective ? pitch * q[2] : pitch);
-    if (widest * widest > SPSI_TAP_WIDEST && tapper->level > 0) return SPSI_SPLAT_SMALL;
+    if (widest * widest > SPSI_TAP_WIDEST && tapper->level > tapper->wanted) return SPSI_SPLAT_SMALL;
+    tapper->least = spsi_lower(tapper->least, (float)variance);
+    tapper->widest = spsi_higher(tapper->widest, (float)widest);
     spsi_tapper_way(tapper, rays, q, way);
     if (!(sqrt(spsi_dot(way, way)) <= SPSI_TAP_MOST * spsi_tap_step(tapper->fields)) && !tapper->lone)
         return SPSI_SPLAT_THICK;
@@ -13931,7 +13969,7 @@ static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lat
 
 /* Whether a field serves these rays: voxels are no smaller than texels may be and not near the origin of rays, and
    slabs are not too thick. */
-static spsi_verdict spsi_tapper_serves(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+static spsi_verdict spsi_tapper_serves(spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
                                        const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
         const double share[3] = {(double)(corner & 1), (double)(corner >> 1 & 1), (double)(corner >> 2)};
@@ -14001,38 +14039,95 @@ static int spsi_tapper_is_fine(const spsi_tapper *tapper, const spsi_lattice *la
 
 /* Builds the tapper of a level. A classified volume has one sample in a slab that needs no more: a parabola through
    samples is as exact as one through means, and needs none beyond the slabs beside. Where slabs are as thick as pixels
-   call for, it also has one: the mean of several is classified as none of them is. */
-static spsi_verdict spsi_tapper_try(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
+   call for, it also has one: the mean of several is classified as none of them is. Where four rays serve a level, nine
+   are taken if they are few for a lone voxel's mass, or if 4 taps cut its edge off. */
+static spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                     const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
                                     spsi_tapper *tapper) {
-    spsi_tapper_build(fields, lattice, rays, slabs, level, count, tapper);
+    spsi_verdict verdict;
+    spsi_tapper_build(frame->content->fields, lattice, rays, slabs, level, count, tapper);
+    tapper->wanted = (int)frame->content->levels[lattice->medium];
+    tapper->least = FLT_MAX;
+    tapper->mix = level == tapper->wanted ? frame->content->levels[lattice->medium] - (float)level : 0;
     tapper->lone = !(splatter->filter > 0) && (slabs->wide || spsi_tapper_is_fine(tapper, lattice, rays));
-    return spsi_tapper_serves(tapper, lattice, rays, splatter);
+    verdict = spsi_tapper_serves(tapper, lattice, rays, splatter);
+    tapper->side += level > 0 && count == 4 && (tapper->fields->taps == 4 || tapper->least < (float)SPSI_TAP_LONE);
+    tapper->rays = tapper->side == 3 ? 9 : count;
+    tapper->aside = 0.5f - 0.5f / (float)tapper->side;
+    return verdict;
 }
 
-/* How a volume fills sheets, whose splatter is ready. Builds the tapper of one that is gathered: of the finest level
-   that two or four rays serve, or else of the coarsest with the fewest rays, which costs least. */
+/* How a volume fills sheets, whose splatter is ready. Builds the tapper of one that is gathered: of the frame's level
+   with the fewest rays that serve, or, where none has been chosen, of the finest level that two or four rays serve, or
+   else of the coarsest with the fewest rays, which costs least. */
 static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                       const spsi_slabs *slabs, const spsi_splatter *splatter, spsi_tapping tapping,
                                       spsi_tapper *tapper) {
     const spsi_fields *fields = frame->content->fields;
-    const int levels = spsi_levels_wanted(frame, lattice->medium);
+    const float chosen = frame->content->levels[lattice->medium];
+    const int levels = spsi_levels_wanted(frame, lattice->medium), wanted = (int)chosen;
+    const int most = tapping == SPSI_TAP_SHEETS || chosen > 0 ? SPSI_TAP_RAYS : 0, few = wanted > 0 ? 4 : 2;
     spsi_verdict verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
-    for (int n = 0; n <= levels && tapping == SPSI_TAP_SHEETS && verdict == SPSI_SPLAT_SMALL; ++n)
-        verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, 1, tapper);
-    if (verdict == SPSI_SPLAT_SMALL) verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, 0, 1, tapper);
-    for (int n = 0; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
-        for (int count = 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
-            verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, count, tapper);
+    if (wanted < 0) return SPSI_SPLAT_CHEAPER;
+    for (int n = wanted > 0 && tapping == SPSI_TAP_PIXELS; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
+        verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, wanted, n == 1 ? few : n * n + !n, tapper);
+    for (int n = wanted; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
+        for (int count = n > 0 ? 4 : 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
+            verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, n, count, tapper);
     for (int side = 3; side * side <= SPSI_TAP_RAYS && verdict == SPSI_SPLAT_SMALL; ++side)
-        for (int n = levels; n >= 0 && verdict == SPSI_SPLAT_SMALL; --n)
-            verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, side * side, tapper);
+        for (int n = levels; n >= wanted && verdict == SPSI_SPLAT_SMALL; --n)
+            verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, n, side * side, tapper);
     tapper->whole = splatter->whole;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (spsi_medium_depth(frame, lattice) > SPSI_TAP_OPAQUE) return SPSI_SPLAT_OPAQUE;
-    return spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
+    return chosen > 0 || spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
+}
+
+/* Weight of the level behind a tapper's, in 32nds: 1 where its own becomes too fine for four rays, so that nothing
+   jumps there, 0 where its voxels are sqrt(2) times as large; or if that level does not follow, but more rays. */
+static float spsi_levels_mix(const spsi_frame *frame, const spsi_tapper *tapper) {
+    const double ratio = (double)tapper->least / SPSI_TAP_VARIANCE, octaves = log(ratio) / log(2.0);
+    if (tapper->side < 2 || tapper->level >= spsi_levels_wanted(frame, (int)(tapper->finest - tapper->fields->list)) ||
+        !(octaves < 1 && 2 * (double)tapper->widest <= sqrt(ratio)))
+        return 0;
+    return (float)floor(32 * fmin(1 - octaves, 0.97)) / 32;
+}
+
+/* Extends the content's bounds by what levels reach beyond voxels' own kernels, as rays gather them that fill these
+   slabs. `chooses`: they become the frame's. */
+static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs, int chooses) {
+    spsi_bounds *bounds = &frame->content->bounds;
+    for (int m = 0; m < frame->medium_count; ++m) {
+        const spsi_lattice *lattice = frame->media[m].lattice;
+        spsi_verdict verdict;
+        spsi_splatter splatter;
+        spsi_tapper tapper;
+        if (!spsi_splatter_build(lattice, rays, slabs, 1, frame->accuracy.cut, &splatter)) continue; /* it is refused */
+        verdict = spsi_tapper_judge(frame, lattice, rays, slabs, &splatter, SPSI_TAP_PIXELS, &tapper);
+        if (verdict == SPSI_SPLAT_CHEAPER && chooses && tapper.level > 0) frame->content->levels[m] = -1;
+        if (!spsi_gathers(verdict)) continue;
+        if (chooses) tapper.mix = spsi_levels_mix(frame, &tapper);
+        if (chooses) frame->content->levels[m] = (float)tapper.level + tapper.mix;
+        for (int n = 0; n < 9 && (tapper.level > 0 || tapper.mix > 0); ++n) {
+            const double reach = fabs(lattice->step[n / 3][n % 3]) * (spsi_tapper_reach(&tapper) - SPSI_REACH);
+            bounds->low[n % 3] -= reach;
+            bounds->high[n % 3] += reach;
+        }
+    }
+}
+
+/* Chooses the volumes' levels by the eye's pixels: where light and eye saw different ones, gas would lie before or
+   behind its own shadow. */
+static void spsi_levels_choose(const spsi_frame *frame) {
+    spsi_content *content = frame->content;
+    spsi_slabs slabs;
+    if (!content->fields || spsi_bounds_empty(&content->bounds)) return;
+    spsi_eye_direction(frame, slabs.normal);
+    spsi_slabs_place(frame, &content->eye, NULL, HUGE_VAL, frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame),
+                     &slabs);
+    spsi_levels_extend(frame, &content->eye, &slabs, 1);
 }
 
 /* --- making fields --- */
@@ -14221,11 +14316,16 @@ static sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* Makes grids of all coarser levels. Returns the number of bricks that they hold. */
-static size_t spsi_levels_number(const spsi_frame *frame, int *memory, spsi_fields *fields) {
+/* Number of a volume's levels, `most` at most. */
+static int spsi_levels_held(const spsi_frame *frame, int medium, int most) {
+    return frame->content->fields->list[medium].count > 0 ? spsi_least(most, spsi_levels_wanted(frame, medium)) : 0;
+}
+
+/* Makes grids of coarser levels. Returns the number of bricks that they hold. */
+static size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memory, spsi_fields *fields) {
     size_t count = 0;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n) {
+        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n) {
             spsi_voxel_field *level = &fields->levels[m][n];
             memory = spsi_field_lay(level, memory);
             spsi_level_number(n ? level - 1 : &fields->list[m], level);
@@ -14234,27 +14334,28 @@ static size_t spsi_levels_number(const spsi_frame *frame, int *memory, spsi_fiel
     return count;
 }
 
-/* Fills the coarser levels of all fields, which are filled themselves, unless they are; when the first volume is to be
+/* Fills so many coarser levels of all fields, which are filled themselves, unless they are; when a volume is to be
    gathered from one. */
-static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame) {
+static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame, int levels) {
     spsi_fields *fields = frame->content->fields;
     spsi_field_stock stock;
     size_t cells = 0, count;
     int *grids;
-    if (fields->leveled) return SPS_OK;
+    if (fields->leveled >= levels) return SPS_OK;
+    fields->leveled = 0;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n)
+        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n)
             cells += spsi_field_cells(&fields->levels[m][n]);
     grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, spsi_field_grid_bytes(1));
     if (!grids) return context->result;
-    count = spsi_levels_number(frame, grids, fields);
+    count = spsi_levels_number(frame, levels, grids, fields);
     if (spsi_field_stock_reserve(context, SPSI_BUFFER_LEVEL_VALUES, fields->taps, count, &stock))
         return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n)
+        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n)
             spsi_field_fill(context, frame, m, &stock, n ? &fields->levels[m][n - 1] : &fields->list[m],
                             &fields->levels[m][n]);
-    fields->leveled = 1;
+    fields->leveled = levels;
     return SPS_OK;
 }
 
@@ -14791,14 +14892,15 @@ static sps_result spsi_contents_fields(const spsi_contents *contents) {
     int gathers = 0, level = 0, interpolates = 0;
     for (int n = 0; n < contents->target_count; ++n)
         for (int i = 0; i < contents->frame->medium_count; ++i) {
+            const spsi_tapper *tapper = &contents->targets[n]->tappers[i];
             if (!spsi_gathers(contents->targets[n]->verdicts[i])) continue;
             gathers = 1;
             interpolates |= spsi_target_interpolates(contents->targets[n], i);
-            level = spsi_most(level, contents->targets[n]->tappers[i].level);
+            level = spsi_most(level, tapper->level + (tapper->mix > 0));
         }
     if (gathers && spsi_fields_fill(context, contents->frame)) return context->result;
     if (interpolates && spsi_fields_bend(context, contents->frame)) return context->result;
-    if (level > 0 && spsi_levels_fill(context, contents->frame)) return context->result;
+    if (level > 0 && spsi_levels_fill(context, contents->frame, level)) return context->result;
     context->pace.seconds_fields += spsi_clock(context) - start;
     return SPS_OK;
 }
@@ -15062,7 +15164,7 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *here,
         int run[2];
         if (!(patches >> n & 1) || !spsi_tile_patch(fill->tile, n, &plan.patch)) continue;
         plan.spent = &spent[n];
-        plan.depth = spsi_target_depth(target, medium, &plan.patch);
+        plan.depth = here->mix * spsi_target_depth(target, medium, &plan.patch);
         spsi_patch_choose(here, fill->tile, &plan);
         for (run[0] = 0; run[0] < count; run[0] = run[1]) {
             const int steps = plan.steps[run[0]], cubic = spsi_patch_run(here, fill->tile, &plan, run);
@@ -15137,22 +15239,38 @@ static void spsi_tile_follow(const spsi_tapper *here, spsi_tile *tile, const uin
         }
 }
 
-/* Adds a gathered volume to the patches of a tile, without the margin, which nothing reads of it. */
-static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
+/* Adds a level of a gathered volume to the patches of a tile, without the margin, which nothing reads of it. */
+static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t patches, spsi_tapper here) {
     const spsi_target *target = fill->target;
     spsi_tile *tile = fill->tile;
-    spsi_tapper here = target->tappers[medium];
     uint64_t rest[SPSI_TAP_SLABS];
     float *channel, way;
     here.slab.base[0] -= (float)(fill->contents->first_slab - target->shape.slab_margin);
-    here.scale /= (float)here.rays;
+    here.scale *= here.mix / (float)here.rays;
     spsi_tile_touch(fill);
     channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
     way = spsi_tap_way(&here, tile);
     here.cells = (const uint32_t(*)[2])here.field->cells[spsi_reach_wanted(target, medium, way)];
     for (int slab = 0; slab < tile->slab_count; ++slab) rest[slab] = patches;
-    if (spsi_target_interpolates(target, medium)) spsi_tile_interpolate(fill, &here, medium, way, channel, rest);
+    if (spsi_target_interpolates(target, medium) && here.level <= 1)
+        spsi_tile_interpolate(fill, &here, medium, way, channel, rest);
     spsi_tile_follow(&here, tile, rest, spsi_tap_steps(&here, way), channel);
+}
+
+/* Adds its level, and the next: `mix` is that of each from here on. */
+static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
+    const spsi_target *target = fill->target;
+    spsi_tapper here = target->tappers[medium], next = here;
+    here.mix = 1 - next.mix;
+    spsi_tile_gather_level(fill, medium, patches, here);
+    if (!(next.mix > 0)) return;
+    spsi_tapper_build(here.fields, &target->frame->lattices[medium], target->rays, target->slabs, here.level + 1,
+                      here.rays, &next);
+    next.mix = 1 - here.mix;
+    next.scale = here.scale;
+    next.whole = here.whole;
+    next.lone = here.lone;
+    spsi_tile_gather_level(fill, medium, patches, next);
 }
 
 static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
@@ -16681,6 +16799,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
 /* Slabs perpendicular to a face's axis, for the volumes of a frame; here particles are not part of sheets. */
 static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                   spsi_slabs *slabs) {
+    const spsi_bounds own = frame->content->bounds;
     double least;
     memcpy(slabs->normal, rays->inverse[2], sizeof slabs->normal);
     spsi_normalise(slabs->normal);
@@ -16689,7 +16808,11 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
         return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1,
                                "camera's outermost rays' cosine with its axis", least,
                                "volumes need 0.1; narrow the light's view, up and down or sideways");
-    return spsi_slabs_cut(context, frame, rays, NULL, HUGE_VAL, 0, slabs);
+    spsi_slabs_place(frame, rays, NULL, HUGE_VAL, 0, slabs);
+    spsi_levels_extend(frame, rays, slabs, 0);
+    spsi_slabs_cut(context, frame, rays, NULL, HUGE_VAL, 0, slabs);
+    frame->content->bounds = own;
+    return context->result;
 }
 
 /* Prepares the splatting of volumes into a face. */
@@ -16799,6 +16922,7 @@ static void spsi_print_face(const spsi_filling *filling) {
         const int gathers = spsi_gathers(volumes->target.verdicts[i]);
         const int way = gathers ? volumes->target.tappers[i].rays + 128 * volumes->target.tappers[i].level : 0;
         job.media[i] = spsi_fingerprint_word(spsi_medium_fingerprint(frame, i), (uint64_t)way);
+        job.media[i] = spsi_fingerprint(job.media[i], &frame->content->levels[i], sizeof(float));
     }
     if (volumes) {
         job.start = spsi_fingerprint(job.start, &volumes->slabs.start, sizeof volumes->slabs.start);
@@ -17297,6 +17421,7 @@ static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_volumes_fingerprint(frame);
     for (int i = 0; i < frame->medium_count && hash; ++i)
         hash = spsi_fingerprint_word(hash, spsi_medium_fingerprint(frame, i));
+    if (hash) hash = spsi_fingerprint(hash, frame->content->levels, sizeof frame->content->levels);
     for (int i = 0; i < frame->particles.set_count && hash; ++i) {
         hash = spsi_set_fingerprint(hash, &frame->particles.sets[i]);
         hash = spsi_fingerprint(hash, &frame->content->set_ends[i], sizeof(int));
@@ -24255,11 +24380,15 @@ static int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays,
     return spsi_rays_complete(rays);
 }
 
-/* How a volume fills samples, whose splatter is built. Gas keeps its mass: it is deposited if its voxels are small. */
+/* How a volume fills samples, whose splatter is built. Gas keeps its mass: it is deposited if its voxels are small, or
+   gathered on the level on which the eye sees it. */
 static spsi_verdict spsi_samples_judge(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *rays,
                                        const spsi_slabs *slabs, spsi_splatter *splatter, spsi_tapper *tapper) {
-    if (frame->matter.materials[medium->channel].table)
-        return spsi_tapper_judge(frame, medium->lattice, rays, slabs, splatter, SPSI_TAP_PIXELS, tapper);
+    if (frame->matter.materials[medium->channel].table || frame->content->levels[medium->lattice->medium] > 0) {
+        const spsi_verdict verdict =
+            spsi_tapper_judge(frame, medium->lattice, rays, slabs, splatter, SPSI_TAP_PIXELS, tapper);
+        if (frame->matter.materials[medium->channel].table || spsi_gathers(verdict)) return verdict;
+    }
     spsi_splatter_deposits(splatter, rays, &frame->content->bounds);
     return splatter->deposits ? SPSI_DEPOSITED : SPSI_SPLAT_MASS;
 }
@@ -27363,6 +27492,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
     if (spsi_has_budget(&frame->view) && spsi_budget_take(context, frame)) return context->result;
     if (spsi_fields_place(context, frame)) return context->result;
+    spsi_levels_choose(frame);
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame)) spsi_shadow_tables_drop(context);
     gathered = spsi_clock(context);
@@ -27979,6 +28109,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
         if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
     if (spsi_has_budget(&frame->view) && spsi_plan_budget(context, frame, &reading, report)) return context->result;
     if (spsi_plan_fields(context, frame, &reading)) return context->result;
+    spsi_levels_choose(frame);
     spsi_plan_choices(context, frame);
     bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
     if (spsi_plan_sweeps(context, frame, bricks, report) || spsi_plan_samples(context, frame, report))

@@ -198,6 +198,63 @@ static void soak_cells(sps_context *context, random_scene *x, const int levels[F
     check_paths(context, &x->s, name, 32, 0.05);
 }
 
+/* Sum of a volume's values, which are read at once. */
+static double values_sum(const sps_volume *volume) {
+    enum { MOST = 32 };
+    static float values[MOST * MOST * MOST];
+    static const int first[3] = {0, 0, 0};
+    const int count = volume->size[0] * volume->size[1] * volume->size[2];
+    double sum = 0;
+    if (!volume->read_fn || count > MOST * MOST * MOST) return 0;
+    if (!CHECK(volume->read_fn(volume->user, first, volume->size, values) == 0)) return 0;
+    for (int i = 0; i < count; ++i) sum += (double)values[i];
+    return sum;
+}
+
+/* Every scene's first gas, alone and faint, from 4 pixels a voxel to 1/64 of one: the sum over pixels of its optical
+   depth is that over its voxels. The distance and the quality are drawn by a generator of their own. A voxel of 0.54
+   pixels has one ray, which takes 17 % of a wave as long as a pixel for more; of that, noise and faces that are not
+   parallel to the pixels have little. */
+static void soak_distance(sps_context *context, const random_scene *from, check_random random, long number) {
+    static random_scene x;
+    static scene_picture picture;
+    const sps_volume *gas = from->s.volume;
+    double widest = 0, pixel, sum, mass = 0, depth, middle[3];
+    sps_view *view = &x.s.view;
+    sps_result result;
+    for (int i = 0; i < 11; ++i) check_next(&random);
+    if (from->s.scene.volume_count == 0 || gas->transfer || !((sum = values_sum(gas)) > 0)) return;
+    x = *from;
+    x.s.scene.volumes = x.s.volume, x.s.scene.meshes = x.s.mesh, x.s.scene.lights = x.s.light;
+    x.s.scene.volume_count = 1;
+    x.s.scene.mesh_count = x.s.scene.light_count = x.s.scene.particle_set_count = 0;
+    for (int k = 0; k < 3; ++k) {
+        middle[k] = gas->placement.origin[k];
+        for (int i = 0; i < 3; ++i) middle[k] += gas->placement.axis[i][k] / 2;
+        widest += spsi_length(gas->placement.axis[k]);
+    }
+    pixel = widest / 60 * pow(4 * 64 / 2.5, draw(&random, 0, 1));
+    memset(view, 0, sizeof *view);
+    view->width = view->height = 64;
+    view->quality = (sps_quality)draw_below(&random, 5);
+    for (int k = 0; k < 3; ++k)
+        view->camera.position[k] = middle[k] + (k == 2 ? 4 * widest : pixel * draw(&random, 0, 1));
+    memcpy(view->camera.target, view->camera.position, sizeof middle);
+    view->camera.target[2] -= 1;
+    view->camera.up[1] = 1;
+    check_orthographic(&view->camera, 64 * pixel);
+    depth = fabs(spsi_determinant(gas->placement.axis[0], gas->placement.axis[1], gas->placement.axis[2])) * sum;
+    depth /= (double)gas->size[0] * gas->size[1] * gas->size[2] * pixel * pixel;
+    x.s.volume[0].extinction = (float)(1e-4 / depth);
+    check_color(x.s.volume[0].emission, 0, 0, 0);
+    result = scene_render(context, &x, 0, &picture);
+    if (!CHECK_OK(context, result)) return;
+    for (int i = 0; i < 64 * 64; ++i) mass -= log1p(-(double)picture.rgba[4 * i + 3]) / 1e-4;
+    if (!CHECK(fabs(mass - 1) <= 0.03))
+        printf("    scene %ld far away, quality %d, voxels of %.4f pixels: %.4f of its mass\n", number,
+               (int)view->quality, voxel_edge(gas) / pixel, mass);
+}
+
 static void soak_scene(sps_context *context, soak *s, long number) {
     static random_scene x;
     check_random random;
@@ -234,6 +291,7 @@ static void soak_scene(sps_context *context, soak *s, long number) {
     else
         judge(s, &o);
     if (o.report.result == SPS_OK) soak_edges(context, &x, number);
+    soak_distance(context, &x, random, number);
     soak_cells(context, &x, o.levels, number);
     free_scene(&x);
 }

@@ -17,7 +17,8 @@ static const sps_transfer skin = {skin_points, 3, NULL, NULL, 0};
 
 enum { VOXELS = 200 };
 
-/* A cube of edge 2, kernels apart, seen and lit along z. */
+/* A cube of edge 2, kernels apart, seen and lit along z. Splatted, it reaches as far as its kernels; a level of what is
+   gathered reaches up to 2.7 pixels farther, which slabs and texels have to cover. */
 static sps_volume *start_cube(check_scene *s, int size) {
     sps_volume *volume;
     check_clear(s, size, size);
@@ -29,6 +30,7 @@ static sps_volume *start_cube(check_scene *s, int size) {
     check_color(volume->albedo, 1, 1, 1);
     check_add_directional(s, 0, 0, -1, 1);
     check_force_sheets(s);
+    s->view.filling = SPS_FILLING_SPLAT;
     return volume;
 }
 
@@ -43,15 +45,14 @@ static void check_plan(const check_scene *s, double texel, double slab) {
         printf("    %d pixels, quality %d\n", s->view.height, (int)s->view.quality);
 }
 
-/* Texels are no finer than a share of a pixel, but there are 12 across the gas; slabs no thinner than another share, but
-   there are 16. At high quality and beyond, those of classified volumes are as fine as voxels call for. So are those
-   that the caller sets, as far as texels go: slabs are then no thicker than 8 of them. */
+/* Texels are no finer than a share of a pixel, but there are 12 across the gas; slabs no thinner than another share,
+   but there are 16. At high quality and beyond, those of classified volumes are as fine as voxels call for. So are
+   those that the caller sets, as far as texels go: slabs are then no thicker than 8 of them. */
 static void test_pixels(void) {
     static const struct {
         double share, thick, texels, slab; /* in pixels, and in voxels */
-    } expected[2][5] = {
-        {{0, 0, 0, 0}, {0.9, 1, 0.75, 2}, {0.6, 0.5, 1, 1}, {0.3, 0.25, 2, 0.5}, {0.3, 0.125, 4, 0.25}},
-        {{0, 0, 0, 0}, {0.5, 0.3, 1, 1.4}, {0.5, 0.3, 1.25, 0.7}, {0, 0, 2, 0.4}, {0, 0, 4, 0.2}}};
+    } expected[2][5] = {{{0, 0, 0, 0}, {0.9, 1, 0.75, 2}, {0.6, 0.5, 1, 1}, {0.3, 0.25, 2, 0.5}, {0.3, 0.125, 4, 0.25}},
+                        {{0, 0, 0, 0}, {0.5, 0.3, 1, 1.4}, {0.5, 0.3, 1.25, 0.7}, {0, 0, 2, 0.4}, {0, 0, 4, 0.2}}};
     for (int size = 4; size <= 1024; size *= 2)
         for (int n = 2; n < 10; ++n) {
             const int classified = n % 2, quality = n / 2;
@@ -160,9 +161,9 @@ static double error_of(const float *image, int size) {
 /* A small picture is off by what its pixels miss; half a pixel of blur in shadows, and what slabs of a fraction of one
    miss, add to that as independent errors do, of at most half of it: sqrt(1 + 1/4). Where texels or slabs become those
    of pixels, nothing jumps: there the two are alike, to a tenth. At high quality, shadows are blurred by a quarter of a
-   pixel, slabs half as thick: of errors that grow with their squares, a quarter is left, sqrt(1 + 1/64). At draft, gas has
-   slabs twice as thick and texels 1.5 times as wide: four times, sqrt(1 + 4). Its texels follow pixels of 1.5 voxels and
-   more, so that it is only alike as long as slabs are those of voxels, which they are up to 2. */
+   pixel, slabs half as thick: of errors that grow with their squares, a quarter is left, sqrt(1 + 1/64). At draft, gas
+   has slabs twice as thick and texels 1.5 times as wide: four times, sqrt(1 + 4). Its texels follow pixels of 1.5
+   voxels and more, so that it is only alike as long as slabs are those of voxels, which they are up to 2. */
 static void test_errors(void) {
     static const int sizes[10] = {8, 12, 16, 20, 24, 30, 40, 48, 60, 80};
     for (int n = 0; n < 5; ++n) {
@@ -209,6 +210,7 @@ static void test_samples(void) {
         for (int k = 0; k < 3; ++k) volume->size[k] = GRID;
         if (classified) volume->transfer = &skin;
         volume->extinction = 0.1f; /* no ray ends */
+        s.view.filling = SPS_FILLING_AUTO;
         CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
         if (!check_render(context, &s, image_a)) return;
         sps_get_stats(context, &stats);
@@ -258,7 +260,8 @@ static void test_region(void) {
     }
 }
 
-/* A table does not depend on the picture, and is held; which lights have one does not, either. */
+/* A table does not depend on the picture, and is held; which lights have one does not, either. That is so where nothing
+   is gathered by levels: what the eye sees of these, the table has to show, too. */
 static void test_tables(void) {
     for (int scattering = 0; scattering < 2; ++scattering) {
         sps_context *own = check_context(NULL);
@@ -268,6 +271,7 @@ static void test_tables(void) {
         s.light[0].shadow_source = scattering ? SPS_SHADOW_AUTO : SPS_SHADOW_TABLE;
         if (scattering) s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = 8;
         s.view.quality = SPS_QUALITY_DRAFT;
+        s.view.filling = SPS_FILLING_SPLAT;
         check_render(own, &s, image_a);
         sps_get_stats(own, &stats);
         CHECK(stats.tables_made == 1);

@@ -21370,9 +21370,9 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
     const spsi_v one = spsi_set(1), zero = spsi_set(0);
     spsi_v at = ways->begin, end = ways->end, depth = zero;
     for (int k = 0; k < 3; ++k) { /* cut to the grid; a direction has at least 1e-9 along each axis */
-        const spsi_v size = spsi_set((float)grid->size[k]), small = spsi_set(1e-9f);
+        const spsi_v size = spsi_set((float)grid->size[k]), tiny = spsi_set(1e-9f);
         const spsi_v along =
-            spsi_select(spsi_less(spsi_abs(ways->unit[k]), small), small, ways->unit[k]);
+            spsi_select(spsi_less(spsi_abs(ways->unit[k]), tiny), tiny, ways->unit[k]);
         const spsi_v a = spsi_div(spsi_sub(zero, ways->from[k]), along);
         const spsi_v b = spsi_div(spsi_sub(size, ways->from[k]), along);
         at = spsi_max(at, spsi_min(a, b));

@@ -19663,7 +19663,10 @@ static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const 
 
 #define SPSI_CELL_PATCHES 8 /* along each edge of a side of the grid */
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
-#define SPSI_CELL_LEAVING (SPSI_CELL_PATCHES * (4 + SPSI_CELL_PATCHES)) /* floats per plane: four edges, and itself */
+/* Of what leaves a patch, the flux, and that times the cosine with the side, and times the direction's parts along the
+   side, the lower axis first. */
+#define SPSI_CELL_MEANS   4
+#define SPSI_CELL_LEAVING (SPSI_CELL_PATCHES * (4 + SPSI_CELL_PATCHES)) /* patches per plane: four edges, and itself */
 
 /* The patch of a side that a cell is part of, and the first cell of a patch. */
 static int spsi_cell_patch(int at, int size) { return at * SPSI_CELL_PATCHES / size; }
@@ -19681,25 +19684,36 @@ static float spsi_cell_leaving_share(const spsi_cell_direction *direction, int s
     return count == 2 ? 5.0f / 6 : 1;
 }
 
+/* Adds what light of a direction carries through a patch of the side across an axis. */
+static void spsi_cell_patch_receives(const spsi_cell_direction *direction, int axis, float sent, float *patch) {
+    static const int harmonic[3] = {3, 1, 2};
+    float way[3];
+    for (int k = 0; k < 3; ++k) way[k] = 0.57735027f * direction->harmonic[harmonic[k]];
+    sent *= fabsf(way[axis]);
+    patch[0] += sent;
+    patch[1] += sent * fabsf(way[axis]);
+    patch[2] += sent * way[axis == 0 ? 1 : 0];
+    patch[3] += sent * way[axis == 2 ? 1 : 2];
+}
+
 /* Adds what one direction's light carries through the sides of the grid that a row of cells touches, per area of a
    cell's face: the mean over all directions of radiance times cosine. */
 static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, const spsi_cell_direction *direction,
                                  const float *out, float *leaving) {
-    const float third = 0.57735027f * direction->weight;
     const int *step = direction->step, *size = level->size;
     const int ends[3] = {step[0] < 0 ? 0 : size[0] - 1, step[1] < 0 ? 0 : size[1] - 1, step[2] < 0 ? 0 : size[2] - 1};
     const int row = (step[1] && y == ends[1] ? 2 : 0) | (step[2] && z == ends[2] ? 4 : 0);
-    float *edges = leaving, *plane = leaving + 4 * SPSI_CELL_PATCHES;
+    float *plane = leaving + 4 * SPSI_CELL_PATCHES * SPSI_CELL_MEANS;
     for (int x = row ? 0 : ends[0]; x < (row ? size[0] : ends[0] + 1); ++x) {
         const int sides = row | (step[0] && x == ends[0] ? 1 : 0);
-        const float sent = sides ? third * spsi_cell_leaving_share(direction, sides) * out[x] : 0;
-        const int along = spsi_cell_patch(x, size[0]);
-        if (sides & 1)
-            edges[(step[0] > 0) * SPSI_CELL_PATCHES + spsi_cell_patch(y, size[1])] +=
-                fabsf(direction->harmonic[3]) * sent;
-        if (sides & 2) edges[(2 + (step[1] > 0)) * SPSI_CELL_PATCHES + along] += fabsf(direction->harmonic[1]) * sent;
+        const float sent = sides ? direction->weight * spsi_cell_leaving_share(direction, sides) * out[x] : 0;
+        const int along = spsi_cell_patch(x, size[0]), across = spsi_cell_patch(y, size[1]);
+        const int edge[2] = {(step[0] > 0) * SPSI_CELL_PATCHES + across, (2 + (step[1] > 0)) * SPSI_CELL_PATCHES + along};
+        for (int k = 0; k < 2; ++k)
+            if (sides >> k & 1) spsi_cell_patch_receives(direction, k, sent, leaving + edge[k] * SPSI_CELL_MEANS);
         if (sides & 4)
-            plane[spsi_cell_patch(y, size[1]) * SPSI_CELL_PATCHES + along] += fabsf(direction->harmonic[2]) * sent;
+            spsi_cell_patch_receives(direction, 2, sent,
+                                     plane + (across * SPSI_CELL_PATCHES + along) * SPSI_CELL_MEANS);
     }
 }
 
@@ -19712,7 +19726,7 @@ static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int
     if (!pass->leaving) return;
     for (int i = 0; i < beams->count; ++i)
         spsi_cell_row_leaves(level, y, z, beams->direction[i], beams->out[i],
-                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_LEAVING);
+                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_LEAVING * SPSI_CELL_MEANS);
 }
 
 /* --- sweeping --- */
@@ -19917,7 +19931,7 @@ static void spsi_cells_sweep_out(const spsi_cell_solver *solver) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[0]);
     pass.leaving = solver->leaving;
     if (pass.leaving)
-        memset(pass.leaving, 0, 3 * SPSI_CELL_LEAVING * (size_t)pass.level->size[2] * sizeof *pass.leaving);
+        memset(pass.leaving, 0, 3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)pass.level->size[2] * sizeof *pass.leaving);
     spsi_cells_carry(&pass);
 }
 
@@ -20312,9 +20326,10 @@ static void spsi_cells_continue_task(void *data, int row, int worker) {
 /* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
 
-/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and what leaves it. */
+/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel what
+   leaves it. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    return (size_t)((4 + grid->channels) * SPSI_CELL_SHEET);
+    return (size_t)((4 + SPSI_CELL_MEANS * grid->channels) * SPSI_CELL_SHEET);
 }
 
 /* Sets where patches are. */
@@ -20340,18 +20355,23 @@ static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
 /* Sets what leaves patches, per area: the sum over planes and parts of a sweep. */
 static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
     const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
-    float *patch = grid->patches + (4 + channel) * SPSI_CELL_SHEET;
-    memset(patch, 0, SPSI_CELL_SHEET * sizeof *patch);
-    for (int i = 0; i < 3 * grid->size[2]; ++i) {
-        const float *from = solver->leaving + (size_t)i * SPSI_CELL_LEAVING;
-        const int z = i / 3, plane = spsi_cell_patch(z, grid->size[2]) * SPSI_CELL_PATCHES, part = i % 3;
+    float *patch = grid->patches + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
+    memset(patch, 0, SPSI_CELL_MEANS * SPSI_CELL_SHEET * sizeof *patch);
+    for (int i = 0; i < 3 * grid->size[2] * SPSI_CELL_MEANS; ++i, patch += SPSI_CELL_SHEET) {
+        const int part = i / SPSI_CELL_MEANS % 3, z = i / SPSI_CELL_MEANS / 3, mean = i % SPSI_CELL_MEANS;
+        const float *from = solver->leaving + (size_t)(3 * z + part) * SPSI_CELL_LEAVING * SPSI_CELL_MEANS + mean;
+        const int plane = spsi_cell_patch(z, grid->size[2]) * SPSI_CELL_PATCHES;
+        if (mean == 0) patch = grid->patches + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
         for (int n = 0; n < 4 * SPSI_CELL_PATCHES; ++n)
-            patch[n / SPSI_CELL_PATCHES * SPSI_CELL_SIDE + plane + n % SPSI_CELL_PATCHES] += from[n];
+            patch[n / SPSI_CELL_PATCHES * SPSI_CELL_SIDE + plane + n % SPSI_CELL_PATCHES] += from[n * SPSI_CELL_MEANS];
         for (int n = 0; n < SPSI_CELL_SIDE && part < 2; ++n) /* falling light leaves by the lower side */
-            patch[(4 + part) * SPSI_CELL_SIDE + n] += from[4 * SPSI_CELL_PATCHES + n];
+            patch[(4 + part) * SPSI_CELL_SIDE + n] += from[(4 * SPSI_CELL_PATCHES + n) * SPSI_CELL_MEANS];
     }
-    for (int n = 0; n < SPSI_CELL_SHEET; ++n)
-        if (area[n] > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / area[n];
+    patch = grid->patches + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
+    for (int n = 0; n < SPSI_CELL_MEANS * SPSI_CELL_SHEET; ++n) {
+        const float whole = area[n % SPSI_CELL_SHEET];
+        if (whole > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / whole;
+    }
 }
 
 /* Adds a cell's moments to the irradiance of a surface, from whose normal light comes: of light of degree 0, 1, 2 the
@@ -20459,7 +20479,7 @@ static uint64_t spsi_cell_sight_faced(const spsi_cell_sight *sight, int side) {
         for (int k = 0; k < 3; ++k)
             facing +=
                 sight->normal[k] * ((double)patch[k * SPSI_CELL_SHEET] + grid->corner[k] - sight->surface->point[k]);
-        for (int c = 0; c < grid->channels; ++c) sent += fabsf(patch[(4 + c) * SPSI_CELL_SHEET]);
+        for (int c = 0; c < grid->channels; ++c) sent += fabsf(patch[(4 + SPSI_CELL_MEANS * c) * SPSI_CELL_SHEET]);
         if (facing > 0 && sent > 0) faced |= (uint64_t)1 << n;
     }
     return faced;
@@ -20522,32 +20542,71 @@ static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_S
     return hidden;
 }
 
-/* Irradiance of a surface outside. A patch before it counts as a disc, whose share of all that the surface sees is
-   cosine cosine' area / (pi distance^2 + area). `open`: the share of each that is seen; NULL: all of them. */
+/* Radiance that leaves patches in directions of cosine u, times pi: the polynomial of degree 1 that has their means. */
+static spsi_v spsi_cell_patch_sends(const float *sent, spsi_v u, const spsi_v along[2]) {
+    const spsi_v flux = spsi_load(sent), zero = spsi_set(0), mean = spsi_load(sent + SPSI_CELL_SHEET);
+    const spsi_v more = spsi_fma(flux, spsi_set(-2.0f / 3), mean);
+    spsi_v sum = spsi_fma(spsi_mul(spsi_set(18), spsi_sub(u, spsi_set(2.0f / 3))), more, flux);
+    for (int k = 0; k < 2; ++k)
+        sum = spsi_fma(spsi_mul(spsi_set(4), along[k]), spsi_load(sent + (2 + k) * SPSI_CELL_SHEET), sum);
+    return spsi_select(spsi_less(flux, zero), spsi_min(sum, zero), spsi_max(sum, zero));
+}
+
+/* Adds the irradiance of a surface, by a vector of patches, of which `way` is the way to a part, `area` large: a disc,
+   whose share of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if it is straight ahead;
+   its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and discs where that is
+   too little. */
+static spsi_v spsi_cell_patches_send(const float *sent, int axis, const spsi_v way[3], const spsi_v normal[3],
+                                     spsi_v area) {
+    const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
+    const spsi_v nearer = spsi_div(one, spsi_sqrt(square)), before = spsi_abs(way[axis]);
+    const spsi_v along[2] = {spsi_mul(spsi_mul(way[axis == 0 ? 1 : 0], nearer), spsi_set(-1)),
+                             spsi_mul(spsi_mul(way[axis == 2 ? 1 : 2], nearer), spsi_set(-1))};
+    const spsi_v u = spsi_min(spsi_mul(before, nearer), one);
+    const spsi_v wide = spsi_min(spsi_div(area, square), one);
+    const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
+    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), spsi_set(0)), before);
+    share = spsi_min(spsi_div(share, square), one);
+    share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
+    return spsi_mul(share, spsi_cell_patch_sends(sent, u, along));
+}
+
+/* Irradiance of a surface outside. Near patches count as parts of at most half their distance, down to a fifth of a
+   patch; nearer, cells are looked up themselves. `open`: the share of each patch that is seen; NULL: all of them. */
 static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, const double point[3],
                                             const double normal[3], const float *open) {
-    const float *patch = grid->patches, *sent = patch + (4 + channel) * SPSI_CELL_SHEET;
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), least = spsi_set(1e-30f), pi = spsi_set((float)SPSI_PI);
-    spsi_v all = zero, way[3];
+    const float *patch = grid->patches, *sent = patch + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
+    spsi_v all = spsi_set(0), from[3];
     float lanes[SPSI_LANES];
     double sum = 0;
+    spsi_set3(normal, from);
     for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
+        const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
         const double before = point[axis] - grid->corner[axis] - (upper ? grid->edge * grid->size[axis] : 0);
-        const spsi_v area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n);
-        spsi_v square = least, facing = zero, share;
+        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n), some = spsi_set(0);
+        double longest = 0, nearest = HUGE_VAL;
+        int parts;
         if (!(upper ? before > 0 : before < 0)) continue;
-        for (int k = 0; k < 3; ++k) {
-            way[k] =
+        for (int k = 0; k < 3; ++k)
+            middle[k] =
                 spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET + n), spsi_set((float)(point[k] - grid->corner[k])));
-            square = spsi_fma(way[k], way[k], square);
-            facing = spsi_fma(way[k], spsi_set((float)normal[k]), facing);
+        spsi_store(lanes, spsi_dot_v(middle, middle));
+        for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
+        for (int i = 0; i < 2; ++i) longest = fmax(longest, grid->edge * grid->size[along[i]] / SPSI_CELL_PATCHES);
+        nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
+        parts = fabs(before) < 0.05 * longest ? 1 : (int)ceil(2 * longest / nearest); /* a patch may be all it sees */
+        area = spsi_mul(area, spsi_set(1 / (float)(parts * parts)));
+        for (int i = 0; i < parts * parts; ++i) {
+            spsi_v way[3] = {middle[0], middle[1], middle[2]};
+            for (int k = 0; k < 2; ++k) {
+                const double off = ((k ? i / parts : i % parts) + 0.5) / parts - 0.5;
+                const double step = off * grid->edge * grid->size[along[k]] / SPSI_CELL_PATCHES;
+                way[along[k]] = spsi_add(way[along[k]], spsi_set((float)step));
+            }
+            some = spsi_add(some, spsi_cell_patches_send(sent + n, axis, way, from, area));
         }
-        share = spsi_mul(spsi_max(facing, zero), spsi_set((float)fabs(before)));
-        share = spsi_min(spsi_div(share, square), one);
-        share = spsi_mul(share, spsi_div(area, spsi_fma(pi, square, area)));
-        if (open) share = spsi_mul(share, spsi_load(open + n));
-        all = spsi_fma(share, spsi_load(sent + n), all);
+        all = spsi_fma(some, open ? spsi_load(open + n) : spsi_set(1), all);
     }
     spsi_store(lanes, all);
     for (int i = 0; i < SPSI_LANES; ++i) sum += (double)lanes[i];
@@ -23755,7 +23814,7 @@ static size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
         floats += solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
-    return floats + 3 * SPSI_CELL_LEAVING * (size_t)solver->levels[0].size[2];
+    return floats + 3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)solver->levels[0].size[2];
 }
 
 /* Sizes of a solver's levels, each half as long as the one before, down to four cells. Returns the floats of all. */
@@ -23904,7 +23963,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel
     job->wall_light = NULL;
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
-        memset(solver->leaving, 0, 3 * SPSI_CELL_LEAVING * (size_t)grid->size[2] * sizeof(float));
+        memset(solver->leaving, 0, 3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)grid->size[2] * sizeof(float));
         spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
         spsi_cells_levels(solver);
         spsi_cells_reflect(job, own->channel, plain);

@@ -112,7 +112,7 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
     bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
     which the default is where gas calls for it, adds 130 to 840 bytes per cell, by colors and phase functions, 200 to
-    360 more beside polygons, and a shadow table per light; SPS_SCATTERING_CONVOLUTION adds 8 per texel and sheet of a
+    360 more beside polygons, and a shadow table per light; SPS_SCATTERING_CONVOLUTION adds 12 per texel and sheet of a
     light, by channel of color. Reading volumes takes 1.1 MB per worker, 0.3 MB if there is only one. sps_plan returns
     an upper bound beforehand, without these layers and the lists that maps are made from, which may be several times as
     much; memory_limit is never exceeded.
@@ -19708,7 +19708,8 @@ static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, con
         const int sides = row | (step[0] && x == ends[0] ? 1 : 0);
         const float sent = sides ? direction->weight * spsi_cell_leaving_share(direction, sides) * out[x] : 0;
         const int along = spsi_cell_patch(x, size[0]), across = spsi_cell_patch(y, size[1]);
-        const int edge[2] = {(step[0] > 0) * SPSI_CELL_PATCHES + across, (2 + (step[1] > 0)) * SPSI_CELL_PATCHES + along};
+        const int edge[2] = {(step[0] > 0) * SPSI_CELL_PATCHES + across,
+                             (2 + (step[1] > 0)) * SPSI_CELL_PATCHES + along};
         for (int k = 0; k < 2; ++k)
             if (sides >> k & 1) spsi_cell_patch_receives(direction, k, sent, leaving + edge[k] * SPSI_CELL_MEANS);
         if (sides & 4)
@@ -19931,7 +19932,8 @@ static void spsi_cells_sweep_out(const spsi_cell_solver *solver) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[0]);
     pass.leaving = solver->leaving;
     if (pass.leaving)
-        memset(pass.leaving, 0, 3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)pass.level->size[2] * sizeof *pass.leaving);
+        memset(pass.leaving, 0,
+               3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)pass.level->size[2] * sizeof *pass.leaving);
     spsi_cells_carry(&pass);
 }
 
@@ -24374,8 +24376,7 @@ static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
     for (size_t i = 0; i < count; i += SPSI_LANES) {
         const spsi_v some = spsi_load(narrow[SPSI_SPREAD_FLUX] + i), solid = spsi_load(light->solid + i);
         const spsi_v flux = spsi_add(some, spsi_load(wide[SPSI_SPREAD_FLUX] + i));
-        const spsi_v way =
-            spsi_fma(some, spsi_load(light->depth + i), spsi_load(wide[SPSI_SPREAD_WAY] + i));
+        const spsi_v way = spsi_fma(some, spsi_load(light->depth + i), spsi_load(wide[SPSI_SPREAD_WAY] + i));
         const spsi_v angle = spsi_add(spsi_load(narrow[SPSI_SPREAD_ANGLE] + i), spsi_load(wide[SPSI_SPREAD_ANGLE] + i));
         const spsi_v sines = spsi_min(spsi_div(angle, spsi_max(flux, tiny)), spsi_set(0.75f));
         const spsi_v back = spsi_add(one, spsi_load(light->back + i));

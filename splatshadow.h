@@ -116,7 +116,7 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
     bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
     which the default is where gas calls for it, adds 130 to 840 bytes per cell, by colors and phase functions, 200 to
-    360 more beside polygons, and a shadow table per light; SPS_SCATTERING_CONVOLUTION adds 8 per texel and sheet of a
+    360 more beside polygons, and a shadow table per light; SPS_SCATTERING_CONVOLUTION adds 12 per texel and sheet of a
     light, by channel of color. Reading volumes takes 1.1 MB per worker, 0.3 MB if there is only one. sps_plan returns
     an upper bound beforehand, without these layers and the lists that maps are made from, which may be several times as
     much; memory_limit is never exceeded.
@@ -18454,17 +18454,29 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
    and light is convolved with a kernel of the variance by which C, that of the displacement, grows: for small angles,
    C = q s D^2 / 3, q = 4 h / 3 being an event's mean squared sine [Eyges 1948]. A becomes 2/3, that of light in all
    directions; directions are forgotten by a factor P[1] an event, 1 - h for Henyey and Greenstein's lobes of g = 1.
+   One Gaussian has no peak and no tail. Of a lobe, a part is its peak, a Gaussian too: light that has only scattered
+   within peaks is a beam of its own, which the same equations carry, with the peaks' share of s and their h. The rest is
+   all light less that, in moments too, so that the sum keeps the moments above.
+   What turns back is taken off where light is kept: by two streams, 1 / (1 + Q) goes on, Q = 3/4 of (1 - P[1]) s. That
+   lies between gas without sides, which lets up to a quarter more pass, and gas as wide as deep.
    Displacements are in texels, which in a cone of rays grow with the distance, so that angles against rays shrink by
    the ratio of texels r. Kernels are made of steps of 1, 2, 4 .. texels to either side, by a share w <= 1/2 of light:
    w k^2 is their variance, at any width, also below a texel; light is moved, not weighed anew, so that none is lost.
-   Where texels differ in solid angle, more is moved to one side than to the other, so that what is even remains so.
-   Unlike the published scheme, whose blur per sheet is fixed, that is the same for any number of sheets; radii are
-   those of the light that stays within 45 degrees of a beam. A phase function's tail is wider, and its peak narrower
-   than a Gaussian. Cost: a pass over each sheet per octave of its kernel's width. [Zhang & Crawfis, section 3] */
+   Sheets spread along columns and rows in turn. Where texels differ in solid angle, more is moved to one side than to
+   the other, so that what is even remains so. Unlike the published scheme, whose blur per sheet is fixed, that is the
+   same for any number of sheets; half of a halo lies within a radius that is 3 to 14 % more than random walks'. Cost: a
+   pass over each sheet per octave of its kernel's width. [Zhang & Crawfis, section 3] */
 
 #define SPSI_SPREAD_STEP 64 /* most texels of a step to the side */
 /* The least optical depth that light is taken to have passed: below, differences of X would be all round-off. */
 #define SPSI_SPREAD_NEAR 0.02f
+/* A lobe of Henyey and Greenstein's is a peak, by this share, of a mean squared sine of SHARP (1 - g)^2, and a rest. */
+#define SPSI_SPREAD_PEAK  0.75f
+#define SPSI_SPREAD_SHARP 2.0f
+/* How much longer light's way is than a sheet is thick, per part of light that has turned back and forth. */
+#define SPSI_SPREAD_DETOUR 0.3f
+/* The variance, in squares of texels, below which light waits for later sheets. */
+#define SPSI_SPREAD_WAITS 0.25f
 
 /* What a light has spread, at the planes between its sheets. */
 typedef struct spsi_spread {
@@ -18473,9 +18485,10 @@ typedef struct spsi_spread {
     int channels, sheet_count;
     int pitch;    /* texels per row, rounded up to whole vectors */
     size_t plane; /* floats of a plane: the rows of all faces */
-    float *flux;  /* per channel and plane: irradiance by light that has scattered, without the light's color and
-                     falloff */
-    float *way;   /* the same times the optical depth that it has passed */
+    float *onward; /* per channel and plane: irradiance by light that has scattered, without the light's color and
+                      falloff */
+    float *flux;   /* the same as gas receives it, spsi_spread_keep */
+    float *way;    /* that times the optical depth that it has passed */
 } spsi_spread;
 
 /* Those of all lights that cast shadows. */
@@ -18490,7 +18503,7 @@ static double spsi_spread_thickness(const spsi_spread *spread) {
 }
 
 static size_t spsi_spread_floats(const spsi_spread *spread) {
-    return 2 * (size_t)spread->channels * (size_t)(spread->sheet_count + 1) * spread->plane;
+    return 3 * (size_t)spread->channels * (size_t)(spread->sheet_count + 1) * spread->plane;
 }
 
 /* --- from sheet to sheet --- */
@@ -18498,21 +18511,26 @@ static size_t spsi_spread_floats(const spsi_spread *spread) {
 /* What is carried, per texel, times the flux: angle and slant are A and B; widths the variance by which light has yet
    to spread at a plane. */
 typedef enum spsi_spread_part {
-    SPSI_SPREAD_FLUX,
     SPSI_SPREAD_WAY,
+    SPSI_SPREAD_FLUX,
     SPSI_SPREAD_ANGLE,
     SPSI_SPREAD_SLANT,
     SPSI_SPREAD_WIDTH_X,
-    SPSI_SPREAD_WIDTH_Y, /* the last, since columns come first */
+    SPSI_SPREAD_WIDTH_Y,
     SPSI_SPREAD_PARTS
 } spsi_spread_part;
+
+/* Light that has only scattered within peaks of phase functions, and the rest. */
+typedef enum spsi_spread_beam { SPSI_SPREAD_NARROW, SPSI_SPREAD_WIDE, SPSI_SPREAD_BEAMS } spsi_spread_beam;
 
 /* Light of one channel at a plane of one face, by rows, and, while it spreads along them, by columns. Parts are times
    the texel's solid angle, relative to that of the middle one. */
 typedef struct spsi_spread_light {
     int size[2], pitch[2]; /* of columns and rows: how many, and rounded up to whole vectors */
-    float *part[2][SPSI_SPREAD_PARTS];
+    float *part[SPSI_SPREAD_BEAMS][2][SPSI_SPREAD_PARTS];
     float *depth;      /* from the light, straight */
+    float *scattered;  /* of that depth, what scatters */
+    float *back;       /* of that, what turns back */
     float *solid;      /* angles of texels */
     float *stretch[2]; /* of variance along x, and along y, by the rays' slant */
     float *tilt[2];    /* along columns, and along rows: what is moved down rather than up, per texel of a step */
@@ -18525,10 +18543,13 @@ typedef struct spsi_spread_sheet {
     const float *depth;     /* optical depth */
     const float *scattered; /* the share of it that scatters */
     const float *turned;    /* that times 1 - P[2] */
+    const float *back;      /* that times 1 - P[1] */
     const float *source;    /* irradiance at the sheet without gas */
     const float *open;      /* what polygons let pass of light that has scattered */
     const float *reach;     /* thickness along the ray, in texels where it ends */
     float growth;           /* size of a texel where it begins, by that where it ends */
+    int sides;              /* light spreads along columns, bit 0, and rows, bit 1; otherwise in a later sheet */
+    int is_last;            /* 1: light waits for none */
 } spsi_spread_sheet;
 
 /* What a unit of light gains in a sheet of 2 h s = `turned`: from what A and B were, and from events, per 2/3. */
@@ -18559,38 +18580,107 @@ static void spsi_spread_gain(spsi_v turned, float growth, spsi_spread_gains *gai
     gains->fresh[2] = spsi_mul(spsi_set(2), spsi_select(spsi_less(b, spsi_set(0.5f)), series, exact));
 }
 
-/* Carries a vector of texels through a sheet: `x`, the first one's column, `y` its row. */
-static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_sheet *sheet, int x, int y) {
-    const size_t at = (size_t)y * (size_t)light->pitch[0] + (size_t)x;
-    float *const *part = light->part[0];
-    const spsi_v zero = spsi_set(0), growth = spsi_set(sheet->growth), reach = spsi_load(sheet->reach + at);
-    const spsi_v depth = spsi_load(sheet->depth + at), scattered = spsi_load(sheet->scattered + at);
-    const spsi_v before = spsi_load(light->depth + at), behind = spsi_add(before, depth);
-    const spsi_v source = spsi_mul(spsi_load(sheet->source + at), spsi_load(light->solid + at));
-    const spsi_v straight = spsi_mul(source, spsi_exp(spsi_sub(zero, before)));
-    const spsi_v stays = spsi_exp(spsi_sub(scattered, depth)), passes = spsi_mul(stays, spsi_load(sheet->open + at));
-    const spsi_v joins = spsi_mul(straight, spsi_sub(stays, spsi_exp(spsi_sub(zero, depth))));
-    const spsi_v old = spsi_mul(spsi_load(part[SPSI_SPREAD_FLUX] + at), passes);
-    const spsi_v fresh = spsi_mul(spsi_fma(straight, stays, old), spsi_set(2.0f / 3));
-    const spsi_v angle = spsi_mul(spsi_load(part[SPSI_SPREAD_ANGLE] + at), passes);
-    const spsi_v slant = spsi_mul(spsi_load(part[SPSI_SPREAD_SLANT] + at), passes);
-    spsi_v way = spsi_mul(spsi_load(part[SPSI_SPREAD_WAY] + at), passes), more, width;
+/* What a vector of texels of a sheet makes of light. */
+typedef struct spsi_spread_crossing {
+    spsi_v straight;      /* light that has come straight */
+    spsi_v stays, passes; /* share of it that arrives behind the sheet, straight or scattered; of light before it */
+    spsi_v joins;         /* light that scatters in the sheet */
+    spsi_v turned;        /* 2 h s */
+    spsi_v reach, stretch[2];
+    float growth;
+} spsi_spread_crossing;
+
+/* Flux, angle, slant and width behind a sheet, of light that had `part` before it. */
+static void spsi_spread_behind(const spsi_spread_crossing *crossing, spsi_v part[SPSI_SPREAD_PARTS]) {
+    const spsi_v growth = spsi_set(crossing->growth), reach = crossing->reach, two_thirds = spsi_set(2.0f / 3);
+    const spsi_v old = spsi_mul(part[SPSI_SPREAD_FLUX], crossing->passes);
+    const spsi_v fresh = spsi_mul(spsi_fma(crossing->straight, crossing->stays, old), two_thirds);
+    const spsi_v angle = spsi_mul(part[SPSI_SPREAD_ANGLE], crossing->passes);
+    const spsi_v slant = spsi_mul(part[SPSI_SPREAD_SLANT], crossing->passes);
+    spsi_v more, width;
     spsi_spread_gains gains;
-    spsi_spread_gain(spsi_load(sheet->turned + at), sheet->growth, &gains);
-    way = spsi_fma(joins, behind, spsi_fma(old, depth, way));
+    spsi_spread_gain(crossing->turned, crossing->growth, &gains);
     width = spsi_fma(fresh, gains.fresh[2], spsi_mul(angle, spsi_mul(gains.mean, gains.mean)));
     width = spsi_fma(spsi_mul(spsi_set(2), slant), gains.mean, spsi_mul(width, reach));
     width = spsi_mul(spsi_mul(width, reach), spsi_set(0.5f)); /* x and y share it */
     more = spsi_mul(spsi_mul(angle, gains.mean), reach);
     more = spsi_mul(spsi_mul(spsi_add(slant, more), gains.keeps), growth);
-    spsi_store(part[SPSI_SPREAD_FLUX] + at, spsi_add(old, joins));
-    spsi_store(part[SPSI_SPREAD_WAY] + at, way);
-    spsi_store(part[SPSI_SPREAD_SLANT] + at, spsi_fma(spsi_mul(fresh, gains.fresh[1]), reach, more));
+    part[SPSI_SPREAD_FLUX] = spsi_add(old, crossing->joins);
+    part[SPSI_SPREAD_SLANT] = spsi_fma(spsi_mul(fresh, gains.fresh[1]), reach, more);
     more = spsi_mul(spsi_mul(angle, spsi_mul(growth, growth)), spsi_mul(gains.keeps, gains.keeps));
-    spsi_store(part[SPSI_SPREAD_ANGLE] + at, spsi_fma(fresh, gains.fresh[0], more));
-    spsi_store(part[SPSI_SPREAD_WIDTH_X] + at, spsi_mul(width, spsi_load(light->stretch[0] + x)));
-    spsi_store(part[SPSI_SPREAD_WIDTH_Y] + at, spsi_mul(width, spsi_set(light->stretch[1][y])));
+    part[SPSI_SPREAD_ANGLE] = spsi_fma(fresh, gains.fresh[0], more);
+    for (int k = 0; k < 2; ++k) {
+        spsi_v *spends = &part[k ? SPSI_SPREAD_WIDTH_Y : SPSI_SPREAD_WIDTH_X];
+        *spends = spsi_fma(*spends, crossing->passes, spsi_mul(width, crossing->stretch[k]));
+    }
+}
+
+/* Share of what scatters that does so within the peak of its phase function, and that times the peak's 1 - P[2]. A
+   mixture of one lobe and what is even has P[l] = w g^l. */
+static spsi_v spsi_spread_peak(spsi_v scattered, spsi_v turned, spsi_v back, spsi_v *sharp) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), some = spsi_max(scattered, spsi_set(FLT_MIN));
+    const spsi_v p1 = spsi_max(spsi_sub(one, spsi_div(back, some)), zero);
+    const spsi_v p2 = spsi_max(spsi_sub(one, spsi_div(turned, some)), spsi_set(1e-6f));
+    const spsi_v lobe = spsi_min(spsi_div(spsi_mul(p1, p1), p2), one);
+    const spsi_v blur = spsi_max(spsi_sub(one, spsi_div(p2, spsi_max(p1, spsi_set(1e-6f)))), zero);
+    const spsi_v peak = spsi_mul(spsi_mul(lobe, scattered), spsi_set(SPSI_SPREAD_PEAK));
+    *sharp = spsi_mul(spsi_mul(blur, blur), spsi_set(1.5f * SPSI_SPREAD_SHARP));
+    *sharp = spsi_mul(peak, spsi_min(*sharp, spsi_sub(one, p2)));
+    return peak;
+}
+
+/* Carries a vector of texels through a sheet: `x`, the first one's column, `y` its row. */
+static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_sheet *sheet, int x, int y) {
+    const size_t at = (size_t)y * (size_t)light->pitch[0] + (size_t)x;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), open = spsi_load(sheet->open + at);
+    const spsi_v depth = spsi_load(sheet->depth + at), scattered = spsi_load(sheet->scattered + at);
+    const spsi_v before = spsi_load(light->depth + at), behind = spsi_add(before, depth);
+    const spsi_v source = spsi_mul(spsi_load(sheet->source + at), spsi_load(light->solid + at));
+    const spsi_v dark = spsi_exp(spsi_sub(zero, depth)), turned = spsi_load(sheet->turned + at);
+    const spsi_v isotropic = spsi_load(sheet->back + at), back = spsi_load(light->back + at);
+    const spsi_v back_behind = spsi_add(back, spsi_min(spsi_mul(spsi_set(0.75f), isotropic), scattered));
+    spsi_v part[SPSI_SPREAD_BEAMS][SPSI_SPREAD_PARTS], sharp, peak, way, longer;
+    spsi_spread_crossing all, narrow;
+    way = spsi_add(spsi_load(light->part[SPSI_SPREAD_NARROW][0][SPSI_SPREAD_FLUX] + at),
+                   spsi_load(light->part[SPSI_SPREAD_WIDE][0][SPSI_SPREAD_FLUX] + at));
+    if (!spsi_bits(spsi_less(zero, spsi_add(depth, way)))) return; /* neither light nor gas */
+    peak = spsi_spread_peak(scattered, turned, isotropic, &sharp);
+    all.straight = spsi_mul(source, spsi_exp(spsi_sub(zero, before)));
+    all.stays = spsi_exp(spsi_sub(scattered, depth));
+    narrow.turned = sharp;
+    narrow.reach = spsi_load(sheet->reach + at);
+    longer = spsi_fma(spsi_add(back, back_behind), spsi_set(0.5f * SPSI_SPREAD_DETOUR), one);
+    all.turned = spsi_mul(turned, longer);
+    all.reach = spsi_mul(narrow.reach, longer);
+    all.stretch[0] = spsi_load(light->stretch[0] + x);
+    all.stretch[1] = spsi_set(light->stretch[1][y]);
+    all.growth = sheet->growth;
+    memcpy(narrow.stretch, all.stretch, sizeof narrow.stretch);
+    narrow.growth = all.growth;
+    narrow.straight = all.straight;
+    narrow.stays = spsi_min(spsi_exp(spsi_sub(peak, depth)), all.stays);
+    all.passes = spsi_mul(all.stays, open);
+    narrow.passes = spsi_mul(narrow.stays, open);
+    all.joins = spsi_mul(all.straight, spsi_sub(all.stays, dark));
+    narrow.joins = spsi_mul(all.straight, spsi_sub(narrow.stays, dark));
+    for (int i = SPSI_SPREAD_FLUX; i < SPSI_SPREAD_PARTS; ++i) {
+        part[0][i] = spsi_load(light->part[SPSI_SPREAD_NARROW][0][i] + at);
+        part[1][i] = spsi_add(part[0][i], spsi_load(light->part[SPSI_SPREAD_WIDE][0][i] + at));
+    }
+    way = spsi_load(light->part[SPSI_SPREAD_WIDE][0][SPSI_SPREAD_WAY] + at);
+    way = spsi_fma(part[0][SPSI_SPREAD_FLUX], before, way);
+    way = spsi_mul(spsi_fma(part[1][SPSI_SPREAD_FLUX], depth, way), all.passes);
+    spsi_spread_behind(&narrow, part[0]);
+    spsi_spread_behind(&all, part[1]);
+    way = spsi_fma(spsi_sub(all.joins, part[0][SPSI_SPREAD_FLUX]), behind, way);
+    spsi_store(light->part[SPSI_SPREAD_WIDE][0][SPSI_SPREAD_WAY] + at, spsi_max(way, zero));
+    for (int i = SPSI_SPREAD_FLUX; i < SPSI_SPREAD_PARTS; ++i) {
+        spsi_store(light->part[SPSI_SPREAD_NARROW][0][i] + at, part[0][i]);
+        spsi_store(light->part[SPSI_SPREAD_WIDE][0][i] + at, spsi_max(spsi_sub(part[1][i], part[0][i]), zero));
+    }
     spsi_store(light->depth + at, behind);
+    spsi_store(light->scattered + at, spsi_add(spsi_load(light->scattered + at), scattered));
+    spsi_store(light->back + at, back_behind);
 }
 
 /* The variance that steps shorter than k can spread: half of each one's square. */
@@ -18599,7 +18689,10 @@ static float spsi_spread_capacity(int k) { return (float)(((double)k * k - 1) / 
 /* A column of vectors: what its light still has to spread, the share that is moved, and memory for what moves. */
 typedef struct spsi_spread_column {
     const spsi_spread_light *light;
-    int side; /* of the light: 0 or 1 */
+    int side;      /* of the light: 0 or 1 */
+    float **part;  /* of one of its beams */
+    int from, way; /* the first part to move, and what that light still has to spread */
+    float least;   /* the variance that is worth it */
     size_t first, pitch;
     int lines;
     float *share, *moved[2]; /* up and down */
@@ -18633,42 +18726,47 @@ static void spsi_spread_move(const spsi_spread_column *column, float *part, int 
     }
 }
 
-/* Spreads a column by its width; that, the last part, goes along and dwindles. */
-static void spsi_spread_column_by(const spsi_spread_column *column, int part_count) {
-    float *const *part = column->light->part[column->side];
+/* Spreads a column by its width; that goes along and dwindles. What is wider than steps can be is cut off. */
+static void spsi_spread_column_by(const spsi_spread_column *column) {
+    float *const *part = column->part;
+    float *widths = part[column->way];
     float lanes[SPSI_LANES], most = 0;
     spsi_v wide = spsi_set(0);
     int k = 1;
     for (int y = 0; y < column->lines; ++y) {
         const size_t at = column->first + (size_t)y * column->pitch;
         const spsi_v flux = spsi_max(spsi_load(part[SPSI_SPREAD_FLUX] + at), spsi_set(FLT_MIN));
-        wide = spsi_max(wide, spsi_div(spsi_load(part[part_count - 1] + at), flux));
+        wide = spsi_max(wide, spsi_div(spsi_load(widths + at), flux));
     }
     spsi_store(lanes, wide);
     for (int i = 0; i < SPSI_LANES; ++i) most = spsi_higher(most, lanes[i]);
-    if (!(most > 0)) return;
+    if (!(most > column->least)) return;
     while (spsi_spread_capacity(2 * k) < most && 2 * k <= spsi_least(SPSI_SPREAD_STEP, column->lines)) k *= 2;
     for (; k > 0; k /= 2) {
         const spsi_v capacity = spsi_set(spsi_spread_capacity(k)), per_square = spsi_set(1 / ((float)k * (float)k));
         for (int y = 0; y < column->lines; ++y) {
             const size_t at = column->first + (size_t)y * column->pitch;
-            const spsi_v flux = spsi_load(part[SPSI_SPREAD_FLUX] + at), width = spsi_load(part[part_count - 1] + at);
+            const spsi_v flux = spsi_load(part[SPSI_SPREAD_FLUX] + at), width = spsi_load(widths + at);
             const spsi_v mean = spsi_div(width, spsi_max(flux, spsi_set(FLT_MIN)));
             const spsi_v share =
                 spsi_clamp(spsi_mul(spsi_sub(mean, capacity), per_square), spsi_set(0), spsi_set(0.5f));
             const spsi_v spent = spsi_mul(spsi_mul(flux, share), spsi_set((float)k * (float)k));
             spsi_store(column->share + (size_t)y * SPSI_LANES, share);
-            spsi_store(part[part_count - 1] + at, spsi_max(spsi_sub(width, spent), spsi_set(0)));
+            spsi_store(widths + at, k > 1 ? spsi_max(spsi_sub(width, spent), spsi_set(0)) : spsi_set(0));
         }
-        for (int i = 0; i < part_count; ++i) spsi_spread_move(column, part[i], k);
+        for (int i = column->from; i < SPSI_SPREAD_PARTS; ++i) spsi_spread_move(column, part[i], k);
     }
 }
 
 /* Spreads light along its columns: those of side 1 are rows. */
-static void spsi_spread_along(const spsi_spread_light *light, int side, int part_count) {
+static void spsi_spread_along(const spsi_spread_light *light, int side, float **part, int from, float least) {
     spsi_spread_column column;
     column.light = light;
     column.side = side;
+    column.part = part;
+    column.from = from;
+    column.least = least;
+    column.way = side ? SPSI_SPREAD_WIDTH_X : SPSI_SPREAD_WIDTH_Y;
     column.pitch = (size_t)light->pitch[side];
     column.lines = light->size[!side];
     column.share = light->memory;
@@ -18676,34 +18774,42 @@ static void spsi_spread_along(const spsi_spread_light *light, int side, int part
     column.moved[1] = column.moved[0] + (size_t)(column.lines + 2 * SPSI_SPREAD_STEP) * SPSI_LANES;
     for (int x = 0; x < light->pitch[side]; x += SPSI_LANES) {
         column.first = (size_t)x;
-        spsi_spread_column_by(&column, part_count);
+        spsi_spread_column_by(&column);
     }
 }
 
 /* Turns columns into rows, or rows into columns. */
-static void spsi_spread_turn(const spsi_spread_light *light, int side, int part_count) {
+static void spsi_spread_turn(const spsi_spread_light *light, int side, const float *part, float *turned) {
     const size_t from = (size_t)light->pitch[side], to = (size_t)light->pitch[!side];
-    for (int i = 0; i < part_count; ++i)
-        for (int y = 0; y < light->size[!side]; ++y)
-            for (int x = 0; x < light->size[side]; ++x)
-                light->part[!side][i][(size_t)x * to + (size_t)y] = light->part[side][i][(size_t)y * from + (size_t)x];
+    const int lines = light->size[!side], block = 16; /* a cache line */
+    for (int first = 0; first < lines; first += block)
+        for (int x = 0; x < light->size[side]; ++x)
+            for (int y = first; y < spsi_least(first + block, lines); ++y)
+                turned[(size_t)x * to + (size_t)y] = part[(size_t)y * from + (size_t)x];
 }
 
 /* Carries light through a sheet. */
 static void spsi_spread_step(const spsi_spread_light *light, const spsi_spread_sheet *sheet) {
     for (int y = 0; y < light->size[1]; ++y)
         for (int x = 0; x < light->pitch[0]; x += SPSI_LANES) spsi_spread_cross(light, sheet, x, y);
-    spsi_spread_along(light, 0, SPSI_SPREAD_PARTS);
-    spsi_spread_turn(light, 0, SPSI_SPREAD_PARTS - 1);
-    spsi_spread_along(light, 1, SPSI_SPREAD_PARTS - 1);
-    spsi_spread_turn(light, 1, SPSI_SPREAD_PARTS - 2);
+    for (int beam = 0; beam < SPSI_SPREAD_BEAMS; ++beam) {
+        const int from = beam == SPSI_SPREAD_NARROW ? SPSI_SPREAD_FLUX : SPSI_SPREAD_WAY;
+        const float least = sheet->is_last ? 0 : SPSI_SPREAD_WAITS;
+        float *part[2][SPSI_SPREAD_PARTS];
+        memcpy(part, light->part[beam], sizeof part);
+        if (sheet->sides & 1) spsi_spread_along(light, 0, part[0], from, least);
+        if (!(sheet->sides & 2)) continue;
+        for (int i = from; i < SPSI_SPREAD_PARTS; ++i) spsi_spread_turn(light, 0, part[0][i], part[1][i]);
+        spsi_spread_along(light, 1, part[1], from, least);
+        for (int i = from; i < SPSI_SPREAD_PARTS; ++i) spsi_spread_turn(light, 1, part[1][i], part[0][i]);
+    }
 }
 
 /* Floats of a light: parts of both sides, depth, what texels are like, and memory for a column. */
 static size_t spsi_spread_light_floats(const spsi_spread_light *light) {
     const size_t sheet = (size_t)light->pitch[0] * (size_t)light->pitch[1];
     const size_t lines = (size_t)spsi_most(light->size[0], light->size[1]);
-    return (2 * SPSI_SPREAD_PARTS + 4) * sheet + (size_t)light->pitch[0] + (size_t)light->pitch[1] +
+    return (2 * SPSI_SPREAD_BEAMS * SPSI_SPREAD_PARTS + 6) * sheet + (size_t)light->pitch[0] + (size_t)light->pitch[1] +
            (3 * lines + 4 * SPSI_SPREAD_STEP) * SPSI_LANES;
 }
 
@@ -18742,10 +18848,13 @@ static void spsi_spread_texels(spsi_spread_light *light, const spsi_rays *rays) 
 static void spsi_spread_light_begin(spsi_spread_light *light, const spsi_rays *rays, float *memory) {
     const size_t sheet = (size_t)light->pitch[0] * (size_t)light->pitch[1];
     memset(memory, 0, spsi_spread_light_floats(light) * sizeof *memory);
-    for (int side = 0; side < 2; ++side)
-        for (int i = 0; i < SPSI_SPREAD_PARTS; ++i, memory += sheet) light->part[side][i] = memory;
+    for (int beam = 0; beam < SPSI_SPREAD_BEAMS; ++beam)
+        for (int side = 0; side < 2; ++side)
+            for (int i = 0; i < SPSI_SPREAD_PARTS; ++i, memory += sheet) light->part[beam][side][i] = memory;
     light->depth = memory;
-    light->solid = light->depth + sheet;
+    light->scattered = light->depth + sheet;
+    light->back = light->scattered + sheet;
+    light->solid = light->back + sheet;
     light->tilt[0] = light->solid + sheet;
     light->tilt[1] = light->tilt[0] + sheet;
     light->stretch[0] = light->tilt[1] + sheet;
@@ -20129,7 +20238,10 @@ static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const 
 
 #define SPSI_CELL_PATCHES 8 /* along each edge of a side of the grid */
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
-#define SPSI_CELL_LEAVING (SPSI_CELL_PATCHES * (4 + SPSI_CELL_PATCHES)) /* floats per plane: four edges, and itself */
+/* Of what leaves a patch, the flux, and that times the cosine with the side, and times the direction's parts along the
+   side, the lower axis first. */
+#define SPSI_CELL_MEANS   4
+#define SPSI_CELL_LEAVING (SPSI_CELL_PATCHES * (4 + SPSI_CELL_PATCHES)) /* patches per plane: four edges, and itself */
 
 /* The patch of a side that a cell is part of, and the first cell of a patch. */
 static int spsi_cell_patch(int at, int size) { return at * SPSI_CELL_PATCHES / size; }
@@ -20147,25 +20259,37 @@ static float spsi_cell_leaving_share(const spsi_cell_direction *direction, int s
     return count == 2 ? 5.0f / 6 : 1;
 }
 
+/* Adds what light of a direction carries through a patch of the side across an axis. */
+static void spsi_cell_patch_receives(const spsi_cell_direction *direction, int axis, float sent, float *patch) {
+    static const int harmonic[3] = {3, 1, 2};
+    float way[3];
+    for (int k = 0; k < 3; ++k) way[k] = 0.57735027f * direction->harmonic[harmonic[k]];
+    sent *= fabsf(way[axis]);
+    patch[0] += sent;
+    patch[1] += sent * fabsf(way[axis]);
+    patch[2] += sent * way[axis == 0 ? 1 : 0];
+    patch[3] += sent * way[axis == 2 ? 1 : 2];
+}
+
 /* Adds what one direction's light carries through the sides of the grid that a row of cells touches, per area of a
    cell's face: the mean over all directions of radiance times cosine. */
 static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, const spsi_cell_direction *direction,
                                  const float *out, float *leaving) {
-    const float third = 0.57735027f * direction->weight;
     const int *step = direction->step, *size = level->size;
     const int ends[3] = {step[0] < 0 ? 0 : size[0] - 1, step[1] < 0 ? 0 : size[1] - 1, step[2] < 0 ? 0 : size[2] - 1};
     const int row = (step[1] && y == ends[1] ? 2 : 0) | (step[2] && z == ends[2] ? 4 : 0);
-    float *edges = leaving, *plane = leaving + 4 * SPSI_CELL_PATCHES;
+    float *plane = leaving + 4 * SPSI_CELL_PATCHES * SPSI_CELL_MEANS;
     for (int x = row ? 0 : ends[0]; x < (row ? size[0] : ends[0] + 1); ++x) {
         const int sides = row | (step[0] && x == ends[0] ? 1 : 0);
-        const float sent = sides ? third * spsi_cell_leaving_share(direction, sides) * out[x] : 0;
-        const int along = spsi_cell_patch(x, size[0]);
-        if (sides & 1)
-            edges[(step[0] > 0) * SPSI_CELL_PATCHES + spsi_cell_patch(y, size[1])] +=
-                fabsf(direction->harmonic[3]) * sent;
-        if (sides & 2) edges[(2 + (step[1] > 0)) * SPSI_CELL_PATCHES + along] += fabsf(direction->harmonic[1]) * sent;
+        const float sent = sides ? direction->weight * spsi_cell_leaving_share(direction, sides) * out[x] : 0;
+        const int along = spsi_cell_patch(x, size[0]), across = spsi_cell_patch(y, size[1]);
+        const int edge[2] = {(step[0] > 0) * SPSI_CELL_PATCHES + across,
+                             (2 + (step[1] > 0)) * SPSI_CELL_PATCHES + along};
+        for (int k = 0; k < 2; ++k)
+            if (sides >> k & 1) spsi_cell_patch_receives(direction, k, sent, leaving + edge[k] * SPSI_CELL_MEANS);
         if (sides & 4)
-            plane[spsi_cell_patch(y, size[1]) * SPSI_CELL_PATCHES + along] += fabsf(direction->harmonic[2]) * sent;
+            spsi_cell_patch_receives(direction, 2, sent,
+                                     plane + (across * SPSI_CELL_PATCHES + along) * SPSI_CELL_MEANS);
     }
 }
 
@@ -20178,7 +20302,7 @@ static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int
     if (!pass->leaving) return;
     for (int i = 0; i < beams->count; ++i)
         spsi_cell_row_leaves(level, y, z, beams->direction[i], beams->out[i],
-                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_LEAVING);
+                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_LEAVING * SPSI_CELL_MEANS);
 }
 
 /* --- sweeping --- */
@@ -20383,7 +20507,8 @@ static void spsi_cells_sweep_out(const spsi_cell_solver *solver) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[0]);
     pass.leaving = solver->leaving;
     if (pass.leaving)
-        memset(pass.leaving, 0, 3 * SPSI_CELL_LEAVING * (size_t)pass.level->size[2] * sizeof *pass.leaving);
+        memset(pass.leaving, 0,
+               3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)pass.level->size[2] * sizeof *pass.leaving);
     spsi_cells_carry(&pass);
 }
 
@@ -20778,9 +20903,10 @@ static void spsi_cells_continue_task(void *data, int row, int worker) {
 /* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
 
-/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and what leaves it. */
+/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel what
+   leaves it. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    return (size_t)((4 + grid->channels) * SPSI_CELL_SHEET);
+    return (size_t)((4 + SPSI_CELL_MEANS * grid->channels) * SPSI_CELL_SHEET);
 }
 
 /* Sets where patches are. */
@@ -20806,18 +20932,23 @@ static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
 /* Sets what leaves patches, per area: the sum over planes and parts of a sweep. */
 static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
     const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
-    float *patch = grid->patches + (4 + channel) * SPSI_CELL_SHEET;
-    memset(patch, 0, SPSI_CELL_SHEET * sizeof *patch);
-    for (int i = 0; i < 3 * grid->size[2]; ++i) {
-        const float *from = solver->leaving + (size_t)i * SPSI_CELL_LEAVING;
-        const int z = i / 3, plane = spsi_cell_patch(z, grid->size[2]) * SPSI_CELL_PATCHES, part = i % 3;
+    float *patch = grid->patches + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
+    memset(patch, 0, SPSI_CELL_MEANS * SPSI_CELL_SHEET * sizeof *patch);
+    for (int i = 0; i < 3 * grid->size[2] * SPSI_CELL_MEANS; ++i, patch += SPSI_CELL_SHEET) {
+        const int part = i / SPSI_CELL_MEANS % 3, z = i / SPSI_CELL_MEANS / 3, mean = i % SPSI_CELL_MEANS;
+        const float *from = solver->leaving + (size_t)(3 * z + part) * SPSI_CELL_LEAVING * SPSI_CELL_MEANS + mean;
+        const int plane = spsi_cell_patch(z, grid->size[2]) * SPSI_CELL_PATCHES;
+        if (mean == 0) patch = grid->patches + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
         for (int n = 0; n < 4 * SPSI_CELL_PATCHES; ++n)
-            patch[n / SPSI_CELL_PATCHES * SPSI_CELL_SIDE + plane + n % SPSI_CELL_PATCHES] += from[n];
+            patch[n / SPSI_CELL_PATCHES * SPSI_CELL_SIDE + plane + n % SPSI_CELL_PATCHES] += from[n * SPSI_CELL_MEANS];
         for (int n = 0; n < SPSI_CELL_SIDE && part < 2; ++n) /* falling light leaves by the lower side */
-            patch[(4 + part) * SPSI_CELL_SIDE + n] += from[4 * SPSI_CELL_PATCHES + n];
+            patch[(4 + part) * SPSI_CELL_SIDE + n] += from[(4 * SPSI_CELL_PATCHES + n) * SPSI_CELL_MEANS];
     }
-    for (int n = 0; n < SPSI_CELL_SHEET; ++n)
-        if (area[n] > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / area[n];
+    patch = grid->patches + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
+    for (int n = 0; n < SPSI_CELL_MEANS * SPSI_CELL_SHEET; ++n) {
+        const float whole = area[n % SPSI_CELL_SHEET];
+        if (whole > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / whole;
+    }
 }
 
 /* Adds a cell's moments to the irradiance of a surface, from whose normal light comes: of light of degree 0, 1, 2 the
@@ -20925,7 +21056,7 @@ static uint64_t spsi_cell_sight_faced(const spsi_cell_sight *sight, int side) {
         for (int k = 0; k < 3; ++k)
             facing +=
                 sight->normal[k] * ((double)patch[k * SPSI_CELL_SHEET] + grid->corner[k] - sight->surface->point[k]);
-        for (int c = 0; c < grid->channels; ++c) sent += fabsf(patch[(4 + c) * SPSI_CELL_SHEET]);
+        for (int c = 0; c < grid->channels; ++c) sent += fabsf(patch[(4 + SPSI_CELL_MEANS * c) * SPSI_CELL_SHEET]);
         if (facing > 0 && sent > 0) faced |= (uint64_t)1 << n;
     }
     return faced;
@@ -20988,32 +21119,71 @@ static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_S
     return hidden;
 }
 
-/* Irradiance of a surface outside. A patch before it counts as a disc, whose share of all that the surface sees is
-   cosine cosine' area / (pi distance^2 + area). `open`: the share of each that is seen; NULL: all of them. */
+/* Radiance that leaves patches in directions of cosine u, times pi: the polynomial of degree 1 that has their means. */
+static spsi_v spsi_cell_patch_sends(const float *sent, spsi_v u, const spsi_v along[2]) {
+    const spsi_v flux = spsi_load(sent), zero = spsi_set(0), mean = spsi_load(sent + SPSI_CELL_SHEET);
+    const spsi_v more = spsi_fma(flux, spsi_set(-2.0f / 3), mean);
+    spsi_v sum = spsi_fma(spsi_mul(spsi_set(18), spsi_sub(u, spsi_set(2.0f / 3))), more, flux);
+    for (int k = 0; k < 2; ++k)
+        sum = spsi_fma(spsi_mul(spsi_set(4), along[k]), spsi_load(sent + (2 + k) * SPSI_CELL_SHEET), sum);
+    return spsi_select(spsi_less(flux, zero), spsi_min(sum, zero), spsi_max(sum, zero));
+}
+
+/* Adds the irradiance of a surface, by a vector of patches, of which `way` is the way to a part, `area` large: a disc,
+   whose share of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if it is straight ahead;
+   its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and discs where that is
+   too little. */
+static spsi_v spsi_cell_patches_send(const float *sent, int axis, const spsi_v way[3], const spsi_v normal[3],
+                                     spsi_v area) {
+    const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
+    const spsi_v nearer = spsi_div(one, spsi_sqrt(square)), before = spsi_abs(way[axis]);
+    const spsi_v along[2] = {spsi_mul(spsi_mul(way[axis == 0 ? 1 : 0], nearer), spsi_set(-1)),
+                             spsi_mul(spsi_mul(way[axis == 2 ? 1 : 2], nearer), spsi_set(-1))};
+    const spsi_v u = spsi_min(spsi_mul(before, nearer), one);
+    const spsi_v wide = spsi_min(spsi_div(area, square), one);
+    const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
+    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), spsi_set(0)), before);
+    share = spsi_min(spsi_div(share, square), one);
+    share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
+    return spsi_mul(share, spsi_cell_patch_sends(sent, u, along));
+}
+
+/* Irradiance of a surface outside. Near patches count as parts of at most half their distance, down to a fifth of a
+   patch; nearer, cells are looked up themselves. `open`: the share of each patch that is seen; NULL: all of them. */
 static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, const double point[3],
                                             const double normal[3], const float *open) {
-    const float *patch = grid->patches, *sent = patch + (4 + channel) * SPSI_CELL_SHEET;
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), least = spsi_set(1e-30f), pi = spsi_set((float)SPSI_PI);
-    spsi_v all = zero, way[3];
+    const float *patch = grid->patches, *sent = patch + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
+    spsi_v all = spsi_set(0), from[3];
     float lanes[SPSI_LANES];
     double sum = 0;
+    spsi_set3(normal, from);
     for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
+        const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
         const double before = point[axis] - grid->corner[axis] - (upper ? grid->edge * grid->size[axis] : 0);
-        const spsi_v area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n);
-        spsi_v square = least, facing = zero, share;
+        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n), some = spsi_set(0);
+        double longest = 0, nearest = HUGE_VAL;
+        int parts;
         if (!(upper ? before > 0 : before < 0)) continue;
-        for (int k = 0; k < 3; ++k) {
-            way[k] =
+        for (int k = 0; k < 3; ++k)
+            middle[k] =
                 spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET + n), spsi_set((float)(point[k] - grid->corner[k])));
-            square = spsi_fma(way[k], way[k], square);
-            facing = spsi_fma(way[k], spsi_set((float)normal[k]), facing);
+        spsi_store(lanes, spsi_dot_v(middle, middle));
+        for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
+        for (int i = 0; i < 2; ++i) longest = fmax(longest, grid->edge * grid->size[along[i]] / SPSI_CELL_PATCHES);
+        nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
+        parts = fabs(before) < 0.05 * longest ? 1 : (int)ceil(2 * longest / nearest); /* a patch may be all it sees */
+        area = spsi_mul(area, spsi_set(1 / (float)(parts * parts)));
+        for (int i = 0; i < parts * parts; ++i) {
+            spsi_v way[3] = {middle[0], middle[1], middle[2]};
+            for (int k = 0; k < 2; ++k) {
+                const double off = ((k ? i / parts : i % parts) + 0.5) / parts - 0.5;
+                const double step = off * grid->edge * grid->size[along[k]] / SPSI_CELL_PATCHES;
+                way[along[k]] = spsi_add(way[along[k]], spsi_set((float)step));
+            }
+            some = spsi_add(some, spsi_cell_patches_send(sent + n, axis, way, from, area));
         }
-        share = spsi_mul(spsi_max(facing, zero), spsi_set((float)fabs(before)));
-        share = spsi_min(spsi_div(share, square), one);
-        share = spsi_mul(share, spsi_div(area, spsi_fma(pi, square, area)));
-        if (open) share = spsi_mul(share, spsi_load(open + n));
-        all = spsi_fma(share, spsi_load(sent + n), all);
+        all = spsi_fma(some, open ? spsi_load(open + n) : spsi_set(1), all);
     }
     spsi_store(lanes, all);
     for (int i = 0; i < SPSI_LANES; ++i) sum += (double)lanes[i];
@@ -23297,7 +23467,7 @@ static void spsi_add_spread_on(const spsi_shadow *shadow, const spsi_surface *su
     const spsi_spread *spread = shadow->spread;
     const spsi_lamp *lamp = shadow->lamp;
     double normal[3], toward[3], distance, cosine;
-    spsi_v at[3], depth;
+    spsi_v at[3];
     spsi_spread_place place;
     memcpy(normal, surface->normal, sizeof normal);
     spsi_toward_lamp(lamp, surface->point, toward);
@@ -23308,8 +23478,9 @@ static void spsi_add_spread_on(const spsi_shadow *shadow, const spsi_surface *su
     spsi_spread_coordinates(spread, surface->point, at);
     spsi_spread_find(spread, at, &place);
     for (int c = 0; c < 3; ++c) {
+        const size_t own = (size_t)(spsi_least(c, spread->channels - 1) * (spread->sheet_count + 1)) * spread->plane;
         float lanes[SPSI_LANES];
-        spsi_store(lanes, spsi_spread_flux(spread, spsi_least(c, spread->channels - 1), &place, &depth));
+        spsi_store(lanes, spsi_spread_lookup(spread, spread->onward + own, &place));
         radiance[c] += (float)fmin(color[c] * cosine / SPSI_PI * (double)lanes[0] * (double)lamp->color[c],
                                    (double)SPSI_RADIANCE_MAX);
     }
@@ -25408,7 +25579,7 @@ static size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
         floats += solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
-    return floats + 3 * SPSI_CELL_LEAVING * (size_t)solver->levels[0].size[2];
+    return floats + 3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)solver->levels[0].size[2];
 }
 
 /* Sizes of a solver's levels, each half as long as the one before, down to four cells. Returns the floats of all. */
@@ -25572,7 +25743,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel
     job->wall_light = NULL;
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
-        memset(solver->leaving, 0, 3 * SPSI_CELL_LEAVING * (size_t)grid->size[2] * sizeof(float));
+        memset(solver->leaving, 0, 3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)grid->size[2] * sizeof(float));
         spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
         spsi_cells_levels(solver);
         spsi_cells_reflect(job, own->channel, plain);
@@ -25953,13 +26124,14 @@ typedef struct spsi_spread_job {
     int first, count;           /* of the chunk's sheets */
     size_t plane;               /* floats of one of them */
     /* spsi_spread_sheet's, per sheet, and all but depth and reach per channel, too */
-    float *depth, *scattered, *turned, *source, *open, *reach;
-    float *lit; /* per channel: what polygons let pass of light at the sheet before */
+    float *depth, *scattered, *turned, *back, *source, *open, *reach;
+    float *lit;  /* per channel: what polygons let pass of light at the sheet before */
+    float *cone; /* what a spotlight's cone lets pass */
 } spsi_spread_job;
 
 /* Floats of a chunk's sheets. */
 static size_t spsi_spread_chunk_floats(const spsi_spread_job *job) {
-    return ((size_t)(2 + 4 * job->spread->channels) * SPSI_CHUNK + (size_t)job->spread->channels) * job->plane;
+    return ((size_t)(2 + 5 * job->spread->channels) * SPSI_CHUNK + (size_t)job->spread->channels + 1) * job->plane;
 }
 
 /* Adds what material m has at a place to the chunk's sheets. */
@@ -25970,6 +26142,7 @@ static void spsi_spread_add_sample(const void *data, const spsi_sample_place *pl
     const int fine = job->fine, x = place->x, end = place->end;
     const float per_texel = 1.0f / (float)(fine * fine);
     const spsi_v turn = spsi_set((float)(1 - spsi_phase_moment(material, 2)));
+    const spsi_v back = spsi_set((float)(1 - spsi_phase_moment(material, 1)));
     const size_t row = (size_t)(place->k / fine) * job->plane + (size_t)(place->y / fine) * (size_t)job->spread->pitch;
     spsi_cells_deposit(job->depth + row, x, end, fine, per_texel, sample->depth);
     for (int c = 0; c < job->spread->channels && material->scatters; ++c) {
@@ -25977,6 +26150,7 @@ static void spsi_spread_add_sample(const void *data, const spsi_sample_place *pl
         const spsi_v turned = spsi_mul(turn, sample->scattered[c]);
         spsi_cells_deposit(job->scattered + own, x, end, fine, per_texel, sample->scattered[c]);
         spsi_cells_deposit(job->turned + own, x, end, fine, per_texel, turned);
+        spsi_cells_deposit(job->back + own, x, end, fine, per_texel, spsi_mul(back, sample->scattered[c]));
     }
 }
 
@@ -26006,6 +26180,27 @@ static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spo
     }
 }
 
+/* Mean of what a spotlight's cone lets pass over a square of texels, about column x and row y: by quarters along the
+   rim, until they are small against cone and texel, so that no light is made or lost however few texels it meets. */
+static double spsi_spread_cone(const spsi_lamp *lamp, const spsi_rays *rays, double x, double y, double size) {
+    const double outer = 2 * asin(fmin(sqrt(0.5 * lamp->cone.none), 1));
+    const double inner = 2 * asin(fmin(sqrt(0.5 * fmax(lamp->cone.none - lamp->cone.rim, 0)), 1));
+    double ray[3], across[3], angle, reach, sum = 0;
+    spsi_ray_direction(rays, x, y, ray);
+    spsi_cross(lamp->direction, ray, across);
+    angle = atan2(spsi_length(across), spsi_dot(lamp->direction, ray));
+    reach = 0.5 * size * (spsi_length(rays->a) + spsi_length(rays->b)) / spsi_length(ray);
+    if (angle >= outer + reach) return 0;
+    if (angle + reach <= inner) return 1;
+    if (size < 0.2 && reach < 0.1 * outer) {
+        const double share = (lamp->cone.none - 2 * pow(sin(0.5 * angle), 2)) / lamp->cone.rim;
+        return pow(fmin(fmax(share, 0), 1), 2);
+    }
+    for (int i = 0; i < 4; ++i)
+        sum += spsi_spread_cone(lamp, rays, x + (i % 2 - 0.5) * 0.5 * size, y + (i / 2 - 0.5) * 0.5 * size, 0.5 * size);
+    return 0.25 * sum;
+}
+
 /* Lights a row of the chunk's sheets. */
 static void spsi_spread_light_task(void *data, int y, int worker) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
@@ -26029,21 +26224,39 @@ static void spsi_spread_light_task(void *data, int y, int worker) {
             spsi_spread_polygons(job, &spot, texel, at, filter);
             for (int c = 0; c < job->spread->channels; ++c)
                 spsi_store(job->source + (size_t)c * SPSI_CHUNK * job->plane + at,
-                           spsi_mul(incident.irradiance[c], filter[c]));
+                           spsi_mul(spsi_mul(incident.irradiance[c], filter[c]), spsi_load(job->cone + texel)));
             spsi_store(job->reach + at, spsi_mul(spot.pixels.length, spsi_set(per_texel)));
         }
 }
 
-/* Keeps what light of a channel has arrived at a plane. */
+/* Keeps what light of a channel has arrived at a plane. With s the depth that scatters and Q what turns back, two
+   streams let exp(s) / (1 + Q) pass where exp(s) is carried and 1 is straight; of light that has scattered, that is the
+   share `goes`. Gas receives more than a surface across the ray: light at a slant by its cosine, and what gas behind
+   turns back, for which half of what has turned back so far makes up. */
 static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
     const spsi_spread *spread = job->spread;
     const spsi_spread_light *light = &job->light[c];
     const size_t count = (size_t)light->size[1] * (size_t)spread->pitch;
     const size_t to = (size_t)(c * (spread->sheet_count + 1) + plane) * spread->plane + (size_t)job->face * count;
-    for (size_t i = 0; i < count; ++i) {
-        const float solid = light->solid[i] > 0 ? light->solid[i] : 1; /* beyond a row's texels, there is nothing */
-        spread->flux[to + i] = light->part[0][SPSI_SPREAD_FLUX][i] / solid;
-        spread->way[to + i] = light->part[0][SPSI_SPREAD_WAY][i] / solid;
+    float *const *narrow = light->part[SPSI_SPREAD_NARROW][0], *const *wide = light->part[SPSI_SPREAD_WIDE][0];
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), tiny = spsi_set(FLT_MIN);
+    for (size_t i = 0; i < count; i += SPSI_LANES) {
+        const spsi_v some = spsi_load(narrow[SPSI_SPREAD_FLUX] + i), solid = spsi_load(light->solid + i);
+        const spsi_v flux = spsi_add(some, spsi_load(wide[SPSI_SPREAD_FLUX] + i));
+        const spsi_v way = spsi_fma(some, spsi_load(light->depth + i), spsi_load(wide[SPSI_SPREAD_WAY] + i));
+        const spsi_v angle = spsi_add(spsi_load(narrow[SPSI_SPREAD_ANGLE] + i), spsi_load(wide[SPSI_SPREAD_ANGLE] + i));
+        const spsi_v sines = spsi_min(spsi_div(angle, spsi_max(flux, tiny)), spsi_set(0.75f));
+        const spsi_v back = spsi_add(one, spsi_load(light->back + i));
+        const spsi_v s = spsi_min(spsi_load(light->scattered + i), spsi_set(80)), little = spsi_set(0.01f);
+        const spsi_v more = spsi_select(spsi_less(s, little), spsi_fma(spsi_mul(s, s), spsi_set(0.5f), s),
+                                        spsi_sub(spsi_exp(s), one));
+        const spsi_v fewer = spsi_max(spsi_sub(spsi_add(more, one), back), zero);
+        const spsi_v goes = spsi_div(spsi_div(fewer, spsi_max(more, tiny)), spsi_mul(back, spsi_max(solid, tiny)));
+        const spsi_v gas = spsi_mul(goes, spsi_sqrt(spsi_div(back, spsi_sub(one, sines))));
+        const spsi_m inside = spsi_less(zero, solid); /* beyond a row's texels, there is nothing */
+        spsi_store(spread->onward + to + i, spsi_select(inside, spsi_mul(flux, goes), zero));
+        spsi_store(spread->flux + to + i, spsi_select(inside, spsi_mul(flux, gas), zero));
+        spsi_store(spread->way + to + i, spsi_select(inside, spsi_mul(way, gas), zero));
     }
 }
 
@@ -26059,10 +26272,13 @@ static void spsi_spread_carry_task(void *data, int c, int worker) {
         sheet.depth = job->depth + at;
         sheet.scattered = job->scattered + own;
         sheet.turned = job->turned + own;
+        sheet.back = job->back + own;
         sheet.source = job->source + own;
         sheet.open = job->open + own;
         sheet.reach = job->reach + at;
         sheet.growth = job->rays.perspective ? (float)(begin / (begin + thickness)) : 1;
+        sheet.is_last = job->first + k + 1 == job->spread->sheet_count;
+        sheet.sides = sheet.is_last ? 3 : 1 << (k & 1);
         spsi_spread_step(&job->light[c], &sheet);
         spsi_spread_keep(job, c, job->first + k + 1);
     }
@@ -26112,11 +26328,17 @@ static sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory) {
     job->depth = memory;
     job->scattered = job->depth + all;
     job->turned = job->scattered + channels * all;
-    job->source = job->turned + channels * all;
+    job->back = job->turned + channels * all;
+    job->source = job->back + channels * all;
     job->open = job->source + channels * all;
     job->reach = job->open + channels * all;
     job->lit = job->reach + all;
-    memory = job->lit + channels * job->plane;
+    job->cone = job->lit + channels * job->plane;
+    memory = job->cone + job->plane;
+    for (size_t i = 0; i < job->plane; ++i) {
+        const double x = (double)(i % (size_t)spread->pitch), y = (double)(i / (size_t)spread->pitch);
+        job->cone[i] = spread->lamp->cone.exists ? (float)spsi_spread_cone(spread->lamp, &job->rays, x, y, 1) : 1;
+    }
     for (size_t i = 0; i < channels * job->plane; ++i) job->lit[i] = 1;
     for (size_t c = 0; c < channels; ++c, memory += spsi_spread_light_floats(&job->light[0]))
         spsi_spread_light_begin(&job->light[c], &job->rays, memory);
@@ -26133,7 +26355,7 @@ static sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const sp
         if (spsi_progress(context, spsi_part_done(part, (double)chunk / chunks))) return context->result;
         job->first = chunk * (SPSI_CHUNK / job->fine);
         job->count = spsi_least(SPSI_CHUNK / job->fine, spread->sheet_count - job->first);
-        memset(job->depth, 0, (size_t)(1 + 2 * spread->channels) * SPSI_CHUNK * job->plane * sizeof(float));
+        memset(job->depth, 0, (size_t)(1 + 3 * spread->channels) * SPSI_CHUNK * job->plane * sizeof(float));
         if (spsi_sampling_advance(&job->sheets, chunk))
             spsi_parallel(context, spsi_sampling_tiles(&job->sheets), spsi_spread_fill_task, job);
         spsi_parallel(context, job->light[0].size[1], spsi_spread_light_task, job);
@@ -26174,7 +26396,7 @@ static size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spread
     job->fine = spsi_spread_fineness(frame, spread);
     job->plane = (size_t)spread->pitch * (size_t)rays->height;
     job->lamp = *spread->lamp;
-    job->lamp.falls_off = job->lamp.extent.exists = 0;
+    job->lamp.falls_off = job->lamp.extent.exists = job->lamp.cone.exists = 0;
     job->lamp.few_count = 1;
     for (int c = 0; c < spread->channels; ++c) {
         spsi_spread_light *light = &job->light[c];
@@ -26213,7 +26435,7 @@ static sps_result spsi_spreads_make(sps_context *context, const spsi_frame *fram
         job->frame = frame;
         job->faces = faces;
         job->shadow = shadows[i];
-        memset(spread->flux, 0, spsi_spread_floats(spread) * sizeof(float));
+        memset(spread->onward, 0, spsi_spread_floats(spread) * sizeof(float));
         context->stats.cells +=
             (uint64_t)spread->sheet_count * (uint64_t)spread->map.face_count * spsi_ray_count(&spread->map.rays[0]);
         face.share /= spread->map.face_count;
@@ -26248,9 +26470,12 @@ static sps_result spsi_spreads_build(sps_context *context, const spsi_frame *fra
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, floats, sizeof(float));
     if (!memory) return context->result;
     for (int i = 0; i < spreads->count; ++i) {
-        spreads->list[i].flux = memory;
-        memory += spsi_spread_floats(&spreads->list[i]);
-        spreads->list[i].way = memory - spsi_spread_floats(&spreads->list[i]) / 2;
+        spsi_spread *spread = &spreads->list[i];
+        const size_t each = spsi_spread_floats(spread) / 3;
+        spread->onward = memory;
+        spread->flux = memory + each;
+        spread->way = memory + 2 * each;
+        memory += 3 * each;
     }
     if (!held && spsi_spreads_make(context, frame, faces, spreads, part)) return context->result;
     context->cells_held = key;

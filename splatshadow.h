@@ -25936,7 +25936,7 @@ static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
 static void spsi_glow_split(const spsi_frame *frame, const spsi_glow *glow, spsi_flights *flights) {
     const double parts = glow->sum > 0 ? glow->parts / glow->sum : 0, depth = glow->sum > 0 ? glow->depth / glow->sum : 0;
     const double alone = fmax(0, fmin(log(fmax(parts, 1) / 32) / log(4), 1)), thin = fmax(0, fmin(2 - depth / 3, 1));
-    const double bare = fmax(0, fmin(2 - depth / 1.5, 1));
+    const double bare = fmax(0, fmin(2 - depth / (frame->matter.scatters ? 1.5 : 6), 1));
     flights->to_cells = (float)(frame->matter.scatters ? alone * thin : bare);
     flights->to_polygons = (float)fmax((double)flights->to_cells, bare);
 }

@@ -650,10 +650,10 @@ static void test_beside_what_has_ended(void) {
 
 /* --------------------------------------------------------------------------------------------------------- refusals */
 
-/* The image of a camera amid gas is cut into parts if it sees more than 168.5 degrees, 2 acos(0.1), from the centre of
-   one corner pixel to that of the opposite one: tan(fov / 2) sqrt(2) (SIDE - 1) / SIDE above tan(acos(0.1)). */
+/* The image of a camera amid gas is cut into parts if it sees more than 139 degrees, 2 acos(0.35), from the centre of
+   one corner pixel to that of the opposite one: tan(fov / 2) sqrt(2) (SIDE - 1) / SIDE above tan(acos(0.35)). */
 static void test_widest_camera(void) {
-    const double limit = 2 * atan(tan(acos(0.1)) / sqrt(2.0) * SIDE / (SIDE - 1));
+    const double limit = 2 * atan(tan(acos(0.35)) / sqrt(2.0) * SIDE / (SIDE - 1));
     for (int wide = 0; wide < 2; ++wide) {
         sps_plan_report plan;
         check_scene s;

@@ -54,12 +54,13 @@ CONTENTS (search for the tag)
     >>lightsheets   23 sheets as optical depth       >>tmaps         24 transmittance maps
     >>penumbrae     25 light of many points          >>spreading     26 light that spreads sideways
     >>shadows       27 shadows on gas, surfaces      >>scattering    28 scattered more than once
-    >>cells         29 light from cell to cell       >>shading       30 light leaving a sheet
-    >>lighting      31 filling, lighting cells       >>sweep         32 chunks of slabs, tiles
-    >>budget        33 what time or error buys       >>frame         34 sweeps, then the image
-    >>plan          35 what a scene calls for        >>reference     36 brute-force ray marching
-    >>brackets      37 bounds of what is marched     >>paths         38 random paths
-    >>public        39 the public functions          >>licence
+    >>cells         29 light from cell to cell       >>flights       30 light of small sources
+    >>shading       31 light leaving a sheet         >>lighting      32 filling, lighting cells
+    >>sweep         33 chunks of slabs, tiles        >>budget        34 what time or error buys
+    >>frame         35 sweeps, then the image        >>plan          36 what a scene calls for
+    >>reference     37 brute-force ray marching      >>brackets      38 bounds of what is marched
+    >>paths         39 random paths                  >>public        40 the public functions
+    >>licence
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. Light scatters as often as the scene calls for
@@ -158,7 +159,7 @@ PAPERS
     S. Goudsmit, J. L. Saunderson, "Multiple Scattering of Electrons", Physical Review 57, 1940 >>scattering
     W. J. Wiscombe, "The Delta-M Method", Journal of the Atmospheric Sciences 34, 1977 >>cells
     V. I. Lebedev, "Quadratures on a Sphere", USSR Comput. Math. and Math. Physics 16, 1976 >>cells
-    K. D. Lathrop, "Ray Effects in Discrete Ordinates Equations", Nuclear Science and Engineering 32, 1968 >>cells
+    K. D. Lathrop, "Ray Effects in Discrete Ordinates Equations", Nucl. Sci. and Eng. 32, 1968 >>cells >>flights
     G. Steele et al., "Fast Splittable Pseudorandom Number Generators", OOPSLA 2014 >>paths
     J. Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021 >>surfaces
     T. Dekker, "A Floating-Point Technique for Extending the Available Precision", Numer. Math. 18, 1971 >>maths
@@ -4755,8 +4756,8 @@ typedef struct spsi_cell_grid {
     float *pyramid; /* of depth, >>flights; NULL: nothing glows */
 } spsi_cell_grid;
 
-/* A small source of light, >>flights: an even ball. In a direction d it sends 1 - |axis| + 4 max(0, axis . d) of the mean
-   over all directions: gas has no axis, a polygon its normal. */
+/* A small source of light, >>flights: an even ball. In a direction d it sends 1 - |axis| + 4 max(0, axis . d) of the
+   mean over all directions: gas has no axis, a polygon its normal. */
 typedef struct spsi_emitter {
     float at[3], radius; /* relative to the tree's centre */
     float sent[3];       /* mean radiance times area, by channel */
@@ -21233,8 +21234,8 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
    from each node that it sees under a small angle, I being the sum of radiance times area; it opens the others. T is
    marched through a pyramid of the cells' extinction, in steps that grow with the distance from either end; an
    even ball of optical radius x lets out (1 - exp(-1.5 x)) / (1.5 x) of its own light, within 3 % up to x = 2. What
-   arrives is given to the cells, which are solved for what scatters afterwards: a first-collision source [Lathrop 1968].
-   Cost: some 10 nodes of 10 to 20 steps for a vector of cells; the same and a few rays for a point of a polygon. */
+   arrives is given to the cells, which are solved for what scatters afterwards: a first-collision source. Cost: some 10
+   nodes of 10 to 20 steps for a vector of cells; the same and a few rays for a point of a polygon. [Lathrop 1968] */
 
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
 #define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
@@ -21288,8 +21289,7 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
                                     int edge, spsi_flights *flights, spsi_tree_item *items) {
     const spsi_lattice *lattice = &frame->lattices[brick->lattice];
     const spsi_material *material = &frame->matter.materials[frame->media[lattice->medium].channel];
-    const spsi_segment *segment =
-        ((spsi_segment *const *)context->buffers[SPSI_BUFFER_SEGMENTS].data)[brick->segment];
+    const spsi_segment *segment = ((spsi_segment *const *)context->buffers[SPSI_BUFFER_SEGMENTS].data)[brick->segment];
     const int side = SPSI_BRICK / edge;
     spsi_emitter_sum sums[SPSI_BRICK * SPSI_BRICK * SPSI_BRICK];
     memset(sums, 0, (size_t)(side * side * side) * sizeof *sums);
@@ -21307,10 +21307,12 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
         for (int k = 0; k < 3; ++k) {
             const double mean = sums[n].place[k] / sums[n].value, spread = sums[n].square[k] / sums[n].value;
             at[k] = brick->base[k] + mean + 0.5;
-            square += (fmax(spread - mean * mean, 0) + SPSI_SIGMA * SPSI_SIGMA) * spsi_dot(lattice->step[k], lattice->step[k]);
+            square += (fmax(spread - mean * mean, 0) + SPSI_SIGMA * SPSI_SIGMA) *
+                      spsi_dot(lattice->step[k], lattice->step[k]);
         }
         spsi_voxel_position(lattice, at, point);
-        spsi_emitters_add(flights, point, sqrt(5.0 / 3 * square), sums[n].value * lattice->voxel_volume, material->emission, spsi_no_axis, items);
+        spsi_emitters_add(flights, point, sqrt(5.0 / 3 * square), sums[n].value * lattice->voxel_volume,
+                          material->emission, spsi_no_axis, items);
     }
 }
 
@@ -21325,9 +21327,9 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
         for (; n < content->set_ends[i]; ++n) {
             const sps_particle *particle = &content->particles[n];
             const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
-            const double own = radius < flights->grids->edge ? 0.75 * depth : 0, point[3] = {(double)particle->position[0],
-                                                                            (double)particle->position[1],
-                                                                            (double)particle->position[2]};
+            const double own = radius < flights->grids->edge ? 0.75 * depth : 0,
+                         point[3] = {(double)particle->position[0], (double)particle->position[1],
+                                     (double)particle->position[2]};
             const double leaves = own > 1e-6 ? -expm1(-own) / own : 1;
             if (material->emits)
                 spsi_emitters_add(flights, point, set->soft ? 0.845 * radius : radius,
@@ -21379,8 +21381,8 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
 }
 
 /* Lists all that glows. */
-static void spsi_emitters_list(const sps_context *context, const spsi_frame *frame, int blocks,
-                               spsi_flights *flights, spsi_tree_item *items) {
+static void spsi_emitters_list(const sps_context *context, const spsi_frame *frame, int blocks, spsi_flights *flights,
+                               spsi_tree_item *items) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     for (int i = 0; i < context->brick_count; ++i) {
         const spsi_medium *medium = &frame->media[frame->lattices[bricks[i].lattice].medium];
@@ -21395,8 +21397,7 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
                                      const size_t most[2], spsi_flights trees[2]) {
     const size_t all = most[0] + most[1], nodes = spsi_tree_nodes(most[0]) + spsi_tree_nodes(most[1]);
     trees->emitters = (spsi_emitter *)spsi_reserve(context, SPSI_BUFFER_EMITTERS, all, sizeof(spsi_emitter));
-    trees->nodes =
-        (spsi_flight_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_NODES, nodes, sizeof(spsi_flight_node));
+    trees->nodes = (spsi_flight_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_NODES, nodes, sizeof(spsi_flight_node));
     trees->order = (int *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_ORDER, all, sizeof(int));
     if (!trees->emitters || !trees->nodes || !trees->order) return context->result;
     for (int k = 0; k < 3; ++k) trees->centre[k] = grids->corner[k] + 0.5 * grids->edge * grids->size[k];
@@ -21447,8 +21448,8 @@ static void spsi_flights_see(const spsi_flights *flights, const double place[3],
     open->angle = distance > (double)sum->radius ? 2 * (double)sum->radius / distance : 2 + (double)sum->radius;
 }
 
-/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; wider ones where
-   the list would get too long. */
+/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; wider ones
+   where the list would get too long. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
                                 spsi_flight_list *list) {
     spsi_flight_open open[SPSI_FLIGHT_NODES];
@@ -21489,7 +21490,8 @@ static void spsi_cell_pyramid_fill(spsi_cell_grid *grid) {
             for (int x = 0; x < half[0]; ++x) {
                 float sum = 0;
                 for (int k = 0; k < 8; ++k) {
-                    const int fx = 2 * x + (k & 1), fy = 2 * (i % half[1]) + (k >> 1 & 1), fz = 2 * (i / half[1]) + (k >> 2);
+                    const int fx = 2 * x + (k & 1), fy = 2 * (i % half[1]) + (k >> 1 & 1),
+                              fz = 2 * (i / half[1]) + (k >> 2);
                     if (fx < size[0] && fy < size[1] && fz < size[2])
                         sum += fine[(size_t)(fz * size[1] + fy) * pitch + (size_t)fx];
                 }
@@ -21541,8 +21543,7 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
     spsi_v at = ways->begin, end = ways->end, depth = zero;
     for (int k = 0; k < 3; ++k) { /* cut to the grid; a direction has at least 1e-9 along each axis */
         const spsi_v size = spsi_set((float)grid->size[k]), tiny = spsi_set(1e-9f);
-        const spsi_v along =
-            spsi_select(spsi_less(spsi_abs(ways->unit[k]), tiny), tiny, ways->unit[k]);
+        const spsi_v along = spsi_select(spsi_less(spsi_abs(ways->unit[k]), tiny), tiny, ways->unit[k]);
         const spsi_v a = spsi_div(spsi_sub(zero, ways->from[k]), along);
         const spsi_v b = spsi_div(spsi_sub(size, ways->from[k]), along);
         at = spsi_max(at, spsi_min(a, b));
@@ -21657,9 +21658,10 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
     spsi_flights_unblocked(job->faces, -1, cells->lanes, origin, toward, passes);
 }
 
-/* Adds a fraction of what a node sends to a vector of cells. The mean over a cell and over an even ball of 1 / distance^2 is
-   1 / (distance^2 - s), to the second order, s being a fifth of the radius squared and a twelfth of the edge squared;
-   about the centre of a cell it is 7.7. Directions from a ball near by differ: so higher degrees are less by as much. */
+/* Adds a fraction of what a node sends to a vector of cells. The mean over a cell and over an even ball of 1 /
+   distance^2 is 1 / (distance^2 - s), to the second order, s being a fifth of the radius squared and a twelfth of the
+   edge squared; about the centre of a cell it is 7.7. Directions from a ball near by differ: so higher degrees are less
+   by as much. */
 static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_emitter *node, float fraction, int blocked,
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
@@ -21669,8 +21671,8 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_emitter
     spsi_v square, harmonic[SPSI_CELL_TERMS], through[3], passes[3], even, bent;
     spsi_ways ways;
     for (int k = 0; k < 3; ++k) {
-        ways.from[k] = spsi_set(
-            (float)(((double)node->at[k] + job->flights->centre[k] - grid->corner[k]) / grid->edge));
+        ways.from[k] =
+            spsi_set((float)(((double)node->at[k] + job->flights->centre[k] - grid->corner[k]) / grid->edge));
         ways.unit[k] = spsi_sub(cells->centre[k], ways.from[k]);
     }
     square = spsi_dot_v(ways.unit, ways.unit);
@@ -21821,8 +21823,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
 }
 
 /* Adds the irradiance of a point of a polygon by first flights. */
-static void spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights *flights,
-                                    double irradiance[3]) {
+static void spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights *flights, double irradiance[3]) {
     spsi_flight_list list;
     list.count = 0;
     spsi_flights_choose(flights, place->point, 0, place->frame->accuracy.flight_angle, &list);
@@ -21830,7 +21831,7 @@ static void spsi_flights_irradiance(const spsi_flight_place *place, const spsi_f
 }
 
 /* ============================================================================================== >>shading
-   30 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
+   31 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
    a sheet of optical depth t, light has passed optical depth A0 + x (A1 - A0), and what is scattered there passes x t
    (front to back) or (1 - x) t on its way out. Both are linear in x, so the sheet sends c t spsi_mean_transmittance(..)
    for either compositing order. A polygon between light and sheet ends the range of x; one between eye and sheet cuts
@@ -24299,7 +24300,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 }
 
 /* ============================================================================================== >>lighting
-   31 Filling the cells, and lighting them. Gas goes into sheets across z, two samples along a cell's edge, by the same
+   32 Filling the cells, and lighting them. Gas goes into sheets across z, two samples along a cell's edge, by the same
    targets as the eye's: it is deposited where voxels are small against samples, and splatted elsewhere, both of which
    keep its mass. Classified volumes, with samples up to a voxel apart, are gathered or splatted. Each light, with a
    table of its own as fine as the samples, sends a sample E exp(-k t) Y(d) / 4 pi for each moment: t is the optical
@@ -24511,7 +24512,7 @@ static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp) 
         half += 0.25 * grid->edge * grid->edge * grid->size[k] * grid->size[k];
         longest = fmax(longest, grid->edge * grid->size[k]);
     }
-    width = 2 * (sqrt(lamp->cone.none * (2 - lamp->cone.none)) / fmax(1 - lamp->cone.none, 1e-3)) * (spsi_length(to) + sqrt(half));
+    width = 2 * sqrt(lamp->cone.none * (2 - lamp->cone.none)) / (1 - lamp->cone.none) * (spsi_length(to) + sqrt(half));
     return fmax(0, fmin(2 - 8 * width / longest, 1));
 }
 
@@ -25410,8 +25411,8 @@ static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, con
             ring[i].solid = 2 * SPSI_PI * lamp->cone.none / (SPSI_BEAM_RINGS * SPSI_BEAM_RINGS);
             ring[i].fraction = spsi_cells_beams(job, lamp);
             for (int k = 0; k < 3; ++k)
-                ring[i].direction[k] = (1 - versine) * lamp->direction[k] +
-                                       sine * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
+                ring[i].direction[k] =
+                    (1 - versine) * lamp->direction[k] + sine * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
         }
         spsi_beams_on_polygons(job, shadow, ring, flights, items);
         for (int i = 0; i < SPSI_BEAM_RINGS; ++i) spsi_beam_through_gas(job, &ring[i], flights, items);
@@ -25934,7 +25935,8 @@ static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
    gas is thin, since directions serve wide sources well, and dense gas hides their rays; to polygons, all of it unless
    gas is dense. */
 static void spsi_glow_split(const spsi_frame *frame, const spsi_glow *glow, spsi_flights *flights) {
-    const double parts = glow->sum > 0 ? glow->parts / glow->sum : 0, depth = glow->sum > 0 ? glow->depth / glow->sum : 0;
+    const double parts = glow->sum > 0 ? glow->parts / glow->sum : 0,
+                 depth = glow->sum > 0 ? glow->depth / glow->sum : 0;
     const double alone = fmax(0, fmin(log(fmax(parts, 1) / 32) / log(4), 1)), thin = fmax(0, fmin(2 - depth / 3, 1));
     const double bare = fmax(0, fmin(2 - depth / (frame->matter.scatters ? 1.5 : 6), 1));
     flights->to_cells = (float)(frame->matter.scatters ? alone * thin : bare);
@@ -26509,7 +26511,7 @@ static size_t spsi_spreads_bytes(const spsi_frame *frame) {
 }
 
 /* ================================================================================================ >>sweep
-   32 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
+   33 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
    light's have just written. Empty chunks cost next to nothing, and patches whose rays have all ended are not
    shaded. */
 
@@ -26873,7 +26875,7 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
 }
 
 /* =============================================================================================== >>budget
-   33 What a budget buys. There are three ladders of settings: of gas, of the points of lights with an extent, and of
+   34 What a budget buys. There are three ladders of settings: of gas, of the points of lights with an extent, and of
    cells. For each combination, time is the work of each stage, counted in pixels, slabs, texels, points and cells,
    times the rate at which the context last did such work on that rung, or on the nearest one that it knows; until
    then, start values. No setting is expected to take less time than a coarser one, unless something of it is held, or
@@ -27414,7 +27416,7 @@ static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
 }
 
 /* ================================================================================================ >>frame
-   34 The frame: one sweep after another, then the image. */
+   35 The frame: one sweep after another, then the image. */
 
 /* --- the image --- */
 
@@ -27747,7 +27749,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
 }
 
 /* ================================================================================================= >>plan
-   35 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
+   36 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
    of calls are exact. The bounds follow from what is known without reading: the blocks that range_fn does not exclude,
    and counts of triangles and particles. */
 
@@ -28358,7 +28360,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
 }
 
 /* ============================================================================================ >>reference
-   36 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
+   37 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
    the midpoints of equal steps, a shadow ray at every sample, and triangles and balls intersected exactly through trees
    of boxes, in double precision. It shares with the renderer how samples and surfaces respond to light (samples in
    floats), and the tests of a ray with a triangle (>>polygons), but nothing else about where light goes. Second order
@@ -29241,7 +29243,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 }
 
 /* ============================================================================================= >>brackets
-   37 Bounds of light that scatters once, along the rays of >>reference: not an estimate, but limits that the exact
+   38 Bounds of light that scatters once, along the rays of >>reference: not an estimate, but limits that the exact
    integral cannot pass. On a step of length h, three Gauss points integrate F with an error of at most
    h^7 / 2016000 * |F^(6)|. F is the field times exp(-optical depth from the eye and from the light) times the light's
    falloff, lobe and cone. Derivatives of the field are bounded by what voxels about the step differ by, those of
@@ -30210,7 +30212,7 @@ static void spsi_bracket_finish(const spsi_marcher *marcher, const sps_image *im
 }
 
 /* ================================================================================================ >>paths
-   38 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
+   39 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
    the polygons of >>reference. A path goes from event to event. Volumes are crossed by delta tracking [Woodcock et al.
    1965]: tentative collisions lie -ln(u) / bound apart, and one is real with probability extinction / bound; each brick
    has a bound of its own. Balls have closed forms, which are inverted. The nearest of all these collisions and of the
@@ -30919,7 +30921,7 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
 }
 
 /* =============================================================================================== >>public
-   39 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
+   40 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
    callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* if SPS_API is static: no warnings about functions that a program does not call */

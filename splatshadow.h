@@ -18456,8 +18456,8 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
    C = q s D^2 / 3, q = 4 h / 3 being an event's mean squared sine [Eyges 1948]. A becomes 2/3, that of light in all
    directions; directions are forgotten by a factor P[1] an event, 1 - h for Henyey and Greenstein's lobes of g = 1.
    One Gaussian has no peak and no tail. Of a lobe, a part is its peak, a Gaussian too: light that has only scattered
-   within peaks is a beam of its own, which the same equations carry, with the peaks' share of s and their h. The rest is
-   all light less that, in moments too, so that the sum keeps the moments above.
+   within peaks is a beam of its own, which the same equations carry, with the peaks' share of s and their h. The rest
+   is all light less that, in moments too, so that the sum keeps the moments above.
    What turns back is taken off where light is kept: by two streams, 1 / (1 + Q) goes on, Q = 3/4 of (1 - P[1]) s. That
    lies between gas without sides, which lets up to a quarter more pass, and gas as wide as deep.
    Displacements are in texels, which in a cone of rays grow with the distance, so that angles against rays shrink by
@@ -21619,7 +21619,7 @@ typedef struct spsi_flight_cells {
     spsi_v sum[3][SPSI_CELL_TERMS];
 } spsi_flight_cells;
 
-#define SPSI_FLIGHT_ALONG (SPSI_LANES < SPSI_FLIGHT_BLOCK ? SPSI_LANES : SPSI_FLIGHT_BLOCK)
+#define SPSI_FLIGHT_ALONG spsi_least(SPSI_LANES, SPSI_FLIGHT_BLOCK)
 
 static size_t spsi_flight_cell(const spsi_flight_job *job, const spsi_flight_cells *cells, int i) {
     const int x = cells->at[0] + i % SPSI_FLIGHT_ALONG, y = cells->at[1] + i / SPSI_FLIGHT_ALONG;

@@ -4770,7 +4770,9 @@ typedef struct spsi_flight_node {
     int first, count;
 } spsi_flight_node;
 
-/* A tree of emitters. */
+/* Trees of emitters: what glows, what gas scatters of narrow beams, and what polygons reflect of them. */
+enum { SPSI_FLIGHTS_GLOW, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHT_TREES };
+
 typedef struct spsi_flights {
     double centre[3]; /* the same for all trees */
     spsi_emitter *emitters;
@@ -21392,22 +21394,30 @@ static void spsi_emitters_list(const sps_context *context, const spsi_frame *fra
     spsi_emitters_add_particles(frame, flights, items);
 }
 
-/* Begins two trees, of what glows and of narrow beams, with room for so many emitters. */
+/* Begins all trees, with room for so many emitters. */
 static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid *grids, int grid_count,
-                                     const size_t most[2], spsi_flights trees[2]) {
-    const size_t all = most[0] + most[1], nodes = spsi_tree_nodes(most[0]) + spsi_tree_nodes(most[1]);
-    trees->emitters = (spsi_emitter *)spsi_reserve(context, SPSI_BUFFER_EMITTERS, all, sizeof(spsi_emitter));
-    trees->nodes = (spsi_flight_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_NODES, nodes, sizeof(spsi_flight_node));
-    trees->order = (int *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_ORDER, all, sizeof(int));
-    if (!trees->emitters || !trees->nodes || !trees->order) return context->result;
-    for (int k = 0; k < 3; ++k) trees->centre[k] = grids->corner[k] + 0.5 * grids->edge * grids->size[k];
-    trees->grids = grids;
-    trees->grid_count = grid_count;
-    trees[1] = trees[0];
-    trees[1].to_cells = 1;
-    trees[1].emitters += most[0];
-    trees[1].order += most[0];
-    trees[1].nodes += spsi_tree_nodes(most[0]);
+                                     const size_t most[SPSI_FLIGHT_TREES], spsi_flights trees[SPSI_FLIGHT_TREES]) {
+    size_t all = 0, nodes = 0;
+    spsi_flights tree = trees[SPSI_FLIGHTS_GLOW];
+    for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
+        all += most[i];
+        nodes += spsi_tree_nodes(most[i]);
+    }
+    tree.emitters = (spsi_emitter *)spsi_reserve(context, SPSI_BUFFER_EMITTERS, all, sizeof(spsi_emitter));
+    tree.nodes = (spsi_flight_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_NODES, nodes, sizeof(spsi_flight_node));
+    tree.order = (int *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_ORDER, all, sizeof(int));
+    if (!tree.emitters || !tree.nodes || !tree.order) return context->result;
+    for (int k = 0; k < 3; ++k) tree.centre[k] = grids->corner[k] + 0.5 * grids->edge * grids->size[k];
+    tree.grids = grids;
+    tree.grid_count = grid_count;
+    for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
+        trees[i] = tree;
+        tree.emitters += most[i];
+        tree.order += most[i];
+        tree.nodes += spsi_tree_nodes(most[i]);
+        tree.to_cells = 1;
+        tree.to_polygons = i + 1 == SPSI_FLIGHTS_BEAMS ? 1.0f : 0; /* polygons do not light each other */
+    }
     return SPS_OK;
 }
 
@@ -21426,9 +21436,9 @@ static sps_result spsi_flights_build(sps_context *context, spsi_tree_item *items
 
 /* --- which nodes a receiver takes --- */
 
-/* Nodes of both trees that a receiver takes. */
+/* Nodes of all trees that a receiver takes. */
 typedef struct spsi_flight_list {
-    const spsi_emitter *entry[2 * SPSI_FLIGHT_NODES];
+    const spsi_emitter *entry[SPSI_FLIGHT_TREES * SPSI_FLIGHT_NODES];
     int count;
 } spsi_flight_list;
 
@@ -21721,16 +21731,16 @@ static int spsi_flight_blocked(const spsi_flight_job *job, const double centre[3
 static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[3]) {
     const spsi_cell_grid *grid = job->grid;
     const double half = 0.5 * SPSI_FLIGHT_BLOCK * grid->edge;
-    unsigned char blocked[2 * SPSI_FLIGHT_NODES];
+    unsigned char blocked[SPSI_FLIGHT_TREES * SPSI_FLIGHT_NODES];
     spsi_flight_list list;
     double centre[3];
-    int ends[2];
+    int glow = 0;
     for (int k = 0; k < 3; ++k) centre[k] = grid->corner[k] + grid->edge * (first[k] + 0.5 * SPSI_FLIGHT_BLOCK);
     list.count = 0;
-    for (int i = 0; i < 2; ++i) {
+    for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
         if (job->flights[i].to_cells > 0)
             spsi_flights_choose(&job->flights[i], centre, 1.3 * half, 2 * job->frame->accuracy.flight_angle, &list);
-        ends[i] = list.count;
+        if (i == SPSI_FLIGHTS_GLOW) glow = list.count;
     }
     for (int i = 0; i < list.count; ++i)
         blocked[i] = (unsigned char)spsi_flight_blocked(job, centre, half, list.entry[i]);
@@ -21741,7 +21751,7 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
             if (x >= grid->size[0] || y >= grid->size[1]) continue;
             spsi_flight_cells_build(job, x, y, z, &cells);
             for (int n = 0; n < list.count && cells.lanes; ++n)
-                spsi_flight_cells_add(job, list.entry[n], job->flights[n >= ends[0]].to_cells, blocked[n], &cells);
+                spsi_flight_cells_add(job, list.entry[n], n < glow ? job->flights->to_cells : 1, blocked[n], &cells);
             for (int n = 0; n < grid->channels * grid->terms && cells.lanes; ++n) {
                 float *to = job->moments + (size_t)n * grid->count, lanes[SPSI_LANES];
                 spsi_store(lanes, cells.sum[n / grid->terms][n % grid->terms]);
@@ -21768,6 +21778,12 @@ typedef struct spsi_flight_place {
     int face;                             /* that the point is on; -1: none */
 } spsi_flight_place;
 
+/* What a node sends in the direction from a point to it, turned round, over the mean of all directions. */
+static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3], double distance) {
+    const double axis[3] = {(double)node->axis[0], (double)node->axis[1], (double)node->axis[2]};
+    return 1 - spsi_length(axis) + 4 * fmax(-spsi_dot(axis, toward) / fmax(distance, DBL_MIN), 0);
+}
+
 /* Adds the irradiance by nodes n to n + SPSI_LANES - 1 of a list. An even ball acts as a point
    on what is outside, and as its inner part does within [Newton's shells]. */
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights,
@@ -21787,7 +21803,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         distance = spsi_length(toward[i]);
         within = fmax(fmax(distance, (double)node->radius), 1e-60);
         facing = spsi_dot(toward[i], place->normal) / within;
-        share[i] = facing / within / within;
+        share[i] = facing / within / within * spsi_emitter_lobe(node, toward[i], distance);
         lanes[3][i] = (float)distance;
         lanes[4][i] = node->radius;
         some |= (n + i < list->count && facing > 0) << i;
@@ -21823,11 +21839,16 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
 }
 
 /* Adds the irradiance of a point of a polygon by first flights. */
-static void spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights *flights, double irradiance[3]) {
-    spsi_flight_list list;
-    list.count = 0;
-    spsi_flights_choose(flights, place->point, 0, place->frame->accuracy.flight_angle, &list);
-    for (int n = 0; n < list.count; n += SPSI_LANES) spsi_flights_irradiance_of(place, flights, &list, n, irradiance);
+static void spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights trees[SPSI_FLIGHT_TREES],
+                                    double irradiance[3]) {
+    for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
+        spsi_flight_list list;
+        list.count = 0;
+        if (trees[i].to_polygons > 0)
+            spsi_flights_choose(&trees[i], place->point, 0, place->frame->accuracy.flight_angle, &list);
+        for (int n = 0; n < list.count; n += SPSI_LANES)
+            spsi_flights_irradiance_of(place, &trees[i], &list, n, irradiance);
+    }
 }
 
 /* ============================================================================================== >>shading
@@ -24348,7 +24369,7 @@ typedef struct spsi_cell_job {
     float *incoming;      /* per channel and term: moments of the lights' radiance */
     float *passed_on;     /* the same of what peaks pass on from lights without shadows; NULL: nothing */
     float *flown;         /* per channel and term: moments of first flights; NULL: there are none */
-    spsi_flights *flights; /* trees of what glows, and of narrow beams */
+    spsi_flights *flights; /* all trees */
     int grid_count;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
     spsi_cell_walls walls;
@@ -25144,7 +25165,7 @@ static void spsi_cell_walls_fly(const spsi_cell_job *job, size_t at) {
     place.start = start;
     place.normal = normal;
     place.face = -1;
-    spsi_flights_irradiance(&place, &job->flights[0], irradiance);
+    spsi_flights_irradiance(&place, job->flights, irradiance);
     for (size_t c = 0; c < (size_t)grid->channels; ++c)
         walls->lit[c * grid->count + at] +=
             (float)((double)walls->color[c * grid->count + at] * irradiance[c] / SPSI_PI);
@@ -25167,7 +25188,7 @@ static void spsi_cell_walls_set(const spsi_cell_job *job, const spsi_cell_hits *
             walls->normal[k * count + at] += (float)(share * hits->surface[i].normal[k]);
         }
     }
-    if (job->flown && job->flights[0].count > 0) spsi_cell_walls_fly(job, at);
+    if (job->flown) spsi_cell_walls_fly(job, at);
 }
 
 /* Bits of the closed links between a cell and its neighbours; `hits`: where they end, or NULL. */
@@ -25399,7 +25420,7 @@ static void spsi_beams_on_polygons(const spsi_cell_job *job, const spsi_shadow *
 
 /* Adds a narrow beam's emitters: its rays stand for equal solid angles. */
 static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *shadow,
-                            spsi_flights *flights, spsi_tree_item *items) {
+                            spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     spsi_beam_ray ring[SPSI_BEAM_RINGS];
     double across[2][3];
     spsi_basis(lamp->direction, across[0], across[1]);
@@ -25414,42 +25435,50 @@ static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, con
                 ring[i].direction[k] =
                     (1 - versine) * lamp->direction[k] + sine * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
         }
-        spsi_beams_on_polygons(job, shadow, ring, flights, items);
-        for (int i = 0; i < SPSI_BEAM_RINGS; ++i) spsi_beam_through_gas(job, &ring[i], flights, items);
+        spsi_beams_on_polygons(job, shadow, ring, &job->flights[SPSI_FLIGHTS_SPOTS], items[SPSI_FLIGHTS_SPOTS]);
+        for (int i = 0; i < SPSI_BEAM_RINGS; ++i)
+            spsi_beam_through_gas(job, &ring[i], &job->flights[SPSI_FLIGHTS_BEAMS], items[SPSI_FLIGHTS_BEAMS]);
     }
 }
 
-/* Upper bound of the number of narrow beams' emitters. */
-static size_t spsi_beams_most(const spsi_cell_job *job) {
-    const int *size = job->grid->size;
-    const size_t each = 2 * (size_t)(size[0] + size[1] + size[2]) + 2;
+/* Number of rays of all narrow beams. */
+static size_t spsi_beams_count(const spsi_cell_job *job) {
     size_t count = 0;
     for (int i = 0; i < job->frame->lamps.count; ++i)
-        if (spsi_cells_beams(job, &job->frame->lamps.list[i]) > 0) count += each * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
+        if (spsi_cells_beams(job, &job->frame->lamps.list[i]) > 0) count += SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
     return count;
 }
 
-/* Builds the trees of what glows and of narrow beams, once for all grids. */
+/* Upper bound of the number of cells' edges in a ray's way through a grid. */
+static size_t spsi_beam_steps(const spsi_cell_grid *grid) {
+    return (size_t)(grid->size[0] + grid->size[1] + grid->size[2]) + 2;
+}
+
+/* Builds all trees, once for all grids. */
 static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     const spsi_frame *frame = job->frame;
     spsi_flights *trees = job->flights;
-    spsi_tree_item *items;
-    size_t most[2];
-    const int blocks = spsi_emitter_blocks(job->context, frame, &most[0]);
+    spsi_tree_item *items[SPSI_FLIGHT_TREES];
+    size_t most[SPSI_FLIGHT_TREES];
+    const int blocks = spsi_emitter_blocks(job->context, frame, &most[SPSI_FLIGHTS_GLOW]);
     int shadow = 0;
-    most[0] += frame->matter.emits ? (size_t)frame->content->particle_count : 0;
-    most[1] = spsi_beams_most(job);
-    items = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS, most[0] + most[1], sizeof *items);
-    if (!items || spsi_flights_begin(job->context, job->grid, job->grid_count, most, trees))
+    most[SPSI_FLIGHTS_GLOW] += frame->matter.emits ? (size_t)frame->content->particle_count : 0;
+    most[SPSI_FLIGHTS_SPOTS] = spsi_beams_count(job);
+    most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid);
+    items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS, most[0] + most[1] + most[2],
+                                              sizeof **items);
+    if (!items[0] || spsi_flights_begin(job->context, job->grid, job->grid_count, most, trees))
         return job->context->result;
-    if (trees->to_polygons > 0) spsi_emitters_list(job->context, frame, blocks, &trees[0], items);
-    if (spsi_flights_build(job->context, items, &trees[0])) return job->context->result;
+    for (int i = 1; i < SPSI_FLIGHT_TREES; ++i) items[i] = items[i - 1] + most[i - 1];
+    if (trees->to_polygons > 0) spsi_emitters_list(job->context, frame, blocks, trees, items[0]);
     for (int i = 0; i < frame->lamps.count && most[1] > 0; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
-        if (spsi_cells_beams(job, lamp) > 0) spsi_beams_list(job, lamp, own, &trees[1], items);
+        if (spsi_cells_beams(job, lamp) > 0) spsi_beams_list(job, lamp, own, items);
     }
-    return spsi_flights_build(job->context, items, &trees[1]);
+    for (int i = 0; i < SPSI_FLIGHT_TREES; ++i)
+        if (spsi_flights_build(job->context, items[i], &trees[i])) return job->context->result;
+    return SPS_OK;
 }
 
 /* Sends first flights to a grid's cells. */
@@ -25464,7 +25493,7 @@ static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
     flight.faces = job->faces;
     flight.grid = job->grid;
     flight.moments = job->flown;
-    if (job->frame->matter.scatters && job->flights[0].count + job->flights[1].count > 0)
+    if (job->frame->matter.scatters && job->flights[0].count + job->flights[1].count + job->flights[2].count > 0)
         spsi_parallel(job->context, rows * layers, spsi_flights_light_task, &flight);
     return SPS_OK;
 }
@@ -25811,7 +25840,6 @@ static size_t spsi_cell_grid_floats(const spsi_frame *frame, const spsi_cell_gri
 
 /* Upper bound of the bytes for first flights. */
 static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *grid) {
-    const size_t steps = 2 * (size_t)(grid->size[0] + grid->size[1] + grid->size[2]) + 2;
     const size_t each = sizeof(spsi_emitter) + sizeof(spsi_flight_node) + sizeof(int);
     size_t bricks = 0, count = frame->matter.emits ? frame->particles.count : 0;
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -25822,8 +25850,10 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
     }
     if (bricks > 0) count += bricks > SPSI_EMITTERS_MOST ? bricks : SPSI_EMITTERS_MOST;
     for (int i = 0; i < frame->lamps.count; ++i)
-        if (spsi_lamp_has_beam(&frame->lamps.list[i])) count += steps * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
-    return spsi_cells_fly(frame) ? 2 * sizeof(spsi_flights) + (count + 4) * each + spsi_tree_bytes(count) : 0;
+        if (spsi_lamp_has_beam(&frame->lamps.list[i]))
+            count += (spsi_beam_steps(grid) + 1) * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
+    count += 2 * SPSI_FLIGHT_TREES; /* nodes of trees of none */
+    return spsi_cells_fly(frame) ? SPSI_FLIGHT_TREES * sizeof(spsi_flights) + count * each + spsi_tree_bytes(count) : 0;
 }
 
 /* Upper bound of the bytes for all cells: those of cubes, one after the other. */
@@ -26043,7 +26073,7 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     spsi_part_of_call third = *part;
     spsi_glow glow = {0, 0, 0};
     spsi_cell_job *job;
-    memset(flights, 0, 2 * sizeof *flights);
+    memset(flights, 0, SPSI_FLIGHT_TREES * sizeof *flights);
     third.share /= 3 * count;
     for (int n = 0; n < count && count > 1 && flies; ++n) {
         if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
@@ -26082,7 +26112,8 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     const double start = spsi_clock(context);
     spsi_cell_grid *grids =
         (spsi_cell_grid *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, SPSI_CELL_GRIDS, sizeof *grids);
-    spsi_flights *flights = (spsi_flights *)spsi_reserve(context, SPSI_BUFFER_FLIGHTS, 2, sizeof *flights);
+    spsi_flights *flights =
+        (spsi_flights *)spsi_reserve(context, SPSI_BUFFER_FLIGHTS, SPSI_FLIGHT_TREES, sizeof *flights);
     spsi_groups groups;
     uint64_t key;
     int count, held;
@@ -26102,7 +26133,7 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     for (int n = 0; n < count; ++n) spsi_cells_look(context, frame, &grids[n]);
     frame->content->cells = grids;
     frame->content->cell_grid_count = count;
-    if (spsi_cells_fly(frame) && flights->count > 0) frame->content->flights = flights;
+    if (spsi_cells_fly(frame)) frame->content->flights = flights;
     context->stats.seconds_cells = spsi_clock(context) - start;
     return SPS_OK;
 }

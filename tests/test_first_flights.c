@@ -129,11 +129,37 @@ static void test_floors(void) {
                             wide ? "voxels, in wide gas" : "voxels alone");
 }
 
+/* --- a lit patch of a wall --- */
+
+/* Haze by a patch of 0.1 on a wall of 4, which a narrow beam lights: sums over 24 pixels beside the beam, in colors.
+   With 400 paths in each, sums by twelve seeds differ by 0.6 % at most (standard deviation). */
+static void test_patch(void) {
+    flames *f = flames_patch(RINGS);
+    const double pixel = f->view.camera.ortho_height / RINGS;
+    double sums[2][3] = {{0, 0, 0}, {0, 0, 0}};
+    uint64_t seed = 1;
+    for (int i = 0; i < 24 && (i || render(f)); ++i) {
+        const int x = i % 6 < 3 ? 4 + 9 * (i % 6) : 33 + 9 * (i % 6 - 3) + 4, y = 8 + 14 * (i / 6);
+        const flames_ray eye = {{(x + 0.5) * pixel - 32 * pixel, 32 * pixel - (y + 0.5) * pixel, 30}, {0, 0, -1}};
+        double radiance[3];
+        flames_radiance(f, &eye, 100, 400, &seed, radiance);
+        for (int c = 0; c < 3; ++c) {
+            sums[0][c] += radiance[c];
+            sums[1][c] += (double)picture[4 * (RINGS * y + x) + c];
+        }
+    }
+    for (int c = 0; c < 3; ++c)
+        CHECK_CASE("Scattering", "haze by a small lit patch of a wall", "closed form and paths; relative",
+                   fabs(sums[1][c] / sums[0][c] - 1), 0.03, "cells' interpolation; paths, 0.6 %");
+    free(f);
+}
+
 int main(void) {
     context = sps_create(NULL, NULL);
     RUN(test_rings);
     RUN(test_ground);
     RUN(test_floors);
+    RUN(test_patch);
     sps_destroy(context);
     return check_report();
 }

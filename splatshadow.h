@@ -21132,12 +21132,12 @@ static spsi_v spsi_cell_patch_sends(const float *sent, spsi_v u, const spsi_v al
     return spsi_select(spsi_less(flux, zero), spsi_min(sum, zero), spsi_max(sum, zero));
 }
 
-/* Adds the irradiance of a surface, by a vector of patches, of which `way` is the way to a part, `area` large: a disc,
-   whose share of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if it is straight ahead;
-   its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and discs where that is
-   too little. */
-static spsi_v spsi_cell_patches_send(const float *sent, int axis, const spsi_v way[3], const spsi_v normal[3],
-                                     spsi_v area) {
+/* Adds the irradiance of a surface, in `count` channels, by a vector of patches, of which `way` is the way to a part,
+   `area` large: a disc, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if
+   it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and
+   discs where that is too little. */
+static void spsi_cell_patches_send(const float *sent, int count, int axis, const spsi_v way[3], const spsi_v normal[3],
+                                   spsi_v area, spsi_v sums[3]) {
     const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
     const spsi_v nearer = spsi_div(one, spsi_sqrt(square)), before = spsi_abs(way[axis]);
     const spsi_v along[2] = {spsi_mul(spsi_mul(way[axis == 0 ? 1 : 0], nearer), spsi_set(-1)),
@@ -21148,23 +21148,26 @@ static spsi_v spsi_cell_patches_send(const float *sent, int axis, const spsi_v w
     spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), spsi_set(0)), before);
     share = spsi_min(spsi_div(share, square), one);
     share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
-    return spsi_mul(share, spsi_cell_patch_sends(sent, u, along));
+    for (int c = 0; c < count; ++c)
+        sums[c] = spsi_fma(
+            share, spsi_cell_patch_sends(sent + (size_t)c * SPSI_CELL_MEANS * SPSI_CELL_SHEET, u, along), sums[c]);
 }
 
-/* Irradiance of a surface outside. Near patches count as parts of at most half their distance, down to a fifth of a
-   patch; nearer, cells are looked up themselves. `open`: the share of each patch that is seen; NULL: all of them. */
-static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, const double point[3],
-                                            const double normal[3], const float *open) {
+/* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most half their
+   distance, down to a fifth of a patch; nearer, cells are looked up themselves. `open`: the fraction of each patch that
+   is seen; NULL: all of them. */
+static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count, const double point[3],
+                                          const double normal[3], const float *open, double irradiance[3]) {
     const float *patch = grid->patches, *sent = patch + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
-    spsi_v all = spsi_set(0), from[3];
+    spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, from[3];
     float lanes[SPSI_LANES];
-    double sum = 0;
     spsi_set3(normal, from);
     for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
         const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
         const double before = point[axis] - grid->corner[axis] - (upper ? grid->edge * grid->size[axis] : 0);
-        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n), some = spsi_set(0);
+        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n);
+        spsi_v some[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
         double longest = 0, nearest = HUGE_VAL;
         int parts;
         if (!(upper ? before > 0 : before < 0)) continue;
@@ -21184,20 +21187,23 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
                 const double step = off * grid->edge * grid->size[along[k]] / SPSI_CELL_PATCHES;
                 way[along[k]] = spsi_add(way[along[k]], spsi_set((float)step));
             }
-            some = spsi_add(some, spsi_cell_patches_send(sent + n, axis, way, from, area));
+            spsi_cell_patches_send(sent + n, count, axis, way, from, area, some);
         }
-        all = spsi_fma(some, open ? spsi_load(open + n) : spsi_set(1), all);
+        for (int c = 0; c < count; ++c) all[c] = spsi_fma(some[c], open ? spsi_load(open + n) : spsi_set(1), all[c]);
     }
-    spsi_store(lanes, all);
-    for (int i = 0; i < SPSI_LANES; ++i) sum += (double)lanes[i];
-    return sum;
+    for (int c = 0; c < count; ++c) {
+        spsi_store(lanes, all[c]);
+        irradiance[c] = 0;
+        for (int i = 0; i < SPSI_LANES; ++i) irradiance[c] += (double)lanes[i];
+    }
 }
 
-/* Irradiance of a surface by what cells send, where there are polygons. Within a patch's width of the grid it changes
-   from one to the other; what hides some of the patches there hides as much of the cells. `normal` is a unit vector. */
-static double spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, const double point[3],
-                                    const double normal[3], const float *open) {
-    double square = 0, longest = 0, outside, within, all, seen;
+/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within a
+   patch's width of the grid it changes from one to the other; what hides some of the patches there hides as much of the
+   cells. `normal` is a unit vector. */
+static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const double point[3],
+                                  const double normal[3], const float *open, double irradiance[3]) {
+    double square = 0, longest = 0, outside, all[3] = {0, 0, 0};
     for (int k = 0; k < 3; ++k) {
         const double at = point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
         const double off = fmax(fmax(-at, at - extent), 0);
@@ -21205,13 +21211,16 @@ static double spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, con
         longest = fmax(longest, extent);
     }
     outside = fmin(sqrt(square) * SPSI_CELL_PATCHES / longest, 1);
-    if (!(outside > 0)) return spsi_cells_irradiance_within(grid, channel, point, normal);
-    seen = spsi_cells_irradiance_outside(grid, channel, point, normal, open);
-    if (!(outside < 1)) return seen;
-    within = spsi_cells_irradiance_within(grid, channel, point, normal);
-    all = open ? spsi_cells_irradiance_outside(grid, channel, point, normal, NULL) : seen;
-    if (fabs(all) > 0) within *= fmax(0, fmin(seen / all, 1)); /* where gas takes ambient light, both are below 0 */
-    return (1 - outside) * within + outside * seen;
+    if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, point, normal, open, irradiance);
+    if (!(outside < 1)) return;
+    if (open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, point, normal, NULL, all);
+    for (int c = 0; c < count; ++c) {
+        const double within = spsi_cells_irradiance_within(grid, channel + c, point, normal);
+        const double seen = outside > 0 ? irradiance[c] : 0, whole = open ? all[c] : seen;
+        /* where gas takes ambient light, both are below 0 */
+        const double shown = fabs(whole) > 0 ? fmax(0, fmin(seen / whole, 1)) : 1;
+        irradiance[c] = (1 - outside) * within * shown + outside * seen;
+    }
 }
 
 /* Looks up what is seen of a material in one channel, at a vector of places in cells; linear between their centres. */
@@ -23446,6 +23455,7 @@ static void spsi_add_grid_irradiance(const spsi_shader *shader, const spsi_cell_
                                      const double normal[3], int face, double irradiance[3]) {
     float patches[SPSI_CELL_SHEET];
     spsi_cell_sight sight;
+    double own[3];
     int hidden;
     sight.grid = grid;
     sight.faces = shader->faces;
@@ -23453,8 +23463,8 @@ static void spsi_add_grid_irradiance(const spsi_shader *shader, const spsi_cell_
     sight.normal = normal;
     sight.face = face;
     hidden = spsi_cells_sight(&sight, patches);
-    for (int c = 0; c < grid->channels; ++c)
-        irradiance[c] += spsi_cells_irradiance(grid, c, surface->point, normal, hidden ? patches : NULL);
+    spsi_cells_irradiance(grid, 0, grid->channels, surface->point, normal, hidden ? patches : NULL, own);
+    for (int c = 0; c < grid->channels; ++c) irradiance[c] += own[c];
 }
 
 /* Adds what a surface reflects of the light that cells send; of ambient light they lack some. */
@@ -25300,7 +25310,11 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
             normal[k] = (double)walls->normal[k * count + at];
         }
         sent = color * ambient + (double)walls->lit[own + at] - ambient;
-        if (spsi_normalise(normal)) sent += color / SPSI_PI * spsi_cells_irradiance(grid, c, point, normal, NULL);
+        if (spsi_normalise(normal)) {
+            double irradiance[3];
+            spsi_cells_irradiance(grid, c, 1, point, normal, NULL, irradiance);
+            sent += color / SPSI_PI * irradiance[0];
+        }
         changed += fabs(sent - (double)walls->sent[at]);
         all += fabs(sent);
         walls->sent[at] = (float)sent;

@@ -228,6 +228,21 @@ static void test_dark_side(void) {
 
 /* --- what cells send to polygons --- */
 
+/* Irradiance by one channel of a grid's sides, and of a grid. */
+static double outside(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
+                      const float *open) {
+    double irradiance[3];
+    spsi_cells_irradiance_outside(grid, channel, 1, point, normal, open, irradiance);
+    return irradiance[0];
+}
+
+static double irradiance_at(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
+                            const float *open) {
+    double irradiance[3];
+    spsi_cells_irradiance(grid, channel, 1, point, normal, open, irradiance);
+    return irradiance[0];
+}
+
 /* Irradiance by the sides of a box of uniform exitance, by 200 x 200 points each. */
 static double box_irradiance(const spsi_cell_grid *grid, const double point[3], const double normal[3]) {
     enum { POINTS = 200 };
@@ -269,8 +284,7 @@ static void test_outside(void) {
     }
     for (int n = 0; n < 5 * 4; ++n) {
         const double *place = places[n / 4], *normal = normals[n % 4];
-        const double exact = box_irradiance(&grid, place, normal),
-                     found = spsi_cells_irradiance(&grid, 0, place, normal, NULL);
+        const double exact = box_irradiance(&grid, place, normal), found = irradiance_at(&grid, 0, place, normal, NULL);
         double off = fabs(found - exact);
         if (figures()) printf("place %d, normal %d: %.5f, exact %.5f\n", n / 4, n % 4, found, exact);
         CHECK(off <= (n / 4 == 4 ? 0.12 : 0.02) * exact + 0.002);
@@ -282,13 +296,12 @@ static void test_outside(void) {
         const double point[3] = {grid.corner[0] - 0.01, grid.corner[1] + (double)patches[SPSI_CELL_SHEET + middle],
                                  grid.corner[2] + (double)patches[2 * SPSI_CELL_SHEET + middle]};
         const double before[3] = {-1.35, 0.2, 0}, normal[3] = {1, 0, 0};
-        CHECK_NEAR(spsi_cells_irradiance_outside(&grid, 0, point, normal, NULL), 1, 0.05);
-        CHECK_NEAR(spsi_cells_irradiance(&grid, 0, before, normal, NULL),
-                   0.5 * spsi_cells_irradiance_outside(&grid, 0, before, normal, NULL), 1e-6);
+        CHECK_NEAR(outside(&grid, 0, point, normal, NULL), 1, 0.05);
+        CHECK_NEAR(irradiance_at(&grid, 0, before, normal, NULL), 0.5 * outside(&grid, 0, before, normal, NULL), 1e-6);
         for (int i = 0; i < 64 * 12 * 5; ++i) flux[i] = 1;
         grid.flux_terms = 1, grid.pitch = spsi_cell_pitch(16);
-        CHECK(spsi_cells_irradiance(&grid, 0, before, normal, NULL) > 0.4 * SPSI_PI);
-        CHECK(spsi_cells_irradiance(&grid, 0, before, normal, shut) == 0); /* what hides all patches hides all cells */
+        CHECK(irradiance_at(&grid, 0, before, normal, NULL) > 0.4 * SPSI_PI);
+        CHECK(irradiance_at(&grid, 0, before, normal, shut) == 0); /* what hides all patches hides all cells */
     }
 }
 
@@ -309,7 +322,7 @@ static void test_within(void) {
     }
     for (int n = 0; n < 4; ++n) {
         const double point[3] = {1, 1, 1};
-        CHECK_NEAR(spsi_cells_irradiance(&grid, 0, point, normals[n], NULL), SPSI_PI * shares[n], 1e-5);
+        CHECK_NEAR(irradiance_at(&grid, 0, point, normals[n], NULL), SPSI_PI * shares[n], 1e-5);
     }
 }
 
@@ -326,7 +339,7 @@ static void test_before(void) {
             for (int y = 2; y < 4; ++y) flux[(z * 4 + y) * grid.pitch + x] = 1;
     for (double y = 1.55; y < 2.5; y += 0.1) {
         const double up[3] = {0, 1, 0}, point[3] = {2.2, y, 1.7};
-        CHECK_NEAR(spsi_cells_irradiance(&grid, 0, point, up, NULL), SPSI_PI, 1e-5);
+        CHECK_NEAR(irradiance_at(&grid, 0, point, up, NULL), SPSI_PI, 1e-5);
     }
 }
 
@@ -426,7 +439,7 @@ static double roofed(const spsi_cell_grid *grid, const double point[3], double y
             double sent, to[3];
             int seen = 0;
             open[n] = 1;
-            sent = spsi_cells_irradiance_outside(grid, 0, point, up, open);
+            sent = outside(grid, 0, point, up, open);
             to[axis] = grid->corner[axis] + grid->edge * (side % 2 ? grid->size[axis] - 0.51 : 0.51);
             for (int i = 0; i < POINTS * POINTS && sent > 0; ++i) {
                 const double part[2] = {(i % POINTS + 0.5) / POINTS, (i / POINTS + 0.5) / POINTS};
@@ -482,7 +495,7 @@ static void test_roof(void) {
                 look_up(&held, x > z ? 0 : 1, x, -3, z, &surface, &sight);
                 some = spsi_cells_sight(&sight, open);
                 exact = roofed(grid_of(context), surface.point, -2, low, high, &all, &off);
-                found = spsi_cells_irradiance(grid_of(context), 0, surface.point, sight.normal, some ? open : NULL);
+                found = irradiance_at(grid_of(context), 0, surface.point, sight.normal, some ? open : NULL);
                 CHECK_NEAR(found, exact, off + 1e-5 * all);
                 worst = fmax(worst, fabs(found - exact) / all), mean += fabs(found - exact) / all, ++count;
                 darkest = fmin(darkest, found / all), lightest = fmax(lightest, found / all);
@@ -533,8 +546,8 @@ static void test_free(void) {
     }
 }
 
-/* The picture of a floor is the same, to the bit, with a polygon below it, which is not in the way. A pane above it that
-   lets pass half of all light leaves half of what glows where it is in the way, all of it elsewhere, and something
+/* The picture of a floor is the same, to the bit, with a polygon below it, which is not in the way. A pane above it
+   that lets pass half of all light leaves half of what glows where it is in the way, all of it elsewhere, and something
    between where it hides a part. With a roof it is darker. */
 static void test_same_floor(void) {
     double sums[2] = {0, 0}, half = 0, whole = 0;
@@ -567,8 +580,7 @@ static void test_same_floor(void) {
             CHECK(filtered <= open * (1 + 1e-5) && filtered >= open * (0.5 - 1e-5));
             if (i % 4 < 3) half += filtered, whole += open;
         }
-        if (n == 2)
-            CHECK(memcmp(image_a + COUNT / 2, image_b + COUNT / 2, COUNT / 2 * sizeof *image_a) == 0);
+        if (n == 2) CHECK(memcmp(image_a + COUNT / 2, image_b + COUNT / 2, COUNT / 2 * sizeof *image_a) == 0);
         for (int i = COUNT / 2; i < COUNT && n == 3; ++i)
             if (i % 4 < 3) sums[0] += (double)image_a[i], sums[1] += (double)image_b[i];
     }
@@ -633,7 +645,7 @@ static void test_floor_receives(void) {
         for (int c = 0; c < 3; ++c) {
             const size_t at = 4 * (size_t)((SIDE - 1) * SIDE + x) + (size_t)c;
             const double exact =
-                (double)s.mesh[0].color[c] / SPSI_PI * spsi_cells_irradiance(grid_of(context), c, point, normal, NULL);
+                (double)s.mesh[0].color[c] / SPSI_PI * irradiance_at(grid_of(context), c, point, normal, NULL);
             off = fmax(off, fabs((double)image_a[at] - (double)image_b[at] - exact)), more = fmax(more, exact);
         }
     }

@@ -25957,22 +25957,24 @@ typedef struct spsi_glow {
     double sum, parts, depth;
 } spsi_glow;
 
-/* Adds a grid's. parts: by how many times its cells are more than those that glow; depth: across a grid of gas that is
-   as dense as where it glows. */
+/* Adds a grid's. parts: by how many times its cells are more than those that glow; depth: across what glows, or across
+   the grid if that is more. */
 static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
     const spsi_cell_grid *grid = job->grid;
     const double cells = (double)grid->size[0] * grid->size[1] * grid->size[2];
-    double sum = 0, squares = 0, depth = 0;
+    double sum = 0, squares = 0, depth = 0, all = 0;
     for (size_t at = 0; at < grid->count; ++at) {
         double own = 0;
         for (size_t c = 0; c < (size_t)grid->channels; ++c) own += (double)job->emitted[c * grid->count + at];
         sum += own;
         squares += own * own;
         depth += own * (double)grid->depth[at];
+        all += (double)grid->depth[at];
     }
+    if (!(sum > 0 && squares > 0)) return;
     glow->sum += sum;
-    glow->parts += sum > 0 ? cells * squares / sum : 0;
-    glow->depth += depth * cbrt(cells);
+    glow->parts += cells * squares / sum;
+    glow->depth += fmax(depth * sum / cbrt(squares * sum), sum * all / cells * cbrt(cells));
 }
 
 /* Chooses which fractions of what glows fly: to cells, all of it where it fills less than a hundredth of the grid and

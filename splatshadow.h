@@ -21251,10 +21251,12 @@ static void spsi_emitters_add(spsi_flights *flights, const double point[3], doub
                               const float sent[3], const double axis[3], spsi_tree_item *items) {
     spsi_emitter *emitter = &flights->emitters[flights->count];
     double low[3], high[3];
-    if (!(amount > 0) || spsi_black(sent)) return;
+    if (!(amount > 0)) return;
+    for (int k = 0; k < 3; ++k)
+        emitter->sent[k] = (float)fmin(amount * (double)sent[k], (double)SPSI_RADIANCE_MAX);
+    if (spsi_black(emitter->sent)) return; /* also where the product is too small for a float */
     for (int k = 0; k < 3; ++k) {
         emitter->at[k] = (float)(point[k] - flights->centre[k]);
-        emitter->sent[k] = (float)fmin(amount * (double)sent[k], (double)SPSI_RADIANCE_MAX);
         emitter->axis[k] = (float)axis[k];
         low[k] = point[k] - radius;
         high[k] = point[k] + radius;

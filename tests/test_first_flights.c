@@ -154,12 +154,72 @@ static void test_patch(void) {
     free(f);
 }
 
+/* --- specks --- */
+
+/* Fills the picture with a floor below a glowing particle amid even gas, and 32 glowing specks beside it. */
+static int render_specks(float radius) {
+    static const double origin[3] = {-4, -1.2, -4}, along[3] = {0, 0, 8}, across[3] = {8, 0, 0};
+    static float one = 1;
+    check_scene s;
+    check_triangles floor;
+    sps_particle particles[33];
+    sps_particles set;
+    sps_image image;
+    int good;
+    memset(&floor, 0, sizeof floor);
+    memset(&set, 0, sizeof set);
+    memset(&image, 0, sizeof image);
+    memset(particles, 0, sizeof particles);
+    check_clear(&s, 16, 16);
+    s.view.camera.ortho_height = 0;
+    s.view.camera.position[1] = 2, s.view.camera.position[2] = 6;
+    s.view.camera.field_of_view = 0.8;
+    s.view.scattering = SPS_SCATTERING_FULL;
+    s.view.scatter_size = 12;
+    s.view.slab = 2;
+    s.scene.volume_count = s.scene.mesh_count = s.scene.particle_set_count = 1;
+    s.volume[0].eval_fn = check_eval_constant, s.volume[0].user = &one;
+    s.volume[0].extinction = 0.3f;
+    for (int k = 0; k < 3; ++k) {
+        s.volume[0].size[k] = 8;
+        s.volume[0].placement.axis[k][k] = 2, s.volume[0].placement.origin[k] = -1;
+        s.volume[0].albedo[k] = 0.8f;
+        s.mesh[0].color[k] = set.albedo[k] = 0.5f, set.emission[k] = 10;
+    }
+    check_add_quad(&floor, origin, along, across);
+    s.mesh[0].triangle_count = floor.count, s.mesh[0].read_fn = check_read_triangles, s.mesh[0].user = &floor;
+    for (int n = 0; n < 33; ++n) {
+        particles[n].radius = n ? radius : 0.1f, particles[n].optical_depth = 0.5f;
+        for (int k = 0; k < 3 && n; ++k) particles[n].position[k] = 0.5f + 0.02f * (float)(n >> 2 * k & 3);
+    }
+    set.count = 33, set.read_fn = check_read_particles, set.user = particles;
+    s.scene.particles = &set;
+    image.rgba = picture;
+    good = CHECK_OK(context, sps_render(context, &s.scene, &s.view, &image));
+    check_free_triangles(&floor);
+    return good;
+}
+
+/* What specks of 1e-24 and less send is too little for a float. They take no light from the floor: it is lit as where
+   they are nothing, to the rounding of floats (1e-5), since no gas is before it. */
+static void test_specks(void) {
+    enum { BELOW = 4 * (13 * 16 + 8) };
+    float alone;
+    if (!render_specks(0)) return;
+    alone = picture[BELOW];
+    for (float radius = 1e-20f; radius > 1e-31f; radius *= 0.01f) {
+        if (!render_specks(radius)) return;
+        CHECK_NEAR((double)picture[BELOW] / (double)alone, 1, 1e-5);
+    }
+}
+
 int main(void) {
     context = sps_create(NULL, NULL);
     RUN(test_rings);
     RUN(test_ground);
     RUN(test_floors);
     RUN(test_patch);
+    RUN(test_specks);
     sps_destroy(context);
     return check_report();
 }

@@ -860,7 +860,7 @@ typedef struct sps_view {
     int scatter_size;
     /* SPS_SCATTERING_AUTO: light scatters once if what scatters again carries at most this share of its energy, 0..1.
        0: 0.01. The bound is x / (1 - x), x = a (1 - exp(-t)), with the largest albedo a, 1 if there is ambient light,
-       and an upper bound t of the optical depth on any straight way through the gas, mostly 2 to 4 times the largest.
+       and an upper bound t of the optical depth on any straight way through the gas, mostly 3 to 5 times the largest.
        Beside polygons, which send light to gas and receive it, there is none: FULL. */
     float scatter_tolerance;
     sps_filling filling; /* 0, the default: SPS_FILLING_AUTO */

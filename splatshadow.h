@@ -21346,7 +21346,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             const double point[3] = {(double)particle->position[0], (double)particle->position[1],
                                      (double)particle->position[2]};
             double leaves = own > 1e-6 ? -expm1(-own) / own : 1;
-            if (radius < edge) leaves = fmin(leaves * exp(fmin(0.3 * mass / (edge * edge), 9)), 1);
+            if (radius < edge) leaves *= exp(fmin(0.3 * mass / (edge * edge), 2));
             if (material->emits)
                 spsi_emitters_add(flights, point, set->soft ? 0.845 * radius : radius, mass * leaves,
                                   material->emission, spsi_no_axis, items);
@@ -21588,12 +21588,12 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
    optical depth over which it is averaged at the receiver. */
 static void spsi_ways_transmittance(const spsi_cell_grid *grid, const spsi_ways *ways, spsi_v last, int channels,
                                     spsi_v through[3]) {
-    const spsi_v own = spsi_cell_pyramid_at(grid, ways->from, ways->begin);
+    const spsi_v own = spsi_cell_pyramid_at(grid, ways->from, spsi_mul(spsi_set(2), ways->begin));
     spsi_v ball = spsi_mul(spsi_mul(spsi_set(1.5f), ways->begin), own), depth = spsi_ways_depth(grid, ways), next[3];
     for (int k = 0; k < 3; ++k) /* rays leave a ball by its near side, on the mean a quarter of its radius before */
         next[k] = spsi_fma(spsi_mul(ways->begin, spsi_set(1.2f)), ways->unit[k], ways->from[k]);
-    depth =
-        spsi_fma(spsi_mul(ways->begin, spsi_set(0.25f)), spsi_cell_pyramid_at(grid, next, ways->begin), depth);
+    depth = spsi_fma(spsi_mul(ways->begin, spsi_set(0.25f)),
+                     spsi_cell_pyramid_at(grid, next, spsi_mul(spsi_set(2), ways->begin)), depth);
     for (int k = 0; k < 3; ++k) { /* gas of another grid is not known here */
         const spsi_m low = spsi_less(ways->from[k], spsi_set(0));
         const spsi_m high = spsi_less(spsi_set((float)grid->size[k]), ways->from[k]);

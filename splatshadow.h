@@ -2326,7 +2326,7 @@ static double spsi_clock(const sps_context *context) {
     return context->config.clock_fn ? context->config.clock_fn(context->config.clock_user) : 0;
 }
 
-#define SPSI_TICK_SECONDS 0.01 /* of work, between two calls of progress_fn */
+#define SPSI_TICK_SECONDS 0.01 /* time between two calls of progress_fn */
 
 /* Calls progress_fn if it is due, by clock_fn or by SPS_CLOCK; without either it always is. A clock that jumps makes it
    due. */
@@ -2622,7 +2622,7 @@ static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
                     spsi_select(spsi_less(d, spsi_set(0.25f)), series, quotient));
 }
 
-/* The same where exp(-a) and exp(-b) are known, to 4e-7. */
+/* spsi_mean_transmittance where exp(-a) and exp(-b) are known, to 4e-7. */
 static inline spsi_v spsi_mean_between(spsi_v a, spsi_v b, spsi_v through_a, spsi_v through_b) {
     const spsi_v d = spsi_sub(b, a), square = spsi_mul(d, d), least = spsi_set(0.25f);
     const spsi_m near_by = spsi_less(spsi_abs(d), least);
@@ -4753,7 +4753,7 @@ typedef struct spsi_cell_grid {
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
     float *patches; /* of the grid's sides, >>cells: place, area and, per channel, what leaves them per area */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
-    float *pyramid; /* of depth, >>flights; NULL: nothing glows */
+    float *pyramid; /* levels of depth, each half as fine, >>flights; NULL: nothing flies */
 } spsi_cell_grid;
 
 /* A small source of light, >>flights: an even ball. In a direction d it sends 1 - |axis| + 4 max(0, axis . d) of the
@@ -4785,7 +4785,7 @@ typedef struct spsi_flights {
 
 #define SPSI_TAP_STEPS     1024 /* places between two voxels for which there are weights, >>taps */
 #define SPSI_FIELD_REACHES 3    /* about what is shown, in which samples are taken */
-#define SPSI_LEVELS        12   /* of voxels twice as large each, besides those that were read */
+#define SPSI_LEVELS        12   /* coarser levels of a volume: voxels of each are twice as large */
 
 /* Values of a volume, by which its sheets are filled pixel by pixel, >>taps. */
 typedef struct spsi_voxel_field {

@@ -838,11 +838,6 @@ typedef struct sps_view {
        region, is rasterised at N x N times as many pixels, twice; every polygon beyond one that a pixel shows is
        shaded by itself. */
     int coverage_samples;
-    /* Optical depth, along an eye's ray, over which gas may be lit as at the last place where its shadows were looked
-       up, 0..1. 0: they are looked up at every slab. A pixel is off by no more than twice this times what its gas would
-       scatter per unit of optical depth without shadow (isotropic: color * albedo / 4 pi), mostly far less; 0.01 spares
-       most lookups of thin gas. Shadows of polygons are never skipped. */
-    float lookup_threshold;
     /* Optical depth, along any ray of the eye or of a light's sheets, by which gas may be off so that fewer rays are
        followed through it where it is smooth, 0..1. 0: all are. Slab by slab, sixteen rays stand for a patch of 8 x 8
        pixels or texels, and fewer samples for a thick slab or for many thin ones, where the third differences of voxels
@@ -872,8 +867,8 @@ typedef struct sps_view {
     /* Largest root mean square error of radiance, relative to the picture's mean radiance. The cheapest setting that is
        expected to keep it is chosen; UNSUPPORTED if none is. An estimate from a list of scenes (docs/budget.md), no
        guarantee: gas that is small in its box, or close to a lamp, and light scattered again in very dense gas may be
-       further off. Not part of it: edges of polygons, detail finer than voxels or pixels, shadow_size, shadow maps and
-       lookup_threshold as the caller sets them, and what AMBIENT, FORWARD and CONVOLUTION leave out. */
+       further off. Not part of it: edges of polygons, detail finer than voxels or pixels, shadow_size and shadow maps
+       as the caller sets them, and what AMBIENT, FORWARD and CONVOLUTION leave out. */
     double budget_error;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
@@ -5487,9 +5482,6 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     if (view->coverage_samples < 0 || view->coverage_samples > SPSI_COVERAGE_MAX)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "coverage_samples",
                                view->coverage_samples, "it must be 0..8");
-    if (!(view->lookup_threshold >= 0 && view->lookup_threshold <= 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "lookup_threshold",
-                               (double)view->lookup_threshold, "it must be 0..1");
     if (!(view->tolerance >= 0 && view->tolerance <= 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "tolerance", (double)view->tolerance,
                                "it must be 0..1");
@@ -21879,7 +21871,6 @@ typedef struct spsi_arrival {
     spsi_v light[SPSI_GROUP_MOST + 1];
     int plane;              /* plane of the last lookup; -1: none */
     spsi_v plane_light;     /* optical depth found there */
-    spsi_v skipped;         /* optical depth of the gas that was passed since */
     spsi_courses courses;   /* arguments of spsi_shadow_lookup along these pixels' rays */
     spsi_courses ahead;     /* along those of a row further down */
     spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave lit; of an undivided slab, lit[0] */
@@ -22858,35 +22849,23 @@ static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, 
     return spsi_shadow_lookup(shadow, at, k);
 }
 
-/* Whether the light at the last lookup serves a slab, too. */
-static int spsi_slab_skips(const spsi_shader *shader, const spsi_slab *slab, spsi_arrival *arrival) {
-    const spsi_v most = spsi_set(shader->frame->view.lookup_threshold);
-    if (!(shader->frame->view.lookup_threshold > 0) || arrival->plane < 0) return 0;
-    arrival->skipped = spsi_add(arrival->skipped, slab->depth);
-    return spsi_bits(spsi_less(most, arrival->skipped)) == 0;
-}
-
 /* Looks up one light where the ray enters and leaves a slab, or each of a group. */
 static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                             const spsi_slab *slab, spsi_arrival *arrival) {
     const spsi_v count = spsi_set((float)slab->group), zero = spsi_set(0), one = spsi_set(1);
     const spsi_v first = spsi_mul(slab->first, count), last = spsi_mul(slab->last, count);
-    const int skips = spsi_slab_skips(shader, slab, arrival);
     spsi_v a0 = arrival->plane_light, a1 = a0;
-    if (!skips && arrival->plane != slab->k && (slab->filled & 1)) a0 = spsi_plane_light(shadow, p, arrival, slab->k);
+    if (arrival->plane != slab->k && (slab->filled & 1)) a0 = spsi_plane_light(shadow, p, arrival, slab->k);
     for (int i = 0; i < slab->group; ++i) {
         const spsi_v at = spsi_set((float)i), ended = i > 0 ? arrival->light[i] : zero;
-        if (!skips && (slab->filled >> i & 3)) a1 = spsi_plane_light(shadow, p, arrival, slab->k + i + 1);
+        if (slab->filled >> i & 3) a1 = spsi_plane_light(shadow, p, arrival, slab->k + i + 1);
         arrival->light[i] = spsi_mix(a0, a1, spsi_clamp(spsi_sub(first, at), zero, one));
         if (i > 0) arrival->light[i] = spsi_select(spsi_less(last, at), ended, arrival->light[i]);
         arrival->light[i + 1] = spsi_mix(a0, a1, spsi_clamp(spsi_sub(last, at), zero, one));
         a0 = a1;
     }
-    if (!skips) {
-        arrival->plane = slab->filled >> (slab->group - 1) ? slab->k + slab->group : -1;
-        arrival->plane_light = a1;
-        arrival->skipped = zero;
-    }
+    arrival->plane = slab->filled >> (slab->group - 1) ? slab->k + slab->group : -1;
+    arrival->plane_light = a1;
     spsi_lit_shares(shader, &shadow->depth_map, p, slab, arrival->lit);
 }
 
@@ -24008,8 +23987,7 @@ static int spsi_group_sum(const spsi_shader *shader, const spsi_tile *tile, size
         whole = spsi_add(whole, slab->share[i]);
         if (spsi_bits(spsi_less(zero, slab->share[i]))) slab->filled |= 3 << (i & ~1);
     }
-    if (slab->group == 1 || spsi_scatters_forward(shader->frame) || shader->frame->view.lookup_threshold > 0)
-        slab->filled = ~0; /* light at all planes is used */
+    if (slab->group == 1 || spsi_scatters_forward(shader->frame)) slab->filled = ~0; /* light at all planes is used */
     if (slab->group == 1) return spsi_bits(spsi_less(zero, any)) != 0;
     whole = spsi_div(spsi_set(1), spsi_max(whole, spsi_set(FLT_MIN)));
     for (int i = 0; i < slab->group; ++i) slab->share[i] = spsi_mul(slab->share[i], whole);

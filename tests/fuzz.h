@@ -510,7 +510,6 @@ static void random_tiny_view(sps_view *view) {
     view->scatter_tolerance = one_in(2) ? 0 : (float)strange(0, 1);
     view->filling = (sps_filling)below(3);
     view->tolerance = one_in(2) ? 0 : (float)strange(0, 1);
-    view->lookup_threshold = one_in(2) ? 0 : (float)strange(0, 1);
     if (one_in(40)) put_int(&view->scattering, 6);
     if (one_in(40)) put_int(&view->filling, 3);
     if (one_in(40)) view->scatter_size = one_in(2) ? 257 : below(40) - 20;

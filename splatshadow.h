@@ -479,9 +479,9 @@ typedef struct sps_particles {
 } sps_particles;
 
 /* How a transmittance map stores optical depth along the ray of each texel. u runs from 0 at near_depth to 1 at
-   far_depth. The order in which occluders are added does not matter except for round-off. Deep, compressed, depth,
-   cosine and adaptive maps are made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. n stands
-   for `components`; docs/shadow_maps.md helps to choose. */
+   far_depth. The order in which occluders are added does not matter except for round-off. Deep, compressed, depth
+   and adaptive maps are made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. n stands for
+   `components`; docs/shadow_maps.md helps to choose. */
 typedef enum sps_tmap_technique {
     /* SPS_TMAP_DEEP_OPACITY with `cubic`: small errors on most gases for few floats. As a light's shadow_map:
        SPS_TMAP_TABLE, less than half the error in less time, but more memory. */
@@ -514,9 +514,6 @@ typedef enum sps_tmap_technique {
        first occluder and behind the last, or set texel_range. n 3, 5 .. 65, default 7, and two more with texel_range;
        insertion and query cost n. */
     SPS_TMAP_FOURIER,
-    /* A cosine series of transmittance itself: c0 c1 .. . It does not wrap around, and rings only at opaque occluders,
-       but is exact nowhere. n 2..64, default 8; made from lists, slowest of all to build; a query costs n. */
-    SPS_TMAP_COSINE,
     /* 4, 6 or 8 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z ..
        z^(n-1) with z = 2u - 1. A query returns the middle of the narrowest bracket that they allow. Soft, never rings,
        exact at u = 1. n 5, 7 or 9, default 5; insertion costs n; a query solves a small matrix and finds the roots of a
@@ -542,11 +539,11 @@ typedef enum sps_tmap_technique {
     SPS_TMAP_TABLE
 } sps_tmap_technique;
 
-/* Weight of harmonic k of a Fourier or cosine map that has n of them. */
+/* Weight of harmonic k of a Fourier map that has n of them. */
 typedef enum sps_tmap_window {
     SPS_TMAP_WINDOW_NONE = 0, /* sharpest; overshoots */
     SPS_TMAP_WINDOW_LANCZOS,  /* sinc(k / (n + 1)): hardly overshoots, twice the blur */
-    SPS_TMAP_WINDOW_FEJER     /* 1 - k / (n + 1): optical depth of a Fourier map never decreases; most blur */
+    SPS_TMAP_WINDOW_FEJER     /* 1 - k / (n + 1): optical depth never decreases; most blur */
 } sps_tmap_window;
 
 /* Zero is valid for all but far_depth: deep opacity, cubic, with 8 components. For sps_light.shadow_map all of it may
@@ -558,15 +555,15 @@ typedef struct sps_tmap_settings {
     size_t byte_budget; /* maximum size of the finished map, including surfaces; 0: no limit */
     /* Range of depths along the light's axis (six faces: the nearest coordinate axis) or its direction, 0 <= near <
        far, which should contain all gas. Gas before or behind it counts as if at its near or far end, where Fourier
-       maps confuse it with that of the other end and cosine maps lose it. Opaque surfaces shade from where they are,
-       outside the range too; but points before near_depth are lit. */
+       maps confuse it with that of the other end. Opaque surfaces shade from where they are, outside the range too; but
+       points before near_depth are lit. */
     double near_depth, far_depth;
     /* Opacity: u of each plane, increasing from above 0 to 1; copied. There are `components` of them (deep opacity: two
        fewer), which must be set. NULL: even steps. A technique ignores those of the fields from here to epsilon that
        are not meant for it. */
     const float *planes;
     int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
-    sps_tmap_window window; /* Fourier and cosine */
+    sps_tmap_window window; /* Fourier */
     int texel_range;        /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
     /* Fourier: 1: a query returns the maximum of the series so far, so that T never rises; n times the cost. */
     int running_maximum;
@@ -755,7 +752,7 @@ typedef enum sps_scattering {
        a closed form in the optical depth of that way and the angle where it bends, with the gas's own phase function
        and albedo. Right where gas scatters forward and light has not lost its direction; what comes back after many
        turns is mostly left out. Lights and rays are followed to an optical depth of 64, the whole way, where this light
-       ends; a shadow_map that holds transmittance (compressed, cosine, adaptive) knows less far, and gas behind is lit
+       ends; a shadow_map that holds transmittance (compressed, adaptive) knows less far, and gas behind is lit
        as if it were there. Lights without shadows are not scattered again, and polygons receive none of it. Cost: a
        table per gas, and a lookup of it beside each one of a shadow. */
     SPS_SCATTERING_FORWARD,
@@ -3190,8 +3187,8 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
      power moments of extinction               [Muenstermann et al. 2018; Peters & Klein 2015]
      first, last and total                     (Beer shadow maps)
    Fits use the whole curve of a ray:
-     u where T falls to one half, cosine series of T, nodes by least area [Salvi et al. 2010], and straight lines of T
-     within epsilon                            [Lokovic & Veach 2000]
+     u where T falls to one half, nodes by least area [Salvi et al. 2010], and straight lines of T within epsilon
+                                               [Lokovic & Veach 2000]
 
    Cost: insertion takes time for the planes that an interval passes through, or for all components; a fit (nodes of the
    curve) x (components), but n log n for an adaptive or a compressed map; the cost of a query stands at its function. T
@@ -3862,73 +3859,6 @@ static spsi_v spsi_depth_optical_depths(const sps_tmap_settings *settings, const
     return spsi_select(spsi_less(u, spsi_texels_at(texels, spsi_set(0))), spsi_set(0), spsi_set(SPSI_DEPTH_MAX));
 }
 
-/* ---- cosine series ---- */
-
-/* A point of a curve: terms shared by the integrals of the pieces on either side of it. */
-typedef struct spsi_cosine_end {
-    double u, depth, through, turn[2]; /* turn: cosine and sine of pi u */
-} spsi_cosine_end;
-
-static spsi_cosine_end spsi_cosine_end_at(double u, double depth) {
-    const spsi_cosine_end end = {u, depth, exp(-depth), {cos(SPSI_PI * u), sin(SPSI_PI * u)}};
-    return end;
-}
-
-/* sums[k] += integral of T cos(pi k u) over a piece from a to b. T = e^-t0 e^-s(u - u0), so the antiderivative of
-   T e^(i w u) is that function divided by i w - s: only k = 0 with s = 0 needs a limit. Since w is pi or more,
-   round-off is no larger than that of T itself. */
-static void spsi_cosine_add(double *sums, int components, const spsi_cosine_end *a, const spsi_cosine_end *b) {
-    const double length = b->u - a->u, more = b->depth - a->depth;
-    double z0[2] = {a->turn[0], a->turn[1]}, z1[2] = {b->turn[0], b->turn[1]}, slope;
-    if (!(length > 0) || !(a->through > 0)) return;
-    slope = more / length;
-    sums[0] += length * a->through * (more > 1e-12 ? -expm1(-more) / more : 1);
-    for (int k = 1; k < components; ++k) {
-        const double w = SPSI_PI * k, cosine = a->through * z0[0] - b->through * z1[0];
-        const double sine = b->through * z1[1] - a->through * z0[1];
-        sums[k] += (slope * cosine + w * sine) / (slope * slope + w * w);
-        spsi_turn_double(z0, a->turn);
-        spsi_turn_double(z1, b->turn);
-    }
-}
-
-/* T = c_0 + sum of c_k cos(pi k u), c_k = 2 integral of T cos(pi k u), with the window baked in. Mirrored at both ends,
-   T has no jump there, unlike extinction repeated periodically. */
-static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
-                            float *texel) {
-    const int n = settings->components;
-    spsi_cosine_end from = spsi_cosine_end_at(0, 0), to;
-    double sums[SPSI_TMAP_COMPONENTS];
-    (void)scratch;
-    memset(sums, 0, sizeof sums);
-    for (int i = -1; i < count && count > 0; ++i, from = to) { /* first the part before the curve, with depth 0 */
-        const spsi_piece piece = spsi_curve_piece(curve, spsi_most(i, 0));
-        to = spsi_cosine_end_at(piece.u1, i < 0 ? 0 : piece.t1);
-        spsi_cosine_add(sums, n, &from, &to);
-    }
-    to = spsi_cosine_end_at(1, from.depth);
-    spsi_cosine_add(sums, n, &from, &to);
-    texel[0] = (float)sums[0];
-    for (int k = 1; k < n; ++k) texel[k] = (float)(2 * sums[k] * spsi_window(settings->window, k, n - 1));
-}
-
-/* T is clamped to at least e^-SPSI_LIGHT_END, 1e-7: that is the round-off of coefficients up to 1, and otherwise a
-   series that rings below 0 would be opaque. */
-static spsi_v spsi_cosine_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
-    const float least = expf(-SPSI_LIGHT_END);
-    float lanes[SPSI_LANES];
-    spsi_v cosine, sine, c, s, sum = spsi_texels_at(texels, spsi_set(0));
-    spsi_turn(spsi_mul(spsi_set(0.5f), u), &cosine, &sine);
-    c = cosine, s = sine;
-    for (int k = 1; k < settings->components; ++k) {
-        sum = spsi_fma(spsi_texels_at(texels, spsi_set((float)k)), c, sum);
-        spsi_turn_by(&c, &s, cosine, sine);
-    }
-    spsi_store(lanes, spsi_clamp(sum, spsi_set(least), spsi_set(1)));
-    for (int i = 0; i < SPSI_LANES; ++i) lanes[i] = -logf(lanes[i]);
-    return spsi_load(lanes);
-}
-
 /* ---- transmittance as a polyline ---- */
 
 /* Cuts a piece so that straight lines of T between the cuts stay within step^2 of the exponential: in even steps of
@@ -4463,8 +4393,6 @@ static const spsi_technique spsi_techniques[] = {
      spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
     {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL, NULL,
      spsi_fourier_optical_depths, NULL, NULL},
-    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, NULL, spsi_cosine_optical_depths, NULL,
-     NULL},
     {"a moment map", 5, 9, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, NULL,
      spsi_moment_optical_depth, spsi_moment_bracket},
     {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, spsi_adaptive_bytes, NULL, NULL,

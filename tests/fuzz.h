@@ -414,10 +414,10 @@ static void random_set(scenery *x, int n) {
 
 /* Valid settings, except for one in twelve. */
 static void random_map(sps_tmap_settings *map) {
-    static const int components[] = {0, 0, 0, 1, 7, 8, 9, 6, 7, 10, 3, 20};
+    static const int components[] = {0, 0, 0, 1, 7, 8, 9, 7, 10, 3, 20};
     memset(map, 0, sizeof *map);
-    put_int(&map->technique, one_in(60) ? 12 : below(12));
-    if (one_in(2) && (int)map->technique < 12) map->components = components[map->technique];
+    put_int(&map->technique, one_in(60) ? 11 : below(11));
+    if (one_in(2) && (int)map->technique < 11) map->components = components[map->technique];
     if (one_in(24)) map->components = below(70) - 2;
     put_int(&map->window, one_in(60) ? 3 : below(3));
     map->cubic = one_in(2);

@@ -1464,7 +1464,6 @@ static void test_shadow_option(void) {
                                              "fourier --map-texel-range",
                                              "fourier --map-running-maximum",
                                              "fourier --map-texel-range --map-running-maximum",
-                                             "cosine",
                                              "moment",
                                              "adaptive",
                                              "beer",
@@ -1479,7 +1478,7 @@ static void test_shadow_option(void) {
         {VOLUME "--shadow deep --map-epsilon 0.1 --plan", 2, "--map-epsilon says nothing about --shadow deep"},
         {VOLUME "--shadow fourier --map-cubic --plan", 2, "--map-cubic says nothing about --shadow fourier"},
         {VOLUME "--map-cubic --shadow sheets --plan", 2, "--map-cubic says nothing about --shadow sheets"},
-        {VOLUME "--map-texel-range --shadow cosine --plan", 2, "--map-texel-range says nothing about --shadow cosine"},
+        {VOLUME "--map-texel-range --shadow moment --plan", 2, "--map-texel-range says nothing about --shadow moment"},
         {VOLUME "--shadow opacity --map-running-maximum --plan", 2,
          "--map-running-maximum says nothing about --shadow opacity"},
         {VOLUME "--table-size 8 --shadow sheets --plan", 2, "--table-size says nothing about --shadow sheets"},
@@ -1497,7 +1496,7 @@ static void test_shadow_option(void) {
         {VOLUME "--shadow none --light point,9,9,9,1,1,1 --light-size 1 --plan >plan", 0, NULL},
         {VOLUME "--shadow hairy --plan", 2, "--shadow: 'hairy' is not auto|sheets|deep"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --shadow opacity --map-size 9 " SMALL "--out a.png", 0, NULL},
-        {VOLUME "--shadow cosine --map-window lanczos --map-components 6 --light directional,0,0,-1,1,1,1 " SMALL
+        {VOLUME "--shadow fourier --map-window lanczos --map-components 7 --light directional,0,0,-1,1,1,1 " SMALL
                 "--out a.png",
          0, NULL}};
     static char pictures[KINDS][400];
@@ -2072,7 +2071,7 @@ static void test_help(void) {
                                         "--slab VOXELS",
                                         "--shadow-size N",
                                         "--shadow auto|sheets|deep|compressed|depth|opacity|deep-opacity|fourier|"
-                                        "cosine|moment|adaptive|beer|table|samples|none",
+                                        "moment|adaptive|beer|table|samples|none",
                                         "--map-components N",
                                         "--map-size N",
                                         "--table-size N",

@@ -220,13 +220,11 @@ static span span_of_moments(int texel, float u, double depth) {
 }
 
 /* One texel at one u. Sums of up to 17 terms, angles of up to 50 radians with a relative error of 6e-8, each term less
-   than the total: 2e-6 of that. Lines between nodes of T: three roundings. Cosines: 8 terms of up to 1 with angles of
-   up to 22. The code has the minimum T of a cosine map to six digits. */
+   than the total: 2e-6 of that. Lines between nodes of T: three roundings. */
 static span span_of_texel(int texel, float u) {
     const double depth = (double)tmap_gas_depth(tmap_bound, texel, u),
                  whole = (double)tmap_gas_depth(tmap_bound, texel, 1);
     span s;
-    if (tmap_bound.technique_id == SPS_TMAP_COSINE) return span_of_through(depth, 3e-6, 1.12535e-7);
     if (tmap_bound.technique_id == SPS_TMAP_COMPRESSED || tmap_bound.technique_id == SPS_TMAP_ADAPTIVE)
         return span_of_through(depth, 3e-7, 0);
     if (tmap_bound.technique_id == SPS_TMAP_MOMENT) return span_of_moments(texel, u, depth);
@@ -367,8 +365,6 @@ static const variant variants[] = {
     {"Fourier, range", SPS_TMAP_FOURIER, 0, 0, 0, 1, 0, SPS_TMAP_WINDOW_NONE},
     {"Fourier, running maximum", SPS_TMAP_FOURIER, 9, 0, 0, 0, 1, SPS_TMAP_WINDOW_NONE},
     {"Fourier, range, running maximum", SPS_TMAP_FOURIER, 9, 0, 0, 1, 1, SPS_TMAP_WINDOW_NONE},
-    {"cosine", SPS_TMAP_COSINE, 0, 0, 0, 0, 0, SPS_TMAP_WINDOW_NONE},
-    {"cosine, Lanczos", SPS_TMAP_COSINE, 6, 0, 0, 0, 0, SPS_TMAP_WINDOW_LANCZOS},
     {"4 moments", SPS_TMAP_MOMENT, 0, 0, 0, 0, 0, SPS_TMAP_WINDOW_NONE},
     {"6 moments", SPS_TMAP_MOMENT, 7, 0, 0, 0, 0, SPS_TMAP_WINDOW_NONE},
     {"8 moments", SPS_TMAP_MOMENT, 9, 0, 0, 0, 0, SPS_TMAP_WINDOW_NONE},
@@ -641,9 +637,8 @@ static void test_half(void) {
     } rows[] = {{"opacity", {5e-4, 5e-4, 5e-4}, 0},   {"opacity, cubic", {5e-4, 5e-4, 5e-4}, 0},
                 {"Fourier", {1e-3, 5e-3, 1e-2}, 0},   {"Fourier, Lanczos", {1e-3, 5e-3, 1e-2}, 0},
                 {"Beer", {1e-3, 5e-3, 1e-2}, 0},      {"deep opacity", {2e-3, 5e-3, 2e-2}, 0},
-                {"cosine", {1e-3, 0.05, 0.05}, 0},    {"adaptive", {1e-3, 5e-3, 0.5}, 0},
-                {"4 moments", {0.02, 0.02, 0.02}, 1}, {"6 moments", {0.02, 0.02, 0.02}, 1},
-                {"8 moments", {0.02, 0.02, 0.02}, 1}};
+                {"adaptive", {1e-3, 5e-3, 0.5}, 0},   {"4 moments", {0.02, 0.02, 0.02}, 1},
+                {"6 moments", {0.02, 0.02, 0.02}, 1}, {"8 moments", {0.02, 0.02, 0.02}, 1}};
     static fixture f;
     sps_context *context = sps_create(NULL, NULL);
     const double unit = greatest_depth(context);

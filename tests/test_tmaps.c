@@ -872,7 +872,7 @@ static void test_translucent(void) {
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
         for (int n = 0; n < 3; ++n) {
             static const double transmittance[3] = {0.5, 0.25, 1}, passes[3] = {0.5, 0.0625, 1};
-            const int keeps_ends = technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COSINE;
+            const int keeps_ends = technique != SPS_TMAP_DEPTH;
             const double t = passes[n];
             fixture f;
             sps_tmap *map;
@@ -1409,7 +1409,7 @@ static void test_seams_of_fine_particles(void) {
 }
 
 static void test_seams(void) {
-    static const double slack[TECHNIQUES + 1] = {0, 1e-3, 1e-3, 0, 1e-3, 1e-3, 2e-3, 1e-3, 1e-2, 1e-3, 1e-3};
+    static const double slack[TECHNIQUES + 1] = {0, 1e-3, 1e-3, 0, 1e-3, 1e-3, 2e-3, 1e-2, 1e-3, 1e-3};
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique) {
         fixture f;
@@ -1515,9 +1515,8 @@ static void test_bytes(void) {
 /* Maps made from lists, half of them empty: if lists are kept, the map has exactly their size, however they grew from
    band to band of 64 rows; if not, an empty texel has the same size as the others. */
 static void test_bytes_of_half_empty_maps(void) {
-    static const int techniques[5] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_DEPTH, SPS_TMAP_COSINE,
-                                      SPS_TMAP_ADAPTIVE};
-    for (int n = 0; n < 15; ++n) {
+    static const int techniques[4] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_DEPTH, SPS_TMAP_ADAPTIVE};
+    for (int n = 0; n < 12; ++n) {
         const int technique = techniques[n / 3], half = n % 3; /* upper, lower, neither */
         const size_t item = technique == SPS_TMAP_DEEP ? sizeof(spsi_interval) : sizeof(spsi_node);
         enum { TALL = 200, TEXELS = TALL * TALL };
@@ -1560,8 +1559,8 @@ static void test_bytes_of_half_empty_maps(void) {
 /* A budget reduces a default number of components step by step, down to the technique's minimum, and reserves room for
    surfaces, which are not known yet, if possible; an explicit number is not changed. */
 static void test_budget_of_components(void) {
-    static const int least[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 3, 3, 2, 5, 4, 3},
-                                        step[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 1, 2, 1, 2, 2, 1};
+    static const int least[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 3, 3, 5, 4, 3},
+                                        step[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 1, 2, 2, 2, 1};
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEPTH; technique <= TECHNIQUES; ++technique)
         for (int ranged = 0; ranged < (technique == SPS_TMAP_FOURIER ? 2 : 1); ++ranged) {
@@ -1782,14 +1781,13 @@ static void test_settings(void) {
                   {"settings.components is 2; a deep opacity map has 3, 4 .. 65", SPS_TMAP_DEEP_OPACITY, 2},
                   {"settings.components is 6; a Fourier map has 3, 5 .. 65", SPS_TMAP_FOURIER, 6},
                   {"settings.components is 67; a Fourier", SPS_TMAP_FOURIER, 67},
-                  {"settings.components is 65; a cosine map has 2, 3 .. 64", SPS_TMAP_COSINE, 65},
                   {"settings.components is 6; a moment map has 5, 7 .. 9", SPS_TMAP_MOMENT, 6},
                   {"settings.components is 11; a moment", SPS_TMAP_MOMENT, 11},
                   {"settings.components is 5; an adaptive map has 4, 6 .. 64", SPS_TMAP_ADAPTIVE, 5},
                   {"settings.components is 4; a Beer map has 3", SPS_TMAP_BEER, 4},
                   {"settings.components is 2; a deep opacity map has 3, 4 .. 65", SPS_TMAP_DEFAULT, 2}};
     static const char *const texts[] = {
-        "settings.technique is 12", "settings.technique is 15",  "settings.window is 3",
+        "settings.technique is 11", "settings.technique is 15",  "settings.window is 3",
         "settings.epsilon is 0.51", "settings.epsilon is nan",   "settings.surface_bias is -1",
         "settings.start_canary is", "settings.end_canary is",    "settings.far_depth is 0",
         "settings.far_depth is 2",  "settings.near_depth is -1", "settings.far_depth is 2e+15",
@@ -2834,7 +2832,7 @@ static void test_depths(void) {
         add(&f, 0, 0, 0, 1, 2, depths[n % 5]);
         add(&f, 1, 0, 0, -1, 2, 0);
         map = must_build(&f, context);
-        if (technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COSINE && technique != SPS_TMAP_COMPRESSED &&
+        if (technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COMPRESSED &&
             (technique != SPS_TMAP_ADAPTIVE || exact > 1e-4)) /* T is a float: 6e-8 of depth */
             CHECK_NEAR(query(map, 0, 0, -10), technique == SPS_TMAP_ADAPTIVE && exact > 100 ? DARK : exact,
                        (technique == SPS_TMAP_ADAPTIVE ? 2e-4 : 2e-6) * exact);
@@ -2890,7 +2888,7 @@ static void test_ranges(void) {
             static const double ranges[5][2] = {
                 {10, 1 + 1e-12}, {0.1, 5}, {100, 2}, {12, 1 + 1e-12}, {1e-3, 1 + 1e-12}};
             const double near_depth = ranges[n][0], far_depth = near_depth * ranges[n][1];
-            const int exact_at_the_ends = technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COSINE;
+            const int exact_at_the_ends = technique != SPS_TMAP_DEPTH;
             fixture f;
             sps_tmap *map;
             begin(&f, technique);
@@ -3194,7 +3192,7 @@ static void test_map_against_sheets(void) {
 /* Every technique makes an image, and those that keep most detail come close to the deep map's. A depth map rounds T to
    0 or 1, which is 12^-1/2 rms if T is uniformly distributed. */
 static void test_pictures(void) {
-    static const double error[TECHNIQUES + 1] = {0, 0, 4e-3, 0.29, 2e-2, 1e-2, 3e-2, 1e-2, 2e-2, 4e-3, 5e-2};
+    static const double error[TECHNIQUES + 1] = {0, 0, 4e-3, 0.29, 2e-2, 1e-2, 3e-2, 2e-2, 4e-3, 5e-2};
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique) {
         picture p;
@@ -3615,9 +3613,8 @@ static double half_blob(const void *user, const double p[3]) { return p[0] > 0 ?
    have room beside them; lists themselves and what is fitted to them are not planned. Six faces around a light, so that
    the map has the requested size; half of the gas is empty. */
 static void test_planned_lists(void) {
-    static const int techniques[5] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_DEPTH, SPS_TMAP_COSINE,
-                                      SPS_TMAP_ADAPTIVE};
-    for (int n = 0; n < 10; ++n) {
+    static const int techniques[4] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_DEPTH, SPS_TMAP_ADAPTIVE};
+    for (int n = 0; n < 8; ++n) {
         const int technique = techniques[n / 2], side = n % 2 ? 90 : 64, lists = technique <= SPS_TMAP_COMPRESSED;
         const size_t texels = 6 * (size_t)(side * side);
         size_t held, planned;

@@ -748,55 +748,6 @@ static void test_running_maximum(void) {
     }
 }
 
-/* ----------------------------------------------------------------------------------------------------------- cosine */
-
-/* Simpson's rule over each piece of a curve, in steps of 1/20 of the scale of exponential and cosine: 0.05^4 / 2880 is
-   2e-9. */
-static double cosine_integral(int count, int k) {
-    double sum = 0;
-    for (int i = 0; i <= count; ++i) {
-        const double u0 = i ? (double)curve[i - 1].u : 0, u1 = i < count ? (double)curve[i].u : 1;
-        const double t0 = i ? (double)curve[i - 1].value : 0, t1 = i && i < count ? (double)curve[i].value : t0;
-        const double fall = fmin(t1 - t0, 1e4), length = u1 - u0;
-        const int steps = 2 * (1 + (int)((fall + pi * k * length) / 0.1));
-        double part = 0;
-        if (!(length > 0)) continue;
-        for (int j = 0; j <= steps; ++j) {
-            const double t = (double)j / steps, weight = j == 0 || j == steps ? 1 : j % 2 ? 4 : 2;
-            part += weight * exp(-t0 - t * (t1 - t0)) * cos(pi * k * (u0 + t * length));
-        }
-        sum += part * length / (3 * steps);
-    }
-    return sum;
-}
-
-static void test_cosine(void) {
-    for (int n = 0; n < COLUMNS; ++n)
-        for (int window = 0; window < 3; ++window) {
-            const int components = window ? 8 : 64;
-            sps_tmap_settings settings = settings_of(SPS_TMAP_COSINE, components);
-            float texel[SPSI_TMAP_COMPONENTS];
-            /* of coefficients and of each sum of up to 2; the angle is good to 2e-7 and turned k times, with three
-               roundings each time, of which a harmonic takes its share; and that of a depth of 16 */
-            double c[64], off = components * (1e-8 + 2 * half_ulp) + 16 * half_ulp / exp(1);
-            settings.window = (sps_tmap_window)window;
-            build(&settings, &columns[n], texel);
-            for (int k = 0; k < components; ++k) {
-                const double weight = k ? 2 * window_of(settings.window, k, components - 1) : 1;
-                c[k] = weight * cosine_integral(curve_build(&columns[n]), k);
-                off += fabs(c[k]) * (half_ulp + k * (2e-7 + 3 * half_ulp));
-                if (!CHECK_NEAR((double)texel[k], c[k], 1e-8 + half_ulp * fabs(c[k])))
-                    printf("    %s, coefficient %d\n", columns[n].name, k);
-            }
-            for (int i = 0; i <= SAMPLES; ++i) {
-                double through = 0;
-                for (int k = 0; k < components; ++k) through += c[k] * cos(pi * k * (double)sample(i));
-                through = fmin(fmax(through, exp(-16)), 1);
-                CHECK_NEAR(exp(-ask(&settings, texel, (double)sample(i))), through, off);
-            }
-        }
-}
-
 /* ---------------------------------------------------------------------------------------------------------- moments */
 
 /* Legendre's nodes for polynomials up to degree 11. */
@@ -1240,11 +1191,11 @@ static void test_extremes(void) {
 
 /* As documented at the public types. */
 static void test_table(void) {
-    static const char *names[] = {"no map",  "deep",   "compressed", "depth",    "opacity", "deep opacity",
-                                  "Fourier", "cosine", "moment",     "adaptive", "Beer",    "shadow table"};
-    static const int ranges[][4] = {{0, 0, 0, 0},  {0, 0, 0, 0},   {0, 0, 0, 0},   {1, 1, 1, 0},
-                                    {1, 65, 8, 0}, {3, 65, 8, 1},  {3, 65, 7, -1}, {2, 64, 8, 0},
-                                    {5, 9, 5, 0},  {4, 64, 16, 0}, {3, 3, 3, 0},   {8, 1024, 256, 0}};
+    static const char *names[] = {"no map",  "deep",   "compressed", "depth", "opacity",     "deep opacity",
+                                  "Fourier", "moment", "adaptive",   "Beer",  "shadow table"};
+    static const int ranges[][4] = {{0, 0, 0, 0},   {0, 0, 0, 0}, {0, 0, 0, 0},     {1, 1, 1, 0},
+                                    {1, 65, 8, 0},  {3, 65, 8, 1}, {3, 65, 7, -1},  {5, 9, 5, 0},
+                                    {4, 64, 16, 0}, {3, 3, 3, 0}, {8, 1024, 256, 0}};
     const int count = (int)(sizeof spsi_techniques / sizeof *spsi_techniques);
     CHECK(count == SPS_TMAP_TABLE + 1);
     for (int t = SPS_TMAP_DEEP; t < count; ++t) {
@@ -1316,7 +1267,6 @@ int main(void) {
     RUN(test_fourier);
     RUN(test_fejer);
     RUN(test_running_maximum);
-    RUN(test_cosine);
     RUN(test_moment_sums);
     RUN(test_moment_bracket);
     RUN(test_moment_rounding);

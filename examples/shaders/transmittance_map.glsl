@@ -53,10 +53,9 @@ precision highp int;
 #define TMAP_OPACITY      4
 #define TMAP_DEEP_OPACITY 5
 #define TMAP_FOURIER      6
-#define TMAP_COSINE       7
-#define TMAP_MOMENT       8
-#define TMAP_ADAPTIVE     9
-#define TMAP_BEER         10
+#define TMAP_MOMENT       7
+#define TMAP_ADAPTIVE     8
+#define TMAP_BEER         9
 
 /* What has to be known about a map, in the layout of a std140 block and of a constant buffer: sps_tmap_get_constants
    fills the same 128 bytes. */
@@ -170,13 +169,6 @@ TMAP_FUNCTION float tmap_fourier_depth(tmap map, int first, int n, float u) {
     for (int i = 1; tmap_float(i) < u * tmap_float(samples); ++i)
         most = fmaxf(most, tmap_fourier_series(map, first, n, tmap_float(i) / tmap_float(samples)));
     return tmap_clamp(most, 0.0f, 0.5f * TMAP_TEXEL(map, first));
-}
-
-/* Cosine series of transmittance. Below exp(-16) it holds rounding errors only. */
-TMAP_FUNCTION float tmap_cosine_depth(tmap map, int first, int n, float u) {
-    float sum = TMAP_TEXEL(map, first);
-    for (int k = 1; k < n; ++k) sum += TMAP_TEXEL(map, first + k) * cosf(3.14159265f * tmap_float(k) * u);
-    return -logf(tmap_clamp(sum, 1.12535e-7f, 1.0f));
 }
 
 /* Beer: where gas begins, optical depth per u from there on, optical depth of all. */
@@ -380,7 +372,6 @@ TMAP_FUNCTION float tmap_gas_depth(tmap map, int texel, float u) {
     if (map.technique_id == TMAP_DEEP) return tmap_deep_depth(map, texel, u);
     if (map.technique_id == TMAP_COMPRESSED) return tmap_compressed_depth(map, texel, u);
     if (map.technique_id == TMAP_DEPTH) return tmap_step_depth(map, first, u);
-    if (map.technique_id == TMAP_COSINE) return tmap_cosine_depth(map, first, n, u);
     if (map.technique_id == TMAP_MOMENT) return tmap_moment_depth(map, first, n, u);
     if (map.technique_id == TMAP_ADAPTIVE) return tmap_adaptive_depth(map, first, n, u);
     if (map.technique_id == TMAP_BEER) return tmap_beer_depth(map, first, u);

@@ -510,7 +510,7 @@ typedef enum sps_tmap_technique {
        n 3..65, default 8; occluders are processed twice. */
     SPS_TMAP_DEEP_OPACITY,
     /* A Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that it rings,
-       by up to 9 % of a step without a window. The series is periodic, with u = 0 next to u = 1: leave room before the
+       by up to 9 % of a step. The series is periodic, with u = 0 next to u = 1: leave room before the
        first occluder and behind the last, or set texel_range. n 3, 5 .. 65, default 7, and two more with texel_range;
        insertion and query cost n. */
     SPS_TMAP_FOURIER,
@@ -539,13 +539,6 @@ typedef enum sps_tmap_technique {
     SPS_TMAP_TABLE
 } sps_tmap_technique;
 
-/* Weight of harmonic k of a Fourier map that has n of them. */
-typedef enum sps_tmap_window {
-    SPS_TMAP_WINDOW_NONE = 0, /* sharpest; overshoots */
-    SPS_TMAP_WINDOW_LANCZOS,  /* sinc(k / (n + 1)): hardly overshoots, twice the blur */
-    SPS_TMAP_WINDOW_FEJER     /* 1 - k / (n + 1): optical depth never decreases; most blur */
-} sps_tmap_window;
-
 /* Zero is valid for all but far_depth: deep opacity, cubic, with 8 components. For sps_light.shadow_map all of it may
    be zero: a table. */
 typedef struct sps_tmap_settings {
@@ -563,7 +556,6 @@ typedef struct sps_tmap_settings {
        are not meant for it. */
     const float *planes;
     int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
-    sps_tmap_window window; /* Fourier */
     int texel_range;        /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
     /* Fourier: 1: a query returns the maximum of the series so far, so that T never rises; n times the cost. */
     int running_maximum;
@@ -3536,13 +3528,6 @@ static inline void spsi_turn_double(double z[2], const double by[2]) {
     z[0] = cosine;
 }
 
-/* The weight of harmonic k of n. */
-static double spsi_window(sps_tmap_window window, int k, int n) {
-    const double share = (double)k / (n + 1);
-    if (window == SPS_TMAP_WINDOW_FEJER) return 1 - share;
-    return window == SPS_TMAP_WINDOW_LANCZOS && k > 0 ? sin(SPSI_PI * share) / (SPSI_PI * share) : 1;
-}
-
 /* ---- opacity planes ---- */
 
 static inline float spsi_plane(const sps_tmap_settings *settings, int i) {
@@ -3727,13 +3712,6 @@ static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, 
         spsi_turn_by(&c, &s, c1, s1);
         spsi_turn_by(&cd, &sd, ch, sh);
     }
-}
-
-/* The window is baked in, so that shaders need not know it. */
-static void spsi_fourier_finish(const sps_tmap_settings *settings, float *texel) {
-    const int n = (settings->components - 1) / 2;
-    for (int i = 1; i < settings->components; ++i)
-        texel[i] = (float)((double)texel[i] * spsi_window(settings->window, (i + 1) / 2, n));
 }
 
 /* The contribution of harmonic k to the optical depth before u, on top of a0 u / 2: (a_k sin(2 pi k u) +
@@ -4391,7 +4369,7 @@ static const spsi_technique spsi_techniques[] = {
      spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
     {"a deep opacity map", 3, 65, 1, 8, 0, 1, 0, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
      spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
-    {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL, NULL,
+    {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, NULL, NULL, NULL, NULL,
      spsi_fourier_optical_depths, NULL, NULL},
     {"a moment map", 5, 9, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, NULL,
      spsi_moment_optical_depth, spsi_moment_bracket},
@@ -5104,9 +5082,6 @@ static sps_result spsi_check_settings(sps_context *context, int light, const sps
     if (settings->technique == SPS_TMAP_TABLE && light < 0)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_SETTINGS, -1, "technique", 0,
                               "is SPS_TMAP_TABLE, which is for sps_light.shadow_map only");
-    if ((int)settings->window < 0 || settings->window > SPS_TMAP_WINDOW_FEJER)
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "window", (double)(int)settings->window,
-                                 "it must be an sps_tmap_window");
     if (!(settings->epsilon >= 0 && settings->epsilon <= 0.5f))
         return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "epsilon", (double)settings->epsilon,
                                  "it must be 0..0.5");

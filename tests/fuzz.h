@@ -419,7 +419,6 @@ static void random_map(sps_tmap_settings *map) {
     put_int(&map->technique, one_in(60) ? 11 : below(11));
     if (one_in(2) && (int)map->technique < 11) map->components = components[map->technique];
     if (one_in(24)) map->components = below(70) - 2;
-    put_int(&map->window, one_in(60) ? 3 : below(3));
     map->cubic = one_in(2);
     map->texel_range = one_in(3) && map->components == 0;
     map->running_maximum = one_in(4);

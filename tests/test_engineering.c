@@ -1474,7 +1474,6 @@ static void test_shadow_option(void) {
          "--map-components: light[0].shadow_map.components is 4; a Fourier map has 3, 5 .. 65"},
         {VOLUME "--map-size 8 --plan", 2, "--map-size says nothing about --shadow auto"},
         {VOLUME "--shadow deep --no-shadows --plan", 2, "--shadow deep says nothing with --no-shadows"},
-        {VOLUME "--shadow opacity --map-window fejer --plan", 2, "--map-window says nothing about --shadow opacity"},
         {VOLUME "--shadow deep --map-epsilon 0.1 --plan", 2, "--map-epsilon says nothing about --shadow deep"},
         {VOLUME "--shadow fourier --map-cubic --plan", 2, "--map-cubic says nothing about --shadow fourier"},
         {VOLUME "--map-cubic --shadow sheets --plan", 2, "--map-cubic says nothing about --shadow sheets"},
@@ -1496,9 +1495,7 @@ static void test_shadow_option(void) {
         {VOLUME "--shadow none --light point,9,9,9,1,1,1 --light-size 1 --plan >plan", 0, NULL},
         {VOLUME "--shadow hairy --plan", 2, "--shadow: 'hairy' is not auto|sheets|deep"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --shadow opacity --map-size 9 " SMALL "--out a.png", 0, NULL},
-        {VOLUME "--shadow fourier --map-window lanczos --map-components 7 --light directional,0,0,-1,1,1,1 " SMALL
-                "--out a.png",
-         0, NULL}};
+        {VOLUME "--shadow fourier --map-components 7 --light directional,0,0,-1,1,1,1 " SMALL "--out a.png", 0, NULL}};
     static char pictures[KINDS][400];
     for (int i = 0; i < KINDS; ++i) {
         char line[300];
@@ -2075,7 +2072,6 @@ static void test_help(void) {
                                         "--map-components N",
                                         "--map-size N",
                                         "--table-size N",
-                                        "--map-window none|lanczos|fejer",
                                         "--map-epsilon E",
                                         "--map-cubic",
                                         "--map-texel-range",

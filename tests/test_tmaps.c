@@ -1787,11 +1787,10 @@ static void test_settings(void) {
                   {"settings.components is 4; a Beer map has 3", SPS_TMAP_BEER, 4},
                   {"settings.components is 2; a deep opacity map has 3, 4 .. 65", SPS_TMAP_DEFAULT, 2}};
     static const char *const texts[] = {
-        "settings.technique is 11", "settings.technique is 15",  "settings.window is 3",
-        "settings.epsilon is 0.51", "settings.epsilon is nan",   "settings.surface_bias is -1",
-        "settings.start_canary is", "settings.end_canary is",    "settings.far_depth is 0",
-        "settings.far_depth is 2",  "settings.near_depth is -1", "settings.far_depth is 2e+15",
-        "settings.far_depth is nan"};
+        "settings.technique is 11",  "settings.technique is 15",    "settings.epsilon is 0.51",
+        "settings.epsilon is nan",   "settings.surface_bias is -1", "settings.start_canary is",
+        "settings.end_canary is",    "settings.far_depth is 0",     "settings.far_depth is 2",
+        "settings.near_depth is -1", "settings.far_depth is 2e+15", "settings.far_depth is nan"};
     for (size_t i = 0; i < sizeof counts / sizeof *counts; ++i) {
         fixture f;
         begin(&f, counts[i].technique);
@@ -1803,14 +1802,13 @@ static void test_settings(void) {
         begin(&f, SPS_TMAP_FOURIER);
         if (i == 0) f.settings.technique = (sps_tmap_technique)(SPS_TMAP_TABLE + 1);
         if (i == 1) f.settings.technique = (sps_tmap_technique)15;
-        if (i == 2) f.settings.window = (sps_tmap_window)3;
-        if (i == 3) f.settings.epsilon = 0.51f;
-        if (i == 4) f.settings.epsilon = (float)(HUGE_VAL - HUGE_VAL);
-        if (i == 5) f.settings.surface_bias = -1;
-        if (i == 6) f.settings.start_canary = 1;
-        if (i == 7) f.settings.end_canary = 1;
-        if (i >= 8) f.settings.far_depth = i == 8 ? 0 : i == 11 ? 2e15 : i == 12 ? HUGE_VAL - HUGE_VAL : 2;
-        if (i == 9 || i == 10) f.settings.near_depth = i == 9 ? 2 : -1;
+        if (i == 2) f.settings.epsilon = 0.51f;
+        if (i == 3) f.settings.epsilon = (float)(HUGE_VAL - HUGE_VAL);
+        if (i == 4) f.settings.surface_bias = -1;
+        if (i == 5) f.settings.start_canary = 1;
+        if (i == 6) f.settings.end_canary = 1;
+        if (i >= 7) f.settings.far_depth = i == 7 ? 0 : i == 10 ? 2e15 : i == 11 ? HUGE_VAL - HUGE_VAL : 2;
+        if (i == 8 || i == 9) f.settings.near_depth = i == 8 ? 2 : -1;
         check_refused(&f, texts[i]);
     }
     {
@@ -2828,7 +2826,6 @@ static void test_depths(void) {
         fixture f;
         sps_tmap *map;
         begin(&f, technique);
-        f.settings.window = SPS_TMAP_WINDOW_FEJER;
         add(&f, 0, 0, 0, 1, 2, depths[n % 5]);
         add(&f, 1, 0, 0, -1, 2, 0);
         map = must_build(&f, context);

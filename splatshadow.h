@@ -557,8 +557,6 @@ typedef struct sps_tmap_settings {
     const float *planes;
     int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
     int texel_range;        /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
-    /* Fourier: 1: a query returns the maximum of the series so far, so that T never rises; n times the cost. */
-    int running_maximum;
     float epsilon; /* compressed: maximum error of T, up to 0.5; 0 means 0.01; kept to 1e-6 (soft particles: 0.001) */
     double surface_bias; /* world units behind an opaque surface at which its shadow begins; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
@@ -1075,14 +1073,14 @@ typedef struct sps_tmap_constants {
     int32_t technique, components;                       /* sps_tmap_technique; 0 components: intervals or nodes */
     int32_t has_range;  /* 1: a texel begins with the u of its first and last occluder */
     int32_t has_planes; /* 1: settings.planes is not NULL */
-    int32_t cubic, running_maximum;
+    int32_t cubic;
     int32_t has_surfaces;        /* 1: sps_tmap_surfaces is not NULL */
     int32_t width, height;       /* texels of a face */
     float near_depth, far_depth; /* u = (distance - near_depth) / (far_depth - near_depth) */
     /* A surface shades what is farther behind it than bias + bias_per_distance * distance. */
     float bias, bias_per_distance;
     int32_t face, face_count;
-    int32_t padding; /* 0 */
+    int32_t padding_0, padding_1; /* 0 */
 } sps_tmap_constants;
 
 typedef struct sps_tmap sps_tmap; /* opaque; belongs to the context it was made with */
@@ -3521,13 +3519,6 @@ static inline void spsi_turn_by(spsi_v *c, spsi_v *s, spsi_v c1, spsi_v s1) {
     *c = turned;
 }
 
-/* The same for one angle in double precision: z = cosine, sine. */
-static inline void spsi_turn_double(double z[2], const double by[2]) {
-    const double cosine = z[0] * by[0] - z[1] * by[1];
-    z[1] = z[1] * by[0] + z[0] * by[1];
-    z[0] = cosine;
-}
-
 /* ---- opacity planes ---- */
 
 static inline float spsi_plane(const sps_tmap_settings *settings, int i) {
@@ -3721,43 +3712,6 @@ static inline spsi_v spsi_fourier_harmonic(spsi_v a, spsi_v b, int k, spsi_v cos
     return spsi_mul(both, spsi_set((float)(1 / (2 * SPSI_PI * k))));
 }
 
-#define SPSI_FOURIER_SAMPLES (2 * (SPSI_TMAP_COMPONENTS - 1))
-#define SPSI_FOURIER_GROUP   8 /* samples that share lookups, and that fit on a task's stack */
-
-/* The maximum of `most` and of the series at those of 4 n even samples that lie before u, where n is the number of
-   harmonics: the highest has four samples per period. All multiples of the samples' angles are angles of samples. */
-static spsi_v spsi_fourier_running(const spsi_texels *texels, int components, spsi_v u, spsi_v most) {
-    const int samples = 2 * (components - 1);
-    const double by[2] = {cos(2 * SPSI_PI / samples), sin(2 * SPSI_PI / samples)};
-    const spsi_v slope = spsi_mul(spsi_texels_at(texels, spsi_set(0)), spsi_set(0.5f / (float)samples));
-    float cosines[SPSI_FOURIER_SAMPLES], sines[SPSI_FOURIER_SAMPLES];
-    double z[2] = {1, 0};
-    for (int i = 0; i < samples; ++i) {
-        cosines[i] = (float)z[0], sines[i] = (float)z[1];
-        spsi_turn_double(z, by);
-    }
-    for (int first = 1; first < samples; first += SPSI_FOURIER_GROUP) {
-        const int count = spsi_least(SPSI_FOURIER_GROUP, samples - first);
-        spsi_v sums[SPSI_FOURIER_GROUP];
-        if (!spsi_bits(spsi_less(spsi_set((float)first / (float)samples), u))) break;
-        for (int i = 0; i < count; ++i) sums[i] = spsi_mul(slope, spsi_set((float)(first + i)));
-        for (int k = 1; 2 * k < components; ++k) {
-            const spsi_v a = spsi_texels_at(texels, spsi_set((float)(2 * k - 1)));
-            const spsi_v b = spsi_texels_at(texels, spsi_set((float)(2 * k)));
-            for (int i = 0; i < count; ++i) {
-                const int turn = k * (first + i) % samples;
-                sums[i] =
-                    spsi_add(sums[i], spsi_fourier_harmonic(a, b, k, spsi_set(cosines[turn]), spsi_set(sines[turn])));
-            }
-        }
-        for (int i = 0; i < count; ++i) {
-            const spsi_m before = spsi_less(spsi_set((float)(first + i) / (float)samples), u);
-            most = spsi_select(before, spsi_max(most, sums[i]), most);
-        }
-    }
-    return most;
-}
-
 /* Clamped to 0 .. the total. */
 static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_texels_at(texels, spsi_set(0)));
@@ -3770,7 +3724,6 @@ static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, con
         sum = spsi_add(sum, spsi_fourier_harmonic(a, b, k, c, s));
         spsi_turn_by(&c, &s, cosine, sine);
     }
-    if (settings->running_maximum) sum = spsi_fourier_running(texels, settings->components, u, sum);
     return spsi_clamp(sum, spsi_set(0), spsi_min(half, spsi_set(SPSI_DEPTH_MAX)));
 }
 
@@ -31348,7 +31301,6 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     constants->has_range = map->has_range;
     constants->has_planes = settings->planes != NULL;
     constants->cubic = settings->cubic != 0;
-    constants->running_maximum = settings->running_maximum != 0;
     constants->has_surfaces = map->data.surfaces.data != NULL;
     constants->width = map->rays[face].width;
     constants->height = map->rays[face].height;

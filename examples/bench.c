@@ -326,7 +326,6 @@ static const map_row map_rows[] = {
     {"deep opacity, 8", .settings = {.technique = SPS_TMAP_DEEP_OPACITY, .components = 8}},
     {"Fourier, 9", .settings = {.technique = SPS_TMAP_FOURIER, .components = 9}, .bound = 0.25},
     {"the same, texel_range", .settings = {.technique = SPS_TMAP_FOURIER, .components = 9, .texel_range = 1}},
-    {"the same, running_maximum", .settings = {.technique = SPS_TMAP_FOURIER, .components = 9, .running_maximum = 1}},
     {"4 moments", .settings = {.technique = SPS_TMAP_MOMENT, .components = 5}},
     {"6 moments", .settings = {.technique = SPS_TMAP_MOMENT, .components = 7}},
     {"8 moments", .settings = {.technique = SPS_TMAP_MOMENT, .components = 9}},

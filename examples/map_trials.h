@@ -28,7 +28,7 @@ typedef struct kind {
     const char *name;
     sps_tmap_technique technique;
     int cubic;
-    int texel_range, running_maximum;
+    int texel_range;
     ex_mark mark;
     unsigned color;
 } kind;
@@ -40,7 +40,6 @@ enum {
     DEEP_OPACITY,
     DEEP_OPACITY_CUBIC,
     FOURIER,
-    FOURIER_RUNNING_MAXIMUM,
     FOURIER_TEXEL_RANGE,
     MOMENT,
     ADAPTIVE,
@@ -51,18 +50,17 @@ enum {
 };
 
 static const kind kinds[KINDS] = {
-    [OPACITY] = {"opacity", SPS_TMAP_OPACITY, 0, 0, 0, EX_MARK_DISC, 0x1f5fbf},
-    [OPACITY_CUBIC] = {"opacity, cubic", SPS_TMAP_OPACITY, 1, 0, 0, EX_MARK_RING, 0x1f5fbf},
-    [DEEP_OPACITY] = {"deep opacity", SPS_TMAP_DEEP_OPACITY, 0, 0, 0, EX_MARK_DISC, 0x1a9641},
-    [DEEP_OPACITY_CUBIC] = {"deep opacity, cubic", SPS_TMAP_DEEP_OPACITY, 1, 0, 0, EX_MARK_RING, 0x1a9641},
-    [FOURIER] = {"Fourier", SPS_TMAP_FOURIER, 0, 0, 0, EX_MARK_DISC, 0xd7191c},
-    [FOURIER_RUNNING_MAXIMUM] = {"Fourier, running max", SPS_TMAP_FOURIER, 0, 0, 1, EX_MARK_RING, 0xd7191c},
-    [FOURIER_TEXEL_RANGE] = {"Fourier, texel range", SPS_TMAP_FOURIER, 0, 1, 0, EX_MARK_RHOMB, 0xf08030},
-    [MOMENT] = {"moment", SPS_TMAP_MOMENT, 0, 0, 0, EX_MARK_SQUARE, 0x000000},
-    [ADAPTIVE] = {"adaptive", SPS_TMAP_ADAPTIVE, 0, 0, 0, EX_MARK_RHOMB, 0x00a0a0},
-    [BEER] = {"Beer", SPS_TMAP_BEER, 0, 0, 0, EX_MARK_SQUARE, 0x808080},
-    [DEPTH] = {"depth", SPS_TMAP_DEPTH, 0, 0, 0, EX_MARK_CROSS, 0x808080},
-    [COMPRESSED] = {"compressed", SPS_TMAP_COMPRESSED, 0, 0, 0, EX_MARK_RHOMB, 0xc08a00},
+    [OPACITY] = {"opacity", SPS_TMAP_OPACITY, 0, 0, EX_MARK_DISC, 0x1f5fbf},
+    [OPACITY_CUBIC] = {"opacity, cubic", SPS_TMAP_OPACITY, 1, 0, EX_MARK_RING, 0x1f5fbf},
+    [DEEP_OPACITY] = {"deep opacity", SPS_TMAP_DEEP_OPACITY, 0, 0, EX_MARK_DISC, 0x1a9641},
+    [DEEP_OPACITY_CUBIC] = {"deep opacity, cubic", SPS_TMAP_DEEP_OPACITY, 1, 0, EX_MARK_RING, 0x1a9641},
+    [FOURIER] = {"Fourier", SPS_TMAP_FOURIER, 0, 0, EX_MARK_DISC, 0xd7191c},
+    [FOURIER_TEXEL_RANGE] = {"Fourier, texel range", SPS_TMAP_FOURIER, 0, 1, EX_MARK_RHOMB, 0xf08030},
+    [MOMENT] = {"moment", SPS_TMAP_MOMENT, 0, 0, EX_MARK_SQUARE, 0x000000},
+    [ADAPTIVE] = {"adaptive", SPS_TMAP_ADAPTIVE, 0, 0, EX_MARK_RHOMB, 0x00a0a0},
+    [BEER] = {"Beer", SPS_TMAP_BEER, 0, 0, EX_MARK_SQUARE, 0x808080},
+    [DEPTH] = {"depth", SPS_TMAP_DEPTH, 0, 0, EX_MARK_CROSS, 0x808080},
+    [COMPRESSED] = {"compressed", SPS_TMAP_COMPRESSED, 0, 0, EX_MARK_RHOMB, 0xc08a00},
 };
 
 /* The nearest number of components that a technique can have, not above `wanted` except where there is none below. */
@@ -113,7 +111,7 @@ static void trials_list(trials *all, const sps_tmap_settings *range) {
             t->settings.technique = kinds[k].technique;
             t->settings.components = components_of(kinds[k].technique, counts[which]);
             t->settings.cubic = kinds[k].cubic;
-            t->settings.texel_range = kinds[k].texel_range, t->settings.running_maximum = kinds[k].running_maximum;
+            t->settings.texel_range = kinds[k].texel_range;
             t->settings.epsilon = kinds[k].technique == SPS_TMAP_COMPRESSED ? epsilons[which] : 0;
             ++all->count;
         }

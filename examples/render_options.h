@@ -454,7 +454,6 @@ static const option_rule options[] = {
     {"--map-epsilon", "E", "largest error of transmittance, for compressed; default 0.01", set_reals, OF_SCENE(map_epsilon), 1, 1e-6, 0.5, NULL},
     {"--map-cubic", NULL, "monotone cubics between planes instead of straight lines, for opacity and deep-opacity", set_flag, OF_SCENE(map.cubic), NO_NUMBERS},
     {"--map-texel-range", NULL, "a range of depths for each texel, which takes two more floats, for fourier", set_flag, OF_SCENE(map.texel_range), NO_NUMBERS},
-    {"--map-running-maximum", NULL, "shadows never grow lighter with depth: slow, for fourier", set_flag, OF_SCENE(map.running_maximum), NO_NUMBERS},
     {"--quality", "draft|medium|high|ultra", "default medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
     {"--no-shadows", NULL, "light shines through everything; the same as --shadow none", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
     {"--reference", NULL, "brute-force ray marching, shadows traced from every step: slow; heeds --shadow none only", set_flag, OF_SCENE(reference), NO_NUMBERS},
@@ -796,8 +795,7 @@ static int check_map(const arguments *all, ex_error *error) {
     } about[] = {
         {"--map-components", {NULL, NULL, NULL}, ""},           {"--map-size", {NULL, NULL, NULL}, "table"},
         {"--table-size", {"table", "auto", NULL}, ""},          {"--map-epsilon", {"compressed", NULL, NULL}, ""},
-        {"--map-cubic", {"opacity", "deep-opacity", NULL}, ""}, {"--map-texel-range", {"fourier", NULL, NULL}, ""},
-        {"--map-running-maximum", {"fourier", NULL, NULL}, ""}};
+        {"--map-cubic", {"opacity", "deep-opacity", NULL}, ""}, {"--map-texel-range", {"fourier", NULL, NULL}, ""}};
     const char *kind = shadow_names[all->shadow];
     if ((has_maps(all) || shadow_is(all, "samples")) && all->no_shadows)
         return ex_fail(error, "--shadow %s says nothing with --no-shadows", kind);

@@ -421,7 +421,6 @@ static void random_map(sps_tmap_settings *map) {
     if (one_in(24)) map->components = below(70) - 2;
     map->cubic = one_in(2);
     map->texel_range = one_in(3) && map->components == 0;
-    map->running_maximum = one_in(4);
     if (one_in(3)) map->epsilon = (float)strange(0, 0.5);
     if (one_in(10)) map->byte_budget = (size_t)below(100000);
 }

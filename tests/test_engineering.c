@@ -1452,22 +1452,13 @@ static void test_particles_option(void) {
    kind of map. */
 static void test_shadow_option(void) {
     enum { KINDS = 18 };
-    static const char *const kinds[KINDS] = {"sheets",
-                                             "deep",
-                                             "compressed",
-                                             "depth",
-                                             "opacity",
-                                             "opacity --map-cubic",
-                                             "deep-opacity",
-                                             "deep-opacity --map-cubic",
-                                             "fourier",
-                                             "fourier --map-texel-range",
-                                             "fourier --map-running-maximum",
-                                             "fourier --map-texel-range --map-running-maximum",
-                                             "moment",
-                                             "adaptive",
-                                             "beer",
-                                             "table",
+    static const char *const kinds[KINDS] = {"sheets",       "deep",
+                                             "compressed",   "depth",
+                                             "opacity",      "opacity --map-cubic",
+                                             "deep-opacity", "deep-opacity --map-cubic",
+                                             "fourier",      "fourier --map-texel-range",
+                                             "moment",       "adaptive",
+                                             "beer",         "table",
                                              "none"};
     static const complaint all[] = {
         {VOLUME "--shadow fourier --map-components 4 " SMALL "--light directional,0,0,-1,1,1,1 --out a.png", 2,
@@ -1478,8 +1469,6 @@ static void test_shadow_option(void) {
         {VOLUME "--shadow fourier --map-cubic --plan", 2, "--map-cubic says nothing about --shadow fourier"},
         {VOLUME "--map-cubic --shadow sheets --plan", 2, "--map-cubic says nothing about --shadow sheets"},
         {VOLUME "--map-texel-range --shadow moment --plan", 2, "--map-texel-range says nothing about --shadow moment"},
-        {VOLUME "--shadow opacity --map-running-maximum --plan", 2,
-         "--map-running-maximum says nothing about --shadow opacity"},
         {VOLUME "--table-size 8 --shadow sheets --plan", 2, "--table-size says nothing about --shadow sheets"},
         {VOLUME "--table-size 8 --plan >plan", 0, NULL},
         {VOLUME "--shadow samples --no-shadows --out a.png", 2, "--shadow samples says nothing with --no-shadows"},
@@ -2075,7 +2064,6 @@ static void test_help(void) {
                                         "--map-epsilon E",
                                         "--map-cubic",
                                         "--map-texel-range",
-                                        "--map-running-maximum",
                                         "--quality draft|medium|high|ultra",
                                         "--no-shadows",
                                         "--reference",
@@ -2217,7 +2205,7 @@ static void test_stack(mixed *m) {
         sps_context *context = sps_create(&config, NULL);
         memset(&settings, 0, sizeof settings);
         settings.technique = (sps_tmap_technique)(technique < 0 ? 0 : technique);
-        settings.cubic = settings.running_maximum = 1;
+        settings.cubic = 1;
         for (int i = 0; i < m->s.scene.light_count; ++i) m->s.light[i].shadow_map = technique < 0 ? NULL : &settings;
         d.most = 0;
         CHECK(check_render(context, &m->s, pixels_fresh));

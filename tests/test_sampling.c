@@ -161,7 +161,7 @@ static void hand_over(const sps_tmap *map, const fixture *f) {
     CHECK(tmap_bound.has_range ==
           (s.technique == SPS_TMAP_DEEP_OPACITY || (s.technique == SPS_TMAP_FOURIER && s.texel_range)));
     CHECK(tmap_bound.has_planes == (planes != NULL) && tmap_bound.cubic == s.cubic);
-    CHECK(tmap_bound.running_maximum == s.running_maximum && tmap_bound.has_surfaces == (surfaces != NULL));
+    CHECK(tmap_bound.has_surfaces == (surfaces != NULL));
     CHECK(tmap_bound.width == f->light.width && tmap_bound.height == f->light.height);
     CHECK(tmap_bound.face == 0 && tmap_bound.face_count == (f->light.omnidirectional ? 6 : 1));
     sps_tmap_get_projection(map, 0, matrix, NULL);
@@ -343,32 +343,30 @@ static void check_map(const char *name, const fixture *f, const sps_tmap *map) {
 typedef struct variant {
     const char *name;
     sps_tmap_technique technique;
-    int components, cubic, has_planes, texel_range, running_maximum;
+    int components, cubic, has_planes, texel_range;
 } variant;
 
 static const variant variants[] = {
-    {"deep", SPS_TMAP_DEEP, 0, 0, 0, 0, 0},
-    {"compressed", SPS_TMAP_COMPRESSED, 0, 0, 0, 0, 0},
-    {"depth", SPS_TMAP_DEPTH, 0, 0, 0, 0, 0},
-    {"opacity", SPS_TMAP_OPACITY, 0, 0, 0, 0, 0},
-    {"opacity, one plane", SPS_TMAP_OPACITY, 1, 0, 0, 0, 0},
-    {"opacity, cubic", SPS_TMAP_OPACITY, 11, 1, 0, 0, 0},
-    {"opacity, one plane, cubic", SPS_TMAP_OPACITY, 1, 1, 0, 0, 0},
-    {"opacity, planes given", SPS_TMAP_OPACITY, 8, 0, 1, 0, 0},
-    {"opacity, planes given, cubic", SPS_TMAP_OPACITY, 8, 1, 1, 0, 0},
-    {"deep opacity", SPS_TMAP_DEEP_OPACITY, 0, 0, 0, 0, 0},
-    {"deep opacity, planes given, cubic", SPS_TMAP_DEEP_OPACITY, 10, 1, 1, 0, 0},
-    {"Fourier", SPS_TMAP_FOURIER, 0, 0, 0, 0, 0},
-    {"Fourier, 8 harmonics", SPS_TMAP_FOURIER, 17, 0, 0, 0, 0},
-    {"Fourier, 4 harmonics, range", SPS_TMAP_FOURIER, 11, 0, 0, 1, 0},
-    {"Fourier, range", SPS_TMAP_FOURIER, 0, 0, 0, 1, 0},
-    {"Fourier, running maximum", SPS_TMAP_FOURIER, 9, 0, 0, 0, 1},
-    {"Fourier, range, running maximum", SPS_TMAP_FOURIER, 9, 0, 0, 1, 1},
-    {"4 moments", SPS_TMAP_MOMENT, 0, 0, 0, 0, 0},
-    {"6 moments", SPS_TMAP_MOMENT, 7, 0, 0, 0, 0},
-    {"8 moments", SPS_TMAP_MOMENT, 9, 0, 0, 0, 0},
-    {"adaptive", SPS_TMAP_ADAPTIVE, 0, 0, 0, 0, 0},
-    {"Beer", SPS_TMAP_BEER, 0, 0, 0, 0, 0},
+    {"deep", SPS_TMAP_DEEP, 0, 0, 0, 0},
+    {"compressed", SPS_TMAP_COMPRESSED, 0, 0, 0, 0},
+    {"depth", SPS_TMAP_DEPTH, 0, 0, 0, 0},
+    {"opacity", SPS_TMAP_OPACITY, 0, 0, 0, 0},
+    {"opacity, one plane", SPS_TMAP_OPACITY, 1, 0, 0, 0},
+    {"opacity, cubic", SPS_TMAP_OPACITY, 11, 1, 0, 0},
+    {"opacity, one plane, cubic", SPS_TMAP_OPACITY, 1, 1, 0, 0},
+    {"opacity, planes given", SPS_TMAP_OPACITY, 8, 0, 1, 0},
+    {"opacity, planes given, cubic", SPS_TMAP_OPACITY, 8, 1, 1, 0},
+    {"deep opacity", SPS_TMAP_DEEP_OPACITY, 0, 0, 0, 0},
+    {"deep opacity, planes given, cubic", SPS_TMAP_DEEP_OPACITY, 10, 1, 1, 0},
+    {"Fourier", SPS_TMAP_FOURIER, 0, 0, 0, 0},
+    {"Fourier, 8 harmonics", SPS_TMAP_FOURIER, 17, 0, 0, 0},
+    {"Fourier, 4 harmonics, range", SPS_TMAP_FOURIER, 11, 0, 0, 1},
+    {"Fourier, range", SPS_TMAP_FOURIER, 0, 0, 0, 1},
+    {"4 moments", SPS_TMAP_MOMENT, 0, 0, 0, 0},
+    {"6 moments", SPS_TMAP_MOMENT, 7, 0, 0, 0},
+    {"8 moments", SPS_TMAP_MOMENT, 9, 0, 0, 0},
+    {"adaptive", SPS_TMAP_ADAPTIVE, 0, 0, 0, 0},
+    {"Beer", SPS_TMAP_BEER, 0, 0, 0, 0},
 };
 
 static const variant *variant_of(const char *name) {
@@ -387,7 +385,6 @@ static void fixture_begin(fixture *f, const variant *v, light_kind kind) {
     f->settings.cubic = v->cubic;
     f->settings.planes = v->has_planes ? given_planes : NULL;
     f->settings.texel_range = v->texel_range;
-    f->settings.running_maximum = v->running_maximum;
     fixture_aim(f, kind);
 }
 
@@ -455,9 +452,9 @@ static double filtered_fourier(tmap_place p) {
     for (int k = 0; k < tmap_bound.components; ++k) mixed[k] = (float)filtered(p, k);
     const float *kept = texels;
     bind_texels(mixed);
-    const double depth = (double)tmap_fourier_series(tmap_bound, 0, tmap_bound.components, p.u);
+    const double depth = (double)tmap_fourier_depth(tmap_bound, 0, tmap_bound.components, p.u);
     bind_texels(kept);
-    return fmin(fmax(depth, 0), 0.5 * (double)mixed[0]);
+    return depth;
 }
 
 /* The shortcuts agree with the results of four texels: floats of up to 40, sums of 7. For a Fourier map this requires

@@ -1067,7 +1067,7 @@ static void test_techniques(void) {
             deep = must_build(&f, context);
             f.settings.technique = (sps_tmap_technique)technique;
             f.settings.epsilon = epsilon;
-            if (n >= TECHNIQUES + 2) f.settings.cubic = f.settings.texel_range = f.settings.running_maximum = 1;
+            if (n >= TECHNIQUES + 2) f.settings.cubic = f.settings.texel_range = 1;
             map = must_build(&f, context);
             if (map && deep) check_technique(map, deep, epsilon > 0 ? epsilon : 0.01f);
             sps_tmap_destroy(map);
@@ -2034,7 +2034,7 @@ static void test_company(void) {
         fixture f;
         begin_mixed(&f, technique);
         if (round) see(&f, ROUND, 2 * SIDE);
-        f.settings.cubic = f.settings.texel_range = f.settings.running_maximum = variant;
+        f.settings.cubic = f.settings.texel_range = variant;
         map = must_build(&f, context);
         for (int i = 0; i < 3 * POINTS; ++i) points[i] = 14 * check_next(&random) - 7;
         if (map) {
@@ -2276,16 +2276,15 @@ AT(components, 68);
 AT(has_range, 72);
 AT(has_planes, 76);
 AT(cubic, 80);
-AT(running_maximum, 84);
-AT(has_surfaces, 88);
-AT(width, 92);
-AT(height, 96);
-AT(near_depth, 100);
-AT(far_depth, 104);
-AT(bias, 108);
-AT(bias_per_distance, 112);
-AT(face, 116);
-AT(face_count, 120);
+AT(has_surfaces, 84);
+AT(width, 88);
+AT(height, 92);
+AT(near_depth, 96);
+AT(far_depth, 100);
+AT(bias, 104);
+AT(bias_per_distance, 108);
+AT(face, 112);
+AT(face_count, 116);
 typedef char size_of_constants[sizeof(sps_tmap_constants) == 128 ? 1 : -1];
 
 static void check_row(const float row[4], const double exact[4]) {
@@ -2304,7 +2303,7 @@ static void test_constants(void) {
         see(&f, n % 4 == 3 ? ROUND : n % 4 == 2 ? ORTHO : SPOT_TURNED, SIDE);
         f.settings.near_depth = 0.25;
         if (technique == SPS_TMAP_OPACITY && n % 2) f.settings.planes = planes, f.settings.components = 6;
-        f.settings.cubic = n % 4 == 1, f.settings.running_maximum = n == 5, f.settings.texel_range = n == 6;
+        f.settings.cubic = n % 4 == 1, f.settings.texel_range = n == 6;
         if (n == 2) f.s.scene.mesh_count = 0;
         map = must_build(&f, context);
         for (int face = 0; face < (n % 4 == 3 ? 6 : 1) && map; ++face) {
@@ -2318,9 +2317,9 @@ static void test_constants(void) {
             CHECK_NEAR((double)c.bias_per_distance, bias[1], 6e-8 * bias[1]);
             CHECK(c.technique == technique && c.components == map->settings.components);
             CHECK(c.has_planes == (technique == SPS_TMAP_OPACITY && n % 2) && c.cubic == (n % 4 == 1));
-            CHECK(c.running_maximum == (n == 5) && c.has_range == (n == 6) && c.has_surfaces == (n != 2));
+            CHECK(c.has_range == (n == 6) && c.has_surfaces == (n != 2));
             CHECK(c.width == SIDE && c.height == SIDE && c.near_depth == 0.25f && c.far_depth == 20);
-            CHECK(c.face == face && c.face_count == (n % 4 == 3 ? 6 : 1) && c.padding == 0);
+            CHECK(c.face == face && c.face_count == (n % 4 == 3 ? 6 : 1) && c.padding_0 == 0 && c.padding_1 == 0);
         }
         sps_tmap_destroy(map);
         end(&f);

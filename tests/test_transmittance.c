@@ -689,25 +689,6 @@ static void test_fourier(void) {
         }
 }
 
-static void test_running_maximum(void) {
-    for (int n = 0; n < COLUMNS; ++n) {
-        sps_tmap_settings plain = settings_of(SPS_TMAP_FOURIER, 15), running = plain;
-        float texel[SPSI_TMAP_COMPONENTS];
-        double most = 0;
-        running.running_maximum = 1;
-        build(&plain, &columns[n], texel);
-        for (int i = 0; i <= 28;
-             ++i) { /* at the samples it is the maximum so far; with the round-off of doubles and floats */
-            const double u = i / 28.0;
-            most = fmax(most, ask(&plain, texel, u));
-            /* the test's u is not a float, and extinction is at most 1 + 2 * 7 times the mean */
-            if (!CHECK_NEAR(ask(&running, texel, u), most, 19 * half_ulp * 0.5 * (double)texel[0]))
-                printf("    %s\n", columns[n].name);
-            CHECK(ask(&running, texel, u + 0.01) >= ask(&plain, texel, u + 0.01));
-        }
-    }
-}
-
 /* ---------------------------------------------------------------------------------------------------------- moments */
 
 /* Legendre's nodes for polynomials up to degree 11. */
@@ -1107,7 +1088,7 @@ static void check_all_techniques(const column *c, const char *what) {
         for (int variant = 0; variant < 3; ++variant) {
             const int components = variant == 0 ? technique->usual : variant == 1 ? technique->least : technique->most;
             sps_tmap_settings settings = settings_of((sps_tmap_technique)t, components);
-            settings.cubic = settings.running_maximum = variant == 0;
+            settings.cubic = variant == 0;
             check_answers(&settings, c, what);
         }
     }
@@ -1224,7 +1205,6 @@ int main(void) {
     RUN(test_opacity);
     RUN(test_cubic);
     RUN(test_fourier);
-    RUN(test_running_maximum);
     RUN(test_moment_sums);
     RUN(test_moment_bracket);
     RUN(test_moment_rounding);

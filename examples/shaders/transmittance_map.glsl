@@ -64,13 +64,13 @@ struct tmap {
     int technique_id, components;
     int has_range;  /* 1: a deep opacity map, or texel_range is set */
     int has_planes; /* 1: planes is not NULL */
-    int cubic, running_maximum;
+    int cubic;
     int has_surfaces;  /* 1: sps_tmap_surfaces is not NULL */
     int width, height; /* texels of a face */
     float near_depth, far_depth;
     float bias, bias_per_distance; /* of surfaces */
     int face, face_count;          /* the face that the rows are for */
-    int padding;
+    int padding_0, padding_1;
     TMAP_ARRAYS
 };
 
@@ -151,24 +151,15 @@ TMAP_FUNCTION float tmap_cubic_depth(tmap map, int first, int n, float u) {
     return tmap_clamp(tmap_mix(b.y, c.y, t) + t * (1.0f - t) * (c.x - b.x) * bend, b.y, c.y);
 }
 
-/* Fourier series of extinction, integrated up to u. */
-TMAP_FUNCTION float tmap_fourier_series(tmap map, int first, int n, float u) {
-    float sum = 0.5f * TMAP_TEXEL(map, first) * u;
+/* Fourier series of extinction, integrated up to u: no less than nothing and no more than all. */
+TMAP_FUNCTION float tmap_fourier_depth(tmap map, int first, int n, float u) {
+    float whole = 0.5f * TMAP_TEXEL(map, first), sum = whole * u;
     for (int k = 1; 2 * k < n; ++k) {
         float w = 6.28318531f * tmap_float(k);
         float a = TMAP_TEXEL(map, first + 2 * k - 1), b = TMAP_TEXEL(map, first + 2 * k);
         sum += (a * sinf(w * u) + b * (1.0f - cosf(w * u))) / w;
     }
-    return sum;
-}
-
-/* No less than nothing and no more than all; with running_maximum, no less than anywhere before u. */
-TMAP_FUNCTION float tmap_fourier_depth(tmap map, int first, int n, float u) {
-    float most = tmap_fourier_series(map, first, n, u);
-    int samples = map.running_maximum != 0 ? 2 * (n - 1) : 0;
-    for (int i = 1; tmap_float(i) < u * tmap_float(samples); ++i)
-        most = fmaxf(most, tmap_fourier_series(map, first, n, tmap_float(i) / tmap_float(samples)));
-    return tmap_clamp(most, 0.0f, 0.5f * TMAP_TEXEL(map, first));
+    return tmap_clamp(sum, 0.0f, whole);
 }
 
 /* Beer: where gas begins, optical depth per u from there on, optical depth of all. */

@@ -514,10 +514,10 @@ typedef enum sps_tmap_technique {
        first occluder and behind the last, or set texel_range. n 3, 5 .. 65, default 7, and two more with texel_range;
        insertion and query cost n. */
     SPS_TMAP_FOURIER,
-    /* 4, 6 or 8 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z ..
-       z^(n-1) with z = 2u - 1. A query returns the middle of the narrowest bracket that they allow. Soft, never rings,
-       exact at u = 1. n 5, 7 or 9, default 5; insertion costs n; a query solves a small matrix and finds the roots of a
-       polynomial, ten times the cost of others. */
+    /* 4 or 6 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z .. z^(n-1)
+       with z = 2u - 1. A query returns the middle of the narrowest bracket that they allow. Soft, never rings, exact at
+       u = 1. n 5 or 7, default 5; insertion costs n; a query solves a small matrix and finds the roots of a polynomial,
+       ten times the cost of others. */
     SPS_TMAP_MOMENT,
     /* Adaptive volumetric shadow map [Salvi et al. 2010]: the transmittance curve as n / 2 nodes, u T u T .. . The node
        whose removal changes the area least is removed until n / 2 are left. There is no error bound; the rms error is
@@ -4037,12 +4037,11 @@ static float spsi_adaptive_optical_depth(const sps_tmap_settings *settings, cons
 
 /* ---- moments ---- */
 
-#define SPSI_MOMENTS_MAX 8
+#define SPSI_MOMENTS_MAX 6
 
 /* Binomial coefficients, 2 j of k. */
 static const float spsi_moment_choose[SPSI_MOMENTS_MAX + 1][SPSI_MOMENTS_MAX / 2 + 1] = {
-    {1, 0, 0, 0, 0},  {1, 0, 0, 0, 0},   {1, 1, 0, 0, 0},   {1, 3, 0, 0, 0},    {1, 6, 1, 0, 0},
-    {1, 10, 5, 0, 0}, {1, 15, 15, 1, 0}, {1, 21, 35, 7, 0}, {1, 28, 70, 28, 1},
+    {1, 0, 0, 0}, {1, 0, 0, 0}, {1, 1, 0, 0}, {1, 3, 0, 0}, {1, 6, 1, 0}, {1, 10, 5, 0}, {1, 15, 15, 1},
 };
 
 /* Sums of t E z^k, z = 2 u - 1: z = m + h s around the interval's middle, where odd powers of s have mean 0, and even
@@ -4097,8 +4096,7 @@ static int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
    those of too few points; by a larger share if that is not enough. The distributions are those of [Muenstermann et al.
    2018], for the same reason: their matrices are far from singular. Returns the share. */
 static double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int components, double share) {
-    static const double wide[3][SPSI_MOMENTS_MAX / 2] = {
-        {0.375, 0.375}, {0.48, 0.451, 0.45}, {0.75, 0.67666666666666667, 0.63, 0.60030303030303030}};
+    static const double wide[2][SPSI_MOMENTS_MAX / 2] = {{0.375, 0.375}, {0.48, 0.451, 0.45}};
     double b[SPSI_MOMENTS_MAX + 1];
     hankel->size = (components + 1) / 2;
     for (;; share = fmin(10 * share, 1)) {
@@ -4189,35 +4187,23 @@ static void spsi_polynomial_within(const double *c, int degree, double reach, do
     within[1] = known ? fmin(middle + radius + room, reach) : reach;
 }
 
-/* The roots of odd order within two bounds, in order: they lie between those of the derivative. `roots` holds `count`
-   roots of the derivative, which are replaced by those of the polynomial. Returns their number. */
-static int spsi_polynomial_between(const double *c, int degree, const double within[2], double *roots, int count) {
-    double a = within[0];
-    int low = spsi_polynomial_positive(c, degree, a), found = 0;
-    for (int i = 0; i <= count; ++i) {
-        const double b = i < count ? roots[i] : within[1];
-        const int high = spsi_polynomial_positive(c, degree, b);
-        if (low != high) roots[found++] = spsi_polynomial_root(c, degree, a, b, high);
-        a = b;
+/* The roots of odd order of a parabola or a cubic within -reach .. reach, in order: a cubic's lie between those of its
+   derivative. Returns their number. */
+static int spsi_polynomial_roots(const double *c, int degree, double reach, double *roots) {
+    double within[2], ends[SPSI_MOMENTS_MAX / 2 + 1];
+    int low, count, found = 0;
+    if (degree == 2) return spsi_parabola_roots(c[2], c[1], c[0], reach, roots);
+    count = spsi_parabola_roots(3 * c[3], 2 * c[2], c[1], reach, ends + 1);
+    spsi_polynomial_within(c, degree, reach, within);
+    ends[0] = within[0];
+    ends[count + 1] = within[1];
+    low = spsi_polynomial_positive(c, degree, ends[0]);
+    for (int i = 1; i <= count + 1; ++i) {
+        const int high = spsi_polynomial_positive(c, degree, ends[i]);
+        if (low != high) roots[found++] = spsi_polynomial_root(c, degree, ends[i - 1], ends[i], high);
         low = high;
     }
     return found;
-}
-
-/* The roots of odd order within -reach .. reach, in order, by way of all derivatives from the parabola upwards. */
-static int spsi_polynomial_roots(const double *c, int degree, double reach, double *roots) {
-    double derivatives[SPSI_MOMENTS_MAX / 2 - 1][SPSI_MOMENTS_MAX / 2 + 1], within[2];
-    const double *parabola = derivatives[degree - 2];
-    int count;
-    memcpy(derivatives[0], c, (size_t)(degree + 1) * sizeof *c);
-    for (int order = 1; order <= degree - 2; ++order)
-        for (int i = 0; i <= degree - order; ++i) derivatives[order][i] = (i + 1) * derivatives[order - 1][i + 1];
-    count = spsi_parabola_roots(parabola[2], parabola[1], parabola[0], reach, roots);
-    if (degree == 2) return count;
-    spsi_polynomial_within(c, degree, reach, within);
-    for (int order = degree - 3; order >= 0; --order)
-        count = spsi_polynomial_between(derivatives[order], degree - order, within, roots, count);
-    return count;
 }
 
 /* The minimum and maximum share before z of all distributions with these moments: those of the only one that consists
@@ -4244,10 +4230,10 @@ static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bound
     bounds[1] = (before + here) / whole;
 }
 
-/* Biases for 4, 6 and 8 moments in floats [Muenstermann et al. 2018]. Cost: a matrix of 3 to 5 rows, and the roots of a
-   polynomial of degree 2 to 4. At u = 1 the result is exactly the total. */
+/* Biases for 4 and 6 moments in floats [Muenstermann et al. 2018]. Cost: a matrix of 3 or 4 rows, and the roots of a
+   polynomial of degree 2 or 3. At u = 1 the result is exactly the total. */
 static float spsi_moment_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    static const double biases[3] = {5e-7, 5e-6, 5e-5};
+    static const double biases[2] = {5e-7, 5e-6};
     spsi_hankel hankel;
     double bounds[2];
     if (!(texel[0] > 0)) return 0;
@@ -4260,10 +4246,10 @@ static float spsi_moment_optical_depth(const sps_tmap_settings *settings, const 
 /* A mixture of (1 - a) F and a G that has the biased moments is within their bounds, and since G is 0 .. 1, F is
    within (low - a) / (1 - a) .. high / (1 - a). That also holds for moments that round-off has changed by d of the
    total, as long as the correction of G that makes up for it, d / a, leaves G's matrix positive: d (matrix size) < a
-   (smallest eigenvalue: 0.199, 0.0137, 0.0049). These biases allow for 2e-6, the round-off of a thousand sums and more.
+   (smallest eigenvalue: 0.199, 0.0137). These biases allow for 2e-6, the round-off of a thousand sums and more.
    The result of spsi_moment_optical_depth, which is less biased, is included. */
 static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]) {
-    static const double biases[3] = {3e-5, 6e-4, 2e-3};
+    static const double biases[2] = {3e-5, 6e-4};
     const double whole = (double)texel[0], answer = (double)spsi_moment_optical_depth(settings, texel, u);
     spsi_hankel hankel;
     double bounds[2], share;
@@ -4324,7 +4310,7 @@ static const spsi_technique spsi_techniques[] = {
      spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
     {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, NULL, NULL, NULL, NULL,
      spsi_fourier_optical_depths, NULL, NULL},
-    {"a moment map", 5, 9, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, NULL,
+    {"a moment map", 5, 7, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, NULL,
      spsi_moment_optical_depth, spsi_moment_bracket},
     {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, spsi_adaptive_bytes, NULL, NULL,
      spsi_adaptive_optical_depth, NULL},
@@ -4998,6 +4984,8 @@ static sps_result spsi_check_components(sps_context *context, int light, const s
         if (n >= least && n <= technique->most && (n - least) % technique->step == 0) return SPS_OK;
         if (least == technique->most)
             SPS_SNPRINTF(rule, sizeof rule, "%s has %d", technique->name, least);
+        else if (least + technique->step == technique->most)
+            SPS_SNPRINTF(rule, sizeof rule, "%s has %d or %d", technique->name, least, technique->most);
         else
             SPS_SNPRINTF(rule, sizeof rule, "%s%s has %d, %d .. %d", technique->name, with, least,
                          least + technique->step, technique->most);

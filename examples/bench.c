@@ -328,7 +328,6 @@ static const map_row map_rows[] = {
     {"the same, texel_range", .settings = {.technique = SPS_TMAP_FOURIER, .components = 9, .texel_range = 1}},
     {"4 moments", .settings = {.technique = SPS_TMAP_MOMENT, .components = 5}},
     {"6 moments", .settings = {.technique = SPS_TMAP_MOMENT, .components = 7}},
-    {"8 moments", .settings = {.technique = SPS_TMAP_MOMENT, .components = 9}},
     {"adaptive, 8 nodes", .settings = {.technique = SPS_TMAP_ADAPTIVE, .components = 16}},
     {"Beer", .settings = {.technique = SPS_TMAP_BEER, .components = 3}},
     {"compressed to 0.01", .settings = {.technique = SPS_TMAP_COMPRESSED, .epsilon = 0.01f}},

@@ -70,7 +70,7 @@ static int components_of(sps_tmap_technique technique, int wanted) {
     case SPS_TMAP_DEPTH: return 1;
     case SPS_TMAP_BEER: return 3;
     case SPS_TMAP_FOURIER: return (wanted - 1) | 1;
-    case SPS_TMAP_MOMENT: return wanted > 8 ? 9 : (wanted - 1) | 1;
+    case SPS_TMAP_MOMENT: return wanted > 6 ? 7 : 5;
     default: return wanted;
     }
 }

@@ -695,7 +695,7 @@ static void test_quotes(void) {
                 least[i] = fmin(least[i], errors[i]);
                 if (bold[i]) least_bold[i] = errors[i], ++bolds;
             }
-        CHECK(rows == 9 && bolds == SCENES);
+        CHECK(rows == 8 && bolds == SCENES);
         for (int i = 0; i < SCENES; ++i) CHECK(least_bold[i] == least[i]);
     }
     free(page), free(maps);

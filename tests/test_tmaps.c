@@ -3554,7 +3554,7 @@ static void test_picture_settings_are_copied(void) {
 
 /* A light's invalid settings, and a mesh's transmittance, are refused by name. */
 static void test_picture_refusals(void) {
-    static const char *const texts[] = {"light[0].shadow_map.technique is 12",
+    static const char *const texts[] = {"light[0].shadow_map.technique is 11",
                                         "light[0].shadow_map.components is 2",
                                         "light[0].shadow_map_omnidirectional is 1",
                                         "light[0].shadow_map.far_depth is 3",

@@ -1001,7 +1001,7 @@ static void test_lanes(void) {
     static const sps_tmap_technique sums[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT, SPS_TMAP_BEER};
     static float together[STRIDE * SPSI_TMAP_COMPONENTS];
     for (int t = 0; t < 4; ++t) {
-        const sps_tmap_settings settings = settings_of(sums[t], t == 0 ? 65 : t == 1 ? 65 : t == 2 ? 9 : 3);
+        const sps_tmap_settings settings = settings_of(sums[t], t == 0 ? 65 : t == 1 ? 65 : t == 2 ? 7 : 3);
         column lanes[SPSI_LANES];
         sums_clear(&settings, together);
         for (int lane = 0; lane < SPSI_LANES; ++lane) lanes[lane].name = "lane", lanes[lane].count = 0;

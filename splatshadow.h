@@ -3525,23 +3525,12 @@ static inline float spsi_plane(const sps_tmap_settings *settings, int i) {
     return settings->planes ? settings->planes[i] : (float)(i + 1) / (float)settings->components;
 }
 
-/* The first plane that is not before u; the last if all are. */
+/* The first plane that is not before u; the last if all are. Even planes: from one too early on, for round-off. */
 static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
     const int last = settings->components - 1;
-    int low = 0, high = last;
-    if (!settings->planes) { /* start one plane early, to be safe from round-off */
-        low = spsi_most((int)(u * (float)settings->components) - 1, 0);
-        while (low < last && spsi_plane(settings, low) < u) ++low;
-        return spsi_least(low, last);
-    }
-    while (low < high) {
-        const int middle = (low + high) / 2;
-        if (settings->planes[middle] < u)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low;
+    int i = settings->planes ? 0 : spsi_most((int)(u * (float)settings->components) - 1, 0);
+    while (i < last && spsi_plane(settings, i) < u) ++i;
+    return spsi_least(i, last);
 }
 
 /* Adds to each plane its increment over the plane before, so that planes behind an interval need not be visited. */
@@ -4319,16 +4308,6 @@ static const spsi_technique spsi_techniques[] = {
     {"a shadow table", 8, 1024, 1, 256, 0, 1, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
      spsi_opacity_optical_depths, NULL, NULL},
 };
-
-/* Optical depth before u in one texel, by the function that the technique has. */
-static float spsi_texel_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    const spsi_technique *technique = &spsi_techniques[settings->technique];
-    const spsi_texels texels = {texel, 0, spsi_set(0), spsi_set(0)};
-    float lanes[SPSI_LANES];
-    if (technique->optical_depth) return technique->optical_depth(settings, texel, u);
-    spsi_store(lanes, technique->optical_depths(settings, &texels, spsi_set(u)));
-    return lanes[0];
-}
 
 /* Settings with SPS_TMAP_DEFAULT replaced by the technique that it stands for, and without planes that are not meant
    for theirs. */
@@ -15448,27 +15427,28 @@ static size_t spsi_tmap_item_count(const sps_tmap *map) {
     return ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
 }
 
-/* The part of a texel that a technique looks up: its floats without the range, and u within the range. */
-typedef struct spsi_texel {
-    const float *floats;
-    float u; /* below 0: before all occluders */
-} spsi_texel;
+static const float *spsi_tmap_texel(const sps_tmap *map, size_t index) {
+    return (const float *)map->data.texels.data + index * (size_t)map->settings.components;
+}
 
-static spsi_texel spsi_tmap_texel(const sps_tmap *map, size_t index, float u) {
-    spsi_texel texel;
-    texel.floats = (const float *)map->data.texels.data + index * (size_t)map->settings.components;
-    texel.u = u;
-    if (!map->has_range) return texel;
-    {
-        const float first = texel.floats[0], length = texel.floats[1] - first;
-        texel.u = u < first ? -1 : length > 0 ? spsi_lower((u - first) / length, 1) : 1;
-        texel.floats += 2;
-    }
-    return texel;
+/* Optical depth of gas before u in a vector of texels, where the technique has a function for these. */
+static spsi_v spsi_tmap_texels_depths(const sps_tmap *map, const spsi_texels *texels, spsi_v u) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    spsi_texels inner = *texels;
+    spsi_v first, length, within;
+    if (!map->has_range) return map->technique->optical_depths(&map->inner, texels, u);
+    first = spsi_texels_at(texels, zero);
+    length = spsi_sub(spsi_texels_at(texels, one), first);
+    within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
+    within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
+    inner.x = spsi_add(texels->x, spsi_set(2));
+    return spsi_select(spsi_less(u, first), zero, map->technique->optical_depths(&map->inner, &inner, within));
 }
 
 /* Optical depth of gas before u in one texel. */
 static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u) {
+    const spsi_texels one = {spsi_tmap_texel(map, index), 0, spsi_set(0), spsi_set(0)};
+    float lanes[SPSI_LANES];
     if (map->technique->lists) {
         const uint32_t *starts = (const uint32_t *)map->data.starts.data + index;
         const uint32_t count = starts[1] - starts[0];
@@ -15476,10 +15456,9 @@ static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u)
                    ? spsi_intervals_optical_depth((const spsi_interval *)map->data.texels.data + starts[0], count, u)
                    : spsi_compressed_optical_depth((const spsi_node *)map->data.texels.data + starts[0], count, u);
     }
-    {
-        const spsi_texel texel = spsi_tmap_texel(map, index, u);
-        return texel.u < 0 ? 0 : spsi_texel_optical_depth(&map->inner, texel.floats, texel.u);
-    }
+    if (map->technique->optical_depth) return map->technique->optical_depth(&map->inner, one.floats, u);
+    spsi_store(lanes, spsi_tmap_texels_depths(map, &one, spsi_set(u)));
+    return lanes[0];
 }
 
 /* Bounds of the optical depth of gas before u in one texel. */
@@ -15493,9 +15472,12 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
         bounds[0] = spsi_higher(-logf(spsi_lower(through + epsilon, 1)), 0);
         bounds[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
     } else if (map->technique->bracket) {
-        const spsi_texel texel = spsi_tmap_texel(map, index, u);
+        const float *texel = spsi_tmap_texel(map, index), first = map->has_range ? texel[0] : 0;
+        const float length = map->has_range ? texel[1] - first : 1;
         bounds[1] = 0;
-        if (!(texel.u < 0)) map->technique->bracket(&map->inner, texel.floats, texel.u, bounds);
+        if (!(u < first))
+            map->technique->bracket(&map->inner, texel + 2 * map->has_range,
+                                    length > 0 ? spsi_lower((u - first) / length, 1) : 1, bounds);
     }
 }
 
@@ -15557,25 +15539,7 @@ typedef struct spsi_tmap_quads {
     spsi_v column[2], row[2], weight[4], u;
 } spsi_tmap_quads;
 
-/* Optical depth of gas before u in a vector of texels, looked up at once. */
-static spsi_v spsi_tmap_all_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
-    const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    spsi_texels texels;
-    spsi_v first, length, within;
-    texels.floats = (const float *)map->data.texels.data;
-    texels.stride = map->rays[0].width * map->settings.components;
-    texels.x = spsi_mul(column, spsi_set((float)map->settings.components));
-    texels.y = row;
-    if (!map->has_range) return map->technique->optical_depths(&map->inner, &texels, u);
-    first = spsi_texels_at(&texels, zero);
-    length = spsi_sub(spsi_texels_at(&texels, one), first);
-    within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
-    within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
-    texels.x = spsi_add(texels.x, spsi_set(2));
-    return spsi_select(spsi_less(u, first), zero, map->technique->optical_depths(&map->inner, &texels, within));
-}
-
-/* The same, one texel at a time; texels without weight are skipped. */
+/* The same for any technique, one texel at a time; texels without weight are skipped. */
 static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     float columns[SPSI_LANES], rows[SPSI_LANES], us[SPSI_LANES], weights[SPSI_LANES];
     spsi_store(columns, column);
@@ -15620,16 +15584,17 @@ static inline spsi_shadow_table_place spsi_shadow_table_place_of(spsi_v texel, f
     return place;
 }
 
-/* Optical depth in texels of a table, `share` of the way from plane k - 1 to plane k of u = (k + 1) / n; plane -1, at
+/* Steps of optical depth before u in texels of a table, between planes k - 1 and k of u = (k + 1) / n; plane -1, at
    u = 0, is 0. Item k of a texel holds both. */
 static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, const spsi_shadow_table_place *column,
-                                          const spsi_shadow_table_place *row, spsi_v k, spsi_v share) {
+                                          const spsi_shadow_table_place *row, spsi_v u) {
+    const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(u, planes);
+    const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
     const spsi_v block = spsi_fma(row->block, spsi_set((float)spsi_shadow_table_columns(map)), column->block);
     spsi_v pair[2];
     spsi_lookup_pair((const uint32_t *)map->data.table.data, SPSI_SHADOW_TABLE_TEXELS,
-                     spsi_add(row->within, column->within),
-                     spsi_fma(block, spsi_set((float)map->settings.components), k), pair);
-    return spsi_mix(pair[0], pair[1], share);
+                     spsi_add(row->within, column->within), spsi_fma(block, planes, k), pair);
+    return spsi_mix(pair[0], pair[1], spsi_sub(at, k));
 }
 
 /* Optical depth of a step. */
@@ -15637,19 +15602,8 @@ static inline spsi_v spsi_shadow_table_step(const sps_tmap *map) {
     return spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST);
 }
 
-/* The same as spsi_tmap_all_optical_depths, from a shadow table. */
-static spsi_v spsi_shadow_table_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
-    const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(u, planes);
-    const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
-    const spsi_shadow_table_place x = spsi_shadow_table_place_of(column, 1),
-                                  y = spsi_shadow_table_place_of(row, SPSI_SHADOW_TABLE_SIDE);
-    return spsi_mul(spsi_shadow_table_at(map, &x, &y, k, spsi_sub(at, k)), spsi_shadow_table_step(map));
-}
-
-/* The same as spsi_tmap_optical_depths. */
+/* Optical depth of gas at a vector of points, from a shadow table. */
 static spsi_v spsi_shadow_table_lookup(const sps_tmap *map, const spsi_tmap_quads *quads) {
-    const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(quads->u, planes);
-    const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1))), share = spsi_sub(at, k);
     spsi_shadow_table_place x[2], y[2];
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 2; ++i) {
@@ -15657,14 +15611,21 @@ static spsi_v spsi_shadow_table_lookup(const sps_tmap *map, const spsi_tmap_quad
         y[i] = spsi_shadow_table_place_of(quads->row[i], SPSI_SHADOW_TABLE_SIDE);
     }
     for (int i = 0; i < 4; ++i)
-        sum = spsi_fma(quads->weight[i], spsi_shadow_table_at(map, &x[i & 1], &y[i >> 1], k, share), sum);
+        sum = spsi_fma(quads->weight[i], spsi_shadow_table_at(map, &x[i & 1], &y[i >> 1], quads->u), sum);
     return spsi_mul(sum, spsi_shadow_table_step(map));
 }
 
-/* The same, by whichever of these the map supports. */
+/* Optical depth of gas before u in a vector of texels of any map. */
 static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
-    if (map->data.table.data) return spsi_shadow_table_optical_depths(map, column, row, u);
-    return map->has_vectors ? spsi_tmap_all_optical_depths(map, column, row, u)
+    const float components = (float)map->settings.components;
+    const spsi_texels texels = {(const float *)map->data.texels.data, map->rays[0].width * map->settings.components,
+                                spsi_mul(column, spsi_set(components)), row};
+    if (map->data.table.data) {
+        const spsi_shadow_table_place x = spsi_shadow_table_place_of(column, 1),
+                                      y = spsi_shadow_table_place_of(row, SPSI_SHADOW_TABLE_SIDE);
+        return spsi_mul(spsi_shadow_table_at(map, &x, &y, u), spsi_shadow_table_step(map));
+    }
+    return map->has_vectors ? spsi_tmap_texels_depths(map, &texels, u)
                             : spsi_tmap_each_optical_depth(map, column, row, u, weight);
 }
 
@@ -16890,10 +16851,6 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     }
     for (int i = 0; i < occluders->faces.count; ++i)
         has_surfaces |= spsi_face_optical_depth(&occluders->faces.list[i]) >= SPSI_DEPTH_MAX;
-    if (has_surfaces && map->settings.byte_budget &&
-        spsi_tmap_bytes(map) + spsi_tmap_texel_count(map) * sizeof(float) > map->settings.byte_budget)
-        return spsi_tmap_refuse_budget(map,
-                                       (double)(spsi_tmap_bytes(map) + spsi_tmap_texel_count(map) * sizeof(float)));
     if (spsi_tmap_reserve_texels(map, has_surfaces) || spsi_tmap_reserve_prints(map)) return context->result;
     memset(&filling, 0, sizeof filling);
     filling.context = context;

@@ -108,8 +108,8 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     sheets (0.3 MB per kind of gas or classified volume), two with more than 8192 particles.
     Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its map or table; those of
-    lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, 8
-    while one is made or updated, by default up to 256^3 entries per face; if all volumes have a revision, also 8 per
+    lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, and 4 per
+    entry of 64 rows while one is made or updated, by default up to 256^3 entries per face; if all volumes have a revision, also 8 per
     patch of 8 x 8 texels, and 8 per brick of 8^3 voxels. A light with an extent adds 64 bytes per texel of its shadow
     buffer (320 if there are polygons), 4 per texel and point (8 if there are polygons), 1 per point and pixel of the
     image if there are polygons, and 12 per texel and worker. An image that a light throws
@@ -533,8 +533,8 @@ typedef enum sps_tmap_technique {
        interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark
        (SPS_SCATTERING_FORWARD: 64, and steps four times as large). By default entries are as wide as a texel of the
        light's sheets, or wider if more than 256 would be needed on a side. n 8..1024; the default makes entries as long
-       as they are wide, but at most 256 planes. At most 2^28 entries. 4 bytes per texel and plane, twice that while it
-       is made; cheapest of all maps to look up. Held for the next call, and updated there where gas has changed
+       as they are wide, but at most 256 planes. At most 2^28 entries. 4 bytes per texel and plane, and 4 more
+       for those of 64 rows while it is made; cheapest of all maps to look up. Held for the next call, and updated there where gas has changed
        (sps_light.shadow_map). */
     SPS_TMAP_TABLE
 } sps_tmap_technique;
@@ -4020,8 +4020,8 @@ static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node
 }
 
 static float spsi_adaptive_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    const spsi_node *nodes = (const spsi_node *)(const void *)texel;
-    return spsi_optical_depth_of(spsi_nodes_transmittance(nodes, (uint32_t)(settings->components / 2), u));
+    const uint32_t count = (uint32_t)(settings->components / 2);
+    return spsi_compressed_optical_depth((const spsi_node *)(const void *)texel, count, u);
 }
 
 /* ---- moments ---- */
@@ -4305,7 +4305,7 @@ static const spsi_technique spsi_techniques[] = {
      spsi_adaptive_optical_depth, NULL},
     {"a Beer map", 3, 3, 1, 3, 0, 1, 0, 0, spsi_beer_insert, spsi_beer_finish, NULL, NULL, spsi_beer_clear,
      spsi_beer_optical_depths, NULL, NULL},
-    {"a shadow table", 8, 1024, 1, 256, 0, 1, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
+    {"a shadow table", 8, 1024, 1, 256, 0, 1, 0, 0, spsi_opacity_insert, NULL, NULL, NULL, NULL,
      spsi_opacity_optical_depths, NULL, NULL},
 };
 
@@ -15393,7 +15393,7 @@ struct sps_tmap {
     float table_end;  /* of a shadow table: the optical depth at which it ends */
     uint64_t key;     /* of a shadow table: fingerprint of all that it is made from; 0: it is not kept */
     uint64_t aim;     /* fingerprint of its rays and planes: only tables with the same have the same entries */
-    spsi_buffer past; /* no data, or the table of the last call that is brought up to date */
+    int updates;      /* 1: its table is that of the last call, which is brought up to date */
     double per_depth; /* 1 / (far - near) */
     double bias[2];   /* of surfaces, in t: bias[0] + bias[1] * t */
     spsi_buffer planes;
@@ -16202,6 +16202,24 @@ static void spsi_clear_task(void *data, int index, int worker) {
         (map->technique->clear)(into.sums, into.stride, into.stride, map->inner.components);
 }
 
+/* Writes the planes of a texel of a shadow table; `y` counts rows of all faces. Plane k of its sums is at sums[k *
+   stride]. */
+static void spsi_shadow_table_store(const sps_tmap *map, int x, int y, const float *sums, size_t stride) {
+    const int planes = map->settings.components, side = SPSI_SHADOW_TABLE_SIDE;
+    const size_t block = (size_t)(y / side) * (size_t)spsi_shadow_table_columns(map) + (size_t)(x / side);
+    uint32_t *to = (uint32_t *)map->data.table.data + block * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
+    const float end = map->table_end;
+    uint32_t before = 0;
+    double sum = 0;
+    for (int k = 0; k < planes; ++k) {
+        const float depth = (float)(sum += (double)sums[(size_t)k * stride]);
+        const float steps = spsi_higher(0, spsi_lower(depth, end)) * (SPSI_SHADOW_TABLE_MOST / end);
+        const uint32_t next = (uint32_t)(steps + 0.5f);
+        to[k * SPSI_SHADOW_TABLE_TEXELS + y % side * side + x % side] = before | next << 16;
+        before = next;
+    }
+}
+
 /* Writes a tile's sums to its texels. */
 static void spsi_store_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
@@ -16213,8 +16231,13 @@ static void spsi_store_task(void *data, int index, int worker) {
     for (int i = 0; i < into.width * into.height; ++i) {
         const int x = into.x0 + i % into.width, y = into.y0 + i / into.width;
         const size_t texel = spsi_map_tile_texel(&into, x, y);
-        float *out = (float *)map->data.texels.data + texel * (size_t)map->settings.components;
+        float *out;
         if (!spsi_map_tile_is_open(&into, x, y, x, y)) continue;
+        if (map->settings.technique == SPS_TMAP_TABLE) {
+            spsi_shadow_table_store(map, x, (int)(texel / (size_t)map->rays[0].width), into.sums + i, into.stride);
+            continue;
+        }
+        out = (float *)map->data.texels.data + texel * (size_t)map->settings.components;
         if (map->has_range) {
             *out++ = into.ranges[i];
             *out++ = spsi_higher(into.ranges[into.stride + (size_t)i], into.ranges[i]);
@@ -16706,7 +16729,7 @@ static void spsi_print_task(void *data, int index, int worker) {
     spsi_print_balls(job, column, row, prints);
     held->open = 0;
     for (int i = 0; i < 64; ++i)
-        held->open |= (uint64_t)(!filling->map->past.data || held->patches[i] != prints[i]) << i;
+        held->open |= (uint64_t)(!filling->map->updates || held->patches[i] != prints[i]) << i;
     held->open &= spsi_tmap_patches(filling->map, row, column);
     memcpy(held->patches, prints, sizeof prints);
 }
@@ -16809,6 +16832,11 @@ static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
         if (!spsi_buffer_reserve(map->context, &map->data.starts, texels + 1, sizeof(uint32_t)))
             return map->context->result;
         memset(map->data.starts.data, 0, (texels + 1) * sizeof(uint32_t));
+    } else if (map->settings.technique == SPS_TMAP_TABLE) {
+        const size_t planes = (size_t)(spsi_shadow_table_blocks(map) * map->settings.components);
+        const size_t size = SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t);
+        if (!map->updates && !spsi_buffer_reserve(map->context, &map->data.table, planes, size))
+            return map->context->result;
     } else if (!spsi_buffer_reserve(map->context, &map->data.texels, texels,
                                     (size_t)map->settings.components * sizeof(float)))
         return map->context->result;
@@ -17040,7 +17068,6 @@ static void spsi_tmap_release(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->data.table);
     spsi_buffer_release(map->context, &map->data.surfaces);
     spsi_buffer_release(map->context, &map->data.prints);
-    spsi_buffer_release(map->context, &map->past);
 }
 
 /* Releases the occluders that were added, once they have been read. */
@@ -17158,60 +17185,6 @@ static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     for (int face = 0; face < map->face_count; ++face) map->rays[face].depth_reference = settings->near_depth;
 }
 
-/* The steps of a shadow table that stand for an optical depth. */
-static uint32_t spsi_shadow_table_steps(const sps_tmap *map, float depth) {
-    const float end = map->table_end;
-    return (uint32_t)(spsi_higher(0, depth < end ? depth : end) * (SPSI_SHADOW_TABLE_MOST / end) + 0.5f);
-}
-
-/* Whether a texel of a table was filled; `y` counts rows of all faces. */
-static int spsi_shadow_table_is_new(const sps_tmap *map, int x, int y) {
-    const int height = map->rays[0].height, in_face = y % height;
-    const spsi_tile_prints *prints = spsi_tmap_prints(map, y / height, in_face / SPSI_TILE_HEIGHT, x / SPSI_TILE_WIDTH);
-    x %= SPSI_TILE_WIDTH;
-    return !prints || (prints->open & spsi_patch_box(x, in_face % SPSI_TILE_HEIGHT, x, in_face % SPSI_TILE_HEIGHT));
-}
-
-/* Fills a row of a table's blocks. What lies beyond the last row or column repeats the last: it is never looked up. */
-static void spsi_shadow_table_task(void *data, int row, int worker) {
-    const sps_tmap *map = (const sps_tmap *)data;
-    const int planes = map->settings.components, width = map->rays[0].width;
-    const int height = map->rays[0].height * map->face_count, columns = spsi_shadow_table_columns(map);
-    uint32_t *to =
-        (uint32_t *)map->data.table.data + (size_t)row * (size_t)columns * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
-    (void)worker;
-    for (int column = 0; column < columns; ++column, to += (size_t)planes * SPSI_SHADOW_TABLE_TEXELS)
-        for (int i = 0; i < SPSI_SHADOW_TABLE_TEXELS; ++i) {
-            const int x = spsi_least(column * SPSI_SHADOW_TABLE_SIDE + i % SPSI_SHADOW_TABLE_SIDE, width - 1);
-            const int y = spsi_least(row * SPSI_SHADOW_TABLE_SIDE + i / SPSI_SHADOW_TABLE_SIDE, height - 1);
-            const size_t texel = (size_t)y * (size_t)width + (size_t)x;
-            const float *from = (const float *)map->data.texels.data + texel * (size_t)planes;
-            uint32_t before = 0;
-            const int count = spsi_shadow_table_is_new(map, x, y) ? planes : 0;
-            for (int k = 0; k < count; ++k) {
-                const uint32_t next = spsi_shadow_table_steps(map, from[k]);
-                to[k * SPSI_SHADOW_TABLE_TEXELS + i] = before | next << 16;
-                before = next;
-            }
-        }
-}
-
-/* Turns an opacity map's texels into a table, or into the new part of one, and releases them. */
-static sps_result spsi_shadow_table_build(sps_tmap *map) {
-    const size_t blocks = (size_t)spsi_shadow_table_columns(map) * (size_t)spsi_shadow_table_rows(map);
-    const size_t planes = (size_t)map->settings.components;
-    map->data.table = map->past;
-    memset(&map->past, 0, sizeof map->past);
-    if (!spsi_buffer_reserve(map->context, &map->data.table, blocks * planes,
-                             SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t)))
-        return map->context->result;
-    spsi_parallel(map->context, spsi_shadow_table_rows(map), spsi_shadow_table_task, map);
-    spsi_buffer_release(map->context, &map->data.texels);
-    map->context->stats.tables_made += 1;
-    spsi_shadow_table_count(map, 0);
-    return SPS_OK;
-}
-
 /* A hash of the gas that a map shows; 0 if it may be another in the next call. */
 static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_volumes_fingerprint(frame);
@@ -17257,7 +17230,8 @@ static void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
     while (i < context->shadow_table_count && !(held[i].data.table.data && held[i].aim == map->aim)) ++i;
     if (i == context->shadow_table_count || !map->key) return;
     map->finished = held[i].key == map->key;
-    *(map->finished ? &map->data.table : &map->past) = held[i].data.table;
+    map->updates = !map->finished;
+    map->data.table = held[i].data.table;
     map->data.prints = held[i].data.prints;
     memset(&held[i], 0, sizeof held[i]);
     held[i].context = context;
@@ -17323,8 +17297,10 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
     occluders.frame = frame;
     occluders.part = *part;
     if (map->finished) return SPS_OK;
-    if (spsi_tmap_fill(map, &occluders)) return context->result;
-    return spsi_has_shadow_table(lamp) ? spsi_shadow_table_build(map) : SPS_OK;
+    if (spsi_tmap_fill(map, &occluders) || !spsi_has_shadow_table(lamp)) return context->result;
+    context->stats.tables_made += 1;
+    spsi_shadow_table_count(map, 0);
+    return SPS_OK;
 }
 
 /* --- its size, before anything is read --- */
@@ -17383,8 +17359,6 @@ static void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
     *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
     if (!spsi_techniques[lamp->map.technique].sums) *filling += spsi_balls_order_bytes(frame->particles.count);
     *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
-    if (spsi_has_shadow_table(lamp))
-        *filling += (texels + 1) * components * sizeof(float); /* before they become a table */
 }
 
 /* ============================================================================================ >>penumbrae

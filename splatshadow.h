@@ -7349,17 +7349,51 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
 }
 
 /* Boxes are floats, rounded outwards; they need a margin for the sums in double precision that place them about the
-   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. */
-static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const spsi_tree_node *node) {
+   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. A ray's own width is
+   `half` to each side. */
+static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const double half[3],
+                               const spsi_tree_node *node) {
     double low[3], high[3], range[2], room = 0;
     for (int i = 0; i < 3; ++i)
         room += fabs(tree->centre[i]) + fabs(ray->origin[i]) + fabs((double)node->low[i]) + fabs((double)node->high[i]);
     room *= 1e-12;
     for (int i = 0; i < 3; ++i) {
-        low[i] = tree->centre[i] + (double)node->low[i] - room;
-        high[i] = tree->centre[i] + (double)node->high[i] + room;
+        low[i] = tree->centre[i] + (double)node->low[i] - half[i] - room;
+        high[i] = tree->centre[i] + (double)node->high[i] + half[i] + room;
     }
     return spsi_ray_meets_box(ray, low, high, range);
+}
+
+/* A ray's walk through a tree. */
+typedef struct spsi_walk {
+    const spsi_tree *tree;
+    double half[3]; /* the ray's width to each side */
+    int stack[SPSI_TREE_STACK], top;
+    int next, end; /* what is left of a leaf in `order` */
+} spsi_walk;
+
+static void spsi_walk_begin(const spsi_tree *tree, spsi_walk *walk) {
+    walk->tree = tree;
+    walk->half[0] = walk->half[1] = walk->half[2] = 0;
+    walk->stack[0] = walk->next = walk->end = 0;
+    walk->top = tree->count > 0;
+}
+
+/* The number of the next item in a leaf that a ray meets, which may have been shortened since the last; -1: there is
+   none. */
+static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
+    while (walk->next == walk->end) {
+        const spsi_tree_node *node;
+        if (walk->top == 0) return -1;
+        node = &walk->tree->nodes[walk->stack[--walk->top]];
+        if (!spsi_ray_meets_node(walk->tree, ray, walk->half, node)) continue;
+        walk->next = node->first;
+        walk->end = node->first + node->count;
+        if (node->count > 0) continue;
+        walk->stack[walk->top++] = node->first;
+        walk->stack[walk->top++] = node->first + 1;
+    }
+    return walk->tree->order[walk->next++];
 }
 
 /* ============================================================================================= >>polygons
@@ -9285,15 +9319,6 @@ typedef struct spsi_passage {
     int is_direction; /* 1: a direction */
 } spsi_passage;
 
-static int spsi_passage_meets_node(const spsi_tree *tree, const spsi_passage *passage, const spsi_tree_node *node) {
-    spsi_tree_node wide = *node;
-    for (int i = 0; i < 3; ++i) {
-        wide.low[i] = spsi_outward((double)node->low[i] - passage->half[i], 0);
-        wide.high[i] = spsi_outward((double)node->high[i] + passage->half[i], 1);
-    }
-    return spsi_ray_meets_node(tree, &passage->ray, &wide);
-}
-
 /* Whether a face may stop or filter rays that begin on another: part of that one is on the far side of its plane from
    the light, by half the room that spsi_face_stops grants to round-off. */
 static int spsi_passage_may_meet(const spsi_faces *faces, const spsi_passage *passage, int number, int own) {
@@ -9320,7 +9345,7 @@ static int spsi_passage_is_clear(const spsi_faces *faces, const spsi_passage *pa
     while (top > 0) {
         const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
         if (++seen > SPSI_PASSAGE_NODES) return 0;
-        if (!spsi_passage_meets_node(&faces->tree, passage, node)) continue;
+        if (!spsi_ray_meets_node(&faces->tree, &passage->ray, passage->half, node)) continue;
         for (int i = 0; i < node->count * count; ++i) {
             const int number = faces->tree.order[node->first + i / count], from = own[i % count];
             if (number != from && spsi_passage_may_meet(faces, passage, number, from)) return 0;
@@ -9358,26 +9383,19 @@ static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double ro
 
 /* Finds the nearest face on a ray that begins on face `own` (-1: on none), and shortens the ray to it. */
 static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, spsi_hit *hit) {
-    int stack[SPSI_TREE_STACK], top = 0;
+    spsi_walk walk;
+    int number;
     hit->face = -1;
-    if (faces->tree.count > 0) stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        if (!spsi_ray_meets_node(&faces->tree, ray, node)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const int number = faces->tree.order[node->first + i];
-            const spsi_face *face = &faces->list[number];
-            const double rounding = own >= 0 ? (double)face->rounding + 16 * DBL_EPSILON * faces->extent : 0;
-            double t;
-            float weights[2];
-            if (number == own || !spsi_face_meets(face, ray, rounding, &t, weights)) continue;
-            ray->high = t;
-            hit->face = number;
-            memcpy(hit->weights, weights, sizeof weights);
-        }
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
+    spsi_walk_begin(&faces->tree, &walk);
+    while ((number = spsi_walk_on(&walk, ray)) >= 0) {
+        const spsi_face *face = &faces->list[number];
+        const double rounding = own >= 0 ? (double)face->rounding + 16 * DBL_EPSILON * faces->extent : 0;
+        double t;
+        float weights[2];
+        if (number == own || !spsi_face_meets(face, ray, rounding, &t, weights)) continue;
+        ray->high = t;
+        hit->face = number;
+        memcpy(hit->weights, weights, sizeof weights);
     }
 }
 
@@ -28428,27 +28446,32 @@ typedef struct spsi_dense {
     const float *values;
     float *most;          /* per brick: maximum value of it and its neighbours */
     float *bound;         /* per brick: upper bound of the extinction that goes with it; for paths only */
+    double all_most;      /* maximum value; for bounds only */
     int size[3];          /* in voxels */
     int bricks[3];        /* size in bricks */
     double inverse[3][3]; /* rows; world offset from the corner to voxels */
     double corner[3];     /* in the world */
 } spsi_dense;
 
-/* The ray of a pixel, on its way from one translucent face to the next. */
+typedef struct spsi_between {
+    double low, high;
+} spsi_between;
+
+/* The ray of a pixel, on its way from one translucent face to the next. Without bounds, low and high are equal. */
 typedef struct spsi_walker {
-    double sums[5];     /* over the pixel's samples so far: color, coverage, distance weighted by coverage */
-    double radiance[3]; /* of what lies before `low` */
-    double through[3];  /* share of each color that passes it */
-    double filter[3];   /* share that passes its polygons */
-    double gas;         /* optical depth of its gas */
-    double distance;    /* weighted by what is taken from `through` */
+    spsi_between colors[3];    /* sums over the samples that have ended */
+    double coverage, distance_sum; /* likewise: distance weighted by coverage */
+    spsi_between radiance[3];  /* of what lies before `low` */
+    spsi_between scattered[3]; /* of gas there; with bounds only, where it is not yet in `radiance` */
+    double source[3];          /* radiance of that gas, were it opaque, at most */
+    double filter[3];          /* share of each color that passes its polygons */
+    spsi_between gas;          /* optical depth of its gas */
+    double distance;           /* weighted by what is taken from the ray */
     double low, high;   /* the part of the ray before the next face, in world length */
     double depth;       /* of the next face: t - depth_reference; where the part begins if there is none yet */
     spsi_hit hit;       /* of the next face */
     int ended;          /* 1: nothing more is seen */
 } spsi_walker;
-
-struct spsi_bracketing; /* >>brackets */
 
 typedef struct spsi_marcher {
     const spsi_frame *frame;
@@ -28459,6 +28482,8 @@ typedef struct spsi_marcher {
     const sps_reference_settings *settings;
     int forward;          /* 1: light scatters forward more than once, in closed form */
     double step;          /* maximum, in world length */
+    spsi_bounds bounds;   /* of all gas */
+    int lamp_count;       /* for bounds: lights that volumes scatter */
     float *total;         /* the region's pixels, spsi_total_floats each */
     int first_row;        /* of the current batch, in the region */
     spsi_walker *walkers; /* of the region's pixels */
@@ -28470,10 +28495,29 @@ typedef struct spsi_marcher {
     const double *glow;   /* for paths: emission of rows of voxels, then of particles, each added to those before it */
     size_t glow_count;
     double glow_sum; /* of all of it; 0: nothing emits */
-    /* Follows the ray of a pixel up to its next face and through that. */
-    void (*follow)(const struct spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker);
-    const struct spsi_bracketing *bracketing; /* NULL: without bounds */
+    /* Follows a ray through a step, halved `halvings` times already. Returns 0 if nothing behind it matters. */
+    int (*follow)(const struct spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
+                  spsi_walker *walker);
+    spsi_between (*shade)(const struct spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]);
 } spsi_marcher;
+
+static spsi_between spsi_between_of(double low, double high) {
+    spsi_between interval;
+    interval.low = low;
+    interval.high = high;
+    return interval;
+}
+
+/* Adds low..high, neither of them negative. */
+static void spsi_between_add(spsi_between *sum, double low, double high) {
+    sum->low += low;
+    sum->high += high;
+}
+
+/* exp(-depth). */
+static spsi_between spsi_between_passes(spsi_between depth) {
+    return spsi_between_of(exp(-depth.high), exp(-depth.low));
+}
 
 /* --- the field --- */
 
@@ -28541,44 +28585,47 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
     return sum;
 }
 
-/* Optical depth of a ball along a segment of a ray: that of the whole chord times the difference of a function of s at
-   the segment's ends, s running from -1 to 1 along the chord. It is s / 2 for density 1, and 3 s / 4 - s^3 / 4 for
-   density 1 - (r / radius)^2. */
-static double spsi_ray_depth_in_ball(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set) {
+/* A ray's chord through a ball, on which s runs from -1 to 1. Optical depth up to s is that of the whole chord times a
+   function of s: s / 2 for density 1, and 3 s / 4 - s^3 / 4 for density 1 - (r / radius)^2. */
+typedef struct spsi_ray_chord {
+    double depth;        /* of the whole chord */
+    double middle, half; /* where s is 0, and its half length */
+    double from, to;     /* the function at the ends of the ray's segment */
+} spsi_ray_chord;
+
+/* Returns 0 if the ray's line does not meet the ball. */
+static int spsi_ray_chord_in_ball(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
+                                  spsi_ray_chord *chord) {
     const double radius = (double)particle->radius;
-    double offset[3], ends[2], middle, square, half;
+    double offset[3], ends[2], square;
     for (int i = 0; i < 3; ++i) offset[i] = (double)particle->position[i] - ray->origin[i];
-    middle = spsi_dot(offset, ray->direction);
-    spsi_along(offset, ray->direction, -middle, offset);
+    chord->middle = spsi_dot(offset, ray->direction);
+    spsi_along(offset, ray->direction, -chord->middle, offset);
     square = 1 - spsi_dot(offset, offset) / (radius * radius);
     if (!(square > 0)) return 0;
-    half = radius * sqrt(square);
-    ends[0] = fmin(fmax((ray->low - middle) / half, -1), 1);
-    ends[1] = fmin(fmax((ray->high - middle) / half, -1), 1);
+    chord->half = radius * sqrt(square);
+    chord->depth = fmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX) * sqrt(square);
+    if (set->soft) chord->depth *= square;
+    ends[0] = fmin(fmax((ray->low - chord->middle) / chord->half, -1), 1);
+    ends[1] = fmin(fmax((ray->high - chord->middle) / chord->half, -1), 1);
     for (int i = 0; i < 2; ++i) ends[i] *= set->soft ? (3 - ends[i] * ends[i]) / 4 : 0.5;
-    return fmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX) * sqrt(square) * (set->soft ? square : 1) *
-           (ends[1] - ends[0]);
+    chord->from = ends[0];
+    chord->to = ends[1];
+    return 1;
 }
 
 /* Adds the optical depth of each set of particles along a segment of a ray to `depths`. */
 static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
-    const spsi_tree *tree = &marcher->particles;
     const spsi_frame *frame = marcher->frame;
-    int stack[SPSI_TREE_STACK], top = 0;
-    if (tree->count == 0 || !(ray->high > ray->low)) return;
-    stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        if (!spsi_ray_meets_node(tree, ray, node)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const int particle = tree->order[node->first + i];
-            const spsi_particle_set *set = spsi_set_of(frame, particle);
-            depths[set - frame->particles.sets] +=
-                spsi_ray_depth_in_ball(ray, &frame->content->particles[particle], set);
-        }
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
+    spsi_walk walk;
+    int particle;
+    if (!(ray->high > ray->low)) return;
+    spsi_walk_begin(&marcher->particles, &walk);
+    while ((particle = spsi_walk_on(&walk, ray)) >= 0) {
+        const spsi_particle_set *set = spsi_set_of(frame, particle);
+        spsi_ray_chord chord;
+        if (spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord))
+            depths[set - frame->particles.sets] += chord.depth * (chord.to - chord.from);
     }
 }
 
@@ -28617,26 +28664,19 @@ static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y
 
 /* Finds the next face that a pixel's ray meets. If there is none, the ray goes on for ever. */
 static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walker *walker) {
-    const spsi_tree *tree = &marcher->faces->tree;
-    const double reference = marcher->frame->content->eye.depth_reference;
-    int stack[SPSI_TREE_STACK], top = 0;
+    const spsi_rays *eye = &marcher->frame->content->eye;
     spsi_walker next = *walker;
+    spsi_walk walk;
     spsi_ray ray;
-    const double length = spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
+    const double length = spsi_march_ray(eye, x, y, &ray);
+    int number;
     next.low = ray.low = fmax(ray.low, walker->high);
     next.depth = next.high = HUGE_VAL;
     next.hit.face = -1;
-    if (tree->count > 0) stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        if (!spsi_ray_meets_node(tree, &ray, node)) continue;
-        for (int i = 0; i < node->count; ++i)
-            if (spsi_march_face(marcher, tree->order[node->first + i], x, y, walker, &next))
-                ray.high = next.high = (next.depth + reference) * length;
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
-    }
+    spsi_walk_begin(&marcher->faces->tree, &walk);
+    while ((number = spsi_walk_on(&walk, &ray)) >= 0)
+        if (spsi_march_face(marcher, number, x, y, walker, &next))
+            ray.high = next.high = (next.depth + eye->depth_reference) * length;
     *walker = next;
 }
 
@@ -28644,33 +28684,25 @@ static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walk
    they let nothing pass. */
 static int spsi_march_sight(const spsi_faces *faces, const spsi_lamp *lamp, const double point[3], int own,
                             double passes[3]) {
-    const spsi_tree *tree = &faces->tree;
-    int stack[SPSI_TREE_STACK], top = 0;
     spsi_packet packet;
+    spsi_walk walk;
     spsi_ray ray;
+    int number;
     passes[0] = passes[1] = passes[2] = 1;
-    if (tree->count == 0) return 1;
+    if (faces->tree.count == 0) return 1;
     memcpy(ray.origin, point, sizeof ray.origin);
     spsi_toward_lamp(lamp, point, ray.direction);
     spsi_packet_begin(faces, !lamp->is_point, own >= 0, &packet);
-    spsi_packet_add(tree, 0, own, ray.origin, ray.direction, &packet);
+    spsi_packet_add(&faces->tree, 0, own, ray.origin, ray.direction, &packet);
     ray.low = 0;
     ray.high = packet.reach;
-    stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        if (!spsi_ray_meets_node(tree, &ray, node)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const int number = tree->order[node->first + i];
-            const spsi_face *face = &faces->list[number];
-            if (number == own || !(spsi_face_stops(face, &packet, 0) & 1)) continue;
-            if (!spsi_black(face->transmittance) && !spsi_face_passes(face, ray.origin, ray.direction)) continue;
-            for (int c = 0; c < 3; ++c) passes[c] *= (double)face->transmittance[c];
-            if (!(passes[0] > 0 || passes[1] > 0 || passes[2] > 0)) return 0;
-        }
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
+    spsi_walk_begin(&faces->tree, &walk);
+    while ((number = spsi_walk_on(&walk, &ray)) >= 0) {
+        const spsi_face *face = &faces->list[number];
+        if (number == own || !(spsi_face_stops(face, &packet, 0) & 1)) continue;
+        if (!spsi_black(face->transmittance) && !spsi_face_passes(face, ray.origin, ray.direction)) continue;
+        for (int c = 0; c < 3; ++c) passes[c] *= (double)face->transmittance[c];
+        if (!(passes[0] > 0 || passes[1] > 0 || passes[2] > 0)) return 0;
     }
     return 1;
 }
@@ -28684,18 +28716,36 @@ static const spsi_material *spsi_part_material(const spsi_frame *frame, int part
 }
 
 /* Clips a ray to the bounds of all gas. Returns the number of steps in what is left. */
-static int spsi_march_range(const spsi_marcher *marcher, const double origin[3], const double direction[3], double low,
-                            double high, double range[2]) {
-    spsi_ray ray;
-    if (marcher->part_count == 0) return 0;
-    memcpy(ray.origin, origin, sizeof ray.origin);
-    memcpy(ray.direction, direction, sizeof ray.direction);
-    ray.low = low;
-    ray.high = high;
-    if (!spsi_ray_meets_box(&ray, marcher->frame->content->bounds.low, marcher->frame->content->bounds.high, range))
-        return 0;
+static int spsi_march_range(const spsi_marcher *marcher, const spsi_ray *ray, double range[2]) {
+    if (marcher->part_count == 0 || !spsi_ray_meets_box(ray, marcher->bounds.low, marcher->bounds.high, range)) return 0;
     if (!(range[1] > range[0])) return 0;
     return (int)fmin(fmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
+}
+
+/* The i-th of `count` steps of a ray's part. */
+static spsi_ray spsi_march_part(const spsi_ray *ray, const double range[2], int i, int count) {
+    spsi_ray part = *ray;
+    part.low = range[0] + (range[1] - range[0]) * i / count;
+    part.high = range[0] + (range[1] - range[0]) * (i + 1) / count;
+    return part;
+}
+
+/* The ray from a point to a light. Returns 0 if the light is there. */
+static int spsi_lamp_ray(const spsi_lamp *lamp, const double point[3], spsi_ray *ray) {
+    memcpy(ray->origin, point, sizeof ray->origin);
+    spsi_toward_lamp(lamp, point, ray->direction);
+    ray->low = 0;
+    ray->high = lamp->is_point ? spsi_length(ray->direction) : HUGE_VAL;
+    return spsi_normalise(ray->direction);
+}
+
+/* Optical depth of all particles along a segment of a ray, and of each set of them. */
+static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
+    double sum = 0;
+    memset(depths, 0, SPSI_SETS_MAX * sizeof *depths);
+    spsi_trace_particles(marcher, ray, depths);
+    for (int i = 0; i < marcher->frame->particles.set_count; ++i) sum += depths[i];
+    return sum;
 }
 
 /* Extinction of one volume where its value is f. If it is classified and f > 0, `appearance` gets its color and
@@ -28714,37 +28764,25 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
 }
 
 /* Optical depth of all gas between a point and a light. */
-static double spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
-    double toward[3], range[2], depths[SPSI_SETS_MAX] = {0}, depth = 0, beyond = HUGE_VAL;
+static spsi_between spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
+    double range[2], depths[SPSI_SETS_MAX], depth;
     int count;
     spsi_ray ray;
-    spsi_lamp_direction(lamp, point, toward);
-    for (int i = 0; i < 3; ++i) toward[i] = -toward[i];
-    if (lamp->is_point) {
-        double offset[3];
-        spsi_along(lamp->position, point, -1, offset);
-        beyond = spsi_length(offset);
-    }
-    memcpy(ray.origin, point, sizeof ray.origin);
-    memcpy(ray.direction, toward, sizeof toward);
-    ray.low = 0;
-    ray.high = beyond;
-    spsi_trace_particles(marcher, &ray, depths);
-    for (int i = 0; i < marcher->frame->particles.set_count; ++i) depth += depths[i];
-    if (marcher->frame->medium_count == 0) return depth;
-    count = spsi_march_range(marcher, point, toward, 0, beyond, range);
+    if (!spsi_lamp_ray(lamp, point, &ray)) return spsi_between_of(0, 0);
+    depth = spsi_particles_depth(marcher, &ray, depths);
+    count = marcher->frame->medium_count > 0 ? spsi_march_range(marcher, &ray, range) : 0;
     for (int i = 0; i < count; ++i) {
         const double h = (range[1] - range[0]) / count;
         double at[3];
-        spsi_along(point, toward, range[0] + (i + 0.5) * h, at);
+        spsi_along(point, ray.direction, range[0] + (i + 0.5) * h, at);
         for (int m = 0; m < marcher->frame->medium_count; ++m) {
-            const spsi_material *material = &marcher->frame->matter.materials[marcher->frame->media[m].channel];
+            const spsi_material *material = spsi_part_material(marcher->frame, m);
             float appearance[4];
             if (material->extinguishes)
                 depth += h * spsi_extinction_at(material, spsi_field(&marcher->grids[m], at, NULL), appearance);
         }
     }
-    return depth;
+    return spsi_between_of(depth, depth);
 }
 
 /* Fills a sample with a volume's color at a point, and with the normal from the field's gradient. */
@@ -28909,7 +28947,7 @@ static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *p
                                 double weight, spsi_source *source) {
     double travel[3], arrives[3], response[3], depth = 0;
     if (!spsi_point_arrival(marcher, point, lamp, travel, arrives)) return;
-    if (lamp->shadows) depth = spsi_march_lamp(marcher, lamp, point->position);
+    if (lamp->shadows) depth = spsi_march_lamp(marcher, lamp, point->position).low;
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_part_material(marcher->frame, m);
         const double share = point->extinction[m] * weight;
@@ -28947,23 +28985,27 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
 
 /* Irradiance that reaches a surface from all points of a light, per unit of its color. */
 static void spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lamp, int face,
-                               const spsi_surface *surface, double arrives[3]) {
+                               const spsi_surface *surface, spsi_between arrives[3]) {
     const int count = spsi_reference_points(lamp);
-    arrives[0] = arrives[1] = arrives[2] = 0;
+    memset(arrives, 0, 3 * sizeof *arrives);
     for (int n = 0; n < count; ++n) {
         spsi_lamp at;
-        double irradiance[3], passes[3] = {1, 1, 1}, through;
+        double irradiance[3], passes[3] = {1, 1, 1};
+        spsi_between through = {1, 1};
         spsi_reference_point(lamp, surface->point, n, &at);
         if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
         if (lamp->shadows && !spsi_march_sight(marcher->faces, &at, surface->start, face, passes)) continue;
-        through = lamp->shadows ? exp(-spsi_march_lamp(marcher, &at, surface->point)) : 1;
-        for (int c = 0; c < 3; ++c) arrives[c] += irradiance[c] * passes[c] * through;
+        if (lamp->shadows) through = spsi_between_passes(marcher->shade(marcher, &at, surface->point));
+        for (int c = 0; c < 3; ++c) {
+            const double arrives_all = irradiance[c] * passes[c] / count;
+            spsi_between_add(&arrives[c], arrives_all * through.low, arrives_all * through.high);
+        }
     }
-    for (int c = 0; c < 3; ++c) arrives[c] /= count;
 }
 
 /* Radiance of the polygon that a ray meets, from all lights and ambient light. */
-static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y, double radiance[3]) {
+static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
+                               spsi_between radiance[3]) {
     const spsi_frame *frame = marcher->frame;
     const double ambient = marcher->settings->samples == 0 ? 1 : 0; /* otherwise paths find it */
     spsi_appearance look;
@@ -28971,70 +29013,80 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     spsi_place place = {hit, x, y, {(double)x, (double)y}, 0};
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
     spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
-    for (int c = 0; c < 3; ++c)
-        radiance[c] = look.color[c] * ambient * (double)frame->ambient.radiance[c] + (double)look.emission[c];
+    for (int c = 0; c < 3; ++c) {
+        const double own = look.color[c] * ambient * (double)frame->ambient.radiance[c] + (double)look.emission[c];
+        radiance[c] = spsi_between_of(own, own);
+    }
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
-        double arrives[3];
+        spsi_between arrives[3];
         spsi_march_arrival(marcher, lamp, hit->face, &surface, arrives);
-        for (int c = 0; c < 3; ++c) radiance[c] += look.color[c] * (arrives[c] / SPSI_PI) * (double)lamp->color[c];
+        for (int c = 0; c < 3; ++c) {
+            const double reflected = look.color[c] / SPSI_PI * (double)lamp->color[c];
+            spsi_between_add(&radiance[c], reflected * arrives[c].low, reflected * arrives[c].high);
+        }
     }
 }
 
 /* Mean of three colors; their own value if they are equal, to the bit. */
 static double spsi_color_mean(const double c[3]) { return c[0] + (c[1] - c[0] + (c[2] - c[0])) / 3; }
 
-/* Marches through the gas before a pixel's next face. */
-static void spsi_march_gas(const spsi_marcher *marcher, const spsi_ray *ray, spsi_sample *samples,
+/* Marches a step through gas. Returns 0 if what is behind it is hidden. */
+static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                            spsi_walker *walker) {
-    double range[2];
-    spsi_ray step = *ray;
-    const int count = spsi_march_range(marcher, ray->origin, ray->direction, walker->low, walker->high, range);
-    for (int i = 0; i < count; ++i) {
-        const double h = (range[1] - range[0]) / count, t = range[0] + (i + 0.5) * h;
-        double depth, mean;
-        spsi_source source;
-        spsi_point point;
-        if (marcher->forward ? walker->gas > (double)SPSI_FORWARD_END : spsi_color_mean(walker->through) <= 1e-12)
-            return;
-        point.samples = samples;
-        step.low = t - 0.5 * h;
-        step.high = t + 0.5 * h;
-        spsi_point_build(marcher, &step, &point);
-        if (!(point.value_sum > 0)) continue;
-        depth = h * point.extinction_sum;
-        mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
-        point.gas = walker->gas + 0.5 * depth;
-        spsi_point_source(marcher, &point, &source);
-        walker->gas += depth;
-        walker->distance += spsi_color_mean(walker->through) * -expm1(-depth) * t;
-        for (int c = 0; c < 3; ++c) {
-            walker->radiance[c] +=
-                walker->through[c] * source.once[c] * h * mean + walker->filter[c] * source.again[c] * h;
-            walker->through[c] *= exp(-depth);
-        }
+    const double h = step->high - step->low, passes = exp(-walker->gas.low);
+    double depth, mean;
+    spsi_source source;
+    spsi_point point;
+    (void)halvings;
+    if (marcher->forward ? walker->gas.low > (double)SPSI_FORWARD_END
+                         : passes * spsi_color_mean(walker->filter) <= 1e-12)
+        return 0;
+    point.samples = samples;
+    spsi_point_build(marcher, step, &point);
+    if (!(point.value_sum > 0)) return 1;
+    depth = h * point.extinction_sum;
+    mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
+    point.gas = walker->gas.low + 0.5 * depth;
+    spsi_point_source(marcher, &point, &source);
+    spsi_between_add(&walker->gas, depth, depth);
+    walker->distance += passes * spsi_color_mean(walker->filter) * -expm1(-depth) * 0.5 * (step->low + step->high);
+    for (int c = 0; c < 3; ++c) {
+        const double sent = walker->filter[c] * h * (passes * source.once[c] * mean + source.again[c]);
+        spsi_between_add(&walker->radiance[c], sent, sent);
     }
+    return 1;
 }
 
-/* Marches a pixel's ray up to its next face and through that. */
+/* Follows a pixel's ray up to its next face and through that. */
 static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
     const spsi_face *face;
-    double surface[3], before;
+    spsi_between surface[3], passes;
+    double range[2], before;
     spsi_ray ray;
+    int count, goes_on = 1;
     spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
-    spsi_march_gas(marcher, &ray, samples, walker);
+    ray.low = walker->low;
+    ray.high = walker->high;
+    count = spsi_march_range(marcher, &ray, range);
+    for (int i = 0; i < count && goes_on; ++i) {
+        const spsi_ray part = spsi_march_part(&ray, range, i, count);
+        goes_on = marcher->follow(marcher, &part, 0, samples, walker);
+    }
     walker->ended = walker->hit.face < 0;
     if (walker->ended) return;
     face = &marcher->faces->list[walker->hit.face];
-    before = spsi_color_mean(walker->through);
+    passes = spsi_between_passes(walker->gas);
+    before = spsi_color_mean(walker->filter);
     spsi_march_surface(marcher, &walker->hit, x, y, surface);
     for (int c = 0; c < 3; ++c) {
-        walker->radiance[c] += walker->through[c] * surface[c];
-        walker->through[c] *= (double)face->transmittance[c];
+        spsi_between_add(&walker->radiance[c], walker->filter[c] * passes.low * surface[c].low,
+                         walker->filter[c] * passes.high * surface[c].high);
         walker->filter[c] *= (double)face->transmittance[c];
     }
-    walker->distance += (before - spsi_color_mean(walker->through)) * walker->high;
-    walker->ended = !(walker->through[0] > 0 || walker->through[1] > 0 || walker->through[2] > 0);
+    before -= spsi_color_mean(walker->filter);
+    walker->distance += before * 0.5 * (passes.low + passes.high) * walker->high;
+    walker->ended = !(passes.high > 0 && (walker->filter[0] > 0 || walker->filter[1] > 0 || walker->filter[2] > 0));
 }
 
 #define SPSI_MARCH_SPAN 8 /* pixels of a row per task */
@@ -29058,7 +29110,7 @@ static void spsi_march_span_task(void *data, int index, int worker) {
     spsi_march_span(region, marcher->first_row, index, &row, range);
     for (int x = range[0]; x < range[1]; ++x) {
         spsi_walker *walker = &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x];
-        if (!walker->ended) marcher->follow(marcher, region[0] + x, region[1] + row, samples, walker);
+        if (!walker->ended) spsi_march_on(marcher, region[0] + x, region[1] + row, samples, walker);
     }
 }
 
@@ -29085,23 +29137,35 @@ static void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centr
                     &marcher->frame->content->eye);
     for (size_t i = 0; i < pixels; ++i) {
         spsi_walker *walker = &marcher->walkers[i];
-        for (int c = 0; c < 3; ++c) walker->radiance[c] = 0, walker->through[c] = walker->filter[c] = 1;
-        walker->distance = walker->gas = 0;
+        memset(walker->radiance, 0, sizeof walker->radiance);
+        memset(walker->scattered, 0, sizeof walker->scattered);
+        memset(walker->source, 0, sizeof walker->source);
+        walker->filter[0] = walker->filter[1] = walker->filter[2] = 1;
+        walker->gas = spsi_between_of(0, 0);
+        walker->distance = 0;
         walker->high = walker->depth = -HUGE_VAL;
         walker->hit.face = -1;
         walker->ended = 0;
     }
 }
 
-/* Adds what has been marched to the pixels' sums, over the background that the image holds. */
+/* Adds what has been marched to the pixels' sums, over the background that the image holds. Where gas has bounds, it
+   sends no more than if it were opaque and all as bright as its brightest. */
 static void spsi_march_add(const spsi_marcher *marcher) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
     for (size_t i = 0; i < pixels; ++i) {
         spsi_walker *walker = &marcher->walkers[i];
         const float *behind = marcher->total + i * spsi_total_floats(marcher->frame);
-        for (int c = 0; c < 3; ++c) walker->sums[c] += walker->radiance[c] + walker->through[c] * (double)behind[c];
-        walker->sums[3] += 1 - spsi_color_mean(walker->through);
-        walker->sums[4] += walker->distance;
+        const spsi_between passes = spsi_between_passes(walker->gas);
+        for (int c = 0; c < 3; ++c) {
+            const double sky = walker->filter[c] * (double)behind[c];
+            const double most = walker->source[c] * -expm1(-walker->gas.high);
+            spsi_between_add(&walker->colors[c], walker->radiance[c].low, walker->radiance[c].high);
+            spsi_between_add(&walker->colors[c], walker->scattered[c].low, fmin(walker->scattered[c].high, most));
+            spsi_between_add(&walker->colors[c], sky * passes.low, sky * passes.high);
+        }
+        walker->coverage += 1 - spsi_color_mean(walker->filter) * 0.5 * (passes.low + passes.high);
+        walker->distance_sum += walker->distance;
     }
 }
 
@@ -29110,10 +29174,12 @@ static void spsi_march_finish(const spsi_marcher *marcher) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
     const int samples = marcher->side * marcher->side;
     for (size_t i = 0; i < pixels; ++i) {
-        const double *sums = marcher->walkers[i].sums;
+        const spsi_walker *walker = &marcher->walkers[i];
         float *pixel = marcher->total + i * spsi_total_floats(marcher->frame);
-        for (int c = 0; c < 4; ++c) pixel[c] = (float)(sums[c] / samples);
-        if (marcher->frame->wants_depth) pixel[4] = sums[3] > 0 ? (float)(sums[4] / sums[3]) : SPSI_INFINITY;
+        for (int c = 0; c < 3; ++c) pixel[c] = (float)(0.5 * (walker->colors[c].low + walker->colors[c].high) / samples);
+        pixel[3] = (float)(walker->coverage / samples);
+        if (!marcher->frame->wants_depth) continue;
+        pixel[4] = walker->coverage > 0 ? (float)(walker->distance_sum / walker->coverage) : SPSI_INFINITY;
     }
 }
 
@@ -29274,6 +29340,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     if (spsi_gather_particles(context, frame) || spsi_gather_images(context, frame)) return context->result;
     if (frame->content->particle_count > 0) extent = fmin(extent, SPSI_PARTICLE_EDGE * frame->content->particle_radius);
     marcher->step = marcher->settings->step * extent;
+    marcher->bounds = frame->content->bounds;
     marcher->part_count = frame->medium_count + frame->particles.set_count;
     spsi_eye_reference(frame);
     marcher->total =
@@ -29329,53 +29396,12 @@ static const double spsi_kernel_sums[SPSI_BRACKET_ORDER + 1] = {1.0115, 1.41, 2.
 static const double spsi_kernel_ripples[SPSI_BRACKET_ORDER + 1] = {1.0015, 0.0053, 0.0192, 0.12, 0.753, 4.73, 29.8};
 static const double spsi_kernel_tails[SPSI_BRACKET_ORDER + 1] = {9e-6, 4e-5, 2e-4, 1.3e-3, 8e-3, 0.05, 0.3};
 
-typedef struct spsi_between {
-    double low, high;
-} spsi_between;
-
 /* Term k is an upper bound of a function's k-th derivative / k!, on all of a step. */
 typedef struct spsi_series {
     double term[SPSI_BRACKET_ORDER + 1];
 } spsi_series;
 
-/* Of a pixel. */
-typedef struct spsi_bracket {
-    int sample;                /* that it is about; -1: none yet */
-    spsi_between gas;          /* optical depth before the next step */
-    spsi_between scattered[3]; /* by gas that lies before it, or emitted */
-    spsi_between radiance[3];  /* of faces before it */
-    double source[3];          /* radiance of that gas, were it opaque, at most */
-    spsi_between sums[3];      /* over the samples that have ended */
-} spsi_bracket;
-
-/* What is the same for all pixels. */
-struct spsi_bracketing {
-    double step; /* maximum, in world length */
-    spsi_bounds bounds;
-    double most[SPSI_VOLUMES_MAX]; /* maximum value of each volume */
-    int lamp_count;                /* lights that gas scatters */
-    spsi_bracket *pixels;
-};
-
-/* --- intervals and series --- */
-
-static spsi_between spsi_between_of(double low, double high) {
-    spsi_between interval;
-    interval.low = low;
-    interval.high = high;
-    return interval;
-}
-
-/* Adds low..high, neither of them negative. */
-static void spsi_between_add(spsi_between *sum, double low, double high) {
-    sum->low += low;
-    sum->high += high;
-}
-
-/* exp(-depth). */
-static spsi_between spsi_between_passes(spsi_between depth) {
-    return spsi_between_of(exp(-depth.high), exp(-depth.low));
-}
+/* --- series --- */
 
 /* The product of two functions. */
 static spsi_series spsi_series_product(const spsi_series *a, const spsi_series *b) {
@@ -29497,7 +29523,7 @@ typedef struct spsi_step_gas {
 /* Samples a volume at a step's points. Returns 0 if nothing is about it. */
 static int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *step, spsi_step_gas *gas) {
     const spsi_dense *grid = &marcher->grids[m];
-    const double h = step->high - step->low, most = marcher->bracketing->most[m];
+    const double h = step->high - step->low, most = grid->all_most;
     const double speed = spsi_vicinity_speed(grid, step->direction);
     spsi_series series;
     double sum = 0, off;
@@ -29534,40 +29560,19 @@ typedef struct spsi_shade {
     double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* integrals over that of voxels' values */
 } spsi_shade;
 
-/* Number of steps of a ray through the bounds of all gas, and its part in them. */
-static int spsi_bracket_range(const spsi_marcher *marcher, const spsi_ray *ray, double range[2]) {
-    const struct spsi_bracketing *bracketing = marcher->bracketing;
-    if (marcher->part_count == 0) return 0;
-    if (!spsi_ray_meets_box(ray, bracketing->bounds.low, bracketing->bounds.high, range)) return 0;
-    if (!(range[1] > range[0])) return 0;
-    return (int)fmax(ceil((range[1] - range[0]) / bracketing->step), 1);
-}
-
-/* The i-th of `count` steps of a ray's part. */
-static spsi_ray spsi_bracket_part(const spsi_ray *ray, const double range[2], int i, int count) {
-    spsi_ray part = *ray;
-    part.low = range[0] + (range[1] - range[0]) * i / count;
-    part.high = range[0] + (range[1] - range[0]) * (i + 1) / count;
-    return part;
-}
-
+/* Gas between a point and a light, with what else bounds its derivatives. */
 static void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3],
                                spsi_shade *shade) {
     const spsi_frame *frame = marcher->frame;
-    double depths[SPSI_SETS_MAX] = {0}, range[2];
+    double depths[SPSI_SETS_MAX], range[2];
     spsi_ray ray;
     int count;
     memset(shade, 0, sizeof *shade);
-    memcpy(ray.origin, point, sizeof ray.origin);
-    spsi_toward_lamp(lamp, point, ray.direction);
-    ray.low = 0;
-    ray.high = lamp->is_point ? spsi_length(ray.direction) : HUGE_VAL;
-    if (!spsi_normalise(ray.direction)) return; /* it is at the lamp */
-    spsi_trace_particles(marcher, &ray, depths);
-    for (int i = 0; i < frame->particles.set_count; ++i) spsi_between_add(&shade->depth, depths[i], depths[i]);
-    count = spsi_bracket_range(marcher, &ray, range);
+    if (!spsi_lamp_ray(lamp, point, &ray)) return;
+    shade->depth.low = shade->depth.high = spsi_particles_depth(marcher, &ray, depths);
+    count = spsi_march_range(marcher, &ray, range);
     for (int i = 0; i < count; ++i) {
-        const spsi_ray part = spsi_bracket_part(&ray, range, i, count);
+        const spsi_ray part = spsi_march_part(&ray, range, i, count);
         for (int m = 0; m < frame->medium_count; ++m) {
             const double extinction = (double)spsi_part_material(frame, m)->extinction, h = part.high - part.low;
             spsi_step_gas gas;
@@ -29578,6 +29583,13 @@ static void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *lam
         }
         shade->way += part.high - part.low;
     }
+}
+
+/* Its optical depth alone. */
+static spsi_between spsi_bracket_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
+    spsi_shade shade;
+    spsi_bracket_shade(marcher, lamp, point, &shade);
+    return shade.depth;
 }
 
 /* --- a step of the eye's ray --- */
@@ -29640,7 +29652,7 @@ static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sps
     for (int j = 0; j < 3; ++j)
         spsi_along(ray->origin, ray->direction, ray->low + spsi_bracket_places[j] * h, step->points[j]);
     for (int m = 0; m < frame->medium_count; ++m) {
-        const double scale = (double)spsi_part_material(frame, m)->extinction, most = marcher->bracketing->most[m];
+        const double scale = (double)spsi_part_material(frame, m)->extinction, most = marcher->grids[m].all_most;
         const double speed = spsi_vicinity_speed(&marcher->grids[m], ray->direction);
         spsi_step_gas *gas = &step->gas[m];
         any |= spsi_step_sample(marcher, m, ray, gas);
@@ -29690,8 +29702,8 @@ static spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_s
         points.high += weight * (gas->value[j] + gas->tail) * exp(-low);
     }
     memset(&f, 0, sizeof f);
-    spsi_series_add_field(1, speed, gas->half, gas->middle, marcher->bracketing->most[m], &f);
-    f.term[0] = spsi_step_most(gas, marcher->bracketing->most[m]);
+    spsi_series_add_field(1, speed, gas->half, gas->middle, marcher->grids[m].all_most, &f);
+    f.term[0] = spsi_step_most(gas, marcher->grids[m].all_most);
     for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) w.term[k] = step->passes.term[k] + coming->series.term[k];
     w = spsi_series_exponential(&w);
     product = spsi_series_product(&f, &w);
@@ -29756,7 +29768,7 @@ static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step
     for (int m = 0; m < marcher->frame->medium_count; ++m)
         spsi_series_add_field((double)spsi_part_material(marcher->frame, m)->extinction,
                               spsi_vicinity_speed(&marcher->grids[m], step->ray.direction), middle.half[m],
-                              middle.middle[m], marcher->bracketing->most[m] * middle.way, &coming->series);
+                              middle.middle[m], marcher->grids[m].all_most * middle.way, &coming->series);
     if (lamp->is_point) {
         spsi_series way;
         spsi_along(lamp->position, step->points[1], -1, offset);
@@ -29986,39 +29998,28 @@ static spsi_cover spsi_face_cover(const spsi_face *face, const spsi_lamp *lamp, 
    light for some of them only, so that a shorter step tells more. */
 static int spsi_step_cover(const spsi_faces *faces, const spsi_lamp *lamp, const spsi_step *step,
                            spsi_between passes[3]) {
-    const spsi_tree *tree = &faces->tree;
-    int stack[SPSI_TREE_STACK], top = 0, sure = 1;
+    int number, sure = 1;
+    spsi_walk walk;
     spsi_ray ray;
     for (int c = 0; c < 3; ++c) passes[c] = spsi_between_of(1, 1);
-    if (tree->count == 0 || !lamp->shadows) return 1;
+    if (faces->tree.count == 0 || !lamp->shadows) return 1;
     for (int i = 0; i < 3; ++i) ray.origin[i] = 0.5 * (step->ends[0][i] + step->ends[1][i]);
     spsi_toward_lamp(lamp, ray.origin, ray.direction);
     ray.low = 0;
     ray.high = lamp->is_point ? 1 : HUGE_VAL;
-    stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        double low[3], high[3], range[2];
-        for (int i = 0; i < 3; ++i) {
-            const double l = tree->centre[i] + (double)node->low[i], h = tree->centre[i] + (double)node->high[i];
-            const double room = fabs(step->ends[1][i] - ray.origin[i]) +
-                                SPSI_BRACKET_ROOM * (fabs(l) + fabs(h) + fabs(ray.origin[i]));
-            low[i] = l - room, high[i] = h + room;
-        }
-        if (!spsi_ray_meets_box(&ray, low, high, range)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const spsi_face *face = &faces->list[tree->order[node->first + i]];
-            const spsi_cover cover = spsi_face_cover(face, lamp, step);
-            sure &= cover != SPSI_COVER_PARTLY;
-            for (int c = 0; c < 3 && cover != SPSI_COVER_CLEAR; ++c) {
-                passes[c].low *= (double)face->transmittance[c];
-                if (cover == SPSI_COVER_BEHIND) passes[c].high *= (double)face->transmittance[c];
-            }
+    spsi_walk_begin(&faces->tree, &walk);
+    for (int i = 0; i < 3; ++i)
+        walk.half[i] = fabs(step->ends[1][i] - ray.origin[i]) +
+                       SPSI_BRACKET_ROOM * (2 * faces->extent + fabs(ray.origin[i]));
+    while ((number = spsi_walk_on(&walk, &ray)) >= 0) {
+        const spsi_face *face = &faces->list[number];
+        const spsi_cover cover = spsi_face_cover(face, lamp, step);
+        sure &= cover != SPSI_COVER_PARTLY;
+        for (int c = 0; c < 3 && cover != SPSI_COVER_CLEAR; ++c) {
+            passes[c].low *= (double)face->transmittance[c];
+            if (cover == SPSI_COVER_BEHIND) passes[c].high *= (double)face->transmittance[c];
         }
         if (!(passes[0].high > 0 || passes[1].high > 0 || passes[2].high > 0)) return 1;
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
     }
     return sure;
 }
@@ -30032,7 +30033,7 @@ static int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step
     if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
     if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
         return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* else no halving is enough */
-    for (int i = 0; i < marcher->bracketing->lamp_count && halvings < SPSI_BRACKET_EDGES; ++i) {
+    for (int i = 0; i < marcher->lamp_count && halvings < SPSI_BRACKET_EDGES; ++i) {
         const spsi_lamp *lamp = &marcher->frame->lamps.list[i];
         spsi_between passes[3];
         if (spsi_cone_bends(&lamp->cone, spsi_step_axis(step, lamp))) return 1;
@@ -30049,7 +30050,7 @@ static int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, in
     memset(sum, 0, sizeof *sum);
     spsi_step_build(marcher, ray, before, &step);
     if (spsi_step_too_long(marcher, &step, halvings)) return 0;
-    for (int i = 0; i < marcher->bracketing->lamp_count; ++i) {
+    for (int i = 0; i < marcher->lamp_count; ++i) {
         spsi_between passes[3] = {{0, 1}, {0, 1}, {0, 1}};
         if (step.lit) spsi_step_cover(marcher->faces, &frame->lamps.list[i], &step, passes);
         spsi_step_add_lamp(marcher, &step, &frame->lamps.list[i], passes, sum);
@@ -30062,117 +30063,28 @@ static int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, in
 }
 
 /* Follows the eye's ray through a step, or through its halves. */
-static void spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_walker *walker,
-                              spsi_bracket *bracket) {
+static int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_sample *samples,
+                             spsi_walker *walker) {
+    const double range[2] = {ray->low, ray->high};
     spsi_step_light sum;
     double before;
-    if (!spsi_step_follow(marcher, ray, halvings, bracket->gas, &sum)) {
+    if (!spsi_step_follow(marcher, ray, halvings, walker->gas, &sum)) {
         for (int n = 0; n < 2; ++n) {
-            const double range[2] = {ray->low, ray->high};
-            const spsi_ray half = spsi_bracket_part(ray, range, n, 2);
-            spsi_bracket_step(marcher, &half, halvings + 1, walker, bracket);
+            const spsi_ray half = spsi_march_part(ray, range, n, 2);
+            spsi_bracket_step(marcher, &half, halvings + 1, samples, walker);
         }
-        return;
+        return 1;
     }
     for (int c = 0; c < 3; ++c) {
-        spsi_between_add(&bracket->scattered[c], walker->filter[c] * sum.light[c].low,
+        spsi_between_add(&walker->scattered[c], walker->filter[c] * sum.light[c].low,
                          walker->filter[c] * sum.light[c].high);
-        bracket->source[c] = fmax(bracket->source[c], sum.source[c]);
+        walker->source[c] = fmax(walker->source[c], sum.source[c]);
     }
-    before = exp(-0.5 * (bracket->gas.low + bracket->gas.high));
-    spsi_between_add(&bracket->gas, sum.depth.low, sum.depth.high);
+    before = exp(-0.5 * (walker->gas.low + walker->gas.high));
+    spsi_between_add(&walker->gas, sum.depth.low, sum.depth.high);
     walker->distance += spsi_color_mean(walker->filter) * 0.5 * (ray->low + ray->high) *
-                        (before - exp(-0.5 * (bracket->gas.low + bracket->gas.high)));
-}
-
-/* Bounds of the radiance of the polygon that a ray meets. */
-static void spsi_bracket_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
-                                 spsi_between radiance[3]) {
-    const spsi_frame *frame = marcher->frame;
-    spsi_appearance look;
-    spsi_surface surface;
-    spsi_place place = {hit, x, y, {(double)x, (double)y}, 0};
-    spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
-    spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
-    for (int c = 0; c < 3; ++c) {
-        const double own = look.color[c] * (double)frame->ambient.radiance[c] + (double)look.emission[c];
-        radiance[c] = spsi_between_of(own, own);
-    }
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
-        double irradiance[3], passes[3] = {1, 1, 1};
-        spsi_shade shade;
-        spsi_between through = {1, 1};
-        if (!spsi_surface_point_irradiance(frame, lamp, &surface, irradiance)) continue;
-        if (lamp->shadows) {
-            if (!spsi_march_sight(marcher->faces, lamp, surface.start, hit->face, passes)) continue;
-            spsi_bracket_shade(marcher, lamp, surface.point, &shade);
-            through = spsi_between_passes(shade.depth);
-        }
-        for (int c = 0; c < 3; ++c) {
-            const double all = look.color[c] * irradiance[c] * passes[c] / SPSI_PI * (double)lamp->color[c];
-            spsi_between_add(&radiance[c], all * through.low, all * through.high);
-        }
-    }
-}
-
-/* Ends a pixel's sample before the background, and adds it up. What gas sends is no more than if it were opaque and all
-   as bright as its brightest. The walker takes the middle. */
-static void spsi_bracket_end(const spsi_marcher *marcher, spsi_walker *walker, spsi_bracket *bracket) {
-    const spsi_between passes = spsi_between_passes(bracket->gas);
-    const float *behind = marcher->total + (size_t)(walker - marcher->walkers) * spsi_total_floats(marcher->frame);
-    for (int c = 0; c < 3; ++c) {
-        const double sky = walker->filter[c] * (double)behind[c];
-        const double most = bracket->source[c] * -expm1(-bracket->gas.high);
-        spsi_between *all = &bracket->radiance[c];
-        spsi_between_add(all, bracket->scattered[c].low, fmin(bracket->scattered[c].high, most));
-        walker->through[c] = walker->filter[c] * 0.5 * (passes.low + passes.high);
-        walker->radiance[c] = 0.5 * (all->low + all->high);
-        spsi_between_add(all, sky * passes.low, sky * passes.high);
-        spsi_between_add(&bracket->sums[c], all->low, all->high);
-    }
-}
-
-/* Follows a pixel's ray up to its next face and through that. */
-static void spsi_bracket_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
-    spsi_bracket *bracket = &marcher->bracketing->pixels[walker - marcher->walkers];
-    const spsi_face *face;
-    spsi_between surface[3], passes;
-    spsi_ray ray;
-    double range[2];
-    int count;
-    (void)samples;
-    if (bracket->sample != marcher->sample) {
-        bracket->sample = marcher->sample;
-        bracket->gas = spsi_between_of(0, 0);
-        memset(bracket->scattered, 0, sizeof bracket->scattered);
-        memset(bracket->radiance, 0, sizeof bracket->radiance);
-        memset(bracket->source, 0, sizeof bracket->source);
-    }
-    spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
-    ray.low = fmax(ray.low, walker->low);
-    ray.high = walker->high;
-    count = spsi_bracket_range(marcher, &ray, range);
-    for (int i = 0; i < count; ++i) {
-        const spsi_ray part = spsi_bracket_part(&ray, range, i, count);
-        spsi_bracket_step(marcher, &part, 0, walker, bracket);
-    }
-    passes = spsi_between_passes(bracket->gas);
-    walker->ended = walker->hit.face < 0;
-    if (!walker->ended) {
-        double before = spsi_color_mean(walker->filter);
-        face = &marcher->faces->list[walker->hit.face];
-        spsi_bracket_surface(marcher, &walker->hit, x, y, surface);
-        for (int c = 0; c < 3; ++c) {
-            spsi_between_add(&bracket->radiance[c], walker->filter[c] * passes.low * surface[c].low,
-                             walker->filter[c] * passes.high * surface[c].high);
-            walker->filter[c] *= (double)face->transmittance[c];
-        }
-        before -= spsi_color_mean(walker->filter);
-        walker->distance += before * 0.5 * (passes.low + passes.high) * walker->high;
-        walker->ended = !(walker->filter[0] > 0 || walker->filter[1] > 0 || walker->filter[2] > 0);
-    }
-    if (walker->ended) spsi_bracket_end(marcher, walker, bracket);
+                        (before - exp(-0.5 * (walker->gas.low + walker->gas.high)));
+    return 1;
 }
 
 /* --- setting up --- */
@@ -30202,47 +30114,40 @@ static sps_result spsi_bracket_check(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Prepares bounds for all pixels. Afterwards rays are followed by spsi_bracket_on. */
-static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher, struct spsi_bracketing *bracketing) {
+/* Prepares the marcher for bounds. */
+static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher) {
     const spsi_frame *frame = marcher->frame;
-    const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     double across[3];
-    memset(bracketing, 0, sizeof *bracketing);
-    bracketing->pixels = (spsi_bracket *)spsi_reserve(context, SPSI_BUFFER_PATHS, pixels, sizeof *bracketing->pixels);
-    if (!bracketing->pixels) return context->result;
-    memset(bracketing->pixels, 0, pixels * sizeof *bracketing->pixels);
-    for (size_t i = 0; i < pixels; ++i) bracketing->pixels[i].sample = -1;
-    bracketing->step = marcher->step;
     for (int m = 0; m < frame->medium_count; ++m)
-        if (spsi_part_material(frame, m)->scatters) bracketing->lamp_count = frame->lamps.count;
-    bracketing->bounds = spsi_nowhere;
+        if (spsi_part_material(frame, m)->scatters) marcher->lamp_count = frame->lamps.count;
+    marcher->bounds = spsi_nowhere;
     for (int m = 0; m < frame->medium_count; ++m) {
-        const spsi_dense *grid = &marcher->grids[m];
+        spsi_dense *grid = &marcher->grids[m];
         const size_t bricks = (size_t)grid->bricks[0] * (size_t)grid->bricks[1] * (size_t)grid->bricks[2];
-        for (size_t i = 0; i < bricks; ++i) bracketing->most[m] = fmax(bracketing->most[m], (double)grid->most[i]);
+        for (size_t i = 0; i < bricks; ++i) grid->all_most = fmax(grid->all_most, (double)grid->most[i]);
         for (int k = 0; k < 3; ++k)
-            bracketing->step = fmin(bracketing->step, SPSI_BRACKET_STEP / spsi_length(grid->inverse[k]));
+            marcher->step = fmin(marcher->step, SPSI_BRACKET_STEP / spsi_length(grid->inverse[k]));
         for (int corner = 0; corner < 8; ++corner) {
             double at[3], point[3];
             for (int k = 0; k < 3; ++k)
                 at[k] = corner >> k & 1 ? grid->size[k] + 0.5 * SPSI_BRACKET_TAPS : -0.5 * SPSI_BRACKET_TAPS;
             spsi_voxel_position(frame->media[m].lattice, at, point);
-            spsi_bounds_add(&bracketing->bounds, point);
+            spsi_bounds_add(&marcher->bounds, point);
         }
     }
     for (int i = 0; i < frame->content->particle_count; ++i) {
         spsi_bounds box;
         spsi_particle_bounds(&frame->content->particles[i], &box);
-        spsi_bounds_add(&bracketing->bounds, box.low);
-        spsi_bounds_add(&bracketing->bounds, box.high);
+        spsi_bounds_add(&marcher->bounds, box.low);
+        spsi_bounds_add(&marcher->bounds, box.high);
     }
-    spsi_along(bracketing->bounds.high, bracketing->bounds.low, -1, across);
-    if (!spsi_bounds_empty(&bracketing->bounds) && !(spsi_length(across) < SPSI_BRACKET_STEPS * bracketing->step))
+    spsi_along(marcher->bounds.high, marcher->bounds.low, -1, across);
+    if (!spsi_bounds_empty(&marcher->bounds) && !(spsi_length(across) < SPSI_BRACKET_STEPS * marcher->step))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE, -1, "", 0,
                               "volumes and particles are too far apart for lower and upper: a ray through all of them "
                               "would have more than 1e8 steps");
-    marcher->bracketing = bracketing;
-    marcher->follow = spsi_bracket_on;
+    marcher->follow = spsi_bracket_step;
+    marcher->shade = spsi_bracket_lamp;
     return SPS_OK;
 }
 
@@ -30252,12 +30157,12 @@ static void spsi_bracket_finish(const spsi_marcher *marcher, const sps_image *im
     const size_t pitch = image->row_pixels ? image->row_pixels : (size_t)region[2];
     for (int y = 0; y < region[3]; ++y)
         for (int x = 0; x < region[2]; ++x) {
-            const spsi_between *sums = marcher->bracketing->pixels[(size_t)y * (size_t)region[2] + (size_t)x].sums;
+            const spsi_between *colors = marcher->walkers[(size_t)y * (size_t)region[2] + (size_t)x].colors;
             for (int c = 0; c < 3; ++c) {
                 const size_t at = 3 * ((size_t)y * pitch + (size_t)x) + (size_t)c;
-                const double room = SPSI_BRACKET_ROUNDING * (fabs(sums[c].low) + fabs(sums[c].high)) / samples;
-                marcher->settings->lower[at] = (float)(sums[c].low / samples - room);
-                marcher->settings->upper[at] = (float)(sums[c].high / samples + room);
+                const double room = SPSI_BRACKET_ROUNDING * (fabs(colors[c].low) + fabs(colors[c].high)) / samples;
+                marcher->settings->lower[at] = (float)(colors[c].low / samples - room);
+                marcher->settings->upper[at] = (float)(colors[c].high / samples + room);
             }
         }
 }
@@ -30280,8 +30185,6 @@ static void spsi_bracket_finish(const spsi_marcher *marcher, const sps_image *im
 #define SPSI_PATH_GOES_ON 0.998 /* greatest probability: even without absorption, a path ends after 500 events */
 #define SPSI_PATH_WEIGHTY 3     /* events after which it may end */
 #define SPSI_PATH_SPLITS  0.05  /* transmittance below which one of two shadow rays ends, and the other counts twice */
-#define SPSI_PATH_STEPS   100   /* towards the place where particles scatter, at most: halves a ray 50 times */
-#define SPSI_PATH_ROOM    1e-7  /* of optical depth, by which that place may be off */
 
 typedef struct spsi_path {
     spsi_ray ray; /* from the last event on; its direction has unit length, low is 0 */
@@ -30447,55 +30350,24 @@ static void spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray
 
 /* --- particles --- */
 
-static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
-    double sum = 0;
-    memset(depths, 0, SPSI_SETS_MAX * sizeof *depths);
-    spsi_trace_particles(marcher, ray, depths);
-    for (int i = 0; i < marcher->frame->particles.set_count; ++i) sum += depths[i];
-    return sum;
-}
-
-/* Which set of particles scatters at t, in proportion to their extinctions there. */
-static int spsi_particles_pick(const spsi_marcher *marcher, const spsi_ray *ray, double t, double room,
-                               uint64_t *random) {
-    double depths[SPSI_SETS_MAX], pick;
-    spsi_ray here = *ray;
-    int set = 0;
-    here.low = t - room;
-    here.high = t + room;
-    pick = spsi_random(random) * spsi_particles_depth(marcher, &here, depths);
-    for (; set < marcher->frame->particles.set_count - 1 && pick >= depths[set]; ++set) pick -= depths[set];
-    return set;
-}
-
-/* The same for particles: where their optical depth reaches a random one, to SPSI_PATH_ROOM. Every other step takes the
-   depth to grow evenly, the others halve what is left of the ray. */
+/* Finds the first collision with a particle: the nearest of collisions with each of them, since gases that share a
+   place do not know of each other. Shortens the ray to it, and sets `part`. */
 static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, int *part) {
-    const spsi_bounds *bounds = &marcher->frame->content->bounds;
-    double depths[SPSI_SETS_MAX], range[2], left = spsi_random_depth(random), sum, depth = 0;
-    spsi_ray way = *ray;
-    if (marcher->particles.count == 0 || !spsi_ray_meets_box(ray, bounds->low, bounds->high, range)) return;
-    way.low = range[0];
-    way.high = range[1];
-    sum = spsi_particles_depth(marcher, &way, depths);
-    if (!(sum > left)) return;
-    for (int i = 0; i < SPSI_PATH_STEPS && fabs(depth - left) > SPSI_PATH_ROOM; ++i) {
-        const double end = way.high;
-        way.high = way.low + (i % 2 ? 0.5 : left / sum) * (end - way.low);
-        depth = spsi_particles_depth(marcher, &way, depths);
-        if (depth > left) {
-            sum = depth;
-        } else {
-            left -= depth;
-            sum -= depth;
-            depth = 0;
-            way.low = way.high;
-            way.high = end;
-        }
+    const spsi_frame *frame = marcher->frame;
+    spsi_walk walk;
+    int particle;
+    spsi_walk_begin(&marcher->particles, &walk);
+    while ((particle = spsi_walk_on(&walk, ray)) >= 0) {
+        const spsi_particle_set *set = spsi_set_of(frame, particle);
+        spsi_ray_chord chord;
+        double at;
+        if (!spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord)) continue;
+        at = chord.from + spsi_random_depth(random) / chord.depth;
+        if (!(at < chord.to)) continue;
+        at = set->soft ? 2 * sin(asin(fmax(2 * at, -1)) / 3) : 2 * at; /* s, of 3 s / 4 - s^3 / 4 */
+        ray->high = fmax(chord.middle + at * chord.half, ray->low);
+        *part = frame->medium_count + (int)(set - frame->particles.sets);
     }
-    ray->high = way.low + (depth > 0 ? left / depth : 0) * (way.high - way.low);
-    *part = marcher->frame->medium_count +
-            spsi_particles_pick(marcher, ray, ray->high, 1e-6 * (range[1] - range[0]), random);
 }
 
 /* --- what emits --- */
@@ -30614,12 +30486,7 @@ static double spsi_path_transmittance(const spsi_marcher *marcher, const spsi_la
                                       uint64_t *random) {
     double depths[SPSI_SETS_MAX], passes;
     spsi_ray ray;
-    if (!lamp->shadows) return 1;
-    memcpy(ray.origin, point, sizeof ray.origin);
-    spsi_toward_lamp(lamp, point, ray.direction);
-    ray.low = 0;
-    ray.high = lamp->is_point ? spsi_length(ray.direction) : HUGE_VAL;
-    spsi_normalise(ray.direction);
+    if (!lamp->shadows || !spsi_lamp_ray(lamp, point, &ray)) return 1;
     passes = exp(-spsi_particles_depth(marcher, &ray, depths));
     for (int m = 0; m < marcher->frame->medium_count; ++m) {
         spsi_tracker tracker;
@@ -30931,13 +30798,13 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     spsi_rays centre;
     spsi_faces faces;
     spsi_paths paths;
-    struct spsi_bracketing bracketing;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
     float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
     if (!marcher || !rgb) return context->result;
     memset(marcher, 0, sizeof *marcher);
     marcher->settings = settings;
-    marcher->follow = spsi_march_on;
+    marcher->follow = spsi_march_step;
+    marcher->shade = spsi_march_lamp;
     if (settings->lower && spsi_bracket_check(context, frame)) return context->result;
     if ((spsi_scatters_fully(frame) || spsi_scatters_aside(frame)) && settings->samples == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
@@ -30946,7 +30813,7 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
                               "once");
     marcher->forward = spsi_scatters_forward(frame) && settings->samples == 0;
     if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
-    if (settings->lower && spsi_bracket_begin(context, marcher, &bracketing)) return context->result;
+    if (settings->lower && spsi_bracket_begin(context, marcher)) return context->result;
     for (int y = 0; y < region[3]; ++y) {
         if (spsi_background_row(context, frame, y, rgb)) return context->result;
         for (int x = 0; x < region[2]; ++x)

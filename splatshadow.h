@@ -28724,9 +28724,10 @@ static int spsi_march_range(const spsi_marcher *marcher, const spsi_ray *ray, do
 
 /* The i-th of `count` steps of a ray's part. */
 static spsi_ray spsi_march_part(const spsi_ray *ray, const double range[2], int i, int count) {
+    const double h = (range[1] - range[0]) / count, middle = range[0] + (i + 0.5) * h;
     spsi_ray part = *ray;
-    part.low = range[0] + (range[1] - range[0]) * i / count;
-    part.high = range[0] + (range[1] - range[0]) * (i + 1) / count;
+    part.low = middle - 0.5 * h;
+    part.high = middle + 0.5 * h;
     return part;
 }
 

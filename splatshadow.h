@@ -2107,8 +2107,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_TOTAL,             /* sum of the sweeps' images */
     SPSI_BUFFER_ROW,               /* directions and colors of one row of background */
     SPSI_BUFFER_MARCHER,           /* >>reference */
-    SPSI_BUFFER_PATHS,             /* >>paths */
-    SPSI_BUFFER_GLOW,              /* what emits, for them */
+    SPSI_BUFFER_GLOW,              /* what emits, for paths */
     SPSI_BUFFER_WALKERS,           /* the reference's rays, one per pixel */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
@@ -28461,6 +28460,7 @@ typedef struct spsi_between {
 typedef struct spsi_walker {
     spsi_between colors[3];    /* sums over the samples that have ended */
     double coverage, distance_sum; /* likewise: distance weighted by coverage */
+    double paths[3], squares[3];   /* sums over the pixel's paths: their radiance, and its square */
     spsi_between radiance[3];  /* of what lies before `low` */
     spsi_between scattered[3]; /* of gas there; with bounds only, where it is not yet in `radiance` */
     double source[3];          /* radiance of that gas, were it opaque, at most */
@@ -28489,6 +28489,9 @@ typedef struct spsi_marcher {
     spsi_walker *walkers; /* of the region's pixels */
     int side;             /* number of samples along a pixel's side */
     int sample;           /* number of the current one */
+    int from, to;         /* numbers of the current paths */
+    /* What is done at a pixel: its ray, or its paths. */
+    void (*pixel)(const struct spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker);
     spsi_hit *hits;       /* of the whole image, for shade_fn; NULL: no mesh has one */
     spsi_visible visible; /* those hits, and what shade_fn has set there */
     spsi_sample *samples; /* one per part, per worker */
@@ -28521,21 +28524,26 @@ static spsi_between spsi_between_passes(spsi_between depth) {
 
 /* --- the field --- */
 
-/* Computes the weights of the taps around `at` along one axis, and their derivatives. Returns the first tap. From tap
-   to tap the Gaussian changes by a factor, which itself changes by a constant one. */
-static int spsi_field_taps(double at, int size, int *count, double *weights, double *slopes) {
-    const int first = spsi_most(0, (int)ceil(fmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
-    const int last = spsi_least(size - 1, (int)floor(fmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
-    const double scale = 1 / (sqrt(2 * SPSI_PI) * SPSI_SIGMA * erf(SPSI_REFERENCE_REACH / SPSI_SIGMA / sqrt(2.0)));
-    const double step = 1 / SPSI_SIGMA, bend = exp(-step * step), d = (at - 0.5 - first) * step;
-    double weight = scale * exp(-0.5 * d * d), change = exp(step * (d - 0.5 * step));
-    *count = spsi_most(0, last - first + 1);
-    for (int i = 0; i < *count; ++i) {
+/* Weights of `count` taps, of which the first is `d` standard deviations before a place, and their derivatives by it,
+   unless `slopes` is NULL. From tap to tap the Gaussian changes by a factor, which itself changes by a constant one. */
+static void spsi_gauss_taps(double d, double scale, int count, double *weights, double *slopes) {
+    const double step = 1 / SPSI_SIGMA, bend = exp(-step * step);
+    double weight = scale / (sqrt(2 * SPSI_PI) * SPSI_SIGMA) * exp(-0.5 * d * d), change = exp(step * (d - 0.5 * step));
+    for (int i = 0; i < count; ++i) {
         weights[i] = weight;
-        slopes[i] = -weight * (d - i * step) * step;
+        if (slopes) slopes[i] = -weight * (d - i * step) * step;
         weight *= change;
         change *= bend;
     }
+}
+
+/* Computes the weights of the taps around `at` along one axis, and their derivatives. Returns the first tap. */
+static int spsi_field_taps(double at, int size, int *count, double *weights, double *slopes) {
+    const int first = spsi_most(0, (int)ceil(fmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
+    const int last = spsi_least(size - 1, (int)floor(fmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
+    const double reached = erf(SPSI_REFERENCE_REACH / SPSI_SIGMA / sqrt(2.0));
+    *count = spsi_most(0, last - first + 1);
+    spsi_gauss_taps((at - 0.5 - first) / SPSI_SIGMA, 1 / reached, *count, weights, slopes);
     return first;
 }
 
@@ -29066,6 +29074,7 @@ static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample
     double range[2], before;
     spsi_ray ray;
     int count, goes_on = 1;
+    if (walker->ended) return;
     spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
     ray.low = walker->low;
     ray.high = walker->high;
@@ -29094,25 +29103,27 @@ static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample
 
 static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
 
-/* The row of a task in the region, and the range of its pixels. */
-static void spsi_march_span(const int region[4], int first_row, int index, int *row, int range[2]) {
-    const int spans = spsi_march_spans(region[2]);
-    *row = first_row + index / spans;
-    range[0] = index % spans * SPSI_MARCH_SPAN;
-    range[1] = spsi_least(region[2], range[0] + SPSI_MARCH_SPAN);
-}
-
-/* Marches a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
+/* The pixels of a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
 static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
-    const int *region = marcher->frame->view.region;
+    const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
+    const int row = marcher->first_row + index / spans, first = index % spans * SPSI_MARCH_SPAN;
     spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
-    int row, range[2];
-    spsi_march_span(region, marcher->first_row, index, &row, range);
-    for (int x = range[0]; x < range[1]; ++x) {
-        spsi_walker *walker = &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x];
-        if (!walker->ended) spsi_march_on(marcher, region[0] + x, region[1] + row, samples, walker);
+    for (int x = first; x < spsi_least(region[2], first + SPSI_MARCH_SPAN); ++x)
+        marcher->pixel(marcher, region[0] + x, region[1] + row, samples,
+                       &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x]);
+}
+
+/* Does what is to be done at all pixels, which takes a share of the call after what is `done` of it. */
+static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher, double done, double share) {
+    const int *region = marcher->frame->view.region;
+    const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
+    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
+        if (spsi_progress(context, done + share * marcher->first_row / region[3])) return context->result;
+        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
+                      spsi_march_span_task, marcher);
     }
+    return SPS_OK;
 }
 
 /* Finds the next face of each pixel of a row. */
@@ -29189,17 +29200,11 @@ static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, 
     const spsi_frame *frame = marcher->frame;
     const int *region = frame->view.region;
     const size_t pixels = (size_t)region[2] * (size_t)region[3];
-    const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
-    const double share = marcher->settings->samples > 0 ? SPSI_MARCH_SHARE : 1; /* of the call */
+    const double share = (marcher->settings->samples > 0 ? SPSI_MARCH_SHARE : 1) / (marcher->side * marcher->side);
     spsi_parallel(context, region[3], spsi_march_meet_task, marcher);
     marcher->visible.hits = marcher->hits;
     if (spsi_textures(context, frame, marcher->faces, &marcher->visible)) return context->result;
-    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
-        const double done = marcher->sample + (double)marcher->first_row / region[3];
-        if (spsi_progress(context, share * done / (marcher->side * marcher->side))) return context->result;
-        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
-                      spsi_march_span_task, marcher);
-    }
+    if (spsi_march_pixels(context, marcher, share * marcher->sample, share)) return context->result;
     *left = 0;
     for (size_t i = 0; i < pixels; ++i) *left |= !marcher->walkers[i].ended;
     return SPS_OK;
@@ -29449,19 +29454,6 @@ typedef struct spsi_vicinity {
     double half, middle; /* values of voxels: middle +- half; 0 unless `ranged` */
 } spsi_vicinity;
 
-/* Weights of the voxels about `at` along one axis. Returns the first. */
-static int spsi_vicinity_weights(double at, double *weights) {
-    const double base = floor(at - 0.5), step = 1 / SPSI_SIGMA, bend = exp(-step * step);
-    const double d = (at - 0.5 - base + (SPSI_BRACKET_TAPS / 2 - 1)) * step;
-    double weight = exp(-0.5 * d * d) / (sqrt(2 * SPSI_PI) * SPSI_SIGMA), change = exp(step * (d - 0.5 * step));
-    for (int i = 0; i < SPSI_BRACKET_TAPS; ++i) {
-        weights[i] = weight;
-        weight *= change;
-        change *= bend;
-    }
-    return (int)base - (SPSI_BRACKET_TAPS / 2 - 1);
-}
-
 /* A row of voxels, 0 beyond the volume; in `spare` if it lies on the volume's edge. */
 static const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int z, float *spare) {
     const float *row = grid->values + ((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0];
@@ -29481,7 +29473,10 @@ static int spsi_vicinity_at(const spsi_dense *grid, const double point[3], int r
     spsi_along(point, grid->corner, -1, offset);
     for (int i = 0; i < 3; ++i) at[i] = spsi_dot(grid->inverse[i], offset);
     if (spsi_dense_empty(grid, at, 0.5 * SPSI_BRACKET_TAPS)) return 0;
-    for (int i = 0; i < 3; ++i) first[i] = spsi_vicinity_weights(at[i], w[i]);
+    for (int i = 0; i < 3; ++i) {
+        first[i] = (int)floor(at[i] - 0.5) - (SPSI_BRACKET_TAPS / 2 - 1);
+        spsi_gauss_taps((at[i] - 0.5 - first[i]) / SPSI_SIGMA, 1, SPSI_BRACKET_TAPS, w[i], NULL);
+    }
     for (int i = 0; i < SPSI_BRACKET_TAPS; ++i) low[i] = FLT_MAX;
     for (int z = 0; z < SPSI_BRACKET_TAPS; ++z)
         for (int y = 0; y < SPSI_BRACKET_TAPS; ++y) {
@@ -30685,18 +30680,6 @@ static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, s
 
 /* --- pixels --- */
 
-/* Sums over the paths of a pixel. */
-typedef struct spsi_path_sums {
-    double sum[3], square[3];
-} spsi_path_sums;
-
-typedef struct spsi_paths {
-    const spsi_marcher *marcher;
-    spsi_path_sums *sums; /* of the region's pixels */
-    int first_row;        /* of the current batch, in the region */
-    int from, to;         /* numbers of the current paths */
-} spsi_paths;
-
 /* Begins the n-th path of a pixel, through one of its samples, where its ray enters what can be seen. */
 static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, spsi_path *path) {
     const spsi_rays *eye = &marcher->frame->content->eye;
@@ -30724,30 +30707,20 @@ static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, sp
     path->weight[0] = path->weight[1] = path->weight[2] = 1;
 }
 
-static void spsi_paths_span_task(void *data, int index, int worker) {
-    const spsi_paths *paths = (const spsi_paths *)data;
-    const spsi_marcher *marcher = paths->marcher;
-    const int *region = marcher->frame->view.region;
-    spsi_sample *sample = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
-    int row, range[2];
-    spsi_march_span(region, paths->first_row, index, &row, range);
-    for (int x = range[0]; x < range[1]; ++x) {
-        spsi_path_sums *sums = &paths->sums[(size_t)row * (size_t)region[2] + (size_t)x];
-        for (int n = paths->from; n < paths->to; ++n) {
-            spsi_path path;
-            spsi_path_begin(marcher, region[0] + x, region[1] + row, n, &path);
-            spsi_path_follow(marcher, sample, &path);
-            for (int c = 0; c < 3; ++c) {
-                sums->sum[c] += path.radiance[c];
-                sums->square[c] += path.radiance[c] * path.radiance[c];
-            }
+static void spsi_paths_pixel(const spsi_marcher *marcher, int x, int y, spsi_sample *sample, spsi_walker *walker) {
+    for (int n = marcher->from; n < marcher->to; ++n) {
+        spsi_path path;
+        spsi_path_begin(marcher, x, y, n, &path);
+        spsi_path_follow(marcher, sample, &path);
+        for (int c = 0; c < 3; ++c) {
+            walker->paths[c] += path.radiance[c];
+            walker->squares[c] += path.radiance[c] * path.radiance[c];
         }
     }
 }
 
 /* Adds the paths' means to the pixels, and writes the standard errors of these means. */
-static void spsi_paths_finish(const spsi_paths *paths, const sps_image *image) {
-    const spsi_marcher *marcher = paths->marcher;
+static void spsi_paths_finish(const spsi_marcher *marcher, const sps_image *image) {
     const int *region = marcher->frame->view.region;
     const size_t pitch = image->row_pixels ? image->row_pixels : (size_t)region[2];
     const double n = marcher->settings->samples;
@@ -30755,7 +30728,7 @@ static void spsi_paths_finish(const spsi_paths *paths, const sps_image *image) {
         for (int x = 0; x < region[2]; ++x) {
             const size_t at = (size_t)y * (size_t)region[2] + (size_t)x;
             for (int c = 0; c < 3; ++c) {
-                const double mean = paths->sums[at].sum[c] / n, square = paths->sums[at].square[c] / n;
+                const double mean = marcher->walkers[at].paths[c] / n, square = marcher->walkers[at].squares[c] / n;
                 float *pixel = &marcher->total[at * spsi_total_floats(marcher->frame) + (size_t)c];
                 *pixel = (float)((double)*pixel + mean);
                 if (marcher->settings->error)
@@ -30766,27 +30739,18 @@ static void spsi_paths_finish(const spsi_paths *paths, const sps_image *image) {
 }
 
 /* Follows all paths. Afterwards only spsi_paths_finish is left to do. */
-static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher, spsi_paths *paths) {
-    const int *region = marcher->frame->view.region, samples = marcher->settings->samples;
-    const size_t pixels = (size_t)region[2] * (size_t)region[3];
-    const int rows = spsi_worker_count(context); /* between two calls of progress_fn */
-    memset(paths, 0, sizeof *paths);
-    paths->marcher = marcher;
-    paths->sums = (spsi_path_sums *)spsi_reserve(context, SPSI_BUFFER_PATHS, pixels, sizeof *paths->sums);
-    if (!paths->sums) return context->result;
-    memset(paths->sums, 0, pixels * sizeof *paths->sums);
+static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher) {
+    const int samples = marcher->settings->samples;
+    const double share = (1 - SPSI_MARCH_SHARE) / samples; /* of a path of each pixel */
     if (spsi_glow_build(context, marcher)) return context->result;
     for (int m = 0; m < marcher->frame->medium_count; ++m)
         spsi_dense_bound(spsi_part_material(marcher->frame, m), &marcher->grids[m]);
-    for (; paths->from < samples; paths->from = paths->to) {
-        paths->to = spsi_least(samples, paths->from + SPSI_PATH_ROUND);
-        for (paths->first_row = 0; paths->first_row < region[3]; paths->first_row += rows) {
-            const double done = (paths->from + (paths->to - paths->from) * (double)paths->first_row / region[3]);
-            if (spsi_progress(context, SPSI_MARCH_SHARE + (1 - SPSI_MARCH_SHARE) * done / samples))
-                return context->result;
-            spsi_parallel(context, spsi_least(rows, region[3] - paths->first_row) * spsi_march_spans(region[2]),
-                          spsi_paths_span_task, paths);
-        }
+    marcher->pixel = spsi_paths_pixel;
+    for (; marcher->from < samples; marcher->from = marcher->to) {
+        marcher->to = spsi_least(samples, marcher->from + SPSI_PATH_ROUND);
+        if (spsi_march_pixels(context, marcher, SPSI_MARCH_SHARE + share * marcher->from,
+                              share * (marcher->to - marcher->from)))
+            return context->result;
     }
     return SPS_OK;
 }
@@ -30798,12 +30762,12 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
     spsi_rays centre;
     spsi_faces faces;
-    spsi_paths paths;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
     float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
     if (!marcher || !rgb) return context->result;
     memset(marcher, 0, sizeof *marcher);
     marcher->settings = settings;
+    marcher->pixel = spsi_march_on;
     marcher->follow = spsi_march_step;
     marcher->shade = spsi_march_lamp;
     if (settings->lower && spsi_bracket_check(context, frame)) return context->result;
@@ -30830,10 +30794,10 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
         spsi_march_add(marcher);
     }
     frame->content->eye = centre;
-    if (settings->samples > 0 && spsi_paths_run(context, marcher, &paths)) return context->result;
+    if (settings->samples > 0 && spsi_paths_run(context, marcher)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
     spsi_march_finish(marcher);
-    if (settings->samples > 0) spsi_paths_finish(&paths, image);
+    if (settings->samples > 0) spsi_paths_finish(marcher, image);
     if (settings->lower) spsi_bracket_finish(marcher, image);
     spsi_write_image(frame, marcher->total, image);
     return SPS_OK;

@@ -28440,6 +28440,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
 #define SPSI_REFERENCE_TAPS   8
 #define SPSI_MARCH_SHARE      0.25 /* of a call's progress, if paths follow */
 #define SPSI_REFERENCE_POINTS 64   /* of an extended light at each place */
+#define SPSI_MARCH_ROUNDING   1e-6 /* relative, of bounds: colors are floats, and so are bounds */
 
 typedef struct spsi_dense {
     const float *values;
@@ -28622,19 +28623,22 @@ static int spsi_ray_chord_in_ball(const spsi_ray *ray, const sps_particle *parti
     return 1;
 }
 
-/* Adds the optical depth of each set of particles along a segment of a ray to `depths`. */
-static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
+/* Optical depth of all particles along a segment of a ray, and of each set of them. */
+static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
     const spsi_frame *frame = marcher->frame;
+    double sum = 0;
     spsi_walk walk;
     int particle;
-    if (!(ray->high > ray->low)) return;
+    memset(depths, 0, SPSI_SETS_MAX * sizeof *depths);
     spsi_walk_begin(&marcher->particles, &walk);
-    while ((particle = spsi_walk_on(&walk, ray)) >= 0) {
+    while (ray->high > ray->low && (particle = spsi_walk_on(&walk, ray)) >= 0) {
         const spsi_particle_set *set = spsi_set_of(frame, particle);
         spsi_ray_chord chord;
         if (spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord))
             depths[set - frame->particles.sets] += chord.depth * (chord.to - chord.from);
     }
+    for (int i = 0; i < frame->particles.set_count; ++i) sum += depths[i];
+    return sum;
 }
 
 /* The ray of a pixel, from the near plane on. Returns its length per unit of t. */
@@ -28748,15 +28752,6 @@ static int spsi_lamp_ray(const spsi_lamp *lamp, const double point[3], spsi_ray 
     return spsi_normalise(ray->direction);
 }
 
-/* Optical depth of all particles along a segment of a ray, and of each set of them. */
-static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
-    double sum = 0;
-    memset(depths, 0, SPSI_SETS_MAX * sizeof *depths);
-    spsi_trace_particles(marcher, ray, depths);
-    for (int i = 0; i < marcher->frame->particles.set_count; ++i) sum += depths[i];
-    return sum;
-}
-
 /* Extinction of one volume where its value is f. If it is classified and f > 0, `appearance` gets its color and
    extinction. */
 static double spsi_extinction_at(const spsi_material *material, double f, float appearance[4]) {
@@ -28832,7 +28827,7 @@ static void spsi_point_take(spsi_point *point, int part, double value, double ex
 /* Samples the step from ray->low to ray->high of a ray whose direction has unit length. */
 static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_point *point) {
     const spsi_frame *frame = marcher->frame;
-    double depths[SPSI_SETS_MAX] = {0}, depth[3];
+    double depths[SPSI_SETS_MAX], depth[3];
     float appearance[4] = {0, 0, 0, 0};
     spsi_along(ray->origin, ray->direction, 0.5 * (ray->low + ray->high), point->position);
     memcpy(point->direction, ray->direction, sizeof point->direction);
@@ -28849,7 +28844,7 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
         spsi_point_take(point, m, value, spsi_extinction_at(material, value, appearance));
         spsi_march_sample(material, appearance, gradient, &point->samples[m]);
     }
-    spsi_trace_particles(marcher, ray, depths);
+    spsi_particles_depth(marcher, ray, depths);
     for (int i = 0; i < frame->particles.set_count; ++i) {
         const int part = frame->medium_count + i;
         const double extinction = depths[i] / (ray->high - ray->low), none[3] = {0, 0, 0};
@@ -29181,14 +29176,26 @@ static void spsi_march_add(const spsi_marcher *marcher) {
     }
 }
 
-/* Fills in the image's pixels. */
-static void spsi_march_finish(const spsi_marcher *marcher) {
-    const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
-    const int samples = marcher->side * marcher->side;
-    for (size_t i = 0; i < pixels; ++i) {
+/* Fills in the image's pixels, and what settings ask for beside it: bounds, rounded outwards, and the standard errors of
+   paths' means. */
+static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *image) {
+    const sps_reference_settings *settings = marcher->settings;
+    const size_t width = (size_t)marcher->frame->view.region[2], height = (size_t)marcher->frame->view.region[3];
+    const size_t pitch = image->row_pixels ? image->row_pixels : width;
+    const double samples = marcher->side * marcher->side, paths = spsi_most(1, settings->samples);
+    for (size_t i = 0; i < width * height; ++i) {
         const spsi_walker *walker = &marcher->walkers[i];
+        const size_t at = 3 * (i / width * pitch + i % width);
         float *pixel = marcher->total + i * spsi_total_floats(marcher->frame);
-        for (int c = 0; c < 3; ++c) pixel[c] = (float)(0.5 * (walker->colors[c].low + walker->colors[c].high) / samples);
+        for (size_t c = 0; c < 3; ++c) {
+            const double low = walker->colors[c].low / samples, high = walker->colors[c].high / samples;
+            const double room = SPSI_MARCH_ROUNDING * (fabs(low) + fabs(high));
+            const double mean = walker->paths[c] / paths, square = walker->squares[c] / paths;
+            pixel[c] = (float)(0.5 * (low + high) + mean);
+            if (settings->lower) settings->lower[at + c] = (float)(low - room);
+            if (settings->lower) settings->upper[at + c] = (float)(high + room);
+            if (settings->error) settings->error[at + c] = (float)sqrt(fmax(0, square - mean * mean) / (paths - 1));
+        }
         pixel[3] = (float)(walker->coverage / samples);
         if (!marcher->frame->wants_depth) continue;
         pixel[4] = walker->coverage > 0 ? (float)(walker->distance_sum / walker->coverage) : SPSI_INFINITY;
@@ -29255,14 +29262,12 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
                 const float value =
                     values[((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)x];
                 if (!(value > 0)) continue;
-                for (int n = 0; n < 27; ++n) {
-                    const int bx = b[0] + n % 3 - 1, by = b[1] + n / 3 % 3 - 1, bz = b[2] + n / 9 - 1;
-                    float *most;
-                    if (bx < 0 || by < 0 || bz < 0 || bx >= grid->bricks[0] || by >= grid->bricks[1] ||
-                        bz >= grid->bricks[2])
-                        continue;
-                    most = &grid->most[(bz * grid->bricks[1] + by) * grid->bricks[0] + bx];
-                    *most = spsi_higher(*most, value);
+                for (int n = 0; n < 27; ++n) { /* beyond the border, a brick at the border once more */
+                    const int offset[3] = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
+                    int brick = 0;
+                    for (int k = 2; k >= 0; --k)
+                        brick = brick * grid->bricks[k] + spsi_least(spsi_most(b[k] + offset[k], 0), grid->bricks[k] - 1);
+                    grid->most[brick] = spsi_higher(grid->most[brick], value);
                 }
             }
     return SPS_OK;
@@ -29321,14 +29326,10 @@ static sps_result spsi_march_particles(sps_context *context, const spsi_frame *f
     if (!tree->order || !tree->nodes || !items) return context->result;
     for (int i = 0; i < 3; ++i) tree->centre[i] = (double)frame->content->particles[0].position[i];
     for (int i = 0; i < tree->count; ++i) {
-        const sps_particle *particle = &frame->content->particles[i];
-        double low[3], high[3];
-        for (int k = 0; k < 3; ++k) {
-            low[k] = (double)particle->position[k] - (double)particle->radius;
-            high[k] = (double)particle->position[k] + (double)particle->radius;
-        }
+        spsi_bounds box;
+        spsi_particle_bounds(&frame->content->particles[i], &box);
         items[i].number = i;
-        spsi_tree_item_add(&items[i], tree->centre, low, high);
+        spsi_tree_item_add(&items[i], tree->centre, box.low, box.high);
     }
     return spsi_tree_build(context, tree, items);
 }
@@ -29389,7 +29390,6 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 #define SPSI_BRACKET_SEEN     10    /* behind this optical depth nothing is halved: 5e-5 passes */
 #define SPSI_BRACKET_STEPS    1e8   /* along a ray at most */
 #define SPSI_BRACKET_DARK     27.6  /* optical depth beyond which shadows are not followed: 1e-12 passes */
-#define SPSI_BRACKET_ROUNDING 1e-6  /* relative: colors are floats, and so are bounds */
 #define SPSI_BRACKET_ROOM     1e-9  /* relative: of a shadow's edge */
 
 static const double spsi_bracket_places[3] = {0.11270166537925831, 0.5, 0.88729833462074169}; /* 1/2 +- sqrt(3/20) */
@@ -29633,8 +29633,8 @@ static void spsi_step_within(const spsi_marcher *marcher, double third, spsi_ste
     }
 }
 
-/* Samples all gas on a step. Returns 0 if there is none but what kernels leave beyond their taps. */
-static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_between before, spsi_step *step) {
+/* Samples all gas on a step. */
+static void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_between before, spsi_step *step) {
     const spsi_frame *frame = marcher->frame;
     const double h = ray->high - ray->low;
     spsi_series extinction;
@@ -29656,8 +29656,7 @@ static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sps
         spsi_series_add_field(scale, speed, gas->half, gas->middle, most, &extinction);
         extinction.term[0] += scale * spsi_step_most(gas, most);
     }
-    memset(step->particles, 0, sizeof step->particles);
-    spsi_trace_particles(marcher, ray, step->particles);
+    spsi_particles_depth(marcher, ray, step->particles);
     for (int i = 0; i < frame->particles.set_count; ++i) {
         spsi_between_add(&step->depth, step->particles[i], step->particles[i]);
         if (step->particles[i] > 0) any = 1, step->smooth = 0;
@@ -29666,7 +29665,6 @@ static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sps
     for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) step->passes.term[k] = extinction.term[k - 1] / k;
     spsi_step_within(marcher, extinction.term[3], step);
     step->lit = any && before.low < SPSI_BRACKET_DARK;
-    return any;
 }
 
 /* Bounds of the integral over a step of a volume's value times what is left of it on the way to the eye, and times the
@@ -29748,27 +29746,30 @@ static void spsi_coming_fall(const spsi_marcher *marcher, const spsi_step *step,
         coming->falloff.term[k] = (k + 1) * pow(coming->range.high, 0.5 * k + 1);
 }
 
+/* Distance of a lamp from a step's middle; infinity: it is a directional light. */
+static double spsi_step_distance(const spsi_step *step, const spsi_lamp *lamp) {
+    double offset[3];
+    spsi_along(lamp->position, step->points[1], -1, offset);
+    return lamp->is_point ? spsi_length(offset) : HUGE_VAL;
+}
+
 /* Gas before a light along a step: its optical depth at the points, and how that may change. Towards a lamp at distance
    r, places near it move less, and r itself has a series of terms of r^(1 - k) at most. */
 static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
                               spsi_coming *coming) {
     const double h = step->ray.high - step->ray.low;
-    double offset[3], distance = HUGE_VAL, change;
-    spsi_shade middle, others;
+    const double distance = spsi_step_distance(step, lamp);
+    double change;
+    spsi_shade middle;
     spsi_bracket_shade(marcher, lamp, step->points[1], &middle);
     coming->depth[1] = middle.depth;
-    for (int j = 0; j < 3; j += 2) {
-        spsi_bracket_shade(marcher, lamp, step->points[j], &others);
-        coming->depth[j] = others.depth;
-    }
+    for (int j = 0; j < 3; j += 2) coming->depth[j] = spsi_bracket_lamp(marcher, lamp, step->points[j]);
     for (int m = 0; m < marcher->frame->medium_count; ++m)
         spsi_series_add_field((double)spsi_part_material(marcher->frame, m)->extinction,
                               spsi_vicinity_speed(&marcher->grids[m], step->ray.direction), middle.half[m],
                               middle.middle[m], marcher->grids[m].all_most * middle.way, &coming->series);
     if (lamp->is_point) {
         spsi_series way;
-        spsi_along(lamp->position, step->points[1], -1, offset);
-        distance = spsi_length(offset);
         coming->smooth &= distance > h;
         way.term[0] = 1 + 0.5 * h / distance;
         for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) way.term[k] = way.term[0] / pow(distance - 0.5 * h, k);
@@ -29786,11 +29787,7 @@ static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step
 
 /* Angle by which light that comes to a step turns at most, from its middle. */
 static double spsi_step_turn(const spsi_step *step, const spsi_lamp *lamp) {
-    const double half = 0.5 * (step->ray.high - step->ray.low);
-    double offset[3], distance;
-    if (!lamp->is_point) return 0;
-    spsi_along(lamp->position, step->points[1], -1, offset);
-    distance = spsi_length(offset);
+    const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, lamp);
     return half < distance ? asin(half / distance) : 4;
 }
 
@@ -29853,16 +29850,15 @@ static double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
 static void spsi_coming_phase(const spsi_step *step, const spsi_lamp *lamp, const spsi_material *material,
                               spsi_coming *coming) {
     const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, lamp);
-    double cosines[3], axis[3], phases[3] = {0, 0, 0}, distance = HUGE_VAL;
+    const double distance = spsi_step_distance(step, lamp);
+    double cosines[3], axis[3], phases[3] = {0, 0, 0};
     spsi_between range = {0, 0};
     spsi_series turning, series;
     for (int j = 0; j < 3; ++j) {
-        double travel[3], offset[3];
+        double travel[3];
         spsi_lamp_direction(lamp, step->points[j], travel);
         cosines[j] = -spsi_dot(travel, step->ray.direction);
         axis[j] = spsi_versine(lamp, travel);
-        spsi_along(lamp->position, step->points[j], -1, offset);
-        if (j == 1 && lamp->is_point) distance = spsi_length(offset);
     }
     coming->smooth &= distance > 2 * half;
     memset(&series, 0, sizeof series);
@@ -30116,7 +30112,6 @@ static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher
     double across[3];
     for (int m = 0; m < frame->medium_count; ++m)
         if (spsi_part_material(frame, m)->scatters) marcher->lamp_count = frame->lamps.count;
-    marcher->bounds = spsi_nowhere;
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_dense *grid = &marcher->grids[m];
         const size_t bricks = (size_t)grid->bricks[0] * (size_t)grid->bricks[1] * (size_t)grid->bricks[2];
@@ -30131,12 +30126,6 @@ static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher
             spsi_bounds_add(&marcher->bounds, point);
         }
     }
-    for (int i = 0; i < frame->content->particle_count; ++i) {
-        spsi_bounds box;
-        spsi_particle_bounds(&frame->content->particles[i], &box);
-        spsi_bounds_add(&marcher->bounds, box.low);
-        spsi_bounds_add(&marcher->bounds, box.high);
-    }
     spsi_along(marcher->bounds.high, marcher->bounds.low, -1, across);
     if (!spsi_bounds_empty(&marcher->bounds) && !(spsi_length(across) < SPSI_BRACKET_STEPS * marcher->step))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE, -1, "", 0,
@@ -30145,22 +30134,6 @@ static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher
     marcher->follow = spsi_bracket_step;
     marcher->shade = spsi_bracket_lamp;
     return SPS_OK;
-}
-
-/* Writes the bounds, rounded outwards. */
-static void spsi_bracket_finish(const spsi_marcher *marcher, const sps_image *image) {
-    const int *region = marcher->frame->view.region, samples = marcher->side * marcher->side;
-    const size_t pitch = image->row_pixels ? image->row_pixels : (size_t)region[2];
-    for (int y = 0; y < region[3]; ++y)
-        for (int x = 0; x < region[2]; ++x) {
-            const spsi_between *colors = marcher->walkers[(size_t)y * (size_t)region[2] + (size_t)x].colors;
-            for (int c = 0; c < 3; ++c) {
-                const size_t at = 3 * ((size_t)y * pitch + (size_t)x) + (size_t)c;
-                const double room = SPSI_BRACKET_ROUNDING * (fabs(colors[c].low) + fabs(colors[c].high)) / samples;
-                marcher->settings->lower[at] = (float)(colors[c].low / samples - room);
-                marcher->settings->upper[at] = (float)(colors[c].high / samples + room);
-            }
-        }
 }
 
 /* ================================================================================================ >>paths
@@ -30719,26 +30692,7 @@ static void spsi_paths_pixel(const spsi_marcher *marcher, int x, int y, spsi_sam
     }
 }
 
-/* Adds the paths' means to the pixels, and writes the standard errors of these means. */
-static void spsi_paths_finish(const spsi_marcher *marcher, const sps_image *image) {
-    const int *region = marcher->frame->view.region;
-    const size_t pitch = image->row_pixels ? image->row_pixels : (size_t)region[2];
-    const double n = marcher->settings->samples;
-    for (int y = 0; y < region[3]; ++y)
-        for (int x = 0; x < region[2]; ++x) {
-            const size_t at = (size_t)y * (size_t)region[2] + (size_t)x;
-            for (int c = 0; c < 3; ++c) {
-                const double mean = marcher->walkers[at].paths[c] / n, square = marcher->walkers[at].squares[c] / n;
-                float *pixel = &marcher->total[at * spsi_total_floats(marcher->frame) + (size_t)c];
-                *pixel = (float)((double)*pixel + mean);
-                if (marcher->settings->error)
-                    marcher->settings->error[3 * ((size_t)y * pitch + (size_t)x) + (size_t)c] =
-                        (float)sqrt(fmax(0, square - mean * mean) / (n - 1));
-            }
-        }
-}
-
-/* Follows all paths. Afterwards only spsi_paths_finish is left to do. */
+/* Follows all paths. */
 static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher) {
     const int samples = marcher->settings->samples;
     const double share = (1 - SPSI_MARCH_SHARE) / samples; /* of a path of each pixel */
@@ -30759,12 +30713,10 @@ static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher) {
 
 static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *frame,
                                        const sps_reference_settings *settings, const sps_image *image) {
-    const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
     spsi_rays centre;
     spsi_faces faces;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
-    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
-    if (!marcher || !rgb) return context->result;
+    if (!marcher) return context->result;
     memset(marcher, 0, sizeof *marcher);
     marcher->settings = settings;
     marcher->pixel = spsi_march_on;
@@ -30779,12 +30731,7 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     marcher->forward = spsi_scatters_forward(frame) && settings->samples == 0;
     if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
     if (settings->lower && spsi_bracket_begin(context, marcher)) return context->result;
-    for (int y = 0; y < region[3]; ++y) {
-        if (spsi_background_row(context, frame, y, rgb)) return context->result;
-        for (int x = 0; x < region[2]; ++x)
-            memcpy(marcher->total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats, rgb + 3 * x,
-                   3 * sizeof(float));
-    }
+    if (spsi_begin_total(context, frame, marcher->total)) return context->result;
     centre = frame->content->eye;
     for (; marcher->sample < marcher->side * marcher->side; ++marcher->sample) {
         int left = 1;
@@ -30796,9 +30743,7 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     frame->content->eye = centre;
     if (settings->samples > 0 && spsi_paths_run(context, marcher)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
-    spsi_march_finish(marcher);
-    if (settings->samples > 0) spsi_paths_finish(marcher, image);
-    if (settings->lower) spsi_bracket_finish(marcher, image);
+    spsi_march_finish(marcher, image);
     spsi_write_image(frame, marcher->total, image);
     return SPS_OK;
 }

@@ -18667,17 +18667,15 @@ static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_
     peak = spsi_spread_peak(scattered, turned, isotropic, &sharp);
     all.straight = spsi_mul(source, spsi_exp(spsi_sub(zero, before)));
     all.stays = spsi_exp(spsi_sub(scattered, depth));
-    narrow.turned = sharp;
-    narrow.reach = spsi_load(sheet->reach + at);
     longer = spsi_fma(spsi_add(back, back_behind), spsi_set(0.5f * SPSI_SPREAD_DETOUR), one);
     all.turned = spsi_mul(turned, longer);
-    all.reach = spsi_mul(narrow.reach, longer);
+    all.reach = spsi_mul(spsi_load(sheet->reach + at), longer);
     all.stretch[0] = spsi_load(light->stretch[0] + x);
     all.stretch[1] = spsi_set(light->stretch[1][y]);
     all.growth = sheet->growth;
-    memcpy(narrow.stretch, all.stretch, sizeof narrow.stretch);
-    narrow.growth = all.growth;
-    narrow.straight = all.straight;
+    narrow = all;
+    narrow.turned = sharp;
+    narrow.reach = spsi_load(sheet->reach + at);
     narrow.stays = spsi_min(spsi_exp(spsi_sub(peak, depth)), all.stays);
     all.passes = spsi_mul(all.stays, open);
     narrow.passes = spsi_mul(narrow.stays, open);
@@ -19693,7 +19691,6 @@ typedef struct spsi_legendre {
     double peak; /* the first moment that is not followed */
     double moments[SPSI_FORWARD_ORDERS], orders[SPSI_FORWARD_ORDERS];
     int count;
-    float phase[SPSI_FORWARD_SIZE]; /* at the angles of a table's rows */
 } spsi_legendre;
 
 /* Moments until their square is below 1e-4. */
@@ -19716,15 +19713,17 @@ static void spsi_legendre_moments(const spsi_material *material, int followed, s
     }
 }
 
-static void spsi_legendre_build(const spsi_material *material, int followed, spsi_legendre *series) {
-    float cosine[SPSI_FORWARD_SIZE];
-    spsi_legendre_moments(material, followed, series);
-    for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
-        const double s = (double)i / (SPSI_FORWARD_SIZE - 1);
-        cosine[i] = (float)cos(SPSI_PI * s * s);
-    }
-    for (int i = 0; i < SPSI_FORWARD_SIZE; i += SPSI_LANES)
-        spsi_store(series->phase + i, spsi_phase(material, spsi_load(cosine + i)));
+/* A lobe at one cosine. */
+static double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
+    const double g = (double)lobe->asymmetry;
+    const double square = fmax(1 + g * g - 2 * g * fmin(fmax(cosine, -1), 1), DBL_MIN);
+    return (double)lobe->weight * (1 - g * g) / (4 * SPSI_PI * square * sqrt(square));
+}
+
+static double spsi_phase_at(const spsi_material *material, double cosine) {
+    double sum = 0;
+    for (int i = 0; i < material->lobe_count; ++i) sum += spsi_lobe_at(&material->lobes[i], cosine);
+    return sum;
 }
 
 /* exp(-t) r(x), for x <= t. */
@@ -19772,12 +19771,18 @@ static double spsi_forward_fade(double t, double *taken) {
     return fmin((4 / (t + 4) - 4 / (end + 4)) / (4 / (from + 4) - 4 / (end + 4)), 1); /* 1 - u = 4 / (t + 4) */
 }
 
+/* X at one depth and angle, by the factors there. */
+static double spsi_forward_at(const spsi_material *material, const spsi_legendre *series, double t, double cosine) {
+    return fmax(spsi_legendre_sum(series, t, cosine), -spsi_phase_at(material, cosine) * exp(-t));
+}
+
 /* X at one depth for all angles: a column of a table. */
-static void spsi_forward_column(spsi_legendre *series, double albedo, double t, float *column) {
+static void spsi_forward_column(const spsi_material *material, spsi_legendre *series, double albedo, double t,
+                                float *column) {
     spsi_legendre_orders(series, albedo, t);
     for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
-        const double s = (double)i / (SPSI_FORWARD_SIZE - 1), x = spsi_legendre_sum(series, t, cos(SPSI_PI * s * s));
-        column[(size_t)i * SPSI_FORWARD_SIZE] = (float)fmax(x, -(double)series->phase[i] * exp(-t));
+        const double s = (double)i / (SPSI_FORWARD_SIZE - 1);
+        column[(size_t)i * SPSI_FORWARD_SIZE] = (float)spsi_forward_at(material, series, t, cos(SPSI_PI * s * s));
     }
 }
 
@@ -19790,14 +19795,14 @@ static double spsi_forward_albedo(const spsi_material *material, int level) {
 static void spsi_forward_build(const spsi_material *material, int followed, int stays, spsi_forward *forward) {
     const int grey = material->albedo[0] == material->albedo[1] && material->albedo[0] == material->albedo[2];
     spsi_legendre series;
-    spsi_legendre_build(material, followed, &series);
+    spsi_legendre_moments(material, followed, &series);
     series.stays |= stays;
     forward->level_count = material->table ? SPSI_FORWARD_LEVELS : grey ? 1 : 3;
     for (int k = 0; k < forward->level_count; ++k)
         for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
             const double albedo = spsi_forward_albedo(material, k);
             if (i < SPSI_FORWARD_SIZE - 1)
-                spsi_forward_column(&series, albedo, spsi_forward_depth(i), forward->level[k] + i);
+                spsi_forward_column(material, &series, albedo, spsi_forward_depth(i), forward->level[k] + i);
             else
                 for (int n = 0; n < SPSI_FORWARD_SIZE; ++n) forward->level[k][n * SPSI_FORWARD_SIZE + i] = 0;
         }
@@ -28926,13 +28931,12 @@ typedef struct spsi_source {
    irradiance without gas. */
 static void spsi_march_forward(const spsi_material *material, const spsi_sample *sample, double cosine, double depth,
                                double sent[3]) {
-    float color[SPSI_LANES], surface[SPSI_LANES], phase[SPSI_LANES], last = 0;
+    float color[SPSI_LANES], surface[SPSI_LANES], last = 0;
     double taken;
     const double shown = spsi_forward_fade(depth, &taken);
     spsi_legendre series;
     spsi_legendre_moments(material, 0, &series);
     spsi_store(surface, sample->surface);
-    spsi_store(phase, spsi_phase(material, spsi_set((float)cosine)));
     for (int c = 0; c < 3; ++c) {
         spsi_store(color, sample->color[c]);
         if (c > 0 && color[0] == last) {
@@ -28941,7 +28945,7 @@ static void spsi_march_forward(const spsi_material *material, const spsi_sample 
         }
         last = color[0];
         spsi_legendre_orders(&series, (double)color[0], taken);
-        sent[c] = shown * fmax(spsi_legendre_sum(&series, taken, cosine), -(double)phase[0] * exp(-taken));
+        sent[c] = shown * spsi_forward_at(material, &series, taken, cosine);
         sent[c] *= (double)color[0] * (sample->has_normal ? 1 - (double)surface[0] : 1);
     }
 }
@@ -29837,13 +29841,6 @@ static spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const sp
     return lobes;
 }
 
-/* A lobe at one cosine. */
-static double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
-    const double g = (double)lobe->asymmetry;
-    const double square = fmax(1 + g * g - 2 * g * fmin(fmax(cosine, -1), 1), DBL_MIN);
-    return (double)lobe->weight * (1 - g * g) / (4 * SPSI_PI * square * sqrt(square));
-}
-
 /* What a gas sends to the eye of the light that comes to a step, per unit of optical depth and of albedo. A lobe rises
    or falls with the cosine, so that it is between its values at the ends. A lamp's light turns by less than the step
    seen from it, and its direction has a series of 2 / r^k at most. */
@@ -30490,9 +30487,8 @@ static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
 
 /* Density per steradian of the directions into which a part sends paths. */
 static double spsi_path_density(const spsi_material *material, double cosine) {
-    float phase[SPSI_LANES];
-    spsi_store(phase, spsi_phase(material, spsi_set((float)cosine)));
-    return material->table && material->shading == SPS_SHADING_SURFACE ? 0.25 / SPSI_PI : (double)phase[0];
+    if (material->table && material->shading == SPS_SHADING_SURFACE) return 0.25 / SPSI_PI;
+    return spsi_phase_at(material, cosine);
 }
 
 /* Begins the next ray at the end of the last one; after an event, in a direction that was drawn with this density. */

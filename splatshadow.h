@@ -5679,6 +5679,16 @@ static void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice 
     medium->revision = volume->revision;
 }
 
+/* Grows bounds to hold a volume, with a margin in voxels. */
+static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
+    for (int corner = 0; corner < 8; ++corner) {
+        double at[3], point[3];
+        for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->size[k] + margin : -margin;
+        spsi_voxel_position(medium->lattice, at, point);
+        spsi_bounds_add(bounds, point);
+    }
+}
+
 static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     int classified = 0;
     spsi_table *table;
@@ -5704,13 +5714,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, 
         const sps_volume *volume = &scene->volumes[medium->index];
         if (spsi_add_material(context, frame, volume, medium, table)) return context->result;
         table += volume->transfer != NULL;
-        for (int corner = 0; corner < 8; ++corner) {
-            const double margin = SPSI_REACH;
-            double at[3], point[3];
-            for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->size[k] + margin : -margin;
-            spsi_voxel_position(medium->lattice, at, point);
-            spsi_bounds_add(&frame->volume_bounds, point);
-        }
+        spsi_medium_bounds(medium, SPSI_REACH, &frame->volume_bounds);
     }
     return SPS_OK;
 }
@@ -29452,12 +29456,6 @@ static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h
 
 /* --- the field --- */
 
-/* Voxels about a point. */
-typedef struct spsi_vicinity {
-    double value;        /* of the field */
-    double half, middle; /* values of voxels: middle +- half; 0 unless `ranged` */
-} spsi_vicinity;
-
 /* A row of voxels, 0 beyond the volume; in `spare` if it lies on the volume's edge. */
 static const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int z, float *spare) {
     const float *row = grid->values + ((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0];
@@ -29468,12 +29466,21 @@ static const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int 
     return spare;
 }
 
-/* The field at a world point, and with `ranged` what voxels about it are. Returns 0 if none about it is above 0. */
-static int spsi_vicinity_at(const spsi_dense *grid, const double point[3], int ranged, spsi_vicinity *around) {
+typedef struct spsi_step_gas {
+    double value[3];     /* of the field, at the step's points */
+    double half, middle; /* values of voxels about all of it: middle +- half */
+    double tail;         /* by which values may be larger */
+    spsi_between length; /* of the field's integral over the step */
+} spsi_step_gas;
+
+/* The field at a world point, and what voxels about it are, unless `gas` is NULL. Returns 0 if none about it is above
+   0. */
+static int spsi_vicinity_at(const spsi_dense *grid, const double point[3], double *value, spsi_step_gas *gas) {
     double offset[3], at[3], w[3][SPSI_BRACKET_TAPS], sum[SPSI_BRACKET_TAPS] = {0};
     float low[SPSI_BRACKET_TAPS], high[SPSI_BRACKET_TAPS] = {0}, least, most = 0, spare[SPSI_BRACKET_TAPS];
     int first[3];
-    memset(around, 0, sizeof *around);
+    *value = 0;
+    if (gas) gas->half = gas->middle = 0;
     spsi_along(point, grid->corner, -1, offset);
     for (int i = 0; i < 3; ++i) at[i] = spsi_dot(grid->inverse[i], offset);
     if (spsi_dense_empty(grid, at, 0.5 * SPSI_BRACKET_TAPS)) return 0;
@@ -29487,20 +29494,20 @@ static int spsi_vicinity_at(const spsi_dense *grid, const double point[3], int r
             const float *row = spsi_vicinity_row(grid, first[0], first[1] + y, first[2] + z, spare);
             const double weight = w[2][z] * w[1][y];
             for (int x = 0; x < SPSI_BRACKET_TAPS; ++x) sum[x] += weight * (double)row[x];
-            for (int x = 0; x < SPSI_BRACKET_TAPS && ranged; ++x) {
+            for (int x = 0; x < SPSI_BRACKET_TAPS && gas; ++x) {
                 low[x] = row[x] < low[x] ? row[x] : low[x];
                 high[x] = row[x] > high[x] ? row[x] : high[x];
             }
         }
     least = low[0];
     for (int x = 0; x < SPSI_BRACKET_TAPS; ++x) {
-        around->value += w[0][x] * sum[x];
+        *value += w[0][x] * sum[x];
         least = low[x] < least ? low[x] : least;
         most = high[x] > most ? high[x] : most;
     }
-    if (!ranged) return 1;
-    around->half = 0.5 * ((double)most - (double)least);
-    around->middle = 0.5 * ((double)most + (double)least);
+    if (!gas) return 1;
+    gas->half = 0.5 * ((double)most - (double)least);
+    gas->middle = 0.5 * ((double)most + (double)least);
     return 1;
 }
 
@@ -29513,13 +29520,6 @@ static double spsi_vicinity_speed(const spsi_dense *grid, const double direction
 
 /* --- a step through a volume --- */
 
-typedef struct spsi_step_gas {
-    double value[3];      /* of the field, at the step's points */
-    double half, middle;  /* values of voxels about all of it: middle +- half */
-    double tail;          /* by which values may be larger */
-    spsi_between length;  /* of the field's integral over the step */
-} spsi_step_gas;
-
 /* Samples a volume at a step's points. Returns 0 if nothing is about it. */
 static int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *step, spsi_step_gas *gas) {
     const spsi_dense *grid = &marcher->grids[m];
@@ -29528,16 +29528,12 @@ static int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *
     spsi_series series;
     double sum = 0, off;
     int any = 0;
-    gas->half = gas->middle = 0;
     gas->tail = SPSI_BRACKET_TAIL * most;
     for (int j = 0; j < 3; ++j) {
         double point[3];
-        spsi_vicinity around;
         spsi_along(step->origin, step->direction, step->low + spsi_bracket_places[j] * h, point);
-        any |= spsi_vicinity_at(grid, point, j == 1, &around);
-        gas->value[j] = around.value;
-        sum += h * spsi_bracket_weights[j] * around.value;
-        if (j == 1) gas->half = around.half, gas->middle = around.middle;
+        any |= spsi_vicinity_at(grid, point, &gas->value[j], j == 1 ? gas : NULL);
+        sum += h * spsi_bracket_weights[j] * gas->value[j];
     }
     memset(&series, 0, sizeof series);
     if (any) spsi_series_add_field(1, speed, gas->half, gas->middle, most, &series);
@@ -30115,13 +30111,7 @@ static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher
         for (size_t i = 0; i < bricks; ++i) grid->all_most = fmax(grid->all_most, (double)grid->most[i]);
         for (int k = 0; k < 3; ++k)
             marcher->step = fmin(marcher->step, SPSI_BRACKET_STEP / spsi_length(grid->inverse[k]));
-        for (int corner = 0; corner < 8; ++corner) {
-            double at[3], point[3];
-            for (int k = 0; k < 3; ++k)
-                at[k] = corner >> k & 1 ? grid->size[k] + 0.5 * SPSI_BRACKET_TAPS : -0.5 * SPSI_BRACKET_TAPS;
-            spsi_voxel_position(frame->media[m].lattice, at, point);
-            spsi_bounds_add(&marcher->bounds, point);
-        }
+        spsi_medium_bounds(&frame->media[m], 0.5 * SPSI_BRACKET_TAPS, &marcher->bounds);
     }
     spsi_along(marcher->bounds.high, marcher->bounds.low, -1, across);
     if (!spsi_bounds_empty(&marcher->bounds) && !(spsi_length(across) < SPSI_BRACKET_STEPS * marcher->step))
@@ -30180,11 +30170,8 @@ static double spsi_random_depth(uint64_t *state) { return -log1p(-spsi_random(st
 /* A unit vector at a given cosine from another one, in any direction about it. */
 static void spsi_random_about(uint64_t *state, const double axis[3], double cosine, double out[3]) {
     const double turn = 2 * SPSI_PI * spsi_random(state), sine = sqrt(fmax(0, 1 - cosine * cosine));
-    double across[3] = {0, 0, 0}, other[3];
-    across[fabs(axis[0]) < 0.6 ? 0 : 1] = 1;
-    spsi_cross(axis, across, other);
-    spsi_normalise(other);
-    spsi_cross(axis, other, across);
+    double across[3], other[3];
+    spsi_basis(axis, other, across);
     for (int i = 0; i < 3; ++i) out[i] = cosine * axis[i] + sine * (cos(turn) * other[i] + sin(turn) * across[i]);
     spsi_normalise(out);
 }

@@ -7352,8 +7352,8 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
 }
 
 /* Boxes are floats, rounded outwards; they need a margin for the sums in double precision that place them about the
-   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. A ray's own width is
-   `half` to each side. */
+   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. A ray is
+   `half` wide to each side. */
 static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const double half[3],
                                const spsi_tree_node *node) {
     double low[3], high[3], range[2], room = 0;
@@ -28468,19 +28468,19 @@ typedef struct spsi_between {
 
 /* The ray of a pixel, on its way from one translucent face to the next. Without bounds, low and high are equal. */
 typedef struct spsi_walker {
-    spsi_between colors[3];    /* sums over the samples that have ended */
+    spsi_between colors[3];        /* sums over the samples that have ended */
     double coverage, distance_sum; /* likewise: distance weighted by coverage */
     double paths[3], squares[3];   /* sums over the pixel's paths: their radiance, and its square */
-    spsi_between radiance[3];  /* of what lies before `low` */
-    spsi_between scattered[3]; /* of gas there; with bounds only, where it is not yet in `radiance` */
-    double source[3];          /* radiance of that gas, were it opaque, at most */
-    double filter[3];          /* share of each color that passes its polygons */
-    spsi_between gas;          /* optical depth of its gas */
-    double distance;           /* weighted by what is taken from the ray */
-    double low, high;   /* the part of the ray before the next face, in world length */
-    double depth;       /* of the next face: t - depth_reference; where the part begins if there is none yet */
-    spsi_hit hit;       /* of the next face */
-    int ended;          /* 1: nothing more is seen */
+    spsi_between radiance[3];      /* of what lies before `low` */
+    spsi_between scattered[3];     /* by gas there, or emitted: with bounds, where it is not in `radiance` */
+    double source[3];              /* radiance of that gas, were it opaque, at most */
+    double filter[3];              /* share of each color that passes its polygons */
+    spsi_between gas;              /* optical depth of its gas */
+    double distance;               /* weighted by what is taken from the ray */
+    double low, high;              /* the part of the ray before the next face, in world length */
+    double depth;                  /* of the next face: t - depth_reference; where the part begins if there is none */
+    spsi_hit hit;                  /* of the next face */
+    int ended;                     /* 1: nothing more is seen */
 } spsi_walker;
 
 typedef struct spsi_marcher {
@@ -28500,7 +28500,7 @@ typedef struct spsi_marcher {
     int side;             /* number of samples along a pixel's side */
     int sample;           /* number of the current one */
     int from, to;         /* numbers of the current paths */
-    /* What is done at a pixel: its ray, or its paths. */
+    /* What is done at a pixel: follows its ray up to the next face, or its paths. */
     void (*pixel)(const struct spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker);
     spsi_hit *hits;       /* of the whole image, for shade_fn; NULL: no mesh has one */
     spsi_visible visible; /* those hits, and what shade_fn has set there */
@@ -28738,8 +28738,8 @@ static const spsi_material *spsi_part_material(const spsi_frame *frame, int part
 
 /* Clips a ray to the bounds of all gas. Returns the number of steps in what is left. */
 static int spsi_march_range(const spsi_marcher *marcher, const spsi_ray *ray, double range[2]) {
-    if (marcher->part_count == 0 || !spsi_ray_meets_box(ray, marcher->bounds.low, marcher->bounds.high, range)) return 0;
-    if (!(range[1] > range[0])) return 0;
+    if (marcher->part_count == 0) return 0;
+    if (!spsi_ray_meets_box(ray, marcher->bounds.low, marcher->bounds.high, range) || !(range[1] > range[0])) return 0;
     return (int)fmin(fmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
 }
 
@@ -29184,7 +29184,7 @@ static void spsi_march_add(const spsi_marcher *marcher) {
     }
 }
 
-/* Fills in the image's pixels, and what settings ask for beside it: bounds, rounded outwards, and the standard errors of
+/* Fills in the image's pixels, and what settings ask for beside it: bounds, rounded outwards, and standard errors of
    paths' means. */
 static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *image) {
     const sps_reference_settings *settings = marcher->settings;
@@ -29271,10 +29271,10 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
                     values[((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)x];
                 if (!(value > 0)) continue;
                 for (int n = 0; n < 27; ++n) { /* beyond the border, a brick at the border once more */
-                    const int offset[3] = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
+                    const int at[3] = {b[0] + n % 3 - 1, b[1] + n / 3 % 3 - 1, b[2] + n / 9 - 1};
                     int brick = 0;
                     for (int k = 2; k >= 0; --k)
-                        brick = brick * grid->bricks[k] + spsi_least(spsi_most(b[k] + offset[k], 0), grid->bricks[k] - 1);
+                        brick = brick * grid->bricks[k] + spsi_least(spsi_most(at[k], 0), grid->bricks[k] - 1);
                     grid->most[brick] = spsi_higher(grid->most[brick], value);
                 }
             }

@@ -2089,8 +2089,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_TOTAL,             /* sum of the sweeps' images */
     SPSI_BUFFER_ROW,               /* directions and colors of one row of background */
     SPSI_BUFFER_MARCHER,           /* >>reference */
-    SPSI_BUFFER_PATHS,             /* >>paths */
-    SPSI_BUFFER_GLOW,              /* what emits, for them */
+    SPSI_BUFFER_GLOW,              /* what emits, for paths */
     SPSI_BUFFER_WALKERS,           /* the reference's rays, one per pixel */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
@@ -5495,6 +5494,16 @@ static void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice 
     medium->revision = volume->revision;
 }
 
+/* Grows bounds to hold a volume, with a margin in voxels. */
+static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
+    for (int corner = 0; corner < 8; ++corner) {
+        double at[3], point[3];
+        for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->size[k] + margin : -margin;
+        spsi_voxel_position(medium->lattice, at, point);
+        spsi_bounds_add(bounds, point);
+    }
+}
+
 static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     int classified = 0;
     spsi_table *table;
@@ -5520,13 +5529,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, 
         const sps_volume *volume = &scene->volumes[medium->index];
         if (spsi_add_material(context, frame, volume, medium, table)) return context->result;
         table += volume->transfer != NULL;
-        for (int corner = 0; corner < 8; ++corner) {
-            const double margin = SPSI_REACH;
-            double at[3], point[3];
-            for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->size[k] + margin : -margin;
-            spsi_voxel_position(medium->lattice, at, point);
-            spsi_bounds_add(&frame->volume_bounds, point);
-        }
+        spsi_medium_bounds(medium, SPSI_REACH, &frame->volume_bounds);
     }
     return SPS_OK;
 }
@@ -7164,17 +7167,51 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
 }
 
 /* Boxes are floats, rounded outwards; they need a margin for the sums in double precision that place them about the
-   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. */
-static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const spsi_tree_node *node) {
+   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. A ray is
+   `half` wide to each side. */
+static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const double half[3],
+                               const spsi_tree_node *node) {
     double low[3], high[3], range[2], room = 0;
     for (int i = 0; i < 3; ++i)
         room += fabs(tree->centre[i]) + fabs(ray->origin[i]) + fabs((double)node->low[i]) + fabs((double)node->high[i]);
     room *= 1e-12;
     for (int i = 0; i < 3; ++i) {
-        low[i] = tree->centre[i] + (double)node->low[i] - room;
-        high[i] = tree->centre[i] + (double)node->high[i] + room;
+        low[i] = tree->centre[i] + (double)node->low[i] - half[i] - room;
+        high[i] = tree->centre[i] + (double)node->high[i] + half[i] + room;
     }
     return spsi_ray_meets_box(ray, low, high, range);
+}
+
+/* A ray's walk through a tree. */
+typedef struct spsi_walk {
+    const spsi_tree *tree;
+    double half[3]; /* the ray's width to each side */
+    int stack[SPSI_TREE_STACK], top;
+    int next, end; /* what is left of a leaf in `order` */
+} spsi_walk;
+
+static void spsi_walk_begin(const spsi_tree *tree, spsi_walk *walk) {
+    walk->tree = tree;
+    walk->half[0] = walk->half[1] = walk->half[2] = 0;
+    walk->stack[0] = walk->next = walk->end = 0;
+    walk->top = tree->count > 0;
+}
+
+/* The number of the next item in a leaf that a ray meets, which may have been shortened since the last; -1: there is
+   none. */
+static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
+    while (walk->next == walk->end) {
+        const spsi_tree_node *node;
+        if (walk->top == 0) return -1;
+        node = &walk->tree->nodes[walk->stack[--walk->top]];
+        if (!spsi_ray_meets_node(walk->tree, ray, walk->half, node)) continue;
+        walk->next = node->first;
+        walk->end = node->first + node->count;
+        if (node->count > 0) continue;
+        walk->stack[walk->top++] = node->first;
+        walk->stack[walk->top++] = node->first + 1;
+    }
+    return walk->tree->order[walk->next++];
 }
 
 /* ============================================================================================= >>polygons
@@ -9100,15 +9137,6 @@ typedef struct spsi_passage {
     int is_direction; /* 1: a direction */
 } spsi_passage;
 
-static int spsi_passage_meets_node(const spsi_tree *tree, const spsi_passage *passage, const spsi_tree_node *node) {
-    spsi_tree_node wide = *node;
-    for (int i = 0; i < 3; ++i) {
-        wide.low[i] = spsi_outward((double)node->low[i] - passage->half[i], 0);
-        wide.high[i] = spsi_outward((double)node->high[i] + passage->half[i], 1);
-    }
-    return spsi_ray_meets_node(tree, &passage->ray, &wide);
-}
-
 /* Whether a face may stop or filter rays that begin on another: part of that one is on the far side of its plane from
    the light, by half the room that spsi_face_stops grants to round-off. */
 static int spsi_passage_may_meet(const spsi_faces *faces, const spsi_passage *passage, int number, int own) {
@@ -9135,7 +9163,7 @@ static int spsi_passage_is_clear(const spsi_faces *faces, const spsi_passage *pa
     while (top > 0) {
         const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
         if (++seen > SPSI_PASSAGE_NODES) return 0;
-        if (!spsi_passage_meets_node(&faces->tree, passage, node)) continue;
+        if (!spsi_ray_meets_node(&faces->tree, &passage->ray, passage->half, node)) continue;
         for (int i = 0; i < node->count * count; ++i) {
             const int number = faces->tree.order[node->first + i / count], from = own[i % count];
             if (number != from && spsi_passage_may_meet(faces, passage, number, from)) return 0;
@@ -9173,26 +9201,19 @@ static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double ro
 
 /* Finds the nearest face on a ray that begins on face `own` (-1: on none), and shortens the ray to it. */
 static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, spsi_hit *hit) {
-    int stack[SPSI_TREE_STACK], top = 0;
+    spsi_walk walk;
+    int number;
     hit->face = -1;
-    if (faces->tree.count > 0) stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        if (!spsi_ray_meets_node(&faces->tree, ray, node)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const int number = faces->tree.order[node->first + i];
-            const spsi_face *face = &faces->list[number];
-            const double rounding = own >= 0 ? (double)face->rounding + 16 * DBL_EPSILON * faces->extent : 0;
-            double t;
-            float weights[2];
-            if (number == own || !spsi_face_meets(face, ray, rounding, &t, weights)) continue;
-            ray->high = t;
-            hit->face = number;
-            memcpy(hit->weights, weights, sizeof weights);
-        }
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
+    spsi_walk_begin(&faces->tree, &walk);
+    while ((number = spsi_walk_on(&walk, ray)) >= 0) {
+        const spsi_face *face = &faces->list[number];
+        const double rounding = own >= 0 ? (double)face->rounding + 16 * DBL_EPSILON * faces->extent : 0;
+        double t;
+        float weights[2];
+        if (number == own || !spsi_face_meets(face, ray, rounding, &t, weights)) continue;
+        ray->high = t;
+        hit->face = number;
+        memcpy(hit->weights, weights, sizeof weights);
     }
 }
 
@@ -18417,17 +18438,15 @@ static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_
     peak = spsi_spread_peak(scattered, turned, isotropic, &sharp);
     all.straight = spsi_mul(source, spsi_exp(spsi_sub(zero, before)));
     all.stays = spsi_exp(spsi_sub(scattered, depth));
-    narrow.turned = sharp;
-    narrow.reach = spsi_load(sheet->reach + at);
     longer = spsi_fma(spsi_add(back, back_behind), spsi_set(0.5f * SPSI_SPREAD_DETOUR), one);
     all.turned = spsi_mul(turned, longer);
-    all.reach = spsi_mul(narrow.reach, longer);
+    all.reach = spsi_mul(spsi_load(sheet->reach + at), longer);
     all.stretch[0] = spsi_load(light->stretch[0] + x);
     all.stretch[1] = spsi_set(light->stretch[1][y]);
     all.growth = sheet->growth;
-    memcpy(narrow.stretch, all.stretch, sizeof narrow.stretch);
-    narrow.growth = all.growth;
-    narrow.straight = all.straight;
+    narrow = all;
+    narrow.turned = sharp;
+    narrow.reach = spsi_load(sheet->reach + at);
     narrow.stays = spsi_min(spsi_exp(spsi_sub(peak, depth)), all.stays);
     all.passes = spsi_mul(all.stays, open);
     narrow.passes = spsi_mul(narrow.stays, open);
@@ -19443,7 +19462,6 @@ typedef struct spsi_legendre {
     double peak; /* the first moment that is not followed */
     double moments[SPSI_FORWARD_ORDERS], orders[SPSI_FORWARD_ORDERS];
     int count;
-    float phase[SPSI_FORWARD_SIZE]; /* at the angles of a table's rows */
 } spsi_legendre;
 
 /* Moments until their square is below 1e-4. */
@@ -19466,15 +19484,17 @@ static void spsi_legendre_moments(const spsi_material *material, int followed, s
     }
 }
 
-static void spsi_legendre_build(const spsi_material *material, int followed, spsi_legendre *series) {
-    float cosine[SPSI_FORWARD_SIZE];
-    spsi_legendre_moments(material, followed, series);
-    for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
-        const double s = (double)i / (SPSI_FORWARD_SIZE - 1);
-        cosine[i] = (float)cos(SPSI_PI * s * s);
-    }
-    for (int i = 0; i < SPSI_FORWARD_SIZE; i += SPSI_LANES)
-        spsi_store(series->phase + i, spsi_phase(material, spsi_load(cosine + i)));
+/* A lobe at one cosine. */
+static double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
+    const double g = (double)lobe->asymmetry;
+    const double square = fmax(1 + g * g - 2 * g * fmin(fmax(cosine, -1), 1), DBL_MIN);
+    return (double)lobe->weight * (1 - g * g) / (4 * SPSI_PI * square * sqrt(square));
+}
+
+static double spsi_phase_at(const spsi_material *material, double cosine) {
+    double sum = 0;
+    for (int i = 0; i < material->lobe_count; ++i) sum += spsi_lobe_at(&material->lobes[i], cosine);
+    return sum;
 }
 
 /* exp(-t) r(x), for x <= t. */
@@ -19522,12 +19542,18 @@ static double spsi_forward_fade(double t, double *taken) {
     return fmin((4 / (t + 4) - 4 / (end + 4)) / (4 / (from + 4) - 4 / (end + 4)), 1); /* 1 - u = 4 / (t + 4) */
 }
 
+/* X at one depth and angle, by the factors there. */
+static double spsi_forward_at(const spsi_material *material, const spsi_legendre *series, double t, double cosine) {
+    return fmax(spsi_legendre_sum(series, t, cosine), -spsi_phase_at(material, cosine) * exp(-t));
+}
+
 /* X at one depth for all angles: a column of a table. */
-static void spsi_forward_column(spsi_legendre *series, double albedo, double t, float *column) {
+static void spsi_forward_column(const spsi_material *material, spsi_legendre *series, double albedo, double t,
+                                float *column) {
     spsi_legendre_orders(series, albedo, t);
     for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
-        const double s = (double)i / (SPSI_FORWARD_SIZE - 1), x = spsi_legendre_sum(series, t, cos(SPSI_PI * s * s));
-        column[(size_t)i * SPSI_FORWARD_SIZE] = (float)fmax(x, -(double)series->phase[i] * exp(-t));
+        const double s = (double)i / (SPSI_FORWARD_SIZE - 1);
+        column[(size_t)i * SPSI_FORWARD_SIZE] = (float)spsi_forward_at(material, series, t, cos(SPSI_PI * s * s));
     }
 }
 
@@ -19540,14 +19566,14 @@ static double spsi_forward_albedo(const spsi_material *material, int level) {
 static void spsi_forward_build(const spsi_material *material, int followed, int stays, spsi_forward *forward) {
     const int grey = material->albedo[0] == material->albedo[1] && material->albedo[0] == material->albedo[2];
     spsi_legendre series;
-    spsi_legendre_build(material, followed, &series);
+    spsi_legendre_moments(material, followed, &series);
     series.stays |= stays;
     forward->level_count = material->table ? SPSI_FORWARD_LEVELS : grey ? 1 : 3;
     for (int k = 0; k < forward->level_count; ++k)
         for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
             const double albedo = spsi_forward_albedo(material, k);
             if (i < SPSI_FORWARD_SIZE - 1)
-                spsi_forward_column(&series, albedo, spsi_forward_depth(i), forward->level[k] + i);
+                spsi_forward_column(material, &series, albedo, spsi_forward_depth(i), forward->level[k] + i);
             else
                 for (int n = 0; n < SPSI_FORWARD_SIZE; ++n) forward->level[k][n * SPSI_FORWARD_SIZE + i] = 0;
         }
@@ -28176,32 +28202,39 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
 #define SPSI_REFERENCE_TAPS   8
 #define SPSI_MARCH_SHARE      0.25 /* of a call's progress, if paths follow */
 #define SPSI_REFERENCE_POINTS 64   /* of an extended light at each place */
+#define SPSI_MARCH_ROUNDING   1e-6 /* relative, of bounds: colors are floats, and so are bounds */
 
 typedef struct spsi_dense {
     const float *values;
     float *most;          /* per brick: maximum value of it and its neighbours */
     float *bound;         /* per brick: upper bound of the extinction that goes with it; for paths only */
+    double all_most;      /* maximum value; for bounds only */
     int size[3];          /* in voxels */
     int bricks[3];        /* size in bricks */
     double inverse[3][3]; /* rows; world offset from the corner to voxels */
     double corner[3];     /* in the world */
 } spsi_dense;
 
-/* The ray of a pixel, on its way from one translucent face to the next. */
-typedef struct spsi_walker {
-    double sums[5];     /* over the pixel's samples so far: color, coverage, distance weighted by coverage */
-    double radiance[3]; /* of what lies before `low` */
-    double through[3];  /* share of each color that passes it */
-    double filter[3];   /* share that passes its polygons */
-    double gas;         /* optical depth of its gas */
-    double distance;    /* weighted by what is taken from `through` */
-    double low, high;   /* the part of the ray before the next face, in world length */
-    double depth;       /* of the next face: t - depth_reference; where the part begins if there is none yet */
-    spsi_hit hit;       /* of the next face */
-    int ended;          /* 1: nothing more is seen */
-} spsi_walker;
+typedef struct spsi_between {
+    double low, high;
+} spsi_between;
 
-struct spsi_bracketing; /* >>brackets */
+/* The ray of a pixel, on its way from one translucent face to the next. Without bounds, low and high are equal. */
+typedef struct spsi_walker {
+    spsi_between colors[3];        /* sums over the samples that have ended */
+    double coverage, distance_sum; /* likewise: distance weighted by coverage */
+    double paths[3], squares[3];   /* sums over the pixel's paths: their radiance, and its square */
+    spsi_between radiance[3];      /* of what lies before `low` */
+    spsi_between scattered[3];     /* by gas there, or emitted: with bounds, where it is not in `radiance` */
+    double source[3];              /* radiance of that gas, were it opaque, at most */
+    double filter[3];              /* share of each color that passes its polygons */
+    spsi_between gas;              /* optical depth of its gas */
+    double distance;               /* weighted by what is taken from the ray */
+    double low, high;              /* the part of the ray before the next face, in world length */
+    double depth;                  /* of the next face: t - depth_reference; where the part begins if there is none */
+    spsi_hit hit;                  /* of the next face */
+    int ended;                     /* 1: nothing more is seen */
+} spsi_walker;
 
 typedef struct spsi_marcher {
     const spsi_frame *frame;
@@ -28212,39 +28245,68 @@ typedef struct spsi_marcher {
     const sps_reference_settings *settings;
     int forward;          /* 1: light scatters forward more than once, in closed form */
     double step;          /* maximum, in world length */
+    spsi_bounds bounds;   /* of all gas */
+    int lamp_count;       /* for bounds: lights that volumes scatter */
     float *total;         /* the region's pixels, spsi_total_floats each */
     int first_row;        /* of the current batch, in the region */
     spsi_walker *walkers; /* of the region's pixels */
     int side;             /* number of samples along a pixel's side */
     int sample;           /* number of the current one */
+    int from, to;         /* numbers of the current paths */
+    /* What is done at a pixel: follows its ray up to the next face, or its paths. */
+    void (*pixel)(const struct spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker);
     spsi_hit *hits;       /* of the whole image, for shade_fn; NULL: no mesh has one */
     spsi_visible visible; /* those hits, and what shade_fn has set there */
     spsi_sample *samples; /* one per part, per worker */
     const double *glow;   /* for paths: emission of rows of voxels, then of particles, each added to those before it */
     size_t glow_count;
     double glow_sum; /* of all of it; 0: nothing emits */
-    /* Follows the ray of a pixel up to its next face and through that. */
-    void (*follow)(const struct spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker);
-    const struct spsi_bracketing *bracketing; /* NULL: without bounds */
+    /* Follows a ray through a step, halved `halvings` times already. Returns 0 if nothing behind it matters. */
+    int (*follow)(const struct spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
+                  spsi_walker *walker);
+    spsi_between (*shade)(const struct spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]);
 } spsi_marcher;
+
+static spsi_between spsi_between_of(double low, double high) {
+    spsi_between interval;
+    interval.low = low;
+    interval.high = high;
+    return interval;
+}
+
+/* Adds low..high, neither of them negative. */
+static void spsi_between_add(spsi_between *sum, double low, double high) {
+    sum->low += low;
+    sum->high += high;
+}
+
+/* exp(-depth). */
+static spsi_between spsi_between_passes(spsi_between depth) {
+    return spsi_between_of(exp(-depth.high), exp(-depth.low));
+}
 
 /* --- the field --- */
 
-/* Computes the weights of the taps around `at` along one axis, and their derivatives. Returns the first tap. From tap
-   to tap the Gaussian changes by a factor, which itself changes by a constant one. */
-static int spsi_field_taps(double at, int size, int *count, double *weights, double *slopes) {
-    const int first = spsi_most(0, (int)ceil(fmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
-    const int last = spsi_least(size - 1, (int)floor(fmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
-    const double scale = 1 / (sqrt(2 * SPSI_PI) * SPSI_SIGMA * erf(SPSI_REFERENCE_REACH / SPSI_SIGMA / sqrt(2.0)));
-    const double step = 1 / SPSI_SIGMA, bend = exp(-step * step), d = (at - 0.5 - first) * step;
-    double weight = scale * exp(-0.5 * d * d), change = exp(step * (d - 0.5 * step));
-    *count = spsi_most(0, last - first + 1);
-    for (int i = 0; i < *count; ++i) {
+/* Weights of `count` taps, of which the first is `d` standard deviations before a place, and their derivatives by it,
+   unless `slopes` is NULL. From tap to tap the Gaussian changes by a factor, which itself changes by a constant one. */
+static void spsi_gauss_taps(double d, double scale, int count, double *weights, double *slopes) {
+    const double step = 1 / SPSI_SIGMA, bend = exp(-step * step);
+    double weight = scale / (sqrt(2 * SPSI_PI) * SPSI_SIGMA) * exp(-0.5 * d * d), change = exp(step * (d - 0.5 * step));
+    for (int i = 0; i < count; ++i) {
         weights[i] = weight;
-        slopes[i] = -weight * (d - i * step) * step;
+        if (slopes) slopes[i] = -weight * (d - i * step) * step;
         weight *= change;
         change *= bend;
     }
+}
+
+/* Computes the weights of the taps around `at` along one axis, and their derivatives. Returns the first tap. */
+static int spsi_field_taps(double at, int size, int *count, double *weights, double *slopes) {
+    const int first = spsi_most(0, (int)ceil(fmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
+    const int last = spsi_least(size - 1, (int)floor(fmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
+    const double reached = erf(SPSI_REFERENCE_REACH / SPSI_SIGMA / sqrt(2.0));
+    *count = spsi_most(0, last - first + 1);
+    spsi_gauss_taps((at - 0.5 - first) / SPSI_SIGMA, 1 / reached, *count, weights, slopes);
     return first;
 }
 
@@ -28294,45 +28356,51 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
     return sum;
 }
 
-/* Optical depth of a ball along a segment of a ray: that of the whole chord times the difference of a function of s at
-   the segment's ends, s running from -1 to 1 along the chord. It is s / 2 for density 1, and 3 s / 4 - s^3 / 4 for
-   density 1 - (r / radius)^2. */
-static double spsi_ray_depth_in_ball(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set) {
+/* A ray's chord through a ball, on which s runs from -1 to 1. Optical depth up to s is that of the whole chord times a
+   function of s: s / 2 for density 1, and 3 s / 4 - s^3 / 4 for density 1 - (r / radius)^2. */
+typedef struct spsi_ray_chord {
+    double depth;        /* of the whole chord */
+    double middle, half; /* where s is 0, and its half length */
+    double from, to;     /* the function at the ends of the ray's segment */
+} spsi_ray_chord;
+
+/* Returns 0 if the ray's line does not meet the ball. */
+static int spsi_ray_chord_in_ball(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
+                                  spsi_ray_chord *chord) {
     const double radius = (double)particle->radius;
-    double offset[3], ends[2], middle, square, half;
+    double offset[3], ends[2], square;
     for (int i = 0; i < 3; ++i) offset[i] = (double)particle->position[i] - ray->origin[i];
-    middle = spsi_dot(offset, ray->direction);
-    spsi_along(offset, ray->direction, -middle, offset);
+    chord->middle = spsi_dot(offset, ray->direction);
+    spsi_along(offset, ray->direction, -chord->middle, offset);
     square = 1 - spsi_dot(offset, offset) / (radius * radius);
     if (!(square > 0)) return 0;
-    half = radius * sqrt(square);
-    ends[0] = fmin(fmax((ray->low - middle) / half, -1), 1);
-    ends[1] = fmin(fmax((ray->high - middle) / half, -1), 1);
+    chord->half = radius * sqrt(square);
+    chord->depth = fmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX) * sqrt(square);
+    if (set->soft) chord->depth *= square;
+    ends[0] = fmin(fmax((ray->low - chord->middle) / chord->half, -1), 1);
+    ends[1] = fmin(fmax((ray->high - chord->middle) / chord->half, -1), 1);
     for (int i = 0; i < 2; ++i) ends[i] *= set->soft ? (3 - ends[i] * ends[i]) / 4 : 0.5;
-    return fmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX) * sqrt(square) * (set->soft ? square : 1) *
-           (ends[1] - ends[0]);
+    chord->from = ends[0];
+    chord->to = ends[1];
+    return 1;
 }
 
-/* Adds the optical depth of each set of particles along a segment of a ray to `depths`. */
-static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
-    const spsi_tree *tree = &marcher->particles;
+/* Optical depth of all particles along a segment of a ray, and of each set of them. */
+static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
     const spsi_frame *frame = marcher->frame;
-    int stack[SPSI_TREE_STACK], top = 0;
-    if (tree->count == 0 || !(ray->high > ray->low)) return;
-    stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        if (!spsi_ray_meets_node(tree, ray, node)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const int particle = tree->order[node->first + i];
-            const spsi_particle_set *set = spsi_set_of(frame, particle);
-            depths[set - frame->particles.sets] +=
-                spsi_ray_depth_in_ball(ray, &frame->content->particles[particle], set);
-        }
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
+    double sum = 0;
+    spsi_walk walk;
+    int particle;
+    memset(depths, 0, SPSI_SETS_MAX * sizeof *depths);
+    spsi_walk_begin(&marcher->particles, &walk);
+    while (ray->high > ray->low && (particle = spsi_walk_on(&walk, ray)) >= 0) {
+        const spsi_particle_set *set = spsi_set_of(frame, particle);
+        spsi_ray_chord chord;
+        if (spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord))
+            depths[set - frame->particles.sets] += chord.depth * (chord.to - chord.from);
     }
+    for (int i = 0; i < frame->particles.set_count; ++i) sum += depths[i];
+    return sum;
 }
 
 /* The ray of a pixel, from the near plane on. Returns its length per unit of t. */
@@ -28370,26 +28438,19 @@ static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y
 
 /* Finds the next face that a pixel's ray meets. If there is none, the ray goes on for ever. */
 static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walker *walker) {
-    const spsi_tree *tree = &marcher->faces->tree;
-    const double reference = marcher->frame->content->eye.depth_reference;
-    int stack[SPSI_TREE_STACK], top = 0;
+    const spsi_rays *eye = &marcher->frame->content->eye;
     spsi_walker next = *walker;
+    spsi_walk walk;
     spsi_ray ray;
-    const double length = spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
+    const double length = spsi_march_ray(eye, x, y, &ray);
+    int number;
     next.low = ray.low = fmax(ray.low, walker->high);
     next.depth = next.high = HUGE_VAL;
     next.hit.face = -1;
-    if (tree->count > 0) stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        if (!spsi_ray_meets_node(tree, &ray, node)) continue;
-        for (int i = 0; i < node->count; ++i)
-            if (spsi_march_face(marcher, tree->order[node->first + i], x, y, walker, &next))
-                ray.high = next.high = (next.depth + reference) * length;
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
-    }
+    spsi_walk_begin(&marcher->faces->tree, &walk);
+    while ((number = spsi_walk_on(&walk, &ray)) >= 0)
+        if (spsi_march_face(marcher, number, x, y, walker, &next))
+            ray.high = next.high = (next.depth + eye->depth_reference) * length;
     *walker = next;
 }
 
@@ -28397,33 +28458,25 @@ static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walk
    they let nothing pass. */
 static int spsi_march_sight(const spsi_faces *faces, const spsi_lamp *lamp, const double point[3], int own,
                             double passes[3]) {
-    const spsi_tree *tree = &faces->tree;
-    int stack[SPSI_TREE_STACK], top = 0;
     spsi_packet packet;
+    spsi_walk walk;
     spsi_ray ray;
+    int number;
     passes[0] = passes[1] = passes[2] = 1;
-    if (tree->count == 0) return 1;
+    if (faces->tree.count == 0) return 1;
     memcpy(ray.origin, point, sizeof ray.origin);
     spsi_toward_lamp(lamp, point, ray.direction);
     spsi_packet_begin(faces, !lamp->is_point, own >= 0, &packet);
-    spsi_packet_add(tree, 0, own, ray.origin, ray.direction, &packet);
+    spsi_packet_add(&faces->tree, 0, own, ray.origin, ray.direction, &packet);
     ray.low = 0;
     ray.high = packet.reach;
-    stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        if (!spsi_ray_meets_node(tree, &ray, node)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const int number = tree->order[node->first + i];
-            const spsi_face *face = &faces->list[number];
-            if (number == own || !(spsi_face_stops(face, &packet, 0) & 1)) continue;
-            if (!spsi_black(face->transmittance) && !spsi_face_passes(face, ray.origin, ray.direction)) continue;
-            for (int c = 0; c < 3; ++c) passes[c] *= (double)face->transmittance[c];
-            if (!(passes[0] > 0 || passes[1] > 0 || passes[2] > 0)) return 0;
-        }
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
+    spsi_walk_begin(&faces->tree, &walk);
+    while ((number = spsi_walk_on(&walk, &ray)) >= 0) {
+        const spsi_face *face = &faces->list[number];
+        if (number == own || !(spsi_face_stops(face, &packet, 0) & 1)) continue;
+        if (!spsi_black(face->transmittance) && !spsi_face_passes(face, ray.origin, ray.direction)) continue;
+        for (int c = 0; c < 3; ++c) passes[c] *= (double)face->transmittance[c];
+        if (!(passes[0] > 0 || passes[1] > 0 || passes[2] > 0)) return 0;
     }
     return 1;
 }
@@ -28437,18 +28490,28 @@ static const spsi_material *spsi_part_material(const spsi_frame *frame, int part
 }
 
 /* Clips a ray to the bounds of all gas. Returns the number of steps in what is left. */
-static int spsi_march_range(const spsi_marcher *marcher, const double origin[3], const double direction[3], double low,
-                            double high, double range[2]) {
-    spsi_ray ray;
+static int spsi_march_range(const spsi_marcher *marcher, const spsi_ray *ray, double range[2]) {
     if (marcher->part_count == 0) return 0;
-    memcpy(ray.origin, origin, sizeof ray.origin);
-    memcpy(ray.direction, direction, sizeof ray.direction);
-    ray.low = low;
-    ray.high = high;
-    if (!spsi_ray_meets_box(&ray, marcher->frame->content->bounds.low, marcher->frame->content->bounds.high, range))
-        return 0;
-    if (!(range[1] > range[0])) return 0;
+    if (!spsi_ray_meets_box(ray, marcher->bounds.low, marcher->bounds.high, range) || !(range[1] > range[0])) return 0;
     return (int)fmin(fmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
+}
+
+/* The i-th of `count` steps of a ray's part. */
+static spsi_ray spsi_march_part(const spsi_ray *ray, const double range[2], int i, int count) {
+    const double h = (range[1] - range[0]) / count, middle = range[0] + (i + 0.5) * h;
+    spsi_ray part = *ray;
+    part.low = middle - 0.5 * h;
+    part.high = middle + 0.5 * h;
+    return part;
+}
+
+/* The ray from a point to a light. Returns 0 if the light is there. */
+static int spsi_lamp_ray(const spsi_lamp *lamp, const double point[3], spsi_ray *ray) {
+    memcpy(ray->origin, point, sizeof ray->origin);
+    spsi_toward_lamp(lamp, point, ray->direction);
+    ray->low = 0;
+    ray->high = lamp->is_point ? spsi_length(ray->direction) : HUGE_VAL;
+    return spsi_normalise(ray->direction);
 }
 
 /* Extinction of one volume where its value is f. If it is classified and f > 0, `appearance` gets its color and
@@ -28467,37 +28530,25 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
 }
 
 /* Optical depth of all gas between a point and a light. */
-static double spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
-    double toward[3], range[2], depths[SPSI_SETS_MAX] = {0}, depth = 0, beyond = HUGE_VAL;
+static spsi_between spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
+    double range[2], depths[SPSI_SETS_MAX], depth;
     int count;
     spsi_ray ray;
-    spsi_lamp_direction(lamp, point, toward);
-    for (int i = 0; i < 3; ++i) toward[i] = -toward[i];
-    if (lamp->is_point) {
-        double offset[3];
-        spsi_along(lamp->position, point, -1, offset);
-        beyond = spsi_length(offset);
-    }
-    memcpy(ray.origin, point, sizeof ray.origin);
-    memcpy(ray.direction, toward, sizeof toward);
-    ray.low = 0;
-    ray.high = beyond;
-    spsi_trace_particles(marcher, &ray, depths);
-    for (int i = 0; i < marcher->frame->particles.set_count; ++i) depth += depths[i];
-    if (marcher->frame->medium_count == 0) return depth;
-    count = spsi_march_range(marcher, point, toward, 0, beyond, range);
+    if (!spsi_lamp_ray(lamp, point, &ray)) return spsi_between_of(0, 0);
+    depth = spsi_particles_depth(marcher, &ray, depths);
+    count = marcher->frame->medium_count > 0 ? spsi_march_range(marcher, &ray, range) : 0;
     for (int i = 0; i < count; ++i) {
         const double h = (range[1] - range[0]) / count;
         double at[3];
-        spsi_along(point, toward, range[0] + (i + 0.5) * h, at);
+        spsi_along(point, ray.direction, range[0] + (i + 0.5) * h, at);
         for (int m = 0; m < marcher->frame->medium_count; ++m) {
-            const spsi_material *material = &marcher->frame->matter.materials[marcher->frame->media[m].channel];
+            const spsi_material *material = spsi_part_material(marcher->frame, m);
             float appearance[4];
             if (material->extinguishes)
                 depth += h * spsi_extinction_at(material, spsi_field(&marcher->grids[m], at, NULL), appearance);
         }
     }
-    return depth;
+    return spsi_between_of(depth, depth);
 }
 
 /* Fills a sample with a volume's color at a point, and with the normal from the field's gradient. */
@@ -28538,7 +28589,7 @@ static void spsi_point_take(spsi_point *point, int part, double value, double ex
 /* Samples the step from ray->low to ray->high of a ray whose direction has unit length. */
 static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_point *point) {
     const spsi_frame *frame = marcher->frame;
-    double depths[SPSI_SETS_MAX] = {0}, depth[3];
+    double depths[SPSI_SETS_MAX], depth[3];
     float appearance[4] = {0, 0, 0, 0};
     spsi_along(ray->origin, ray->direction, 0.5 * (ray->low + ray->high), point->position);
     memcpy(point->direction, ray->direction, sizeof point->direction);
@@ -28555,7 +28606,7 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
         spsi_point_take(point, m, value, spsi_extinction_at(material, value, appearance));
         spsi_march_sample(material, appearance, gradient, &point->samples[m]);
     }
-    spsi_trace_particles(marcher, ray, depths);
+    spsi_particles_depth(marcher, ray, depths);
     for (int i = 0; i < frame->particles.set_count; ++i) {
         const int part = frame->medium_count + i;
         const double extinction = depths[i] / (ray->high - ray->low), none[3] = {0, 0, 0};
@@ -28637,13 +28688,12 @@ typedef struct spsi_source {
    irradiance without gas. */
 static void spsi_march_forward(const spsi_material *material, const spsi_sample *sample, double cosine, double depth,
                                double sent[3]) {
-    float color[SPSI_LANES], surface[SPSI_LANES], phase[SPSI_LANES], last = 0;
+    float color[SPSI_LANES], surface[SPSI_LANES], last = 0;
     double taken;
     const double shown = spsi_forward_fade(depth, &taken);
     spsi_legendre series;
     spsi_legendre_moments(material, 0, &series);
     spsi_store(surface, sample->surface);
-    spsi_store(phase, spsi_phase(material, spsi_set((float)cosine)));
     for (int c = 0; c < 3; ++c) {
         spsi_store(color, sample->color[c]);
         if (c > 0 && color[0] == last) {
@@ -28652,7 +28702,7 @@ static void spsi_march_forward(const spsi_material *material, const spsi_sample 
         }
         last = color[0];
         spsi_legendre_orders(&series, (double)color[0], taken);
-        sent[c] = shown * fmax(spsi_legendre_sum(&series, taken, cosine), -(double)phase[0] * exp(-taken));
+        sent[c] = shown * spsi_forward_at(material, &series, taken, cosine);
         sent[c] *= (double)color[0] * (sample->has_normal ? 1 - (double)surface[0] : 1);
     }
 }
@@ -28662,7 +28712,7 @@ static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *p
                                 double weight, spsi_source *source) {
     double travel[3], arrives[3], response[3], depth = 0;
     if (!spsi_point_arrival(marcher, point, lamp, travel, arrives)) return;
-    if (lamp->shadows) depth = spsi_march_lamp(marcher, lamp, point->position);
+    if (lamp->shadows) depth = spsi_march_lamp(marcher, lamp, point->position).low;
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_part_material(marcher->frame, m);
         const double share = point->extinction[m] * weight;
@@ -28700,23 +28750,27 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
 
 /* Irradiance that reaches a surface from all points of a light, per unit of its color. */
 static void spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lamp, int face,
-                               const spsi_surface *surface, double arrives[3]) {
+                               const spsi_surface *surface, spsi_between arrives[3]) {
     const int count = spsi_reference_points(lamp);
-    arrives[0] = arrives[1] = arrives[2] = 0;
+    memset(arrives, 0, 3 * sizeof *arrives);
     for (int n = 0; n < count; ++n) {
         spsi_lamp at;
-        double irradiance[3], passes[3] = {1, 1, 1}, through;
+        double irradiance[3], passes[3] = {1, 1, 1};
+        spsi_between through = {1, 1};
         spsi_reference_point(lamp, surface->point, n, &at);
         if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
         if (lamp->shadows && !spsi_march_sight(marcher->faces, &at, surface->start, face, passes)) continue;
-        through = lamp->shadows ? exp(-spsi_march_lamp(marcher, &at, surface->point)) : 1;
-        for (int c = 0; c < 3; ++c) arrives[c] += irradiance[c] * passes[c] * through;
+        if (lamp->shadows) through = spsi_between_passes(marcher->shade(marcher, &at, surface->point));
+        for (int c = 0; c < 3; ++c) {
+            const double arrives_all = irradiance[c] * passes[c] / count;
+            spsi_between_add(&arrives[c], arrives_all * through.low, arrives_all * through.high);
+        }
     }
-    for (int c = 0; c < 3; ++c) arrives[c] /= count;
 }
 
 /* Radiance of the polygon that a ray meets, from all lights and ambient light. */
-static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y, double radiance[3]) {
+static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
+                               spsi_between radiance[3]) {
     const spsi_frame *frame = marcher->frame;
     const double ambient = marcher->settings->samples == 0 ? 1 : 0; /* otherwise paths find it */
     spsi_appearance look;
@@ -28724,95 +28778,108 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     spsi_place place = {hit, x, y, {(double)x, (double)y}, 0};
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
     spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
-    for (int c = 0; c < 3; ++c)
-        radiance[c] = look.color[c] * ambient * (double)frame->ambient.radiance[c] + (double)look.emission[c];
+    for (int c = 0; c < 3; ++c) {
+        const double own = look.color[c] * ambient * (double)frame->ambient.radiance[c] + (double)look.emission[c];
+        radiance[c] = spsi_between_of(own, own);
+    }
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
-        double arrives[3];
+        spsi_between arrives[3];
         spsi_march_arrival(marcher, lamp, hit->face, &surface, arrives);
-        for (int c = 0; c < 3; ++c) radiance[c] += look.color[c] * (arrives[c] / SPSI_PI) * (double)lamp->color[c];
+        for (int c = 0; c < 3; ++c) {
+            const double reflected = look.color[c] / SPSI_PI * (double)lamp->color[c];
+            spsi_between_add(&radiance[c], reflected * arrives[c].low, reflected * arrives[c].high);
+        }
     }
 }
 
 /* Mean of three colors; their own value if they are equal, to the bit. */
 static double spsi_color_mean(const double c[3]) { return c[0] + (c[1] - c[0] + (c[2] - c[0])) / 3; }
 
-/* Marches through the gas before a pixel's next face. */
-static void spsi_march_gas(const spsi_marcher *marcher, const spsi_ray *ray, spsi_sample *samples,
+/* Marches a step through gas. Returns 0 if what is behind it is hidden. */
+static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                            spsi_walker *walker) {
-    double range[2];
-    spsi_ray step = *ray;
-    const int count = spsi_march_range(marcher, ray->origin, ray->direction, walker->low, walker->high, range);
-    for (int i = 0; i < count; ++i) {
-        const double h = (range[1] - range[0]) / count, t = range[0] + (i + 0.5) * h;
-        double depth, mean;
-        spsi_source source;
-        spsi_point point;
-        if (marcher->forward ? walker->gas > (double)SPSI_FORWARD_END : spsi_color_mean(walker->through) <= 1e-12)
-            return;
-        point.samples = samples;
-        step.low = t - 0.5 * h;
-        step.high = t + 0.5 * h;
-        spsi_point_build(marcher, &step, &point);
-        if (!(point.value_sum > 0)) continue;
-        depth = h * point.extinction_sum;
-        mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
-        point.gas = walker->gas + 0.5 * depth;
-        spsi_point_source(marcher, &point, &source);
-        walker->gas += depth;
-        walker->distance += spsi_color_mean(walker->through) * -expm1(-depth) * t;
-        for (int c = 0; c < 3; ++c) {
-            walker->radiance[c] +=
-                walker->through[c] * source.once[c] * h * mean + walker->filter[c] * source.again[c] * h;
-            walker->through[c] *= exp(-depth);
-        }
+    const double h = step->high - step->low, passes = exp(-walker->gas.low);
+    double depth, mean;
+    spsi_source source;
+    spsi_point point;
+    (void)halvings;
+    if (marcher->forward ? walker->gas.low > (double)SPSI_FORWARD_END
+                         : passes * spsi_color_mean(walker->filter) <= 1e-12)
+        return 0;
+    point.samples = samples;
+    spsi_point_build(marcher, step, &point);
+    if (!(point.value_sum > 0)) return 1;
+    depth = h * point.extinction_sum;
+    mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
+    point.gas = walker->gas.low + 0.5 * depth;
+    spsi_point_source(marcher, &point, &source);
+    spsi_between_add(&walker->gas, depth, depth);
+    walker->distance += passes * spsi_color_mean(walker->filter) * -expm1(-depth) * 0.5 * (step->low + step->high);
+    for (int c = 0; c < 3; ++c) {
+        const double sent = walker->filter[c] * h * (passes * source.once[c] * mean + source.again[c]);
+        spsi_between_add(&walker->radiance[c], sent, sent);
     }
+    return 1;
 }
 
-/* Marches a pixel's ray up to its next face and through that. */
+/* Follows a pixel's ray up to its next face and through that. */
 static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
     const spsi_face *face;
-    double surface[3], before;
+    spsi_between surface[3], passes;
+    double range[2], before;
     spsi_ray ray;
+    int count, goes_on = 1;
+    if (walker->ended) return;
     spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
-    spsi_march_gas(marcher, &ray, samples, walker);
+    ray.low = walker->low;
+    ray.high = walker->high;
+    count = spsi_march_range(marcher, &ray, range);
+    for (int i = 0; i < count && goes_on; ++i) {
+        const spsi_ray part = spsi_march_part(&ray, range, i, count);
+        goes_on = marcher->follow(marcher, &part, 0, samples, walker);
+    }
     walker->ended = walker->hit.face < 0;
     if (walker->ended) return;
     face = &marcher->faces->list[walker->hit.face];
-    before = spsi_color_mean(walker->through);
+    passes = spsi_between_passes(walker->gas);
+    before = spsi_color_mean(walker->filter);
     spsi_march_surface(marcher, &walker->hit, x, y, surface);
     for (int c = 0; c < 3; ++c) {
-        walker->radiance[c] += walker->through[c] * surface[c];
-        walker->through[c] *= (double)face->transmittance[c];
+        spsi_between_add(&walker->radiance[c], walker->filter[c] * passes.low * surface[c].low,
+                         walker->filter[c] * passes.high * surface[c].high);
         walker->filter[c] *= (double)face->transmittance[c];
     }
-    walker->distance += (before - spsi_color_mean(walker->through)) * walker->high;
-    walker->ended = !(walker->through[0] > 0 || walker->through[1] > 0 || walker->through[2] > 0);
+    before -= spsi_color_mean(walker->filter);
+    walker->distance += before * 0.5 * (passes.low + passes.high) * walker->high;
+    walker->ended = !(passes.high > 0 && (walker->filter[0] > 0 || walker->filter[1] > 0 || walker->filter[2] > 0));
 }
 
 #define SPSI_MARCH_SPAN 8 /* pixels of a row per task */
 
 static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
 
-/* The row of a task in the region, and the range of its pixels. */
-static void spsi_march_span(const int region[4], int first_row, int index, int *row, int range[2]) {
-    const int spans = spsi_march_spans(region[2]);
-    *row = first_row + index / spans;
-    range[0] = index % spans * SPSI_MARCH_SPAN;
-    range[1] = spsi_least(region[2], range[0] + SPSI_MARCH_SPAN);
-}
-
-/* Marches a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
+/* The pixels of a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
 static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
-    const int *region = marcher->frame->view.region;
+    const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
+    const int row = marcher->first_row + index / spans, first = index % spans * SPSI_MARCH_SPAN;
     spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
-    int row, range[2];
-    spsi_march_span(region, marcher->first_row, index, &row, range);
-    for (int x = range[0]; x < range[1]; ++x) {
-        spsi_walker *walker = &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x];
-        if (!walker->ended) marcher->follow(marcher, region[0] + x, region[1] + row, samples, walker);
+    for (int x = first; x < spsi_least(region[2], first + SPSI_MARCH_SPAN); ++x)
+        marcher->pixel(marcher, region[0] + x, region[1] + row, samples,
+                       &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x]);
+}
+
+/* Does what is to be done at all pixels, which takes a share of the call after what is `done` of it. */
+static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher, double done, double share) {
+    const int *region = marcher->frame->view.region;
+    const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
+    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
+        if (spsi_progress(context, done + share * marcher->first_row / region[3])) return context->result;
+        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
+                      spsi_march_span_task, marcher);
     }
+    return SPS_OK;
 }
 
 /* Finds the next face of each pixel of a row. */
@@ -28838,35 +28905,61 @@ static void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centr
                     &marcher->frame->content->eye);
     for (size_t i = 0; i < pixels; ++i) {
         spsi_walker *walker = &marcher->walkers[i];
-        for (int c = 0; c < 3; ++c) walker->radiance[c] = 0, walker->through[c] = walker->filter[c] = 1;
-        walker->distance = walker->gas = 0;
+        memset(walker->radiance, 0, sizeof walker->radiance);
+        memset(walker->scattered, 0, sizeof walker->scattered);
+        memset(walker->source, 0, sizeof walker->source);
+        walker->filter[0] = walker->filter[1] = walker->filter[2] = 1;
+        walker->gas = spsi_between_of(0, 0);
+        walker->distance = 0;
         walker->high = walker->depth = -HUGE_VAL;
         walker->hit.face = -1;
         walker->ended = 0;
     }
 }
 
-/* Adds what has been marched to the pixels' sums, over the background that the image holds. */
+/* Adds what has been marched to the pixels' sums, over the background that the image holds. Where gas has bounds, it
+   sends no more than if it were opaque and all as bright as its brightest. */
 static void spsi_march_add(const spsi_marcher *marcher) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
     for (size_t i = 0; i < pixels; ++i) {
         spsi_walker *walker = &marcher->walkers[i];
         const float *behind = marcher->total + i * spsi_total_floats(marcher->frame);
-        for (int c = 0; c < 3; ++c) walker->sums[c] += walker->radiance[c] + walker->through[c] * (double)behind[c];
-        walker->sums[3] += 1 - spsi_color_mean(walker->through);
-        walker->sums[4] += walker->distance;
+        const spsi_between passes = spsi_between_passes(walker->gas);
+        for (int c = 0; c < 3; ++c) {
+            const double sky = walker->filter[c] * (double)behind[c];
+            const double most = walker->source[c] * -expm1(-walker->gas.high);
+            spsi_between_add(&walker->colors[c], walker->radiance[c].low, walker->radiance[c].high);
+            spsi_between_add(&walker->colors[c], walker->scattered[c].low, fmin(walker->scattered[c].high, most));
+            spsi_between_add(&walker->colors[c], sky * passes.low, sky * passes.high);
+        }
+        walker->coverage += 1 - spsi_color_mean(walker->filter) * 0.5 * (passes.low + passes.high);
+        walker->distance_sum += walker->distance;
     }
 }
 
-/* Fills in the image's pixels. */
-static void spsi_march_finish(const spsi_marcher *marcher) {
-    const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
-    const int samples = marcher->side * marcher->side;
-    for (size_t i = 0; i < pixels; ++i) {
-        const double *sums = marcher->walkers[i].sums;
+/* Fills in the image's pixels, and what settings ask for beside it: bounds, rounded outwards, and standard errors of
+   paths' means. */
+static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *image) {
+    const sps_reference_settings *settings = marcher->settings;
+    const size_t width = (size_t)marcher->frame->view.region[2], height = (size_t)marcher->frame->view.region[3];
+    const size_t pitch = image->row_pixels ? image->row_pixels : width;
+    const double samples = marcher->side * marcher->side, paths = spsi_most(1, settings->samples);
+    for (size_t i = 0; i < width * height; ++i) {
+        const spsi_walker *walker = &marcher->walkers[i];
+        const size_t at = 3 * (i / width * pitch + i % width);
         float *pixel = marcher->total + i * spsi_total_floats(marcher->frame);
-        for (int c = 0; c < 4; ++c) pixel[c] = (float)(sums[c] / samples);
-        if (marcher->frame->wants_depth) pixel[4] = sums[3] > 0 ? (float)(sums[4] / sums[3]) : SPSI_INFINITY;
+        for (size_t c = 0; c < 3; ++c) {
+            const double low = walker->colors[c].low / samples, high = walker->colors[c].high / samples;
+            const double room = SPSI_MARCH_ROUNDING * (fabs(low) + fabs(high));
+            const double mean = walker->paths[c] / paths, square = walker->squares[c] / paths;
+            pixel[c] = (float)(0.5 * (low + high) + mean);
+            if (settings->lower) settings->lower[at + c] = (float)(low - room);
+            if (settings->lower) settings->upper[at + c] = (float)(high + room);
+            if (settings->error) settings->error[at + c] = (float)sqrt(fmax(0, square - mean * mean) / (paths - 1));
+        }
+        pixel[3] = (float)(walker->coverage / samples);
+        if (!marcher->frame->wants_depth) continue;
+        pixel[4] = walker->coverage > 0 ? (float)(walker->distance_sum / walker->coverage) : SPSI_INFINITY;
     }
 }
 
@@ -28875,17 +28968,11 @@ static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, 
     const spsi_frame *frame = marcher->frame;
     const int *region = frame->view.region;
     const size_t pixels = (size_t)region[2] * (size_t)region[3];
-    const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
-    const double share = marcher->settings->samples > 0 ? SPSI_MARCH_SHARE : 1; /* of the call */
+    const double share = (marcher->settings->samples > 0 ? SPSI_MARCH_SHARE : 1) / (marcher->side * marcher->side);
     spsi_parallel(context, region[3], spsi_march_meet_task, marcher);
     marcher->visible.hits = marcher->hits;
     if (spsi_textures(context, frame, marcher->faces, &marcher->visible)) return context->result;
-    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
-        const double done = marcher->sample + (double)marcher->first_row / region[3];
-        if (spsi_progress(context, share * done / (marcher->side * marcher->side))) return context->result;
-        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
-                      spsi_march_span_task, marcher);
-    }
+    if (spsi_march_pixels(context, marcher, share * marcher->sample, share)) return context->result;
     *left = 0;
     for (size_t i = 0; i < pixels; ++i) *left |= !marcher->walkers[i].ended;
     return SPS_OK;
@@ -28936,14 +29023,12 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
                 const float value =
                     values[((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)x];
                 if (!(value > 0)) continue;
-                for (int n = 0; n < 27; ++n) {
-                    const int bx = b[0] + n % 3 - 1, by = b[1] + n / 3 % 3 - 1, bz = b[2] + n / 9 - 1;
-                    float *most;
-                    if (bx < 0 || by < 0 || bz < 0 || bx >= grid->bricks[0] || by >= grid->bricks[1] ||
-                        bz >= grid->bricks[2])
-                        continue;
-                    most = &grid->most[(bz * grid->bricks[1] + by) * grid->bricks[0] + bx];
-                    *most = spsi_higher(*most, value);
+                for (int n = 0; n < 27; ++n) { /* beyond the border, a brick at the border once more */
+                    const int at[3] = {b[0] + n % 3 - 1, b[1] + n / 3 % 3 - 1, b[2] + n / 9 - 1};
+                    int brick = 0;
+                    for (int k = 2; k >= 0; --k)
+                        brick = brick * grid->bricks[k] + spsi_least(spsi_most(at[k], 0), grid->bricks[k] - 1);
+                    grid->most[brick] = spsi_higher(grid->most[brick], value);
                 }
             }
     return SPS_OK;
@@ -29002,14 +29087,10 @@ static sps_result spsi_march_particles(sps_context *context, const spsi_frame *f
     if (!tree->order || !tree->nodes || !items) return context->result;
     for (int i = 0; i < 3; ++i) tree->centre[i] = (double)frame->content->particles[0].position[i];
     for (int i = 0; i < tree->count; ++i) {
-        const sps_particle *particle = &frame->content->particles[i];
-        double low[3], high[3];
-        for (int k = 0; k < 3; ++k) {
-            low[k] = (double)particle->position[k] - (double)particle->radius;
-            high[k] = (double)particle->position[k] + (double)particle->radius;
-        }
+        spsi_bounds box;
+        spsi_particle_bounds(&frame->content->particles[i], &box);
         items[i].number = i;
-        spsi_tree_item_add(&items[i], tree->centre, low, high);
+        spsi_tree_item_add(&items[i], tree->centre, box.low, box.high);
     }
     return spsi_tree_build(context, tree, items);
 }
@@ -29027,6 +29108,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     if (spsi_gather_particles(context, frame) || spsi_gather_images(context, frame)) return context->result;
     if (frame->content->particle_count > 0) extent = fmin(extent, SPSI_PARTICLE_EDGE * frame->content->particle_radius);
     marcher->step = marcher->settings->step * extent;
+    marcher->bounds = frame->content->bounds;
     marcher->part_count = frame->medium_count + frame->particles.set_count;
     spsi_eye_reference(frame);
     marcher->total =
@@ -29069,7 +29151,6 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 #define SPSI_BRACKET_SEEN     10    /* behind this optical depth nothing is halved: 5e-5 passes */
 #define SPSI_BRACKET_STEPS    1e8   /* along a ray at most */
 #define SPSI_BRACKET_DARK     27.6  /* optical depth beyond which shadows are not followed: 1e-12 passes */
-#define SPSI_BRACKET_ROUNDING 1e-6  /* relative: colors are floats, and so are bounds */
 #define SPSI_BRACKET_ROOM     1e-9  /* relative: of a shadow's edge */
 
 static const double spsi_bracket_places[3] = {0.11270166537925831, 0.5, 0.88729833462074169}; /* 1/2 +- sqrt(3/20) */
@@ -29082,53 +29163,12 @@ static const double spsi_kernel_sums[SPSI_BRACKET_ORDER + 1] = {1.0115, 1.41, 2.
 static const double spsi_kernel_ripples[SPSI_BRACKET_ORDER + 1] = {1.0015, 0.0053, 0.0192, 0.12, 0.753, 4.73, 29.8};
 static const double spsi_kernel_tails[SPSI_BRACKET_ORDER + 1] = {9e-6, 4e-5, 2e-4, 1.3e-3, 8e-3, 0.05, 0.3};
 
-typedef struct spsi_between {
-    double low, high;
-} spsi_between;
-
 /* Term k is an upper bound of a function's k-th derivative / k!, on all of a step. */
 typedef struct spsi_series {
     double term[SPSI_BRACKET_ORDER + 1];
 } spsi_series;
 
-/* Of a pixel. */
-typedef struct spsi_bracket {
-    int sample;                /* that it is about; -1: none yet */
-    spsi_between gas;          /* optical depth before the next step */
-    spsi_between scattered[3]; /* by gas that lies before it, or emitted */
-    spsi_between radiance[3];  /* of faces before it */
-    double source[3];          /* radiance of that gas, were it opaque, at most */
-    spsi_between sums[3];      /* over the samples that have ended */
-} spsi_bracket;
-
-/* What is the same for all pixels. */
-struct spsi_bracketing {
-    double step; /* maximum, in world length */
-    spsi_bounds bounds;
-    double most[SPSI_VOLUMES_MAX]; /* maximum value of each volume */
-    int lamp_count;                /* lights that gas scatters */
-    spsi_bracket *pixels;
-};
-
-/* --- intervals and series --- */
-
-static spsi_between spsi_between_of(double low, double high) {
-    spsi_between interval;
-    interval.low = low;
-    interval.high = high;
-    return interval;
-}
-
-/* Adds low..high, neither of them negative. */
-static void spsi_between_add(spsi_between *sum, double low, double high) {
-    sum->low += low;
-    sum->high += high;
-}
-
-/* exp(-depth). */
-static spsi_between spsi_between_passes(spsi_between depth) {
-    return spsi_between_of(exp(-depth.high), exp(-depth.low));
-}
+/* --- series --- */
 
 /* The product of two functions. */
 static spsi_series spsi_series_product(const spsi_series *a, const spsi_series *b) {
@@ -29169,25 +29209,6 @@ static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h
 
 /* --- the field --- */
 
-/* Voxels about a point. */
-typedef struct spsi_vicinity {
-    double value;        /* of the field */
-    double half, middle; /* values of voxels: middle +- half; 0 unless `ranged` */
-} spsi_vicinity;
-
-/* Weights of the voxels about `at` along one axis. Returns the first. */
-static int spsi_vicinity_weights(double at, double *weights) {
-    const double base = floor(at - 0.5), step = 1 / SPSI_SIGMA, bend = exp(-step * step);
-    const double d = (at - 0.5 - base + (SPSI_BRACKET_TAPS / 2 - 1)) * step;
-    double weight = exp(-0.5 * d * d) / (sqrt(2 * SPSI_PI) * SPSI_SIGMA), change = exp(step * (d - 0.5 * step));
-    for (int i = 0; i < SPSI_BRACKET_TAPS; ++i) {
-        weights[i] = weight;
-        weight *= change;
-        change *= bend;
-    }
-    return (int)base - (SPSI_BRACKET_TAPS / 2 - 1);
-}
-
 /* A row of voxels, 0 beyond the volume; in `spare` if it lies on the volume's edge. */
 static const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int z, float *spare) {
     const float *row = grid->values + ((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0];
@@ -29198,36 +29219,48 @@ static const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int 
     return spare;
 }
 
-/* The field at a world point, and with `ranged` what voxels about it are. Returns 0 if none about it is above 0. */
-static int spsi_vicinity_at(const spsi_dense *grid, const double point[3], int ranged, spsi_vicinity *around) {
+typedef struct spsi_step_gas {
+    double value[3];     /* of the field, at the step's points */
+    double half, middle; /* values of voxels about all of it: middle +- half */
+    double tail;         /* by which values may be larger */
+    spsi_between length; /* of the field's integral over the step */
+} spsi_step_gas;
+
+/* The field at a world point, and what voxels about it are, unless `gas` is NULL. Returns 0 if none about it is above
+   0. */
+static int spsi_vicinity_at(const spsi_dense *grid, const double point[3], double *value, spsi_step_gas *gas) {
     double offset[3], at[3], w[3][SPSI_BRACKET_TAPS], sum[SPSI_BRACKET_TAPS] = {0};
     float low[SPSI_BRACKET_TAPS], high[SPSI_BRACKET_TAPS] = {0}, least, most = 0, spare[SPSI_BRACKET_TAPS];
     int first[3];
-    memset(around, 0, sizeof *around);
+    *value = 0;
+    if (gas) gas->half = gas->middle = 0;
     spsi_along(point, grid->corner, -1, offset);
     for (int i = 0; i < 3; ++i) at[i] = spsi_dot(grid->inverse[i], offset);
     if (spsi_dense_empty(grid, at, 0.5 * SPSI_BRACKET_TAPS)) return 0;
-    for (int i = 0; i < 3; ++i) first[i] = spsi_vicinity_weights(at[i], w[i]);
+    for (int i = 0; i < 3; ++i) {
+        first[i] = (int)floor(at[i] - 0.5) - (SPSI_BRACKET_TAPS / 2 - 1);
+        spsi_gauss_taps((at[i] - 0.5 - first[i]) / SPSI_SIGMA, 1, SPSI_BRACKET_TAPS, w[i], NULL);
+    }
     for (int i = 0; i < SPSI_BRACKET_TAPS; ++i) low[i] = FLT_MAX;
     for (int z = 0; z < SPSI_BRACKET_TAPS; ++z)
         for (int y = 0; y < SPSI_BRACKET_TAPS; ++y) {
             const float *row = spsi_vicinity_row(grid, first[0], first[1] + y, first[2] + z, spare);
             const double weight = w[2][z] * w[1][y];
             for (int x = 0; x < SPSI_BRACKET_TAPS; ++x) sum[x] += weight * (double)row[x];
-            for (int x = 0; x < SPSI_BRACKET_TAPS && ranged; ++x) {
+            for (int x = 0; x < SPSI_BRACKET_TAPS && gas; ++x) {
                 low[x] = row[x] < low[x] ? row[x] : low[x];
                 high[x] = row[x] > high[x] ? row[x] : high[x];
             }
         }
     least = low[0];
     for (int x = 0; x < SPSI_BRACKET_TAPS; ++x) {
-        around->value += w[0][x] * sum[x];
+        *value += w[0][x] * sum[x];
         least = low[x] < least ? low[x] : least;
         most = high[x] > most ? high[x] : most;
     }
-    if (!ranged) return 1;
-    around->half = 0.5 * ((double)most - (double)least);
-    around->middle = 0.5 * ((double)most + (double)least);
+    if (!gas) return 1;
+    gas->half = 0.5 * ((double)most - (double)least);
+    gas->middle = 0.5 * ((double)most + (double)least);
     return 1;
 }
 
@@ -29240,31 +29273,20 @@ static double spsi_vicinity_speed(const spsi_dense *grid, const double direction
 
 /* --- a step through a volume --- */
 
-typedef struct spsi_step_gas {
-    double value[3];      /* of the field, at the step's points */
-    double half, middle;  /* values of voxels about all of it: middle +- half */
-    double tail;          /* by which values may be larger */
-    spsi_between length;  /* of the field's integral over the step */
-} spsi_step_gas;
-
 /* Samples a volume at a step's points. Returns 0 if nothing is about it. */
 static int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *step, spsi_step_gas *gas) {
     const spsi_dense *grid = &marcher->grids[m];
-    const double h = step->high - step->low, most = marcher->bracketing->most[m];
+    const double h = step->high - step->low, most = grid->all_most;
     const double speed = spsi_vicinity_speed(grid, step->direction);
     spsi_series series;
     double sum = 0, off;
     int any = 0;
-    gas->half = gas->middle = 0;
     gas->tail = SPSI_BRACKET_TAIL * most;
     for (int j = 0; j < 3; ++j) {
         double point[3];
-        spsi_vicinity around;
         spsi_along(step->origin, step->direction, step->low + spsi_bracket_places[j] * h, point);
-        any |= spsi_vicinity_at(grid, point, j == 1, &around);
-        gas->value[j] = around.value;
-        sum += h * spsi_bracket_weights[j] * around.value;
-        if (j == 1) gas->half = around.half, gas->middle = around.middle;
+        any |= spsi_vicinity_at(grid, point, &gas->value[j], j == 1 ? gas : NULL);
+        sum += h * spsi_bracket_weights[j] * gas->value[j];
     }
     memset(&series, 0, sizeof series);
     if (any) spsi_series_add_field(1, speed, gas->half, gas->middle, most, &series);
@@ -29287,40 +29309,19 @@ typedef struct spsi_shade {
     double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* integrals over that of voxels' values */
 } spsi_shade;
 
-/* Number of steps of a ray through the bounds of all gas, and its part in them. */
-static int spsi_bracket_range(const spsi_marcher *marcher, const spsi_ray *ray, double range[2]) {
-    const struct spsi_bracketing *bracketing = marcher->bracketing;
-    if (marcher->part_count == 0) return 0;
-    if (!spsi_ray_meets_box(ray, bracketing->bounds.low, bracketing->bounds.high, range)) return 0;
-    if (!(range[1] > range[0])) return 0;
-    return (int)fmax(ceil((range[1] - range[0]) / bracketing->step), 1);
-}
-
-/* The i-th of `count` steps of a ray's part. */
-static spsi_ray spsi_bracket_part(const spsi_ray *ray, const double range[2], int i, int count) {
-    spsi_ray part = *ray;
-    part.low = range[0] + (range[1] - range[0]) * i / count;
-    part.high = range[0] + (range[1] - range[0]) * (i + 1) / count;
-    return part;
-}
-
+/* Gas between a point and a light, with what else bounds its derivatives. */
 static void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3],
                                spsi_shade *shade) {
     const spsi_frame *frame = marcher->frame;
-    double depths[SPSI_SETS_MAX] = {0}, range[2];
+    double depths[SPSI_SETS_MAX], range[2];
     spsi_ray ray;
     int count;
     memset(shade, 0, sizeof *shade);
-    memcpy(ray.origin, point, sizeof ray.origin);
-    spsi_toward_lamp(lamp, point, ray.direction);
-    ray.low = 0;
-    ray.high = lamp->is_point ? spsi_length(ray.direction) : HUGE_VAL;
-    if (!spsi_normalise(ray.direction)) return; /* it is at the lamp */
-    spsi_trace_particles(marcher, &ray, depths);
-    for (int i = 0; i < frame->particles.set_count; ++i) spsi_between_add(&shade->depth, depths[i], depths[i]);
-    count = spsi_bracket_range(marcher, &ray, range);
+    if (!spsi_lamp_ray(lamp, point, &ray)) return;
+    shade->depth.low = shade->depth.high = spsi_particles_depth(marcher, &ray, depths);
+    count = spsi_march_range(marcher, &ray, range);
     for (int i = 0; i < count; ++i) {
-        const spsi_ray part = spsi_bracket_part(&ray, range, i, count);
+        const spsi_ray part = spsi_march_part(&ray, range, i, count);
         for (int m = 0; m < frame->medium_count; ++m) {
             const double extinction = (double)spsi_part_material(frame, m)->extinction, h = part.high - part.low;
             spsi_step_gas gas;
@@ -29331,6 +29332,13 @@ static void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *lam
         }
         shade->way += part.high - part.low;
     }
+}
+
+/* Its optical depth alone. */
+static spsi_between spsi_bracket_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
+    spsi_shade shade;
+    spsi_bracket_shade(marcher, lamp, point, &shade);
+    return shade.depth;
 }
 
 /* --- a step of the eye's ray --- */
@@ -29378,8 +29386,8 @@ static void spsi_step_within(const spsi_marcher *marcher, double third, spsi_ste
     }
 }
 
-/* Samples all gas on a step. Returns 0 if there is none but what kernels leave beyond their taps. */
-static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_between before, spsi_step *step) {
+/* Samples all gas on a step. */
+static void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_between before, spsi_step *step) {
     const spsi_frame *frame = marcher->frame;
     const double h = ray->high - ray->low;
     spsi_series extinction;
@@ -29393,7 +29401,7 @@ static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sps
     for (int j = 0; j < 3; ++j)
         spsi_along(ray->origin, ray->direction, ray->low + spsi_bracket_places[j] * h, step->points[j]);
     for (int m = 0; m < frame->medium_count; ++m) {
-        const double scale = (double)spsi_part_material(frame, m)->extinction, most = marcher->bracketing->most[m];
+        const double scale = (double)spsi_part_material(frame, m)->extinction, most = marcher->grids[m].all_most;
         const double speed = spsi_vicinity_speed(&marcher->grids[m], ray->direction);
         spsi_step_gas *gas = &step->gas[m];
         any |= spsi_step_sample(marcher, m, ray, gas);
@@ -29401,8 +29409,7 @@ static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sps
         spsi_series_add_field(scale, speed, gas->half, gas->middle, most, &extinction);
         extinction.term[0] += scale * spsi_step_most(gas, most);
     }
-    memset(step->particles, 0, sizeof step->particles);
-    spsi_trace_particles(marcher, ray, step->particles);
+    spsi_particles_depth(marcher, ray, step->particles);
     for (int i = 0; i < frame->particles.set_count; ++i) {
         spsi_between_add(&step->depth, step->particles[i], step->particles[i]);
         if (step->particles[i] > 0) any = 1, step->smooth = 0;
@@ -29411,7 +29418,6 @@ static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sps
     for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) step->passes.term[k] = extinction.term[k - 1] / k;
     spsi_step_within(marcher, extinction.term[3], step);
     step->lit = any && before.low < SPSI_BRACKET_DARK;
-    return any;
 }
 
 /* Bounds of the integral over a step of a volume's value times what is left of it on the way to the eye, and times the
@@ -29443,8 +29449,8 @@ static spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_s
         points.high += weight * (gas->value[j] + gas->tail) * exp(-low);
     }
     memset(&f, 0, sizeof f);
-    spsi_series_add_field(1, speed, gas->half, gas->middle, marcher->bracketing->most[m], &f);
-    f.term[0] = spsi_step_most(gas, marcher->bracketing->most[m]);
+    spsi_series_add_field(1, speed, gas->half, gas->middle, marcher->grids[m].all_most, &f);
+    f.term[0] = spsi_step_most(gas, marcher->grids[m].all_most);
     for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) w.term[k] = step->passes.term[k] + coming->series.term[k];
     w = spsi_series_exponential(&w);
     product = spsi_series_product(&f, &w);
@@ -29493,27 +29499,30 @@ static void spsi_coming_fall(const spsi_marcher *marcher, const spsi_step *step,
         coming->falloff.term[k] = (k + 1) * pow(coming->range.high, 0.5 * k + 1);
 }
 
+/* Distance of a lamp from a step's middle; infinity: it is a directional light. */
+static double spsi_step_distance(const spsi_step *step, const spsi_lamp *lamp) {
+    double offset[3];
+    spsi_along(lamp->position, step->points[1], -1, offset);
+    return lamp->is_point ? spsi_length(offset) : HUGE_VAL;
+}
+
 /* Gas before a light along a step: its optical depth at the points, and how that may change. Towards a lamp at distance
    r, places near it move less, and r itself has a series of terms of r^(1 - k) at most. */
 static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
                               spsi_coming *coming) {
     const double h = step->ray.high - step->ray.low;
-    double offset[3], distance = HUGE_VAL, change;
-    spsi_shade middle, others;
+    const double distance = spsi_step_distance(step, lamp);
+    double change;
+    spsi_shade middle;
     spsi_bracket_shade(marcher, lamp, step->points[1], &middle);
     coming->depth[1] = middle.depth;
-    for (int j = 0; j < 3; j += 2) {
-        spsi_bracket_shade(marcher, lamp, step->points[j], &others);
-        coming->depth[j] = others.depth;
-    }
+    for (int j = 0; j < 3; j += 2) coming->depth[j] = spsi_bracket_lamp(marcher, lamp, step->points[j]);
     for (int m = 0; m < marcher->frame->medium_count; ++m)
         spsi_series_add_field((double)spsi_part_material(marcher->frame, m)->extinction,
                               spsi_vicinity_speed(&marcher->grids[m], step->ray.direction), middle.half[m],
-                              middle.middle[m], marcher->bracketing->most[m] * middle.way, &coming->series);
+                              middle.middle[m], marcher->grids[m].all_most * middle.way, &coming->series);
     if (lamp->is_point) {
         spsi_series way;
-        spsi_along(lamp->position, step->points[1], -1, offset);
-        distance = spsi_length(offset);
         coming->smooth &= distance > h;
         way.term[0] = 1 + 0.5 * h / distance;
         for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) way.term[k] = way.term[0] / pow(distance - 0.5 * h, k);
@@ -29531,11 +29540,7 @@ static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step
 
 /* Angle by which light that comes to a step turns at most, from its middle. */
 static double spsi_step_turn(const spsi_step *step, const spsi_lamp *lamp) {
-    const double half = 0.5 * (step->ray.high - step->ray.low);
-    double offset[3], distance;
-    if (!lamp->is_point) return 0;
-    spsi_along(lamp->position, step->points[1], -1, offset);
-    distance = spsi_length(offset);
+    const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, lamp);
     return half < distance ? asin(half / distance) : 4;
 }
 
@@ -29585,29 +29590,21 @@ static spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const sp
     return lobes;
 }
 
-/* A lobe at one cosine. */
-static double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
-    const double g = (double)lobe->asymmetry;
-    const double square = fmax(1 + g * g - 2 * g * fmin(fmax(cosine, -1), 1), DBL_MIN);
-    return (double)lobe->weight * (1 - g * g) / (4 * SPSI_PI * square * sqrt(square));
-}
-
 /* What a gas sends to the eye of the light that comes to a step, per unit of optical depth and of albedo. A lobe rises
    or falls with the cosine, so that it is between its values at the ends. A lamp's light turns by less than the step
    seen from it, and its direction has a series of 2 / r^k at most. */
 static void spsi_coming_phase(const spsi_step *step, const spsi_lamp *lamp, const spsi_material *material,
                               spsi_coming *coming) {
     const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, lamp);
-    double cosines[3], axis[3], phases[3] = {0, 0, 0}, distance = HUGE_VAL;
+    const double distance = spsi_step_distance(step, lamp);
+    double cosines[3], axis[3], phases[3] = {0, 0, 0};
     spsi_between range = {0, 0};
     spsi_series turning, series;
     for (int j = 0; j < 3; ++j) {
-        double travel[3], offset[3];
+        double travel[3];
         spsi_lamp_direction(lamp, step->points[j], travel);
         cosines[j] = -spsi_dot(travel, step->ray.direction);
         axis[j] = spsi_versine(lamp, travel);
-        spsi_along(lamp->position, step->points[j], -1, offset);
-        if (j == 1 && lamp->is_point) distance = spsi_length(offset);
     }
     coming->smooth &= distance > 2 * half;
     memset(&series, 0, sizeof series);
@@ -29739,39 +29736,28 @@ static spsi_cover spsi_face_cover(const spsi_face *face, const spsi_lamp *lamp, 
    light for some of them only, so that a shorter step tells more. */
 static int spsi_step_cover(const spsi_faces *faces, const spsi_lamp *lamp, const spsi_step *step,
                            spsi_between passes[3]) {
-    const spsi_tree *tree = &faces->tree;
-    int stack[SPSI_TREE_STACK], top = 0, sure = 1;
+    int number, sure = 1;
+    spsi_walk walk;
     spsi_ray ray;
     for (int c = 0; c < 3; ++c) passes[c] = spsi_between_of(1, 1);
-    if (tree->count == 0 || !lamp->shadows) return 1;
+    if (faces->tree.count == 0 || !lamp->shadows) return 1;
     for (int i = 0; i < 3; ++i) ray.origin[i] = 0.5 * (step->ends[0][i] + step->ends[1][i]);
     spsi_toward_lamp(lamp, ray.origin, ray.direction);
     ray.low = 0;
     ray.high = lamp->is_point ? 1 : HUGE_VAL;
-    stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        double low[3], high[3], range[2];
-        for (int i = 0; i < 3; ++i) {
-            const double l = tree->centre[i] + (double)node->low[i], h = tree->centre[i] + (double)node->high[i];
-            const double room = fabs(step->ends[1][i] - ray.origin[i]) +
-                                SPSI_BRACKET_ROOM * (fabs(l) + fabs(h) + fabs(ray.origin[i]));
-            low[i] = l - room, high[i] = h + room;
-        }
-        if (!spsi_ray_meets_box(&ray, low, high, range)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const spsi_face *face = &faces->list[tree->order[node->first + i]];
-            const spsi_cover cover = spsi_face_cover(face, lamp, step);
-            sure &= cover != SPSI_COVER_PARTLY;
-            for (int c = 0; c < 3 && cover != SPSI_COVER_CLEAR; ++c) {
-                passes[c].low *= (double)face->transmittance[c];
-                if (cover == SPSI_COVER_BEHIND) passes[c].high *= (double)face->transmittance[c];
-            }
+    spsi_walk_begin(&faces->tree, &walk);
+    for (int i = 0; i < 3; ++i)
+        walk.half[i] = fabs(step->ends[1][i] - ray.origin[i]) +
+                       SPSI_BRACKET_ROOM * (2 * faces->extent + fabs(ray.origin[i]));
+    while ((number = spsi_walk_on(&walk, &ray)) >= 0) {
+        const spsi_face *face = &faces->list[number];
+        const spsi_cover cover = spsi_face_cover(face, lamp, step);
+        sure &= cover != SPSI_COVER_PARTLY;
+        for (int c = 0; c < 3 && cover != SPSI_COVER_CLEAR; ++c) {
+            passes[c].low *= (double)face->transmittance[c];
+            if (cover == SPSI_COVER_BEHIND) passes[c].high *= (double)face->transmittance[c];
         }
         if (!(passes[0].high > 0 || passes[1].high > 0 || passes[2].high > 0)) return 1;
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
     }
     return sure;
 }
@@ -29785,7 +29771,7 @@ static int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step
     if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
     if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
         return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* else no halving is enough */
-    for (int i = 0; i < marcher->bracketing->lamp_count && halvings < SPSI_BRACKET_EDGES; ++i) {
+    for (int i = 0; i < marcher->lamp_count && halvings < SPSI_BRACKET_EDGES; ++i) {
         const spsi_lamp *lamp = &marcher->frame->lamps.list[i];
         spsi_between passes[3];
         if (spsi_cone_bends(&lamp->cone, spsi_step_axis(step, lamp))) return 1;
@@ -29802,7 +29788,7 @@ static int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, in
     memset(sum, 0, sizeof *sum);
     spsi_step_build(marcher, ray, before, &step);
     if (spsi_step_too_long(marcher, &step, halvings)) return 0;
-    for (int i = 0; i < marcher->bracketing->lamp_count; ++i) {
+    for (int i = 0; i < marcher->lamp_count; ++i) {
         spsi_between passes[3] = {{0, 1}, {0, 1}, {0, 1}};
         if (step.lit) spsi_step_cover(marcher->faces, &frame->lamps.list[i], &step, passes);
         spsi_step_add_lamp(marcher, &step, &frame->lamps.list[i], passes, sum);
@@ -29815,117 +29801,28 @@ static int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, in
 }
 
 /* Follows the eye's ray through a step, or through its halves. */
-static void spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_walker *walker,
-                              spsi_bracket *bracket) {
+static int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_sample *samples,
+                             spsi_walker *walker) {
+    const double range[2] = {ray->low, ray->high};
     spsi_step_light sum;
     double before;
-    if (!spsi_step_follow(marcher, ray, halvings, bracket->gas, &sum)) {
+    if (!spsi_step_follow(marcher, ray, halvings, walker->gas, &sum)) {
         for (int n = 0; n < 2; ++n) {
-            const double range[2] = {ray->low, ray->high};
-            const spsi_ray half = spsi_bracket_part(ray, range, n, 2);
-            spsi_bracket_step(marcher, &half, halvings + 1, walker, bracket);
+            const spsi_ray half = spsi_march_part(ray, range, n, 2);
+            spsi_bracket_step(marcher, &half, halvings + 1, samples, walker);
         }
-        return;
+        return 1;
     }
     for (int c = 0; c < 3; ++c) {
-        spsi_between_add(&bracket->scattered[c], walker->filter[c] * sum.light[c].low,
+        spsi_between_add(&walker->scattered[c], walker->filter[c] * sum.light[c].low,
                          walker->filter[c] * sum.light[c].high);
-        bracket->source[c] = fmax(bracket->source[c], sum.source[c]);
+        walker->source[c] = fmax(walker->source[c], sum.source[c]);
     }
-    before = exp(-0.5 * (bracket->gas.low + bracket->gas.high));
-    spsi_between_add(&bracket->gas, sum.depth.low, sum.depth.high);
+    before = exp(-0.5 * (walker->gas.low + walker->gas.high));
+    spsi_between_add(&walker->gas, sum.depth.low, sum.depth.high);
     walker->distance += spsi_color_mean(walker->filter) * 0.5 * (ray->low + ray->high) *
-                        (before - exp(-0.5 * (bracket->gas.low + bracket->gas.high)));
-}
-
-/* Bounds of the radiance of the polygon that a ray meets. */
-static void spsi_bracket_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
-                                 spsi_between radiance[3]) {
-    const spsi_frame *frame = marcher->frame;
-    spsi_appearance look;
-    spsi_surface surface;
-    spsi_place place = {hit, x, y, {(double)x, (double)y}, 0};
-    spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
-    spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
-    for (int c = 0; c < 3; ++c) {
-        const double own = look.color[c] * (double)frame->ambient.radiance[c] + (double)look.emission[c];
-        radiance[c] = spsi_between_of(own, own);
-    }
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
-        double irradiance[3], passes[3] = {1, 1, 1};
-        spsi_shade shade;
-        spsi_between through = {1, 1};
-        if (!spsi_surface_point_irradiance(frame, lamp, &surface, irradiance)) continue;
-        if (lamp->shadows) {
-            if (!spsi_march_sight(marcher->faces, lamp, surface.start, hit->face, passes)) continue;
-            spsi_bracket_shade(marcher, lamp, surface.point, &shade);
-            through = spsi_between_passes(shade.depth);
-        }
-        for (int c = 0; c < 3; ++c) {
-            const double all = look.color[c] * irradiance[c] * passes[c] / SPSI_PI * (double)lamp->color[c];
-            spsi_between_add(&radiance[c], all * through.low, all * through.high);
-        }
-    }
-}
-
-/* Ends a pixel's sample before the background, and adds it up. What gas sends is no more than if it were opaque and all
-   as bright as its brightest. The walker takes the middle. */
-static void spsi_bracket_end(const spsi_marcher *marcher, spsi_walker *walker, spsi_bracket *bracket) {
-    const spsi_between passes = spsi_between_passes(bracket->gas);
-    const float *behind = marcher->total + (size_t)(walker - marcher->walkers) * spsi_total_floats(marcher->frame);
-    for (int c = 0; c < 3; ++c) {
-        const double sky = walker->filter[c] * (double)behind[c];
-        const double most = bracket->source[c] * -expm1(-bracket->gas.high);
-        spsi_between *all = &bracket->radiance[c];
-        spsi_between_add(all, bracket->scattered[c].low, fmin(bracket->scattered[c].high, most));
-        walker->through[c] = walker->filter[c] * 0.5 * (passes.low + passes.high);
-        walker->radiance[c] = 0.5 * (all->low + all->high);
-        spsi_between_add(all, sky * passes.low, sky * passes.high);
-        spsi_between_add(&bracket->sums[c], all->low, all->high);
-    }
-}
-
-/* Follows a pixel's ray up to its next face and through that. */
-static void spsi_bracket_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
-    spsi_bracket *bracket = &marcher->bracketing->pixels[walker - marcher->walkers];
-    const spsi_face *face;
-    spsi_between surface[3], passes;
-    spsi_ray ray;
-    double range[2];
-    int count;
-    (void)samples;
-    if (bracket->sample != marcher->sample) {
-        bracket->sample = marcher->sample;
-        bracket->gas = spsi_between_of(0, 0);
-        memset(bracket->scattered, 0, sizeof bracket->scattered);
-        memset(bracket->radiance, 0, sizeof bracket->radiance);
-        memset(bracket->source, 0, sizeof bracket->source);
-    }
-    spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
-    ray.low = fmax(ray.low, walker->low);
-    ray.high = walker->high;
-    count = spsi_bracket_range(marcher, &ray, range);
-    for (int i = 0; i < count; ++i) {
-        const spsi_ray part = spsi_bracket_part(&ray, range, i, count);
-        spsi_bracket_step(marcher, &part, 0, walker, bracket);
-    }
-    passes = spsi_between_passes(bracket->gas);
-    walker->ended = walker->hit.face < 0;
-    if (!walker->ended) {
-        double before = spsi_color_mean(walker->filter);
-        face = &marcher->faces->list[walker->hit.face];
-        spsi_bracket_surface(marcher, &walker->hit, x, y, surface);
-        for (int c = 0; c < 3; ++c) {
-            spsi_between_add(&bracket->radiance[c], walker->filter[c] * passes.low * surface[c].low,
-                             walker->filter[c] * passes.high * surface[c].high);
-            walker->filter[c] *= (double)face->transmittance[c];
-        }
-        before -= spsi_color_mean(walker->filter);
-        walker->distance += before * 0.5 * (passes.low + passes.high) * walker->high;
-        walker->ended = !(walker->filter[0] > 0 || walker->filter[1] > 0 || walker->filter[2] > 0);
-    }
-    if (walker->ended) spsi_bracket_end(marcher, walker, bracket);
+                        (before - exp(-0.5 * (walker->gas.low + walker->gas.high)));
+    return 1;
 }
 
 /* --- setting up --- */
@@ -29955,64 +29852,28 @@ static sps_result spsi_bracket_check(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Prepares bounds for all pixels. Afterwards rays are followed by spsi_bracket_on. */
-static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher, struct spsi_bracketing *bracketing) {
+/* Prepares the marcher for bounds. */
+static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher) {
     const spsi_frame *frame = marcher->frame;
-    const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     double across[3];
-    memset(bracketing, 0, sizeof *bracketing);
-    bracketing->pixels = (spsi_bracket *)spsi_reserve(context, SPSI_BUFFER_PATHS, pixels, sizeof *bracketing->pixels);
-    if (!bracketing->pixels) return context->result;
-    memset(bracketing->pixels, 0, pixels * sizeof *bracketing->pixels);
-    for (size_t i = 0; i < pixels; ++i) bracketing->pixels[i].sample = -1;
-    bracketing->step = marcher->step;
     for (int m = 0; m < frame->medium_count; ++m)
-        if (spsi_part_material(frame, m)->scatters) bracketing->lamp_count = frame->lamps.count;
-    bracketing->bounds = spsi_nowhere;
+        if (spsi_part_material(frame, m)->scatters) marcher->lamp_count = frame->lamps.count;
     for (int m = 0; m < frame->medium_count; ++m) {
-        const spsi_dense *grid = &marcher->grids[m];
+        spsi_dense *grid = &marcher->grids[m];
         const size_t bricks = (size_t)grid->bricks[0] * (size_t)grid->bricks[1] * (size_t)grid->bricks[2];
-        for (size_t i = 0; i < bricks; ++i) bracketing->most[m] = fmax(bracketing->most[m], (double)grid->most[i]);
+        for (size_t i = 0; i < bricks; ++i) grid->all_most = fmax(grid->all_most, (double)grid->most[i]);
         for (int k = 0; k < 3; ++k)
-            bracketing->step = fmin(bracketing->step, SPSI_BRACKET_STEP / spsi_length(grid->inverse[k]));
-        for (int corner = 0; corner < 8; ++corner) {
-            double at[3], point[3];
-            for (int k = 0; k < 3; ++k)
-                at[k] = corner >> k & 1 ? grid->size[k] + 0.5 * SPSI_BRACKET_TAPS : -0.5 * SPSI_BRACKET_TAPS;
-            spsi_voxel_position(frame->media[m].lattice, at, point);
-            spsi_bounds_add(&bracketing->bounds, point);
-        }
+            marcher->step = fmin(marcher->step, SPSI_BRACKET_STEP / spsi_length(grid->inverse[k]));
+        spsi_medium_bounds(&frame->media[m], 0.5 * SPSI_BRACKET_TAPS, &marcher->bounds);
     }
-    for (int i = 0; i < frame->content->particle_count; ++i) {
-        spsi_bounds box;
-        spsi_particle_bounds(&frame->content->particles[i], &box);
-        spsi_bounds_add(&bracketing->bounds, box.low);
-        spsi_bounds_add(&bracketing->bounds, box.high);
-    }
-    spsi_along(bracketing->bounds.high, bracketing->bounds.low, -1, across);
-    if (!spsi_bounds_empty(&bracketing->bounds) && !(spsi_length(across) < SPSI_BRACKET_STEPS * bracketing->step))
+    spsi_along(marcher->bounds.high, marcher->bounds.low, -1, across);
+    if (!spsi_bounds_empty(&marcher->bounds) && !(spsi_length(across) < SPSI_BRACKET_STEPS * marcher->step))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE, -1, "", 0,
                               "volumes and particles are too far apart for lower and upper: a ray through all of them "
                               "would have more than 1e8 steps");
-    marcher->bracketing = bracketing;
-    marcher->follow = spsi_bracket_on;
+    marcher->follow = spsi_bracket_step;
+    marcher->shade = spsi_bracket_lamp;
     return SPS_OK;
-}
-
-/* Writes the bounds, rounded outwards. */
-static void spsi_bracket_finish(const spsi_marcher *marcher, const sps_image *image) {
-    const int *region = marcher->frame->view.region, samples = marcher->side * marcher->side;
-    const size_t pitch = image->row_pixels ? image->row_pixels : (size_t)region[2];
-    for (int y = 0; y < region[3]; ++y)
-        for (int x = 0; x < region[2]; ++x) {
-            const spsi_between *sums = marcher->bracketing->pixels[(size_t)y * (size_t)region[2] + (size_t)x].sums;
-            for (int c = 0; c < 3; ++c) {
-                const size_t at = 3 * ((size_t)y * pitch + (size_t)x) + (size_t)c;
-                const double room = SPSI_BRACKET_ROUNDING * (fabs(sums[c].low) + fabs(sums[c].high)) / samples;
-                marcher->settings->lower[at] = (float)(sums[c].low / samples - room);
-                marcher->settings->upper[at] = (float)(sums[c].high / samples + room);
-            }
-        }
 }
 
 /* ================================================================================================ >>paths
@@ -30033,8 +29894,6 @@ static void spsi_bracket_finish(const spsi_marcher *marcher, const sps_image *im
 #define SPSI_PATH_GOES_ON 0.998 /* greatest probability: even without absorption, a path ends after 500 events */
 #define SPSI_PATH_WEIGHTY 3     /* events after which it may end */
 #define SPSI_PATH_SPLITS  0.05  /* transmittance below which one of two shadow rays ends, and the other counts twice */
-#define SPSI_PATH_STEPS   100   /* towards the place where particles scatter, at most: halves a ray 50 times */
-#define SPSI_PATH_ROOM    1e-7  /* of optical depth, by which that place may be off */
 
 typedef struct spsi_path {
     spsi_ray ray; /* from the last event on; its direction has unit length, low is 0 */
@@ -30064,11 +29923,8 @@ static double spsi_random_depth(uint64_t *state) { return -log1p(-spsi_random(st
 /* A unit vector at a given cosine from another one, in any direction about it. */
 static void spsi_random_about(uint64_t *state, const double axis[3], double cosine, double out[3]) {
     const double turn = 2 * SPSI_PI * spsi_random(state), sine = sqrt(fmax(0, 1 - cosine * cosine));
-    double across[3] = {0, 0, 0}, other[3];
-    across[fabs(axis[0]) < 0.6 ? 0 : 1] = 1;
-    spsi_cross(axis, across, other);
-    spsi_normalise(other);
-    spsi_cross(axis, other, across);
+    double across[3], other[3];
+    spsi_basis(axis, other, across);
     for (int i = 0; i < 3; ++i) out[i] = cosine * axis[i] + sine * (cos(turn) * other[i] + sin(turn) * across[i]);
     spsi_normalise(out);
 }
@@ -30200,55 +30056,24 @@ static void spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray
 
 /* --- particles --- */
 
-static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
-    double sum = 0;
-    memset(depths, 0, SPSI_SETS_MAX * sizeof *depths);
-    spsi_trace_particles(marcher, ray, depths);
-    for (int i = 0; i < marcher->frame->particles.set_count; ++i) sum += depths[i];
-    return sum;
-}
-
-/* Which set of particles scatters at t, in proportion to their extinctions there. */
-static int spsi_particles_pick(const spsi_marcher *marcher, const spsi_ray *ray, double t, double room,
-                               uint64_t *random) {
-    double depths[SPSI_SETS_MAX], pick;
-    spsi_ray here = *ray;
-    int set = 0;
-    here.low = t - room;
-    here.high = t + room;
-    pick = spsi_random(random) * spsi_particles_depth(marcher, &here, depths);
-    for (; set < marcher->frame->particles.set_count - 1 && pick >= depths[set]; ++set) pick -= depths[set];
-    return set;
-}
-
-/* The same for particles: where their optical depth reaches a random one, to SPSI_PATH_ROOM. Every other step takes the
-   depth to grow evenly, the others halve what is left of the ray. */
+/* Finds the first collision with a particle: the nearest of collisions with each of them, since gases that share a
+   place do not know of each other. Shortens the ray to it, and sets `part`. */
 static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, int *part) {
-    const spsi_bounds *bounds = &marcher->frame->content->bounds;
-    double depths[SPSI_SETS_MAX], range[2], left = spsi_random_depth(random), sum, depth = 0;
-    spsi_ray way = *ray;
-    if (marcher->particles.count == 0 || !spsi_ray_meets_box(ray, bounds->low, bounds->high, range)) return;
-    way.low = range[0];
-    way.high = range[1];
-    sum = spsi_particles_depth(marcher, &way, depths);
-    if (!(sum > left)) return;
-    for (int i = 0; i < SPSI_PATH_STEPS && fabs(depth - left) > SPSI_PATH_ROOM; ++i) {
-        const double end = way.high;
-        way.high = way.low + (i % 2 ? 0.5 : left / sum) * (end - way.low);
-        depth = spsi_particles_depth(marcher, &way, depths);
-        if (depth > left) {
-            sum = depth;
-        } else {
-            left -= depth;
-            sum -= depth;
-            depth = 0;
-            way.low = way.high;
-            way.high = end;
-        }
+    const spsi_frame *frame = marcher->frame;
+    spsi_walk walk;
+    int particle;
+    spsi_walk_begin(&marcher->particles, &walk);
+    while ((particle = spsi_walk_on(&walk, ray)) >= 0) {
+        const spsi_particle_set *set = spsi_set_of(frame, particle);
+        spsi_ray_chord chord;
+        double at;
+        if (!spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord)) continue;
+        at = chord.from + spsi_random_depth(random) / chord.depth;
+        if (!(at < chord.to)) continue;
+        at = set->soft ? 2 * sin(asin(fmax(2 * at, -1)) / 3) : 2 * at; /* s, of 3 s / 4 - s^3 / 4 */
+        ray->high = fmax(chord.middle + at * chord.half, ray->low);
+        *part = frame->medium_count + (int)(set - frame->particles.sets);
     }
-    ray->high = way.low + (depth > 0 ? left / depth : 0) * (way.high - way.low);
-    *part = marcher->frame->medium_count +
-            spsi_particles_pick(marcher, ray, ray->high, 1e-6 * (range[1] - range[0]), random);
 }
 
 /* --- what emits --- */
@@ -30367,12 +30192,7 @@ static double spsi_path_transmittance(const spsi_marcher *marcher, const spsi_la
                                       uint64_t *random) {
     double depths[SPSI_SETS_MAX], passes;
     spsi_ray ray;
-    if (!lamp->shadows) return 1;
-    memcpy(ray.origin, point, sizeof ray.origin);
-    spsi_toward_lamp(lamp, point, ray.direction);
-    ray.low = 0;
-    ray.high = lamp->is_point ? spsi_length(ray.direction) : HUGE_VAL;
-    spsi_normalise(ray.direction);
+    if (!lamp->shadows || !spsi_lamp_ray(lamp, point, &ray)) return 1;
     passes = exp(-spsi_particles_depth(marcher, &ray, depths));
     for (int m = 0; m < marcher->frame->medium_count; ++m) {
         spsi_tracker tracker;
@@ -30407,9 +30227,8 @@ static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
 
 /* Density per steradian of the directions into which a part sends paths. */
 static double spsi_path_density(const spsi_material *material, double cosine) {
-    float phase[SPSI_LANES];
-    spsi_store(phase, spsi_phase(material, spsi_set((float)cosine)));
-    return material->table && material->shading == SPS_SHADING_SURFACE ? 0.25 / SPSI_PI : (double)phase[0];
+    if (material->table && material->shading == SPS_SHADING_SURFACE) return 0.25 / SPSI_PI;
+    return spsi_phase_at(material, cosine);
 }
 
 /* Begins the next ray at the end of the last one; after an event, in a direction that was drawn with this density. */
@@ -30570,18 +30389,6 @@ static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, s
 
 /* --- pixels --- */
 
-/* Sums over the paths of a pixel. */
-typedef struct spsi_path_sums {
-    double sum[3], square[3];
-} spsi_path_sums;
-
-typedef struct spsi_paths {
-    const spsi_marcher *marcher;
-    spsi_path_sums *sums; /* of the region's pixels */
-    int first_row;        /* of the current batch, in the region */
-    int from, to;         /* numbers of the current paths */
-} spsi_paths;
-
 /* Begins the n-th path of a pixel, through one of its samples, where its ray enters what can be seen. */
 static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, spsi_path *path) {
     const spsi_rays *eye = &marcher->frame->content->eye;
@@ -30609,69 +30416,31 @@ static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, sp
     path->weight[0] = path->weight[1] = path->weight[2] = 1;
 }
 
-static void spsi_paths_span_task(void *data, int index, int worker) {
-    const spsi_paths *paths = (const spsi_paths *)data;
-    const spsi_marcher *marcher = paths->marcher;
-    const int *region = marcher->frame->view.region;
-    spsi_sample *sample = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
-    int row, range[2];
-    spsi_march_span(region, paths->first_row, index, &row, range);
-    for (int x = range[0]; x < range[1]; ++x) {
-        spsi_path_sums *sums = &paths->sums[(size_t)row * (size_t)region[2] + (size_t)x];
-        for (int n = paths->from; n < paths->to; ++n) {
-            spsi_path path;
-            spsi_path_begin(marcher, region[0] + x, region[1] + row, n, &path);
-            spsi_path_follow(marcher, sample, &path);
-            for (int c = 0; c < 3; ++c) {
-                sums->sum[c] += path.radiance[c];
-                sums->square[c] += path.radiance[c] * path.radiance[c];
-            }
+static void spsi_paths_pixel(const spsi_marcher *marcher, int x, int y, spsi_sample *sample, spsi_walker *walker) {
+    for (int n = marcher->from; n < marcher->to; ++n) {
+        spsi_path path;
+        spsi_path_begin(marcher, x, y, n, &path);
+        spsi_path_follow(marcher, sample, &path);
+        for (int c = 0; c < 3; ++c) {
+            walker->paths[c] += path.radiance[c];
+            walker->squares[c] += path.radiance[c] * path.radiance[c];
         }
     }
 }
 
-/* Adds the paths' means to the pixels, and writes the standard errors of these means. */
-static void spsi_paths_finish(const spsi_paths *paths, const sps_image *image) {
-    const spsi_marcher *marcher = paths->marcher;
-    const int *region = marcher->frame->view.region;
-    const size_t pitch = image->row_pixels ? image->row_pixels : (size_t)region[2];
-    const double n = marcher->settings->samples;
-    for (int y = 0; y < region[3]; ++y)
-        for (int x = 0; x < region[2]; ++x) {
-            const size_t at = (size_t)y * (size_t)region[2] + (size_t)x;
-            for (int c = 0; c < 3; ++c) {
-                const double mean = paths->sums[at].sum[c] / n, square = paths->sums[at].square[c] / n;
-                float *pixel = &marcher->total[at * spsi_total_floats(marcher->frame) + (size_t)c];
-                *pixel = (float)((double)*pixel + mean);
-                if (marcher->settings->error)
-                    marcher->settings->error[3 * ((size_t)y * pitch + (size_t)x) + (size_t)c] =
-                        (float)sqrt(fmax(0, square - mean * mean) / (n - 1));
-            }
-        }
-}
-
-/* Follows all paths. Afterwards only spsi_paths_finish is left to do. */
-static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher, spsi_paths *paths) {
-    const int *region = marcher->frame->view.region, samples = marcher->settings->samples;
-    const size_t pixels = (size_t)region[2] * (size_t)region[3];
-    const int rows = spsi_worker_count(context); /* between two calls of progress_fn */
-    memset(paths, 0, sizeof *paths);
-    paths->marcher = marcher;
-    paths->sums = (spsi_path_sums *)spsi_reserve(context, SPSI_BUFFER_PATHS, pixels, sizeof *paths->sums);
-    if (!paths->sums) return context->result;
-    memset(paths->sums, 0, pixels * sizeof *paths->sums);
+/* Follows all paths. */
+static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher) {
+    const int samples = marcher->settings->samples;
+    const double share = (1 - SPSI_MARCH_SHARE) / samples; /* of a path of each pixel */
     if (spsi_glow_build(context, marcher)) return context->result;
     for (int m = 0; m < marcher->frame->medium_count; ++m)
         spsi_dense_bound(spsi_part_material(marcher->frame, m), &marcher->grids[m]);
-    for (; paths->from < samples; paths->from = paths->to) {
-        paths->to = spsi_least(samples, paths->from + SPSI_PATH_ROUND);
-        for (paths->first_row = 0; paths->first_row < region[3]; paths->first_row += rows) {
-            const double done = (paths->from + (paths->to - paths->from) * (double)paths->first_row / region[3]);
-            if (spsi_progress(context, SPSI_MARCH_SHARE + (1 - SPSI_MARCH_SHARE) * done / samples))
-                return context->result;
-            spsi_parallel(context, spsi_least(rows, region[3] - paths->first_row) * spsi_march_spans(region[2]),
-                          spsi_paths_span_task, paths);
-        }
+    marcher->pixel = spsi_paths_pixel;
+    for (; marcher->from < samples; marcher->from = marcher->to) {
+        marcher->to = spsi_least(samples, marcher->from + SPSI_PATH_ROUND);
+        if (spsi_march_pixels(context, marcher, SPSI_MARCH_SHARE + share * marcher->from,
+                              share * (marcher->to - marcher->from)))
+            return context->result;
     }
     return SPS_OK;
 }
@@ -30680,17 +30449,15 @@ static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher, sp
 
 static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *frame,
                                        const sps_reference_settings *settings, const sps_image *image) {
-    const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
     spsi_rays centre;
     spsi_faces faces;
-    spsi_paths paths;
-    struct spsi_bracketing bracketing;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
-    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
-    if (!marcher || !rgb) return context->result;
+    if (!marcher) return context->result;
     memset(marcher, 0, sizeof *marcher);
     marcher->settings = settings;
-    marcher->follow = spsi_march_on;
+    marcher->pixel = spsi_march_on;
+    marcher->follow = spsi_march_step;
+    marcher->shade = spsi_march_lamp;
     if (settings->lower && spsi_bracket_check(context, frame)) return context->result;
     if ((spsi_scatters_fully(frame) || spsi_scatters_aside(frame)) && settings->samples == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
@@ -30699,13 +30466,8 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
                               "once");
     marcher->forward = spsi_scatters_forward(frame) && settings->samples == 0;
     if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
-    if (settings->lower && spsi_bracket_begin(context, marcher, &bracketing)) return context->result;
-    for (int y = 0; y < region[3]; ++y) {
-        if (spsi_background_row(context, frame, y, rgb)) return context->result;
-        for (int x = 0; x < region[2]; ++x)
-            memcpy(marcher->total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats, rgb + 3 * x,
-                   3 * sizeof(float));
-    }
+    if (settings->lower && spsi_bracket_begin(context, marcher)) return context->result;
+    if (spsi_begin_total(context, frame, marcher->total)) return context->result;
     centre = frame->content->eye;
     for (; marcher->sample < marcher->side * marcher->side; ++marcher->sample) {
         int left = 1;
@@ -30715,11 +30477,9 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
         spsi_march_add(marcher);
     }
     frame->content->eye = centre;
-    if (settings->samples > 0 && spsi_paths_run(context, marcher, &paths)) return context->result;
+    if (settings->samples > 0 && spsi_paths_run(context, marcher)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
-    spsi_march_finish(marcher);
-    if (settings->samples > 0) spsi_paths_finish(&paths, image);
-    if (settings->lower) spsi_bracket_finish(marcher, image);
+    spsi_march_finish(marcher, image);
     spsi_write_image(frame, marcher->total, image);
     return SPS_OK;
 }

@@ -792,7 +792,8 @@ typedef enum sps_filling {
        tests/test_filling.c), less at high quality, and more where voxels are smaller than pixels: footprints blur them
        more than rays do. memory_limit is not looked at: where bricks do not fit, ask for SPLAT. */
     SPS_FILLING_AUTO = 0,
-    SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
+    /* Voxel by voxel: cost is proportional to the number of relevant voxels. Normals of surfaces need GATHER's memory. */
+    SPS_FILLING_SPLAT,
     /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3
        per voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per
        slab. Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where a gas's voxels
@@ -954,7 +955,7 @@ typedef enum sps_pass {
     SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map or a table; counts
                                 tables that turn out to be held */
     SPS_PASS_PENUMBRAE,      /* follows the points of lights with an extent through the sheets */
-    SPS_PASS_GRADIENT,       /* central differences across sheets */
+    SPS_PASS_GRADIENT,       /* gradients of what is shaded as a surface, from its voxels */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
     SPS_PASS_FORWARD,        /* tabulates, for each gas, what is scattered forward any number of times */
     SPS_PASS_SPREADING,      /* convolves light from sheet to sheet, per light */
@@ -2192,7 +2193,7 @@ struct sps_context {
     uint64_t gathered; /* fingerprint of the volumes whose voxels are held; 0: none */
     int brick_count;
     int bricks_printed; /* 1: their fingerprints are held too */
-    int field_taps;     /* of the fields that are held with them; 0: none are */
+    int fields_held;    /* with them: spsi_fields_wanted */
     uint64_t voxel_count;
     uint64_t faces_held; /* fingerprint of the meshes whose triangles are held; 0: none, >>polygons */
     int face_count;
@@ -2591,18 +2592,6 @@ static inline spsi_v spsi_kernel_share(spsi_v v) {
     p = spsi_fma(p, x2, spsi_set(-3.6912726f));
     p = spsi_fma(p, x2, spsi_set(1.53173222f));
     return spsi_fma(p, x, spsi_set(0.5f));
-}
-
-/* The derivative of spsi_kernel_share. */
-static inline spsi_v spsi_kernel_slope(spsi_v v) {
-    const spsi_v x = spsi_clamp(v, spsi_set(-1), spsi_set(1)), x2 = spsi_mul(x, x);
-    spsi_v p = spsi_set(13 * 0.915625417f);
-    p = spsi_fma(p, x2, spsi_set(11 * -4.38040258f));
-    p = spsi_fma(p, x2, spsi_set(9 * 8.9310312f));
-    p = spsi_fma(p, x2, spsi_set(7 * -10.2611645f));
-    p = spsi_fma(p, x2, spsi_set(5 * 7.45445085f));
-    p = spsi_fma(p, x2, spsi_set(3 * -3.6912726f));
-    return spsi_fma(p, x2, spsi_set(1.53173222f));
 }
 
 /* The mean of exp(-x) for x between a and b (in any order): exp(-min) (1 - exp(-d)) / d, d = |a - b|; exp(-a) at d = 0.
@@ -4706,13 +4695,6 @@ typedef struct spsi_lamps {
     int image_count;  /* number of lamps that throw an image */
 } spsi_lamps;
 
-/* Gradients of volumes that are shaded as surfaces. Fields have their own. */
-typedef struct spsi_gradients {
-    int exist;    /* 1: some volume has such gradients */
-    int reach;    /* pixels to either side of a difference: 1, or 2 if voxels are less than 4 pixels wide */
-    int splatted; /* 1: gradients have sheets of their own, as neighbouring pixels are too far apart */
-} spsi_gradients;
-
 /* Light from everywhere. */
 typedef struct spsi_ambient {
     float radiance[3];
@@ -4857,7 +4839,7 @@ typedef struct spsi_frame {
     spsi_ambient ambient;
     spsi_background background;
     int replace_invalid; /* 1: invalid values become 0 instead of an error */
-    spsi_gradients gradients;
+    int has_gradients; /* 1: some volume is shaded as a surface; its field has the gradients */
     int channels;    /* channels of radiance: 1 if every color is grey, otherwise 3 */
     int wants_depth; /* 1: the image has depths */
 } spsi_frame;
@@ -5994,7 +5976,7 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         frame->matter.extinguishes |= material->extinguishes;
-        frame->gradients.exist |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
+        frame->has_gradients |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
     }
     for (int i = 0; i < count; ++i)
         if (!spsi_black(scene->lights[i].color))
@@ -6009,52 +5991,9 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
         lamps->whole_count += 1;
     }
     spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
-    if (lamps->count == 0) frame->gradients.exist = 0;
+    if (lamps->count == 0) frame->has_gradients = 0;
     if (spsi_resolve_planes(context, frame)) return context->result;
     return spsi_resolve_points(context, frame);
-}
-
-/* The breadth of a voxel's kernel in pixels, at the middle of the volumes' depth range. Sets *near_by if the eye is so
-   close that kernels may be integrated along each pixel's own ray. */
-static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medium, int *near_by) {
-    const spsi_rays *eye = &frame->eye;
-    double across[2][3], forward[3], low = HUGE_VAL, high = 0, q[3];
-    const double pixel = sqrt(spsi_length(eye->a) * spsi_length(eye->b));
-    memcpy(forward, eye->inverse[2], sizeof forward);
-    spsi_normalise(forward);
-    spsi_basis(forward, across[0], across[1]);
-    *near_by = 0;
-    if (!eye->perspective) return spsi_voxel_breadth(medium->lattice, across[0], across[1]) / pixel;
-    for (int corner = 0; corner < 8; ++corner) {
-        double point[3];
-        spsi_bounds_corner(&frame->volume_bounds, corner, point);
-        spsi_along(point, eye->origin, -1, point);
-        spsi_to_rays(eye, point, q);
-        low = fmin(low, q[2]);
-        high = fmax(high, q[2]);
-    }
-    *near_by = low < SPSI_NEAR_REACHES * frame->accuracy.cut * SPSI_SIGMA *
-                         spsi_voxel_extent(medium->lattice, eye->inverse[2]);
-    return spsi_voxel_breadth(medium->lattice, across[0], across[1]) /
-           (pixel * fmax(0.5 * (fmax(low, 0) + high), DBL_MIN));
-}
-
-/* Chooses how gradients of what is splatted are computed. Differences over two pixels fall short of a sharp edge by up
-   to a sixth of (pixels / 0.65 voxels)^2, and normals lean towards the slabs' normal; over four pixels, which costs a
-   tenth of a frame's time, they are right to 1 % down to one pixel per voxel. Below that they need sheets of their own,
-   with three times as much splatting. */
-static void spsi_resolve_gradients(spsi_frame *frame) {
-    double pixels = HUGE_VAL;
-    int near_by = 0;
-    for (int i = 0; i < frame->medium_count && frame->gradients.exist; ++i) {
-        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-        int here;
-        if (!material->table || material->shading != SPS_SHADING_SURFACE) continue;
-        pixels = fmin(pixels, spsi_voxel_pixels(frame, &frame->media[i], &here));
-        near_by |= here;
-    }
-    frame->gradients.reach = frame->gradients.exist ? 1 + (pixels < 4) : 0;
-    frame->gradients.splatted = pixels < 0.9 && !near_by;
 }
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
@@ -6118,7 +6057,6 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
         return NULL;
     if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lamps(context, frame, scene)) return NULL;
-    if (view) spsi_resolve_gradients(frame);
     spsi_resolve_scene(frame, scene);
     memset(content, 0, sizeof *content);
     content->bounds = content->outer = frame->volume_bounds;
@@ -6690,7 +6628,7 @@ static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
         int current = -1;
         context->gathered = 0;
         context->bricks_printed = 0;
-        context->field_taps = 0;
+        context->fields_held = 0;
         context->brick_count = 0;
         context->voxel_count = 0;
         for (int i = 0; i < frame->medium_count; ++i)
@@ -11406,8 +11344,7 @@ static void spsi_image_divide(const spsi_frame *frame) {
    where rays are not parallel across a kernel, the integral along each pixel's own ray is used instead. Sections end at
    polygons and at the near plane, and footprints are widened to a pixel by its filter. Classified volumes as the eye
    sees them are the exception: a transfer function of a mean is not the mean of a transfer function, so they are
-   sampled once per pixel, as polygons are, and from whole slabs, as profiles and gradients require. Where voxels are
-   smaller than pixels, the gradient has sheets of its own, d/dx and d/dy of each section (spsi_add_slopes; >>taps).
+   sampled once per pixel, as polygons are, and from whole slabs, as the parabolas through them require.
    Sheets hold the integral of value over t; the length of a ray per t is applied at shading. Narrow footprints, which
    would leave most of a long vector empty, have two rows in each. Cost: about 14 vector operations per vector of
    fragments and section, and 25 per row. */
@@ -11480,7 +11417,7 @@ typedef struct spsi_tile {
     float *sheets;          /* channel by channel, each slab by slab, each row by row */
     size_t sheet_size;      /* floats from one slab to the next */
     size_t channel_size;    /* floats from one channel to the next */
-    int x0, y0, x1, y1;     /* pixels covered, inclusive, with the margin */
+    int x0, y0, x1, y1;     /* pixels covered, inclusive */
     int pitch;              /* floats from one row to the next */
     int slab_count;         /* slabs of a chunk, and those of the margin before and after it */
     int clamped;            /* 1: sections may end at `limits`, or begin at the near plane */
@@ -11488,13 +11425,11 @@ typedef struct spsi_tile {
     const spsi_hit *limits; /* polygons of the whole image, by pixel; NULL: none */
     int limit_width;        /* of the image */
     int limit_height;       /* of the image */
-    float *slopes;          /* sheets of d/dx of the current channel, followed by those of d/dy; NULL: none */
     uint64_t open;          /* bit mask of patches that are not opaque yet; footprints that meet none are skipped */
-    const float *depth;     /* optical depth up to here of the pixels without the margin; NULL: unknown */
+    const float *depth;     /* optical depth up to here of the pixels; NULL: unknown */
     size_t depth_pitch;     /* floats from one row of these to the next */
     float end;              /* optical depth at which their rays end */
-    int margin;             /* pixels around the patches; they count as part of the patches at the edge */
-    float eye_slab;         /* slab coordinate of the rays' origin, for the near case and gradients */
+    float eye_slab;         /* slab coordinate of the rays' origin, for the near case */
     uint64_t visits;        /* footprints written */
     uint64_t fragments;     /* the sum of their pixels times slabs */
     uint64_t samples;       /* of fields */
@@ -11510,10 +11445,9 @@ static inline uint64_t spsi_patch_box(int x0, int y0, int x1, int y1) {
     return columns * UINT64_C(0x0101010101010101) & (~UINT64_C(0) << 8 * r0) & (~UINT64_C(0) >> 8 * (7 - r1));
 }
 
-/* Bit mask of the patches of a tile that meet a box of its pixels and the margin around it. */
+/* Bit mask of the patches of a tile that meet a box of pixels. */
 static inline uint64_t spsi_patches(const spsi_tile *tile, int x0, int y0, int x1, int y1) {
-    const int margin = tile->margin, left = tile->x0 + margin, top = tile->y0 + margin;
-    return spsi_patch_box(x0 - margin - left, y0 - margin - top, x1 + margin - left, y1 + margin - top);
+    return spsi_patch_box(x0 - tile->x0, y0 - tile->y0, x1 - tile->x0, y1 - tile->y0);
 }
 
 /* Bit mask of the patches of a tile in which some pixel's optical depth is less than `end`. */
@@ -11714,35 +11648,6 @@ static inline void spsi_add_pairs(const spsi_sections *s) {
     if (s->ends) spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(spsi_set(1), before), 2);
 }
 
-/* Derivatives along x and y of sections that are not clamped. */
-typedef struct spsi_slopes {
-    spsi_v log_weight[2]; /* of the logarithm of their weight */
-    float v[2];           /* of v */
-} spsi_slopes;
-
-/* Adds the derivatives of sections along x and y to sheets of their own: w (S(b) - S(a)) changes by w' (S(b) - S(a)) +
-   w (S'(b) b' - S'(a) a'). */
-static void spsi_add_slopes(const spsi_sections *s, const spsi_slopes *slopes, size_t channel_size, float *sheet) {
-    const spsi_v zero = spsi_set(0);
-    spsi_v v = s->v, share[2] = {zero, zero}, slope[2] = {zero, zero};
-    for (int k = -1; k < s->count; ++k, v = spsi_add(v, s->per_plane)) {
-        const int first = k < 0 && s->starts, last = k + 1 == s->count && s->ends;
-        share[1] = first || last ? spsi_set(last ? 1.0f : 0.0f) : spsi_kernel_share(v);
-        slope[1] = first || last ? zero : spsi_kernel_slope(v);
-        if (k >= 0) {
-            const spsi_v held = spsi_sub(share[1], share[0]), moved = spsi_sub(slope[1], slope[0]);
-            for (int axis = 0; axis < 2; ++axis) {
-                float *to = sheet + (size_t)axis * channel_size + (size_t)k * s->sheet_size;
-                const spsi_v change =
-                    spsi_fma(slopes->log_weight[axis], held, spsi_mul(moved, spsi_set(slopes->v[axis])));
-                spsi_store(to, spsi_fma(s->weight, change, spsi_load(to)));
-            }
-        }
-        share[0] = share[1];
-        slope[0] = slope[1];
-    }
-}
-
 /* Rows of one footprint, a vector of rows at a time: their ranges of pixels and slabs. */
 typedef struct spsi_rows {
     int x0[SPSI_LANES], x1[SPSI_LANES];        /* pixels, inclusive, clamped to the tile */
@@ -11831,7 +11736,7 @@ static inline int spsi_is_slender(float a, float b, float c) { return b * b > 0.
    exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2): the first two are per column, the last per row, so
    that no exponential is evaluated per pixel. Slender ellipses evaluate one per vector and row. */
 static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *rows, int count, int x, int y,
-                                      int clamped, int sloped) {
+                                      int clamped) {
     const spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
     const spsi_footprints *f = print->footprints;
@@ -11871,13 +11776,6 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
         sections.ends = rows->ends[r];
         sections.v = spsi_add(v_column, spsi_set(rows->v[r]));
         spsi_add_sections(&sections, SPSI_MASS_KERNEL, clamped, 1);
-        if (sloped) {
-            const float dy = rows->dy[r];
-            const spsi_slopes slopes = {
-                {spsi_fma(dx, spsi_set(2 * a), spsi_set(b * dy)), spsi_fma(dx, spsi_set(b), spsi_set(2 * c * dy))},
-                {f->slope_x[i], f->slope_y[i]}};
-            spsi_add_slopes(&sections, &slopes, tile->channel_size, tile->slopes + (sections.sheet - print->channel));
-        }
     }
 }
 
@@ -11900,7 +11798,7 @@ static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, fl
                               spsi_set(rows->v[j] - per_slab * (float)(rows->first[j] - first)));
 }
 
-/* The same for columns of half a vector, two rows at a time, neither clamped nor sloped. */
+/* The same for columns of half a vector, two rows at a time, not clamped. */
 static inline void spsi_splat_pairs(const spsi_print *print, const spsi_rows *rows, int count, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_footprints *f = print->footprints;
@@ -11952,7 +11850,7 @@ static void spsi_splat_footprint(const spsi_print *print) {
     const int clamped =
         tile->clamped && !s->whole &&
         (f->depth[i] + s->reach_depth > tile->nearest_limit || f->depth[i] - s->reach_depth < s->eye_near);
-    const int narrow = SPSI_ROWS_MOST > 1 && !clamped && !tile->slopes && x1 - x0 < SPSI_LANES / 2;
+    const int narrow = SPSI_ROWS_MOST > 1 && !clamped && x1 - x0 < SPSI_LANES / 2;
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     for (int y = y0; y <= y1; y += SPSI_LANES) {
@@ -11965,12 +11863,10 @@ static void spsi_splat_footprint(const spsi_print *print) {
             continue;
         }
         for (int x = x0; x <= x1; x += SPSI_LANES)
-            if (tile->slopes)
-                spsi_splat_columns(print, &rows, count, x, y, 0, 1);
-            else if (clamped)
-                spsi_splat_columns(print, &rows, count, x, y, 1, 0);
+            if (clamped)
+                spsi_splat_columns(print, &rows, count, x, y, 1);
             else
-                spsi_splat_columns(print, &rows, count, x, y, 0, 0);
+                spsi_splat_columns(print, &rows, count, x, y, 0);
     }
 }
 
@@ -12587,8 +12483,8 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     p.tile = tile;
     p.crossing = crossing;
     p.seen = seen;
-    p.x0 = spsi_most(ball->x0, tile->x0 + tile->margin), p.x1 = spsi_least(ball->x1, tile->x1 - tile->margin);
-    p.y0 = spsi_most(ball->y0, tile->y0 + tile->margin), p.y1 = spsi_least(ball->y1, tile->y1 - tile->margin);
+    p.x0 = spsi_most(ball->x0, tile->x0), p.x1 = spsi_least(ball->x1, tile->x1);
+    p.y0 = spsi_most(ball->y0, tile->y0), p.y1 = spsi_least(ball->y1, tile->y1);
     p.first = (int)floorf(spsi_lower(spsi_higher(low, 0), (float)(spsi_least(left, SPSI_CHUNK) - 1)));
     p.last = (int)ceilf(spsi_lower(spsi_higher(high, (float)(p.first + 1)), (float)spsi_least(left, SPSI_CHUNK)));
     p.starts = starts && p.first == 0;
@@ -14083,6 +13979,7 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
         for (int n = levels; n >= wanted && verdict == SPSI_SPLAT_SMALL; --n)
             verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, n, side * side, tapper);
     tapper->whole = splatter->whole;
+    if (frame->view.filling == SPS_FILLING_SPLAT) return SPSI_SPLAT_ASKED;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (spsi_medium_depth(frame, lattice) > SPSI_TAP_OPAQUE) return SPSI_SPLAT_OPAQUE;
     return chosen > 0 || spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
@@ -14138,9 +14035,17 @@ static void spsi_levels_choose(const spsi_frame *frame) {
 /* Number of taps along an axis: what 4 leave of a kernel is below the error of slabs at medium quality. */
 static int spsi_taps_wanted(const spsi_frame *frame) { return frame->view.quality > SPS_QUALITY_MEDIUM ? 6 : 4; }
 
-/* Maximum of the bricks in a field's grid: volumes with more are scattered too thinly, or floats cannot count them. */
-static size_t spsi_field_cells_most(size_t bricks) {
-    return bricks < (SPSI_FIELD_CELLS - 65536) / 64 ? 64 * bricks + 65536 : SPSI_FIELD_CELLS;
+/* Which fields a frame needs, to gather volumes or for the gradients of surfaces; 0: none. */
+static int spsi_fields_wanted(const spsi_frame *frame) {
+    if (frame->medium_count == 0 || (frame->view.filling == SPS_FILLING_SPLAT && !frame->has_gradients)) return 0;
+    return spsi_taps_wanted(frame) + 8 * frame->has_gradients;
+}
+
+/* Maximum of the bricks in a field's grid: floats cannot count more, or volumes without surfaces are scattered too
+   thinly. */
+static size_t spsi_field_cells_most(const spsi_frame *frame, size_t bricks) {
+    const size_t most = frame->has_gradients ? SPSI_FIELD_CELLS : 64 * bricks + 65536;
+    return bricks < (SPSI_FIELD_CELLS - 65536) / 64 ? most : SPSI_FIELD_CELLS;
 }
 
 /* Bytes of grids and of held bricks. */
@@ -14172,7 +14077,7 @@ static void spsi_field_whole(const spsi_medium *medium, spsi_voxel_field *field)
 /* Upper bound of the bytes of a volume's coarser levels. A brick of voxels is within reach of 3^3 bricks on each: those
    of the finer level and one about them are up to five in a row. A side of less than three bricks may grow to three. */
 static size_t spsi_levels_bytes(const spsi_frame *frame, int medium, size_t bricks) {
-    const size_t most = 9 * spsi_field_cells_most(bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
+    const size_t most = 9 * spsi_field_cells_most(frame, bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
     spsi_voxel_field levels[2];
     size_t bytes = 0;
     spsi_field_whole(&frame->media[medium], &levels[0]);
@@ -14197,7 +14102,7 @@ static int spsi_may_interpolate(const spsi_frame *frame) {
 
 /* Upper bound of the bytes of all fields, for a number of bricks that may be read. */
 static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
-    const size_t most = spsi_field_cells_most(bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
+    const size_t most = spsi_field_cells_most(frame, bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
     size_t all = 0, bytes = sizeof(spsi_fields);
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field field;
@@ -14222,7 +14127,8 @@ static size_t spsi_fields_begin(const sps_context *context, const spsi_frame *fr
         while (first < context->brick_count && bricks[first].lattice == m) ++first;
         field->end = first;
         spsi_field_place(bricks, fields->taps, field);
-        if (spsi_field_cells(field) > spsi_field_cells_most((size_t)(field->end - field->first))) field->size[0] = 0;
+        if (spsi_field_cells(field) > spsi_field_cells_most(frame, (size_t)(field->end - field->first)))
+            field->size[0] = 0;
         all += spsi_field_cells(field);
     }
     return all;
@@ -14240,17 +14146,17 @@ static int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
     return memory;
 }
 
-/* Makes grids of the bricks of all fields, unless they are held with their voxels or everything is splatted. */
+/* Makes grids of the bricks of all fields, unless they are held with their voxels or none are needed. */
 static sps_result spsi_fields_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
     spsi_fields *fields;
     int *memory;
-    if (frame->view.filling == SPS_FILLING_SPLAT || frame->medium_count == 0) return SPS_OK;
+    if (!spsi_fields_wanted(frame)) return SPS_OK;
     fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
-    if (context->field_taps == taps) return SPS_OK;
-    context->field_taps = 0;
+    if (context->fields_held == spsi_fields_wanted(frame)) return SPS_OK;
+    context->fields_held = 0;
     fields->filled = fields->leveled = 0;
     fields->bent = 0;
     spsi_fields_weigh(fields, taps);
@@ -14264,7 +14170,7 @@ static sps_result spsi_fields_place(sps_context *context, const spsi_frame *fram
         memory = spsi_field_lay(field, memory);
         spsi_field_number((const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data, taps, field);
     }
-    context->field_taps = taps;
+    context->fields_held = spsi_fields_wanted(frame);
     return SPS_OK;
 }
 
@@ -14524,8 +14430,7 @@ typedef struct spsi_sheets {
 /* Extents of a tile's sheets. */
 typedef struct spsi_shape {
     int channels;
-    int margin;      /* pixels around a tile, for gradients that read neighbours */
-    int slab_margin; /* slabs before and after a chunk: one for profiles, one for such gradients */
+    int slab_margin; /* slabs before and after a chunk: one for the parabolas of what is classified */
 } spsi_shape;
 
 typedef struct spsi_target {
@@ -14538,8 +14443,7 @@ typedef struct spsi_target {
     int channels[SPSI_VOLUMES_MAX];          /* of each lattice; -1: it is not splatted */
     spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* whether they are gathered, by `tappers` */
     spsi_tapper tappers[SPSI_VOLUMES_MAX];
-    int slope_channels[SPSI_VOLUMES_MAX]; /* of its d/dx, followed by d/dy; -1: none */
-    int set_channels[SPSI_SETS_MAX];      /* of each set of particles */
+    int set_channels[SPSI_SETS_MAX]; /* of each set of particles */
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
     spsi_crossing crossing;
     int16_t (*brick_boxes)[4]; /* x0, y0, x1, y1 of each brick, in pixels; x1 < x0: nowhere */
@@ -14605,39 +14509,23 @@ static void spsi_contents_advance(spsi_contents *contents, int chunk) {
 
 static size_t spsi_shape_floats(const spsi_shape *shape) {
     const int slabs = SPSI_CHUNK + 2 * shape->slab_margin;
-    const size_t width = (size_t)(SPSI_TILE_WIDTH + 2 * shape->margin);
-    const size_t height = (size_t)(SPSI_TILE_HEIGHT + 2 * shape->margin);
-    return (size_t)(shape->channels * slabs) * width * height + width + 2 * SPSI_LANES; /* vectors reach beyond */
+    return (size_t)(shape->channels * slabs) * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT + SPSI_TILE_WIDTH +
+           2 * SPSI_LANES; /* vectors reach beyond */
 }
 
 /* Whether a material has gradients, which decide how much of a surface it is, and its normal. */
 static int spsi_has_gradient(const spsi_frame *frame, const spsi_material *material) {
-    return frame->gradients.exist && material->table && material->shading == SPS_SHADING_SURFACE;
+    return frame->has_gradients && material->table && material->shading == SPS_SHADING_SURFACE &&
+           frame->content->fields->list[material->medium].count > 0;
 }
 
-/* The eye's sheets have a channel for each material. Classified volumes interpolate from slab to slab. `differences`: 1
-   if gradients are differences of sheets, up to two slabs and pixels to either side; 0 if there are none, or if
-   fields have them. */
-static spsi_shape spsi_eye_shape(const spsi_frame *frame, int differences) {
+/* The eye's sheets have a channel for each material. A light's have one for all gases, and one for each classified
+   volume. These interpolate from slab to slab. */
+static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
     spsi_shape shape;
-    shape.channels = frame->matter.material_count * (differences && frame->gradients.splatted ? 3 : 1);
-    shape.margin = differences ? frame->gradients.reach : 0;
-    shape.slab_margin = frame->matter.classifies + differences;
-    return shape;
-}
-
-/* A light's sheets have a channel for all gases, and one for each classified volume. */
-static spsi_shape spsi_light_shape(const spsi_frame *frame) {
-    spsi_shape shape;
-    shape.channels = frame->matter.light_channel_count;
-    shape.margin = 0;
+    shape.channels = is_eye ? frame->matter.material_count : frame->matter.light_channel_count;
     shape.slab_margin = frame->matter.classifies;
     return shape;
-}
-
-/* The channel of the d/dx of a channel of the eye's sheets; that of the d/dy follows. */
-static int spsi_slope_channel(const spsi_frame *frame, int channel) {
-    return frame->matter.material_count + 2 * channel;
 }
 
 static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
@@ -14650,7 +14538,7 @@ static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, co
     target->rows = spsi_tile_rows(rays);
     target->tolerance = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
-        target->channels[i] = target->slope_channels[i] = -1;
+        target->channels[i] = -1;
         target->verdicts[i] = SPSI_SPLAT_ASKED;
     }
 }
@@ -14664,7 +14552,6 @@ static sps_result spsi_target_refuse(sps_context *context, const spsi_medium *me
 /* The eye as a target; `backwards`: its rays cross the slabs against their order. */
 static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      int backwards, spsi_target *target) {
-    int differences = 0;
     spsi_target_place(frame, &frame->content->eye, slabs, target);
     target->tolerance = frame->view.tolerance;
     spsi_crossing_build(&frame->content->eye, slabs, backwards, &target->crossing);
@@ -14681,11 +14568,8 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
         target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, target->rays, slabs, splatter, SPSI_TAP_PIXELS,
                                                 &target->tappers[i]);
         target->tappers[i].scale = 1;
-        if (!spsi_has_gradient(frame, material) || spsi_gathers(target->verdicts[i])) continue;
-        differences = 1;
-        if (frame->gradients.splatted) target->slope_channels[i] = spsi_slope_channel(frame, medium->channel);
     }
-    target->shape = spsi_eye_shape(frame, differences);
+    target->shape = spsi_shape_of(frame, 1);
     return SPS_OK;
 }
 
@@ -14702,7 +14586,7 @@ typedef enum spsi_light_target {
 static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                        const spsi_slabs *slabs, spsi_light_target kind, spsi_target *target) {
     spsi_target_place(frame, rays, slabs, target);
-    target->shape = spsi_light_shape(frame);
+    target->shape = spsi_shape_of(frame, 0);
     spsi_crossing_build(rays, slabs, 0, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = 0;
     for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
@@ -14778,7 +14662,7 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
                            int16_t box[4]) {
     const spsi_rays *rays = target->rays;
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
-    const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + target->shape.margin + 1;
+    const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + 1;
     const int gathers = spsi_gathers(target->verdicts[brick->lattice]);
     const double reach = gathers ? fmax(SPSI_REACH, spsi_tapper_reach(&target->tappers[brick->lattice])) : SPSI_REACH;
     double at[3], point[3], first[3], edges[3][3];
@@ -14888,7 +14772,7 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
     return SPS_OK;
 }
 
-/* Fills the volumes' fields if a target gathers any, and their levels likewise. */
+/* Fills the volumes' fields if a target gathers any, or surfaces have gradients, and their levels likewise. */
 static sps_result spsi_contents_fields(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
@@ -14896,6 +14780,7 @@ static sps_result spsi_contents_fields(const spsi_contents *contents) {
     for (int n = 0; n < contents->target_count; ++n)
         for (int i = 0; i < contents->frame->medium_count; ++i) {
             const spsi_tapper *tapper = &contents->targets[n]->tappers[i];
+            gathers |= contents->frame->has_gradients;
             if (!spsi_gathers(contents->targets[n]->verdicts[i])) continue;
             gathers = 1;
             interpolates |= spsi_target_interpolates(contents->targets[n], i);
@@ -15010,19 +14895,17 @@ static void spsi_contents_bin_particles(spsi_contents *contents) {
 /* --- a tile --- */
 
 static void spsi_tile_place(const spsi_target *target, int column, int row, int worker, spsi_tile *tile) {
-    const int margin = target->shape.margin;
     SPS_ASSERT(worker >= 0 && worker < target->sheets.worker_count); /* else two tasks would share sheets */
     memset(tile, 0, sizeof *tile);
     tile->open = ~UINT64_C(0);
     tile->nearest_limit = SPSI_INFINITY;
-    tile->x0 = column * SPSI_TILE_WIDTH - margin;
-    tile->y0 = row * SPSI_TILE_HEIGHT - margin;
-    tile->margin = margin;
-    tile->pitch = SPSI_TILE_WIDTH + 2 * margin;
-    tile->x1 = spsi_least(tile->x0 + tile->pitch, target->rays->width + margin) - 1;
-    tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT + 2 * margin, target->rays->height + margin) - 1;
+    tile->x0 = column * SPSI_TILE_WIDTH;
+    tile->y0 = row * SPSI_TILE_HEIGHT;
+    tile->pitch = SPSI_TILE_WIDTH;
+    tile->x1 = spsi_least(tile->x0 + SPSI_TILE_WIDTH, target->rays->width) - 1;
+    tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT, target->rays->height) - 1;
     tile->slab_count = SPSI_CHUNK + 2 * target->shape.slab_margin;
-    tile->sheet_size = (size_t)(tile->pitch * (SPSI_TILE_HEIGHT + 2 * margin));
+    tile->sheet_size = SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     tile->channel_size = tile->sheet_size * (size_t)tile->slab_count;
     tile->sheets = target->sheets.memory + (size_t)worker * target->sheets.floats;
 }
@@ -15060,10 +14943,8 @@ static void spsi_tile_carry(spsi_tile_fill *fill) {
 
 /* Places a patch of a tile. Returns 0 if it has no pixels. */
 static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_tap_patch *patch) {
-    const int x = tile->x0 + tile->margin + number % 8 * SPSI_PATCH;
-    const int y = tile->y0 + tile->margin + number / 8 * SPSI_PATCH;
-    const int x1 = spsi_least(tile->x1 - tile->margin, x + SPSI_PATCH - 1);
-    const int y1 = spsi_least(tile->y1 - tile->margin, y + SPSI_PATCH - 1);
+    const int x = tile->x0 + number % 8 * SPSI_PATCH, y = tile->y0 + number / 8 * SPSI_PATCH;
+    const int x1 = spsi_least(tile->x1, x + SPSI_PATCH - 1), y1 = spsi_least(tile->y1, y + SPSI_PATCH - 1);
     if (x > x1 || y > y1) return 0;
     spsi_tap_patch_place(x, y, x1, y1, patch);
     return 1;
@@ -15186,9 +15067,9 @@ static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
     return pixels;
 }
 
-/* The pixels of a tile, without the margin, that lie in patches and whose rays have not ended, as bits by row. */
+/* The pixels of a tile that lie in patches and whose rays have not ended, as bits by row. */
 static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t live[SPSI_TILE_HEIGHT]) {
-    const int width = tile->x1 - tile->x0 + 1 - 2 * tile->margin, height = tile->y1 - tile->y0 + 1 - 2 * tile->margin;
+    const int width = tile->x1 - tile->x0 + 1, height = tile->y1 - tile->y0 + 1;
     for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
         uint64_t ended = 0;
         for (int x = 0; x < width && y < height && tile->depth; x += SPSI_LANES) {
@@ -15228,7 +15109,7 @@ static void spsi_tile_need(const uint64_t patches[SPSI_TAP_SLABS], int count, in
    row by row, so that bricks stay in the level-1 cache. */
 static void spsi_tile_follow(const spsi_tapper *here, spsi_tile *tile, const uint64_t patches[SPSI_TAP_SLABS],
                              int steps, float *channel) {
-    const int margin = tile->margin, width = tile->x1 - tile->x0 + 1 - 2 * margin;
+    const int width = tile->x1 - tile->x0 + 1;
     uint64_t live[SPSI_TILE_HEIGHT], all = 0;
     int by_slab[SPSI_TAP_SLABS + 3];
     for (int slab = 0; slab < tile->slab_count; ++slab) all |= patches[slab];
@@ -15237,12 +15118,11 @@ static void spsi_tile_follow(const spsi_tapper *here, spsi_tile *tile, const uin
         for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
             const int lanes = (int)(live[y] >> x & SPSI_ALL_LANES);
             if (y % SPSI_PATCH == 0) spsi_tile_need(patches, tile->slab_count, x, y / SPSI_PATCH, by_slab);
-            if (lanes)
-                spsi_tap_row(here, tile, tile->x0 + margin + x, tile->y0 + margin + y, lanes, by_slab, steps, channel);
+            if (lanes) spsi_tap_row(here, tile, tile->x0 + x, tile->y0 + y, lanes, by_slab, steps, channel);
         }
 }
 
-/* Adds a level of a gathered volume to the patches of a tile, without the margin, which nothing reads of it. */
+/* Adds a level of a gathered volume to the patches of a tile. */
 static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t patches, spsi_tapper here) {
     const spsi_target *target = fill->target;
     spsi_tile *tile = fill->tile;
@@ -15292,7 +15172,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         const spsi_brick *brick = &contents->list[index];
         const spsi_segment *segment = spsi_segment_at(contents->context, brick->segment);
         const spsi_splatter *splatter = &target->splatters[brick->lattice];
-        const int channel = target->channels[brick->lattice], slopes = target->slope_channels[brick->lattice];
+        const int channel = target->channels[brick->lattice];
         float *sheets;
         uint64_t patches;
         spsi_anchor anchor;
@@ -15307,7 +15187,6 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         spsi_tile_touch(fill);
         spsi_anchor_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs, first_slab,
                           &anchor);
-        tile->slopes = slopes < 0 ? NULL : tile->sheets + (size_t)slopes * tile->channel_size;
         sheets = tile->sheets + (size_t)channel * tile->channel_size;
         if (splatter->deposits) {
             spsi_deposit_begin(tile, splatter, &anchor, brick, edges, &deposit);
@@ -21949,7 +21828,6 @@ typedef struct spsi_line {
 /* Rays of a vector of pixels. */
 typedef struct spsi_pixels {
     spsi_line line;
-    spsi_line around[8]; /* for gradients: neighbours at x - 1, x + 1, y - 1, y + 1, then at twice these distances */
     spsi_v length;       /* world length per unit of t */
     spsi_v polygon_slab; /* slab coordinate of the polygon, counted from the sweep's first slab */
     spsi_v toward[3];    /* unit direction from the eye */
@@ -22038,25 +21916,11 @@ static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y
             spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
 }
 
-/* The mean value of a classified material in slab k along a line. Its sections are not cut. */
-static inline spsi_v spsi_mean_value(const spsi_tile *tile, int channel, const spsi_line *line, int k) {
+/* Where a tile's channels hold slab k of a line, counted from the chunk's first. */
+static inline size_t spsi_tile_at(const spsi_tile *tile, const spsi_line *line, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    const size_t at =
-        (size_t)(k + margin) * tile->sheet_size + (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
-    return spsi_mul(spsi_sheet_sum(tile, channel, at), line->slabs);
-}
-
-/* World position of the middle of slab k on a line, relative to the shader's position origin. */
-static inline void spsi_place_in_slab(const spsi_shader *shader, const spsi_line *line, int k, spsi_v place[3]) {
-    const spsi_v middle = spsi_fma(spsi_set(0.5f), line->scale, spsi_plane_depth(line, k));
-    spsi_position_at(shader, line->at, (float)line->y, middle, place);
-}
-
-static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out[3]) {
-    for (int i = 0; i < 3; ++i) {
-        const int j = (i + 1) % 3, k = (i + 2) % 3;
-        out[i] = spsi_sub(spsi_mul(a[j], b[k]), spsi_mul(a[k], b[j]));
-    }
+    return (size_t)(k + margin) * tile->sheet_size +
+           (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
 }
 
 /* A slab on a vector of rays, or a group of slabs (spsi_slabs) that differ only in depth and light. If any volume is
@@ -22088,122 +21952,6 @@ typedef struct spsi_part {
     spsi_v before, after; /* optical depth from the eye to its beginning and end, in the light's order */
 } spsi_part;
 
-/* Variation of a classified value within a slab: a parabola through the means of the slab and its two neighbours, and
-   likewise for the lateral differences. The change along the ray comes from five slabs: from three, the normal's
-   component along the ray would be too small compared with the lateral ones, and lean the surface away from the eye. */
-typedef struct spsi_profile {
-    spsi_parabola value;
-    spsi_parabola aside[2]; /* differences from x - 1 to x + 1, and from y - 1 to y + 1 */
-    spsi_parabola along;    /* difference from the slab before to the slab after */
-    spsi_v cofactor[3][3];  /* of the matrix of the three difference vectors, in voxels */
-    spsi_v determinant;     /* of that matrix */
-} spsi_profile;
-
-/* Twice the derivative, per slab, of the quartic whose means over five slabs are outer[0], own[0..2] and outer[1]. In
-   the slab's middle its first derivative is (34 (m1 - m-1) - 5 (m2 - m-2)) / 48, the second (12 (m1 + m-1) - (m2 + m-2)
-   - 22 m0) / 8, and the third ((m2 - m-2) - 2 (m1 - m-1)) / 2. */
-static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2], spsi_parabola *along) {
-    const spsi_v near_change = spsi_sub(own[2], own[0]), far_change = spsi_sub(outer[1], outer[0]);
-    const spsi_v near_sum = spsi_add(own[2], own[0]), far_sum = spsi_add(outer[1], outer[0]);
-    along->value =
-        spsi_mul(spsi_set(1.0f / 24), spsi_fma(spsi_set(34), near_change, spsi_mul(spsi_set(-5), far_change)));
-    along->slope = spsi_fma(spsi_set(12), near_sum, spsi_mul(spsi_set(-22), own[1]));
-    along->slope = spsi_mul(spsi_set(0.25f), spsi_sub(along->slope, far_sum));
-    along->bend = spsi_mul(spsi_set(0.5f), spsi_fma(spsi_set(-2), near_change, far_change));
-}
-
-/* Spread of the rays in the middle of slab k: its signed distance from the eye in slabs, to which the spacing of
-   neighbouring rays is proportional. 1 for parallel rays. */
-static float spsi_slab_spread(const spsi_shader *shader, const spsi_tile *tile, int k) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    return shader->eye->perspective ? (float)(k + margin) + 0.5f - tile->eye_slab : 1;
-}
-
-/* Whether the eye is in a slab. The rays meet there, so they have no neighbours. */
-static int spsi_slab_has_eye(float spread) { return fabsf(spread) < 0.5f; }
-
-/* The difference in slab k between the neighbours on either side, divided by the rays' spread. With two on each side,
-   it is that of the quartic through all of them: (8 (f1 - f-1) - (f2 - f-2)) / 6. In the eye's slab it is the mean of
-   those in the slabs before and after. */
-static spsi_v spsi_slab_change(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                               int channel, int axis) {
-    const spsi_line *near_by = &p->around[2 * axis], *beyond = &p->around[4 + 2 * axis];
-    const float spread = spsi_slab_spread(shader, tile, k);
-    spsi_v change;
-    if (spsi_slab_has_eye(spread))
-        return spsi_mul(spsi_set(0.5f), spsi_add(spsi_slab_change(shader, tile, p, k - 1, channel, axis),
-                                                 spsi_slab_change(shader, tile, p, k + 1, channel, axis)));
-    change = spsi_sub(spsi_mean_value(tile, channel, near_by + 1, k), spsi_mean_value(tile, channel, near_by, k));
-    if (shader->frame->gradients.reach >= 2) {
-        const spsi_v wide =
-            spsi_sub(spsi_mean_value(tile, channel, beyond + 1, k), spsi_mean_value(tile, channel, beyond, k));
-        change = spsi_mul(spsi_set(1.0f / 6), spsi_sub(spsi_mul(spsi_set(8), change), wide));
-    }
-    return spsi_mul(spsi_set(1 / spread), change);
-}
-
-/* Twice the derivative per pixel of a slab's mean, from its sheets of slopes. The mean is the sheet's sum divided by
-   the ray's path length in the slab, 1 / |slope|, whose relative change is -slope' / slope. */
-static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *tile, int channel,
-                                    const spsi_line *line, int k, spsi_v mean, spsi_v slopes[2]) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    const float *sheet = tile->sheets + (size_t)spsi_slope_channel(shader->frame, channel) * tile->channel_size +
-                         (size_t)(k + margin) * tile->sheet_size +
-                         (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
-    for (int axis = 0; axis < 2; ++axis) {
-        const spsi_v turn = spsi_mul(spsi_mul(mean, line->scale), spsi_set(shader->slab.slope[1 + axis]));
-        const spsi_v sum = spsi_mul(spsi_load(sheet + (size_t)axis * tile->channel_size), line->slabs);
-        slopes[axis] = spsi_mul(spsi_set(2), spsi_add(sum, turn));
-    }
-}
-
-/* The lateral differences in slabs k - 1 to k + 1, from the sheets of slopes if there are any. `means`: those of the
-   three slabs. */
-static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                               int channel, const spsi_v means[3], spsi_parabola aside[2]) {
-    spsi_v change[3][2];
-    for (int n = 0; n < 3; ++n) {
-        const spsi_v per_spread = spsi_set(1 / spsi_slab_spread(shader, tile, k + n - 1));
-        if (shader->frame->gradients.splatted) /* the eye is not near */
-            spsi_mean_slopes(shader, tile, channel, &p->line, k + n - 1, means[n], change[n]);
-        for (int axis = 0; axis < 2; ++axis)
-            change[n][axis] = shader->frame->gradients.splatted
-                                  ? spsi_mul(per_spread, change[n][axis])
-                                  : spsi_slab_change(shader, tile, p, k + n - 1, channel, axis);
-    }
-    for (int axis = 0; axis < 2; ++axis)
-        aside[axis] = spsi_parabola_through(change[0][axis], change[1][axis], change[2][axis], 1);
-}
-
-/* A difference vector, in voxels: from one neighbour to the other along x or y, divided by the rays' spread, or (axis
-   2) from the slab before to the slab after. */
-static void spsi_profile_way(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k, int axis,
-                             float per_length, spsi_v way[3]) {
-    const int from = axis < 2 && spsi_slab_has_eye(spsi_slab_spread(shader, tile, k)) ? k + 1 : k;
-    const float per_spread = axis < 2 ? per_length / spsi_slab_spread(shader, tile, from) : per_length;
-    spsi_v place[2][3];
-    for (int side = 0; side < 2; ++side)
-        spsi_place_in_slab(shader, axis < 2 ? &p->around[2 * axis + side] : &p->line,
-                           axis < 2 ? from : k - 1 + 2 * side, place[side]);
-    for (int c = 0; c < 3; ++c) way[c] = spsi_mul(spsi_sub(place[1][c], place[0][c]), spsi_set(per_spread));
-}
-
-/* The differences along x, y and the ray, and their vectors. These are not perpendicular, so the gradient g is solved
-   from vector . g = difference. If they are coplanar there is no gradient. */
-static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                                  int channel, const spsi_v means[3], spsi_profile *profile) {
-    const float per_length = 1 / shader->frame->matter.materials[channel].voxel_length;
-    spsi_v way[3][3], outer[2];
-    for (int n = 0; n < 2; ++n) outer[n] = spsi_mean_value(tile, channel, &p->line, k - 2 + 4 * n);
-    spsi_profile_along(means, outer, &profile->along);
-    spsi_profile_aside(shader, tile, p, k, channel, means, profile->aside);
-    for (int axis = 0; axis < 3; ++axis) spsi_profile_way(shader, tile, p, k, axis, per_length, way[axis]);
-    for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], profile->cofactor[i]);
-    profile->determinant = spsi_dot_v(way[0], profile->cofactor[0]);
-    profile->determinant = spsi_select(spsi_less(spsi_abs(profile->determinant), spsi_set(FLT_MIN)),
-                                       spsi_set(SPSI_INFINITY), profile->determinant);
-}
-
 /* Sets a sample's normal, and how much of a surface it is, by its gradient: the change of value per voxel, relative to
    `unit`. */
 static void spsi_sample_face(const spsi_material *material, const spsi_v g[3], float unit, spsi_sample *sample) {
@@ -22212,22 +21960,6 @@ static void spsi_sample_face(const spsi_material *material, const spsi_v g[3], f
         sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
     sample->surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
     sample->has_normal = 1;
-}
-
-/* The gradient of a part of a slab by differences of sheets. */
-static void spsi_sample_gradient(const spsi_material *material, const spsi_profile *profile,
-                                 const spsi_portion *portion, spsi_sample *sample) {
-    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: squares stay finite */
-    const spsi_v scale = spsi_set(unit);
-    const spsi_v x = spsi_mul(spsi_parabola_mean(&profile->aside[0], portion), scale);
-    const spsi_v y = spsi_mul(spsi_parabola_mean(&profile->aside[1], portion), scale);
-    const spsi_v along = spsi_mul(spsi_parabola_mean(&profile->along, portion), scale);
-    spsi_v g[3];
-    for (int c = 0; c < 3; ++c) {
-        g[c] = spsi_fma(y, profile->cofactor[1][c], spsi_mul(x, profile->cofactor[0][c]));
-        g[c] = spsi_div(spsi_fma(along, profile->cofactor[2][c], g[c]), profile->determinant);
-    }
-    spsi_sample_face(material, g, unit, sample);
 }
 
 /* The depth at which what a slab holds of a classified volume is seen, on average. Returns the rays that see any of it,
@@ -22287,7 +22019,7 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
     }
 }
 
-/* Fills the parts of a slab for a classified volume, which follows its profile. Most parts that hold values have no
+/* Fills the parts of a slab for a classified volume, along a parabola. Most parts that hold values have no
    extinction anywhere: they cost neither colors nor gradients. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
@@ -22295,18 +22027,16 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
     const spsi_target *target = shader->target;
     const spsi_v share = spsi_set(1.0f / (float)slab->part_count), zero = spsi_set(0);
     const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
-    const int surface = spsi_has_gradient(shader->frame, material);
-    const int differences = surface && !spsi_gathers(target->verdicts[material->medium]);
+    const size_t at = spsi_tile_at(tile, &p->line, slab->k - 1);
     spsi_v means[3];
-    spsi_profile profile;
-    int has_gradient = 0;
-    memset(&profile, 0, sizeof profile); /* compilers cannot tell that gradient fields are read only where set */
-    for (int n = 0; n < 3; ++n) means[n] = spsi_mean_value(tile, channel, &p->line, slab->k + n - 1);
-    spsi_values_through(material, means, spsi_target_has_means(target, material->medium), &profile.value);
+    spsi_parabola values;
+    for (int n = 0; n < 3; ++n)
+        means[n] = spsi_mul(spsi_sheet_sum(tile, channel, at + (size_t)n * tile->sheet_size), p->line.slabs);
+    spsi_values_through(material, means, spsi_target_has_means(target, material->medium), &values);
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
         const spsi_portion portion = spsi_portion_of(slab->first, slab->last, part);
-        const spsi_v value = spsi_parabola_mean(&profile.value, &portion);
+        const spsi_v value = spsi_parabola_mean(&values, &portion);
         spsi_v appearance[4] = {zero, zero, zero, zero};
         if (spsi_any_shown(material, value)) spsi_classify(material, value, appearance);
         sample->has_normal = 0;
@@ -22314,12 +22044,8 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
         for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
-        if (!differences || !spsi_bits(spsi_less(zero, sample->depth))) continue;
-        if (!has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, means, &profile);
-        has_gradient = 1;
-        spsi_sample_gradient(material, &profile, &portion, sample);
     }
-    if (surface && !differences)
+    if (spsi_has_gradient(shader->frame, material))
         spsi_samples_gradient(shader, &target->tappers[material->medium], p, channel, slab);
 }
 
@@ -24019,9 +23745,8 @@ static int spsi_group_sum(const spsi_shader *shader, const spsi_tile *tile, size
 /* Reads slab k of a vector of pixels, or a group from there on. Returns 0 if it holds nothing. */
 static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                            spsi_slab *slab) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = slab->material_count;
-    const size_t at = (size_t)(k + margin) * tile->sheet_size +
-                      (size_t)((p->line.y - tile->y0) * tile->pitch + (p->line.x - tile->x0));
+    const int count = slab->material_count;
+    const size_t at = spsi_tile_at(tile, &p->line, k);
     const spsi_v zero = spsi_set(0), whole = spsi_mul(spsi_abs(p->line.scale), spsi_set((float)slab->group));
     spsi_v way;
     if (!spsi_group_sum(shader, tile, at, p->length, slab)) return 0;
@@ -24316,10 +24041,6 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     spsi_pixels_build(shader, x, y, &row.pixels);
     for (int i = 0; i < shader->shadow_count; ++i)
         spsi_arrival_begin(&shader->shadows[i], &row.pixels, &row.slab.arrivals[i]);
-    for (int i = 0; i < 4 * shading->tile->margin && shading->slab_count > 0; ++i) {
-        const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
-        spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &row.pixels.around[i]);
-    }
     row.has_layers = spsi_pixels_layered(shader, x, y, width);
     if (row.has_layers) spsi_ahead_begin(shader, &row.pixels, width, shading->low, &row.ahead);
     spsi_gathered_load(shader, at, &row.sum);
@@ -24607,7 +24328,7 @@ static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *fr
     sheets->frame = frame;
     spsi_target_place(frame, &sheets->rays, &sheets->slabs, target);
     target->shape.channels = frame->matter.material_count;
-    target->shape.margin = target->shape.slab_margin = 0;
+    target->shape.slab_margin = 0;
     spsi_crossing_build(&sheets->rays, &sheets->slabs, 0, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
     for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
@@ -26693,17 +26414,14 @@ static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, i
     }
 }
 
-/* The range of slab coordinates of the polygons in a tile and its margin, and their minimum depth. Opens all patches of
-   the tile. */
+/* The range of slab coordinates of the polygons in a tile, and their minimum depth. Opens all patches of the tile. */
 static void spsi_polygon_range_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
-    const int margin = run->eye.shape.margin;
-    const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
-    const int top = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
-    const int x0 = spsi_most(0, left - margin), y0 = spsi_most(0, top - margin);
-    const int x1 = spsi_least(run->frame->content->eye.width, left + SPSI_TILE_WIDTH + margin);
-    const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT + margin);
+    const int x0 = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
+    const int y0 = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
+    const int x1 = spsi_least(run->frame->content->eye.width, x0 + SPSI_TILE_WIDTH);
+    const int y1 = spsi_least(run->frame->content->eye.height, y0 + SPSI_TILE_HEIGHT);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     const uint32_t *layers = run->shader.visible->layers.first;
     (void)worker;
@@ -26726,7 +26444,7 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
     region->polygon_range[index][0] = low;
     region->polygon_range[index][1] = high;
     region->polygon_range[index][2] = nearest;
-    region->open[index] = spsi_tile_open(run, left, top);
+    region->open[index] = spsi_tile_open(run, x0, y0);
 }
 
 /* --- setting up a sweep --- */
@@ -26989,7 +26707,6 @@ static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, co
     if (grade->slab > 0) frame->view.slab = grade->slab, frame->accuracy.slab_pixels = 0;
     frame->accuracy.light_points = spsi_point_grades[setting->points];
     spsi_choices_reopen(frame);
-    spsi_resolve_gradients(frame);
     return spsi_resolve_points(context, frame);
 }
 
@@ -27112,7 +26829,7 @@ static void spsi_work_count(sps_context *context, spsi_frame *frame, double voxe
     spsi_choose_shadows(context, frame);
     spsi_work_add_sweeps(frame, work);
     spsi_work_add_maps(context, frame, gas, work);
-    if (frame->view.filling != SPS_FILLING_SPLAT && context->field_taps != spsi_taps_wanted(frame))
+    if (context->fields_held != spsi_fields_wanted(frame) && spsi_fields_wanted(frame))
         work->units[SPSI_STAGE_FIELDS] = voxels;
     work->units[SPSI_STAGE_REST] = pixels;
     if (frame->meshes.triangle_count > 0) spsi_work_add_surfaces(frame, work);
@@ -27860,9 +27577,9 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
    side or, if that is less, each apart from the others. */
 static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     spsi_fields *fields;
-    if (frame->view.filling == SPS_FILLING_SPLAT || frame->medium_count == 0) return SPS_OK;
+    if (!spsi_fields_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_fields_place(context, frame);
-    context->field_taps = 0; /* they are not what is held */
+    context->fields_held = 0; /* they are not what is held */
     fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
@@ -27875,7 +27592,7 @@ static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame
         spsi_field_whole(&frame->media[m], field);
         for (int k = 0; k < 3; ++k) volume *= frame->media[m].size[k] + fields->taps;
         spsi_levels_place(fields, m);
-        field->count = spsi_field_cells(field) <= spsi_field_cells_most((size_t)reading->bricks_of[m]);
+        field->count = spsi_field_cells(field) <= spsi_field_cells_most(frame, (size_t)reading->bricks_of[m]);
         field->volume = spsi_minimum(volume, most * bricks);
         field->voxels = (double)reading->voxels_of[m];
     }
@@ -27893,7 +27610,7 @@ static size_t spsi_plan_gather_bytes(const sps_context *context, const spsi_fram
     for (int i = 0; i < frame->medium_count; ++i)
         at_once = spsi_most(at_once, spsi_blocks_at_once(context, &frame->media[i]));
     bytes += (uint64_t)at_once * sizeof(spsi_voxels);
-    if (frame->view.filling != SPS_FILLING_SPLAT) bytes += spsi_fields_bytes(frame, (size_t)reading->bricks);
+    if (spsi_fields_wanted(frame)) bytes += spsi_fields_bytes(frame, (size_t)reading->bricks);
     return (size_t)bytes;
 }
 
@@ -27931,7 +27648,7 @@ static size_t spsi_plan_spent_bytes(const spsi_frame *frame, size_t side) {
 
 /* Floats of a worker's sheets, for any target. */
 static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
-    const spsi_shape eye = spsi_eye_shape(frame, frame->gradients.exist), light = spsi_light_shape(frame);
+    const spsi_shape eye = spsi_shape_of(frame, 1), light = spsi_shape_of(frame, 0);
     const size_t shadow = frame->lamps.shadow_count > 0 ? spsi_shape_floats(&light) : 0;
     return spsi_sheet_tiles(frame) * (shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye));
 }
@@ -28249,7 +27966,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    "no volume or particle that could be seen");
     spsi_plan_shadow_passes(frame, gases, report);
     spsi_plan_penumbra_pass(frame, gases, report);
-    spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->gradients.exist ? sweeps : 0, "a volume is shaded as a surface",
+    spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradients ? sweeps : 0, "a volume is shaded as a surface",
                    "no volume shaded as a surface, or no light for it");
     spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->matter.scatters && lit ? sweeps : 0,
                    "volumes or particles scatter light",
@@ -28402,7 +28119,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
         report->projector_calls += (uint64_t)frame->lamps.list[i].projection.height;
     report->sweep_count = spsi_plan_sweep_count(frame);
     report->color_channels = frame->channels;
-    report->sheet_channels = frame->matter.material_count * (frame->gradients.splatted ? 3 : 1);
+    report->sheet_channels = frame->matter.material_count;
     spsi_plan_bytes(context, frame, &reading, report);
     spsi_plan_passes(context, frame, &reading, report);
     for (int i = 0; i < SPS_PASS_COUNT; ++i)

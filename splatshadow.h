@@ -792,7 +792,7 @@ typedef enum sps_filling {
        tests/test_filling.c), less at high quality, and more where voxels are smaller than pixels: footprints blur them
        more than rays do. memory_limit is not looked at: where bricks do not fit, ask for SPLAT. */
     SPS_FILLING_AUTO = 0,
-    /* Voxel by voxel: cost is proportional to the number of relevant voxels. Normals of surfaces need GATHER's memory. */
+    /* Voxel by voxel: cost is proportional to the number of relevant voxels. Surfaces' normals need GATHER's memory. */
     SPS_FILLING_SPLAT,
     /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3
        per voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per
@@ -9913,7 +9913,6 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_lamp *lamp, c
    have 1.5 times the texels of one. */
 
 #define SPSI_CELL      16 /* texels along a side of a depth map's cell */
-#define SPSI_CELLS_FAR 8  /* cells to either side that a long way may reach */
 #define SPSI_STEEP 1024 /* maximum rise of a depth map's planes from texel to texel, in texels */
 
 /* For each texel, the plane of the polygon nearest to the light, which is evaluated on the gas's own ray. So a plane
@@ -9923,8 +9922,7 @@ typedef struct spsi_depth_map {
     spsi_rays rays[SPSI_CUBE_FACES];
     float *depths[SPSI_CUBE_FACES];    /* at texel centres, t - depth_reference; infinity: no polygon */
     float *slopes[SPSI_CUBE_FACES][2]; /* rise of the plane from texel to texel along x and y */
-    float *nearest[SPSI_CUBE_FACES];   /* per cell: minimum depth in it and the cells around it; then in it and those up
-                                          to SPSI_CELLS_FAR away */
+    float *nearest[SPSI_CUBE_FACES];   /* per cell: minimum depth in it and the cells around it; then in it alone */
     int cells[SPSI_CUBE_FACES];        /* per row */
     /* ray coordinates of the map along the eye's rays; t is relative to the map's depth reference */
     spsi_linear along[SPSI_CUBE_FACES][3];
@@ -9939,11 +9937,12 @@ static int spsi_depth_map_size(const spsi_frame *frame) {
 /* Number of cells on a side of a map of `size` texels. */
 static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
-static size_t spsi_depth_map_floats(const spsi_depth_map *map) {
+/* Number of floats of a depth map, or of what a map of panes has per texel and cell. */
+static size_t spsi_depth_map_floats(const spsi_depth_map *map, int has_panes) {
     size_t floats = 0;
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
-        floats += 3 * spsi_ray_count(rays);
+        floats += has_panes ? spsi_ray_count(rays) + 2 : 3 * spsi_ray_count(rays);
         floats += 2 * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
     }
     return floats;
@@ -9955,15 +9954,17 @@ static size_t spsi_depth_map_floats_most(size_t size) {
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
 }
 
-/* Lays out a depth map in memory, and returns the memory after it. */
-static float *spsi_depth_map_lay_out(spsi_depth_map *map, float *memory) {
+/* Lays out a depth map in memory, and returns the memory after it. `first`: where a map of panes lists what begins
+   where; NULL: it is none. */
+static float *spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
         const size_t texels = spsi_ray_count(rays);
         map->depths[face] = memory;
         map->slopes[face][0] = memory + texels;
         map->slopes[face][1] = memory + 2 * texels;
-        map->nearest[face] = memory + 3 * texels;
+        if (first) first[face] = (uint32_t *)(void *)memory;
+        map->nearest[face] = memory + (first ? texels + 2 : 3 * texels);
         map->cells[face] = spsi_depth_map_cells(rays->width);
         memory = map->nearest[face] + 2 * (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(rays->height);
     }
@@ -9983,11 +9984,26 @@ static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, i
 
 /* --- filling a depth map --- */
 
+/* The plane of a translucent face at a texel. */
+typedef struct spsi_pane {
+    float depth, slope[2]; /* as those of a depth map */
+    int face;
+} spsi_pane;
+
+/* All translucent faces on each texel's ray, as gas sees them between itself and a point of a light. */
+typedef struct spsi_pane_map {
+    spsi_depth_map grid;              /* without depths and slopes; `nearest` is that of the panes */
+    uint32_t *first[SPSI_CUBE_FACES]; /* per texel: its first pane */
+    spsi_pane *list[SPSI_CUBE_FACES];
+    size_t counts[SPSI_CUBE_FACES];
+} spsi_pane_map;
+
 typedef struct spsi_planes_job {
     const spsi_faces *faces;
     const spsi_depth_map *map;
-    float *alone; /* per cell: minimum depth in it alone */
     int face;
+    const spsi_pane_map *panes; /* the map is its grid; NULL: it is of opaque polygons */
+    const spsi_fragment *fragments;
 } spsi_planes_job;
 
 /* A plane as a depth map's rays meet it. With n its normal and r a texel's ray, t changes by -(n.a) / (n.r) from texel
@@ -10049,42 +10065,57 @@ static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     }
 }
 
+/* Turns the fragments of one row of texels into panes. */
+static void spsi_panes_row(const spsi_planes_job *job, int y, float *cells) {
+    const spsi_pane_map *map = job->panes;
+    const spsi_rays *rays = &map->grid.rays[job->face];
+    const uint32_t *first = map->first[job->face] + (size_t)y * (size_t)rays->width;
+    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}, 0};
+    for (int x = 0; x < rays->width; ++x)
+        for (uint32_t i = first[x]; i < first[x + 1]; ++i) {
+            const spsi_fragment *fragment = &job->fragments[i];
+            spsi_pane *pane = &map->list[job->face][i];
+            float least;
+            if (fragment->face != plane.number) spsi_map_plane_build(job->faces, fragment->face, rays, &plane);
+            least = spsi_map_plane_slopes(&plane, rays, x, y, fragment->depth, pane->slope);
+            pane->depth = fragment->depth;
+            pane->face = fragment->face;
+            cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], least);
+        }
+}
+
 /* Fills one row of cells. */
 static void spsi_planes_task(void *data, int index, int worker) {
     const spsi_planes_job *job = (const spsi_planes_job *)data;
     const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
-    float *cells = job->alone + (size_t)index * (size_t)columns;
+    float *cells = job->map->nearest[job->face] + (size_t)(spsi_depth_map_cells(height) + index) * (size_t)columns;
     (void)worker;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
     for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
-        spsi_planes_row(job, y, cells);
+        if (job->panes)
+            spsi_panes_row(job, y, cells);
+        else
+            spsi_planes_row(job, y, cells);
 }
 
-/* Replaces each of a line of cells by the minimum of it and `reach` cells on either side. */
-static void spsi_cells_spread_line(float *cells, int count, int stride, int reach) {
-    enum { MOST = SPSI_SIZE_MAX / SPSI_CELL + 1 };
-    float alone[MOST];
-    for (int i = 0; i < count; ++i) alone[i] = cells[(ptrdiff_t)i * stride];
-    for (int i = 0; i < count; ++i) {
-        float least = alone[i];
-        for (int k = spsi_most(i - reach, 0); k <= spsi_least(i + reach, count - 1); ++k)
-            least = spsi_lower(least, alone[k]);
-        cells[(ptrdiff_t)i * stride] = least;
-    }
+/* Finds the minimum depths about each of a grid's cells from those in each alone, which follow. */
+static void spsi_cells_spread(float *nearest, int columns, int rows) {
+    const float *alone = nearest + (size_t)columns * (size_t)rows;
+    for (int y = 0; y < rows; ++y)
+        for (int x = 0; x < columns; ++x) {
+            float least = SPSI_INFINITY;
+            for (int v = spsi_most(y - 1, 0); v <= spsi_least(y + 1, rows - 1); ++v)
+                for (int u = spsi_most(x - 1, 0); u <= spsi_least(x + 1, columns - 1); ++u)
+                    least = spsi_lower(least, alone[v * columns + u]);
+            nearest[y * columns + x] = least;
+        }
 }
 
-static void spsi_cells_spread(float *cells, int columns, int rows, int reach) {
-    for (int row = 0; row < rows; ++row) spsi_cells_spread_line(cells + (ptrdiff_t)row * columns, columns, 1, reach);
-    for (int column = 0; column < columns; ++column) spsi_cells_spread_line(cells + column, rows, columns, reach);
-}
-
-/* Computes the minimum depths about each cell, for short ways and in the place of `alone` for long ones, from that in
-   each alone. */
-static void spsi_depth_map_spread(const spsi_depth_map *map, int face, float *alone) {
-    const int columns = map->cells[face], rows = spsi_depth_map_cells(map->rays[face].height);
-    memcpy(map->nearest[face], alone, (size_t)columns * (size_t)rows * sizeof *alone);
-    spsi_cells_spread(map->nearest[face], columns, rows, 1);
-    spsi_cells_spread(alone, columns, rows, SPSI_CELLS_FAR);
+/* Fills a face's planes, given what the rasteriser left there, and its cells. */
+static void spsi_planes_fill(sps_context *context, spsi_planes_job *job) {
+    const int rows = spsi_depth_map_cells(job->map->rays[job->face].height);
+    spsi_parallel(context, rows, spsi_planes_task, job);
+    spsi_cells_spread(job->map->nearest[job->face], job->map->cells[job->face], rows);
 }
 
 /* Whether an opaque polygon may reach into the map: most do, so that the first one mostly tells. */
@@ -10100,15 +10131,11 @@ static int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *map
 
 /* Rasterises the polygons into a depth map, as the light sees them. */
 static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, spsi_depth_map *map) {
-    spsi_planes_job job;
-    job.faces = faces;
-    job.map = map;
-    for (job.face = 0; job.face < map->face_count; ++job.face) {
-        const spsi_rays *rays = &map->rays[job.face];
-        spsi_rasterise(context, faces, rays, NULL, map->depths[job.face], (int *)(void *)map->slopes[job.face][1]);
-        job.alone = map->nearest[job.face] + (size_t)map->cells[job.face] * (size_t)spsi_depth_map_cells(rays->height);
-        spsi_parallel(context, spsi_depth_map_cells(rays->height), spsi_planes_task, &job);
-        spsi_depth_map_spread(map, job.face, job.alone);
+    spsi_planes_job job = {faces, map, 0, NULL, NULL};
+    for (; job.face < map->face_count; ++job.face) {
+        spsi_rasterise(context, faces, &map->rays[job.face], NULL, map->depths[job.face],
+                       (int *)(void *)map->slopes[job.face][1]);
+        spsi_planes_fill(context, &job);
     }
 }
 
@@ -10202,12 +10229,9 @@ static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, s
 
 /* The lanes whose ways from d[0] to d[1] a face of a depth map may shade, as bits: one lookup of a cell, which spares
    most slabs the lookups of four texels' planes. It cannot tell of ways in *wide, whose ends do not both lie within a
-   cell of the middle's, or SPSI_CELLS_FAR of them if `far_off`, or lie before and behind the light. */
-static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, int far_off, spsi_v at, float y,
-                                          const spsi_v d[2], int *wide) {
-    const size_t cells = (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(map->rays[face].height);
-    const float *nearest = map->nearest[face] + (far_off ? cells : 0);
-    const int reach = far_off ? SPSI_CELLS_FAR : 1;
+   cell of the middle's, or lie before and behind the light. */
+static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
+                                          int *wide) {
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
@@ -10230,109 +10254,31 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, i
     for (int i = 0; i < 2; ++i) {
         const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
         clear |= (spsi_bits(spsi_less(high, zero)) | spsi_bits(spsi_less(spsi_set(size[i]), low))) & ~crossing;
-        *wide |= spsi_bits(spsi_less(spsi_set((float)(2 * reach * SPSI_CELL - 4)), spsi_sub(high, low)));
+        *wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_CELL - 4), spsi_sub(high, low)));
         cell[i] = spsi_clamp(spsi_mul(half, spsi_add(low, high)), zero, spsi_set(size[i]));
         cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_CELL)));
     }
     *wide &= ~clear;
-    return spsi_bits(spsi_less(spsi_lookup(nearest, map->cells[face], cell[0], cell[1]), deepest)) & ~clear;
+    return spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]), deepest)) & ~clear;
 }
 
 /* Whether a face of a depth map may shade any of the ways from d0 to d1. Wide ones, those of thick slabs, are looked at
-   from farther off and, if that does not clear them, in parts. */
+   in parts. */
 static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
                                            spsi_v d1) {
-    const int parts = 8;
+    const int parts = 4;
     const spsi_v step = spsi_mul(spsi_sub(d1, d0), spsi_set(1 / (float)parts)), whole[2] = {d0, d1};
-    int wide, shadable = spsi_depth_map_shadable(map, face, 0, at, y, whole, &wide);
+    int wide, shadable = spsi_depth_map_shadable(map, face, at, y, whole, &wide);
     if (!wide) return shadable != 0;
-    shadable = spsi_depth_map_shadable(map, face, 1, at, y, whole, &wide);
-    if (!(shadable | wide)) return 0;
     for (int part = 0; part < parts; ++part) {
         const spsi_v from = spsi_fma(step, spsi_set((float)part), d0), way[2] = {from, spsi_add(from, step)};
-        shadable = spsi_depth_map_shadable(map, face, 0, at, y, way, &wide);
+        shadable = spsi_depth_map_shadable(map, face, at, y, way, &wide);
         if (shadable | wide) return 1;
     }
     return 0;
 }
 
 /* --- translucent polygons --- */
-
-/* The plane of a translucent face at a texel. */
-typedef struct spsi_pane {
-    float depth, slope[2]; /* as those of a depth map */
-    int face;
-} spsi_pane;
-
-/* All translucent faces on each texel's ray, as gas sees them between itself and a point of a light. */
-typedef struct spsi_pane_map {
-    spsi_depth_map grid;              /* without depths and slopes; `nearest` is that of the panes */
-    uint32_t *first[SPSI_CUBE_FACES]; /* per texel: its first pane */
-    spsi_pane *list[SPSI_CUBE_FACES];
-    size_t counts[SPSI_CUBE_FACES];
-} spsi_pane_map;
-
-/* Bytes of what a pane map holds per texel and per cell. */
-static size_t spsi_pane_map_bytes(const spsi_pane_map *map) {
-    size_t bytes = 0;
-    for (int face = 0; face < map->grid.face_count; ++face) {
-        const spsi_rays *rays = &map->grid.rays[face];
-        bytes += (spsi_ray_count(rays) + 2) * sizeof(uint32_t);
-        bytes +=
-            2 * sizeof(float) * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
-    }
-    return bytes;
-}
-
-/* Lays out a pane map in memory, and returns the memory after it. */
-static char *spsi_pane_map_lay_out(spsi_pane_map *map, char *memory) {
-    for (int face = 0; face < map->grid.face_count; ++face) {
-        const spsi_rays *rays = &map->grid.rays[face];
-        const int columns = spsi_depth_map_cells(rays->width);
-        map->first[face] = (uint32_t *)(void *)memory;
-        map->grid.nearest[face] = (float *)(void *)(map->first[face] + spsi_ray_count(rays) + 2);
-        map->grid.cells[face] = columns;
-        memory = (char *)(map->grid.nearest[face] + 2 * (size_t)columns * (size_t)spsi_depth_map_cells(rays->height));
-    }
-    return memory;
-}
-
-typedef struct spsi_panes_job {
-    const spsi_faces *faces;
-    const spsi_fragment *fragments;
-    spsi_pane_map *map;
-    int face;
-    float *alone; /* as in spsi_planes_job */
-} spsi_panes_job;
-
-/* Turns the fragments of one row of texels into panes. */
-static void spsi_panes_row(const spsi_panes_job *job, int y, float *cells) {
-    spsi_pane_map *map = job->map;
-    const spsi_rays *rays = &map->grid.rays[job->face];
-    const uint32_t *first = map->first[job->face] + (size_t)y * (size_t)rays->width;
-    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}, 0};
-    for (int x = 0; x < rays->width; ++x)
-        for (uint32_t i = first[x]; i < first[x + 1]; ++i) {
-            const spsi_fragment *fragment = &job->fragments[i];
-            spsi_pane *pane = &map->list[job->face][i];
-            float least;
-            if (fragment->face != plane.number) spsi_map_plane_build(job->faces, fragment->face, rays, &plane);
-            least = spsi_map_plane_slopes(&plane, rays, x, y, fragment->depth, pane->slope);
-            pane->depth = fragment->depth;
-            pane->face = fragment->face;
-            cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], least);
-        }
-}
-
-/* Fills one row of cells. */
-static void spsi_panes_task(void *data, int index, int worker) {
-    const spsi_panes_job *job = (const spsi_panes_job *)data;
-    const int columns = job->map->grid.cells[job->face], height = job->map->grid.rays[job->face].height;
-    float *cells = job->alone + (size_t)index * (size_t)columns;
-    (void)worker;
-    for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
-    for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y) spsi_panes_row(job, y, cells);
-}
 
 /* The panes of one face of a map: counts them (listing 0) or lists them. */
 static void spsi_panes_raster(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
@@ -10357,16 +10303,11 @@ static void spsi_panes_raster(sps_context *context, const spsi_frame *frame, con
 /* Lists the panes of a map, whose fragments have been counted. */
 static void spsi_pane_map_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                spsi_pane_map *map) {
-    spsi_panes_job job;
-    job.faces = faces;
+    spsi_planes_job job = {faces, &map->grid, 0, map, NULL};
     job.fragments = (const spsi_fragment *)context->buffers[SPSI_BUFFER_FRAGMENTS].data;
-    job.map = map;
-    for (job.face = 0; job.face < map->grid.face_count; ++job.face) {
-        const int rows = spsi_depth_map_cells(map->grid.rays[job.face].height);
+    for (; job.face < map->grid.face_count; ++job.face) {
         spsi_panes_raster(context, frame, faces, map, job.face, 1);
-        job.alone = map->grid.nearest[job.face] + (size_t)map->grid.cells[job.face] * (size_t)rows;
-        spsi_parallel(context, rows, spsi_panes_task, &job);
-        spsi_depth_map_spread(&map->grid, job.face, job.alone);
+        spsi_planes_fill(context, &job);
     }
 }
 
@@ -14077,7 +14018,8 @@ static void spsi_field_whole(const spsi_medium *medium, spsi_voxel_field *field)
 /* Upper bound of the bytes of a volume's coarser levels. A brick of voxels is within reach of 3^3 bricks on each: those
    of the finer level and one about them are up to five in a row. A side of less than three bricks may grow to three. */
 static size_t spsi_levels_bytes(const spsi_frame *frame, int medium, size_t bricks) {
-    const size_t most = 9 * spsi_field_cells_most(frame, bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
+    const size_t most = 9 * spsi_field_cells_most(frame, bricks);
+    const size_t each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
     spsi_voxel_field levels[2];
     size_t bytes = 0;
     spsi_field_whole(&frame->media[medium], &levels[0]);
@@ -19393,12 +19335,12 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
         if (shadows[i].soft) continue;
         spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), texel, &shadows[i].depth_map);
         if (!spsi_depth_map_met(faces, &shadows[i].depth_map)) shadows[i].depth_map.face_count = 0;
-        more = spsi_depth_map_floats(&shadows[i].depth_map);
+        more = spsi_depth_map_floats(&shadows[i].depth_map, 0);
         floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
     }
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
     if (!memory) return context->result;
-    for (int i = 0; i < count; ++i) memory = spsi_depth_map_lay_out(&shadows[i].depth_map, memory);
+    for (int i = 0; i < count; ++i) memory = spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, memory);
     for (int i = 0; i < count; ++i)
         if (!shadows[i].soft) spsi_depth_map_fill(context, faces, &shadows[i].depth_map);
     return SPS_OK;
@@ -19408,9 +19350,9 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
    one. */
 static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
                                          spsi_pane_map *maps) {
-    size_t bytes = 0;
+    size_t floats = 0;
     spsi_pane_map *next = maps;
-    char *memory;
+    float *memory;
     for (int i = 0; i < count; ++i) {
         const spsi_lamp *lamp = shadows[i].lamp;
         shadows[i].pane_maps = next;
@@ -19420,11 +19362,12 @@ static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame 
             memset(next, 0, sizeof *next);
             spsi_depth_map_aim(frame, shadows[i].soft ? &lamp->points[k] : lamp,
                                spsi_most(8, (int)(share * spsi_depth_map_size(frame))), 0, &next->grid);
-            bytes += spsi_pane_map_bytes(next);
+            floats += spsi_depth_map_floats(&next->grid, 1);
         }
     }
-    memory = (char *)spsi_reserve(context, SPSI_BUFFER_PANE_TEXELS, bytes, 1);
-    for (spsi_pane_map *map = maps; memory && map < next; ++map) memory = spsi_pane_map_lay_out(map, memory);
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PANE_TEXELS, floats, sizeof(float));
+    for (spsi_pane_map *map = maps; memory && map < next; ++map)
+        memory = spsi_depth_map_lay_out(&map->grid, map->first, memory);
     return context->result;
 }
 
@@ -26418,15 +26361,15 @@ static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, i
 static void spsi_polygon_range_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
-    const int x0 = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
-    const int y0 = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
-    const int x1 = spsi_least(run->frame->content->eye.width, x0 + SPSI_TILE_WIDTH);
-    const int y1 = spsi_least(run->frame->content->eye.height, y0 + SPSI_TILE_HEIGHT);
+    const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
+    const int top = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
+    const int x1 = spsi_least(run->frame->content->eye.width, left + SPSI_TILE_WIDTH);
+    const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     const uint32_t *layers = run->shader.visible->layers.first;
     (void)worker;
-    for (int y = y0; y < y1 && run->shader.hits; ++y)
-        for (int x = x0; x < x1; x += SPSI_LANES) {
+    for (int y = top; y < y1 && run->shader.hits; ++y)
+        for (int x = left; x < x1; x += SPSI_LANES) {
             float lanes[SPSI_LANES], depths[SPSI_LANES];
             const int width = spsi_least(SPSI_LANES, x1 - x);
             spsi_pixels p;
@@ -26444,7 +26387,7 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
     region->polygon_range[index][0] = low;
     region->polygon_range[index][1] = high;
     region->polygon_range[index][2] = nearest;
-    region->open[index] = spsi_tile_open(run, x0, y0);
+    region->open[index] = spsi_tile_open(run, left, top);
 }
 
 /* --- setting up a sweep --- */

@@ -10942,14 +10942,21 @@ static const char *spsi_gases(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
-/* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy. */
+/* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy; or that the light does not
+   see the gas within a cone, or cannot tell its texels apart. */
 static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
-    const double cosine = sweep->cosine_of_light;
-    char rest[SPSI_SENTENCE_SIZE];
-    SPS_SNPRINTF(rest, sizeof rest,
-                 "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
-                 "needed; move it away, or set shadow_source or no_shadow on it",
-                 spsi_gases(frame), cosine);
+    const double cosine = sweep->cosine_of_light < SPSI_COSINE_MIN ? sweep->cosine_of_light : 0;
+    char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
+    if (sweep->cosine_of_light < SPSI_COSINE_MIN)
+        SPS_SNPRINTF(rest, sizeof rest,
+                     "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
+                     "needed; move it away, or set shadow_source or no_shadow on it",
+                     spsi_gases(frame), cosine);
+    else if (sweep->lamp->is_point)
+        SPS_SNPRINTF(rest, sizeof rest,
+                     "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
+                     "middle; move it away, or set shadow_source or no_shadow on it",
+                     spsi_gases(frame));
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->lamp->index, "", cosine, rest);
 }
 
@@ -10971,18 +10978,6 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
                           : seen->field_of_view > 0 ? "camera.field_of_view"
                                                     : "camera.ortho_height",
                           frame->has_matrix ? 0 : value, rest);
-}
-
-/* Reports that a light does not see the gas within a cone, or cannot tell its texels apart. */
-static sps_result spsi_sweep_refuse_fit(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
-    const spsi_lamp *lamp = sweep->lamp;
-    char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
-    if (lamp->is_point)
-        SPS_SNPRINTF(rest, sizeof rest,
-                     "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
-                     "middle; move it away, or set shadow_source or no_shadow on it",
-                     spsi_gases(frame));
-    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0, rest);
 }
 
 /* Minimum cosine between s and a light's rays through the gas. */
@@ -11225,9 +11220,8 @@ static int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
 
 /* Why a sweep cannot be placed. */
 static sps_result spsi_sweep_refuse(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
-    if (!(sweep->cosine_of_light >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, frame, sweep);
-    if (!(sweep->cosine_of_eye >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_camera(context, frame, sweep);
-    return spsi_sweep_refuse_fit(context, frame, sweep);
+    const int by_light = !(sweep->cosine_of_light >= SPSI_COSINE_MIN) || sweep->cosine_of_eye >= SPSI_COSINE_MIN;
+    return (by_light ? spsi_sweep_refuse_light : spsi_sweep_refuse_camera)(context, frame, sweep);
 }
 
 /* The thickness that a sweep's slabs may have, whatever the size of voxels: a share of the least pixel in gas, but not
@@ -21895,16 +21889,6 @@ typedef struct spsi_part {
     spsi_v before, after; /* optical depth from the eye to its beginning and end, in the light's order */
 } spsi_part;
 
-/* Sets a sample's normal, and how much of a surface it is, by its gradient: the change of value per voxel, relative to
-   `unit`. */
-static void spsi_sample_face(const spsi_material *material, const spsi_v g[3], float unit, spsi_sample *sample) {
-    const spsi_v size = spsi_sqrt(spsi_dot_v(g, g));
-    for (int c = 0; c < 3; ++c)
-        sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
-    sample->surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
-    sample->has_normal = 1;
-}
-
 /* The depth at which what a slab holds of a classified volume is seen, on average. Returns the rays that see any of it,
    as bits. */
 static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int channel, spsi_v *depth) {
@@ -21924,13 +21908,13 @@ static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int 
     return slab->open & spsi_bits(spsi_less(zero, weight));
 }
 
-/* The gradient of a classified volume in a slab, from its field: all parts have that of the place where it is seen. */
+/* Sets the normal of a classified volume in a slab, and how much of a surface it is, by the gradient of its field: all
+   parts have that of the place where it is seen. */
 static void spsi_samples_gradient(const spsi_shader *shader, const spsi_tapper *t, const spsi_pixels *p, int channel,
                                   spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
-    const float unit = material->table_scale / SPSI_TABLE_SIZE;
-    spsi_v depth, place[3], g[3];
-    spsi_sample seen;
+    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: squares stay finite */
+    spsi_v depth, place[3], g[3], size, surface;
     int lanes = spsi_slab_seen(shader, slab, channel, &depth);
     if (!lanes) return;
     for (int k = 0; k < 3; ++k)
@@ -21939,12 +21923,14 @@ static void spsi_samples_gradient(const spsi_shader *shader, const spsi_tapper *
     lanes &= spsi_tap_inside(t->field, place);
     spsi_tap_gradient(t, place, lanes, g);
     for (int c = 0; c < 3; ++c) g[c] = spsi_mul(g[c], spsi_set(unit));
-    spsi_sample_face(material, g, unit, &seen);
+    size = spsi_sqrt(spsi_dot_v(g, g));
+    surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
+    for (int c = 0; c < 3; ++c) g[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
-        memcpy(sample->normal, seen.normal, sizeof seen.normal);
-        sample->surface = seen.surface;
-        sample->has_normal = seen.has_normal;
+        memcpy(sample->normal, g, sizeof g);
+        sample->surface = surface;
+        sample->has_normal = 1;
     }
 }
 
@@ -23742,20 +23728,20 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
     part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
 }
 
-/* The shares from `first` to `last` of a slab's way, as far as they belong to one part of it. Within a part, matter is
-   even. `samples` receives its samples. Returns 0 if there is nothing of it. */
-static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, spsi_v first, spsi_v last,
+/* The shares from cut[0] to cut[1] of a slab's way, as far as they belong to one part of it, the whole. Within a part,
+   matter is even. `samples` receives its samples. Returns 0 if there is nothing of it. */
+static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], const spsi_part *whole,
                          spsi_sample *samples, spsi_v depth, spsi_part *part) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v zero = spsi_set(0), one = spsi_set(1), count = spsi_set((float)slab->part_count);
-    const spsi_v number = spsi_set((float)part->number);
-    const spsi_v from = spsi_clamp(spsi_sub(spsi_mul(first, count), number), zero, one);
-    const spsi_v to = spsi_clamp(spsi_sub(spsi_mul(last, count), number), from, one);
-    const spsi_v share = spsi_sub(to, from), aside = spsi_sub(spsi_add(from, to), one), begins = part->first;
-    const spsi_v ends[2] = {part->ends[0], part->ends[1]};
+    const spsi_v number = spsi_set((float)whole->number);
+    const spsi_v from = spsi_clamp(spsi_sub(spsi_mul(cut[0], count), number), zero, one);
+    const spsi_v to = spsi_clamp(spsi_sub(spsi_mul(cut[1], count), number), from, one);
+    const spsi_v share = spsi_sub(to, from), aside = spsi_sub(spsi_add(from, to), one);
     if (!spsi_bits(spsi_less(zero, share))) return 0;
+    *part = *whole;
     for (int m = 0; m < slab->material_count; ++m) {
-        samples[m] = part->samples[m];
+        samples[m] = whole->samples[m];
         samples[m].depth = spsi_mul(samples[m].depth, share);
         samples[m].value_length = spsi_mul(samples[m].value_length, share);
     }
@@ -23763,13 +23749,13 @@ static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, spsi_
     part->is_cut = 1;
     part->cut[0] = from;
     part->cut[1] = to;
-    part->middle = spsi_fma(spsi_mul(part->half, spsi_set(backwards ? -1.0f : 1.0f)), aside, part->middle);
-    part->half = spsi_mul(part->half, share);
-    part->ends[0] = spsi_mix(ends[0], ends[1], from);
-    part->ends[1] = spsi_mix(ends[0], ends[1], to);
-    part->depth = spsi_mul(part->depth, share);
-    part->first = spsi_mix(begins, part->last, from);
-    part->last = spsi_mix(begins, part->last, to);
+    part->middle = spsi_fma(spsi_mul(whole->half, spsi_set(backwards ? -1.0f : 1.0f)), aside, whole->middle);
+    part->half = spsi_mul(whole->half, share);
+    part->ends[0] = spsi_mix(whole->ends[0], whole->ends[1], from);
+    part->ends[1] = spsi_mix(whole->ends[0], whole->ends[1], to);
+    part->depth = spsi_mul(whole->depth, share);
+    part->first = spsi_mix(whole->first, whole->last, from);
+    part->last = spsi_mix(whole->first, whole->last, to);
     part->before = backwards ? part->depth : depth;
     part->after = backwards ? zero : spsi_add(depth, part->depth);
     return 1;
@@ -23841,27 +23827,16 @@ typedef struct spsi_row {
 
 static const spsi_ahead *spsi_row_ahead(const spsi_row *row) { return row->has_layers ? &row->ahead : NULL; }
 
-/* Composites the parts of a slab. */
-static void spsi_add_parts(const spsi_shader *shader, spsi_row *row) {
-    spsi_part part;
-    for (int i = 0; i < row->slab.part_count; ++i) {
-        spsi_part_build(shader, &row->slab, i, row->sum.depth, &part);
-        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
-            spsi_add_part(shader, &row->pixels, &row->slab, &part, spsi_row_ahead(row), &row->sum);
-    }
-}
-
-/* Composites the shares from `first` to `last` of a slab's way. */
-static void spsi_add_parts_cut(const spsi_shading *shading, spsi_v first, spsi_v last, spsi_row *row) {
+/* Composites the parts of a slab; of its way the shares from cut[0] to cut[1], or all (NULL). */
+static void spsi_add_parts(const spsi_shading *shading, const spsi_v *cut, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     spsi_sample *samples = shading->scratch.samples + SPSI_PARTS * row->slab.material_count;
-    spsi_part whole, part;
+    spsi_part whole, some;
     for (int i = 0; i < row->slab.part_count; ++i) {
         spsi_part_build(shader, &row->slab, i, row->sum.depth, &whole);
-        part = whole;
-        if (!spsi_part_cut(shader, &row->slab, first, last, samples, row->sum.depth, &part)) continue;
-        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
-            spsi_add_part(shader, &row->pixels, &row->slab, &part, &row->ahead, &row->sum);
+        if (cut && !spsi_part_cut(shader, &row->slab, cut, &whole, samples, row->sum.depth, &some)) continue;
+        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), (cut ? &some : &whole)->depth)))
+            spsi_add_part(shader, &row->pixels, &row->slab, cut ? &some : &whole, spsi_row_ahead(row), &row->sum);
     }
 }
 
@@ -23871,7 +23846,7 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
     const spsi_shader *shader = shading->shader;
     const int backwards = shader->sweep->back_to_front;
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    spsi_v first = zero, from = zero, way = zero;
+    spsi_v cut[2] = {zero, zero}, from = zero, way = zero;
     if (held) {
         from = backwards ? row->slab.leave : row->slab.enter;
         way = spsi_sub(backwards ? row->slab.enter : row->slab.leave, from);
@@ -23880,12 +23855,12 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
         const spsi_m here = spsi_less(row->ahead.slab, spsi_set(high));
         const int bits = spsi_bits(here);
         const spsi_v d = spsi_select(here, spsi_load(row->ahead.depth), from);
-        spsi_v last = spsi_div(spsi_sub(d, from), spsi_select(spsi_less(zero, spsi_abs(way)), way, one));
-        last = spsi_select(here, spsi_clamp(last, first, one), one);
-        if (held) spsi_add_parts_cut(shading, first, last, row);
+        cut[1] = spsi_div(spsi_sub(d, from), spsi_select(spsi_less(zero, spsi_abs(way)), way, one));
+        cut[1] = spsi_select(here, spsi_clamp(cut[1], cut[0], one), one);
+        if (held) spsi_add_parts(shading, cut, row);
         if (!bits) return;
         spsi_add_layers(shader, &row->pixels, bits, &row->ahead, &row->sum);
-        first = last;
+        cut[0] = cut[1];
     }
 }
 
@@ -23905,7 +23880,7 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     if (row->has_layers && spsi_ahead_before(&row->ahead, high))
         spsi_add_layered(shading, held, high, row);
     else if (held)
-        spsi_add_parts(shader, row);
+        spsi_add_parts(shading, NULL, row);
     if (shader->hits && !backwards)
         spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
     return held;

@@ -9096,172 +9096,129 @@ static int spsi_faces_near(const spsi_faces *faces, const double centre[3], cons
     return 0;
 }
 
-/* --- whether anything is between a point and rectangles --- */
+/* --- whether anything is between two boxes --- */
 
-#define SPSI_SHAFTS        3   /* from a point to the sides of a box that it sees */
-#define SPSI_SHAFT_PLANES  5   /* of each: four through the point, one through the rectangle */
-#define SPSI_SHAFT_NODES   256 /* most that are looked at: more cost as much as rays */
-#define SPSI_SHAFTS_PLANES 16  /* of all: the last is the plane that the point is on */
+#define SPSI_SHAFT_PLANES 16  /* up to 12 through edges of both boxes, and that of a surface */
+#define SPSI_SHAFT_NODES  256 /* most that are looked at: more cost as much as rays */
 
-/* Shafts from a point on a face to rectangles, each across an axis [Haines and Wallace 1991], as far as they are above
-   the face. A box is outside a shaft if it is outside one of its planes: normal . (box - point) > reach. */
-typedef struct spsi_shafts {
-    double point[3], low[SPSI_SHAFTS][3], high[SPSI_SHAFTS][3]; /* rectangles: along their axis both are the same */
-    int own, count;                                             /* own: the face; count: of shafts */
-    float normal[3][SPSI_SHAFTS_PLANES], reach[SPSI_SHAFTS_PLANES];
-    float above[3], below[3]; /* the point relative to the tree's centre, plus and minus room for round-off */
-} spsi_shafts;
+/* What lies between two boxes [Haines and Wallace 1991]: in the box about both, where normal . x <= reach, relative to
+   the centre of the tree of faces. */
+typedef struct spsi_shaft {
+    spsi_bounds to;        /* the second box, in the world */
+    float low[3], high[3]; /* about both */
+    int count;             /* of planes */
+    float normal[3][SPSI_SHAFT_PLANES], reach[SPSI_SHAFT_PLANES];
+} spsi_shaft;
 
-/* Begins with no shaft. What is above the face by the round-off of floats only is not above it, or the triangles of a
-   flat floor would be above each other. `normal` is a unit vector. */
-static void spsi_shafts_begin(const spsi_faces *faces, int own, const double point[3], const double normal[3],
-                              spsi_shafts *shafts) {
-    double offset[3], room = 0, sum = 0;
-    memset(shafts, 0, sizeof *shafts);
-    memcpy(shafts->point, point, sizeof shafts->point);
-    shafts->own = own;
-    spsi_along(point, faces->tree.centre, -1, offset);
-    for (int k = 0; k < 3; ++k) room = fabs(offset[k]) > room ? fabs(offset[k]) : room;
-    room *= 3e-7;
+/* How far faces reach from the centre of their tree, along any axis. */
+static double spsi_faces_reach(const spsi_faces *faces) {
+    float most = 0;
+    for (int k = 0; k < 3 && faces->tree.count > 0; ++k)
+        most = spsi_higher(most, spsi_higher(-faces->tree.nodes[0].low[k], faces->tree.nodes[0].high[k]));
+    return (double)most;
+}
+
+/* Adds a plane that leaves two boxes inside, and `room` beyond them. */
+static void spsi_shaft_add(const spsi_faces *faces, const spsi_bounds *a, const spsi_bounds *b, const double normal[3],
+                           double room, spsi_shaft *shaft) {
+    double reach[2] = {0, 0};
     for (int k = 0; k < 3; ++k) {
-        shafts->above[k] = (float)(offset[k] + room);
-        shafts->below[k] = (float)(offset[k] - room);
-        shafts->normal[k][SPSI_SHAFTS_PLANES - 1] = (float)-normal[k];
-        sum += fabs(normal[k]);
+        const float along = (float)normal[k];
+        reach[0] += (double)along * ((along < 0 ? a->low[k] : a->high[k]) - faces->tree.centre[k]);
+        reach[1] += (double)along * ((along < 0 ? b->low[k] : b->high[k]) - faces->tree.centre[k]);
+        shaft->normal[k][shaft->count] = along;
     }
-    shafts->reach[SPSI_SHAFTS_PLANES - 1] = (float)(-3 * room * sum);
+    shaft->reach[shaft->count++] = (float)(fmax(reach[0], reach[1]) + room);
 }
 
-/* Adds the shaft to a rectangle across an axis, which the point is not in the plane of. */
-static void spsi_shafts_add(spsi_shafts *shafts, int axis, const double low[3], const double high[3]) {
-    const double way = low[axis] - shafts->point[axis];
-    int plane = shafts->count * SPSI_SHAFT_PLANES;
-    memcpy(shafts->low[shafts->count], low, 3 * sizeof *low);
-    memcpy(shafts->high[shafts->count++], high, 3 * sizeof *high);
-    shafts->normal[axis][plane] = way < 0 ? -1.0f : 1.0f;
-    shafts->reach[plane++] = (float)fabs(way);
-    for (int i = 1; i < 3; ++i) {
-        const int k = (axis + i) % 3;
-        shafts->normal[k][plane] = 1;
-        shafts->normal[axis][plane++] = (float)((shafts->point[k] - high[k]) / way);
-        shafts->normal[k][plane] = -1;
-        shafts->normal[axis][plane++] = (float)((low[k] - shafts->point[k]) / way);
+/* Along two axes, a corner of one box is joined to that of the other where one is farther out along either axis. */
+static void spsi_shaft_build(const spsi_faces *faces, const spsi_bounds *from, const spsi_bounds *to,
+                             spsi_shaft *shaft) {
+    double room = spsi_faces_reach(faces);
+    memset(shaft, 0, sizeof *shaft);
+    shaft->to = *to;
+    for (int k = 0; k < 3; ++k) {
+        const double low = spsi_minimum(from->low[k], to->low[k]) - faces->tree.centre[k];
+        const double high = spsi_maximum(from->high[k], to->high[k]) - faces->tree.centre[k];
+        shaft->low[k] = spsi_outward(low, 0);
+        shaft->high[k] = spsi_outward(high, 1);
+        room = spsi_maximum(room, spsi_maximum(-low, high));
+    }
+    for (int n = 0; n < 12; ++n) {
+        const int axis[2] = {n % 3, (n + 1) % 3}, upper[2] = {n / 3 % 2, n / 6};
+        double out[2], normal[3] = {0, 0, 0};
+        for (int i = 0; i < 2; ++i) {
+            const int k = axis[i];
+            out[i] = upper[i] ? to->high[k] - from->high[k] : from->low[k] - to->low[k];
+        }
+        if (!(out[0] * out[1] < 0)) continue;
+        for (int i = 0; i < 2; ++i) {
+            const double steep = fabs(out[1 - i]) / (fabs(out[0]) + fabs(out[1]));
+            normal[axis[i]] = upper[i] ? steep : -steep;
+        }
+        spsi_shaft_add(faces, from, to, normal, 4e-7 * room, shaft); /* of three sums of floats, 6e-8 each */
     }
 }
 
-/* Bit mask of the shafts that a box may meet, given relative to the tree's centre. */
-static int spsi_shafts_meet_box(const spsi_shafts *shafts, const float low[3], const float high[3]) {
-    int outside = 0, met = 0;
-    for (int n = 0; n < SPSI_SHAFTS_PLANES; n += SPSI_LANES) {
+/* Whether a box may reach into a shaft, given relative to the tree's centre. */
+static int spsi_shaft_meets(const spsi_shaft *shaft, const float low[3], const float high[3]) {
+    for (int k = 0; k < 3; ++k)
+        if (low[k] > shaft->high[k] || high[k] < shaft->low[k]) return 0;
+    for (int n = 0; n < shaft->count; n += SPSI_LANES) {
         spsi_v least = spsi_set(0);
         for (int k = 0; k < 3; ++k) {
-            const spsi_v normal = spsi_load(&shafts->normal[k][n]);
-            const spsi_v a = spsi_mul(normal, spsi_set(low[k] - shafts->above[k]));
-            const spsi_v b = spsi_mul(normal, spsi_set(high[k] - shafts->below[k]));
-            least = spsi_add(least, spsi_min(a, b));
+            const spsi_v normal = spsi_load(&shaft->normal[k][n]);
+            least = spsi_add(least, spsi_min(spsi_mul(normal, spsi_set(low[k])), spsi_mul(normal, spsi_set(high[k]))));
         }
-        outside |= spsi_bits(spsi_less(spsi_load(&shafts->reach[n]), least)) << n;
+        if (spsi_bits(spsi_less(spsi_load(&shaft->reach[n]), least))) return 0;
     }
-    if (outside >> (SPSI_SHAFTS_PLANES - 1)) return 0;
-    for (int i = 0; i < shafts->count; ++i)
-        met |= !(outside >> (i * SPSI_SHAFT_PLANES) & ((1 << SPSI_SHAFT_PLANES) - 1)) << i;
-    return met;
+    return 1;
 }
 
-/* Bit mask of the shafts in which an opaque face may stop rays: those that its box meets, and whose rectangle is not on
-   the same side of its plane as the point. An adjoining face in the same plane stops none, as in spsi_face_stops. */
-static int spsi_shafts_meet_face(const spsi_shafts *shafts, const spsi_faces *faces, int number) {
+/* Whether a face may stop or filter rays from points to a shaft's second box: these are on both sides of its plane, by
+   half the room that spsi_face_stops grants to round-off. */
+static int spsi_shaft_meets_face(const spsi_shaft *shaft, const spsi_faces *faces, int number,
+                                 const double (*points)[3], int count) {
     const spsi_face *face = &faces->list[number];
     spsi_bounds bounds = spsi_nowhere;
     spsi_tree_item box;
-    double plane[3], offset[3], room, side;
-    int near_by, met = 0;
-    if (number == shafts->own || spsi_face_is_translucent(face)) return 0;
+    double plane[3], offset[3], room, near_by[2] = {0, 0}, far_off[2] = {HUGE_VAL, -HUGE_VAL};
     for (int i = 0; i < 3; ++i) spsi_bounds_add(&bounds, face->position[i]);
     spsi_tree_item_add(&box, faces->tree.centre, bounds.low, bounds.high);
-    near_by = spsi_shafts_meet_box(shafts, box.low, box.high);
-    spsi_face_plane(face, plane);
-    room = ((double)face->rounding + 16 * DBL_EPSILON * faces->extent) * spsi_reach_of(plane);
-    spsi_along(shafts->point, face->position[0], -1, offset);
-    side = spsi_dot(plane, offset);
-    if (!near_by || fabs(side) <= room) return 0;
-    for (int i = 0; i < 8 * shafts->count; ++i) {
-        const double *low = shafts->low[i / 8], *high = shafts->high[i / 8];
-        for (int k = 0; k < 3; ++k) offset[k] = (i >> k & 1 ? high : low)[k] - face->position[0][k];
-        if (spsi_dot(plane, offset) * (side > 0 ? 1 : -1) <= room) met |= 1 << i / 8;
-    }
-    return met & near_by;
-}
-
-/* Bit mask of the shafts in which there may be an opaque face. */
-static int spsi_shafts_meet(const spsi_shafts *shafts, const spsi_faces *faces) {
-    const int all = (1 << shafts->count) - 1;
-    int stack[SPSI_TREE_STACK], top = 0, seen = 0, met = 0;
-    if (faces->tree.count > 0 && shafts->count > 0) stack[top++] = 0;
-    while (top > 0 && met != all) {
-        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        if (++seen > SPSI_SHAFT_NODES) return all;
-        if (!(spsi_shafts_meet_box(shafts, node->low, node->high) & ~met)) continue;
-        for (int i = 0; i < node->count; ++i)
-            met |= spsi_shafts_meet_face(shafts, faces, faces->tree.order[node->first + i]);
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
-    }
-    return met;
-}
-
-/* --- whether any face is between a box and a light --- */
-
-#define SPSI_PASSAGE_NODES 64 /* most that are looked at: where there are more, some face is likely in the way */
-
-/* Rays from points of a box towards a light. */
-typedef struct spsi_passage {
-    spsi_ray ray;     /* from the box's centre: the box, moved along it, holds all rays */
-    double half[3];   /* of the box's extent */
-    double light[3];  /* a position, or a direction towards the light */
-    int is_direction; /* 1: a direction */
-} spsi_passage;
-
-static int spsi_passage_meets_node(const spsi_tree *tree, const spsi_passage *passage, const spsi_tree_node *node) {
-    spsi_tree_node wide = *node;
-    for (int i = 0; i < 3; ++i) {
-        wide.low[i] = spsi_outward((double)node->low[i] - passage->half[i], 0);
-        wide.high[i] = spsi_outward((double)node->high[i] + passage->half[i], 1);
-    }
-    return spsi_ray_meets_node(tree, &passage->ray, &wide);
-}
-
-/* Whether a face may stop or filter rays that begin on another: part of that one is on the far side of its plane from
-   the light, by half the room that spsi_face_stops grants to round-off. */
-static int spsi_passage_may_meet(const spsi_faces *faces, const spsi_passage *passage, int number, int own) {
-    const spsi_face *face = &faces->list[number];
-    double plane[3], offset[3], room, side, side_room, low = 0, high = 0;
+    if (!spsi_shaft_meets(shaft, box.low, box.high)) return 0;
     spsi_face_plane(face, plane);
     room = 0.5 * ((double)face->rounding + 16 * DBL_EPSILON * faces->extent) * spsi_reach_of(plane);
-    memcpy(offset, passage->light, sizeof offset);
-    if (!passage->is_direction) spsi_along(passage->light, face->position[0], -1, offset);
-    side = spsi_dot(plane, offset);
-    side_room = 1e-14 * spsi_reach_of(plane) * spsi_reach_of(offset) + (passage->is_direction ? 0 : room);
-    for (int i = 0; i < 3; ++i) {
-        spsi_along(faces->list[own].position[i], face->position[0], -1, offset);
-        low = spsi_minimum(low, spsi_dot(plane, offset));
-        high = spsi_maximum(high, spsi_dot(plane, offset));
+    for (int i = 0; i < count; ++i) {
+        spsi_along(points[i], face->position[0], -1, offset);
+        near_by[0] = spsi_minimum(near_by[0], spsi_dot(plane, offset));
+        near_by[1] = spsi_maximum(near_by[1], spsi_dot(plane, offset));
     }
-    return (side > -side_room && low < -room) || (side < side_room && high > room);
+    for (int i = 0; i < 8; ++i) {
+        double corner[3], side_room;
+        spsi_bounds_corner(&shaft->to, i, corner);
+        spsi_along(corner, face->position[0], -1, offset);
+        side_room = 1e-14 * spsi_reach_of(plane) * spsi_reach_of(offset) + room;
+        far_off[0] = spsi_minimum(far_off[0], spsi_dot(plane, offset) - side_room);
+        far_off[1] = spsi_maximum(far_off[1], spsi_dot(plane, offset) + side_room);
+    }
+    return (far_off[1] > 0 && near_by[0] < -room) || (far_off[0] < 0 && near_by[1] > room);
 }
 
-/* Whether nothing can be in the way of rays that begin in the box, on any of `count` faces. */
-static int spsi_passage_is_clear(const spsi_faces *faces, const spsi_passage *passage, const int *own, int count) {
+/* Whether nothing can be in the way of a shaft's rays, which begin anywhere on `count` faces; or on one at `start`
+   (NULL: anywhere), and then opaque faces alone are in the way. */
+static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft, const int *own, int count,
+                               const double (*start)[3]) {
     int stack[SPSI_TREE_STACK], top = 0, seen = 0;
     if (faces->tree.count > 0) stack[top++] = 0;
     while (top > 0) {
         const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        if (++seen > SPSI_PASSAGE_NODES) return 0;
-        if (!spsi_passage_meets_node(&faces->tree, passage, node)) continue;
+        if (++seen > SPSI_SHAFT_NODES) return 0;
+        if (!spsi_shaft_meets(shaft, node->low, node->high)) continue;
         for (int i = 0; i < node->count * count; ++i) {
             const int number = faces->tree.order[node->first + i / count], from = own[i % count];
-            if (number != from && spsi_passage_may_meet(faces, passage, number, from)) return 0;
+            const spsi_face *begin = &faces->list[from];
+            if (number == from || (start && spsi_face_is_translucent(&faces->list[number]))) continue;
+            if (spsi_shaft_meets_face(shaft, faces, number, start ? start : begin->position, start ? 1 : 3)) return 0;
         }
         if (node->count > 0) continue;
         stack[top++] = node->first;
@@ -20819,28 +20776,33 @@ typedef struct spsi_cell_sight {
     int face;
 } spsi_cell_sight;
 
-/* Bit mask of the sides of the grid that a surface is before, with polygons that may be between. */
+/* Bit mask of the sides of the grid that a surface is before, with polygons that may be between. What is above the
+   surface by the round-off of floats only is not, or the triangles of a flat floor would be between. */
 static int spsi_cell_sight_near(const spsi_cell_sight *sight) {
     const spsi_cell_grid *grid = sight->grid;
-    const double *point = sight->surface->point;
-    int sides[SPSI_SHAFTS], met, near_sides = 0;
-    spsi_shafts shafts;
-    spsi_shafts_begin(sight->faces, sight->face, sight->surface->start, sight->normal, &shafts);
+    const double *point = sight->surface->point, *start = sight->surface->start;
+    double below[3], offset[3], farthest = 0;
+    spsi_bounds from;
+    int near_sides = 0;
+    memcpy(from.low, start, sizeof from.low), memcpy(from.high, start, sizeof from.high);
+    spsi_along(start, sight->faces->tree.centre, -1, offset);
+    for (int k = 0; k < 3; ++k) below[k] = -sight->normal[k], farthest = fmax(farthest, fabs(offset[k]));
     for (int axis = 0; axis < 3; ++axis) {
         const double extent = grid->edge * grid->size[axis], at = point[axis] - grid->corner[axis];
         const int upper = at > extent;
-        double low[3], high[3];
+        spsi_bounds to;
+        spsi_shaft shaft;
         if (at >= 0 && !upper) continue;
         for (int k = 0; k < 3; ++k) {
-            low[k] = grid->corner[k];
-            high[k] = low[k] + grid->edge * grid->size[k];
+            to.low[k] = grid->corner[k];
+            to.high[k] = to.low[k] + grid->edge * grid->size[k];
         }
-        low[axis] = high[axis] = low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
-        sides[shafts.count] = 2 * axis + upper;
-        spsi_shafts_add(&shafts, axis, low, high);
+        to.low[axis] = to.high[axis] = to.low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
+        spsi_shaft_build(sight->faces, &from, &to, &shaft);
+        spsi_shaft_add(sight->faces, &from, &from, below, -9e-7 * farthest * spsi_reach_of(below), &shaft);
+        if (!spsi_shaft_is_clear(sight->faces, &shaft, &sight->face, 1, (const double(*)[3])start))
+            near_sides |= 1 << (2 * axis + upper);
     }
-    met = spsi_shafts_meet(&shafts, sight->faces);
-    for (int i = 0; i < shafts.count; ++i) near_sides |= (met >> i & 1) << sides[i];
     return near_sides;
 }
 
@@ -22988,32 +22950,31 @@ static int spsi_sight_faces(const spsi_sight_job *job, const spsi_sight_view *vi
     return lit == 3 ? 1 : dark == 3 ? 0 : -1;
 }
 
-/* The rays from all that a tile shows towards a point of the light. */
-static void spsi_sight_passage(const spsi_sight_job *job, const spsi_sight_view *view, const spsi_lamp *point,
-                               spsi_passage *passage) {
+/* The shaft from all that a tile shows to a point of the light, or as far towards it as there are polygons. */
+static void spsi_sight_shaft(const spsi_sight_job *job, const spsi_sight_view *view, const spsi_lamp *point,
+                             spsi_shaft *shaft) {
     const spsi_rays *eye = &job->frame->content->eye;
     const double room = 1e-6 * fmax(fabs((double)view->low), fabs((double)view->high));
-    spsi_bounds box = spsi_nowhere;
+    spsi_bounds from = spsi_nowhere, to;
     for (int i = 0; i < 8; ++i) {
         const double t = (i & 4 ? (double)view->high + room : (double)view->low - room) + eye->depth_reference;
         double corner[3];
         spsi_ray_point(eye, i & 1 ? view->x1 : view->x0, i & 2 ? view->y1 : view->y0, t, corner);
-        spsi_bounds_add(&box, corner);
+        spsi_bounds_add(&from, corner);
     }
-    spsi_bounds_centre(&box, passage->ray.origin);
-    spsi_toward_lamp(point, passage->ray.origin, passage->ray.direction);
-    passage->ray.low = 0;
-    passage->ray.high = point->is_point ? 1 : HUGE_VAL;
-    passage->is_direction = !point->is_point;
-    memcpy(passage->light, point->is_point ? point->position : passage->ray.direction, sizeof passage->light);
-    for (int i = 0; i < 3; ++i) passage->half[i] = 0.501 * (box.high[i] - box.low[i]) + 1e-12 * job->faces->extent;
+    for (int k = 0; k < 3; ++k) {
+        const double way = -4 * spsi_faces_reach(job->faces) * point->direction[k];
+        to.low[k] = point->is_point ? point->position[k] : from.low[k] + way;
+        to.high[k] = point->is_point ? point->position[k] : from.high[k] + way;
+    }
+    spsi_shaft_build(job->faces, &from, &to, shaft);
 }
 
 /* Whether no polygon can shade what a tile shows from a point of the light. Counts the point for faces that it is
    on the eye's side of. */
 static int spsi_sight_is_clear(const spsi_sight_job *job, const spsi_lamp *point, spsi_sight_view *view) {
     int lit[SPSI_SIGHT_FACES], count = 0;
-    spsi_passage passage;
+    spsi_shaft shaft;
     for (int i = 0; i < view->count; ++i) {
         const int faces = spsi_sight_faces(job, view, &job->faces->list[view->face[i]], point);
         if (faces < 0) return 0;
@@ -23021,8 +22982,8 @@ static int spsi_sight_is_clear(const spsi_sight_job *job, const spsi_lamp *point
         if (faces) lit[count++] = view->face[i];
     }
     if (count == 0) return 1;
-    spsi_sight_passage(job, view, point, &passage);
-    return spsi_passage_is_clear(job->faces, &passage, lit, count);
+    spsi_sight_shaft(job, view, point, &shaft);
+    return spsi_shaft_is_clear(job->faces, &shaft, lit, count, NULL);
 }
 
 /* Finds what is lit of a tile without tracing any ray, where it shows a few flat polygons, and none can be in the way

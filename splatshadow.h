@@ -18980,23 +18980,29 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
+/* Bilinear lookup in grids as large as planes that follow each other, each lane in the one of its number: mostly all in
+   the same. */
+static spsi_v spsi_planes_find(const spsi_planes *planes, const float *grids, spsi_v number, const spsi_v q[2]) {
+    const size_t texels = (size_t)planes->width * (size_t)planes->height;
+    spsi_v found = spsi_set(0);
+    float lanes[SPSI_LANES];
+    spsi_store(lanes, number);
+    for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
+        const float *values = grids + (size_t)lanes[lane] * texels;
+        const spsi_m here = spsi_less(spsi_abs(spsi_sub(number, spsi_set(lanes[lane]))), spsi_set(0.5f));
+        if (done >> lane & 1) continue;
+        found = spsi_select(here, spsi_bilinear(values, planes->width, planes->height, q[0], q[1]), found);
+        done |= spsi_bits(here);
+    }
+    return found;
+}
+
 /* What polygons hide of a penumbra at such points, given the number of their layer. */
 static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], spsi_v layer) {
-    const spsi_planes *planes = &sliced->planes;
-    const size_t texels = spsi_ray_count(sliced->target.rays);
     const spsi_v k = spsi_floor(spsi_clamp(layer, spsi_set(0), spsi_set(SPSI_PARTS * SPSI_CHUNK - 1)));
-    spsi_v q[2], hidden = spsi_set(0);
-    float number[SPSI_LANES];
+    spsi_v q[2];
     spsi_sliced_project(sliced, at, q);
-    spsi_store(number, k);
-    for (int lane = 0, found = 0; lane < SPSI_LANES; ++lane) {
-        const float *values = sliced->penumbra.hidden + (size_t)number[lane] * texels;
-        const spsi_m here = spsi_less(spsi_abs(spsi_sub(k, spsi_set(number[lane]))), spsi_set(0.5f));
-        if (found >> lane & 1) continue;
-        hidden = spsi_select(here, spsi_bilinear(values, planes->width, planes->height, q[0], q[1]), hidden);
-        found |= spsi_bits(here);
-    }
-    return hidden;
+    return spsi_planes_find(&sliced->planes, sliced->penumbra.hidden, k, q);
 }
 
 /* Indices of the texels in which such points lie, or of some nearby where floats cannot tell. */
@@ -19011,22 +19017,11 @@ static inline void spsi_sliced_texels(const spsi_sliced *sliced, const spsi_v at
 
 /* Optical depth at places of a slab coordinate within the chunk, linear between the planes. Mostly all lie in one slab;
    where the eye sees no gas, polygons of a whole chunk are shaded at once, and slabs take their turns. */
-static spsi_v spsi_planes_lookup(const spsi_planes *planes, spsi_v x, spsi_v y, spsi_v slab) {
-    const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1)), beyond = spsi_sub(slab, k);
-    spsi_v depth = spsi_set(0);
-    float number[SPSI_LANES];
-    spsi_store(number, k);
-    for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
-        const int plane = (int)number[lane];
-        const spsi_m here = spsi_less(spsi_abs(spsi_sub(k, spsi_set(number[lane]))), spsi_set(0.5f));
-        spsi_v before, after;
-        if (done >> lane & 1) continue;
-        before = spsi_bilinear(planes->depth[plane], planes->width, planes->height, x, y);
-        after = spsi_bilinear(planes->depth[plane + 1], planes->width, planes->height, x, y);
-        depth = spsi_select(here, spsi_mix(before, after, beyond), depth);
-        done |= spsi_bits(here);
-    }
-    return depth;
+static spsi_v spsi_planes_lookup(const spsi_planes *planes, const spsi_v q[2], spsi_v slab) {
+    const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1));
+    const spsi_v before = spsi_planes_find(planes, planes->depth[0], k, q);
+    const spsi_v after = spsi_planes_find(planes, planes->depth[0], spsi_add(k, spsi_set(1)), q);
+    return spsi_mix(before, after, spsi_sub(slab, k));
 }
 
 /* Optical depth between the lamp and a vector of points on polygons. What is behind the lamp has none. */
@@ -19038,6 +19033,7 @@ static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, cons
     const int parallel = !rays->perspective;
     double q[4][SPSI_LANES]; /* column, row, whether it is in front of the lamp, and slab */
     float at[4][SPSI_LANES];
+    spsi_v texel[2];
     for (int i = 0; i < 4; ++i) {
         const double *row = i < 3 ? rays->inverse[i] : slabs->normal, *from = i < 3 ? rays->origin : zero;
         for (int n = 0; n < SPSI_LANES; ++n)
@@ -19053,8 +19049,8 @@ static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, cons
     }
     for (int i = 0; i < 4; ++i)
         for (int n = 0; n < SPSI_LANES; ++n) at[i][n] = (float)q[i][n];
-    spsi_store(depths, spsi_mul(spsi_load(at[2]), spsi_planes_lookup(&sliced->planes, spsi_load(at[0]),
-                                                                     spsi_load(at[1]), spsi_load(at[3]))));
+    texel[0] = spsi_load(at[0]), texel[1] = spsi_load(at[1]);
+    spsi_store(depths, spsi_mul(spsi_load(at[2]), spsi_planes_lookup(&sliced->planes, texel, spsi_load(at[3]))));
 }
 
 /* One of the points. */

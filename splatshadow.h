@@ -779,7 +779,8 @@ typedef enum sps_filling {
        tests/test_filling.c), less at high quality, and more where voxels are smaller than pixels: footprints blur them
        more than rays do. memory_limit is not looked at: where bricks do not fit, ask for SPLAT. */
     SPS_FILLING_AUTO = 0,
-    SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
+    /* Voxel by voxel: cost is proportional to the number of relevant voxels. Surfaces' normals need GATHER's memory. */
+    SPS_FILLING_SPLAT,
     /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3
        per voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per
        slab. Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where a gas's voxels
@@ -936,7 +937,7 @@ typedef enum sps_pass {
     SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map or a table; counts
                                 tables that turn out to be held */
     SPS_PASS_PENUMBRAE,      /* follows the points of lights with an extent through the sheets */
-    SPS_PASS_GRADIENT,       /* central differences across sheets */
+    SPS_PASS_GRADIENT,       /* gradients of what is shaded as a surface, from its voxels */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
     SPS_PASS_FORWARD,        /* tabulates, for each gas, what is scattered forward any number of times */
     SPS_PASS_SPREADING,      /* convolves light from sheet to sheet, per light */
@@ -2173,7 +2174,7 @@ struct sps_context {
     uint64_t gathered; /* fingerprint of the volumes whose voxels are held; 0: none */
     int brick_count;
     int bricks_printed; /* 1: their fingerprints are held too */
-    int field_taps;     /* of the fields that are held with them; 0: none are */
+    int fields_held;    /* with them: spsi_fields_wanted */
     uint64_t voxel_count;
     uint64_t faces_held; /* fingerprint of the meshes whose triangles are held; 0: none, >>polygons */
     int face_count;
@@ -2572,18 +2573,6 @@ static inline spsi_v spsi_kernel_share(spsi_v v) {
     p = spsi_fma(p, x2, spsi_set(-3.6912726f));
     p = spsi_fma(p, x2, spsi_set(1.53173222f));
     return spsi_fma(p, x, spsi_set(0.5f));
-}
-
-/* The derivative of spsi_kernel_share. */
-static inline spsi_v spsi_kernel_slope(spsi_v v) {
-    const spsi_v x = spsi_clamp(v, spsi_set(-1), spsi_set(1)), x2 = spsi_mul(x, x);
-    spsi_v p = spsi_set(13 * 0.915625417f);
-    p = spsi_fma(p, x2, spsi_set(11 * -4.38040258f));
-    p = spsi_fma(p, x2, spsi_set(9 * 8.9310312f));
-    p = spsi_fma(p, x2, spsi_set(7 * -10.2611645f));
-    p = spsi_fma(p, x2, spsi_set(5 * 7.45445085f));
-    p = spsi_fma(p, x2, spsi_set(3 * -3.6912726f));
-    return spsi_fma(p, x2, spsi_set(1.53173222f));
 }
 
 /* The mean of exp(-x) for x between a and b (in any order): exp(-min) (1 - exp(-d)) / d, d = |a - b|; exp(-a) at d = 0.
@@ -4524,13 +4513,6 @@ typedef struct spsi_lamps {
     int image_count;  /* number of lamps that throw an image */
 } spsi_lamps;
 
-/* Gradients of volumes that are shaded as surfaces. Fields have their own. */
-typedef struct spsi_gradients {
-    int exist;    /* 1: some volume has such gradients */
-    int reach;    /* pixels to either side of a difference: 1, or 2 if voxels are less than 4 pixels wide */
-    int splatted; /* 1: gradients have sheets of their own, as neighbouring pixels are too far apart */
-} spsi_gradients;
-
 /* Light from everywhere. */
 typedef struct spsi_ambient {
     float radiance[3];
@@ -4675,7 +4657,7 @@ typedef struct spsi_frame {
     spsi_ambient ambient;
     spsi_background background;
     int replace_invalid; /* 1: invalid values become 0 instead of an error */
-    spsi_gradients gradients;
+    int has_gradients; /* 1: some volume is shaded as a surface; its field has the gradients */
     int channels;    /* channels of radiance: 1 if every color is grey, otherwise 3 */
     int wants_depth; /* 1: the image has depths */
 } spsi_frame;
@@ -5812,7 +5794,7 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         frame->matter.extinguishes |= material->extinguishes;
-        frame->gradients.exist |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
+        frame->has_gradients |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
     }
     for (int i = 0; i < count; ++i)
         if (!spsi_black(scene->lights[i].color))
@@ -5827,52 +5809,9 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
         lamps->whole_count += 1;
     }
     spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
-    if (lamps->count == 0) frame->gradients.exist = 0;
+    if (lamps->count == 0) frame->has_gradients = 0;
     if (spsi_resolve_planes(context, frame)) return context->result;
     return spsi_resolve_points(context, frame);
-}
-
-/* The breadth of a voxel's kernel in pixels, at the middle of the volumes' depth range. Sets *near_by if the eye is so
-   close that kernels may be integrated along each pixel's own ray. */
-static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medium, int *near_by) {
-    const spsi_rays *eye = &frame->eye;
-    double across[2][3], forward[3], low = HUGE_VAL, high = 0, q[3];
-    const double pixel = sqrt(spsi_length(eye->a) * spsi_length(eye->b));
-    memcpy(forward, eye->inverse[2], sizeof forward);
-    spsi_normalise(forward);
-    spsi_basis(forward, across[0], across[1]);
-    *near_by = 0;
-    if (!eye->perspective) return spsi_voxel_breadth(medium->lattice, across[0], across[1]) / pixel;
-    for (int corner = 0; corner < 8; ++corner) {
-        double point[3];
-        spsi_bounds_corner(&frame->volume_bounds, corner, point);
-        spsi_along(point, eye->origin, -1, point);
-        spsi_to_rays(eye, point, q);
-        low = fmin(low, q[2]);
-        high = fmax(high, q[2]);
-    }
-    *near_by = low < SPSI_NEAR_REACHES * frame->accuracy.cut * SPSI_SIGMA *
-                         spsi_voxel_extent(medium->lattice, eye->inverse[2]);
-    return spsi_voxel_breadth(medium->lattice, across[0], across[1]) /
-           (pixel * fmax(0.5 * (fmax(low, 0) + high), DBL_MIN));
-}
-
-/* Chooses how gradients of what is splatted are computed. Differences over two pixels fall short of a sharp edge by up
-   to a sixth of (pixels / 0.65 voxels)^2, and normals lean towards the slabs' normal; over four pixels, which costs a
-   tenth of a frame's time, they are right to 1 % down to one pixel per voxel. Below that they need sheets of their own,
-   with three times as much splatting. */
-static void spsi_resolve_gradients(spsi_frame *frame) {
-    double pixels = HUGE_VAL;
-    int near_by = 0;
-    for (int i = 0; i < frame->medium_count && frame->gradients.exist; ++i) {
-        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-        int here;
-        if (!material->table || material->shading != SPS_SHADING_SURFACE) continue;
-        pixels = fmin(pixels, spsi_voxel_pixels(frame, &frame->media[i], &here));
-        near_by |= here;
-    }
-    frame->gradients.reach = frame->gradients.exist ? 1 + (pixels < 4) : 0;
-    frame->gradients.splatted = pixels < 0.9 && !near_by;
 }
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
@@ -5936,7 +5875,6 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
         return NULL;
     if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lamps(context, frame, scene)) return NULL;
-    if (view) spsi_resolve_gradients(frame);
     spsi_resolve_scene(frame, scene);
     memset(content, 0, sizeof *content);
     content->bounds = content->outer = frame->volume_bounds;
@@ -6508,7 +6446,7 @@ static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
         int current = -1;
         context->gathered = 0;
         context->bricks_printed = 0;
-        context->field_taps = 0;
+        context->fields_held = 0;
         context->brick_count = 0;
         context->voxel_count = 0;
         for (int i = 0; i < frame->medium_count; ++i)
@@ -9010,163 +8948,129 @@ static int spsi_faces_near(const spsi_faces *faces, const double centre[3], cons
     return 0;
 }
 
-/* --- whether anything is between a point and rectangles --- */
+/* --- whether anything is between two boxes --- */
 
-#define SPSI_SHAFTS        3   /* from a point to the sides of a box that it sees */
-#define SPSI_SHAFT_PLANES  5   /* of each: four through the point, one through the rectangle */
-#define SPSI_SHAFT_NODES   256 /* most that are looked at: more cost as much as rays */
-#define SPSI_SHAFTS_PLANES 16  /* of all: the last is the plane that the point is on */
+#define SPSI_SHAFT_PLANES 16  /* up to 12 through edges of both boxes, and that of a surface */
+#define SPSI_SHAFT_NODES  256 /* most that are looked at: more cost as much as rays */
 
-/* Shafts from a point on a face to rectangles, each across an axis [Haines and Wallace 1991], as far as they are above
-   the face. A box is outside a shaft if it is outside one of its planes: normal . (box - point) > reach. */
-typedef struct spsi_shafts {
-    double point[3], low[SPSI_SHAFTS][3], high[SPSI_SHAFTS][3]; /* rectangles: along their axis both are the same */
-    int own, count;                                             /* own: the face; count: of shafts */
-    float normal[3][SPSI_SHAFTS_PLANES], reach[SPSI_SHAFTS_PLANES];
-    float above[3], below[3]; /* the point relative to the tree's centre, plus and minus room for round-off */
-} spsi_shafts;
+/* What lies between two boxes [Haines and Wallace 1991]: in the box about both, where normal . x <= reach, relative to
+   the centre of the tree of faces. */
+typedef struct spsi_shaft {
+    spsi_bounds to;        /* the second box, in the world */
+    float low[3], high[3]; /* about both */
+    int count;             /* of planes */
+    float normal[3][SPSI_SHAFT_PLANES], reach[SPSI_SHAFT_PLANES];
+} spsi_shaft;
 
-/* Begins with no shaft. What is above the face by the round-off of floats only is not above it, or the triangles of a
-   flat floor would be above each other. `normal` is a unit vector. */
-static void spsi_shafts_begin(const spsi_faces *faces, int own, const double point[3], const double normal[3],
-                              spsi_shafts *shafts) {
-    double offset[3], room = 0, sum = 0;
-    memset(shafts, 0, sizeof *shafts);
-    memcpy(shafts->point, point, sizeof shafts->point);
-    shafts->own = own;
-    spsi_along(point, faces->tree.centre, -1, offset);
-    for (int k = 0; k < 3; ++k) room = fabs(offset[k]) > room ? fabs(offset[k]) : room;
-    room *= 3e-7;
+/* How far faces reach from the centre of their tree, along any axis. */
+static double spsi_faces_reach(const spsi_faces *faces) {
+    float most = 0;
+    for (int k = 0; k < 3 && faces->tree.count > 0; ++k)
+        most = spsi_higher(most, spsi_higher(-faces->tree.nodes[0].low[k], faces->tree.nodes[0].high[k]));
+    return (double)most;
+}
+
+/* Adds a plane that leaves two boxes inside, and `room` beyond them. */
+static void spsi_shaft_add(const spsi_faces *faces, const spsi_bounds *a, const spsi_bounds *b, const double normal[3],
+                           double room, spsi_shaft *shaft) {
+    double reach[2] = {0, 0};
     for (int k = 0; k < 3; ++k) {
-        shafts->above[k] = (float)(offset[k] + room);
-        shafts->below[k] = (float)(offset[k] - room);
-        shafts->normal[k][SPSI_SHAFTS_PLANES - 1] = (float)-normal[k];
-        sum += fabs(normal[k]);
+        const float along = (float)normal[k];
+        reach[0] += (double)along * ((along < 0 ? a->low[k] : a->high[k]) - faces->tree.centre[k]);
+        reach[1] += (double)along * ((along < 0 ? b->low[k] : b->high[k]) - faces->tree.centre[k]);
+        shaft->normal[k][shaft->count] = along;
     }
-    shafts->reach[SPSI_SHAFTS_PLANES - 1] = (float)(-3 * room * sum);
+    shaft->reach[shaft->count++] = (float)(fmax(reach[0], reach[1]) + room);
 }
 
-/* Adds the shaft to a rectangle across an axis, which the point is not in the plane of. */
-static void spsi_shafts_add(spsi_shafts *shafts, int axis, const double low[3], const double high[3]) {
-    const double way = low[axis] - shafts->point[axis];
-    int plane = shafts->count * SPSI_SHAFT_PLANES;
-    memcpy(shafts->low[shafts->count], low, 3 * sizeof *low);
-    memcpy(shafts->high[shafts->count++], high, 3 * sizeof *high);
-    shafts->normal[axis][plane] = way < 0 ? -1.0f : 1.0f;
-    shafts->reach[plane++] = (float)fabs(way);
-    for (int i = 1; i < 3; ++i) {
-        const int k = (axis + i) % 3;
-        shafts->normal[k][plane] = 1;
-        shafts->normal[axis][plane++] = (float)((shafts->point[k] - high[k]) / way);
-        shafts->normal[k][plane] = -1;
-        shafts->normal[axis][plane++] = (float)((low[k] - shafts->point[k]) / way);
+/* Along two axes, a corner of one box is joined to that of the other where one is farther out along either axis. */
+static void spsi_shaft_build(const spsi_faces *faces, const spsi_bounds *from, const spsi_bounds *to,
+                             spsi_shaft *shaft) {
+    double room = spsi_faces_reach(faces);
+    memset(shaft, 0, sizeof *shaft);
+    shaft->to = *to;
+    for (int k = 0; k < 3; ++k) {
+        const double low = spsi_minimum(from->low[k], to->low[k]) - faces->tree.centre[k];
+        const double high = spsi_maximum(from->high[k], to->high[k]) - faces->tree.centre[k];
+        shaft->low[k] = spsi_outward(low, 0);
+        shaft->high[k] = spsi_outward(high, 1);
+        room = spsi_maximum(room, spsi_maximum(-low, high));
+    }
+    for (int n = 0; n < 12; ++n) {
+        const int axis[2] = {n % 3, (n + 1) % 3}, upper[2] = {n / 3 % 2, n / 6};
+        double out[2], normal[3] = {0, 0, 0};
+        for (int i = 0; i < 2; ++i) {
+            const int k = axis[i];
+            out[i] = upper[i] ? to->high[k] - from->high[k] : from->low[k] - to->low[k];
+        }
+        if (!(out[0] * out[1] < 0)) continue;
+        for (int i = 0; i < 2; ++i) {
+            const double steep = fabs(out[1 - i]) / (fabs(out[0]) + fabs(out[1]));
+            normal[axis[i]] = upper[i] ? steep : -steep;
+        }
+        spsi_shaft_add(faces, from, to, normal, 4e-7 * room, shaft); /* of three sums of floats, 6e-8 each */
     }
 }
 
-/* Bit mask of the shafts that a box may meet, given relative to the tree's centre. */
-static int spsi_shafts_meet_box(const spsi_shafts *shafts, const float low[3], const float high[3]) {
-    int outside = 0, met = 0;
-    for (int n = 0; n < SPSI_SHAFTS_PLANES; n += SPSI_LANES) {
+/* Whether a box may reach into a shaft, given relative to the tree's centre. */
+static int spsi_shaft_meets(const spsi_shaft *shaft, const float low[3], const float high[3]) {
+    for (int k = 0; k < 3; ++k)
+        if (low[k] > shaft->high[k] || high[k] < shaft->low[k]) return 0;
+    for (int n = 0; n < shaft->count; n += SPSI_LANES) {
         spsi_v least = spsi_set(0);
         for (int k = 0; k < 3; ++k) {
-            const spsi_v normal = spsi_load(&shafts->normal[k][n]);
-            const spsi_v a = spsi_mul(normal, spsi_set(low[k] - shafts->above[k]));
-            const spsi_v b = spsi_mul(normal, spsi_set(high[k] - shafts->below[k]));
-            least = spsi_add(least, spsi_min(a, b));
+            const spsi_v normal = spsi_load(&shaft->normal[k][n]);
+            least = spsi_add(least, spsi_min(spsi_mul(normal, spsi_set(low[k])), spsi_mul(normal, spsi_set(high[k]))));
         }
-        outside |= spsi_bits(spsi_less(spsi_load(&shafts->reach[n]), least)) << n;
+        if (spsi_bits(spsi_less(spsi_load(&shaft->reach[n]), least))) return 0;
     }
-    if (outside >> (SPSI_SHAFTS_PLANES - 1)) return 0;
-    for (int i = 0; i < shafts->count; ++i)
-        met |= !(outside >> (i * SPSI_SHAFT_PLANES) & ((1 << SPSI_SHAFT_PLANES) - 1)) << i;
-    return met;
+    return 1;
 }
 
-/* Bit mask of the shafts in which an opaque face may stop rays: those that its box meets, and whose rectangle is not on
-   the same side of its plane as the point. An adjoining face in the same plane stops none, as in spsi_face_stops. */
-static int spsi_shafts_meet_face(const spsi_shafts *shafts, const spsi_faces *faces, int number) {
+/* Whether a face may stop or filter rays from points to a shaft's second box: these are on both sides of its plane, by
+   half the room that spsi_face_stops grants to round-off. */
+static int spsi_shaft_meets_face(const spsi_shaft *shaft, const spsi_faces *faces, int number,
+                                 const double (*points)[3], int count) {
     const spsi_face *face = &faces->list[number];
     spsi_bounds bounds = spsi_nowhere;
     spsi_tree_item box;
-    double plane[3], offset[3], room, side;
-    int near_by, met = 0;
-    if (number == shafts->own || spsi_face_is_translucent(face)) return 0;
+    double plane[3], offset[3], room, near_by[2] = {0, 0}, far_off[2] = {HUGE_VAL, -HUGE_VAL};
     for (int i = 0; i < 3; ++i) spsi_bounds_add(&bounds, face->position[i]);
     spsi_tree_item_add(&box, faces->tree.centre, bounds.low, bounds.high);
-    near_by = spsi_shafts_meet_box(shafts, box.low, box.high);
-    spsi_face_plane(face, plane);
-    room = ((double)face->rounding + 16 * DBL_EPSILON * faces->extent) * spsi_reach_of(plane);
-    spsi_along(shafts->point, face->position[0], -1, offset);
-    side = spsi_dot(plane, offset);
-    if (!near_by || fabs(side) <= room) return 0;
-    for (int i = 0; i < 8 * shafts->count; ++i) {
-        const double *low = shafts->low[i / 8], *high = shafts->high[i / 8];
-        for (int k = 0; k < 3; ++k) offset[k] = (i >> k & 1 ? high : low)[k] - face->position[0][k];
-        if (spsi_dot(plane, offset) * (side > 0 ? 1 : -1) <= room) met |= 1 << i / 8;
-    }
-    return met & near_by;
-}
-
-/* Bit mask of the shafts in which there may be an opaque face. */
-static int spsi_shafts_meet(const spsi_shafts *shafts, const spsi_faces *faces) {
-    const int all = (1 << shafts->count) - 1;
-    int stack[SPSI_TREE_STACK], top = 0, seen = 0, met = 0;
-    if (faces->tree.count > 0 && shafts->count > 0) stack[top++] = 0;
-    while (top > 0 && met != all) {
-        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        if (++seen > SPSI_SHAFT_NODES) return all;
-        if (!(spsi_shafts_meet_box(shafts, node->low, node->high) & ~met)) continue;
-        for (int i = 0; i < node->count; ++i)
-            met |= spsi_shafts_meet_face(shafts, faces, faces->tree.order[node->first + i]);
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
-    }
-    return met;
-}
-
-/* --- whether any face is between a box and a light --- */
-
-#define SPSI_PASSAGE_NODES 64 /* most that are looked at: where there are more, some face is likely in the way */
-
-/* Rays from points of a box towards a light. */
-typedef struct spsi_passage {
-    spsi_ray ray;     /* from the box's centre: the box, moved along it, holds all rays */
-    double half[3];   /* of the box's extent */
-    double light[3];  /* a position, or a direction towards the light */
-    int is_direction; /* 1: a direction */
-} spsi_passage;
-
-/* Whether a face may stop or filter rays that begin on another: part of that one is on the far side of its plane from
-   the light, by half the room that spsi_face_stops grants to round-off. */
-static int spsi_passage_may_meet(const spsi_faces *faces, const spsi_passage *passage, int number, int own) {
-    const spsi_face *face = &faces->list[number];
-    double plane[3], offset[3], room, side, side_room, low = 0, high = 0;
+    if (!spsi_shaft_meets(shaft, box.low, box.high)) return 0;
     spsi_face_plane(face, plane);
     room = 0.5 * ((double)face->rounding + 16 * DBL_EPSILON * faces->extent) * spsi_reach_of(plane);
-    memcpy(offset, passage->light, sizeof offset);
-    if (!passage->is_direction) spsi_along(passage->light, face->position[0], -1, offset);
-    side = spsi_dot(plane, offset);
-    side_room = 1e-14 * spsi_reach_of(plane) * spsi_reach_of(offset) + (passage->is_direction ? 0 : room);
-    for (int i = 0; i < 3; ++i) {
-        spsi_along(faces->list[own].position[i], face->position[0], -1, offset);
-        low = spsi_minimum(low, spsi_dot(plane, offset));
-        high = spsi_maximum(high, spsi_dot(plane, offset));
+    for (int i = 0; i < count; ++i) {
+        spsi_along(points[i], face->position[0], -1, offset);
+        near_by[0] = spsi_minimum(near_by[0], spsi_dot(plane, offset));
+        near_by[1] = spsi_maximum(near_by[1], spsi_dot(plane, offset));
     }
-    return (side > -side_room && low < -room) || (side < side_room && high > room);
+    for (int i = 0; i < 8; ++i) {
+        double corner[3], side_room;
+        spsi_bounds_corner(&shaft->to, i, corner);
+        spsi_along(corner, face->position[0], -1, offset);
+        side_room = 1e-14 * spsi_reach_of(plane) * spsi_reach_of(offset) + room;
+        far_off[0] = spsi_minimum(far_off[0], spsi_dot(plane, offset) - side_room);
+        far_off[1] = spsi_maximum(far_off[1], spsi_dot(plane, offset) + side_room);
+    }
+    return (far_off[1] > 0 && near_by[0] < -room) || (far_off[0] < 0 && near_by[1] > room);
 }
 
-/* Whether nothing can be in the way of rays that begin in the box, on any of `count` faces. */
-static int spsi_passage_is_clear(const spsi_faces *faces, const spsi_passage *passage, const int *own, int count) {
+/* Whether nothing can be in the way of a shaft's rays, which begin anywhere on `count` faces; or on one at `start`
+   (NULL: anywhere), and then opaque faces alone are in the way. */
+static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft, const int *own, int count,
+                               const double (*start)[3]) {
     int stack[SPSI_TREE_STACK], top = 0, seen = 0;
     if (faces->tree.count > 0) stack[top++] = 0;
     while (top > 0) {
         const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        if (++seen > SPSI_PASSAGE_NODES) return 0;
-        if (!spsi_ray_meets_node(&faces->tree, &passage->ray, passage->half, node)) continue;
+        if (++seen > SPSI_SHAFT_NODES) return 0;
+        if (!spsi_shaft_meets(shaft, node->low, node->high)) continue;
         for (int i = 0; i < node->count * count; ++i) {
             const int number = faces->tree.order[node->first + i / count], from = own[i % count];
-            if (number != from && spsi_passage_may_meet(faces, passage, number, from)) return 0;
+            const spsi_face *begin = &faces->list[from];
+            if (number == from || (start && spsi_face_is_translucent(&faces->list[number]))) continue;
+            if (spsi_shaft_meets_face(shaft, faces, number, start ? start : begin->position, start ? 1 : 3)) return 0;
         }
         if (node->count > 0) continue;
         stack[top++] = node->first;
@@ -9811,7 +9715,6 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_lamp *lamp, c
    have 1.5 times the texels of one. */
 
 #define SPSI_CELL      16 /* texels along a side of a depth map's cell */
-#define SPSI_CELLS_FAR 8  /* cells to either side that a long way may reach */
 #define SPSI_STEEP 1024 /* maximum rise of a depth map's planes from texel to texel, in texels */
 
 /* For each texel, the plane of the polygon nearest to the light, which is evaluated on the gas's own ray. So a plane
@@ -9821,8 +9724,7 @@ typedef struct spsi_depth_map {
     spsi_rays rays[SPSI_CUBE_FACES];
     float *depths[SPSI_CUBE_FACES];    /* at texel centres, t - depth_reference; infinity: no polygon */
     float *slopes[SPSI_CUBE_FACES][2]; /* rise of the plane from texel to texel along x and y */
-    float *nearest[SPSI_CUBE_FACES];   /* per cell: minimum depth in it and the cells around it; then in it and those up
-                                          to SPSI_CELLS_FAR away */
+    float *nearest[SPSI_CUBE_FACES];   /* per cell: minimum depth in it and the cells around it; then in it alone */
     int cells[SPSI_CUBE_FACES];        /* per row */
     /* ray coordinates of the map along the eye's rays; t is relative to the map's depth reference */
     spsi_linear along[SPSI_CUBE_FACES][3];
@@ -9837,11 +9739,12 @@ static int spsi_depth_map_size(const spsi_frame *frame) {
 /* Number of cells on a side of a map of `size` texels. */
 static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
-static size_t spsi_depth_map_floats(const spsi_depth_map *map) {
+/* Number of floats of a depth map, or of what a map of panes has per texel and cell. */
+static size_t spsi_depth_map_floats(const spsi_depth_map *map, int has_panes) {
     size_t floats = 0;
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
-        floats += 3 * spsi_ray_count(rays);
+        floats += has_panes ? spsi_ray_count(rays) + 2 : 3 * spsi_ray_count(rays);
         floats += 2 * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
     }
     return floats;
@@ -9853,15 +9756,17 @@ static size_t spsi_depth_map_floats_most(size_t size) {
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
 }
 
-/* Lays out a depth map in memory, and returns the memory after it. */
-static float *spsi_depth_map_lay_out(spsi_depth_map *map, float *memory) {
+/* Lays out a depth map in memory, and returns the memory after it. `first`: where a map of panes lists what begins
+   where; NULL: it is none. */
+static float *spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
         const size_t texels = spsi_ray_count(rays);
         map->depths[face] = memory;
         map->slopes[face][0] = memory + texels;
         map->slopes[face][1] = memory + 2 * texels;
-        map->nearest[face] = memory + 3 * texels;
+        if (first) first[face] = (uint32_t *)(void *)memory;
+        map->nearest[face] = memory + (first ? texels + 2 : 3 * texels);
         map->cells[face] = spsi_depth_map_cells(rays->width);
         memory = map->nearest[face] + 2 * (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(rays->height);
     }
@@ -9881,11 +9786,26 @@ static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, i
 
 /* --- filling a depth map --- */
 
+/* The plane of a translucent face at a texel. */
+typedef struct spsi_pane {
+    float depth, slope[2]; /* as those of a depth map */
+    int face;
+} spsi_pane;
+
+/* All translucent faces on each texel's ray, as gas sees them between itself and a point of a light. */
+typedef struct spsi_pane_map {
+    spsi_depth_map grid;              /* without depths and slopes; `nearest` is that of the panes */
+    uint32_t *first[SPSI_CUBE_FACES]; /* per texel: its first pane */
+    spsi_pane *list[SPSI_CUBE_FACES];
+    size_t counts[SPSI_CUBE_FACES];
+} spsi_pane_map;
+
 typedef struct spsi_planes_job {
     const spsi_faces *faces;
     const spsi_depth_map *map;
-    float *alone; /* per cell: minimum depth in it alone */
     int face;
+    const spsi_pane_map *panes; /* the map is its grid; NULL: it is of opaque polygons */
+    const spsi_fragment *fragments;
 } spsi_planes_job;
 
 /* A plane as a depth map's rays meet it. With n its normal and r a texel's ray, t changes by -(n.a) / (n.r) from texel
@@ -9947,42 +9867,57 @@ static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     }
 }
 
+/* Turns the fragments of one row of texels into panes. */
+static void spsi_panes_row(const spsi_planes_job *job, int y, float *cells) {
+    const spsi_pane_map *map = job->panes;
+    const spsi_rays *rays = &map->grid.rays[job->face];
+    const uint32_t *first = map->first[job->face] + (size_t)y * (size_t)rays->width;
+    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}, 0};
+    for (int x = 0; x < rays->width; ++x)
+        for (uint32_t i = first[x]; i < first[x + 1]; ++i) {
+            const spsi_fragment *fragment = &job->fragments[i];
+            spsi_pane *pane = &map->list[job->face][i];
+            float least;
+            if (fragment->face != plane.number) spsi_map_plane_build(job->faces, fragment->face, rays, &plane);
+            least = spsi_map_plane_slopes(&plane, rays, x, y, fragment->depth, pane->slope);
+            pane->depth = fragment->depth;
+            pane->face = fragment->face;
+            cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], least);
+        }
+}
+
 /* Fills one row of cells. */
 static void spsi_planes_task(void *data, int index, int worker) {
     const spsi_planes_job *job = (const spsi_planes_job *)data;
     const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
-    float *cells = job->alone + (size_t)index * (size_t)columns;
+    float *cells = job->map->nearest[job->face] + (size_t)(spsi_depth_map_cells(height) + index) * (size_t)columns;
     (void)worker;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
     for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
-        spsi_planes_row(job, y, cells);
+        if (job->panes)
+            spsi_panes_row(job, y, cells);
+        else
+            spsi_planes_row(job, y, cells);
 }
 
-/* Replaces each of a line of cells by the minimum of it and `reach` cells on either side. */
-static void spsi_cells_spread_line(float *cells, int count, int stride, int reach) {
-    enum { MOST = SPSI_SIZE_MAX / SPSI_CELL + 1 };
-    float alone[MOST];
-    for (int i = 0; i < count; ++i) alone[i] = cells[(ptrdiff_t)i * stride];
-    for (int i = 0; i < count; ++i) {
-        float least = alone[i];
-        for (int k = spsi_most(i - reach, 0); k <= spsi_least(i + reach, count - 1); ++k)
-            least = spsi_lower(least, alone[k]);
-        cells[(ptrdiff_t)i * stride] = least;
-    }
+/* Finds the minimum depths about each of a grid's cells from those in each alone, which follow. */
+static void spsi_cells_spread(float *nearest, int columns, int rows) {
+    const float *alone = nearest + (size_t)columns * (size_t)rows;
+    for (int y = 0; y < rows; ++y)
+        for (int x = 0; x < columns; ++x) {
+            float least = SPSI_INFINITY;
+            for (int v = spsi_most(y - 1, 0); v <= spsi_least(y + 1, rows - 1); ++v)
+                for (int u = spsi_most(x - 1, 0); u <= spsi_least(x + 1, columns - 1); ++u)
+                    least = spsi_lower(least, alone[v * columns + u]);
+            nearest[y * columns + x] = least;
+        }
 }
 
-static void spsi_cells_spread(float *cells, int columns, int rows, int reach) {
-    for (int row = 0; row < rows; ++row) spsi_cells_spread_line(cells + (ptrdiff_t)row * columns, columns, 1, reach);
-    for (int column = 0; column < columns; ++column) spsi_cells_spread_line(cells + column, rows, columns, reach);
-}
-
-/* Computes the minimum depths about each cell, for short ways and in the place of `alone` for long ones, from that in
-   each alone. */
-static void spsi_depth_map_spread(const spsi_depth_map *map, int face, float *alone) {
-    const int columns = map->cells[face], rows = spsi_depth_map_cells(map->rays[face].height);
-    memcpy(map->nearest[face], alone, (size_t)columns * (size_t)rows * sizeof *alone);
-    spsi_cells_spread(map->nearest[face], columns, rows, 1);
-    spsi_cells_spread(alone, columns, rows, SPSI_CELLS_FAR);
+/* Fills a face's planes, given what the rasteriser left there, and its cells. */
+static void spsi_planes_fill(sps_context *context, spsi_planes_job *job) {
+    const int rows = spsi_depth_map_cells(job->map->rays[job->face].height);
+    spsi_parallel(context, rows, spsi_planes_task, job);
+    spsi_cells_spread(job->map->nearest[job->face], job->map->cells[job->face], rows);
 }
 
 /* Whether an opaque polygon may reach into the map: most do, so that the first one mostly tells. */
@@ -9998,15 +9933,11 @@ static int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *map
 
 /* Rasterises the polygons into a depth map, as the light sees them. */
 static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, spsi_depth_map *map) {
-    spsi_planes_job job;
-    job.faces = faces;
-    job.map = map;
-    for (job.face = 0; job.face < map->face_count; ++job.face) {
-        const spsi_rays *rays = &map->rays[job.face];
-        spsi_rasterise(context, faces, rays, NULL, map->depths[job.face], (int *)(void *)map->slopes[job.face][1]);
-        job.alone = map->nearest[job.face] + (size_t)map->cells[job.face] * (size_t)spsi_depth_map_cells(rays->height);
-        spsi_parallel(context, spsi_depth_map_cells(rays->height), spsi_planes_task, &job);
-        spsi_depth_map_spread(map, job.face, job.alone);
+    spsi_planes_job job = {faces, map, 0, NULL, NULL};
+    for (; job.face < map->face_count; ++job.face) {
+        spsi_rasterise(context, faces, &map->rays[job.face], NULL, map->depths[job.face],
+                       (int *)(void *)map->slopes[job.face][1]);
+        spsi_planes_fill(context, &job);
     }
 }
 
@@ -10100,12 +10031,9 @@ static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, s
 
 /* The lanes whose ways from d[0] to d[1] a face of a depth map may shade, as bits: one lookup of a cell, which spares
    most slabs the lookups of four texels' planes. It cannot tell of ways in *wide, whose ends do not both lie within a
-   cell of the middle's, or SPSI_CELLS_FAR of them if `far_off`, or lie before and behind the light. */
-static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, int far_off, spsi_v at, float y,
-                                          const spsi_v d[2], int *wide) {
-    const size_t cells = (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(map->rays[face].height);
-    const float *nearest = map->nearest[face] + (far_off ? cells : 0);
-    const int reach = far_off ? SPSI_CELLS_FAR : 1;
+   cell of the middle's, or lie before and behind the light. */
+static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
+                                          int *wide) {
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
@@ -10128,109 +10056,31 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, i
     for (int i = 0; i < 2; ++i) {
         const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
         clear |= (spsi_bits(spsi_less(high, zero)) | spsi_bits(spsi_less(spsi_set(size[i]), low))) & ~crossing;
-        *wide |= spsi_bits(spsi_less(spsi_set((float)(2 * reach * SPSI_CELL - 4)), spsi_sub(high, low)));
+        *wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_CELL - 4), spsi_sub(high, low)));
         cell[i] = spsi_clamp(spsi_mul(half, spsi_add(low, high)), zero, spsi_set(size[i]));
         cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_CELL)));
     }
     *wide &= ~clear;
-    return spsi_bits(spsi_less(spsi_lookup(nearest, map->cells[face], cell[0], cell[1]), deepest)) & ~clear;
+    return spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]), deepest)) & ~clear;
 }
 
 /* Whether a face of a depth map may shade any of the ways from d0 to d1. Wide ones, those of thick slabs, are looked at
-   from farther off and, if that does not clear them, in parts. */
+   in parts. */
 static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
                                            spsi_v d1) {
-    const int parts = 8;
+    const int parts = 4;
     const spsi_v step = spsi_mul(spsi_sub(d1, d0), spsi_set(1 / (float)parts)), whole[2] = {d0, d1};
-    int wide, shadable = spsi_depth_map_shadable(map, face, 0, at, y, whole, &wide);
+    int wide, shadable = spsi_depth_map_shadable(map, face, at, y, whole, &wide);
     if (!wide) return shadable != 0;
-    shadable = spsi_depth_map_shadable(map, face, 1, at, y, whole, &wide);
-    if (!(shadable | wide)) return 0;
     for (int part = 0; part < parts; ++part) {
         const spsi_v from = spsi_fma(step, spsi_set((float)part), d0), way[2] = {from, spsi_add(from, step)};
-        shadable = spsi_depth_map_shadable(map, face, 0, at, y, way, &wide);
+        shadable = spsi_depth_map_shadable(map, face, at, y, way, &wide);
         if (shadable | wide) return 1;
     }
     return 0;
 }
 
 /* --- translucent polygons --- */
-
-/* The plane of a translucent face at a texel. */
-typedef struct spsi_pane {
-    float depth, slope[2]; /* as those of a depth map */
-    int face;
-} spsi_pane;
-
-/* All translucent faces on each texel's ray, as gas sees them between itself and a point of a light. */
-typedef struct spsi_pane_map {
-    spsi_depth_map grid;              /* without depths and slopes; `nearest` is that of the panes */
-    uint32_t *first[SPSI_CUBE_FACES]; /* per texel: its first pane */
-    spsi_pane *list[SPSI_CUBE_FACES];
-    size_t counts[SPSI_CUBE_FACES];
-} spsi_pane_map;
-
-/* Bytes of what a pane map holds per texel and per cell. */
-static size_t spsi_pane_map_bytes(const spsi_pane_map *map) {
-    size_t bytes = 0;
-    for (int face = 0; face < map->grid.face_count; ++face) {
-        const spsi_rays *rays = &map->grid.rays[face];
-        bytes += (spsi_ray_count(rays) + 2) * sizeof(uint32_t);
-        bytes +=
-            2 * sizeof(float) * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
-    }
-    return bytes;
-}
-
-/* Lays out a pane map in memory, and returns the memory after it. */
-static char *spsi_pane_map_lay_out(spsi_pane_map *map, char *memory) {
-    for (int face = 0; face < map->grid.face_count; ++face) {
-        const spsi_rays *rays = &map->grid.rays[face];
-        const int columns = spsi_depth_map_cells(rays->width);
-        map->first[face] = (uint32_t *)(void *)memory;
-        map->grid.nearest[face] = (float *)(void *)(map->first[face] + spsi_ray_count(rays) + 2);
-        map->grid.cells[face] = columns;
-        memory = (char *)(map->grid.nearest[face] + 2 * (size_t)columns * (size_t)spsi_depth_map_cells(rays->height));
-    }
-    return memory;
-}
-
-typedef struct spsi_panes_job {
-    const spsi_faces *faces;
-    const spsi_fragment *fragments;
-    spsi_pane_map *map;
-    int face;
-    float *alone; /* as in spsi_planes_job */
-} spsi_panes_job;
-
-/* Turns the fragments of one row of texels into panes. */
-static void spsi_panes_row(const spsi_panes_job *job, int y, float *cells) {
-    spsi_pane_map *map = job->map;
-    const spsi_rays *rays = &map->grid.rays[job->face];
-    const uint32_t *first = map->first[job->face] + (size_t)y * (size_t)rays->width;
-    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}, 0};
-    for (int x = 0; x < rays->width; ++x)
-        for (uint32_t i = first[x]; i < first[x + 1]; ++i) {
-            const spsi_fragment *fragment = &job->fragments[i];
-            spsi_pane *pane = &map->list[job->face][i];
-            float least;
-            if (fragment->face != plane.number) spsi_map_plane_build(job->faces, fragment->face, rays, &plane);
-            least = spsi_map_plane_slopes(&plane, rays, x, y, fragment->depth, pane->slope);
-            pane->depth = fragment->depth;
-            pane->face = fragment->face;
-            cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], least);
-        }
-}
-
-/* Fills one row of cells. */
-static void spsi_panes_task(void *data, int index, int worker) {
-    const spsi_panes_job *job = (const spsi_panes_job *)data;
-    const int columns = job->map->grid.cells[job->face], height = job->map->grid.rays[job->face].height;
-    float *cells = job->alone + (size_t)index * (size_t)columns;
-    (void)worker;
-    for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
-    for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y) spsi_panes_row(job, y, cells);
-}
 
 /* The panes of one face of a map: counts them (listing 0) or lists them. */
 static void spsi_panes_raster(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
@@ -10255,16 +10105,11 @@ static void spsi_panes_raster(sps_context *context, const spsi_frame *frame, con
 /* Lists the panes of a map, whose fragments have been counted. */
 static void spsi_pane_map_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                spsi_pane_map *map) {
-    spsi_panes_job job;
-    job.faces = faces;
+    spsi_planes_job job = {faces, &map->grid, 0, map, NULL};
     job.fragments = (const spsi_fragment *)context->buffers[SPSI_BUFFER_FRAGMENTS].data;
-    job.map = map;
-    for (job.face = 0; job.face < map->grid.face_count; ++job.face) {
-        const int rows = spsi_depth_map_cells(map->grid.rays[job.face].height);
+    for (; job.face < map->grid.face_count; ++job.face) {
         spsi_panes_raster(context, frame, faces, map, job.face, 1);
-        job.alone = map->grid.nearest[job.face] + (size_t)map->grid.cells[job.face] * (size_t)rows;
-        spsi_parallel(context, rows, spsi_panes_task, &job);
-        spsi_depth_map_spread(&map->grid, job.face, job.alone);
+        spsi_planes_fill(context, &job);
     }
 }
 
@@ -10899,14 +10744,21 @@ static const char *spsi_gases(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
-/* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy. */
+/* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy; or that the light does not
+   see the gas within a cone, or cannot tell its texels apart. */
 static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
-    const double cosine = sweep->cosine_of_light;
-    char rest[SPSI_SENTENCE_SIZE];
-    SPS_SNPRINTF(rest, sizeof rest,
-                 "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
-                 "needed; move it away, or set shadow_source or no_shadow on it",
-                 spsi_gases(frame), cosine);
+    const double cosine = sweep->cosine_of_light < SPSI_COSINE_MIN ? sweep->cosine_of_light : 0;
+    char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
+    if (sweep->cosine_of_light < SPSI_COSINE_MIN)
+        SPS_SNPRINTF(rest, sizeof rest,
+                     "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
+                     "needed; move it away, or set shadow_source or no_shadow on it",
+                     spsi_gases(frame), cosine);
+    else if (sweep->lamp->is_point)
+        SPS_SNPRINTF(rest, sizeof rest,
+                     "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
+                     "middle; move it away, or set shadow_source or no_shadow on it",
+                     spsi_gases(frame));
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->lamp->index, "", cosine, rest);
 }
 
@@ -10928,18 +10780,6 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
                           : seen->field_of_view > 0 ? "camera.field_of_view"
                                                     : "camera.ortho_height",
                           frame->has_matrix ? 0 : value, rest);
-}
-
-/* Reports that a light does not see the gas within a cone, or cannot tell its texels apart. */
-static sps_result spsi_sweep_refuse_fit(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
-    const spsi_lamp *lamp = sweep->lamp;
-    char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
-    if (lamp->is_point)
-        SPS_SNPRINTF(rest, sizeof rest,
-                     "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
-                     "middle; move it away, or set shadow_source or no_shadow on it",
-                     spsi_gases(frame));
-    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0, rest);
 }
 
 /* Minimum cosine between s and a light's rays through the gas. */
@@ -11182,9 +11022,8 @@ static int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
 
 /* Why a sweep cannot be placed. */
 static sps_result spsi_sweep_refuse(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
-    if (!(sweep->cosine_of_light >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, frame, sweep);
-    if (!(sweep->cosine_of_eye >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_camera(context, frame, sweep);
-    return spsi_sweep_refuse_fit(context, frame, sweep);
+    const int by_light = !(sweep->cosine_of_light >= SPSI_COSINE_MIN) || sweep->cosine_of_eye >= SPSI_COSINE_MIN;
+    return (by_light ? spsi_sweep_refuse_light : spsi_sweep_refuse_camera)(context, frame, sweep);
 }
 
 /* The thickness that a sweep's slabs may have, whatever the size of voxels: a share of the least pixel in gas, but not
@@ -11242,8 +11081,7 @@ static void spsi_image_divide(const spsi_frame *frame) {
    where rays are not parallel across a kernel, the integral along each pixel's own ray is used instead. Sections end at
    polygons and at the near plane, and footprints are widened to a pixel by its filter. Classified volumes as the eye
    sees them are the exception: a transfer function of a mean is not the mean of a transfer function, so they are
-   sampled once per pixel, as polygons are, and from whole slabs, as profiles and gradients require. Where voxels are
-   smaller than pixels, the gradient has sheets of its own, d/dx and d/dy of each section (spsi_add_slopes; >>taps).
+   sampled once per pixel, as polygons are, and from whole slabs, as the parabolas through them require.
    Sheets hold the integral of value over t; the length of a ray per t is applied at shading. Narrow footprints, which
    would leave most of a long vector empty, have two rows in each. Cost: about 14 vector operations per vector of
    fragments and section, and 25 per row. */
@@ -11316,7 +11154,7 @@ typedef struct spsi_tile {
     float *sheets;          /* channel by channel, each slab by slab, each row by row */
     size_t sheet_size;      /* floats from one slab to the next */
     size_t channel_size;    /* floats from one channel to the next */
-    int x0, y0, x1, y1;     /* pixels covered, inclusive, with the margin */
+    int x0, y0, x1, y1;     /* pixels covered, inclusive */
     int pitch;              /* floats from one row to the next */
     int slab_count;         /* slabs of a chunk, and those of the margin before and after it */
     int clamped;            /* 1: sections may end at `limits`, or begin at the near plane */
@@ -11324,13 +11162,11 @@ typedef struct spsi_tile {
     const spsi_hit *limits; /* polygons of the whole image, by pixel; NULL: none */
     int limit_width;        /* of the image */
     int limit_height;       /* of the image */
-    float *slopes;          /* sheets of d/dx of the current channel, followed by those of d/dy; NULL: none */
     uint64_t open;          /* bit mask of patches that are not opaque yet; footprints that meet none are skipped */
-    const float *depth;     /* optical depth up to here of the pixels without the margin; NULL: unknown */
+    const float *depth;     /* optical depth up to here of the pixels; NULL: unknown */
     size_t depth_pitch;     /* floats from one row of these to the next */
     float end;              /* optical depth at which their rays end */
-    int margin;             /* pixels around the patches; they count as part of the patches at the edge */
-    float eye_slab;         /* slab coordinate of the rays' origin, for the near case and gradients */
+    float eye_slab;         /* slab coordinate of the rays' origin, for the near case */
     uint64_t visits;        /* footprints written */
     uint64_t fragments;     /* the sum of their pixels times slabs */
     uint64_t samples;       /* of fields */
@@ -11346,10 +11182,9 @@ static inline uint64_t spsi_patch_box(int x0, int y0, int x1, int y1) {
     return columns * UINT64_C(0x0101010101010101) & (~UINT64_C(0) << 8 * r0) & (~UINT64_C(0) >> 8 * (7 - r1));
 }
 
-/* Bit mask of the patches of a tile that meet a box of its pixels and the margin around it. */
+/* Bit mask of the patches of a tile that meet a box of pixels. */
 static inline uint64_t spsi_patches(const spsi_tile *tile, int x0, int y0, int x1, int y1) {
-    const int margin = tile->margin, left = tile->x0 + margin, top = tile->y0 + margin;
-    return spsi_patch_box(x0 - margin - left, y0 - margin - top, x1 + margin - left, y1 + margin - top);
+    return spsi_patch_box(x0 - tile->x0, y0 - tile->y0, x1 - tile->x0, y1 - tile->y0);
 }
 
 /* Bit mask of the patches of a tile in which some pixel's optical depth is less than `end`. */
@@ -11550,35 +11385,6 @@ static inline void spsi_add_pairs(const spsi_sections *s) {
     if (s->ends) spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(spsi_set(1), before), 2);
 }
 
-/* Derivatives along x and y of sections that are not clamped. */
-typedef struct spsi_slopes {
-    spsi_v log_weight[2]; /* of the logarithm of their weight */
-    float v[2];           /* of v */
-} spsi_slopes;
-
-/* Adds the derivatives of sections along x and y to sheets of their own: w (S(b) - S(a)) changes by w' (S(b) - S(a)) +
-   w (S'(b) b' - S'(a) a'). */
-static void spsi_add_slopes(const spsi_sections *s, const spsi_slopes *slopes, size_t channel_size, float *sheet) {
-    const spsi_v zero = spsi_set(0);
-    spsi_v v = s->v, share[2] = {zero, zero}, slope[2] = {zero, zero};
-    for (int k = -1; k < s->count; ++k, v = spsi_add(v, s->per_plane)) {
-        const int first = k < 0 && s->starts, last = k + 1 == s->count && s->ends;
-        share[1] = first || last ? spsi_set(last ? 1.0f : 0.0f) : spsi_kernel_share(v);
-        slope[1] = first || last ? zero : spsi_kernel_slope(v);
-        if (k >= 0) {
-            const spsi_v held = spsi_sub(share[1], share[0]), moved = spsi_sub(slope[1], slope[0]);
-            for (int axis = 0; axis < 2; ++axis) {
-                float *to = sheet + (size_t)axis * channel_size + (size_t)k * s->sheet_size;
-                const spsi_v change =
-                    spsi_fma(slopes->log_weight[axis], held, spsi_mul(moved, spsi_set(slopes->v[axis])));
-                spsi_store(to, spsi_fma(s->weight, change, spsi_load(to)));
-            }
-        }
-        share[0] = share[1];
-        slope[0] = slope[1];
-    }
-}
-
 /* Rows of one footprint, a vector of rows at a time: their ranges of pixels and slabs. */
 typedef struct spsi_rows {
     int x0[SPSI_LANES], x1[SPSI_LANES];        /* pixels, inclusive, clamped to the tile */
@@ -11667,7 +11473,7 @@ static inline int spsi_is_slender(float a, float b, float c) { return b * b > 0.
    exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2): the first two are per column, the last per row, so
    that no exponential is evaluated per pixel. Slender ellipses evaluate one per vector and row. */
 static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *rows, int count, int x, int y,
-                                      int clamped, int sloped) {
+                                      int clamped) {
     const spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
     const spsi_footprints *f = print->footprints;
@@ -11707,13 +11513,6 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
         sections.ends = rows->ends[r];
         sections.v = spsi_add(v_column, spsi_set(rows->v[r]));
         spsi_add_sections(&sections, SPSI_MASS_KERNEL, clamped, 1);
-        if (sloped) {
-            const float dy = rows->dy[r];
-            const spsi_slopes slopes = {
-                {spsi_fma(dx, spsi_set(2 * a), spsi_set(b * dy)), spsi_fma(dx, spsi_set(b), spsi_set(2 * c * dy))},
-                {f->slope_x[i], f->slope_y[i]}};
-            spsi_add_slopes(&sections, &slopes, tile->channel_size, tile->slopes + (sections.sheet - print->channel));
-        }
     }
 }
 
@@ -11736,7 +11535,7 @@ static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, fl
                               spsi_set(rows->v[j] - per_slab * (float)(rows->first[j] - first)));
 }
 
-/* The same for columns of half a vector, two rows at a time, neither clamped nor sloped. */
+/* The same for columns of half a vector, two rows at a time, not clamped. */
 static inline void spsi_splat_pairs(const spsi_print *print, const spsi_rows *rows, int count, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_footprints *f = print->footprints;
@@ -11788,7 +11587,7 @@ static void spsi_splat_footprint(const spsi_print *print) {
     const int clamped =
         tile->clamped && !s->whole &&
         (f->depth[i] + s->reach_depth > tile->nearest_limit || f->depth[i] - s->reach_depth < s->eye_near);
-    const int narrow = SPSI_ROWS_MOST > 1 && !clamped && !tile->slopes && x1 - x0 < SPSI_LANES / 2;
+    const int narrow = SPSI_ROWS_MOST > 1 && !clamped && x1 - x0 < SPSI_LANES / 2;
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     for (int y = y0; y <= y1; y += SPSI_LANES) {
@@ -11801,12 +11600,10 @@ static void spsi_splat_footprint(const spsi_print *print) {
             continue;
         }
         for (int x = x0; x <= x1; x += SPSI_LANES)
-            if (tile->slopes)
-                spsi_splat_columns(print, &rows, count, x, y, 0, 1);
-            else if (clamped)
-                spsi_splat_columns(print, &rows, count, x, y, 1, 0);
+            if (clamped)
+                spsi_splat_columns(print, &rows, count, x, y, 1);
             else
-                spsi_splat_columns(print, &rows, count, x, y, 0, 0);
+                spsi_splat_columns(print, &rows, count, x, y, 0);
     }
 }
 
@@ -12423,8 +12220,8 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     p.tile = tile;
     p.crossing = crossing;
     p.seen = seen;
-    p.x0 = spsi_most(ball->x0, tile->x0 + tile->margin), p.x1 = spsi_least(ball->x1, tile->x1 - tile->margin);
-    p.y0 = spsi_most(ball->y0, tile->y0 + tile->margin), p.y1 = spsi_least(ball->y1, tile->y1 - tile->margin);
+    p.x0 = spsi_most(ball->x0, tile->x0), p.x1 = spsi_least(ball->x1, tile->x1);
+    p.y0 = spsi_most(ball->y0, tile->y0), p.y1 = spsi_least(ball->y1, tile->y1);
     p.first = (int)floorf(spsi_lower(spsi_higher(low, 0), (float)(spsi_least(left, SPSI_CHUNK) - 1)));
     p.last = (int)ceilf(spsi_lower(spsi_higher(high, (float)(p.first + 1)), (float)spsi_least(left, SPSI_CHUNK)));
     p.starts = starts && p.first == 0;
@@ -13919,6 +13716,7 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
         for (int n = levels; n >= wanted && verdict == SPSI_SPLAT_SMALL; --n)
             verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, n, side * side, tapper);
     tapper->whole = splatter->whole;
+    if (frame->view.filling == SPS_FILLING_SPLAT) return SPSI_SPLAT_ASKED;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (spsi_medium_depth(frame, lattice) > SPSI_TAP_OPAQUE) return SPSI_SPLAT_OPAQUE;
     return chosen > 0 || spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
@@ -13974,9 +13772,17 @@ static void spsi_levels_choose(const spsi_frame *frame) {
 /* Number of taps along an axis: what 4 leave of a kernel is below the error of slabs at medium quality. */
 static int spsi_taps_wanted(const spsi_frame *frame) { return frame->view.quality > SPS_QUALITY_MEDIUM ? 6 : 4; }
 
-/* Maximum of the bricks in a field's grid: volumes with more are scattered too thinly, or floats cannot count them. */
-static size_t spsi_field_cells_most(size_t bricks) {
-    return bricks < (SPSI_FIELD_CELLS - 65536) / 64 ? 64 * bricks + 65536 : SPSI_FIELD_CELLS;
+/* Which fields a frame needs, to gather volumes or for the gradients of surfaces; 0: none. */
+static int spsi_fields_wanted(const spsi_frame *frame) {
+    if (frame->medium_count == 0 || (frame->view.filling == SPS_FILLING_SPLAT && !frame->has_gradients)) return 0;
+    return spsi_taps_wanted(frame) + 8 * frame->has_gradients;
+}
+
+/* Maximum of the bricks in a field's grid: floats cannot count more, or volumes without surfaces are scattered too
+   thinly. */
+static size_t spsi_field_cells_most(const spsi_frame *frame, size_t bricks) {
+    const size_t most = frame->has_gradients ? SPSI_FIELD_CELLS : 64 * bricks + 65536;
+    return bricks < (SPSI_FIELD_CELLS - 65536) / 64 ? most : SPSI_FIELD_CELLS;
 }
 
 /* Bytes of grids and of held bricks. */
@@ -14008,7 +13814,8 @@ static void spsi_field_whole(const spsi_medium *medium, spsi_voxel_field *field)
 /* Upper bound of the bytes of a volume's coarser levels. A brick of voxels is within reach of 3^3 bricks on each: those
    of the finer level and one about them are up to five in a row. A side of less than three bricks may grow to three. */
 static size_t spsi_levels_bytes(const spsi_frame *frame, int medium, size_t bricks) {
-    const size_t most = 9 * spsi_field_cells_most(bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
+    const size_t most = 9 * spsi_field_cells_most(frame, bricks);
+    const size_t each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
     spsi_voxel_field levels[2];
     size_t bytes = 0;
     spsi_field_whole(&frame->media[medium], &levels[0]);
@@ -14033,7 +13840,7 @@ static int spsi_may_interpolate(const spsi_frame *frame) {
 
 /* Upper bound of the bytes of all fields, for a number of bricks that may be read. */
 static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
-    const size_t most = spsi_field_cells_most(bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
+    const size_t most = spsi_field_cells_most(frame, bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
     size_t all = 0, bytes = sizeof(spsi_fields);
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field field;
@@ -14058,7 +13865,8 @@ static size_t spsi_fields_begin(const sps_context *context, const spsi_frame *fr
         while (first < context->brick_count && bricks[first].lattice == m) ++first;
         field->end = first;
         spsi_field_place(bricks, fields->taps, field);
-        if (spsi_field_cells(field) > spsi_field_cells_most((size_t)(field->end - field->first))) field->size[0] = 0;
+        if (spsi_field_cells(field) > spsi_field_cells_most(frame, (size_t)(field->end - field->first)))
+            field->size[0] = 0;
         all += spsi_field_cells(field);
     }
     return all;
@@ -14076,17 +13884,17 @@ static int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
     return memory;
 }
 
-/* Makes grids of the bricks of all fields, unless they are held with their voxels or everything is splatted. */
+/* Makes grids of the bricks of all fields, unless they are held with their voxels or none are needed. */
 static sps_result spsi_fields_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
     spsi_fields *fields;
     int *memory;
-    if (frame->view.filling == SPS_FILLING_SPLAT || frame->medium_count == 0) return SPS_OK;
+    if (!spsi_fields_wanted(frame)) return SPS_OK;
     fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
-    if (context->field_taps == taps) return SPS_OK;
-    context->field_taps = 0;
+    if (context->fields_held == spsi_fields_wanted(frame)) return SPS_OK;
+    context->fields_held = 0;
     fields->filled = fields->leveled = 0;
     fields->bent = 0;
     spsi_fields_weigh(fields, taps);
@@ -14100,7 +13908,7 @@ static sps_result spsi_fields_place(sps_context *context, const spsi_frame *fram
         memory = spsi_field_lay(field, memory);
         spsi_field_number((const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data, taps, field);
     }
-    context->field_taps = taps;
+    context->fields_held = spsi_fields_wanted(frame);
     return SPS_OK;
 }
 
@@ -14360,8 +14168,7 @@ typedef struct spsi_sheets {
 /* Extents of a tile's sheets. */
 typedef struct spsi_shape {
     int channels;
-    int margin;      /* pixels around a tile, for gradients that read neighbours */
-    int slab_margin; /* slabs before and after a chunk: one for profiles, one for such gradients */
+    int slab_margin; /* slabs before and after a chunk: one for the parabolas of what is classified */
 } spsi_shape;
 
 typedef struct spsi_target {
@@ -14374,8 +14181,7 @@ typedef struct spsi_target {
     int channels[SPSI_VOLUMES_MAX];          /* of each lattice; -1: it is not splatted */
     spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* whether they are gathered, by `tappers` */
     spsi_tapper tappers[SPSI_VOLUMES_MAX];
-    int slope_channels[SPSI_VOLUMES_MAX]; /* of its d/dx, followed by d/dy; -1: none */
-    int set_channels[SPSI_SETS_MAX];      /* of each set of particles */
+    int set_channels[SPSI_SETS_MAX]; /* of each set of particles */
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
     spsi_crossing crossing;
     int16_t (*brick_boxes)[4]; /* x0, y0, x1, y1 of each brick, in pixels; x1 < x0: nowhere */
@@ -14441,39 +14247,23 @@ static void spsi_contents_advance(spsi_contents *contents, int chunk) {
 
 static size_t spsi_shape_floats(const spsi_shape *shape) {
     const int slabs = SPSI_CHUNK + 2 * shape->slab_margin;
-    const size_t width = (size_t)(SPSI_TILE_WIDTH + 2 * shape->margin);
-    const size_t height = (size_t)(SPSI_TILE_HEIGHT + 2 * shape->margin);
-    return (size_t)(shape->channels * slabs) * width * height + width + 2 * SPSI_LANES; /* vectors reach beyond */
+    return (size_t)(shape->channels * slabs) * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT + SPSI_TILE_WIDTH +
+           2 * SPSI_LANES; /* vectors reach beyond */
 }
 
 /* Whether a material has gradients, which decide how much of a surface it is, and its normal. */
 static int spsi_has_gradient(const spsi_frame *frame, const spsi_material *material) {
-    return frame->gradients.exist && material->table && material->shading == SPS_SHADING_SURFACE;
+    return frame->has_gradients && material->table && material->shading == SPS_SHADING_SURFACE &&
+           frame->content->fields->list[material->medium].count > 0;
 }
 
-/* The eye's sheets have a channel for each material. Classified volumes interpolate from slab to slab. `differences`: 1
-   if gradients are differences of sheets, up to two slabs and pixels to either side; 0 if there are none, or if
-   fields have them. */
-static spsi_shape spsi_eye_shape(const spsi_frame *frame, int differences) {
+/* The eye's sheets have a channel for each material. A light's have one for all gases, and one for each classified
+   volume. These interpolate from slab to slab. */
+static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
     spsi_shape shape;
-    shape.channels = frame->matter.material_count * (differences && frame->gradients.splatted ? 3 : 1);
-    shape.margin = differences ? frame->gradients.reach : 0;
-    shape.slab_margin = frame->matter.classifies + differences;
-    return shape;
-}
-
-/* A light's sheets have a channel for all gases, and one for each classified volume. */
-static spsi_shape spsi_light_shape(const spsi_frame *frame) {
-    spsi_shape shape;
-    shape.channels = frame->matter.light_channel_count;
-    shape.margin = 0;
+    shape.channels = is_eye ? frame->matter.material_count : frame->matter.light_channel_count;
     shape.slab_margin = frame->matter.classifies;
     return shape;
-}
-
-/* The channel of the d/dx of a channel of the eye's sheets; that of the d/dy follows. */
-static int spsi_slope_channel(const spsi_frame *frame, int channel) {
-    return frame->matter.material_count + 2 * channel;
 }
 
 static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
@@ -14486,7 +14276,7 @@ static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, co
     target->rows = spsi_tile_rows(rays);
     target->tolerance = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
-        target->channels[i] = target->slope_channels[i] = -1;
+        target->channels[i] = -1;
         target->verdicts[i] = SPSI_SPLAT_ASKED;
     }
 }
@@ -14500,7 +14290,6 @@ static sps_result spsi_target_refuse(sps_context *context, const spsi_medium *me
 /* The eye as a target; `backwards`: its rays cross the slabs against their order. */
 static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      int backwards, spsi_target *target) {
-    int differences = 0;
     spsi_target_place(frame, &frame->content->eye, slabs, target);
     target->tolerance = frame->view.tolerance;
     spsi_crossing_build(&frame->content->eye, slabs, backwards, &target->crossing);
@@ -14517,11 +14306,8 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
         target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, target->rays, slabs, splatter, SPSI_TAP_PIXELS,
                                                 &target->tappers[i]);
         target->tappers[i].scale = 1;
-        if (!spsi_has_gradient(frame, material) || spsi_gathers(target->verdicts[i])) continue;
-        differences = 1;
-        if (frame->gradients.splatted) target->slope_channels[i] = spsi_slope_channel(frame, medium->channel);
     }
-    target->shape = spsi_eye_shape(frame, differences);
+    target->shape = spsi_shape_of(frame, 1);
     return SPS_OK;
 }
 
@@ -14538,7 +14324,7 @@ typedef enum spsi_light_target {
 static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                        const spsi_slabs *slabs, spsi_light_target kind, spsi_target *target) {
     spsi_target_place(frame, rays, slabs, target);
-    target->shape = spsi_light_shape(frame);
+    target->shape = spsi_shape_of(frame, 0);
     spsi_crossing_build(rays, slabs, 0, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = 0;
     for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
@@ -14614,7 +14400,7 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
                            int16_t box[4]) {
     const spsi_rays *rays = target->rays;
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
-    const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + target->shape.margin + 1;
+    const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + 1;
     const int gathers = spsi_gathers(target->verdicts[brick->lattice]);
     const double reach = gathers ? fmax(SPSI_REACH, spsi_tapper_reach(&target->tappers[brick->lattice])) : SPSI_REACH;
     double at[3], point[3], first[3], edges[3][3];
@@ -14724,7 +14510,7 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
     return SPS_OK;
 }
 
-/* Fills the volumes' fields if a target gathers any, and their levels likewise. */
+/* Fills the volumes' fields if a target gathers any, or surfaces have gradients, and their levels likewise. */
 static sps_result spsi_contents_fields(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
@@ -14732,6 +14518,7 @@ static sps_result spsi_contents_fields(const spsi_contents *contents) {
     for (int n = 0; n < contents->target_count; ++n)
         for (int i = 0; i < contents->frame->medium_count; ++i) {
             const spsi_tapper *tapper = &contents->targets[n]->tappers[i];
+            gathers |= contents->frame->has_gradients;
             if (!spsi_gathers(contents->targets[n]->verdicts[i])) continue;
             gathers = 1;
             interpolates |= spsi_target_interpolates(contents->targets[n], i);
@@ -14846,19 +14633,17 @@ static void spsi_contents_bin_particles(spsi_contents *contents) {
 /* --- a tile --- */
 
 static void spsi_tile_place(const spsi_target *target, int column, int row, int worker, spsi_tile *tile) {
-    const int margin = target->shape.margin;
     SPS_ASSERT(worker >= 0 && worker < target->sheets.worker_count); /* else two tasks would share sheets */
     memset(tile, 0, sizeof *tile);
     tile->open = ~UINT64_C(0);
     tile->nearest_limit = SPSI_INFINITY;
-    tile->x0 = column * SPSI_TILE_WIDTH - margin;
-    tile->y0 = row * SPSI_TILE_HEIGHT - margin;
-    tile->margin = margin;
-    tile->pitch = SPSI_TILE_WIDTH + 2 * margin;
-    tile->x1 = spsi_least(tile->x0 + tile->pitch, target->rays->width + margin) - 1;
-    tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT + 2 * margin, target->rays->height + margin) - 1;
+    tile->x0 = column * SPSI_TILE_WIDTH;
+    tile->y0 = row * SPSI_TILE_HEIGHT;
+    tile->pitch = SPSI_TILE_WIDTH;
+    tile->x1 = spsi_least(tile->x0 + SPSI_TILE_WIDTH, target->rays->width) - 1;
+    tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT, target->rays->height) - 1;
     tile->slab_count = SPSI_CHUNK + 2 * target->shape.slab_margin;
-    tile->sheet_size = (size_t)(tile->pitch * (SPSI_TILE_HEIGHT + 2 * margin));
+    tile->sheet_size = SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     tile->channel_size = tile->sheet_size * (size_t)tile->slab_count;
     tile->sheets = target->sheets.memory + (size_t)worker * target->sheets.floats;
 }
@@ -14896,10 +14681,8 @@ static void spsi_tile_carry(spsi_tile_fill *fill) {
 
 /* Places a patch of a tile. Returns 0 if it has no pixels. */
 static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_tap_patch *patch) {
-    const int x = tile->x0 + tile->margin + number % 8 * SPSI_PATCH;
-    const int y = tile->y0 + tile->margin + number / 8 * SPSI_PATCH;
-    const int x1 = spsi_least(tile->x1 - tile->margin, x + SPSI_PATCH - 1);
-    const int y1 = spsi_least(tile->y1 - tile->margin, y + SPSI_PATCH - 1);
+    const int x = tile->x0 + number % 8 * SPSI_PATCH, y = tile->y0 + number / 8 * SPSI_PATCH;
+    const int x1 = spsi_least(tile->x1, x + SPSI_PATCH - 1), y1 = spsi_least(tile->y1, y + SPSI_PATCH - 1);
     if (x > x1 || y > y1) return 0;
     spsi_tap_patch_place(x, y, x1, y1, patch);
     return 1;
@@ -15022,9 +14805,9 @@ static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
     return pixels;
 }
 
-/* The pixels of a tile, without the margin, that lie in patches and whose rays have not ended, as bits by row. */
+/* The pixels of a tile that lie in patches and whose rays have not ended, as bits by row. */
 static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t live[SPSI_TILE_HEIGHT]) {
-    const int width = tile->x1 - tile->x0 + 1 - 2 * tile->margin, height = tile->y1 - tile->y0 + 1 - 2 * tile->margin;
+    const int width = tile->x1 - tile->x0 + 1, height = tile->y1 - tile->y0 + 1;
     for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
         uint64_t ended = 0;
         for (int x = 0; x < width && y < height && tile->depth; x += SPSI_LANES) {
@@ -15064,7 +14847,7 @@ static void spsi_tile_need(const uint64_t patches[SPSI_TAP_SLABS], int count, in
    row by row, so that bricks stay in the level-1 cache. */
 static void spsi_tile_follow(const spsi_tapper *here, spsi_tile *tile, const uint64_t patches[SPSI_TAP_SLABS],
                              int steps, float *channel) {
-    const int margin = tile->margin, width = tile->x1 - tile->x0 + 1 - 2 * margin;
+    const int width = tile->x1 - tile->x0 + 1;
     uint64_t live[SPSI_TILE_HEIGHT], all = 0;
     int by_slab[SPSI_TAP_SLABS + 3];
     for (int slab = 0; slab < tile->slab_count; ++slab) all |= patches[slab];
@@ -15073,12 +14856,11 @@ static void spsi_tile_follow(const spsi_tapper *here, spsi_tile *tile, const uin
         for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
             const int lanes = (int)(live[y] >> x & SPSI_ALL_LANES);
             if (y % SPSI_PATCH == 0) spsi_tile_need(patches, tile->slab_count, x, y / SPSI_PATCH, by_slab);
-            if (lanes)
-                spsi_tap_row(here, tile, tile->x0 + margin + x, tile->y0 + margin + y, lanes, by_slab, steps, channel);
+            if (lanes) spsi_tap_row(here, tile, tile->x0 + x, tile->y0 + y, lanes, by_slab, steps, channel);
         }
 }
 
-/* Adds a level of a gathered volume to the patches of a tile, without the margin, which nothing reads of it. */
+/* Adds a level of a gathered volume to the patches of a tile. */
 static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t patches, spsi_tapper here) {
     const spsi_target *target = fill->target;
     spsi_tile *tile = fill->tile;
@@ -15128,7 +14910,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         const spsi_brick *brick = &contents->list[index];
         const spsi_segment *segment = spsi_segment_at(contents->context, brick->segment);
         const spsi_splatter *splatter = &target->splatters[brick->lattice];
-        const int channel = target->channels[brick->lattice], slopes = target->slope_channels[brick->lattice];
+        const int channel = target->channels[brick->lattice];
         float *sheets;
         uint64_t patches;
         spsi_anchor anchor;
@@ -15143,7 +14925,6 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         spsi_tile_touch(fill);
         spsi_anchor_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs, first_slab,
                           &anchor);
-        tile->slopes = slopes < 0 ? NULL : tile->sheets + (size_t)slopes * tile->channel_size;
         sheets = tile->sheets + (size_t)channel * tile->channel_size;
         if (splatter->deposits) {
             spsi_deposit_begin(tile, splatter, &anchor, brick, edges, &deposit);
@@ -18994,23 +18775,29 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
+/* Bilinear lookup in grids as large as planes that follow each other, each lane in the one of its number: mostly all in
+   the same. */
+static spsi_v spsi_planes_find(const spsi_planes *planes, const float *grids, spsi_v number, const spsi_v q[2]) {
+    const size_t texels = (size_t)planes->width * (size_t)planes->height;
+    spsi_v found = spsi_set(0);
+    float lanes[SPSI_LANES];
+    spsi_store(lanes, number);
+    for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
+        const float *values = grids + (size_t)lanes[lane] * texels;
+        const spsi_m here = spsi_less(spsi_abs(spsi_sub(number, spsi_set(lanes[lane]))), spsi_set(0.5f));
+        if (done >> lane & 1) continue;
+        found = spsi_select(here, spsi_bilinear(values, planes->width, planes->height, q[0], q[1]), found);
+        done |= spsi_bits(here);
+    }
+    return found;
+}
+
 /* What polygons hide of a penumbra at such points, given the number of their layer. */
 static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], spsi_v layer) {
-    const spsi_planes *planes = &sliced->planes;
-    const size_t texels = spsi_ray_count(sliced->target.rays);
     const spsi_v k = spsi_floor(spsi_clamp(layer, spsi_set(0), spsi_set(SPSI_PARTS * SPSI_CHUNK - 1)));
-    spsi_v q[2], hidden = spsi_set(0);
-    float number[SPSI_LANES];
+    spsi_v q[2];
     spsi_sliced_project(sliced, at, q);
-    spsi_store(number, k);
-    for (int lane = 0, found = 0; lane < SPSI_LANES; ++lane) {
-        const float *values = sliced->penumbra.hidden + (size_t)number[lane] * texels;
-        const spsi_m here = spsi_less(spsi_abs(spsi_sub(k, spsi_set(number[lane]))), spsi_set(0.5f));
-        if (found >> lane & 1) continue;
-        hidden = spsi_select(here, spsi_bilinear(values, planes->width, planes->height, q[0], q[1]), hidden);
-        found |= spsi_bits(here);
-    }
-    return hidden;
+    return spsi_planes_find(&sliced->planes, sliced->penumbra.hidden, k, q);
 }
 
 /* Indices of the texels in which such points lie, or of some nearby where floats cannot tell. */
@@ -19025,22 +18812,11 @@ static inline void spsi_sliced_texels(const spsi_sliced *sliced, const spsi_v at
 
 /* Optical depth at places of a slab coordinate within the chunk, linear between the planes. Mostly all lie in one slab;
    where the eye sees no gas, polygons of a whole chunk are shaded at once, and slabs take their turns. */
-static spsi_v spsi_planes_lookup(const spsi_planes *planes, spsi_v x, spsi_v y, spsi_v slab) {
-    const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1)), beyond = spsi_sub(slab, k);
-    spsi_v depth = spsi_set(0);
-    float number[SPSI_LANES];
-    spsi_store(number, k);
-    for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
-        const int plane = (int)number[lane];
-        const spsi_m here = spsi_less(spsi_abs(spsi_sub(k, spsi_set(number[lane]))), spsi_set(0.5f));
-        spsi_v before, after;
-        if (done >> lane & 1) continue;
-        before = spsi_bilinear(planes->depth[plane], planes->width, planes->height, x, y);
-        after = spsi_bilinear(planes->depth[plane + 1], planes->width, planes->height, x, y);
-        depth = spsi_select(here, spsi_mix(before, after, beyond), depth);
-        done |= spsi_bits(here);
-    }
-    return depth;
+static spsi_v spsi_planes_lookup(const spsi_planes *planes, const spsi_v q[2], spsi_v slab) {
+    const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1));
+    const spsi_v before = spsi_planes_find(planes, planes->depth[0], k, q);
+    const spsi_v after = spsi_planes_find(planes, planes->depth[0], spsi_add(k, spsi_set(1)), q);
+    return spsi_mix(before, after, spsi_sub(slab, k));
 }
 
 /* Optical depth between the lamp and a vector of points on polygons. What is behind the lamp has none. */
@@ -19052,6 +18828,7 @@ static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, cons
     const int parallel = !rays->perspective;
     double q[4][SPSI_LANES]; /* column, row, whether it is in front of the lamp, and slab */
     float at[4][SPSI_LANES];
+    spsi_v texel[2];
     for (int i = 0; i < 4; ++i) {
         const double *row = i < 3 ? rays->inverse[i] : slabs->normal, *from = i < 3 ? rays->origin : zero;
         for (int n = 0; n < SPSI_LANES; ++n)
@@ -19067,8 +18844,8 @@ static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, cons
     }
     for (int i = 0; i < 4; ++i)
         for (int n = 0; n < SPSI_LANES; ++n) at[i][n] = (float)q[i][n];
-    spsi_store(depths, spsi_mul(spsi_load(at[2]), spsi_planes_lookup(&sliced->planes, spsi_load(at[0]),
-                                                                     spsi_load(at[1]), spsi_load(at[3]))));
+    texel[0] = spsi_load(at[0]), texel[1] = spsi_load(at[1]);
+    spsi_store(depths, spsi_mul(spsi_load(at[2]), spsi_planes_lookup(&sliced->planes, texel, spsi_load(at[3]))));
 }
 
 /* One of the points. */
@@ -19300,12 +19077,12 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
         if (shadows[i].soft) continue;
         spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), texel, &shadows[i].depth_map);
         if (!spsi_depth_map_met(faces, &shadows[i].depth_map)) shadows[i].depth_map.face_count = 0;
-        more = spsi_depth_map_floats(&shadows[i].depth_map);
+        more = spsi_depth_map_floats(&shadows[i].depth_map, 0);
         floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
     }
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
     if (!memory) return context->result;
-    for (int i = 0; i < count; ++i) memory = spsi_depth_map_lay_out(&shadows[i].depth_map, memory);
+    for (int i = 0; i < count; ++i) memory = spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, memory);
     for (int i = 0; i < count; ++i)
         if (!shadows[i].soft) spsi_depth_map_fill(context, faces, &shadows[i].depth_map);
     return SPS_OK;
@@ -19315,9 +19092,9 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
    one. */
 static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
                                          spsi_pane_map *maps) {
-    size_t bytes = 0;
+    size_t floats = 0;
     spsi_pane_map *next = maps;
-    char *memory;
+    float *memory;
     for (int i = 0; i < count; ++i) {
         const spsi_lamp *lamp = shadows[i].lamp;
         shadows[i].pane_maps = next;
@@ -19327,11 +19104,12 @@ static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame 
             memset(next, 0, sizeof *next);
             spsi_depth_map_aim(frame, shadows[i].soft ? &lamp->points[k] : lamp,
                                spsi_most(8, (int)(share * spsi_depth_map_size(frame))), 0, &next->grid);
-            bytes += spsi_pane_map_bytes(next);
+            floats += spsi_depth_map_floats(&next->grid, 1);
         }
     }
-    memory = (char *)spsi_reserve(context, SPSI_BUFFER_PANE_TEXELS, bytes, 1);
-    for (spsi_pane_map *map = maps; memory && map < next; ++map) memory = spsi_pane_map_lay_out(map, memory);
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PANE_TEXELS, floats, sizeof(float));
+    for (spsi_pane_map *map = maps; memory && map < next; ++map)
+        memory = spsi_depth_map_lay_out(&map->grid, map->first, memory);
     return context->result;
 }
 
@@ -20796,28 +20574,33 @@ typedef struct spsi_cell_sight {
     int face;
 } spsi_cell_sight;
 
-/* Bit mask of the sides of the grid that a surface is before, with polygons that may be between. */
+/* Bit mask of the sides of the grid that a surface is before, with polygons that may be between. What is above the
+   surface by the round-off of floats only is not, or the triangles of a flat floor would be between. */
 static int spsi_cell_sight_near(const spsi_cell_sight *sight) {
     const spsi_cell_grid *grid = sight->grid;
-    const double *point = sight->surface->point;
-    int sides[SPSI_SHAFTS], met, near_sides = 0;
-    spsi_shafts shafts;
-    spsi_shafts_begin(sight->faces, sight->face, sight->surface->start, sight->normal, &shafts);
+    const double *point = sight->surface->point, *start = sight->surface->start;
+    double below[3], offset[3], farthest = 0;
+    spsi_bounds from;
+    int near_sides = 0;
+    memcpy(from.low, start, sizeof from.low), memcpy(from.high, start, sizeof from.high);
+    spsi_along(start, sight->faces->tree.centre, -1, offset);
+    for (int k = 0; k < 3; ++k) below[k] = -sight->normal[k], farthest = fmax(farthest, fabs(offset[k]));
     for (int axis = 0; axis < 3; ++axis) {
         const double extent = grid->edge * grid->size[axis], at = point[axis] - grid->corner[axis];
         const int upper = at > extent;
-        double low[3], high[3];
+        spsi_bounds to;
+        spsi_shaft shaft;
         if (at >= 0 && !upper) continue;
         for (int k = 0; k < 3; ++k) {
-            low[k] = grid->corner[k];
-            high[k] = low[k] + grid->edge * grid->size[k];
+            to.low[k] = grid->corner[k];
+            to.high[k] = to.low[k] + grid->edge * grid->size[k];
         }
-        low[axis] = high[axis] = low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
-        sides[shafts.count] = 2 * axis + upper;
-        spsi_shafts_add(&shafts, axis, low, high);
+        to.low[axis] = to.high[axis] = to.low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
+        spsi_shaft_build(sight->faces, &from, &to, &shaft);
+        spsi_shaft_add(sight->faces, &from, &from, below, -9e-7 * farthest * spsi_reach_of(below), &shaft);
+        if (!spsi_shaft_is_clear(sight->faces, &shaft, &sight->face, 1, (const double(*)[3])start))
+            near_sides |= 1 << (2 * axis + upper);
     }
-    met = spsi_shafts_meet(&shafts, sight->faces);
-    for (int i = 0; i < shafts.count; ++i) near_sides |= (met >> i & 1) << sides[i];
     return near_sides;
 }
 
@@ -21741,7 +21524,6 @@ typedef struct spsi_line {
 /* Rays of a vector of pixels. */
 typedef struct spsi_pixels {
     spsi_line line;
-    spsi_line around[8]; /* for gradients: neighbours at x - 1, x + 1, y - 1, y + 1, then at twice these distances */
     spsi_v length;       /* world length per unit of t */
     spsi_v polygon_slab; /* slab coordinate of the polygon, counted from the sweep's first slab */
     spsi_v toward[3];    /* unit direction from the eye */
@@ -21830,25 +21612,11 @@ static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y
             spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
 }
 
-/* The mean value of a classified material in slab k along a line. Its sections are not cut. */
-static inline spsi_v spsi_mean_value(const spsi_tile *tile, int channel, const spsi_line *line, int k) {
+/* Where a tile's channels hold slab k of a line, counted from the chunk's first. */
+static inline size_t spsi_tile_at(const spsi_tile *tile, const spsi_line *line, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    const size_t at =
-        (size_t)(k + margin) * tile->sheet_size + (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
-    return spsi_mul(spsi_sheet_sum(tile, channel, at), line->slabs);
-}
-
-/* World position of the middle of slab k on a line, relative to the shader's position origin. */
-static inline void spsi_place_in_slab(const spsi_shader *shader, const spsi_line *line, int k, spsi_v place[3]) {
-    const spsi_v middle = spsi_fma(spsi_set(0.5f), line->scale, spsi_plane_depth(line, k));
-    spsi_position_at(shader, line->at, (float)line->y, middle, place);
-}
-
-static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out[3]) {
-    for (int i = 0; i < 3; ++i) {
-        const int j = (i + 1) % 3, k = (i + 2) % 3;
-        out[i] = spsi_sub(spsi_mul(a[j], b[k]), spsi_mul(a[k], b[j]));
-    }
+    return (size_t)(k + margin) * tile->sheet_size +
+           (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
 }
 
 /* A slab on a vector of rays, or a group of slabs (spsi_slabs) that differ only in depth and light. If any volume is
@@ -21880,148 +21648,6 @@ typedef struct spsi_part {
     spsi_v before, after; /* optical depth from the eye to its beginning and end, in the light's order */
 } spsi_part;
 
-/* Variation of a classified value within a slab: a parabola through the means of the slab and its two neighbours, and
-   likewise for the lateral differences. The change along the ray comes from five slabs: from three, the normal's
-   component along the ray would be too small compared with the lateral ones, and lean the surface away from the eye. */
-typedef struct spsi_profile {
-    spsi_parabola value;
-    spsi_parabola aside[2]; /* differences from x - 1 to x + 1, and from y - 1 to y + 1 */
-    spsi_parabola along;    /* difference from the slab before to the slab after */
-    spsi_v cofactor[3][3];  /* of the matrix of the three difference vectors, in voxels */
-    spsi_v determinant;     /* of that matrix */
-} spsi_profile;
-
-/* Twice the derivative, per slab, of the quartic whose means over five slabs are outer[0], own[0..2] and outer[1]. In
-   the slab's middle its first derivative is (34 (m1 - m-1) - 5 (m2 - m-2)) / 48, the second (12 (m1 + m-1) - (m2 + m-2)
-   - 22 m0) / 8, and the third ((m2 - m-2) - 2 (m1 - m-1)) / 2. */
-static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2], spsi_parabola *along) {
-    const spsi_v near_change = spsi_sub(own[2], own[0]), far_change = spsi_sub(outer[1], outer[0]);
-    const spsi_v near_sum = spsi_add(own[2], own[0]), far_sum = spsi_add(outer[1], outer[0]);
-    along->value =
-        spsi_mul(spsi_set(1.0f / 24), spsi_fma(spsi_set(34), near_change, spsi_mul(spsi_set(-5), far_change)));
-    along->slope = spsi_fma(spsi_set(12), near_sum, spsi_mul(spsi_set(-22), own[1]));
-    along->slope = spsi_mul(spsi_set(0.25f), spsi_sub(along->slope, far_sum));
-    along->bend = spsi_mul(spsi_set(0.5f), spsi_fma(spsi_set(-2), near_change, far_change));
-}
-
-/* Spread of the rays in the middle of slab k: its signed distance from the eye in slabs, to which the spacing of
-   neighbouring rays is proportional. 1 for parallel rays. */
-static float spsi_slab_spread(const spsi_shader *shader, const spsi_tile *tile, int k) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    return shader->eye->perspective ? (float)(k + margin) + 0.5f - tile->eye_slab : 1;
-}
-
-/* Whether the eye is in a slab. The rays meet there, so they have no neighbours. */
-static int spsi_slab_has_eye(float spread) { return fabsf(spread) < 0.5f; }
-
-/* The difference in slab k between the neighbours on either side, divided by the rays' spread. With two on each side,
-   it is that of the quartic through all of them: (8 (f1 - f-1) - (f2 - f-2)) / 6. In the eye's slab it is the mean of
-   those in the slabs before and after. */
-static spsi_v spsi_slab_change(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                               int channel, int axis) {
-    const spsi_line *near_by = &p->around[2 * axis], *beyond = &p->around[4 + 2 * axis];
-    const float spread = spsi_slab_spread(shader, tile, k);
-    spsi_v change;
-    if (spsi_slab_has_eye(spread))
-        return spsi_mul(spsi_set(0.5f), spsi_add(spsi_slab_change(shader, tile, p, k - 1, channel, axis),
-                                                 spsi_slab_change(shader, tile, p, k + 1, channel, axis)));
-    change = spsi_sub(spsi_mean_value(tile, channel, near_by + 1, k), spsi_mean_value(tile, channel, near_by, k));
-    if (shader->frame->gradients.reach >= 2) {
-        const spsi_v wide =
-            spsi_sub(spsi_mean_value(tile, channel, beyond + 1, k), spsi_mean_value(tile, channel, beyond, k));
-        change = spsi_mul(spsi_set(1.0f / 6), spsi_sub(spsi_mul(spsi_set(8), change), wide));
-    }
-    return spsi_mul(spsi_set(1 / spread), change);
-}
-
-/* Twice the derivative per pixel of a slab's mean, from its sheets of slopes. The mean is the sheet's sum divided by
-   the ray's path length in the slab, 1 / |slope|, whose relative change is -slope' / slope. */
-static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *tile, int channel,
-                                    const spsi_line *line, int k, spsi_v mean, spsi_v slopes[2]) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    const float *sheet = tile->sheets + (size_t)spsi_slope_channel(shader->frame, channel) * tile->channel_size +
-                         (size_t)(k + margin) * tile->sheet_size +
-                         (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
-    for (int axis = 0; axis < 2; ++axis) {
-        const spsi_v turn = spsi_mul(spsi_mul(mean, line->scale), spsi_set(shader->slab.slope[1 + axis]));
-        const spsi_v sum = spsi_mul(spsi_load(sheet + (size_t)axis * tile->channel_size), line->slabs);
-        slopes[axis] = spsi_mul(spsi_set(2), spsi_add(sum, turn));
-    }
-}
-
-/* The lateral differences in slabs k - 1 to k + 1, from the sheets of slopes if there are any. `means`: those of the
-   three slabs. */
-static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                               int channel, const spsi_v means[3], spsi_parabola aside[2]) {
-    spsi_v change[3][2];
-    for (int n = 0; n < 3; ++n) {
-        const spsi_v per_spread = spsi_set(1 / spsi_slab_spread(shader, tile, k + n - 1));
-        if (shader->frame->gradients.splatted) /* the eye is not near */
-            spsi_mean_slopes(shader, tile, channel, &p->line, k + n - 1, means[n], change[n]);
-        for (int axis = 0; axis < 2; ++axis)
-            change[n][axis] = shader->frame->gradients.splatted
-                                  ? spsi_mul(per_spread, change[n][axis])
-                                  : spsi_slab_change(shader, tile, p, k + n - 1, channel, axis);
-    }
-    for (int axis = 0; axis < 2; ++axis)
-        aside[axis] = spsi_parabola_through(change[0][axis], change[1][axis], change[2][axis], 1);
-}
-
-/* A difference vector, in voxels: from one neighbour to the other along x or y, divided by the rays' spread, or (axis
-   2) from the slab before to the slab after. */
-static void spsi_profile_way(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k, int axis,
-                             float per_length, spsi_v way[3]) {
-    const int from = axis < 2 && spsi_slab_has_eye(spsi_slab_spread(shader, tile, k)) ? k + 1 : k;
-    const float per_spread = axis < 2 ? per_length / spsi_slab_spread(shader, tile, from) : per_length;
-    spsi_v place[2][3];
-    for (int side = 0; side < 2; ++side)
-        spsi_place_in_slab(shader, axis < 2 ? &p->around[2 * axis + side] : &p->line,
-                           axis < 2 ? from : k - 1 + 2 * side, place[side]);
-    for (int c = 0; c < 3; ++c) way[c] = spsi_mul(spsi_sub(place[1][c], place[0][c]), spsi_set(per_spread));
-}
-
-/* The differences along x, y and the ray, and their vectors. These are not perpendicular, so the gradient g is solved
-   from vector . g = difference. If they are coplanar there is no gradient. */
-static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                                  int channel, const spsi_v means[3], spsi_profile *profile) {
-    const float per_length = 1 / shader->frame->matter.materials[channel].voxel_length;
-    spsi_v way[3][3], outer[2];
-    for (int n = 0; n < 2; ++n) outer[n] = spsi_mean_value(tile, channel, &p->line, k - 2 + 4 * n);
-    spsi_profile_along(means, outer, &profile->along);
-    spsi_profile_aside(shader, tile, p, k, channel, means, profile->aside);
-    for (int axis = 0; axis < 3; ++axis) spsi_profile_way(shader, tile, p, k, axis, per_length, way[axis]);
-    for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], profile->cofactor[i]);
-    profile->determinant = spsi_dot_v(way[0], profile->cofactor[0]);
-    profile->determinant = spsi_select(spsi_less(spsi_abs(profile->determinant), spsi_set(FLT_MIN)),
-                                       spsi_set(SPSI_INFINITY), profile->determinant);
-}
-
-/* Sets a sample's normal, and how much of a surface it is, by its gradient: the change of value per voxel, relative to
-   `unit`. */
-static void spsi_sample_face(const spsi_material *material, const spsi_v g[3], float unit, spsi_sample *sample) {
-    const spsi_v size = spsi_sqrt(spsi_dot_v(g, g));
-    for (int c = 0; c < 3; ++c)
-        sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
-    sample->surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
-    sample->has_normal = 1;
-}
-
-/* The gradient of a part of a slab by differences of sheets. */
-static void spsi_sample_gradient(const spsi_material *material, const spsi_profile *profile,
-                                 const spsi_portion *portion, spsi_sample *sample) {
-    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: squares stay finite */
-    const spsi_v scale = spsi_set(unit);
-    const spsi_v x = spsi_mul(spsi_parabola_mean(&profile->aside[0], portion), scale);
-    const spsi_v y = spsi_mul(spsi_parabola_mean(&profile->aside[1], portion), scale);
-    const spsi_v along = spsi_mul(spsi_parabola_mean(&profile->along, portion), scale);
-    spsi_v g[3];
-    for (int c = 0; c < 3; ++c) {
-        g[c] = spsi_fma(y, profile->cofactor[1][c], spsi_mul(x, profile->cofactor[0][c]));
-        g[c] = spsi_div(spsi_fma(along, profile->cofactor[2][c], g[c]), profile->determinant);
-    }
-    spsi_sample_face(material, g, unit, sample);
-}
-
 /* The depth at which what a slab holds of a classified volume is seen, on average. Returns the rays that see any of it,
    as bits. */
 static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int channel, spsi_v *depth) {
@@ -22041,13 +21667,13 @@ static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int 
     return slab->open & spsi_bits(spsi_less(zero, weight));
 }
 
-/* The gradient of a classified volume in a slab, from its field: all parts have that of the place where it is seen. */
+/* Sets the normal of a classified volume in a slab, and how much of a surface it is, by the gradient of its field: all
+   parts have that of the place where it is seen. */
 static void spsi_samples_gradient(const spsi_shader *shader, const spsi_tapper *t, const spsi_pixels *p, int channel,
                                   spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
-    const float unit = material->table_scale / SPSI_TABLE_SIZE;
-    spsi_v depth, place[3], g[3];
-    spsi_sample seen;
+    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: squares stay finite */
+    spsi_v depth, place[3], g[3], size, surface;
     int lanes = spsi_slab_seen(shader, slab, channel, &depth);
     if (!lanes) return;
     for (int k = 0; k < 3; ++k)
@@ -22056,12 +21682,14 @@ static void spsi_samples_gradient(const spsi_shader *shader, const spsi_tapper *
     lanes &= spsi_tap_inside(t->field, place);
     spsi_tap_gradient(t, place, lanes, g);
     for (int c = 0; c < 3; ++c) g[c] = spsi_mul(g[c], spsi_set(unit));
-    spsi_sample_face(material, g, unit, &seen);
+    size = spsi_sqrt(spsi_dot_v(g, g));
+    surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
+    for (int c = 0; c < 3; ++c) g[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
-        memcpy(sample->normal, seen.normal, sizeof seen.normal);
-        sample->surface = seen.surface;
-        sample->has_normal = seen.has_normal;
+        memcpy(sample->normal, g, sizeof g);
+        sample->surface = surface;
+        sample->has_normal = 1;
     }
 }
 
@@ -22079,7 +21707,7 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
     }
 }
 
-/* Fills the parts of a slab for a classified volume, which follows its profile. Most parts that hold values have no
+/* Fills the parts of a slab for a classified volume, along a parabola. Most parts that hold values have no
    extinction anywhere: they cost neither colors nor gradients. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
@@ -22087,18 +21715,16 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
     const spsi_target *target = shader->target;
     const spsi_v share = spsi_set(1.0f / (float)slab->part_count), zero = spsi_set(0);
     const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
-    const int surface = spsi_has_gradient(shader->frame, material);
-    const int differences = surface && !spsi_gathers(target->verdicts[material->medium]);
+    const size_t at = spsi_tile_at(tile, &p->line, slab->k - 1);
     spsi_v means[3];
-    spsi_profile profile;
-    int has_gradient = 0;
-    memset(&profile, 0, sizeof profile); /* compilers cannot tell that gradient fields are read only where set */
-    for (int n = 0; n < 3; ++n) means[n] = spsi_mean_value(tile, channel, &p->line, slab->k + n - 1);
-    spsi_values_through(material, means, spsi_target_has_means(target, material->medium), &profile.value);
+    spsi_parabola values;
+    for (int n = 0; n < 3; ++n)
+        means[n] = spsi_mul(spsi_sheet_sum(tile, channel, at + (size_t)n * tile->sheet_size), p->line.slabs);
+    spsi_values_through(material, means, spsi_target_has_means(target, material->medium), &values);
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
         const spsi_portion portion = spsi_portion_of(slab->first, slab->last, part);
-        const spsi_v value = spsi_parabola_mean(&profile.value, &portion);
+        const spsi_v value = spsi_parabola_mean(&values, &portion);
         spsi_v appearance[4] = {zero, zero, zero, zero};
         if (spsi_any_shown(material, value)) spsi_classify(material, value, appearance);
         sample->has_normal = 0;
@@ -22106,12 +21732,8 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
         for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
-        if (!differences || !spsi_bits(spsi_less(zero, sample->depth))) continue;
-        if (!has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, means, &profile);
-        has_gradient = 1;
-        spsi_sample_gradient(material, &profile, &portion, sample);
     }
-    if (surface && !differences)
+    if (spsi_has_gradient(shader->frame, material))
         spsi_samples_gradient(shader, &target->tappers[material->medium], p, channel, slab);
 }
 
@@ -23113,32 +22735,31 @@ static int spsi_sight_faces(const spsi_sight_job *job, const spsi_sight_view *vi
     return lit == 3 ? 1 : dark == 3 ? 0 : -1;
 }
 
-/* The rays from all that a tile shows towards a point of the light. */
-static void spsi_sight_passage(const spsi_sight_job *job, const spsi_sight_view *view, const spsi_lamp *point,
-                               spsi_passage *passage) {
+/* The shaft from all that a tile shows to a point of the light, or as far towards it as there are polygons. */
+static void spsi_sight_shaft(const spsi_sight_job *job, const spsi_sight_view *view, const spsi_lamp *point,
+                             spsi_shaft *shaft) {
     const spsi_rays *eye = &job->frame->content->eye;
     const double room = 1e-6 * fmax(fabs((double)view->low), fabs((double)view->high));
-    spsi_bounds box = spsi_nowhere;
+    spsi_bounds from = spsi_nowhere, to;
     for (int i = 0; i < 8; ++i) {
         const double t = (i & 4 ? (double)view->high + room : (double)view->low - room) + eye->depth_reference;
         double corner[3];
         spsi_ray_point(eye, i & 1 ? view->x1 : view->x0, i & 2 ? view->y1 : view->y0, t, corner);
-        spsi_bounds_add(&box, corner);
+        spsi_bounds_add(&from, corner);
     }
-    spsi_bounds_centre(&box, passage->ray.origin);
-    spsi_toward_lamp(point, passage->ray.origin, passage->ray.direction);
-    passage->ray.low = 0;
-    passage->ray.high = point->is_point ? 1 : HUGE_VAL;
-    passage->is_direction = !point->is_point;
-    memcpy(passage->light, point->is_point ? point->position : passage->ray.direction, sizeof passage->light);
-    for (int i = 0; i < 3; ++i) passage->half[i] = 0.501 * (box.high[i] - box.low[i]) + 1e-12 * job->faces->extent;
+    for (int k = 0; k < 3; ++k) {
+        const double way = -4 * spsi_faces_reach(job->faces) * point->direction[k];
+        to.low[k] = point->is_point ? point->position[k] : from.low[k] + way;
+        to.high[k] = point->is_point ? point->position[k] : from.high[k] + way;
+    }
+    spsi_shaft_build(job->faces, &from, &to, shaft);
 }
 
 /* Whether no polygon can shade what a tile shows from a point of the light. Counts the point for faces that it is
    on the eye's side of. */
 static int spsi_sight_is_clear(const spsi_sight_job *job, const spsi_lamp *point, spsi_sight_view *view) {
     int lit[SPSI_SIGHT_FACES], count = 0;
-    spsi_passage passage;
+    spsi_shaft shaft;
     for (int i = 0; i < view->count; ++i) {
         const int faces = spsi_sight_faces(job, view, &job->faces->list[view->face[i]], point);
         if (faces < 0) return 0;
@@ -23146,8 +22767,8 @@ static int spsi_sight_is_clear(const spsi_sight_job *job, const spsi_lamp *point
         if (faces) lit[count++] = view->face[i];
     }
     if (count == 0) return 1;
-    spsi_sight_passage(job, view, point, &passage);
-    return spsi_passage_is_clear(job->faces, &passage, lit, count);
+    spsi_sight_shaft(job, view, point, &shaft);
+    return spsi_shaft_is_clear(job->faces, &shaft, lit, count, NULL);
 }
 
 /* Finds what is lit of a tile without tracing any ray, where it shows a few flat polygons, and none can be in the way
@@ -23798,9 +23419,8 @@ static int spsi_group_sum(const spsi_shader *shader, const spsi_tile *tile, size
 /* Reads slab k of a vector of pixels, or a group from there on. Returns 0 if it holds nothing. */
 static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                            spsi_slab *slab) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = slab->material_count;
-    const size_t at = (size_t)(k + margin) * tile->sheet_size +
-                      (size_t)((p->line.y - tile->y0) * tile->pitch + (p->line.x - tile->x0));
+    const int count = slab->material_count;
+    const size_t at = spsi_tile_at(tile, &p->line, k);
     const spsi_v zero = spsi_set(0), whole = spsi_mul(spsi_abs(p->line.scale), spsi_set((float)slab->group));
     spsi_v way;
     if (!spsi_group_sum(shader, tile, at, p->length, slab)) return 0;
@@ -23853,20 +23473,20 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
     part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
 }
 
-/* The shares from `first` to `last` of a slab's way, as far as they belong to one part of it. Within a part, matter is
-   even. `samples` receives its samples. Returns 0 if there is nothing of it. */
-static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, spsi_v first, spsi_v last,
+/* The shares from cut[0] to cut[1] of a slab's way, as far as they belong to one part of it, the whole. Within a part,
+   matter is even. `samples` receives its samples. Returns 0 if there is nothing of it. */
+static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], const spsi_part *whole,
                          spsi_sample *samples, spsi_v depth, spsi_part *part) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v zero = spsi_set(0), one = spsi_set(1), count = spsi_set((float)slab->part_count);
-    const spsi_v number = spsi_set((float)part->number);
-    const spsi_v from = spsi_clamp(spsi_sub(spsi_mul(first, count), number), zero, one);
-    const spsi_v to = spsi_clamp(spsi_sub(spsi_mul(last, count), number), from, one);
-    const spsi_v share = spsi_sub(to, from), aside = spsi_sub(spsi_add(from, to), one), begins = part->first;
-    const spsi_v ends[2] = {part->ends[0], part->ends[1]};
+    const spsi_v number = spsi_set((float)whole->number);
+    const spsi_v from = spsi_clamp(spsi_sub(spsi_mul(cut[0], count), number), zero, one);
+    const spsi_v to = spsi_clamp(spsi_sub(spsi_mul(cut[1], count), number), from, one);
+    const spsi_v share = spsi_sub(to, from), aside = spsi_sub(spsi_add(from, to), one);
     if (!spsi_bits(spsi_less(zero, share))) return 0;
+    *part = *whole;
     for (int m = 0; m < slab->material_count; ++m) {
-        samples[m] = part->samples[m];
+        samples[m] = whole->samples[m];
         samples[m].depth = spsi_mul(samples[m].depth, share);
         samples[m].value_length = spsi_mul(samples[m].value_length, share);
     }
@@ -23874,13 +23494,13 @@ static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, spsi_
     part->is_cut = 1;
     part->cut[0] = from;
     part->cut[1] = to;
-    part->middle = spsi_fma(spsi_mul(part->half, spsi_set(backwards ? -1.0f : 1.0f)), aside, part->middle);
-    part->half = spsi_mul(part->half, share);
-    part->ends[0] = spsi_mix(ends[0], ends[1], from);
-    part->ends[1] = spsi_mix(ends[0], ends[1], to);
-    part->depth = spsi_mul(part->depth, share);
-    part->first = spsi_mix(begins, part->last, from);
-    part->last = spsi_mix(begins, part->last, to);
+    part->middle = spsi_fma(spsi_mul(whole->half, spsi_set(backwards ? -1.0f : 1.0f)), aside, whole->middle);
+    part->half = spsi_mul(whole->half, share);
+    part->ends[0] = spsi_mix(whole->ends[0], whole->ends[1], from);
+    part->ends[1] = spsi_mix(whole->ends[0], whole->ends[1], to);
+    part->depth = spsi_mul(whole->depth, share);
+    part->first = spsi_mix(whole->first, whole->last, from);
+    part->last = spsi_mix(whole->first, whole->last, to);
     part->before = backwards ? part->depth : depth;
     part->after = backwards ? zero : spsi_add(depth, part->depth);
     return 1;
@@ -23952,27 +23572,16 @@ typedef struct spsi_row {
 
 static const spsi_ahead *spsi_row_ahead(const spsi_row *row) { return row->has_layers ? &row->ahead : NULL; }
 
-/* Composites the parts of a slab. */
-static void spsi_add_parts(const spsi_shader *shader, spsi_row *row) {
-    spsi_part part;
-    for (int i = 0; i < row->slab.part_count; ++i) {
-        spsi_part_build(shader, &row->slab, i, row->sum.depth, &part);
-        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
-            spsi_add_part(shader, &row->pixels, &row->slab, &part, spsi_row_ahead(row), &row->sum);
-    }
-}
-
-/* Composites the shares from `first` to `last` of a slab's way. */
-static void spsi_add_parts_cut(const spsi_shading *shading, spsi_v first, spsi_v last, spsi_row *row) {
+/* Composites the parts of a slab; of its way the shares from cut[0] to cut[1], or all (NULL). */
+static void spsi_add_parts(const spsi_shading *shading, const spsi_v *cut, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     spsi_sample *samples = shading->scratch.samples + SPSI_PARTS * row->slab.material_count;
-    spsi_part whole, part;
+    spsi_part whole, some;
     for (int i = 0; i < row->slab.part_count; ++i) {
         spsi_part_build(shader, &row->slab, i, row->sum.depth, &whole);
-        part = whole;
-        if (!spsi_part_cut(shader, &row->slab, first, last, samples, row->sum.depth, &part)) continue;
-        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
-            spsi_add_part(shader, &row->pixels, &row->slab, &part, &row->ahead, &row->sum);
+        if (cut && !spsi_part_cut(shader, &row->slab, cut, &whole, samples, row->sum.depth, &some)) continue;
+        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), (cut ? &some : &whole)->depth)))
+            spsi_add_part(shader, &row->pixels, &row->slab, cut ? &some : &whole, spsi_row_ahead(row), &row->sum);
     }
 }
 
@@ -23982,7 +23591,7 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
     const spsi_shader *shader = shading->shader;
     const int backwards = shader->sweep->back_to_front;
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    spsi_v first = zero, from = zero, way = zero;
+    spsi_v cut[2] = {zero, zero}, from = zero, way = zero;
     if (held) {
         from = backwards ? row->slab.leave : row->slab.enter;
         way = spsi_sub(backwards ? row->slab.enter : row->slab.leave, from);
@@ -23991,12 +23600,12 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
         const spsi_m here = spsi_less(row->ahead.slab, spsi_set(high));
         const int bits = spsi_bits(here);
         const spsi_v d = spsi_select(here, spsi_load(row->ahead.depth), from);
-        spsi_v last = spsi_div(spsi_sub(d, from), spsi_select(spsi_less(zero, spsi_abs(way)), way, one));
-        last = spsi_select(here, spsi_clamp(last, first, one), one);
-        if (held) spsi_add_parts_cut(shading, first, last, row);
+        cut[1] = spsi_div(spsi_sub(d, from), spsi_select(spsi_less(zero, spsi_abs(way)), way, one));
+        cut[1] = spsi_select(here, spsi_clamp(cut[1], cut[0], one), one);
+        if (held) spsi_add_parts(shading, cut, row);
         if (!bits) return;
         spsi_add_layers(shader, &row->pixels, bits, &row->ahead, &row->sum);
-        first = last;
+        cut[0] = cut[1];
     }
 }
 
@@ -24016,7 +23625,7 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     if (row->has_layers && spsi_ahead_before(&row->ahead, high))
         spsi_add_layered(shading, held, high, row);
     else if (held)
-        spsi_add_parts(shader, row);
+        spsi_add_parts(shading, NULL, row);
     if (shader->hits && !backwards)
         spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
     return held;
@@ -24095,10 +23704,6 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     spsi_pixels_build(shader, x, y, &row.pixels);
     for (int i = 0; i < shader->shadow_count; ++i)
         spsi_arrival_begin(&shader->shadows[i], &row.pixels, &row.slab.arrivals[i]);
-    for (int i = 0; i < 4 * shading->tile->margin && shading->slab_count > 0; ++i) {
-        const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
-        spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &row.pixels.around[i]);
-    }
     row.has_layers = spsi_pixels_layered(shader, x, y, width);
     if (row.has_layers) spsi_ahead_begin(shader, &row.pixels, width, shading->low, &row.ahead);
     spsi_gathered_load(shader, at, &row.sum);
@@ -24386,7 +23991,7 @@ static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *fr
     sheets->frame = frame;
     spsi_target_place(frame, &sheets->rays, &sheets->slabs, target);
     target->shape.channels = frame->matter.material_count;
-    target->shape.margin = target->shape.slab_margin = 0;
+    target->shape.slab_margin = 0;
     spsi_crossing_build(&sheets->rays, &sheets->slabs, 0, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
     for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
@@ -26472,22 +26077,19 @@ static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, i
     }
 }
 
-/* The range of slab coordinates of the polygons in a tile and its margin, and their minimum depth. Opens all patches of
-   the tile. */
+/* The range of slab coordinates of the polygons in a tile, and their minimum depth. Opens all patches of the tile. */
 static void spsi_polygon_range_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
-    const int margin = run->eye.shape.margin;
     const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
     const int top = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
-    const int x0 = spsi_most(0, left - margin), y0 = spsi_most(0, top - margin);
-    const int x1 = spsi_least(run->frame->content->eye.width, left + SPSI_TILE_WIDTH + margin);
-    const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT + margin);
+    const int x1 = spsi_least(run->frame->content->eye.width, left + SPSI_TILE_WIDTH);
+    const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     const uint32_t *layers = run->shader.visible->layers.first;
     (void)worker;
-    for (int y = y0; y < y1 && run->shader.hits; ++y)
-        for (int x = x0; x < x1; x += SPSI_LANES) {
+    for (int y = top; y < y1 && run->shader.hits; ++y)
+        for (int x = left; x < x1; x += SPSI_LANES) {
             float lanes[SPSI_LANES], depths[SPSI_LANES];
             const int width = spsi_least(SPSI_LANES, x1 - x);
             spsi_pixels p;
@@ -26768,7 +26370,6 @@ static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, co
     if (grade->slab > 0) frame->view.slab = grade->slab, frame->accuracy.slab_pixels = 0;
     frame->accuracy.light_points = spsi_point_grades[setting->points];
     spsi_choices_reopen(frame);
-    spsi_resolve_gradients(frame);
     return spsi_resolve_points(context, frame);
 }
 
@@ -26891,7 +26492,7 @@ static void spsi_work_count(sps_context *context, spsi_frame *frame, double voxe
     spsi_choose_shadows(context, frame);
     spsi_work_add_sweeps(frame, work);
     spsi_work_add_maps(context, frame, gas, work);
-    if (frame->view.filling != SPS_FILLING_SPLAT && context->field_taps != spsi_taps_wanted(frame))
+    if (context->fields_held != spsi_fields_wanted(frame) && spsi_fields_wanted(frame))
         work->units[SPSI_STAGE_FIELDS] = voxels;
     work->units[SPSI_STAGE_REST] = pixels;
     if (frame->meshes.triangle_count > 0) spsi_work_add_surfaces(frame, work);
@@ -27639,9 +27240,9 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
    side or, if that is less, each apart from the others. */
 static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     spsi_fields *fields;
-    if (frame->view.filling == SPS_FILLING_SPLAT || frame->medium_count == 0) return SPS_OK;
+    if (!spsi_fields_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_fields_place(context, frame);
-    context->field_taps = 0; /* they are not what is held */
+    context->fields_held = 0; /* they are not what is held */
     fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
@@ -27654,7 +27255,7 @@ static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame
         spsi_field_whole(&frame->media[m], field);
         for (int k = 0; k < 3; ++k) volume *= frame->media[m].size[k] + fields->taps;
         spsi_levels_place(fields, m);
-        field->count = spsi_field_cells(field) <= spsi_field_cells_most((size_t)reading->bricks_of[m]);
+        field->count = spsi_field_cells(field) <= spsi_field_cells_most(frame, (size_t)reading->bricks_of[m]);
         field->volume = spsi_minimum(volume, most * bricks);
         field->voxels = (double)reading->voxels_of[m];
     }
@@ -27672,7 +27273,7 @@ static size_t spsi_plan_gather_bytes(const sps_context *context, const spsi_fram
     for (int i = 0; i < frame->medium_count; ++i)
         at_once = spsi_most(at_once, spsi_blocks_at_once(context, &frame->media[i]));
     bytes += (uint64_t)at_once * sizeof(spsi_voxels);
-    if (frame->view.filling != SPS_FILLING_SPLAT) bytes += spsi_fields_bytes(frame, (size_t)reading->bricks);
+    if (spsi_fields_wanted(frame)) bytes += spsi_fields_bytes(frame, (size_t)reading->bricks);
     return (size_t)bytes;
 }
 
@@ -27710,7 +27311,7 @@ static size_t spsi_plan_spent_bytes(const spsi_frame *frame, size_t side) {
 
 /* Floats of a worker's sheets, for any target. */
 static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
-    const spsi_shape eye = spsi_eye_shape(frame, frame->gradients.exist), light = spsi_light_shape(frame);
+    const spsi_shape eye = spsi_shape_of(frame, 1), light = spsi_shape_of(frame, 0);
     const size_t shadow = frame->lamps.shadow_count > 0 ? spsi_shape_floats(&light) : 0;
     return spsi_sheet_tiles(frame) * (shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye));
 }
@@ -28028,7 +27629,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    "no volume or particle that could be seen");
     spsi_plan_shadow_passes(frame, gases, report);
     spsi_plan_penumbra_pass(frame, gases, report);
-    spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->gradients.exist ? sweeps : 0, "a volume is shaded as a surface",
+    spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradients ? sweeps : 0, "a volume is shaded as a surface",
                    "no volume shaded as a surface, or no light for it");
     spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->matter.scatters && lit ? sweeps : 0,
                    "volumes or particles scatter light",
@@ -28181,7 +27782,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
         report->projector_calls += (uint64_t)frame->lamps.list[i].projection.height;
     report->sweep_count = spsi_plan_sweep_count(frame);
     report->color_channels = frame->channels;
-    report->sheet_channels = frame->matter.material_count * (frame->gradients.splatted ? 3 : 1);
+    report->sheet_channels = frame->matter.material_count;
     spsi_plan_bytes(context, frame, &reading, report);
     spsi_plan_passes(context, frame, &reading, report);
     for (int i = 0; i < SPS_PASS_COUNT; ++i)

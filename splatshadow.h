@@ -13057,72 +13057,40 @@ typedef struct spsi_tapper {
     float rows[3][3]; /* change of a place with world position, per cube root of a voxel's volume */
 } spsi_tapper;
 
-/* The taps of a place, still to be added up: those of each column along x. */
-static inline spsi_four spsi_taps_four(const float *from, const float *x, const float *y, const float *z) {
-    enum { EDGE = SPSI_BRICK + 3, PITCH = 12 };
-    spsi_four sum, plane;
-    for (int k = 0; k < 4; ++k, from += EDGE * PITCH) {
-        plane = spsi_four_scale(y[0], spsi_four_load(from));
-        plane = spsi_four_add(y[1], spsi_four_load(from + PITCH), plane);
-        plane = spsi_four_add(y[2], spsi_four_load(from + 2 * PITCH), plane);
-        plane = spsi_four_add(y[3], spsi_four_load(from + 3 * PITCH), plane);
-        sum = k == 0 ? spsi_four_scale(z[0], plane) : spsi_four_add(z[k], plane, sum);
-    }
-    return spsi_four_mul(spsi_four_load(x), sum);
-}
-
-static inline spsi_four spsi_taps_six(const float *from, const float *x, const float *y, const float *z) {
-    enum { EDGE = SPSI_BRICK + 5, PITCH = 16 };
-    spsi_four sum[2], plane[2];
-    for (int k = 0; k < 6; ++k, from += EDGE * PITCH)
-        for (int half = 0; half < 2; ++half) {
-            plane[half] = spsi_four_scale(y[0], spsi_four_load(from + 4 * half));
-            for (int j = 1; j < 6; ++j)
-                plane[half] = spsi_four_add(y[j], spsi_four_load(from + 4 * half + j * PITCH), plane[half]);
-            sum[half] = k == 0 ? spsi_four_scale(z[0], plane[half]) : spsi_four_add(z[k], plane[half], sum[half]);
-        }
-    sum[0] = spsi_four_mul(spsi_four_load(x), sum[0]);
-    return spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
-}
-
 /* The weights of a place along each axis, and how they change. */
 typedef struct spsi_tap_weights {
     const float *at[3], *change[3];
 } spsi_tap_weights;
 
-/* The field's change per voxel along each axis at a place, still to be added up, as for spsi_taps_four. */
-static inline void spsi_taps_four_changes(const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
-    enum { EDGE = SPSI_BRICK + 3, PITCH = 12 };
-    const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
-    const spsi_four none = spsi_four_scale(0, spsi_four_load(from));
-    spsi_four sum = none, sum_y = none, sum_z = none;
-    for (int k = 0; k < 4; ++k, from += EDGE * PITCH) {
-        spsi_four row = spsi_four_load(from), plane = spsi_four_scale(y[0], row), plane_y = spsi_four_scale(dy[0], row);
-        for (int j = 1; j < 4; ++j) {
-            row = spsi_four_load(from + j * PITCH);
-            plane = spsi_four_add(y[j], row, plane);
-            plane_y = spsi_four_add(dy[j], row, plane_y);
+/* The sum of a place's taps, 4^3 or 6^3, still to be added up: of every fourth column along x. `taps` is a constant
+   in each call, so that compilers can unroll. */
+static inline spsi_four spsi_taps_sum(int taps, const float *from, const spsi_tap_weights *w) {
+    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), halves = taps > 4 ? 2 : 1;
+    const float *x = w->at[0], *y = w->at[1], *z = w->at[2];
+    spsi_four sum[2], plane[2];
+    for (int k = 0; k < taps; ++k, from += edge * pitch)
+        for (int half = 0; half < halves; ++half) {
+            plane[half] = spsi_four_scale(y[0], spsi_four_load(from + 4 * half));
+            for (int j = 1; j < taps; ++j)
+                plane[half] = spsi_four_add(y[j], spsi_four_load(from + 4 * half + j * pitch), plane[half]);
+            sum[half] = k == 0 ? spsi_four_scale(z[0], plane[half]) : spsi_four_add(z[k], plane[half], sum[half]);
         }
-        sum = spsi_four_add(z[k], plane, sum);
-        sum_y = spsi_four_add(z[k], plane_y, sum_y);
-        sum_z = spsi_four_add(dz[k], plane, sum_z);
-    }
-    changes[0] = spsi_four_mul(spsi_four_load(w->change[0]), sum);
-    changes[1] = spsi_four_mul(spsi_four_load(w->at[0]), sum_y);
-    changes[2] = spsi_four_mul(spsi_four_load(w->at[0]), sum_z);
+    sum[0] = spsi_four_mul(spsi_four_load(x), sum[0]);
+    return taps == 4 ? sum[0] : spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
 }
 
-static inline void spsi_taps_six_changes(const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
-    enum { EDGE = SPSI_BRICK + 5, PITCH = 16 };
+/* The field's change per voxel along each axis at a place, still to be added up, as for spsi_taps_sum. */
+static inline void spsi_taps_changes(int taps, const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
+    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), halves = taps > 4 ? 2 : 1;
     const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
-    for (int half = 0; half < 2; ++half, from += 4) {
+    for (int half = 0; half < halves; ++half, from += 4) {
         const spsi_four x = spsi_four_load(w->at[0] + 4 * half), dx = spsi_four_load(w->change[0] + 4 * half);
         const spsi_four none = spsi_four_scale(0, spsi_four_load(from));
         spsi_four sum = none, sum_y = none, sum_z = none;
-        for (int k = 0; k < 6; ++k) {
+        for (int k = 0; k < taps; ++k) {
             spsi_four plane = none, plane_y = none;
-            for (int j = 0; j < 6; ++j) {
-                const spsi_four row = spsi_four_load(from + (k * EDGE + j) * PITCH);
+            for (int j = 0; j < taps; ++j) {
+                const spsi_four row = spsi_four_load(from + (k * edge + j) * pitch);
                 plane = spsi_four_add(y[j], row, plane);
                 plane_y = spsi_four_add(dy[j], row, plane_y);
             }
@@ -13185,9 +13153,9 @@ static inline spsi_v spsi_tap_values(const spsi_tapper *t, const spsi_v place[3]
     for (; lanes; lanes &= lanes - 1) {
         const int i = spsi_lowest_bit(lanes);
         const float *from = field->values + (size_t)field->grid[at.brick[i]] * floats + at.first[i];
-        const float *x = fields->weights[at.weights[0][i]], *y = fields->weights[at.weights[1][i]];
-        const float *z = fields->weights[at.weights[2][i]];
-        spsi_four_store(fours + 4 * i, taps == 4 ? spsi_taps_four(from, x, y, z) : spsi_taps_six(from, x, y, z));
+        spsi_tap_weights w;
+        for (int k = 0; k < 3; ++k) w.at[k] = fields->weights[at.weights[k][i]];
+        spsi_four_store(fours + 4 * i, taps == 4 ? spsi_taps_sum(4, from, &w) : spsi_taps_sum(6, from, &w));
         *count += 1;
     }
     return spsi_sum_fours(fours);
@@ -13215,9 +13183,9 @@ static void spsi_tap_gradient(const spsi_tapper *t, const spsi_v place[3], int l
             w.change[k] = fields->changes[at.weights[k][i]];
         }
         if (fields->taps == 4)
-            spsi_taps_four_changes(from, &w, changes);
+            spsi_taps_changes(4, from, &w, changes);
         else
-            spsi_taps_six_changes(from, &w, changes);
+            spsi_taps_changes(6, from, &w, changes);
         for (int k = 0; k < 3; ++k) spsi_four_store(fours[k] + 4 * i, changes[k]);
     }
     for (int k = 0; k < 3; ++k) {

@@ -12276,8 +12276,8 @@ static inline void spsi_shares_along(int axis, spsi_v at, float breadth, spsi_v 
     spsi_store(shares->weight[axis][2], spsi_mul(mass, after));
 }
 
-/* Adds one voxel near the edge of the tile. */
-static void spsi_deposit_at_edge(const spsi_deposit *deposit, const spsi_shares *shares, int lane, float *channel) {
+/* Adds one voxel. */
+static void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_shares *shares, int lane, float *channel) {
     const spsi_tile *tile = deposit->tile;
     const int *low = deposit->low, *high = deposit->high;
     int at[3][3];
@@ -12295,29 +12295,6 @@ static void spsi_deposit_at_edge(const spsi_deposit *deposit, const spsi_shares 
                 channel[(size_t)slab * tile->sheet_size + (size_t)(y * tile->pitch + at[0][k])] +=
                     amount * shares->weight[0][k][lane];
     }
-}
-
-/* Adds one voxel. */
-static inline void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_shares *shares, int lane,
-                                      float *channel) {
-    const spsi_tile *tile = deposit->tile;
-    const int x = shares->first[0][lane], y = shares->first[1][lane], slab = shares->first[2][lane];
-    const int *low = deposit->low, *high = deposit->high;
-    const float left = shares->weight[0][0][lane], middle = shares->weight[0][1][lane],
-                right = shares->weight[0][2][lane];
-    if (x < low[0] || y < low[1] || slab < low[2] || x + 2 > high[0] || y + 2 > high[1] || slab + 2 > high[2]) {
-        spsi_deposit_at_edge(deposit, shares, lane, channel);
-        return;
-    }
-    channel += (size_t)slab * tile->sheet_size + (size_t)(y * tile->pitch + x);
-    for (int k = 0; k < 3; ++k, channel += tile->sheet_size)
-        for (int j = 0; j < 3; ++j) {
-            const float amount = shares->weight[2][k][lane] * shares->weight[1][j][lane];
-            float *row = channel + j * tile->pitch;
-            row[0] += amount * left;
-            row[1] += amount * middle;
-            row[2] += amount * right;
-        }
 }
 
 /* Bit mask of a vector's voxels that reach into the tile. */

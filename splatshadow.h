@@ -4730,22 +4730,64 @@ static void spsi_placement_resolve(const sps_placement *from, sps_placement *to)
     for (int i = 0; i < 3 && zero; ++i) to->axis[i][i] = 1;
 }
 
+/* A number of an object, its bounds, and the rule that they follow. If no number will do, `high` is below `low`. */
+typedef struct spsi_bounded {
+    const char *field;
+    double value, low, high;
+    const char *rule;
+} spsi_bounded;
+
+/* As spsi_fail_field, for a member; `prefix` leads to it from the object: "", "grid.". */
+static sps_result spsi_fail_member(sps_context *context, sps_result result, sps_object object, int index,
+                                   const char *prefix, const char *field, double value, const char *rule) {
+    char member[64];
+    SPS_SNPRINTF(member, sizeof member, "%s%s", prefix, field);
+    return spsi_fail_field(context, result, object, index, member, value, rule);
+}
+
+/* Fails with the first of some members that is beyond its bounds, or NaN. */
+static sps_result spsi_check_bounded(sps_context *context, sps_object object, int index, const char *prefix,
+                                     const spsi_bounded *list, size_t count) {
+    for (size_t i = 0; i < count; ++i)
+        if (!(list[i].value >= list[i].low && list[i].value <= list[i].high))
+            return spsi_fail_member(context, SPS_ERROR_ARGUMENT, object, index, prefix, list[i].field, list[i].value,
+                                    list[i].rule);
+    return SPS_OK;
+}
+
+/* Fails if a vector of an object is not usable as coordinates. */
+static sps_result spsi_check_vector(sps_context *context, sps_object object, int index, const char *field,
+                                    const double v[3]) {
+    const double *bad = spsi_bad_coordinate(v, 3);
+    if (!bad) return SPS_OK;
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, *bad, "it must be within 1e15");
+}
+
+/* Fails if a component of a color is not within 0..most, which is 1 or SPSI_VALUE_MAX. */
+static sps_result spsi_check_color(sps_context *context, sps_object object, int index, const char *field,
+                                   const float color[3], float most) {
+    const float *bad = spsi_bad_color(color, most);
+    if (!bad) return SPS_OK;
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, (double)*bad,
+                           most > 1 ? "red, green and blue must be 0..1e18" : "red, green and blue must be 0..1");
+}
+
 /* Checks that a resolved placement is finite, and not flat. */
 static sps_result spsi_check_placement(sps_context *context, const sps_placement *placement, sps_object object,
                                        int index) {
-    const double *bad = spsi_bad_coordinate(placement->origin, 3);
     const double determinant = spsi_determinant(placement->axis[0], placement->axis[1], placement->axis[2]);
     double room = 1e-14;
     char field[32];
-    if (bad) {
+    if (spsi_bad_coordinate(placement->origin, 3)) {
+        const double *bad = spsi_bad_coordinate(placement->origin, 3);
         SPS_SNPRINTF(field, sizeof field, "placement.origin[%d]", (int)(bad - placement->origin));
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, *bad, "it must be within 1e15");
     }
     for (int i = 0; i < 9; ++i) {
-        bad = spsi_bad_coordinate(&placement->axis[i / 3][i % 3], 1);
-        if (!bad) continue;
         SPS_SNPRINTF(field, sizeof field, "placement.axis[%d][%d]", i / 3, i % 3);
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, *bad, "it must be within 1e15");
+        if (spsi_bad_coordinate(&placement->axis[i / 3][i % 3], 1))
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, placement->axis[i / 3][i % 3],
+                                   "it must be within 1e15");
     }
     for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* the round-off of a flat one */
     if (!(fabs(determinant) > room) || !(fabs(determinant) <= DBL_MAX))
@@ -4758,14 +4800,12 @@ static int spsi_volume_present(const sps_volume *volume) {
     return volume->size[0] > 0 && volume->size[1] > 0 && volume->size[2] > 0;
 }
 
-/* Fails if a struct was not zeroed; `prefix` leads from the object to the struct: "", "grid.". */
+/* Fails if a struct was not zeroed. */
 static sps_result spsi_check_canaries(sps_context *context, sps_object object, int index, const char *prefix,
                                       uint32_t start, uint32_t end) {
-    char field[32];
     if (!start && !end) return SPS_OK;
-    SPS_SNPRINTF(field, sizeof field, "%s%s", prefix, start ? "start_canary" : "end_canary");
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, (double)(start ? start : end),
-                           SPSI_NOT_ZEROED);
+    return spsi_fail_member(context, SPS_ERROR_ARGUMENT, object, index, prefix, start ? "start_canary" : "end_canary",
+                            (double)(start ? start : end), SPSI_NOT_ZEROED);
 }
 
 static sps_result spsi_check_lobes(sps_context *context, sps_object object, int index, const sps_lobe *lobes,
@@ -4785,19 +4825,10 @@ static sps_result spsi_check_lobes(sps_context *context, sps_object object, int 
     return SPS_OK;
 }
 
-static sps_result spsi_check_radiance(sps_context *context, sps_object object, int index, const char *field,
-                                      const float color[3]) {
-    if (!spsi_bad_color(color, SPSI_VALUE_MAX)) return SPS_OK;
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field,
-                           (double)*spsi_bad_color(color, SPSI_VALUE_MAX), "red, green and blue must be 0..1e18");
-}
-
 static sps_result spsi_check_gas_colors(sps_context *context, sps_object object, int index, const float albedo[3],
                                         const float emission[3]) {
-    if (spsi_bad_color(albedo, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "albedo", (double)*spsi_bad_color(albedo, 1),
-                               "red, green and blue must be 0..1");
-    return spsi_check_radiance(context, object, index, "emission", emission);
+    if (spsi_check_color(context, object, index, "albedo", albedo, 1)) return context->result;
+    return spsi_check_color(context, object, index, "emission", emission, SPSI_VALUE_MAX);
 }
 
 static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume, int i) {
@@ -4831,6 +4862,11 @@ static sps_result spsi_check_array(sps_context *context, const sps_volume *volum
 }
 
 static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
+    const spsi_bounded looks[] = {
+        {"gradient_full", (double)volume->gradient_full, 0, (double)SPSI_VALUE_MAX, "it must be 0 or positive"},
+        {"specular", (double)volume->specular, 0, 1, "it must be 0..1"},
+        {"shininess", (double)volume->shininess, 0, 1e4, "it must be 0..10000"},
+        {"shading", (double)(int)volume->shading, 0, SPS_SHADING_SURFACE, "it must be an sps_shading"}};
     char text[96];
     if (spsi_check_canaries(context, SPS_OBJECT_VOLUME, i, "", volume->start_canary, volume->end_canary))
         return context->result;
@@ -4846,19 +4882,9 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
     }
     if (spsi_check_array(context, volume, i)) return context->result;
     if (spsi_check_lobes(context, SPS_OBJECT_VOLUME, i, volume->lobes, volume->lobe_count)) return context->result;
-    if (!(volume->gradient_full >= 0 && volume->gradient_full <= SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "gradient_full",
-                               (double)volume->gradient_full, "it must be 0 or positive");
-    if (!(volume->specular >= 0 && volume->specular <= 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "specular", (double)volume->specular,
-                               "it must be 0..1");
-    if (!(volume->shininess >= 0 && volume->shininess <= 1e4f))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "shininess",
-                               (double)volume->shininess, "it must be 0..10000");
-    if ((int)volume->shading < 0 || volume->shading > SPS_SHADING_SURFACE)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "shading",
-                               (double)(int)volume->shading, "it must be an sps_shading");
-    if (spsi_check_radiance(context, SPS_OBJECT_VOLUME, i, "ambient", volume->ambient)) return context->result;
+    if (spsi_check_bounded(context, SPS_OBJECT_VOLUME, i, "", looks, sizeof looks / sizeof *looks) ||
+        spsi_check_color(context, SPS_OBJECT_VOLUME, i, "ambient", volume->ambient, SPSI_VALUE_MAX))
+        return context->result;
     return volume->transfer ? SPS_OK : spsi_check_gas(context, volume, i);
 }
 
@@ -4894,13 +4920,8 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "read_fn", 0,
                               "is NULL; it must be set where there are triangles");
     if (spsi_check_indexed(context, mesh, i)) return context->result;
-    if (spsi_bad_color(mesh->color, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "color",
-                               (double)*spsi_bad_color(mesh->color, 1), "red, green and blue must be 0..1");
-    if (spsi_bad_color(mesh->transmittance, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "transmittance",
-                               (double)*spsi_bad_color(mesh->transmittance, 1), "red, green and blue must be 0..1");
-    return SPS_OK;
+    if (spsi_check_color(context, SPS_OBJECT_MESH, i, "color", mesh->color, 1)) return context->result;
+    return spsi_check_color(context, SPS_OBJECT_MESH, i, "transmittance", mesh->transmittance, 1);
 }
 
 static sps_result spsi_check_set(sps_context *context, const sps_particles *set, int i) {
@@ -4913,7 +4934,7 @@ static sps_result spsi_check_set(sps_context *context, const sps_particles *set,
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "read_fn", 0,
                               "is NULL; it must be set where count is not 0");
     if (spsi_check_lobes(context, SPS_OBJECT_PARTICLES, i, set->lobes, set->lobe_count) ||
-        spsi_check_radiance(context, SPS_OBJECT_PARTICLES, i, "ambient", set->ambient))
+        spsi_check_color(context, SPS_OBJECT_PARTICLES, i, "ambient", set->ambient, SPSI_VALUE_MAX))
         return context->result;
     return spsi_check_gas_colors(context, SPS_OBJECT_PARTICLES, i, set->albedo, set->emission);
 }
@@ -4926,9 +4947,8 @@ static const char *spsi_setting_prefix(int light) { return light < 0 ? "" : "sha
 /* As spsi_fail_field, for these settings. */
 static sps_result spsi_fail_setting(sps_context *context, sps_result result, int light, const char *field, double value,
                                     const char *rule) {
-    char member[64];
-    SPS_SNPRINTF(member, sizeof member, "%s%s", spsi_setting_prefix(light), field);
-    return spsi_fail_field(context, result, spsi_setting_object(light), light, member, value, rule);
+    return spsi_fail_member(context, result, spsi_setting_object(light), light, spsi_setting_prefix(light), field,
+                            value, rule);
 }
 
 /* Checks the number of components, including the range, unless it is left to the technique. */
@@ -4973,22 +4993,19 @@ static sps_result spsi_check_planes(sps_context *context, int light, const sps_t
 
 /* Checks all settings of a map except for its depth range. */
 static sps_result spsi_check_settings(sps_context *context, int light, const sps_tmap_settings *settings) {
+    const spsi_bounded numbers[] = {
+        {"technique", (double)(int)settings->technique, 0, SPS_TMAP_TABLE, "it must be an sps_tmap_technique"},
+        {"epsilon", (double)settings->epsilon, 0, 0.5, "it must be 0..0.5"},
+        {"surface_bias", settings->surface_bias, 0, SPSI_COORDINATE_MAX, "it must be 0..1e15"}};
+    const sps_object object = spsi_setting_object(light);
+    const char *prefix = spsi_setting_prefix(light);
     sps_tmap_settings resolved;
-    if (spsi_check_canaries(context, spsi_setting_object(light), light, spsi_setting_prefix(light),
-                            settings->start_canary, settings->end_canary))
+    if (spsi_check_canaries(context, object, light, prefix, settings->start_canary, settings->end_canary) ||
+        spsi_check_bounded(context, object, light, prefix, numbers, sizeof numbers / sizeof *numbers))
         return context->result;
-    if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_TABLE)
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "technique", (double)(int)settings->technique,
-                                 "it must be an sps_tmap_technique");
     if (settings->technique == SPS_TMAP_TABLE && light < 0)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_SETTINGS, -1, "technique", 0,
                               "is SPS_TMAP_TABLE, which is for sps_light.shadow_map only");
-    if (!(settings->epsilon >= 0 && settings->epsilon <= 0.5f))
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "epsilon", (double)settings->epsilon,
-                                 "it must be 0..0.5");
-    if (!(settings->surface_bias >= 0 && settings->surface_bias <= SPSI_COORDINATE_MAX))
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "surface_bias", settings->surface_bias,
-                                 "it must be 0..1e15");
     resolved = spsi_settings_resolve(settings, light >= 0);
     if (spsi_check_components(context, light, &resolved)) return context->result;
     return spsi_check_planes(context, light, &resolved);
@@ -4997,9 +5014,6 @@ static sps_result spsi_check_settings(sps_context *context, int light, const sps
 /* Checks how a light shades gas: neither sheets nor a table can be meant beside a map of another kind. */
 static sps_result spsi_check_shadow_source(sps_context *context, const sps_light *light, int i) {
     const sps_tmap_settings *settings = light->shadow_map;
-    if ((int)light->shadow_source < 0 || light->shadow_source > SPS_SHADOW_TABLE)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_source",
-                               (double)(int)light->shadow_source, "it must be an sps_shadow_source");
     if (settings && light->shadow_source == SPS_SHADOW_SHEETS)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_source", SPS_SHADOW_SHEETS,
                               "is SPS_SHADOW_SHEETS, and shadow_map is set; only one of them can be meant");
@@ -5015,24 +5029,24 @@ static sps_result spsi_check_shadow_source(sps_context *context, const sps_light
    their own. */
 static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *light, int i) {
     const sps_tmap_settings *settings = light->shadow_map;
-    if (light->shadow_map_size < 0 || light->shadow_map_size > SPSI_SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_map_size",
-                               light->shadow_map_size, "it must be 0..16384");
-    if (light->shadow_map_omnidirectional && light->kind == SPS_LIGHT_DIRECTIONAL)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_map_omnidirectional",
-                               light->shadow_map_omnidirectional, "a directional light has one direction");
-    if (spsi_check_shadow_source(context, light, i)) return context->result;
-    if (!settings) return SPS_OK;
-    if (spsi_check_settings(context, i, settings)) return context->result;
-    if (!(fabs(settings->near_depth) <= 0))
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "near_depth", settings->near_depth,
-                                 "it must be 0: the range is fitted to the gas");
-    if (!(fabs(settings->far_depth) <= 0))
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "far_depth", settings->far_depth,
-                                 "it must be 0: the range is fitted to the gas");
-    if (settings->surface_bias > 0)
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "surface_bias", settings->surface_bias,
-                                 "it must be 0: surfaces shade by rays and a depth map of their own");
+    const double all_round = light->kind == SPS_LIGHT_DIRECTIONAL ? 0 : HUGE_VAL;
+    const spsi_bounded numbers[] = {
+        {"shadow_map_size", (double)light->shadow_map_size, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
+        {"shadow_map_omnidirectional", (double)light->shadow_map_omnidirectional, -all_round, all_round,
+         "a directional light has one direction"},
+        {"shadow_source", (double)(int)light->shadow_source, 0, SPS_SHADOW_TABLE, "it must be an sps_shadow_source"}};
+    if (spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", numbers, sizeof numbers / sizeof *numbers) ||
+        spsi_check_shadow_source(context, light, i))
+        return context->result;
+    if (settings) {
+        const spsi_bounded own[] = {
+            {"near_depth", settings->near_depth, 0, 0, "it must be 0: the range is fitted to the gas"},
+            {"far_depth", settings->far_depth, 0, 0, "it must be 0: the range is fitted to the gas"},
+            {"surface_bias", settings->surface_bias, 0, 0,
+             "it must be 0: surfaces shade by rays and a depth map of their own"}};
+        if (spsi_check_settings(context, i, settings)) return context->result;
+        return spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "shadow_map.", own, sizeof own / sizeof *own);
+    }
     return SPS_OK;
 }
 
@@ -5044,74 +5058,56 @@ static int spsi_light_extended(const sps_light *light) {
 }
 
 static sps_result spsi_check_cone(sps_context *context, const sps_light *light, int i) {
-    if (light->kind == SPS_LIGHT_DIRECTIONAL && (light->inner_cone < 0 || light->inner_cone > 0))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "inner_cone", light->inner_cone,
-                               "it must be 0: a directional light has no cone");
-    if (light->kind == SPS_LIGHT_DIRECTIONAL && (light->outer_cone < 0 || light->outer_cone > 0))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "outer_cone", light->outer_cone,
-                               "it must be 0: a directional light has no cone");
-    if (!(light->outer_cone >= 0 && light->outer_cone <= SPSI_PI * (1 + DBL_EPSILON)))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "outer_cone", light->outer_cone,
-                               "it must be 0..pi");
-    if (!(light->inner_cone >= 0 && (light->inner_cone < light->outer_cone || !(light->inner_cone > 0))))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "inner_cone", light->inner_cone,
-                               "it must be 0, or less than outer_cone");
-    return SPS_OK;
-}
-
-static sps_result spsi_fail_projector(sps_context *context, int i, const char *name, double value, const char *rule) {
-    char field[48];
-    SPS_SNPRINTF(field, sizeof field, "projector.%s", name);
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, field, value, rule);
+    static const char none[] = "it must be 0: a directional light has no cone";
+    const int directional = light->kind == SPS_LIGHT_DIRECTIONAL;
+    const double narrower = light->inner_cone < light->outer_cone ? light->inner_cone : 0;
+    const spsi_bounded cones[] = {{"outer_cone", light->outer_cone, 0, directional ? 0 : SPSI_PI * (1 + DBL_EPSILON),
+                                   directional ? none : "it must be 0..pi"},
+                                  {"inner_cone", light->inner_cone, 0, directional ? 0 : narrower,
+                                   directional ? none : "it must be 0, or less than outer_cone"}};
+    return spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", cones, sizeof cones / sizeof *cones);
 }
 
 static sps_result spsi_check_projector(sps_context *context, const sps_light *light, int i) {
     const sps_projector *projector = light->projector;
-    const double *bad;
     double direction[3], along[2] = {0, 0}, reach;
     if (!projector) return SPS_OK;
     if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, "projector.", projector->start_canary, projector->end_canary))
         return context->result;
     if (!projector->sample_fn)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "projector.sample_fn", 0, SPSI_IS_NULL);
-    if (projector->width < 1 || projector->width > SPSI_IMAGE_SIZE_MAX)
-        return spsi_fail_projector(context, i, "width", projector->width, "it must be 1..4096");
-    if (projector->height < 1 || projector->height > SPSI_IMAGE_SIZE_MAX)
-        return spsi_fail_projector(context, i, "height", projector->height, "it must be 1..4096");
-    if (spsi_bad_coordinate(&projector->right, 1))
-        return spsi_fail_projector(context, i, "right", projector->right, "it must be within 1e15");
-    if (!(projector->left >= -1e15 && projector->right - projector->left >= 1e-15))
-        return spsi_fail_projector(context, i, "left", projector->left,
-                                   "it must be within 1e15, and less than right by 1e-15 or more");
-    if (spsi_bad_coordinate(&projector->top, 1))
-        return spsi_fail_projector(context, i, "top", projector->top, "it must be within 1e15");
-    if (!(projector->bottom >= -1e15 && projector->top - projector->bottom >= 1e-15))
-        return spsi_fail_projector(context, i, "bottom", projector->bottom,
-                                   "it must be within 1e15, and less than top by 1e-15 or more");
-    bad = spsi_bad_coordinate(projector->up, 3);
-    if (bad) return spsi_fail_projector(context, i, "up", *bad, "it must be within 1e15");
     memcpy(direction, light->direction, sizeof direction);
     spsi_normalise(direction);
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
         along[axis] = fabs(spsi_dot(light->axes[axis], direction));
     reach = light->kind == SPS_LIGHT_RECTANGLE ? along[0] + along[1] : sqrt(along[0] * along[0] + along[1] * along[1]);
-    if (!(fabs(projector->focus) <= 0) && !(projector->focus > reach && projector->focus <= 1e15))
-        return spsi_fail_projector(context, i, "focus", projector->focus,
-                                   "it must be 0, or within 1e15 and beyond the extent");
-    return SPS_OK;
+    {
+        const double left = projector->right - projector->left >= 1e-15 ? projector->left : -HUGE_VAL;
+        const double bottom = projector->top - projector->bottom >= 1e-15 ? projector->bottom : -HUGE_VAL;
+        const spsi_bounded numbers[] = {
+            {"width", (double)projector->width, 1, SPSI_IMAGE_SIZE_MAX, "it must be 1..4096"},
+            {"height", (double)projector->height, 1, SPSI_IMAGE_SIZE_MAX, "it must be 1..4096"},
+            {"right", projector->right, -1e15, 1e15, "it must be within 1e15"},
+            {"left", projector->left, -1e15, left, "it must be within 1e15, and less than right by 1e-15 or more"},
+            {"top", projector->top, -1e15, 1e15, "it must be within 1e15"},
+            {"bottom", projector->bottom, -1e15, bottom, "it must be within 1e15, and less than top by 1e-15 or more"},
+            {"focus", projector->focus, 0, projector->focus > reach ? 1e15 : 0,
+             "it must be 0, or within 1e15 and beyond the extent"}};
+        if (spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "projector.", numbers, sizeof numbers / sizeof *numbers))
+            return context->result;
+    }
+    return spsi_check_vector(context, SPS_OBJECT_LIGHT, i, "projector.up", projector->up);
 }
 
 static sps_result spsi_check_extent(sps_context *context, const sps_light *light, int i) {
-    if (light->samples < 0 || light->samples > SPSI_POINTS_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "samples", light->samples,
-                               "it must be 0..256");
-    if (light->kind == SPS_LIGHT_DIRECTIONAL && !(light->angular_diameter >= 0 && light->angular_diameter <= 2))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "angular_diameter",
-                               light->angular_diameter, "it must be 0..2 radians");
+    const spsi_bounded numbers[] = {
+        {"samples", (double)light->samples, 0, SPSI_POINTS_MAX, "it must be 0..256"},
+        {"angular_diameter", light->angular_diameter, 0, 2, "it must be 0..2 radians"}};
+    if (spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", numbers, light->kind == SPS_LIGHT_DIRECTIONAL ? 2 : 1))
+        return context->result;
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
-        if (spsi_bad_coordinate(light->axes[axis], 3))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, axis ? "axes[1]" : "axes[0]",
-                                   *spsi_bad_coordinate(light->axes[axis], 3), "it must be within 1e15");
+        if (spsi_check_vector(context, SPS_OBJECT_LIGHT, i, axis ? "axes[1]" : "axes[0]", light->axes[axis]))
+            return context->result;
     if (light->shadow_map && spsi_light_extended(light))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, i, "shadow_map", 0,
                               "holds the shadow of a single point; an extended light has none");
@@ -5119,20 +5115,14 @@ static sps_result spsi_check_extent(sps_context *context, const sps_light *light
 }
 
 static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
-    const double *bad;
+    const spsi_bounded kinds[] = {
+        {"kind", (double)(int)light->kind, 0, SPS_LIGHT_RECTANGLE, "it must be an sps_light_kind"},
+        {"falloff", (double)(int)light->falloff, 0, SPS_FALLOFF_NONE, "it must be an sps_falloff"}};
     double direction[3];
-    if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, "", light->start_canary, light->end_canary))
+    if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, "", light->start_canary, light->end_canary) ||
+        spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", kinds, sizeof kinds / sizeof *kinds) ||
+        spsi_check_color(context, SPS_OBJECT_LIGHT, i, "color", light->color, SPSI_VALUE_MAX))
         return context->result;
-    if ((int)light->kind < 0 || light->kind > SPS_LIGHT_RECTANGLE)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "kind", (double)(int)light->kind,
-                               "it must be an sps_light_kind");
-    if ((int)light->falloff < 0 || light->falloff > SPS_FALLOFF_NONE)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "falloff", (double)(int)light->falloff,
-                               "it must be an sps_falloff");
-    if (spsi_bad_color(light->color, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "color",
-                               (double)*spsi_bad_color(light->color, SPSI_VALUE_MAX),
-                               "red, green and blue must be 0..1e18");
     memcpy(direction, light->direction, sizeof direction);
     if (spsi_check_cone(context, light, i)) return context->result;
     if ((light->kind == SPS_LIGHT_DIRECTIONAL || light->outer_cone > 0 || light->projector) &&
@@ -5142,31 +5132,28 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "direction", direction[k],
                                "it must be finite and have a length");
     }
-    bad = spsi_bad_coordinate(light->position, 3);
-    if ((light->kind != SPS_LIGHT_DIRECTIONAL || light->projector) && bad)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "position", *bad,
-                               "it must be within 1e15");
+    if ((light->kind != SPS_LIGHT_DIRECTIONAL || light->projector) &&
+        spsi_check_vector(context, SPS_OBJECT_LIGHT, i, "position", light->position))
+        return context->result;
     if (spsi_check_extent(context, light, i) || spsi_check_projector(context, light, i)) return context->result;
     return spsi_check_shadow_map(context, light, i);
 }
 
 static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene) {
-    if (spsi_check_canaries(context, SPS_OBJECT_SCENE, -1, "", scene->start_canary, scene->end_canary))
+    const spsi_bounded counts[] = {
+        {"volume_count", (double)scene->volume_count, 0, scene->volumes ? HUGE_VAL : 0,
+         "it must be 0, or positive with volumes set"},
+        {"mesh_count", (double)scene->mesh_count, 0, scene->meshes ? HUGE_VAL : 0,
+         "it must be 0, or positive with meshes set"},
+        {"light_count", (double)scene->light_count, 0, scene->lights ? HUGE_VAL : 0,
+         "it must be 0, or positive with lights set"},
+        {"particle_set_count", (double)scene->particle_set_count, 0, scene->particles ? HUGE_VAL : 0,
+         "it must be 0, or positive with particles set"}};
+    if (spsi_check_canaries(context, SPS_OBJECT_SCENE, -1, "", scene->start_canary, scene->end_canary) ||
+        spsi_check_bounded(context, SPS_OBJECT_SCENE, -1, "", counts, sizeof counts / sizeof *counts) ||
+        spsi_check_color(context, SPS_OBJECT_SCENE, -1, "ambient", scene->ambient, SPSI_VALUE_MAX) ||
+        spsi_check_color(context, SPS_OBJECT_SCENE, -1, "background", scene->background, SPSI_VALUE_MAX))
         return context->result;
-    if (scene->volume_count < 0 || (scene->volume_count > 0 && !scene->volumes))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count", scene->volume_count,
-                               "it must be 0, or positive with volumes set");
-    if (scene->mesh_count < 0 || (scene->mesh_count > 0 && !scene->meshes))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "mesh_count", scene->mesh_count,
-                               "it must be 0, or positive with meshes set");
-    if (scene->light_count < 0 || (scene->light_count > 0 && !scene->lights))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "light_count", scene->light_count,
-                               "it must be 0, or positive with lights set");
-    if (scene->particle_set_count < 0 || (scene->particle_set_count > 0 && !scene->particles))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
-                               scene->particle_set_count, "it must be 0, or positive with particles set");
-    if (spsi_check_radiance(context, SPS_OBJECT_SCENE, -1, "ambient", scene->ambient)) return context->result;
-    if (spsi_check_radiance(context, SPS_OBJECT_SCENE, -1, "background", scene->background)) return context->result;
     for (int i = 0; i < scene->volume_count; ++i)
         if (spsi_check_volume(context, &scene->volumes[i], i)) return context->result;
     for (int i = 0; i < scene->mesh_count; ++i)
@@ -5192,15 +5179,11 @@ static sps_result spsi_check_projection(sps_context *context, sps_object object,
     return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera", 0, rest);
 }
 
-/* Checks one of a camera's vectors. */
-static sps_result spsi_check_vector(sps_context *context, sps_object object, const char *field, const double v[3]) {
-    const double *bad = spsi_bad_coordinate(v, 3);
-    if (!bad) return SPS_OK;
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, field, *bad, "it must be within 1e15");
-}
-
 /* Checks the camera of a view, or of a map's light. */
 static sps_result spsi_check_camera(sps_context *context, sps_object object, const sps_camera *camera) {
+    const spsi_bounded heights[] = {
+        {"field_of_view", camera->field_of_view, 0, 3.1, "it must be above 0, up to 3.1 radians"},
+        {"ortho_height", camera->ortho_height, 0, DBL_MAX, "it must be above 0"}};
     const double *matrix = camera->world_to_clip;
     if (spsi_check_projection(context, object, camera)) return context->result;
     if (matrix) {
@@ -5210,32 +5193,22 @@ static sps_result spsi_check_camera(sps_context *context, sps_object object, con
         SPS_SNPRINTF(field, sizeof field, "camera.world_to_clip[%d]", (int)(bad - matrix));
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, field, *bad, "it must be within 1e15");
     }
-    if (spsi_check_vector(context, object, "camera.position", camera->position) ||
-        spsi_check_vector(context, object, "camera.target", camera->target) ||
-        spsi_check_vector(context, object, "camera.up", camera->up))
+    if (spsi_check_vector(context, object, -1, "camera.position", camera->position) ||
+        spsi_check_vector(context, object, -1, "camera.target", camera->target) ||
+        spsi_check_vector(context, object, -1, "camera.up", camera->up))
         return context->result;
-    if (!(camera->field_of_view >= 0 && camera->field_of_view <= 3.1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "camera.field_of_view", camera->field_of_view,
-                               "it must be above 0, up to 3.1 radians");
-    if (!(camera->ortho_height >= 0 && camera->ortho_height <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "camera.ortho_height", camera->ortho_height,
-                               "it must be above 0");
-    return SPS_OK;
+    return spsi_check_bounded(context, object, -1, "camera.", heights, sizeof heights / sizeof *heights);
 }
 
 /* Checks the fields common to a view and a map's light, apart from their cameras. */
 static sps_result spsi_check_sampling(sps_context *context, sps_object object, const int size[2], sps_quality quality,
                                       double slab) {
-    for (int i = 0; i < 2; ++i)
-        if (size[i] < 1 || size[i] > SPSI_SIZE_MAX)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, i ? "height" : "width", size[i],
-                                   "it must be 1..16384");
-    if ((int)quality < 0 || quality > SPS_QUALITY_ULTRA)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "quality", (double)(int)quality,
-                               "it must be an sps_quality");
-    if (!(slab >= 0 && slab <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "slab", slab, "it must be 0 or positive");
-    return SPS_OK;
+    const spsi_bounded numbers[] = {
+        {"width", (double)size[0], 1, SPSI_SIZE_MAX, "it must be 1..16384"},
+        {"height", (double)size[1], 1, SPSI_SIZE_MAX, "it must be 1..16384"},
+        {"quality", (double)(int)quality, 0, SPS_QUALITY_ULTRA, "it must be an sps_quality"},
+        {"slab", slab, 0, DBL_MAX, "it must be 0 or positive"}};
+    return spsi_check_bounded(context, object, -1, "", numbers, sizeof numbers / sizeof *numbers);
 }
 
 #define SPSI_COVERAGE_MAX 8 /* along a side of a pixel: samples are bits of 64 */
@@ -5249,27 +5222,31 @@ static int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]
 static int spsi_has_budget(const sps_view *view) { return view->budget_seconds > 0 || view->budget_error > 0; }
 
 static sps_result spsi_check_budget(sps_context *context, const sps_view *view) {
-    static const char *const names[] = {"quality", "slab", "tolerance", "scatter_size"};
-    const double chosen[] = {(double)(int)view->quality, view->slab, (double)view->tolerance,
-                             (double)view->scatter_size};
-    if (!(view->budget_seconds >= 0 && view->budget_seconds <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "budget_seconds", view->budget_seconds,
-                               "it must be 0, or positive and finite");
-    if (!(view->budget_error >= 0 && view->budget_error <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "budget_error", view->budget_error,
-                               "it must be 0, or positive and finite");
-    if (view->budget_seconds > 0 && view->budget_error > 0)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "budget_error", view->budget_error,
-                               "budget_seconds is set, too: set one of both");
-    for (int i = 0; i < 4; ++i)
-        if (spsi_has_budget(view) && !(chosen[i] <= 0))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, names[i], chosen[i],
-                                   "the budget chooses it: leave it 0");
-    return SPS_OK;
+    static const char rule[] = "the budget chooses it: leave it 0";
+    const double spare = spsi_has_budget(view) ? 0 : HUGE_VAL;
+    const spsi_bounded numbers[] = {
+        {"budget_seconds", view->budget_seconds, 0, DBL_MAX, "it must be 0, or positive and finite"},
+        {"budget_error", view->budget_error, 0, DBL_MAX, "it must be 0, or positive and finite"},
+        {"budget_error", view->budget_error, 0, view->budget_seconds > 0 ? 0 : DBL_MAX,
+         "budget_seconds is set, too: set one of both"},
+        {"quality", (double)(int)view->quality, 0, spare, rule},
+        {"slab", view->slab, 0, spare, rule},
+        {"tolerance", (double)view->tolerance, 0, spare, rule},
+        {"scatter_size", (double)view->scatter_size, 0, spare, rule}};
+    return spsi_check_bounded(context, SPS_OBJECT_VIEW, -1, "", numbers, sizeof numbers / sizeof *numbers);
 }
 
 static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     const int *r = view->region, size[2] = {view->width, view->height};
+    const spsi_bounded numbers[] = {
+        {"shadow_size", (double)view->shadow_size, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
+        {"coverage_samples", (double)view->coverage_samples, 0, SPSI_COVERAGE_MAX, "it must be 0..8"},
+        {"tolerance", (double)view->tolerance, 0, 1, "it must be 0..1"},
+        {"filling", (double)(int)view->filling, 0, SPS_FILLING_GATHER, "it must be an sps_filling"},
+        {"scattering", (double)(int)view->scattering, 0, SPS_SCATTERING_FULL, "it must be an sps_scattering"},
+        {"scatter_size", (double)view->scatter_size, 0, SPSI_CELL_SIDE_MOST, "it must be 0..256"},
+        {"scatter_tolerance", (double)view->scatter_tolerance, 0, 1, "it must be 0..1"},
+        {"near_distance", view->near_distance, 0, DBL_MAX, "it must be 0 or positive"}};
     if (spsi_check_canaries(context, SPS_OBJECT_VIEW, -1, "", view->start_canary, view->end_canary) ||
         spsi_check_sampling(context, SPS_OBJECT_VIEW, size, view->quality, view->slab))
         return context->result;
@@ -5280,32 +5257,10 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
                      size[1]);
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "region", 0, rest);
     }
-    if (view->shadow_size < 0 || view->shadow_size > SPSI_SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "shadow_size", view->shadow_size,
-                               "it must be 0..16384");
-    if (view->coverage_samples < 0 || view->coverage_samples > SPSI_COVERAGE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "coverage_samples",
-                               view->coverage_samples, "it must be 0..8");
-    if (!(view->tolerance >= 0 && view->tolerance <= 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "tolerance", (double)view->tolerance,
-                               "it must be 0..1");
-    if ((int)view->filling < 0 || view->filling > SPS_FILLING_GATHER)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "filling", (double)(int)view->filling,
-                               "it must be an sps_filling");
-    if ((int)view->scattering < 0 || view->scattering > SPS_SCATTERING_FULL)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scattering",
-                               (double)(int)view->scattering, "it must be an sps_scattering");
-    if (view->scatter_size < 0 || view->scatter_size > SPSI_CELL_SIDE_MOST)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scatter_size", view->scatter_size,
-                               "it must be 0..256");
-    if (!(view->scatter_tolerance >= 0 && view->scatter_tolerance <= 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scatter_tolerance",
-                               (double)view->scatter_tolerance, "it must be 0..1");
-    if (!(view->near_distance >= 0 && view->near_distance <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "near_distance", view->near_distance,
-                               "it must be 0 or positive");
-    return spsi_check_camera(context, SPS_OBJECT_VIEW, &view->camera) ? context->result
-                                                                      : spsi_check_budget(context, view);
+    if (spsi_check_bounded(context, SPS_OBJECT_VIEW, -1, "", numbers, sizeof numbers / sizeof *numbers) ||
+        spsi_check_camera(context, SPS_OBJECT_VIEW, &view->camera))
+        return context->result;
+    return spsi_check_budget(context, view);
 }
 
 static void spsi_resolve_quality(spsi_frame *frame) {
@@ -11958,8 +11913,8 @@ static inline void spsi_shares_along(int axis, spsi_v at, float breadth, spsi_v 
     spsi_store(shares->weight[axis][2], spsi_mul(mass, after));
 }
 
-/* Adds one voxel near the edge of the tile. */
-static void spsi_deposit_at_edge(const spsi_deposit *deposit, const spsi_shares *shares, int lane, float *channel) {
+/* Adds one voxel. */
+static void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_shares *shares, int lane, float *channel) {
     const spsi_tile *tile = deposit->tile;
     const int *low = deposit->low, *high = deposit->high;
     int at[3][3];
@@ -11977,29 +11932,6 @@ static void spsi_deposit_at_edge(const spsi_deposit *deposit, const spsi_shares 
                 channel[(size_t)slab * tile->sheet_size + (size_t)(y * tile->pitch + at[0][k])] +=
                     amount * shares->weight[0][k][lane];
     }
-}
-
-/* Adds one voxel. */
-static inline void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_shares *shares, int lane,
-                                      float *channel) {
-    const spsi_tile *tile = deposit->tile;
-    const int x = shares->first[0][lane], y = shares->first[1][lane], slab = shares->first[2][lane];
-    const int *low = deposit->low, *high = deposit->high;
-    const float left = shares->weight[0][0][lane], middle = shares->weight[0][1][lane],
-                right = shares->weight[0][2][lane];
-    if (x < low[0] || y < low[1] || slab < low[2] || x + 2 > high[0] || y + 2 > high[1] || slab + 2 > high[2]) {
-        spsi_deposit_at_edge(deposit, shares, lane, channel);
-        return;
-    }
-    channel += (size_t)slab * tile->sheet_size + (size_t)(y * tile->pitch + x);
-    for (int k = 0; k < 3; ++k, channel += tile->sheet_size)
-        for (int j = 0; j < 3; ++j) {
-            const float amount = shares->weight[2][k][lane] * shares->weight[1][j][lane];
-            float *row = channel + j * tile->pitch;
-            row[0] += amount * left;
-            row[1] += amount * middle;
-            row[2] += amount * right;
-        }
 }
 
 /* Bit mask of a vector's voxels that reach into the tile. */
@@ -12739,72 +12671,40 @@ typedef struct spsi_tapper {
     float rows[3][3]; /* change of a place with world position, per cube root of a voxel's volume */
 } spsi_tapper;
 
-/* The taps of a place, still to be added up: those of each column along x. */
-static inline spsi_four spsi_taps_four(const float *from, const float *x, const float *y, const float *z) {
-    enum { EDGE = SPSI_BRICK + 3, PITCH = 12 };
-    spsi_four sum, plane;
-    for (int k = 0; k < 4; ++k, from += EDGE * PITCH) {
-        plane = spsi_four_scale(y[0], spsi_four_load(from));
-        plane = spsi_four_add(y[1], spsi_four_load(from + PITCH), plane);
-        plane = spsi_four_add(y[2], spsi_four_load(from + 2 * PITCH), plane);
-        plane = spsi_four_add(y[3], spsi_four_load(from + 3 * PITCH), plane);
-        sum = k == 0 ? spsi_four_scale(z[0], plane) : spsi_four_add(z[k], plane, sum);
-    }
-    return spsi_four_mul(spsi_four_load(x), sum);
-}
-
-static inline spsi_four spsi_taps_six(const float *from, const float *x, const float *y, const float *z) {
-    enum { EDGE = SPSI_BRICK + 5, PITCH = 16 };
-    spsi_four sum[2], plane[2];
-    for (int k = 0; k < 6; ++k, from += EDGE * PITCH)
-        for (int half = 0; half < 2; ++half) {
-            plane[half] = spsi_four_scale(y[0], spsi_four_load(from + 4 * half));
-            for (int j = 1; j < 6; ++j)
-                plane[half] = spsi_four_add(y[j], spsi_four_load(from + 4 * half + j * PITCH), plane[half]);
-            sum[half] = k == 0 ? spsi_four_scale(z[0], plane[half]) : spsi_four_add(z[k], plane[half], sum[half]);
-        }
-    sum[0] = spsi_four_mul(spsi_four_load(x), sum[0]);
-    return spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
-}
-
 /* The weights of a place along each axis, and how they change. */
 typedef struct spsi_tap_weights {
     const float *at[3], *change[3];
 } spsi_tap_weights;
 
-/* The field's change per voxel along each axis at a place, still to be added up, as for spsi_taps_four. */
-static inline void spsi_taps_four_changes(const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
-    enum { EDGE = SPSI_BRICK + 3, PITCH = 12 };
-    const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
-    const spsi_four none = spsi_four_scale(0, spsi_four_load(from));
-    spsi_four sum = none, sum_y = none, sum_z = none;
-    for (int k = 0; k < 4; ++k, from += EDGE * PITCH) {
-        spsi_four row = spsi_four_load(from), plane = spsi_four_scale(y[0], row), plane_y = spsi_four_scale(dy[0], row);
-        for (int j = 1; j < 4; ++j) {
-            row = spsi_four_load(from + j * PITCH);
-            plane = spsi_four_add(y[j], row, plane);
-            plane_y = spsi_four_add(dy[j], row, plane_y);
+/* The sum of a place's taps, 4^3 or 6^3, still to be added up: of every fourth column along x. `taps` is a constant
+   in each call, so that compilers can unroll. */
+static inline spsi_four spsi_taps_sum(int taps, const float *from, const spsi_tap_weights *w) {
+    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), halves = taps > 4 ? 2 : 1;
+    const float *x = w->at[0], *y = w->at[1], *z = w->at[2];
+    spsi_four sum[2], plane[2];
+    for (int k = 0; k < taps; ++k, from += edge * pitch)
+        for (int half = 0; half < halves; ++half) {
+            plane[half] = spsi_four_scale(y[0], spsi_four_load(from + 4 * half));
+            for (int j = 1; j < taps; ++j)
+                plane[half] = spsi_four_add(y[j], spsi_four_load(from + 4 * half + j * pitch), plane[half]);
+            sum[half] = k == 0 ? spsi_four_scale(z[0], plane[half]) : spsi_four_add(z[k], plane[half], sum[half]);
         }
-        sum = spsi_four_add(z[k], plane, sum);
-        sum_y = spsi_four_add(z[k], plane_y, sum_y);
-        sum_z = spsi_four_add(dz[k], plane, sum_z);
-    }
-    changes[0] = spsi_four_mul(spsi_four_load(w->change[0]), sum);
-    changes[1] = spsi_four_mul(spsi_four_load(w->at[0]), sum_y);
-    changes[2] = spsi_four_mul(spsi_four_load(w->at[0]), sum_z);
+    sum[0] = spsi_four_mul(spsi_four_load(x), sum[0]);
+    return taps == 4 ? sum[0] : spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
 }
 
-static inline void spsi_taps_six_changes(const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
-    enum { EDGE = SPSI_BRICK + 5, PITCH = 16 };
+/* The field's change per voxel along each axis at a place, still to be added up, as for spsi_taps_sum. */
+static inline void spsi_taps_changes(int taps, const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
+    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), halves = taps > 4 ? 2 : 1;
     const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
-    for (int half = 0; half < 2; ++half, from += 4) {
+    for (int half = 0; half < halves; ++half, from += 4) {
         const spsi_four x = spsi_four_load(w->at[0] + 4 * half), dx = spsi_four_load(w->change[0] + 4 * half);
         const spsi_four none = spsi_four_scale(0, spsi_four_load(from));
         spsi_four sum = none, sum_y = none, sum_z = none;
-        for (int k = 0; k < 6; ++k) {
+        for (int k = 0; k < taps; ++k) {
             spsi_four plane = none, plane_y = none;
-            for (int j = 0; j < 6; ++j) {
-                const spsi_four row = spsi_four_load(from + (k * EDGE + j) * PITCH);
+            for (int j = 0; j < taps; ++j) {
+                const spsi_four row = spsi_four_load(from + (k * edge + j) * pitch);
                 plane = spsi_four_add(y[j], row, plane);
                 plane_y = spsi_four_add(dy[j], row, plane_y);
             }
@@ -12867,9 +12767,9 @@ static inline spsi_v spsi_tap_values(const spsi_tapper *t, const spsi_v place[3]
     for (; lanes; lanes &= lanes - 1) {
         const int i = spsi_lowest_bit(lanes);
         const float *from = field->values + (size_t)field->grid[at.brick[i]] * floats + at.first[i];
-        const float *x = fields->weights[at.weights[0][i]], *y = fields->weights[at.weights[1][i]];
-        const float *z = fields->weights[at.weights[2][i]];
-        spsi_four_store(fours + 4 * i, taps == 4 ? spsi_taps_four(from, x, y, z) : spsi_taps_six(from, x, y, z));
+        spsi_tap_weights w;
+        for (int k = 0; k < 3; ++k) w.at[k] = fields->weights[at.weights[k][i]];
+        spsi_four_store(fours + 4 * i, taps == 4 ? spsi_taps_sum(4, from, &w) : spsi_taps_sum(6, from, &w));
         *count += 1;
     }
     return spsi_sum_fours(fours);
@@ -12897,9 +12797,9 @@ static void spsi_tap_gradient(const spsi_tapper *t, const spsi_v place[3], int l
             w.change[k] = fields->changes[at.weights[k][i]];
         }
         if (fields->taps == 4)
-            spsi_taps_four_changes(from, &w, changes);
+            spsi_taps_changes(4, from, &w, changes);
         else
-            spsi_taps_six_changes(from, &w, changes);
+            spsi_taps_changes(6, from, &w, changes);
         for (int k = 0; k < 3; ++k) spsi_four_store(fours[k] + 4 * i, changes[k]);
     }
     for (int k = 0; k < 3; ++k) {
@@ -16707,7 +16607,7 @@ static sps_result spsi_check_tmap_camera(sps_context *context, const sps_tmap_li
     const sps_camera *camera = &light->camera;
     double forward[3];
     if (light->omnidirectional)
-        return spsi_check_vector(context, SPS_OBJECT_TMAP_LIGHT, "camera.position", camera->position);
+        return spsi_check_vector(context, SPS_OBJECT_TMAP_LIGHT, -1, "camera.position", camera->position);
     if (spsi_check_camera(context, SPS_OBJECT_TMAP_LIGHT, camera)) return context->result;
     spsi_along(camera->target, camera->position, -1, forward);
     if (camera->world_to_clip || spsi_dot(forward, forward) > 0) return SPS_OK;

@@ -19919,8 +19919,9 @@ typedef struct spsi_cell_level {
     float *average[SPSI_CELL_LENGTHS]; /* the mean of transmittance along it */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
     float *given, *sent, *moments[2];  /* each an array per term; moments[1] is scratch after a sweep */
-    uint32_t *closed;                  /* per cell: bit i closes the link of step i, >>lighting; NULL: all are open */
-    uint32_t *outside;                 /* per cell: the same from outside the grid, by direction at a slant; or NULL */
+    /* Per cell: bit i closes the link of step i, >>lighting; then the same from outside the grid, by direction at a
+       slant. NULL: all are open. */
+    uint32_t *closed;
     unsigned char *walled;             /* per row: 1: cells have closed links; 2: only from outside, which is dark */
 } spsi_cell_level;
 
@@ -19946,29 +19947,8 @@ typedef struct spsi_cell_solver {
 /* The link by which light in the direction of a step enters a cell. */
 static int spsi_cell_link(int x, int y, int z) { return x + 1 + 3 * (y + 1) + 9 * (z + 1); }
 
-/* Real harmonics whose squares have the mean 1 over the sphere: terms l^2 to (l + 1)^2 - 1 are of degree l. */
-static void spsi_harmonics(const double v[3], float out[SPSI_CELL_TERMS]) {
-    const double x = v[0], y = v[1], z = v[2];
-    const double all[SPSI_CELL_TERMS] = {1,
-                                         sqrt(3.0) * y,
-                                         sqrt(3.0) * z,
-                                         sqrt(3.0) * x,
-                                         sqrt(15.0) * x * y,
-                                         sqrt(15.0) * y * z,
-                                         sqrt(1.25) * (3 * z * z - 1),
-                                         sqrt(15.0) * x * z,
-                                         sqrt(3.75) * (x * x - y * y),
-                                         sqrt(4.375) * y * (3 * x * x - y * y),
-                                         sqrt(105.0) * x * y * z,
-                                         sqrt(2.625) * y * (5 * z * z - 1),
-                                         sqrt(1.75) * z * (5 * z * z - 3),
-                                         sqrt(2.625) * x * (5 * z * z - 1),
-                                         sqrt(26.25) * z * (x * x - y * y),
-                                         sqrt(4.375) * x * (x * x - 3 * y * y)};
-    for (int i = 0; i < SPSI_CELL_TERMS; ++i) out[i] = (float)all[i];
-}
-
-/* The same for a vector of directions, up to a number of terms: 1, 4 or all. */
+/* Real harmonics whose squares have the mean 1 over the sphere: terms l^2 to (l + 1)^2 - 1 are of degree l. For a vector
+   of directions, up to a number of terms: 1, 4 or all. */
 static void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_TERMS]) {
     const spsi_v x = v[0], y = v[1], z = v[2], xx = spsi_mul(x, x), yy = spsi_mul(y, y), zz = spsi_mul(z, z);
     const spsi_v five = spsi_fma(zz, spsi_set(5), spsi_set(-1)), apart = spsi_sub(xx, yy), xy = spsi_mul(x, y);
@@ -19991,6 +19971,18 @@ static void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_
     out[13] = spsi_mul(spsi_mul(spsi_set(1.6201852f), x), five);
     out[14] = spsi_mul(spsi_mul(spsi_set(5.1234754f), z), apart);
     out[15] = spsi_mul(spsi_mul(spsi_set(2.0916501f), x), spsi_fma(yy, spsi_set(-3), xx));
+}
+
+/* All of them for one direction. */
+static void spsi_harmonics(const double v[3], float out[SPSI_CELL_TERMS]) {
+    spsi_v from[3], all[SPSI_CELL_TERMS];
+    float lanes[SPSI_LANES];
+    spsi_set3(v, from);
+    spsi_harmonics_v(from, SPSI_CELL_TERMS, all);
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i) {
+        spsi_store(lanes, all[i]);
+        out[i] = lanes[0];
+    }
 }
 
 /* The degree of a term. */
@@ -20158,7 +20150,7 @@ static void spsi_cell_row_sent(const spsi_cell_level *level, size_t row, const s
    the grid, and that of the cell at `end`, whose neighbour is outside. From there, light at a slant has links of its
    own. */
 typedef struct spsi_cell_links {
-    const uint32_t *closed[2]; /* NULL: all are open */
+    const uint32_t *closed[2];
     int bit[2], end;
 } spsi_cell_links;
 
@@ -20172,8 +20164,7 @@ static spsi_cell_links spsi_cell_links_of(const spsi_cell_pass *pass, const spsi
     links.end = step[0] == 0 ? -1 : step[0] > 0 ? 0 : level->size[0] - 1;
     for (int i = 0; i < 2; ++i) {
         const int outside = direction->axis >= 0 && (i == 1 || leaves);
-        const uint32_t *closed = outside ? level->outside : level->closed;
-        links.closed[i] = closed ? closed + row : NULL;
+        links.closed[i] = level->closed + (outside ? level->count : 0) + row;
         links.bit[i] = outside ? (int)(direction - pass->solver->directions) - SPSI_CELL_STRAIGHT
                                : spsi_cell_link(step[0], step[1], step[2]);
     }
@@ -20182,7 +20173,7 @@ static spsi_cell_links spsi_cell_links_of(const spsi_cell_pass *pass, const spsi
 
 static inline int spsi_cell_shut(const spsi_cell_links *links, int x) {
     const int outside = x == links->end;
-    return links->closed[outside] && links->closed[outside][x] >> links->bit[outside] & 1;
+    return (int)(links->closed[outside][x] >> links->bit[outside] & 1);
 }
 
 /* spsi_cell_rows_follow for one of the directions, where links within the row are closed. */
@@ -20241,16 +20232,20 @@ static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const 
 
 #define SPSI_CELL_PATCHES 8 /* along each edge of a side of the grid */
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
+/* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
+#define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
 /* Of what leaves a patch, the flux, and that times the cosine with the side, and times the direction's parts along the
    side, the lower axis first. */
-#define SPSI_CELL_MEANS   4
-#define SPSI_CELL_LEAVING (SPSI_CELL_PATCHES * (4 + SPSI_CELL_PATCHES)) /* patches per plane: four edges, and itself */
+#define SPSI_CELL_MEANS 4
 
 /* The patch of a side that a cell is part of, and the first cell of a patch. */
 static int spsi_cell_patch(int at, int size) { return at * SPSI_CELL_PATCHES / size; }
 static int spsi_cell_patch_first(int patch, int size) {
     return (patch * size + SPSI_CELL_PATCHES - 1) / SPSI_CELL_PATCHES;
 }
+
+/* Floats of what leaves the grid, by plane of cells, part of a sweep, mean and patch. */
+static size_t spsi_cell_leaving_floats(int planes) { return 3 * SPSI_CELL_MEANS * SPSI_CELL_SHEET * (size_t)planes; }
 
 /* The share of its cosine with which each side of the grid counts that light leaves by, where it leaves a cell by
    several (bits, by axis) at once: at a slant all of it crosses the side along its axis, and a third each of the
@@ -20262,37 +20257,28 @@ static float spsi_cell_leaving_share(const spsi_cell_direction *direction, int s
     return count == 2 ? 5.0f / 6 : 1;
 }
 
-/* Adds what light of a direction carries through a patch of the side across an axis. */
-static void spsi_cell_patch_receives(const spsi_cell_direction *direction, int axis, float sent, float *patch) {
-    static const int harmonic[3] = {3, 1, 2};
-    float way[3];
-    for (int k = 0; k < 3; ++k) way[k] = 0.57735027f * direction->harmonic[harmonic[k]];
-    sent *= fabsf(way[axis]);
-    patch[0] += sent;
-    patch[1] += sent * fabsf(way[axis]);
-    patch[2] += sent * way[axis == 0 ? 1 : 0];
-    patch[3] += sent * way[axis == 2 ? 1 : 2];
-}
-
 /* Adds what one direction's light carries through the sides of the grid that a row of cells touches, per area of a
    cell's face: the mean over all directions of radiance times cosine. */
 static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, const spsi_cell_direction *direction,
                                  const float *out, float *leaving) {
+    static const int harmonic[3] = {3, 1, 2};
     const int *step = direction->step, *size = level->size;
     const int ends[3] = {step[0] < 0 ? 0 : size[0] - 1, step[1] < 0 ? 0 : size[1] - 1, step[2] < 0 ? 0 : size[2] - 1};
     const int row = (step[1] && y == ends[1] ? 2 : 0) | (step[2] && z == ends[2] ? 4 : 0);
-    float *plane = leaving + 4 * SPSI_CELL_PATCHES * SPSI_CELL_MEANS;
+    int patch[3] = {0, spsi_cell_patch(y, size[1]), spsi_cell_patch(z, size[2])};
+    float way[3];
+    for (int k = 0; k < 3; ++k) way[k] = 0.57735027f * direction->harmonic[harmonic[k]];
     for (int x = row ? 0 : ends[0]; x < (row ? size[0] : ends[0] + 1); ++x) {
         const int sides = row | (step[0] && x == ends[0] ? 1 : 0);
         const float sent = sides ? direction->weight * spsi_cell_leaving_share(direction, sides) * out[x] : 0;
-        const int along = spsi_cell_patch(x, size[0]), across = spsi_cell_patch(y, size[1]);
-        const int edge[2] = {(step[0] > 0) * SPSI_CELL_PATCHES + across,
-                             (2 + (step[1] > 0)) * SPSI_CELL_PATCHES + along};
-        for (int k = 0; k < 2; ++k)
-            if (sides >> k & 1) spsi_cell_patch_receives(direction, k, sent, leaving + edge[k] * SPSI_CELL_MEANS);
-        if (sides & 4)
-            spsi_cell_patch_receives(direction, 2, sent,
-                                     plane + (across * SPSI_CELL_PATCHES + along) * SPSI_CELL_MEANS);
+        patch[0] = spsi_cell_patch(x, size[0]);
+        for (int k = 0; k < 3; ++k) {
+            const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
+            const float flux = sent * fabsf(way[k]);
+            const float means[SPSI_CELL_MEANS] = {flux, flux * fabsf(way[k]), flux * way[low], flux * way[high]};
+            float *to = leaving + side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
+            for (int i = 0; i < SPSI_CELL_MEANS && sides >> k & 1; ++i) to[i * SPSI_CELL_SHEET] += means[i];
+        }
     }
 }
 
@@ -20305,7 +20291,7 @@ static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int
     if (!pass->leaving) return;
     for (int i = 0; i < beams->count; ++i)
         spsi_cell_row_leaves(level, y, z, beams->direction[i], beams->out[i],
-                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_LEAVING * SPSI_CELL_MEANS);
+                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_MEANS * SPSI_CELL_SHEET);
 }
 
 /* --- sweeping --- */
@@ -20337,34 +20323,25 @@ static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, i
            (size_t)(y + 1) * spsi_cell_row_floats(level) + SPSI_LANES;
 }
 
-/* Rows of cells from which light comes at a slant, a third of the way between four cells: straight on, except along x,
-   and a step along x aside. */
-typedef struct spsi_cell_slant {
-    const spsi_cell_direction *direction;
-    size_t row;                               /* that is entered */
-    const float *near_row, *far_row, *beside; /* what has left them */
-} spsi_cell_slant;
-
 static const float spsi_cell_shares[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9};
 
-/* Puts right what enters the closed cells of a row at a slant. Along x, the cell straight on is followed in turn. */
-static void spsi_cell_slant_closed(const spsi_cell_pass *pass, const spsi_cell_slant *slant, float *in) {
-    const uint32_t *closed = pass->level->closed, *outside = pass->level->outside;
-    const int stride = spsi_cell_row_closed(pass, slant->row);
-    const spsi_cell_direction *direction = slant->direction;
+/* Puts right what enters the closed cells of a row at a slant, given what has left four rows. Along x, the cell straight
+   on is followed in turn. */
+static void spsi_cell_slant_closed(const spsi_cell_pass *pass, const spsi_cell_direction *direction, size_t row,
+                                   const float *const from[4], float *in) {
+    const uint32_t *closed = pass->level->closed;
+    const int stride = spsi_cell_row_closed(pass, row);
     const int x = direction->step[0], y = direction->step[1], z = direction->step[2], axis = direction->axis;
     const int near_y = axis == 2 ? 0 : y, near_z = axis == 2 ? z : 0;
     const int steps[4][3] = {
         {0, near_y, near_z}, {x, near_y, near_z}, {axis == 0 ? x : 0, axis == 0 ? 0 : y, z}, {x, y, z}};
-    const float *from[4] = {slant->near_row, slant->near_row - x, axis == 0 ? slant->beside - x : slant->far_row,
-                            slant->far_row - x};
     spsi_cell_links links[4];
     int found = 0;
     for (int n = 0; n < pass->level->size[0] && stride; n += stride) {
-        const size_t at = slant->row + (size_t)n;
+        const size_t at = row + (size_t)n;
         const float wall = pass->walls ? pass->walls[at] : 0;
-        if (!closed[at] && !(outside && outside[at])) continue;
-        for (int k = 0; k < 4 && !found; ++k) links[k] = spsi_cell_links_of(pass, direction, slant->row, steps[k]);
+        if (!closed[at] && !closed[pass->level->count + at]) continue;
+        for (int k = 0; k < 4 && !found; ++k) links[k] = spsi_cell_links_of(pass, direction, row, steps[k]);
         found = 1;
         in[n] = 0;
         for (int k = axis == 0 ? 1 : 0; k < 4; ++k)
@@ -20372,27 +20349,22 @@ static void spsi_cell_slant_closed(const spsi_cell_pass *pass, const spsi_cell_s
     }
 }
 
-/* The radiance that enters row y at a slant; along x, without what comes straight on. */
+/* The radiance that enters row y at a slant, a third of the way between four cells: straight on, except along x, and a
+   step along x aside. */
 static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, float *in) {
     const spsi_cell_level *level = along->pass->level;
     const spsi_cell_direction *direction = along->directions[i];
-    const int x = direction->step[0], back = y - direction->step[1];
-    const spsi_v most = spsi_set(spsi_cell_shares[0]), some = spsi_set(spsi_cell_shares[1]);
-    const spsi_v least = spsi_set(spsi_cell_shares[3]);
-    spsi_cell_slant slant;
-    slant.direction = direction;
-    slant.row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
-    slant.far_row = spsi_cell_along_row(along, i, 1, back);
-    slant.beside = spsi_cell_along_row(along, i, 1, y);
-    slant.near_row = direction->axis == 2 ? slant.beside : spsi_cell_along_row(along, i, 0, back);
+    const int x = direction->step[0], back = y - direction->step[1], first = direction->axis == 0 ? 1 : 0;
+    const size_t row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
+    const float *far_row = spsi_cell_along_row(along, i, 1, back), *beside = spsi_cell_along_row(along, i, 1, y);
+    const float *near_row = direction->axis == 2 ? beside : spsi_cell_along_row(along, i, 0, back);
+    const float *const from[4] = {near_row, near_row - x, first ? beside - x : far_row, far_row - x};
     for (int n = 0; n < level->pitch; n += SPSI_LANES) {
-        const spsi_v aside = spsi_load(slant.near_row + n - x), corner = spsi_load(slant.far_row + n - x);
-        const spsi_v side = spsi_load(direction->axis > 0 ? slant.far_row + n : slant.beside + n - x);
-        spsi_v sum = spsi_fma(some, spsi_add(aside, side), spsi_mul(least, corner));
-        if (direction->axis > 0) sum = spsi_fma(most, spsi_load(slant.near_row + n), sum);
+        spsi_v sum = spsi_mul(spsi_set(spsi_cell_shares[3]), spsi_load(from[3] + n));
+        for (int k = first; k < 3; ++k) sum = spsi_fma(spsi_set(spsi_cell_shares[k]), spsi_load(from[k] + n), sum);
         spsi_store(in + n, sum);
     }
-    spsi_cell_slant_closed(along->pass, &slant, in);
+    spsi_cell_slant_closed(along->pass, direction, row, from, in);
 }
 
 /* Sets what enters row y in some directions, which leave it in the plane's buffers. The last two take three steps along
@@ -20510,8 +20482,7 @@ static void spsi_cells_sweep_out(const spsi_cell_solver *solver) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[0]);
     pass.leaving = solver->leaving;
     if (pass.leaving)
-        memset(pass.leaving, 0,
-               3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)pass.level->size[2] * sizeof *pass.leaving);
+        memset(pass.leaving, 0, spsi_cell_leaving_floats(pass.level->size[2]) * sizeof *pass.leaving);
     spsi_cells_carry(&pass);
 }
 
@@ -20601,12 +20572,16 @@ static void spsi_cell_children_of(const spsi_cell_level *fine, int x, int y, int
     }
 }
 
+/* Two levels, and arrays of the finer one that the coarser one takes on the mean: one after the other. */
 typedef struct spsi_cell_step {
     const spsi_cell_solver *solver;
     const spsi_cell_level *fine, *coarse;
+    const float *from;
+    float *to;
+    int count;
 } spsi_cell_step;
 
-/* Optical depth and albedo of a plane of coarse cells. */
+/* Optical depth of a plane of coarse cells, and the means by it, which stay 0 where there is none. */
 static void spsi_cells_coarsen_task(void *data, int z, int worker) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
@@ -20619,34 +20594,12 @@ static void spsi_cells_coarsen_task(void *data, int z, int worker) {
             spsi_cell_children_of(fine, x, y, z, &children);
             for (int i = 0; i < children.count; ++i) sum += fine->depth[children.at[i]];
             coarse->depth[to] = 0.25f * sum; /* an eighth of the density, twice the edge */
-            for (int l = 0; l < step->solver->orders && sum > 0; ++l) {
-                float keep = 0;
+            for (int k = 0; k < step->count && sum > 0; ++k) {
+                const float *from = step->from + (size_t)k * fine->count;
+                float mean = 0;
                 for (int i = 0; i < children.count; ++i)
-                    keep += fine->depth[children.at[i]] / sum * fine->keep[l][children.at[i]];
-                coarse->keep[l][to] = keep;
-            }
-        }
-}
-
-/* What a plane of coarse cells is given: what the fine ones miss, by optical depth. */
-static void spsi_cells_restrict_task(void *data, int z, int worker) {
-    const spsi_cell_step *step = (const spsi_cell_step *)data;
-    const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
-    spsi_cell_children children;
-    (void)worker;
-    for (int y = 0; y < coarse->size[1]; ++y)
-        for (int x = 0; x < coarse->size[0]; ++x) {
-            const size_t to = (size_t)(z * coarse->size[1] + y) * (size_t)coarse->pitch + (size_t)x;
-            const float whole = 4 * coarse->depth[to];
-            if (!(whole > 0)) continue; /* it stays 0 */
-            spsi_cell_children_of(fine, x, y, z, &children);
-            for (int t = 0; t < step->solver->terms; ++t) {
-                const float *miss = fine->moments[1] + (size_t)t * fine->count;
-                float sum = 0;
-                for (int i = 0; i < children.count; ++i)
-                    sum += fine->depth[children.at[i]] / whole * miss[children.at[i]];
-                coarse->given[(size_t)t * coarse->count + to] = sum;
-                coarse->sent[(size_t)t * coarse->count + to] = sum;
+                    mean += fine->depth[children.at[i]] / sum * from[children.at[i]];
+                step->to[(size_t)k * coarse->count + to] = mean;
             }
         }
 }
@@ -20764,7 +20717,11 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
     step.fine = level;
     step.coarse = &solver->levels[n + 1];
     if (n > 0) spsi_cells_miss(solver, level);
-    spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_restrict_task, &step);
+    step.from = level->moments[1]; /* coarse cells are given what fine ones miss */
+    step.to = step.coarse->given;
+    step.count = solver->terms;
+    spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+    spsi_copy(solver->context, step.coarse->sent, step.to, (size_t)step.count * step.coarse->count * sizeof(float));
     for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
     spsi_cells_sweep(solver, step.coarse);
     spsi_parallel(solver->context, level->size[2], spsi_cells_correct_task, &step);
@@ -20775,10 +20732,14 @@ static void spsi_cells_levels(const spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
         spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[n]);
         spsi_cell_step step;
-        step.solver = solver;
-        step.coarse = pass.level;
-        step.fine = n > 0 ? &solver->levels[n - 1] : NULL;
-        if (n > 0) spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+        if (n > 0) {
+            step.fine = &solver->levels[n - 1];
+            step.coarse = pass.level;
+            step.from = step.fine->keep[0];
+            step.to = step.coarse->keep[0];
+            step.count = solver->orders;
+            spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+        }
         spsi_parallel(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
     }
 }
@@ -20903,9 +20864,6 @@ static void spsi_cells_continue_task(void *data, int row, int worker) {
 
 /* --- what lights polygons --- */
 
-/* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
-#define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-
 /* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel what
    leaves it. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
@@ -20934,22 +20892,13 @@ static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
 
 /* Sets what leaves patches, per area: the sum over planes and parts of a sweep. */
 static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
+    const int count = SPSI_CELL_MEANS * SPSI_CELL_SHEET;
     const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
-    float *patch = grid->patches + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
-    memset(patch, 0, SPSI_CELL_MEANS * SPSI_CELL_SHEET * sizeof *patch);
-    for (int i = 0; i < 3 * grid->size[2] * SPSI_CELL_MEANS; ++i, patch += SPSI_CELL_SHEET) {
-        const int part = i / SPSI_CELL_MEANS % 3, z = i / SPSI_CELL_MEANS / 3, mean = i % SPSI_CELL_MEANS;
-        const float *from = solver->leaving + (size_t)(3 * z + part) * SPSI_CELL_LEAVING * SPSI_CELL_MEANS + mean;
-        const int plane = spsi_cell_patch(z, grid->size[2]) * SPSI_CELL_PATCHES;
-        if (mean == 0) patch = grid->patches + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
-        for (int n = 0; n < 4 * SPSI_CELL_PATCHES; ++n)
-            patch[n / SPSI_CELL_PATCHES * SPSI_CELL_SIDE + plane + n % SPSI_CELL_PATCHES] += from[n * SPSI_CELL_MEANS];
-        for (int n = 0; n < SPSI_CELL_SIDE && part < 2; ++n) /* falling light leaves by the lower side */
-            patch[(4 + part) * SPSI_CELL_SIDE + n] += from[(4 * SPSI_CELL_PATCHES + n) * SPSI_CELL_MEANS];
-    }
-    patch = grid->patches + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
-    for (int n = 0; n < SPSI_CELL_MEANS * SPSI_CELL_SHEET; ++n) {
+    float *patch = grid->patches + 4 * SPSI_CELL_SHEET + count * channel;
+    for (int n = 0; n < count; ++n) {
         const float whole = area[n % SPSI_CELL_SHEET];
+        patch[n] = 0;
+        for (int i = 0; i < 3 * grid->size[2]; ++i) patch[n] += solver->leaving[(size_t)i * (size_t)count + (size_t)n];
         if (whole > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / whole;
     }
 }
@@ -24348,13 +24297,26 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 
 /* Opaque polygons as cells see them: on the mean of those that close a cell's links. */
 typedef struct spsi_cell_walls {
-    uint32_t *closed;      /* per cell: bits of closed links; NULL: there are no polygons */
-    uint32_t *outside;     /* the same for light at a slant from outside */
+    uint32_t *closed;      /* bits of closed links, as in a level; NULL: there are no polygons */
     unsigned char *walled; /* per row, as in a level */
     float *color, *lit;    /* per channel: reflectance; radiance by the lights */
     float *place, *normal; /* per axis: relative to the grid's corner */
     float *sent;           /* per cell: radiance in the channel that is being solved, less ambient light */
 } spsi_cell_walls;
+
+/* Optical depth, scattered share and emission of a material in a vector of the sheets' samples, along a slab. */
+typedef struct spsi_cell_sample {
+    spsi_v depth, scattered[3], emitted[3];
+} spsi_cell_sample;
+
+/* A vector of the sheets' samples: slab k of the chunk, row y, columns x to at most `end`. */
+typedef struct spsi_sample_place {
+    int k, y, x, end;
+} spsi_sample_place;
+
+/* Receives what a material has at a place. */
+typedef void (*spsi_sample_fn)(const void *data, const spsi_sample_place *place, int material,
+                               const spsi_cell_sample *sample);
 
 /* Gas in sheets of samples, chunk by chunk. */
 typedef struct spsi_sampling {
@@ -24365,6 +24327,8 @@ typedef struct spsi_sampling {
     spsi_target target;
     spsi_contents contents;
     spsi_light_shader shader;
+    spsi_sample_fn sample_fn;
+    const void *data;
 } spsi_sampling;
 
 /* A grid that is being filled and lit. */
@@ -24625,28 +24589,7 @@ static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *fr
     return spsi_contents_add_particles(&sheets->contents);
 }
 
-/* Advances to a chunk. Returns 0 if it holds nothing. */
-static int spsi_sampling_advance(spsi_sampling *sheets, int chunk) {
-    spsi_contents_advance(&sheets->contents, chunk);
-    spsi_contents_bin_particles(&sheets->contents);
-    return sheets->contents.bricks.current + sheets->contents.particles.current > 0;
-}
-
-/* Fills the sheets of the tile of that number. Returns the number of its slabs; 0: it holds nothing. */
-static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker, spsi_tile *tile) {
-    const int column = index % sheets->target.columns, row = index / sheets->target.columns;
-    spsi_tile_place(&sheets->target, column, row, worker, tile);
-    if (!spsi_tile_splat(&sheets->target, &sheets->contents, column, row, tile)) return 0;
-    return spsi_least(SPSI_CHUNK, sheets->slabs.count - sheets->contents.first_slab);
-}
-
-static int spsi_sampling_tiles(const spsi_sampling *sheets) { return sheets->target.columns * sheets->target.rows; }
-
-/* Optical depth, scattered share and emission of a material in a vector of the sheets' samples, along a slab. */
-typedef struct spsi_cell_sample {
-    spsi_v depth, scattered[3], emitted[3];
-} spsi_cell_sample;
-
+/* What a material has in a vector of the sheets' samples. */
 static void spsi_cell_sample_at(const spsi_material *material, spsi_v sum, const spsi_row_slabs *slabs,
                                 spsi_cell_sample *sample) {
     const spsi_v length = spsi_mul(slabs->per_slab, slabs->length), most = spsi_set(SPSI_DEPTH_MAX);
@@ -24666,18 +24609,16 @@ static void spsi_cell_sample_at(const spsi_material *material, spsi_v sum, const
     }
 }
 
-/* A vector of the sheets' samples: slab k of the chunk, row y, columns x to at most `end`. */
-typedef struct spsi_sample_place {
-    int k, y, x, end;
-} spsi_sample_place;
-
-/* Receives what a material has at a place. */
-typedef void (*spsi_sample_fn)(const void *data, const spsi_sample_place *place, int material,
-                               const spsi_cell_sample *sample);
+/* Fills the sheets of the tile of that number. Returns the number of its slabs; 0: it holds nothing. */
+static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker, spsi_tile *tile) {
+    const int column = index % sheets->target.columns, row = index / sheets->target.columns;
+    spsi_tile_place(&sheets->target, column, row, worker, tile);
+    if (!spsi_tile_splat(&sheets->target, &sheets->contents, column, row, tile)) return 0;
+    return spsi_least(SPSI_CHUNK, sheets->slabs.count - sheets->contents.first_slab);
+}
 
 /* Passes on what materials have at a place of a tile. */
-static void spsi_sampling_visit_place(const spsi_sampling *sheets, const spsi_tile *tile,
-                                      const spsi_sample_place *place, spsi_sample_fn sample_fn, const void *data) {
+static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *tile, const spsi_sample_place *place) {
     const spsi_row_slabs slabs = spsi_row_slabs_at(&sheets->shader, place->x, place->y);
     const size_t row = (size_t)((place->y - tile->y0) * tile->pitch);
     const size_t at = (size_t)place->k * tile->sheet_size + row + (size_t)(place->x - tile->x0);
@@ -24686,13 +24627,13 @@ static void spsi_sampling_visit_place(const spsi_sampling *sheets, const spsi_ti
         spsi_cell_sample sample;
         if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
         spsi_cell_sample_at(&sheets->frame->matter.materials[m], sum, &slabs, &sample);
-        sample_fn(data, place, m, &sample);
+        sheets->sample_fn(sheets->data, place, m, &sample);
     }
 }
 
 /* Fills the sheets of the tile of that number, and passes on what materials have in them. */
-static void spsi_sampling_visit(const spsi_sampling *sheets, int index, int worker, spsi_sample_fn sample_fn,
-                                const void *data) {
+static void spsi_sampling_task(void *data, int index, int worker) {
+    const spsi_sampling *sheets = (const spsi_sampling *)data;
     spsi_sample_place place;
     spsi_tile tile;
     const int count = spsi_sampling_tile(sheets, index, worker, &tile);
@@ -24700,7 +24641,17 @@ static void spsi_sampling_visit(const spsi_sampling *sheets, int index, int work
     for (place.k = 0; place.k < count; ++place.k)
         for (place.y = tile.y0; place.y <= tile.y1; ++place.y)
             for (place.x = tile.x0; place.x <= tile.x1; place.x += SPSI_LANES)
-                spsi_sampling_visit_place(sheets, &tile, &place, sample_fn, data);
+                spsi_sampling_visit(sheets, &tile, &place);
+}
+
+/* Passes on what materials have in the sheets of a chunk. */
+static void spsi_sampling_chunk(spsi_sampling *sheets, int chunk, spsi_sample_fn sample_fn, const void *data) {
+    sheets->sample_fn = sample_fn;
+    sheets->data = data;
+    spsi_contents_advance(&sheets->contents, chunk);
+    spsi_contents_bin_particles(&sheets->contents);
+    if (sheets->contents.bricks.current + sheets->contents.particles.current > 0)
+        spsi_parallel(sheets->context, sheets->target.columns * sheets->target.rows, spsi_sampling_task, sheets);
 }
 
 /* Adds a vector of the sheets' samples to an array, divided by the samples that each entry covers along a row. */
@@ -24730,11 +24681,6 @@ static void spsi_cells_add_sample(const void *data, const spsi_sample_place *pla
     }
 }
 
-static void spsi_cells_fill_task(void *data, int index, int worker) {
-    const spsi_cell_job *job = (const spsi_cell_job *)data;
-    spsi_sampling_visit(&job->sheets, index, worker, spsi_cells_add_sample, job);
-}
-
 /* Fills samples and cells. */
 static sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call *part) {
     sps_context *context = job->context;
@@ -24746,8 +24692,7 @@ static sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call *p
     for (int chunk = 0; chunk < spsi_chunk_count(&sheets->slabs); ++chunk) {
         if (spsi_progress(context, spsi_part_done(part, (double)chunk / spsi_chunk_count(&sheets->slabs))))
             return context->result;
-        if (!spsi_sampling_advance(sheets, chunk)) continue;
-        spsi_parallel(context, spsi_sampling_tiles(sheets), spsi_cells_fill_task, job);
+        spsi_sampling_chunk(sheets, chunk, spsi_cells_add_sample, job);
     }
     return SPS_OK;
 }
@@ -24803,25 +24748,17 @@ static sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp
     return spsi_tmap_fill(map, &occluders);
 }
 
-/* Makes a light's own table, which waits for the sweeps. */
-static sps_result spsi_cells_own_map(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
-                                     sps_tmap *map) {
-    if (spsi_lamp_tmap_begin(job->context, job->frame, lamp, job->gas, map) ||
-        spsi_lamp_tmap_fill(job->context, job->frame, lamp, part, map))
-        return job->context->result;
-    map->waits = 1;
-    return SPS_OK;
-}
-
-/* Makes a light's table, unless it has its own from an earlier grid. */
+/* Makes a light's table, unless it has its own from an earlier grid, which waits for the sweeps. */
 static sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
                                    spsi_shadow *shadow, sps_tmap *map) {
     shadow->lamp = lamp;
     shadow->kind = SPSI_SHADOW_MAP;
     shadow->tmap = map;
     if (map->waits) return SPS_OK;
-    return spsi_has_shadow_table(lamp) ? spsi_cells_own_map(job, lamp, part, map)
-                                       : spsi_cells_map(job, lamp, part, map);
+    if (!spsi_has_shadow_table(lamp)) return spsi_cells_map(job, lamp, part, map);
+    if (!spsi_lamp_tmap_begin(job->context, job->frame, lamp, job->gas, map))
+        map->waits = !spsi_lamp_tmap_fill(job->context, job->frame, lamp, part, map);
+    return job->context->result;
 }
 
 /* Lists the lights that have tables: first those that cast shadows, with depth maps and pane maps, then the others.
@@ -25068,27 +25005,11 @@ static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_di
     return spsi_ray_to_wall(view->faces, ray, hit);
 }
 
-/* Whether any link within the grid may be closed. */
-static int spsi_cell_view_near(const spsi_cell_view *view) {
-    const double edge = view->scale * view->grid->edge, half[3] = {edge, edge, edge};
-    return spsi_faces_near(view->faces, view->centre, half);
-}
-
-/* Whether the same is true for any cell of a row. */
-static int spsi_cell_row_near(const spsi_cell_view *first) {
-    const double edge = first->scale * first->grid->edge;
-    const double half[3] = {0.5 * edge * (first->size[0] + 1), edge, edge};
-    double centre[3];
-    memcpy(centre, first->centre, sizeof centre);
-    centre[0] += 0.5 * edge * (first->size[0] - 1);
+/* Whether any link within the grid may be closed, of that many cells of a row from this one on. */
+static int spsi_cell_view_near(const spsi_cell_view *first, int count) {
+    const double edge = first->scale * first->grid->edge, half[3] = {0.5 * edge * (count + 1), edge, edge};
+    const double centre[3] = {first->centre[0] + 0.5 * edge * (count - 1), first->centre[1], first->centre[2]};
     return spsi_faces_near(first->faces, centre, half);
-}
-
-/* Whether a cell lies at the end of the grid. */
-static int spsi_cell_view_last(const spsi_cell_view *view) {
-    int last = 0;
-    for (int k = 0; k < 3; ++k) last |= view->at[k] == 0 || view->at[k] == view->size[k] - 1;
-    return last;
 }
 
 #define SPSI_CELL_HITS (26 + SPSI_CELL_DIRECTIONS) /* most of a cell: by links, and from outside */
@@ -25221,7 +25142,8 @@ static uint32_t spsi_cell_view_closed(const spsi_cell_view *view, spsi_cell_hits
 /* Finds the polygons about a cell. */
 static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view *view, int near_by, size_t at,
                                  spsi_cell_hits *hits) {
-    const int last = spsi_cell_view_last(view);
+    int last = 0; /* 1: at the end of the grid */
+    for (int k = 0; k < 3; ++k) last |= view->at[k] == 0 || view->at[k] == view->size[k] - 1;
     hits->count = 0;
     if (near_by) job->walls.closed[at] = spsi_cell_view_closed(view, hits);
     hits->within = job->walls.closed[at] != 0;
@@ -25234,7 +25156,7 @@ static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view 
         if (direction->axis < 0)
             job->walls.closed[at] |= 1u << spsi_cell_link(step[0], step[1], step[2]);
         else
-            job->walls.outside[at] |= 1u << (i - SPSI_CELL_STRAIGHT);
+            job->walls.closed[job->grid->count + at] |= 1u << (i - SPSI_CELL_STRAIGHT);
         spsi_cell_hits_add(view, &ray, &hit, hits);
     }
 }
@@ -25249,13 +25171,13 @@ static void spsi_cells_walls_task(void *data, int row, int worker) {
     (void)worker;
     spsi_cell_view_build(job->faces, grid, grid->size, 1, &view);
     spsi_cell_view_move(&view, 0, y, z);
-    near_row = spsi_cell_row_near(&view);
+    near_row = spsi_cell_view_near(&view, grid->size[0]);
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         spsi_cell_hits hits;
         int shadow = 0;
         spsi_cell_view_move(&view, x, y, z);
-        spsi_cell_walls_find(job, &view, near_row && spsi_cell_view_near(&view), at, &hits);
+        spsi_cell_walls_find(job, &view, near_row && spsi_cell_view_near(&view, 1), at, &hits);
         if (hits.count == 0) continue;
         memset(hits.lit, 0, sizeof hits.lit);
         for (int i = 0; i < job->frame->lamps.count; ++i) {
@@ -25287,7 +25209,6 @@ static sps_result spsi_cell_walls_begin(spsi_cell_job *job) {
     if (!memory) return job->context->result;
     memset(memory, 0, floats * sizeof *memory);
     walls->closed = (uint32_t *)(void *)memory;
-    walls->outside = walls->closed + count;
     walls->color = memory + 2 * count;
     walls->lit = walls->color + channels * count;
     walls->place = walls->lit + channels * count;
@@ -25307,7 +25228,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
     double changed = 0, all = 0;
     for (size_t at = 0; at < count; ++at) {
         double point[3], normal[3], color, sent;
-        if (!walls->closed[at] && !walls->outside[at]) continue;
+        if (!walls->closed[at] && !walls->closed[count + at]) continue;
         color = (double)walls->color[own + at];
         for (size_t k = 0; k < 3; ++k) {
             point[k] = grid->corner[k] + (double)walls->place[k * count + at];
@@ -25626,8 +25547,8 @@ static float *spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float 
 static size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
-        floats += solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
-    return floats + 3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)solver->levels[0].size[2];
+        floats += 2 * solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
+    return floats + spsi_cell_leaving_floats(solver->levels[0].size[2]);
 }
 
 /* Sizes of a solver's levels, each half as long as the one before, down to four cells. Returns the floats of all. */
@@ -25690,11 +25611,11 @@ static void spsi_cells_close_task(void *data, int row, int worker) {
     (void)worker;
     spsi_cell_view_build(closing->job->faces, closing->job->grid, level->size, closing->scale, &view);
     spsi_cell_view_move(&view, 0, y, z);
-    if (!spsi_cell_row_near(&view)) return;
+    if (!spsi_cell_view_near(&view, level->size[0])) return;
     for (int x = 0; x < level->size[0]; ++x) {
         uint32_t *closed = &level->closed[(size_t)row * (size_t)level->pitch + (size_t)x];
         spsi_cell_view_move(&view, x, y, z);
-        if (spsi_cell_view_near(&view)) *closed = spsi_cell_view_closed(&view, NULL);
+        if (spsi_cell_view_near(&view, 1)) *closed = spsi_cell_view_closed(&view, NULL);
         if (*closed) level->walled[row] = 1;
     }
 }
@@ -25706,7 +25627,6 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     float *memory = solver->scratch + spsi_cell_scratch_floats(&solver->levels[0]);
     memset(memory, 0, spsi_cell_solver_wall_floats(solver) * sizeof *memory);
     solver->levels[0].closed = job->walls.closed;
-    solver->levels[0].outside = job->walls.outside;
     solver->levels[0].walled = job->walls.walled;
     *plain = solver->levels[0];
     plain->sent = memory;
@@ -25717,8 +25637,8 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
         spsi_cell_level *level = &solver->levels[n];
         spsi_cell_closing closing;
         level->closed = (uint32_t *)(void *)memory;
-        level->walled = (unsigned char *)(memory + level->count);
-        memory += level->count + spsi_cell_rows_floats(level->size);
+        level->walled = (unsigned char *)(memory + 2 * level->count);
+        memory += 2 * level->count + spsi_cell_rows_floats(level->size);
         closing.job = job;
         closing.level = level;
         closing.scale = 1 << n;
@@ -25791,7 +25711,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel
     job->wall_light = NULL;
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
-        memset(solver->leaving, 0, 3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)grid->size[2] * sizeof(float));
+        memset(solver->leaving, 0, spsi_cell_leaving_floats(grid->size[2]) * sizeof(float));
         spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
         spsi_cells_levels(solver);
         spsi_cells_reflect(job, own->channel, plain);
@@ -26207,11 +26127,6 @@ static void spsi_spread_add_sample(const void *data, const spsi_sample_place *pl
     }
 }
 
-static void spsi_spread_fill_task(void *data, int index, int worker) {
-    const spsi_spread_job *job = (const spsi_spread_job *)data;
-    spsi_sampling_visit(&job->sheets, index, worker, spsi_spread_add_sample, job);
-}
-
 /* What polygons leave of a light at a vector of texels of a sheet, by channel, and of light that has scattered before
    it: where they end or filter the light's ray, they do that, too. */
 static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spot *spot, size_t texel, size_t at,
@@ -26409,8 +26324,7 @@ static sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const sp
         job->first = chunk * (SPSI_CHUNK / job->fine);
         job->count = spsi_least(SPSI_CHUNK / job->fine, spread->sheet_count - job->first);
         memset(job->depth, 0, (size_t)(1 + 3 * spread->channels) * SPSI_CHUNK * job->plane * sizeof(float));
-        if (spsi_sampling_advance(&job->sheets, chunk))
-            spsi_parallel(context, spsi_sampling_tiles(&job->sheets), spsi_spread_fill_task, job);
+        spsi_sampling_chunk(&job->sheets, chunk, spsi_spread_add_sample, job);
         spsi_parallel(context, job->light[0].size[1], spsi_spread_light_task, job);
         spsi_parallel(context, spread->channels, spsi_spread_carry_task, job);
     }

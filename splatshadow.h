@@ -19947,7 +19947,7 @@ typedef struct spsi_cell_solver {
 /* The link by which light in the direction of a step enters a cell. */
 static int spsi_cell_link(int x, int y, int z) { return x + 1 + 3 * (y + 1) + 9 * (z + 1); }
 
-/* Real harmonics whose squares have the mean 1 over the sphere: terms l^2 to (l + 1)^2 - 1 are of degree l. For a vector
+/* Real harmonics whose squares have the mean 1 over the sphere: terms l^2 to (l + 1)^2 - 1 are of degree l. Of a vector
    of directions, up to a number of terms: 1, 4 or all. */
 static void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_TERMS]) {
     const spsi_v x = v[0], y = v[1], z = v[2], xx = spsi_mul(x, x), yy = spsi_mul(y, y), zz = spsi_mul(z, z);
@@ -20325,8 +20325,8 @@ static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, i
 
 static const float spsi_cell_shares[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9};
 
-/* Puts right what enters the closed cells of a row at a slant, given what has left four rows. Along x, the cell straight
-   on is followed in turn. */
+/* Puts right what enters the closed cells of a row at a slant, given what has left four rows. Along x, the cell
+   straight on is followed in turn. */
 static void spsi_cell_slant_closed(const spsi_cell_pass *pass, const spsi_cell_direction *direction, size_t row,
                                    const float *const from[4], float *in) {
     const uint32_t *closed = pass->level->closed;
@@ -21088,14 +21088,13 @@ static spsi_v spsi_cell_patch_sends(const float *sent, spsi_v u, const spsi_v al
 static void spsi_cell_patches_send(const float *sent, int count, int axis, const spsi_v way[3], const spsi_v normal[3],
                                    spsi_v area, spsi_v sums[3]) {
     const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
-    const spsi_v nearer = spsi_div(one, spsi_sqrt(square)), before = spsi_abs(way[axis]);
-    const spsi_v along[2] = {spsi_mul(spsi_mul(way[axis == 0 ? 1 : 0], nearer), spsi_set(-1)),
-                             spsi_mul(spsi_mul(way[axis == 2 ? 1 : 2], nearer), spsi_set(-1))};
-    const spsi_v u = spsi_min(spsi_mul(before, nearer), one);
-    const spsi_v wide = spsi_min(spsi_div(area, square), one);
+    const spsi_v away = spsi_div(spsi_set(-1), spsi_sqrt(square)), nearer = spsi_mul(away, away);
+    const spsi_v along[2] = {spsi_mul(way[axis == 0 ? 1 : 0], away), spsi_mul(way[axis == 2 ? 1 : 2], away)};
+    const spsi_v before = spsi_abs(way[axis]), u = spsi_min(spsi_abs(spsi_mul(before, away)), one);
+    const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
     const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
     spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), spsi_set(0)), before);
-    share = spsi_min(spsi_div(share, square), one);
+    share = spsi_min(spsi_mul(share, nearer), one);
     share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
     for (int c = 0; c < count; ++c)
         sums[c] = spsi_fma(
@@ -21115,19 +21114,24 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
         const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
         const double before = point[axis] - grid->corner[axis] - (upper ? grid->edge * grid->size[axis] : 0);
-        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n);
+        const double longest = grid->edge * spsi_most(grid->size[along[0]], grid->size[along[1]]) / SPSI_CELL_PATCHES;
+        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n), square;
         spsi_v some[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-        double longest = 0, nearest = HUGE_VAL;
-        int parts;
+        int parts = 1; /* a patch may be all that a surface sees */
+        spsi_m near_by;
         if (!(upper ? before > 0 : before < 0)) continue;
         for (int k = 0; k < 3; ++k)
             middle[k] =
                 spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET + n), spsi_set((float)(point[k] - grid->corner[k])));
-        spsi_store(lanes, spsi_dot_v(middle, middle));
-        for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
-        for (int i = 0; i < 2; ++i) longest = fmax(longest, grid->edge * grid->size[along[i]] / SPSI_CELL_PATCHES);
-        nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
-        parts = fabs(before) < 0.05 * longest ? 1 : (int)ceil(2 * longest / nearest); /* a patch may be all it sees */
+        square = spsi_dot_v(middle, middle);
+        near_by = spsi_less(square, spsi_set((float)(7.3 * longest * longest)));
+        if (fabs(before) >= 0.05 * longest && spsi_bits(near_by)) { /* elsewhere the parts are one */
+            double nearest = HUGE_VAL;
+            spsi_store(lanes, square);
+            for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
+            nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
+            parts = (int)ceil(2 * longest / nearest);
+        }
         area = spsi_mul(area, spsi_set(1 / (float)(parts * parts)));
         for (int i = 0; i < parts * parts; ++i) {
             spsi_v way[3] = {middle[0], middle[1], middle[2]};

@@ -20486,13 +20486,6 @@ static void spsi_cells_sweep_out(const spsi_cell_solver *solver) {
     spsi_cells_carry(&pass);
 }
 
-/* Carries what polygons send, per cell that it enters, through a level that sends nothing. */
-static void spsi_cells_sweep_walls(const spsi_cell_solver *solver, const spsi_cell_level *level, const float *walls) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
-    pass.walls = walls;
-    spsi_cells_carry(&pass);
-}
-
 /* --- the equations --- */
 
 /* Of what a cell sends in moments of one degree, what it does not receive itself and scatter again. Of its own mean,
@@ -20557,48 +20550,37 @@ static void spsi_cells_mend_task(void *data, int z, int worker) {
 
 /* --- levels --- */
 
-/* The eight cells of the next finer level that a cell covers, those beyond its end left out. */
-typedef struct spsi_cell_children {
-    size_t at[8];
-    int count;
-} spsi_cell_children;
-
-static void spsi_cell_children_of(const spsi_cell_level *fine, int x, int y, int z, spsi_cell_children *children) {
-    children->count = 0;
-    for (int i = 0; i < 8; ++i) {
-        const int cx = 2 * x + (i & 1), cy = 2 * y + (i >> 1 & 1), cz = 2 * z + (i >> 2);
-        if (cx >= fine->size[0] || cy >= fine->size[1] || cz >= fine->size[2]) continue;
-        children->at[children->count++] = (size_t)(cz * fine->size[1] + cy) * (size_t)fine->pitch + (size_t)cx;
-    }
-}
-
 /* Two levels, and arrays of the finer one that the coarser one takes on the mean: one after the other. */
 typedef struct spsi_cell_step {
-    const spsi_cell_solver *solver;
     const spsi_cell_level *fine, *coarse;
     const float *from;
     float *to;
     int count;
 } spsi_cell_step;
 
-/* Optical depth of a plane of coarse cells, and the means by it, which stay 0 where there is none. */
+/* Optical depth of a plane of coarse cells, and the means by it, which stay 0 where there is none: over the eight cells
+   of the finer level that each covers, those beyond its end left out. */
 static void spsi_cells_coarsen_task(void *data, int z, int worker) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
-    spsi_cell_children children;
     (void)worker;
     for (int y = 0; y < coarse->size[1]; ++y)
         for (int x = 0; x < coarse->size[0]; ++x) {
             const size_t to = (size_t)(z * coarse->size[1] + y) * (size_t)coarse->pitch + (size_t)x;
+            size_t at[8];
             float sum = 0;
-            spsi_cell_children_of(fine, x, y, z, &children);
-            for (int i = 0; i < children.count; ++i) sum += fine->depth[children.at[i]];
+            int count = 0;
+            for (int i = 0; i < 8; ++i) {
+                const int cx = 2 * x + (i & 1), cy = 2 * y + (i >> 1 & 1), cz = 2 * z + (i >> 2);
+                if (cx >= fine->size[0] || cy >= fine->size[1] || cz >= fine->size[2]) continue;
+                at[count] = (size_t)(cz * fine->size[1] + cy) * (size_t)fine->pitch + (size_t)cx;
+                sum += fine->depth[at[count++]];
+            }
             coarse->depth[to] = 0.25f * sum; /* an eighth of the density, twice the edge */
             for (int k = 0; k < step->count && sum > 0; ++k) {
                 const float *from = step->from + (size_t)k * fine->count;
                 float mean = 0;
-                for (int i = 0; i < children.count; ++i)
-                    mean += fine->depth[children.at[i]] / sum * from[children.at[i]];
+                for (int i = 0; i < count; ++i) mean += fine->depth[at[i]] / sum * from[at[i]];
                 step->to[(size_t)k * coarse->count + to] = mean;
             }
         }
@@ -20611,22 +20593,15 @@ static int spsi_cell_beside(int x, int size) {
 }
 
 /* The four rows of coarse cells about a fine one, of one term of one of their arrays. */
-typedef struct spsi_cell_rows {
-    const float *row[4];
-} spsi_cell_rows;
-
-static spsi_cell_rows spsi_cell_rows_about(const spsi_cell_level *coarse, const float *term, int y, int z) {
+static void spsi_cell_rows_about(const spsi_cell_level *coarse, const float *term, int y, int z, const float *row[4]) {
     const int planes[2] = {z / 2, spsi_cell_beside(z, coarse->size[2])};
     const int lines[2] = {y / 2, spsi_cell_beside(y, coarse->size[1])};
-    spsi_cell_rows rows;
     for (int i = 0; i < 4; ++i)
-        rows.row[i] = term + (size_t)(planes[i >> 1] * coarse->size[1] + lines[i & 1]) * (size_t)coarse->pitch;
-    return rows;
+        row[i] = term + (size_t)(planes[i >> 1] * coarse->size[1] + lines[i & 1]) * (size_t)coarse->pitch;
 }
 
 /* Interpolates linearly between the centres of coarse cells. */
-static inline float spsi_cell_rows_at(const spsi_cell_rows *rows, int x, int size) {
-    const float *const *row = rows->row;
+static inline float spsi_cell_rows_at(const float *const row[4], int x, int size) {
     const int near_by = x / 2, beside = spsi_cell_beside(x, size);
     const float here = 9 * row[0][near_by] + 3 * (row[1][near_by] + row[2][near_by]) + row[3][near_by];
     const float next = 9 * row[0][beside] + 3 * (row[1][beside] + row[2][beside]) + row[3][beside];
@@ -20639,17 +20614,17 @@ static void spsi_cells_correct_task(void *data, int z, int worker) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
     (void)worker;
-    for (int t = 0; t < step->solver->terms; ++t)
+    for (int t = 0; t < step->count; ++t)
         for (int y = 0; y < fine->size[1]; ++y) {
             const size_t term = (size_t)t * coarse->count, row = (size_t)(z * fine->size[1] + y) * (size_t)fine->pitch;
-            const spsi_cell_rows moments = spsi_cell_rows_about(coarse, coarse->moments[0] + term, y, z);
-            const spsi_cell_rows given = spsi_cell_rows_about(coarse, coarse->given + term, y, z);
-            const float *keep = fine->keep[spsi_term_degree(t)];
+            const float *moments[4], *given[4], *keep = fine->keep[spsi_term_degree(t)];
             const float *miss = fine->moments[1] + (size_t)t * fine->count + row;
             float *sent = fine->sent + (size_t)t * fine->count + row, unkept[SPSI_LANES];
+            spsi_cell_rows_about(coarse, coarse->moments[0] + term, y, z, moments);
+            spsi_cell_rows_about(coarse, coarse->given + term, y, z, given);
             for (int x = 0; x < fine->size[0]; ++x) {
-                const float smooth = spsi_cell_rows_at(&given, x, coarse->size[0]);
-                const float back = spsi_cell_rows_at(&moments, x, coarse->size[0]);
+                const float smooth = spsi_cell_rows_at(given, x, coarse->size[0]);
+                const float back = spsi_cell_rows_at(moments, x, coarse->size[0]);
                 const size_t at = row + (size_t)x;
                 if (x % SPSI_LANES == 0) spsi_store(unkept, spsi_cell_unkept(fine, keep, at));
                 sent[x] += smooth + keep[at] * back + (miss[x] - smooth) / unkept[x % SPSI_LANES];
@@ -20687,20 +20662,14 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
     return sent > 0 ? missing / sent : 0;
 }
 
-/* Sweeps a level, and finds what its cells miss; of the finest one also what leaves it. */
-static void spsi_cells_miss(const spsi_cell_solver *solver, const spsi_cell_level *level) {
+/* Sweeps a level, and finds what its cells miss, or mends it; of the finest one also what leaves it. */
+static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_level *level, sps_task_fn task) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
     if (level == &solver->levels[0])
         spsi_cells_sweep_out(solver);
     else
         spsi_cells_sweep(solver, level);
-    spsi_parallel(solver->context, level->size[2], spsi_cells_miss_task, &pass);
-}
-
-static void spsi_cells_mend(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
-    spsi_cells_sweep(solver, level);
-    spsi_parallel(solver->context, level->size[2], spsi_cells_mend_task, &pass);
+    spsi_parallel(solver->context, level->size[2], task, &pass);
 }
 
 /* Corrects what a level sends, given what it misses, by two cycles of the next coarser one; the coarsest is mended as
@@ -20710,13 +20679,12 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
     const spsi_cell_level *level = &solver->levels[n];
     spsi_cell_step step;
     if (n == solver->level_count - 1) {
-        for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_mend(solver, level);
+        for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_check(solver, level, spsi_cells_mend_task);
         return;
     }
-    step.solver = solver;
     step.fine = level;
     step.coarse = &solver->levels[n + 1];
-    if (n > 0) spsi_cells_miss(solver, level);
+    if (n > 0) spsi_cells_check(solver, level, spsi_cells_miss_task);
     step.from = level->moments[1]; /* coarse cells are given what fine ones miss */
     step.to = step.coarse->given;
     step.count = solver->terms;
@@ -20759,7 +20727,7 @@ static sps_result spsi_cells_solve(const spsi_cell_solver *solver, int started, 
     for (int i = 0;; ++i) {
         if (spsi_progress(solver->context, spsi_part_done(part, (double)i / (SPSI_CELL_CYCLES + 1))))
             return solver->context->result;
-        spsi_cells_miss(solver, finest);
+        spsi_cells_check(solver, finest, spsi_cells_miss_task);
         if (i == SPSI_CELL_CYCLES || spsi_cells_imbalance(solver, finest) < SPSI_CELL_BALANCE) return SPS_OK;
         spsi_cells_cycle(solver, 0);
     }
@@ -20812,36 +20780,26 @@ static void spsi_cells_look_task(void *data, int row, int worker) {
     }
 }
 
-/* The mean of what is seen of the cells that share an edge or a corner with an empty one; 0 without any. */
-static float spsi_cells_beside(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
-    float sum = 0;
-    int count = 0;
-    for (int i = 0; i < 27; ++i) {
-        const int x = at[0] + i % 3 - 1, y = at[1] + i / 3 % 3 - 1, z = at[2] + i / 9 - 1;
-        const size_t next = (size_t)(z * grid->size[1] + y) * (size_t)grid->pitch + (size_t)x;
-        if (x < 0 || x >= grid->size[0] || y < 0 || y >= grid->size[1] || z < 0 || z >= grid->size[2]) continue;
-        if (!(grid->depth[next] > 0)) continue;
-        sum += seen[next];
-        ++count;
-    }
-    return count > 0 ? sum / (float)count : 0;
-}
-
-/* The mean of what is seen of cells beside an empty one, each continued by the next one beyond. */
+/* The mean of what is seen of cells beside an empty one, each continued by the next one beyond; without any, of those
+   that share an edge or a corner with it; 0 without these. */
 static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
-    const size_t stride[3] = {1, (size_t)grid->pitch, (size_t)(grid->pitch * grid->size[1])};
-    const size_t here = (size_t)at[0] + stride[1] * (size_t)at[1] + stride[2] * (size_t)at[2];
-    float sum = 0;
-    int count = 0;
-    for (int i = 0; i < 6; ++i) {
-        const int axis = i / 2, room = i & 1 ? grid->size[axis] - 1 - at[axis] : at[axis];
-        const size_t next = i & 1 ? here + stride[axis] : here - stride[axis];
-        const size_t beyond = i & 1 ? next + stride[axis] : next - stride[axis];
-        if (room < 1 || !(grid->depth[next] > 0)) continue;
-        sum += room > 1 && grid->depth[beyond] > 0 ? spsi_higher(2 * seen[next] - seen[beyond], 0) : seen[next];
-        ++count;
+    const size_t here = (size_t)(at[2] * grid->size[1] + at[1]) * (size_t)grid->pitch + (size_t)at[0];
+    float sum[2] = {0, 0};
+    int count[2] = {0, 0};
+    for (int i = 0; i < 27; ++i) {
+        const int step[3] = {i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1};
+        const int aside = abs(step[0]) + abs(step[1]) + abs(step[2]) != 1;
+        const ptrdiff_t next = step[0] + (ptrdiff_t)grid->pitch * (step[1] + grid->size[1] * step[2]);
+        const float *depth = grid->depth + here, *own = seen + here;
+        int room = 2; /* cells before the grid ends */
+        for (int k = 0; k < 3; ++k)
+            if (step[k]) room = spsi_least(room, step[k] > 0 ? grid->size[k] - 1 - at[k] : at[k]);
+        if (room < 1 || !(depth[next] > 0)) continue;
+        count[aside] += 1;
+        sum[aside] += own[next];
+        if (!aside && room > 1 && depth[2 * next] > 0) sum[0] += spsi_higher(own[next] - own[2 * next], -own[next]);
     }
-    return count > 0 ? sum / (float)count : spsi_cells_beside(grid, seen, at);
+    return count[0] > 0 ? sum[0] / (float)count[0] : count[1] > 0 ? sum[1] / (float)count[1] : 0;
 }
 
 /* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
@@ -24360,6 +24318,8 @@ typedef struct spsi_cell_job {
     spsi_shader shader;
     spsi_sweep sweep;
     spsi_cell_solver *solver;
+    int channel;  /* that is being solved */
+    int level;    /* whose links are being closed */
     uint64_t gas; /* fingerprint of the gas */
 } spsi_cell_job;
 
@@ -24701,6 +24661,15 @@ static sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call *p
     return SPS_OK;
 }
 
+/* What peaks pass straight on of what a cell scatters in a channel, as optical depth along an edge. */
+static float spsi_cell_straight(const spsi_cell_job *job, int channel, size_t at) {
+    const spsi_cell_grid *grid = job->grid;
+    float straight = 0;
+    for (int m = 0; m < job->frame->matter.material_count; ++m)
+        straight += grid->peak[m] * job->scattered[(size_t)(m * grid->channels + channel) * grid->count + at];
+    return straight;
+}
+
 /* Sets the mean scale of extinction. */
 static void spsi_cells_mean_scale(const spsi_cell_job *job) {
     const spsi_cell_grid *grid = job->grid;
@@ -24708,9 +24677,7 @@ static void spsi_cells_mean_scale(const spsi_cell_job *job) {
         double straight = 0, all = 0;
         for (size_t at = 0; at < grid->count; ++at) {
             all += (double)grid->depth[at];
-            for (int m = 0; m < job->frame->matter.material_count; ++m)
-                straight +=
-                    (double)(grid->peak[m] * job->scattered[(size_t)(m * grid->channels + c) * grid->count + at]);
+            straight += (double)spsi_cell_straight(job, c, at);
         }
         grid->scale[c] = all > 0 ? (float)fmax(1 - straight / all, 0) : 1;
     }
@@ -24900,10 +24867,7 @@ static spsi_v spsi_cells_scale(const spsi_cell_job *job, size_t row, int channel
     float scale[SPSI_LANES];
     for (int i = 0; i < SPSI_LANES; ++i) {
         const size_t at = row + (size_t)(spsi_least(x + i, job->sheets.rays.width - 1) / 2);
-        float straight = 0;
-        for (int m = 0; m < job->frame->matter.material_count; ++m)
-            straight += grid->peak[m] * job->scattered[(size_t)(m * grid->channels + channel) * grid->count + at];
-        scale[i] = grid->depth[at] > 0 ? spsi_higher(1 - straight / grid->depth[at], 0) : 1;
+        scale[i] = grid->depth[at] > 0 ? spsi_higher(1 - spsi_cell_straight(job, channel, at) / grid->depth[at], 0) : 1;
     }
     return spsi_load(scale);
 }
@@ -25085,17 +25049,23 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
     }
 }
 
+/* The mean of a cell's polygons. Returns 0 if they face all ways. */
+static int spsi_cell_walls_mean(const spsi_cell_job *job, size_t at, double point[3], double normal[3]) {
+    const size_t count = job->grid->count;
+    for (size_t k = 0; k < 3; ++k) {
+        point[k] = job->grid->corner[k] + (double)job->walls.place[k * count + at];
+        normal[k] = (double)job->walls.normal[k * count + at];
+    }
+    return spsi_normalise(normal);
+}
+
 /* Adds what a cell's polygons reflect of first flights, on the mean of them. */
 static void spsi_cell_walls_fly(const spsi_cell_job *job, size_t at) {
     const spsi_cell_walls *walls = &job->walls;
     const spsi_cell_grid *grid = job->grid;
     double point[3], start[3], normal[3], irradiance[3] = {0, 0, 0};
     spsi_flight_place place;
-    for (size_t k = 0; k < 3; ++k) {
-        point[k] = grid->corner[k] + (double)walls->place[k * grid->count + at];
-        normal[k] = (double)walls->normal[k * grid->count + at];
-    }
-    if (!spsi_normalise(normal)) return;
+    if (!spsi_cell_walls_mean(job, at, point, normal)) return;
     spsi_along(point, normal, 0.02 * grid->edge, start);
     memset(&place, 0, sizeof place);
     place.frame = job->frame;
@@ -25234,12 +25204,8 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
         double point[3], normal[3], color, sent;
         if (!walls->closed[at] && !walls->closed[count + at]) continue;
         color = (double)walls->color[own + at];
-        for (size_t k = 0; k < 3; ++k) {
-            point[k] = grid->corner[k] + (double)walls->place[k * count + at];
-            normal[k] = (double)walls->normal[k * count + at];
-        }
         sent = color * ambient + (double)walls->lit[own + at] - ambient;
-        if (spsi_normalise(normal)) {
+        if (spsi_cell_walls_mean(job, at, point, normal)) {
             double irradiance[3];
             spsi_cells_irradiance(grid, c, 1, point, normal, NULL, irradiance);
             sent += color / SPSI_PI * irradiance[0];
@@ -25487,10 +25453,14 @@ static void spsi_cells_release(sps_context *context) {
 #define SPSI_CELL_EMITTING 1e-4f
 
 /* Sets what a row of cells keeps and is given. */
-static void spsi_cells_equations(const spsi_cell_job *job, int c, size_t row) {
+static void spsi_cells_equations_task(void *data, int row, int worker) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const spsi_cell_level *level = &job->solver->levels[0];
-    for (size_t at = row; at < row + (size_t)grid->size[0]; ++at) {
+    const int c = job->channel;
+    (void)worker;
+    for (int x = 0; x < grid->size[0]; ++x) {
+        const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         const float emitted = job->emitted[(size_t)c * grid->count + at], whole = grid->depth[at];
         float degree[SPSI_CELL_ORDERS] = {0}, depth = whole, keep[SPSI_CELL_ORDERS];
         for (int m = 0; m < job->frame->matter.material_count; ++m) {
@@ -25513,17 +25483,6 @@ static void spsi_cells_equations(const spsi_cell_job *job, int c, size_t row) {
         }
         if (depth > 0) level->given[at] += emitted / depth - (1 - keep[0]) * job->frame->ambient.radiance[c];
     }
-}
-
-typedef struct spsi_cell_channel {
-    const spsi_cell_job *job;
-    int channel;
-} spsi_cell_channel;
-
-static void spsi_cells_equations_task(void *data, int row, int worker) {
-    const spsi_cell_channel *own = (const spsi_cell_channel *)data;
-    (void)worker;
-    spsi_cells_equations(own->job, own->channel, (size_t)row * (size_t)own->job->grid->pitch);
 }
 
 /* Floats of a solver's levels. */
@@ -25600,20 +25559,14 @@ static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_g
 #define SPSI_CELL_RETURNS 6    /* times that polygons reflect light back, at most */
 #define SPSI_CELL_CHANGE  5e-3 /* of what polygons send: what may be missing */
 
-/* A coarse level whose links are being closed. */
-typedef struct spsi_cell_closing {
-    const spsi_cell_job *job;
-    const spsi_cell_level *level;
-    int scale;
-} spsi_cell_closing;
-
+/* Closes links of a row of a coarse level. */
 static void spsi_cells_close_task(void *data, int row, int worker) {
-    const spsi_cell_closing *closing = (const spsi_cell_closing *)data;
-    const spsi_cell_level *level = closing->level;
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
+    const spsi_cell_level *level = &job->solver->levels[job->level];
     const int y = row % level->size[1], z = row / level->size[1];
     spsi_cell_view view;
     (void)worker;
-    spsi_cell_view_build(closing->job->faces, closing->job->grid, level->size, closing->scale, &view);
+    spsi_cell_view_build(job->faces, job->grid, level->size, 1 << job->level, &view);
     spsi_cell_view_move(&view, 0, y, z);
     if (!spsi_cell_view_near(&view, level->size[0])) return;
     for (int x = 0; x < level->size[0]; ++x) {
@@ -25637,16 +25590,12 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     plain->moments[0] = memory + floats;
     plain->moments[1] = memory + 2 * floats;
     memory += 3 * floats;
-    for (int n = 1; n < solver->level_count; ++n) {
-        spsi_cell_level *level = &solver->levels[n];
-        spsi_cell_closing closing;
+    for (job->level = 1; job->level < solver->level_count; ++job->level) {
+        spsi_cell_level *level = &solver->levels[job->level];
         level->closed = (uint32_t *)(void *)memory;
         level->walled = (unsigned char *)(memory + 2 * level->count);
         memory += 2 * level->count + spsi_cell_rows_floats(level->size);
-        closing.job = job;
-        closing.level = level;
-        closing.scale = 1 << n;
-        spsi_parallel(job->context, level->size[1] * level->size[2], spsi_cells_close_task, &closing);
+        spsi_parallel(job->context, level->size[1] * level->size[2], spsi_cells_close_task, job);
     }
     solver->leaving = memory;
 }
@@ -25679,9 +25628,11 @@ static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
    hardly changed. */
 static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
     const int first = job->wall_light == NULL;
+    spsi_cell_pass pass = spsi_cell_pass_of(job->solver, plain);
     spsi_cells_take_flux(job, channel);
     if (spsi_cell_walls_send(job, channel) < SPSI_CELL_CHANGE && !first) return 0;
-    spsi_cells_sweep_walls(job->solver, plain, job->walls.sent);
+    pass.walls = job->walls.sent;
+    spsi_cells_carry(&pass);
     job->wall_light = plain->moments[0];
     return 1;
 }
@@ -25702,13 +25653,13 @@ static void spsi_cells_add_passed_on(const spsi_cell_job *job, int channel) {
 }
 
 /* Solves for one channel; beside polygons, again with what they reflect. */
-static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel *own, const spsi_cell_level *plain,
+static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_level *plain,
                                            const spsi_part_of_call *part) {
     spsi_cell_solver *solver = job->solver;
     const spsi_cell_grid *grid = job->grid;
     const size_t moments = (size_t)grid->terms * grid->count;
     const float *found = solver->levels[0].moments[0];
-    float *light = grid->moments + (size_t)own->channel * moments;
+    float *light = grid->moments + (size_t)job->channel * moments;
     spsi_part_of_call each = *part;
     for (int n = 0; n < solver->level_count; ++n)
         memset(solver->levels[n].depth, 0, spsi_cell_level_floats(&solver->levels[n], grid->orders) * sizeof(float));
@@ -25716,22 +25667,22 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
         memset(solver->leaving, 0, spsi_cell_leaving_floats(grid->size[2]) * sizeof(float));
-        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
+        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         spsi_cells_levels(solver);
-        spsi_cells_reflect(job, own->channel, plain);
+        spsi_cells_reflect(job, job->channel, plain);
     }
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
         each.share *= 0.5;
-        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
+        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
         spsi_copy(job->context, light, found, moments * sizeof(float));
         each.progress += each.share;
-        if (!plain || !spsi_cells_reflect(job, own->channel, plain)) break;
+        if (!plain || !spsi_cells_reflect(job, job->channel, plain)) break;
     }
-    if (plain) spsi_cells_take_flux(job, own->channel);
+    if (plain) spsi_cells_take_flux(job, job->channel);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
-    for (size_t i = 0; i < moments && job->flown; ++i) light[i] += job->flown[(size_t)own->channel * moments + i];
-    if (job->passed_on) spsi_cells_add_passed_on(job, own->channel);
+    for (size_t i = 0; i < moments && job->flown; ++i) light[i] += job->flown[(size_t)job->channel * moments + i];
+    if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
     return SPS_OK;
 }
 
@@ -25741,7 +25692,6 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
     const spsi_cell_grid *grid = job->grid;
     spsi_part_of_call each = *part;
     spsi_cell_level plain;
-    spsi_cell_channel own;
     spsi_cell_solver solver;
     if (spsi_cell_solver_build(context, grid, &solver)) return context->result;
     job->solver = &solver;
@@ -25749,10 +25699,9 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
         spsi_cells_close(job, &plain);
         spsi_cell_patches_place(grid);
     }
-    own.job = job;
     each.share /= grid->channels;
-    for (own.channel = 0; own.channel < grid->channels; ++own.channel, each.progress += each.share)
-        if (spsi_cells_solve_channel(job, &own, job->walls.closed ? &plain : NULL, &each)) return context->result;
+    for (job->channel = 0; job->channel < grid->channels; ++job->channel, each.progress += each.share)
+        if (spsi_cells_solve_channel(job, job->walls.closed ? &plain : NULL, &each)) return context->result;
     return SPS_OK;
 }
 

@@ -19390,8 +19390,9 @@ typedef struct spsi_cell_level {
     float *average[SPSI_CELL_LENGTHS]; /* the mean of transmittance along it */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
     float *given, *sent, *moments[2];  /* each an array per term; moments[1] is scratch after a sweep */
-    uint32_t *closed;                  /* per cell: bit i closes the link of step i, >>lighting; NULL: all are open */
-    uint32_t *outside;                 /* per cell: the same from outside the grid, by direction at a slant; or NULL */
+    /* Per cell: bit i closes the link of step i, >>lighting; then the same from outside the grid, by direction at a
+       slant. NULL: all are open. */
+    uint32_t *closed;
     unsigned char *walled;             /* per row: 1: cells have closed links; 2: only from outside, which is dark */
 } spsi_cell_level;
 
@@ -19417,29 +19418,8 @@ typedef struct spsi_cell_solver {
 /* The link by which light in the direction of a step enters a cell. */
 static int spsi_cell_link(int x, int y, int z) { return x + 1 + 3 * (y + 1) + 9 * (z + 1); }
 
-/* Real harmonics whose squares have the mean 1 over the sphere: terms l^2 to (l + 1)^2 - 1 are of degree l. */
-static void spsi_harmonics(const double v[3], float out[SPSI_CELL_TERMS]) {
-    const double x = v[0], y = v[1], z = v[2];
-    const double all[SPSI_CELL_TERMS] = {1,
-                                         sqrt(3.0) * y,
-                                         sqrt(3.0) * z,
-                                         sqrt(3.0) * x,
-                                         sqrt(15.0) * x * y,
-                                         sqrt(15.0) * y * z,
-                                         sqrt(1.25) * (3 * z * z - 1),
-                                         sqrt(15.0) * x * z,
-                                         sqrt(3.75) * (x * x - y * y),
-                                         sqrt(4.375) * y * (3 * x * x - y * y),
-                                         sqrt(105.0) * x * y * z,
-                                         sqrt(2.625) * y * (5 * z * z - 1),
-                                         sqrt(1.75) * z * (5 * z * z - 3),
-                                         sqrt(2.625) * x * (5 * z * z - 1),
-                                         sqrt(26.25) * z * (x * x - y * y),
-                                         sqrt(4.375) * x * (x * x - 3 * y * y)};
-    for (int i = 0; i < SPSI_CELL_TERMS; ++i) out[i] = (float)all[i];
-}
-
-/* The same for a vector of directions, up to a number of terms: 1, 4 or all. */
+/* Real harmonics whose squares have the mean 1 over the sphere: terms l^2 to (l + 1)^2 - 1 are of degree l. Of a vector
+   of directions, up to a number of terms: 1, 4 or all. */
 static void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_TERMS]) {
     const spsi_v x = v[0], y = v[1], z = v[2], xx = spsi_mul(x, x), yy = spsi_mul(y, y), zz = spsi_mul(z, z);
     const spsi_v five = spsi_fma(zz, spsi_set(5), spsi_set(-1)), apart = spsi_sub(xx, yy), xy = spsi_mul(x, y);
@@ -19462,6 +19442,18 @@ static void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_
     out[13] = spsi_mul(spsi_mul(spsi_set(1.6201852f), x), five);
     out[14] = spsi_mul(spsi_mul(spsi_set(5.1234754f), z), apart);
     out[15] = spsi_mul(spsi_mul(spsi_set(2.0916501f), x), spsi_fma(yy, spsi_set(-3), xx));
+}
+
+/* All of them for one direction. */
+static void spsi_harmonics(const double v[3], float out[SPSI_CELL_TERMS]) {
+    spsi_v from[3], all[SPSI_CELL_TERMS];
+    float lanes[SPSI_LANES];
+    spsi_set3(v, from);
+    spsi_harmonics_v(from, SPSI_CELL_TERMS, all);
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i) {
+        spsi_store(lanes, all[i]);
+        out[i] = lanes[0];
+    }
 }
 
 /* The degree of a term. */
@@ -19629,7 +19621,7 @@ static void spsi_cell_row_sent(const spsi_cell_level *level, size_t row, const s
    the grid, and that of the cell at `end`, whose neighbour is outside. From there, light at a slant has links of its
    own. */
 typedef struct spsi_cell_links {
-    const uint32_t *closed[2]; /* NULL: all are open */
+    const uint32_t *closed[2];
     int bit[2], end;
 } spsi_cell_links;
 
@@ -19643,8 +19635,7 @@ static spsi_cell_links spsi_cell_links_of(const spsi_cell_pass *pass, const spsi
     links.end = step[0] == 0 ? -1 : step[0] > 0 ? 0 : level->size[0] - 1;
     for (int i = 0; i < 2; ++i) {
         const int outside = direction->axis >= 0 && (i == 1 || leaves);
-        const uint32_t *closed = outside ? level->outside : level->closed;
-        links.closed[i] = closed ? closed + row : NULL;
+        links.closed[i] = level->closed + (outside ? level->count : 0) + row;
         links.bit[i] = outside ? (int)(direction - pass->solver->directions) - SPSI_CELL_STRAIGHT
                                : spsi_cell_link(step[0], step[1], step[2]);
     }
@@ -19653,7 +19644,7 @@ static spsi_cell_links spsi_cell_links_of(const spsi_cell_pass *pass, const spsi
 
 static inline int spsi_cell_shut(const spsi_cell_links *links, int x) {
     const int outside = x == links->end;
-    return links->closed[outside] && links->closed[outside][x] >> links->bit[outside] & 1;
+    return (int)(links->closed[outside][x] >> links->bit[outside] & 1);
 }
 
 /* spsi_cell_rows_follow for one of the directions, where links within the row are closed. */
@@ -19712,16 +19703,20 @@ static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const 
 
 #define SPSI_CELL_PATCHES 8 /* along each edge of a side of the grid */
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
+/* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
+#define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
 /* Of what leaves a patch, the flux, and that times the cosine with the side, and times the direction's parts along the
    side, the lower axis first. */
-#define SPSI_CELL_MEANS   4
-#define SPSI_CELL_LEAVING (SPSI_CELL_PATCHES * (4 + SPSI_CELL_PATCHES)) /* patches per plane: four edges, and itself */
+#define SPSI_CELL_MEANS 4
 
 /* The patch of a side that a cell is part of, and the first cell of a patch. */
 static int spsi_cell_patch(int at, int size) { return at * SPSI_CELL_PATCHES / size; }
 static int spsi_cell_patch_first(int patch, int size) {
     return (patch * size + SPSI_CELL_PATCHES - 1) / SPSI_CELL_PATCHES;
 }
+
+/* Floats of what leaves the grid, by plane of cells, part of a sweep, mean and patch. */
+static size_t spsi_cell_leaving_floats(int planes) { return 3 * SPSI_CELL_MEANS * SPSI_CELL_SHEET * (size_t)planes; }
 
 /* The share of its cosine with which each side of the grid counts that light leaves by, where it leaves a cell by
    several (bits, by axis) at once: at a slant all of it crosses the side along its axis, and a third each of the
@@ -19733,37 +19728,28 @@ static float spsi_cell_leaving_share(const spsi_cell_direction *direction, int s
     return count == 2 ? 5.0f / 6 : 1;
 }
 
-/* Adds what light of a direction carries through a patch of the side across an axis. */
-static void spsi_cell_patch_receives(const spsi_cell_direction *direction, int axis, float sent, float *patch) {
-    static const int harmonic[3] = {3, 1, 2};
-    float way[3];
-    for (int k = 0; k < 3; ++k) way[k] = 0.57735027f * direction->harmonic[harmonic[k]];
-    sent *= fabsf(way[axis]);
-    patch[0] += sent;
-    patch[1] += sent * fabsf(way[axis]);
-    patch[2] += sent * way[axis == 0 ? 1 : 0];
-    patch[3] += sent * way[axis == 2 ? 1 : 2];
-}
-
 /* Adds what one direction's light carries through the sides of the grid that a row of cells touches, per area of a
    cell's face: the mean over all directions of radiance times cosine. */
 static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, const spsi_cell_direction *direction,
                                  const float *out, float *leaving) {
+    static const int harmonic[3] = {3, 1, 2};
     const int *step = direction->step, *size = level->size;
     const int ends[3] = {step[0] < 0 ? 0 : size[0] - 1, step[1] < 0 ? 0 : size[1] - 1, step[2] < 0 ? 0 : size[2] - 1};
     const int row = (step[1] && y == ends[1] ? 2 : 0) | (step[2] && z == ends[2] ? 4 : 0);
-    float *plane = leaving + 4 * SPSI_CELL_PATCHES * SPSI_CELL_MEANS;
+    int patch[3] = {0, spsi_cell_patch(y, size[1]), spsi_cell_patch(z, size[2])};
+    float way[3];
+    for (int k = 0; k < 3; ++k) way[k] = 0.57735027f * direction->harmonic[harmonic[k]];
     for (int x = row ? 0 : ends[0]; x < (row ? size[0] : ends[0] + 1); ++x) {
         const int sides = row | (step[0] && x == ends[0] ? 1 : 0);
         const float sent = sides ? direction->weight * spsi_cell_leaving_share(direction, sides) * out[x] : 0;
-        const int along = spsi_cell_patch(x, size[0]), across = spsi_cell_patch(y, size[1]);
-        const int edge[2] = {(step[0] > 0) * SPSI_CELL_PATCHES + across,
-                             (2 + (step[1] > 0)) * SPSI_CELL_PATCHES + along};
-        for (int k = 0; k < 2; ++k)
-            if (sides >> k & 1) spsi_cell_patch_receives(direction, k, sent, leaving + edge[k] * SPSI_CELL_MEANS);
-        if (sides & 4)
-            spsi_cell_patch_receives(direction, 2, sent,
-                                     plane + (across * SPSI_CELL_PATCHES + along) * SPSI_CELL_MEANS);
+        patch[0] = spsi_cell_patch(x, size[0]);
+        for (int k = 0; k < 3; ++k) {
+            const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
+            const float flux = sent * fabsf(way[k]);
+            const float means[SPSI_CELL_MEANS] = {flux, flux * fabsf(way[k]), flux * way[low], flux * way[high]};
+            float *to = leaving + side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
+            for (int i = 0; i < SPSI_CELL_MEANS && sides >> k & 1; ++i) to[i * SPSI_CELL_SHEET] += means[i];
+        }
     }
 }
 
@@ -19776,7 +19762,7 @@ static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int
     if (!pass->leaving) return;
     for (int i = 0; i < beams->count; ++i)
         spsi_cell_row_leaves(level, y, z, beams->direction[i], beams->out[i],
-                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_LEAVING * SPSI_CELL_MEANS);
+                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_MEANS * SPSI_CELL_SHEET);
 }
 
 /* --- sweeping --- */
@@ -19808,34 +19794,25 @@ static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, i
            (size_t)(y + 1) * spsi_cell_row_floats(level) + SPSI_LANES;
 }
 
-/* Rows of cells from which light comes at a slant, a third of the way between four cells: straight on, except along x,
-   and a step along x aside. */
-typedef struct spsi_cell_slant {
-    const spsi_cell_direction *direction;
-    size_t row;                               /* that is entered */
-    const float *near_row, *far_row, *beside; /* what has left them */
-} spsi_cell_slant;
-
 static const float spsi_cell_shares[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9};
 
-/* Puts right what enters the closed cells of a row at a slant. Along x, the cell straight on is followed in turn. */
-static void spsi_cell_slant_closed(const spsi_cell_pass *pass, const spsi_cell_slant *slant, float *in) {
-    const uint32_t *closed = pass->level->closed, *outside = pass->level->outside;
-    const int stride = spsi_cell_row_closed(pass, slant->row);
-    const spsi_cell_direction *direction = slant->direction;
+/* Puts right what enters the closed cells of a row at a slant, given what has left four rows. Along x, the cell
+   straight on is followed in turn. */
+static void spsi_cell_slant_closed(const spsi_cell_pass *pass, const spsi_cell_direction *direction, size_t row,
+                                   const float *const from[4], float *in) {
+    const uint32_t *closed = pass->level->closed;
+    const int stride = spsi_cell_row_closed(pass, row);
     const int x = direction->step[0], y = direction->step[1], z = direction->step[2], axis = direction->axis;
     const int near_y = axis == 2 ? 0 : y, near_z = axis == 2 ? z : 0;
     const int steps[4][3] = {
         {0, near_y, near_z}, {x, near_y, near_z}, {axis == 0 ? x : 0, axis == 0 ? 0 : y, z}, {x, y, z}};
-    const float *from[4] = {slant->near_row, slant->near_row - x, axis == 0 ? slant->beside - x : slant->far_row,
-                            slant->far_row - x};
     spsi_cell_links links[4];
     int found = 0;
     for (int n = 0; n < pass->level->size[0] && stride; n += stride) {
-        const size_t at = slant->row + (size_t)n;
+        const size_t at = row + (size_t)n;
         const float wall = pass->walls ? pass->walls[at] : 0;
-        if (!closed[at] && !(outside && outside[at])) continue;
-        for (int k = 0; k < 4 && !found; ++k) links[k] = spsi_cell_links_of(pass, direction, slant->row, steps[k]);
+        if (!closed[at] && !closed[pass->level->count + at]) continue;
+        for (int k = 0; k < 4 && !found; ++k) links[k] = spsi_cell_links_of(pass, direction, row, steps[k]);
         found = 1;
         in[n] = 0;
         for (int k = axis == 0 ? 1 : 0; k < 4; ++k)
@@ -19843,27 +19820,22 @@ static void spsi_cell_slant_closed(const spsi_cell_pass *pass, const spsi_cell_s
     }
 }
 
-/* The radiance that enters row y at a slant; along x, without what comes straight on. */
+/* The radiance that enters row y at a slant, a third of the way between four cells: straight on, except along x, and a
+   step along x aside. */
 static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, float *in) {
     const spsi_cell_level *level = along->pass->level;
     const spsi_cell_direction *direction = along->directions[i];
-    const int x = direction->step[0], back = y - direction->step[1];
-    const spsi_v most = spsi_set(spsi_cell_shares[0]), some = spsi_set(spsi_cell_shares[1]);
-    const spsi_v least = spsi_set(spsi_cell_shares[3]);
-    spsi_cell_slant slant;
-    slant.direction = direction;
-    slant.row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
-    slant.far_row = spsi_cell_along_row(along, i, 1, back);
-    slant.beside = spsi_cell_along_row(along, i, 1, y);
-    slant.near_row = direction->axis == 2 ? slant.beside : spsi_cell_along_row(along, i, 0, back);
+    const int x = direction->step[0], back = y - direction->step[1], first = direction->axis == 0 ? 1 : 0;
+    const size_t row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
+    const float *far_row = spsi_cell_along_row(along, i, 1, back), *beside = spsi_cell_along_row(along, i, 1, y);
+    const float *near_row = direction->axis == 2 ? beside : spsi_cell_along_row(along, i, 0, back);
+    const float *const from[4] = {near_row, near_row - x, first ? beside - x : far_row, far_row - x};
     for (int n = 0; n < level->pitch; n += SPSI_LANES) {
-        const spsi_v aside = spsi_load(slant.near_row + n - x), corner = spsi_load(slant.far_row + n - x);
-        const spsi_v side = spsi_load(direction->axis > 0 ? slant.far_row + n : slant.beside + n - x);
-        spsi_v sum = spsi_fma(some, spsi_add(aside, side), spsi_mul(least, corner));
-        if (direction->axis > 0) sum = spsi_fma(most, spsi_load(slant.near_row + n), sum);
+        spsi_v sum = spsi_mul(spsi_set(spsi_cell_shares[3]), spsi_load(from[3] + n));
+        for (int k = first; k < 3; ++k) sum = spsi_fma(spsi_set(spsi_cell_shares[k]), spsi_load(from[k] + n), sum);
         spsi_store(in + n, sum);
     }
-    spsi_cell_slant_closed(along->pass, &slant, in);
+    spsi_cell_slant_closed(along->pass, direction, row, from, in);
 }
 
 /* Sets what enters row y in some directions, which leave it in the plane's buffers. The last two take three steps along
@@ -19981,15 +19953,7 @@ static void spsi_cells_sweep_out(const spsi_cell_solver *solver) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[0]);
     pass.leaving = solver->leaving;
     if (pass.leaving)
-        memset(pass.leaving, 0,
-               3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)pass.level->size[2] * sizeof *pass.leaving);
-    spsi_cells_carry(&pass);
-}
-
-/* Carries what polygons send, per cell that it enters, through a level that sends nothing. */
-static void spsi_cells_sweep_walls(const spsi_cell_solver *solver, const spsi_cell_level *level, const float *walls) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
-    pass.walls = walls;
+        memset(pass.leaving, 0, spsi_cell_leaving_floats(pass.level->size[2]) * sizeof *pass.leaving);
     spsi_cells_carry(&pass);
 }
 
@@ -20057,67 +20021,38 @@ static void spsi_cells_mend_task(void *data, int z, int worker) {
 
 /* --- levels --- */
 
-/* The eight cells of the next finer level that a cell covers, those beyond its end left out. */
-typedef struct spsi_cell_children {
-    size_t at[8];
-    int count;
-} spsi_cell_children;
-
-static void spsi_cell_children_of(const spsi_cell_level *fine, int x, int y, int z, spsi_cell_children *children) {
-    children->count = 0;
-    for (int i = 0; i < 8; ++i) {
-        const int cx = 2 * x + (i & 1), cy = 2 * y + (i >> 1 & 1), cz = 2 * z + (i >> 2);
-        if (cx >= fine->size[0] || cy >= fine->size[1] || cz >= fine->size[2]) continue;
-        children->at[children->count++] = (size_t)(cz * fine->size[1] + cy) * (size_t)fine->pitch + (size_t)cx;
-    }
-}
-
+/* Two levels, and arrays of the finer one that the coarser one takes on the mean: one after the other. */
 typedef struct spsi_cell_step {
-    const spsi_cell_solver *solver;
     const spsi_cell_level *fine, *coarse;
+    const float *from;
+    float *to;
+    int count;
 } spsi_cell_step;
 
-/* Optical depth and albedo of a plane of coarse cells. */
+/* Optical depth of a plane of coarse cells, and the means by it, which stay 0 where there is none: over the eight cells
+   of the finer level that each covers, those beyond its end left out. */
 static void spsi_cells_coarsen_task(void *data, int z, int worker) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
-    spsi_cell_children children;
     (void)worker;
     for (int y = 0; y < coarse->size[1]; ++y)
         for (int x = 0; x < coarse->size[0]; ++x) {
             const size_t to = (size_t)(z * coarse->size[1] + y) * (size_t)coarse->pitch + (size_t)x;
+            size_t at[8];
             float sum = 0;
-            spsi_cell_children_of(fine, x, y, z, &children);
-            for (int i = 0; i < children.count; ++i) sum += fine->depth[children.at[i]];
-            coarse->depth[to] = 0.25f * sum; /* an eighth of the density, twice the edge */
-            for (int l = 0; l < step->solver->orders && sum > 0; ++l) {
-                float keep = 0;
-                for (int i = 0; i < children.count; ++i)
-                    keep += fine->depth[children.at[i]] / sum * fine->keep[l][children.at[i]];
-                coarse->keep[l][to] = keep;
+            int count = 0;
+            for (int i = 0; i < 8; ++i) {
+                const int cx = 2 * x + (i & 1), cy = 2 * y + (i >> 1 & 1), cz = 2 * z + (i >> 2);
+                if (cx >= fine->size[0] || cy >= fine->size[1] || cz >= fine->size[2]) continue;
+                at[count] = (size_t)(cz * fine->size[1] + cy) * (size_t)fine->pitch + (size_t)cx;
+                sum += fine->depth[at[count++]];
             }
-        }
-}
-
-/* What a plane of coarse cells is given: what the fine ones miss, by optical depth. */
-static void spsi_cells_restrict_task(void *data, int z, int worker) {
-    const spsi_cell_step *step = (const spsi_cell_step *)data;
-    const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
-    spsi_cell_children children;
-    (void)worker;
-    for (int y = 0; y < coarse->size[1]; ++y)
-        for (int x = 0; x < coarse->size[0]; ++x) {
-            const size_t to = (size_t)(z * coarse->size[1] + y) * (size_t)coarse->pitch + (size_t)x;
-            const float whole = 4 * coarse->depth[to];
-            if (!(whole > 0)) continue; /* it stays 0 */
-            spsi_cell_children_of(fine, x, y, z, &children);
-            for (int t = 0; t < step->solver->terms; ++t) {
-                const float *miss = fine->moments[1] + (size_t)t * fine->count;
-                float sum = 0;
-                for (int i = 0; i < children.count; ++i)
-                    sum += fine->depth[children.at[i]] / whole * miss[children.at[i]];
-                coarse->given[(size_t)t * coarse->count + to] = sum;
-                coarse->sent[(size_t)t * coarse->count + to] = sum;
+            coarse->depth[to] = 0.25f * sum; /* an eighth of the density, twice the edge */
+            for (int k = 0; k < step->count && sum > 0; ++k) {
+                const float *from = step->from + (size_t)k * fine->count;
+                float mean = 0;
+                for (int i = 0; i < count; ++i) mean += fine->depth[at[i]] / sum * from[at[i]];
+                step->to[(size_t)k * coarse->count + to] = mean;
             }
         }
 }
@@ -20129,22 +20064,15 @@ static int spsi_cell_beside(int x, int size) {
 }
 
 /* The four rows of coarse cells about a fine one, of one term of one of their arrays. */
-typedef struct spsi_cell_rows {
-    const float *row[4];
-} spsi_cell_rows;
-
-static spsi_cell_rows spsi_cell_rows_about(const spsi_cell_level *coarse, const float *term, int y, int z) {
+static void spsi_cell_rows_about(const spsi_cell_level *coarse, const float *term, int y, int z, const float *row[4]) {
     const int planes[2] = {z / 2, spsi_cell_beside(z, coarse->size[2])};
     const int lines[2] = {y / 2, spsi_cell_beside(y, coarse->size[1])};
-    spsi_cell_rows rows;
     for (int i = 0; i < 4; ++i)
-        rows.row[i] = term + (size_t)(planes[i >> 1] * coarse->size[1] + lines[i & 1]) * (size_t)coarse->pitch;
-    return rows;
+        row[i] = term + (size_t)(planes[i >> 1] * coarse->size[1] + lines[i & 1]) * (size_t)coarse->pitch;
 }
 
 /* Interpolates linearly between the centres of coarse cells. */
-static inline float spsi_cell_rows_at(const spsi_cell_rows *rows, int x, int size) {
-    const float *const *row = rows->row;
+static inline float spsi_cell_rows_at(const float *const row[4], int x, int size) {
     const int near_by = x / 2, beside = spsi_cell_beside(x, size);
     const float here = 9 * row[0][near_by] + 3 * (row[1][near_by] + row[2][near_by]) + row[3][near_by];
     const float next = 9 * row[0][beside] + 3 * (row[1][beside] + row[2][beside]) + row[3][beside];
@@ -20157,17 +20085,17 @@ static void spsi_cells_correct_task(void *data, int z, int worker) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
     (void)worker;
-    for (int t = 0; t < step->solver->terms; ++t)
+    for (int t = 0; t < step->count; ++t)
         for (int y = 0; y < fine->size[1]; ++y) {
             const size_t term = (size_t)t * coarse->count, row = (size_t)(z * fine->size[1] + y) * (size_t)fine->pitch;
-            const spsi_cell_rows moments = spsi_cell_rows_about(coarse, coarse->moments[0] + term, y, z);
-            const spsi_cell_rows given = spsi_cell_rows_about(coarse, coarse->given + term, y, z);
-            const float *keep = fine->keep[spsi_term_degree(t)];
+            const float *moments[4], *given[4], *keep = fine->keep[spsi_term_degree(t)];
             const float *miss = fine->moments[1] + (size_t)t * fine->count + row;
             float *sent = fine->sent + (size_t)t * fine->count + row, unkept[SPSI_LANES];
+            spsi_cell_rows_about(coarse, coarse->moments[0] + term, y, z, moments);
+            spsi_cell_rows_about(coarse, coarse->given + term, y, z, given);
             for (int x = 0; x < fine->size[0]; ++x) {
-                const float smooth = spsi_cell_rows_at(&given, x, coarse->size[0]);
-                const float back = spsi_cell_rows_at(&moments, x, coarse->size[0]);
+                const float smooth = spsi_cell_rows_at(given, x, coarse->size[0]);
+                const float back = spsi_cell_rows_at(moments, x, coarse->size[0]);
                 const size_t at = row + (size_t)x;
                 if (x % SPSI_LANES == 0) spsi_store(unkept, spsi_cell_unkept(fine, keep, at));
                 sent[x] += smooth + keep[at] * back + (miss[x] - smooth) / unkept[x % SPSI_LANES];
@@ -20205,20 +20133,14 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
     return sent > 0 ? missing / sent : 0;
 }
 
-/* Sweeps a level, and finds what its cells miss; of the finest one also what leaves it. */
-static void spsi_cells_miss(const spsi_cell_solver *solver, const spsi_cell_level *level) {
+/* Sweeps a level, and finds what its cells miss, or mends it; of the finest one also what leaves it. */
+static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_level *level, sps_task_fn task) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
     if (level == &solver->levels[0])
         spsi_cells_sweep_out(solver);
     else
         spsi_cells_sweep(solver, level);
-    spsi_parallel(solver->context, level->size[2], spsi_cells_miss_task, &pass);
-}
-
-static void spsi_cells_mend(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
-    spsi_cells_sweep(solver, level);
-    spsi_parallel(solver->context, level->size[2], spsi_cells_mend_task, &pass);
+    spsi_parallel(solver->context, level->size[2], task, &pass);
 }
 
 /* Corrects what a level sends, given what it misses, by two cycles of the next coarser one; the coarsest is mended as
@@ -20228,14 +20150,17 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
     const spsi_cell_level *level = &solver->levels[n];
     spsi_cell_step step;
     if (n == solver->level_count - 1) {
-        for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_mend(solver, level);
+        for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_check(solver, level, spsi_cells_mend_task);
         return;
     }
-    step.solver = solver;
     step.fine = level;
     step.coarse = &solver->levels[n + 1];
-    if (n > 0) spsi_cells_miss(solver, level);
-    spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_restrict_task, &step);
+    if (n > 0) spsi_cells_check(solver, level, spsi_cells_miss_task);
+    step.from = level->moments[1]; /* coarse cells are given what fine ones miss */
+    step.to = step.coarse->given;
+    step.count = solver->terms;
+    spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+    spsi_copy(solver->context, step.coarse->sent, step.to, (size_t)step.count * step.coarse->count * sizeof(float));
     for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
     spsi_cells_sweep(solver, step.coarse);
     spsi_parallel(solver->context, level->size[2], spsi_cells_correct_task, &step);
@@ -20246,10 +20171,14 @@ static void spsi_cells_levels(const spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
         spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[n]);
         spsi_cell_step step;
-        step.solver = solver;
-        step.coarse = pass.level;
-        step.fine = n > 0 ? &solver->levels[n - 1] : NULL;
-        if (n > 0) spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+        if (n > 0) {
+            step.fine = &solver->levels[n - 1];
+            step.coarse = pass.level;
+            step.from = step.fine->keep[0];
+            step.to = step.coarse->keep[0];
+            step.count = solver->orders;
+            spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+        }
         spsi_parallel(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
     }
 }
@@ -20269,7 +20198,7 @@ static sps_result spsi_cells_solve(const spsi_cell_solver *solver, int started, 
     for (int i = 0;; ++i) {
         if (spsi_progress(solver->context, spsi_part_done(part, (double)i / (SPSI_CELL_CYCLES + 1))))
             return solver->context->result;
-        spsi_cells_miss(solver, finest);
+        spsi_cells_check(solver, finest, spsi_cells_miss_task);
         if (i == SPSI_CELL_CYCLES || spsi_cells_imbalance(solver, finest) < SPSI_CELL_BALANCE) return SPS_OK;
         spsi_cells_cycle(solver, 0);
     }
@@ -20322,36 +20251,26 @@ static void spsi_cells_look_task(void *data, int row, int worker) {
     }
 }
 
-/* The mean of what is seen of the cells that share an edge or a corner with an empty one; 0 without any. */
-static float spsi_cells_beside(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
-    float sum = 0;
-    int count = 0;
-    for (int i = 0; i < 27; ++i) {
-        const int x = at[0] + i % 3 - 1, y = at[1] + i / 3 % 3 - 1, z = at[2] + i / 9 - 1;
-        const size_t next = (size_t)(z * grid->size[1] + y) * (size_t)grid->pitch + (size_t)x;
-        if (x < 0 || x >= grid->size[0] || y < 0 || y >= grid->size[1] || z < 0 || z >= grid->size[2]) continue;
-        if (!(grid->depth[next] > 0)) continue;
-        sum += seen[next];
-        ++count;
-    }
-    return count > 0 ? sum / (float)count : 0;
-}
-
-/* The mean of what is seen of cells beside an empty one, each continued by the next one beyond. */
+/* The mean of what is seen of cells beside an empty one, each continued by the next one beyond; without any, of those
+   that share an edge or a corner with it; 0 without these. */
 static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
-    const size_t stride[3] = {1, (size_t)grid->pitch, (size_t)(grid->pitch * grid->size[1])};
-    const size_t here = (size_t)at[0] + stride[1] * (size_t)at[1] + stride[2] * (size_t)at[2];
-    float sum = 0;
-    int count = 0;
-    for (int i = 0; i < 6; ++i) {
-        const int axis = i / 2, room = i & 1 ? grid->size[axis] - 1 - at[axis] : at[axis];
-        const size_t next = i & 1 ? here + stride[axis] : here - stride[axis];
-        const size_t beyond = i & 1 ? next + stride[axis] : next - stride[axis];
-        if (room < 1 || !(grid->depth[next] > 0)) continue;
-        sum += room > 1 && grid->depth[beyond] > 0 ? spsi_higher(2 * seen[next] - seen[beyond], 0) : seen[next];
-        ++count;
+    const size_t here = (size_t)(at[2] * grid->size[1] + at[1]) * (size_t)grid->pitch + (size_t)at[0];
+    float sum[2] = {0, 0};
+    int count[2] = {0, 0};
+    for (int i = 0; i < 27; ++i) {
+        const int step[3] = {i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1};
+        const int aside = abs(step[0]) + abs(step[1]) + abs(step[2]) != 1;
+        const ptrdiff_t next = step[0] + (ptrdiff_t)grid->pitch * (step[1] + grid->size[1] * step[2]);
+        const float *depth = grid->depth + here, *own = seen + here;
+        int room = 2; /* cells before the grid ends */
+        for (int k = 0; k < 3; ++k)
+            if (step[k]) room = spsi_least(room, step[k] > 0 ? grid->size[k] - 1 - at[k] : at[k]);
+        if (room < 1 || !(depth[next] > 0)) continue;
+        count[aside] += 1;
+        sum[aside] += own[next];
+        if (!aside && room > 1 && depth[2 * next] > 0) sum[0] += spsi_higher(own[next] - own[2 * next], -own[next]);
     }
-    return count > 0 ? sum / (float)count : spsi_cells_beside(grid, seen, at);
+    return count[0] > 0 ? sum[0] / (float)count[0] : count[1] > 0 ? sum[1] / (float)count[1] : 0;
 }
 
 /* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
@@ -20373,9 +20292,6 @@ static void spsi_cells_continue_task(void *data, int row, int worker) {
 }
 
 /* --- what lights polygons --- */
-
-/* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
-#define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
 
 /* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel what
    leaves it. */
@@ -20405,22 +20321,13 @@ static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
 
 /* Sets what leaves patches, per area: the sum over planes and parts of a sweep. */
 static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
+    const int count = SPSI_CELL_MEANS * SPSI_CELL_SHEET;
     const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
-    float *patch = grid->patches + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
-    memset(patch, 0, SPSI_CELL_MEANS * SPSI_CELL_SHEET * sizeof *patch);
-    for (int i = 0; i < 3 * grid->size[2] * SPSI_CELL_MEANS; ++i, patch += SPSI_CELL_SHEET) {
-        const int part = i / SPSI_CELL_MEANS % 3, z = i / SPSI_CELL_MEANS / 3, mean = i % SPSI_CELL_MEANS;
-        const float *from = solver->leaving + (size_t)(3 * z + part) * SPSI_CELL_LEAVING * SPSI_CELL_MEANS + mean;
-        const int plane = spsi_cell_patch(z, grid->size[2]) * SPSI_CELL_PATCHES;
-        if (mean == 0) patch = grid->patches + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
-        for (int n = 0; n < 4 * SPSI_CELL_PATCHES; ++n)
-            patch[n / SPSI_CELL_PATCHES * SPSI_CELL_SIDE + plane + n % SPSI_CELL_PATCHES] += from[n * SPSI_CELL_MEANS];
-        for (int n = 0; n < SPSI_CELL_SIDE && part < 2; ++n) /* falling light leaves by the lower side */
-            patch[(4 + part) * SPSI_CELL_SIDE + n] += from[(4 * SPSI_CELL_PATCHES + n) * SPSI_CELL_MEANS];
-    }
-    patch = grid->patches + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
-    for (int n = 0; n < SPSI_CELL_MEANS * SPSI_CELL_SHEET; ++n) {
+    float *patch = grid->patches + 4 * SPSI_CELL_SHEET + count * channel;
+    for (int n = 0; n < count; ++n) {
         const float whole = area[n % SPSI_CELL_SHEET];
+        patch[n] = 0;
+        for (int i = 0; i < 3 * grid->size[2]; ++i) patch[n] += solver->leaving[(size_t)i * (size_t)count + (size_t)n];
         if (whole > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / whole;
     }
 }
@@ -20615,14 +20522,13 @@ static spsi_v spsi_cell_patch_sends(const float *sent, spsi_v u, const spsi_v al
 static void spsi_cell_patches_send(const float *sent, int count, int axis, const spsi_v way[3], const spsi_v normal[3],
                                    spsi_v area, spsi_v sums[3]) {
     const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
-    const spsi_v nearer = spsi_div(one, spsi_sqrt(square)), before = spsi_abs(way[axis]);
-    const spsi_v along[2] = {spsi_mul(spsi_mul(way[axis == 0 ? 1 : 0], nearer), spsi_set(-1)),
-                             spsi_mul(spsi_mul(way[axis == 2 ? 1 : 2], nearer), spsi_set(-1))};
-    const spsi_v u = spsi_min(spsi_mul(before, nearer), one);
-    const spsi_v wide = spsi_min(spsi_div(area, square), one);
+    const spsi_v away = spsi_div(spsi_set(-1), spsi_sqrt(square)), nearer = spsi_mul(away, away);
+    const spsi_v along[2] = {spsi_mul(way[axis == 0 ? 1 : 0], away), spsi_mul(way[axis == 2 ? 1 : 2], away)};
+    const spsi_v before = spsi_abs(way[axis]), u = spsi_min(spsi_abs(spsi_mul(before, away)), one);
+    const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
     const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
     spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), spsi_set(0)), before);
-    share = spsi_min(spsi_div(share, square), one);
+    share = spsi_min(spsi_mul(share, nearer), one);
     share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
     for (int c = 0; c < count; ++c)
         sums[c] = spsi_fma(
@@ -20642,19 +20548,24 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
         const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
         const double before = point[axis] - grid->corner[axis] - (upper ? grid->edge * grid->size[axis] : 0);
-        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n);
+        const double longest = grid->edge * spsi_most(grid->size[along[0]], grid->size[along[1]]) / SPSI_CELL_PATCHES;
+        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n), square;
         spsi_v some[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-        double longest = 0, nearest = HUGE_VAL;
-        int parts;
+        int parts = 1; /* a patch may be all that a surface sees */
+        spsi_m near_by;
         if (!(upper ? before > 0 : before < 0)) continue;
         for (int k = 0; k < 3; ++k)
             middle[k] =
                 spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET + n), spsi_set((float)(point[k] - grid->corner[k])));
-        spsi_store(lanes, spsi_dot_v(middle, middle));
-        for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
-        for (int i = 0; i < 2; ++i) longest = fmax(longest, grid->edge * grid->size[along[i]] / SPSI_CELL_PATCHES);
-        nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
-        parts = fabs(before) < 0.05 * longest ? 1 : (int)ceil(2 * longest / nearest); /* a patch may be all it sees */
+        square = spsi_dot_v(middle, middle);
+        near_by = spsi_less(square, spsi_set((float)(7.3 * longest * longest)));
+        if (fabs(before) >= 0.05 * longest && spsi_bits(near_by)) { /* elsewhere the parts are one */
+            double nearest = HUGE_VAL;
+            spsi_store(lanes, square);
+            for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
+            nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
+            parts = (int)ceil(2 * longest / nearest);
+        }
         area = spsi_mul(area, spsi_set(1 / (float)(parts * parts)));
         for (int i = 0; i < parts * parts; ++i) {
             spsi_v way[3] = {middle[0], middle[1], middle[2]};
@@ -23632,13 +23543,26 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 
 /* Opaque polygons as cells see them: on the mean of those that close a cell's links. */
 typedef struct spsi_cell_walls {
-    uint32_t *closed;      /* per cell: bits of closed links; NULL: there are no polygons */
-    uint32_t *outside;     /* the same for light at a slant from outside */
+    uint32_t *closed;      /* bits of closed links, as in a level; NULL: there are no polygons */
     unsigned char *walled; /* per row, as in a level */
     float *color, *lit;    /* per channel: reflectance; radiance by the lights */
     float *place, *normal; /* per axis: relative to the grid's corner */
     float *sent;           /* per cell: radiance in the channel that is being solved, less ambient light */
 } spsi_cell_walls;
+
+/* Optical depth, scattered share and emission of a material in a vector of the sheets' samples, along a slab. */
+typedef struct spsi_cell_sample {
+    spsi_v depth, scattered[3], emitted[3];
+} spsi_cell_sample;
+
+/* A vector of the sheets' samples: slab k of the chunk, row y, columns x to at most `end`. */
+typedef struct spsi_sample_place {
+    int k, y, x, end;
+} spsi_sample_place;
+
+/* Receives what a material has at a place. */
+typedef void (*spsi_sample_fn)(const void *data, const spsi_sample_place *place, int material,
+                               const spsi_cell_sample *sample);
 
 /* Gas in sheets of samples, chunk by chunk. */
 typedef struct spsi_sampling {
@@ -23649,6 +23573,8 @@ typedef struct spsi_sampling {
     spsi_target target;
     spsi_contents contents;
     spsi_light_shader shader;
+    spsi_sample_fn sample_fn;
+    const void *data;
 } spsi_sampling;
 
 /* A grid that is being filled and lit. */
@@ -23676,6 +23602,8 @@ typedef struct spsi_cell_job {
     spsi_shader shader;
     spsi_sweep sweep;
     spsi_cell_solver *solver;
+    int channel;  /* that is being solved */
+    int level;    /* whose links are being closed */
     uint64_t gas; /* fingerprint of the gas */
 } spsi_cell_job;
 
@@ -23909,28 +23837,7 @@ static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *fr
     return spsi_contents_add_particles(&sheets->contents);
 }
 
-/* Advances to a chunk. Returns 0 if it holds nothing. */
-static int spsi_sampling_advance(spsi_sampling *sheets, int chunk) {
-    spsi_contents_advance(&sheets->contents, chunk);
-    spsi_contents_bin_particles(&sheets->contents);
-    return sheets->contents.bricks.current + sheets->contents.particles.current > 0;
-}
-
-/* Fills the sheets of the tile of that number. Returns the number of its slabs; 0: it holds nothing. */
-static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker, spsi_tile *tile) {
-    const int column = index % sheets->target.columns, row = index / sheets->target.columns;
-    spsi_tile_place(&sheets->target, column, row, worker, tile);
-    if (!spsi_tile_splat(&sheets->target, &sheets->contents, column, row, tile)) return 0;
-    return spsi_least(SPSI_CHUNK, sheets->slabs.count - sheets->contents.first_slab);
-}
-
-static int spsi_sampling_tiles(const spsi_sampling *sheets) { return sheets->target.columns * sheets->target.rows; }
-
-/* Optical depth, scattered share and emission of a material in a vector of the sheets' samples, along a slab. */
-typedef struct spsi_cell_sample {
-    spsi_v depth, scattered[3], emitted[3];
-} spsi_cell_sample;
-
+/* What a material has in a vector of the sheets' samples. */
 static void spsi_cell_sample_at(const spsi_material *material, spsi_v sum, const spsi_row_slabs *slabs,
                                 spsi_cell_sample *sample) {
     const spsi_v length = spsi_mul(slabs->per_slab, slabs->length), most = spsi_set(SPSI_DEPTH_MAX);
@@ -23950,18 +23857,16 @@ static void spsi_cell_sample_at(const spsi_material *material, spsi_v sum, const
     }
 }
 
-/* A vector of the sheets' samples: slab k of the chunk, row y, columns x to at most `end`. */
-typedef struct spsi_sample_place {
-    int k, y, x, end;
-} spsi_sample_place;
-
-/* Receives what a material has at a place. */
-typedef void (*spsi_sample_fn)(const void *data, const spsi_sample_place *place, int material,
-                               const spsi_cell_sample *sample);
+/* Fills the sheets of the tile of that number. Returns the number of its slabs; 0: it holds nothing. */
+static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker, spsi_tile *tile) {
+    const int column = index % sheets->target.columns, row = index / sheets->target.columns;
+    spsi_tile_place(&sheets->target, column, row, worker, tile);
+    if (!spsi_tile_splat(&sheets->target, &sheets->contents, column, row, tile)) return 0;
+    return spsi_least(SPSI_CHUNK, sheets->slabs.count - sheets->contents.first_slab);
+}
 
 /* Passes on what materials have at a place of a tile. */
-static void spsi_sampling_visit_place(const spsi_sampling *sheets, const spsi_tile *tile,
-                                      const spsi_sample_place *place, spsi_sample_fn sample_fn, const void *data) {
+static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *tile, const spsi_sample_place *place) {
     const spsi_row_slabs slabs = spsi_row_slabs_at(&sheets->shader, place->x, place->y);
     const size_t row = (size_t)((place->y - tile->y0) * tile->pitch);
     const size_t at = (size_t)place->k * tile->sheet_size + row + (size_t)(place->x - tile->x0);
@@ -23970,13 +23875,13 @@ static void spsi_sampling_visit_place(const spsi_sampling *sheets, const spsi_ti
         spsi_cell_sample sample;
         if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
         spsi_cell_sample_at(&sheets->frame->matter.materials[m], sum, &slabs, &sample);
-        sample_fn(data, place, m, &sample);
+        sheets->sample_fn(sheets->data, place, m, &sample);
     }
 }
 
 /* Fills the sheets of the tile of that number, and passes on what materials have in them. */
-static void spsi_sampling_visit(const spsi_sampling *sheets, int index, int worker, spsi_sample_fn sample_fn,
-                                const void *data) {
+static void spsi_sampling_task(void *data, int index, int worker) {
+    const spsi_sampling *sheets = (const spsi_sampling *)data;
     spsi_sample_place place;
     spsi_tile tile;
     const int count = spsi_sampling_tile(sheets, index, worker, &tile);
@@ -23984,7 +23889,17 @@ static void spsi_sampling_visit(const spsi_sampling *sheets, int index, int work
     for (place.k = 0; place.k < count; ++place.k)
         for (place.y = tile.y0; place.y <= tile.y1; ++place.y)
             for (place.x = tile.x0; place.x <= tile.x1; place.x += SPSI_LANES)
-                spsi_sampling_visit_place(sheets, &tile, &place, sample_fn, data);
+                spsi_sampling_visit(sheets, &tile, &place);
+}
+
+/* Passes on what materials have in the sheets of a chunk. */
+static void spsi_sampling_chunk(spsi_sampling *sheets, int chunk, spsi_sample_fn sample_fn, const void *data) {
+    sheets->sample_fn = sample_fn;
+    sheets->data = data;
+    spsi_contents_advance(&sheets->contents, chunk);
+    spsi_contents_bin_particles(&sheets->contents);
+    if (sheets->contents.bricks.current + sheets->contents.particles.current > 0)
+        spsi_parallel(sheets->context, sheets->target.columns * sheets->target.rows, spsi_sampling_task, sheets);
 }
 
 /* Adds a vector of the sheets' samples to an array, divided by the samples that each entry covers along a row. */
@@ -24014,11 +23929,6 @@ static void spsi_cells_add_sample(const void *data, const spsi_sample_place *pla
     }
 }
 
-static void spsi_cells_fill_task(void *data, int index, int worker) {
-    const spsi_cell_job *job = (const spsi_cell_job *)data;
-    spsi_sampling_visit(&job->sheets, index, worker, spsi_cells_add_sample, job);
-}
-
 /* Fills samples and cells. */
 static sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call *part) {
     sps_context *context = job->context;
@@ -24030,10 +23940,18 @@ static sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call *p
     for (int chunk = 0; chunk < spsi_chunk_count(&sheets->slabs); ++chunk) {
         if (spsi_progress(context, spsi_part_done(part, (double)chunk / spsi_chunk_count(&sheets->slabs))))
             return context->result;
-        if (!spsi_sampling_advance(sheets, chunk)) continue;
-        spsi_parallel(context, spsi_sampling_tiles(sheets), spsi_cells_fill_task, job);
+        spsi_sampling_chunk(sheets, chunk, spsi_cells_add_sample, job);
     }
     return SPS_OK;
+}
+
+/* What peaks pass straight on of what a cell scatters in a channel, as optical depth along an edge. */
+static float spsi_cell_straight(const spsi_cell_job *job, int channel, size_t at) {
+    const spsi_cell_grid *grid = job->grid;
+    float straight = 0;
+    for (int m = 0; m < job->frame->matter.material_count; ++m)
+        straight += grid->peak[m] * job->scattered[(size_t)(m * grid->channels + channel) * grid->count + at];
+    return straight;
 }
 
 /* Sets the mean scale of extinction. */
@@ -24043,9 +23961,7 @@ static void spsi_cells_mean_scale(const spsi_cell_job *job) {
         double straight = 0, all = 0;
         for (size_t at = 0; at < grid->count; ++at) {
             all += (double)grid->depth[at];
-            for (int m = 0; m < job->frame->matter.material_count; ++m)
-                straight +=
-                    (double)(grid->peak[m] * job->scattered[(size_t)(m * grid->channels + c) * grid->count + at]);
+            straight += (double)spsi_cell_straight(job, c, at);
         }
         grid->scale[c] = all > 0 ? (float)fmax(1 - straight / all, 0) : 1;
     }
@@ -24087,25 +24003,17 @@ static sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp
     return spsi_tmap_fill(map, &occluders);
 }
 
-/* Makes a light's own table, which waits for the sweeps. */
-static sps_result spsi_cells_own_map(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
-                                     sps_tmap *map) {
-    if (spsi_lamp_tmap_begin(job->context, job->frame, lamp, job->gas, map) ||
-        spsi_lamp_tmap_fill(job->context, job->frame, lamp, part, map))
-        return job->context->result;
-    map->waits = 1;
-    return SPS_OK;
-}
-
-/* Makes a light's table, unless it has its own from an earlier grid. */
+/* Makes a light's table, unless it has its own from an earlier grid, which waits for the sweeps. */
 static sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
                                    spsi_shadow *shadow, sps_tmap *map) {
     shadow->lamp = lamp;
     shadow->kind = SPSI_SHADOW_MAP;
     shadow->tmap = map;
     if (map->waits) return SPS_OK;
-    return spsi_has_shadow_table(lamp) ? spsi_cells_own_map(job, lamp, part, map)
-                                       : spsi_cells_map(job, lamp, part, map);
+    if (!spsi_has_shadow_table(lamp)) return spsi_cells_map(job, lamp, part, map);
+    if (!spsi_lamp_tmap_begin(job->context, job->frame, lamp, job->gas, map))
+        map->waits = !spsi_lamp_tmap_fill(job->context, job->frame, lamp, part, map);
+    return job->context->result;
 }
 
 /* Lists the lights that have tables: first those that cast shadows, with depth maps and pane maps, then the others.
@@ -24243,10 +24151,7 @@ static spsi_v spsi_cells_scale(const spsi_cell_job *job, size_t row, int channel
     float scale[SPSI_LANES];
     for (int i = 0; i < SPSI_LANES; ++i) {
         const size_t at = row + (size_t)(spsi_least(x + i, job->sheets.rays.width - 1) / 2);
-        float straight = 0;
-        for (int m = 0; m < job->frame->matter.material_count; ++m)
-            straight += grid->peak[m] * job->scattered[(size_t)(m * grid->channels + channel) * grid->count + at];
-        scale[i] = grid->depth[at] > 0 ? spsi_higher(1 - straight / grid->depth[at], 0) : 1;
+        scale[i] = grid->depth[at] > 0 ? spsi_higher(1 - spsi_cell_straight(job, channel, at) / grid->depth[at], 0) : 1;
     }
     return spsi_load(scale);
 }
@@ -24352,27 +24257,11 @@ static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_di
     return spsi_ray_to_wall(view->faces, ray, hit);
 }
 
-/* Whether any link within the grid may be closed. */
-static int spsi_cell_view_near(const spsi_cell_view *view) {
-    const double edge = view->scale * view->grid->edge, half[3] = {edge, edge, edge};
-    return spsi_faces_near(view->faces, view->centre, half);
-}
-
-/* Whether the same is true for any cell of a row. */
-static int spsi_cell_row_near(const spsi_cell_view *first) {
-    const double edge = first->scale * first->grid->edge;
-    const double half[3] = {0.5 * edge * (first->size[0] + 1), edge, edge};
-    double centre[3];
-    memcpy(centre, first->centre, sizeof centre);
-    centre[0] += 0.5 * edge * (first->size[0] - 1);
+/* Whether any link within the grid may be closed, of that many cells of a row from this one on. */
+static int spsi_cell_view_near(const spsi_cell_view *first, int count) {
+    const double edge = first->scale * first->grid->edge, half[3] = {0.5 * edge * (count + 1), edge, edge};
+    const double centre[3] = {first->centre[0] + 0.5 * edge * (count - 1), first->centre[1], first->centre[2]};
     return spsi_faces_near(first->faces, centre, half);
-}
-
-/* Whether a cell lies at the end of the grid. */
-static int spsi_cell_view_last(const spsi_cell_view *view) {
-    int last = 0;
-    for (int k = 0; k < 3; ++k) last |= view->at[k] == 0 || view->at[k] == view->size[k] - 1;
-    return last;
 }
 
 #define SPSI_CELL_HITS (26 + SPSI_CELL_DIRECTIONS) /* most of a cell: by links, and from outside */
@@ -24444,17 +24333,23 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
     }
 }
 
+/* The mean of a cell's polygons. Returns 0 if they face all ways. */
+static int spsi_cell_walls_mean(const spsi_cell_job *job, size_t at, double point[3], double normal[3]) {
+    const size_t count = job->grid->count;
+    for (size_t k = 0; k < 3; ++k) {
+        point[k] = job->grid->corner[k] + (double)job->walls.place[k * count + at];
+        normal[k] = (double)job->walls.normal[k * count + at];
+    }
+    return spsi_normalise(normal);
+}
+
 /* Adds what a cell's polygons reflect of first flights, on the mean of them. */
 static void spsi_cell_walls_fly(const spsi_cell_job *job, size_t at) {
     const spsi_cell_walls *walls = &job->walls;
     const spsi_cell_grid *grid = job->grid;
     double point[3], start[3], normal[3], irradiance[3] = {0, 0, 0};
     spsi_flight_place place;
-    for (size_t k = 0; k < 3; ++k) {
-        point[k] = grid->corner[k] + (double)walls->place[k * grid->count + at];
-        normal[k] = (double)walls->normal[k * grid->count + at];
-    }
-    if (!spsi_normalise(normal)) return;
+    if (!spsi_cell_walls_mean(job, at, point, normal)) return;
     spsi_along(point, normal, 0.02 * grid->edge, start);
     memset(&place, 0, sizeof place);
     place.frame = job->frame;
@@ -24505,7 +24400,8 @@ static uint32_t spsi_cell_view_closed(const spsi_cell_view *view, spsi_cell_hits
 /* Finds the polygons about a cell. */
 static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view *view, int near_by, size_t at,
                                  spsi_cell_hits *hits) {
-    const int last = spsi_cell_view_last(view);
+    int last = 0; /* 1: at the end of the grid */
+    for (int k = 0; k < 3; ++k) last |= view->at[k] == 0 || view->at[k] == view->size[k] - 1;
     hits->count = 0;
     if (near_by) job->walls.closed[at] = spsi_cell_view_closed(view, hits);
     hits->within = job->walls.closed[at] != 0;
@@ -24518,7 +24414,7 @@ static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view 
         if (direction->axis < 0)
             job->walls.closed[at] |= 1u << spsi_cell_link(step[0], step[1], step[2]);
         else
-            job->walls.outside[at] |= 1u << (i - SPSI_CELL_STRAIGHT);
+            job->walls.closed[job->grid->count + at] |= 1u << (i - SPSI_CELL_STRAIGHT);
         spsi_cell_hits_add(view, &ray, &hit, hits);
     }
 }
@@ -24533,13 +24429,13 @@ static void spsi_cells_walls_task(void *data, int row, int worker) {
     (void)worker;
     spsi_cell_view_build(job->faces, grid, grid->size, 1, &view);
     spsi_cell_view_move(&view, 0, y, z);
-    near_row = spsi_cell_row_near(&view);
+    near_row = spsi_cell_view_near(&view, grid->size[0]);
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         spsi_cell_hits hits;
         int shadow = 0;
         spsi_cell_view_move(&view, x, y, z);
-        spsi_cell_walls_find(job, &view, near_row && spsi_cell_view_near(&view), at, &hits);
+        spsi_cell_walls_find(job, &view, near_row && spsi_cell_view_near(&view, 1), at, &hits);
         if (hits.count == 0) continue;
         memset(hits.lit, 0, sizeof hits.lit);
         for (int i = 0; i < job->frame->lamps.count; ++i) {
@@ -24571,7 +24467,6 @@ static sps_result spsi_cell_walls_begin(spsi_cell_job *job) {
     if (!memory) return job->context->result;
     memset(memory, 0, floats * sizeof *memory);
     walls->closed = (uint32_t *)(void *)memory;
-    walls->outside = walls->closed + count;
     walls->color = memory + 2 * count;
     walls->lit = walls->color + channels * count;
     walls->place = walls->lit + channels * count;
@@ -24591,14 +24486,10 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
     double changed = 0, all = 0;
     for (size_t at = 0; at < count; ++at) {
         double point[3], normal[3], color, sent;
-        if (!walls->closed[at] && !walls->outside[at]) continue;
+        if (!walls->closed[at] && !walls->closed[count + at]) continue;
         color = (double)walls->color[own + at];
-        for (size_t k = 0; k < 3; ++k) {
-            point[k] = grid->corner[k] + (double)walls->place[k * count + at];
-            normal[k] = (double)walls->normal[k * count + at];
-        }
         sent = color * ambient + (double)walls->lit[own + at] - ambient;
-        if (spsi_normalise(normal)) {
+        if (spsi_cell_walls_mean(job, at, point, normal)) {
             double irradiance[3];
             spsi_cells_irradiance(grid, c, 1, point, normal, NULL, irradiance);
             sent += color / SPSI_PI * irradiance[0];
@@ -24846,10 +24737,14 @@ static void spsi_cells_release(sps_context *context) {
 #define SPSI_CELL_EMITTING 1e-4f
 
 /* Sets what a row of cells keeps and is given. */
-static void spsi_cells_equations(const spsi_cell_job *job, int c, size_t row) {
+static void spsi_cells_equations_task(void *data, int row, int worker) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const spsi_cell_level *level = &job->solver->levels[0];
-    for (size_t at = row; at < row + (size_t)grid->size[0]; ++at) {
+    const int c = job->channel;
+    (void)worker;
+    for (int x = 0; x < grid->size[0]; ++x) {
+        const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         const float emitted = job->emitted[(size_t)c * grid->count + at], whole = grid->depth[at];
         float degree[SPSI_CELL_ORDERS] = {0}, depth = whole, keep[SPSI_CELL_ORDERS];
         for (int m = 0; m < job->frame->matter.material_count; ++m) {
@@ -24872,17 +24767,6 @@ static void spsi_cells_equations(const spsi_cell_job *job, int c, size_t row) {
         }
         if (depth > 0) level->given[at] += emitted / depth - (1 - keep[0]) * job->frame->ambient.radiance[c];
     }
-}
-
-typedef struct spsi_cell_channel {
-    const spsi_cell_job *job;
-    int channel;
-} spsi_cell_channel;
-
-static void spsi_cells_equations_task(void *data, int row, int worker) {
-    const spsi_cell_channel *own = (const spsi_cell_channel *)data;
-    (void)worker;
-    spsi_cells_equations(own->job, own->channel, (size_t)row * (size_t)own->job->grid->pitch);
 }
 
 /* Floats of a solver's levels. */
@@ -24910,8 +24794,8 @@ static float *spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float 
 static size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
-        floats += solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
-    return floats + 3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)solver->levels[0].size[2];
+        floats += 2 * solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
+    return floats + spsi_cell_leaving_floats(solver->levels[0].size[2]);
 }
 
 /* Sizes of a solver's levels, each half as long as the one before, down to four cells. Returns the floats of all. */
@@ -24959,26 +24843,20 @@ static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_g
 #define SPSI_CELL_RETURNS 6    /* times that polygons reflect light back, at most */
 #define SPSI_CELL_CHANGE  5e-3 /* of what polygons send: what may be missing */
 
-/* A coarse level whose links are being closed. */
-typedef struct spsi_cell_closing {
-    const spsi_cell_job *job;
-    const spsi_cell_level *level;
-    int scale;
-} spsi_cell_closing;
-
+/* Closes links of a row of a coarse level. */
 static void spsi_cells_close_task(void *data, int row, int worker) {
-    const spsi_cell_closing *closing = (const spsi_cell_closing *)data;
-    const spsi_cell_level *level = closing->level;
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
+    const spsi_cell_level *level = &job->solver->levels[job->level];
     const int y = row % level->size[1], z = row / level->size[1];
     spsi_cell_view view;
     (void)worker;
-    spsi_cell_view_build(closing->job->faces, closing->job->grid, level->size, closing->scale, &view);
+    spsi_cell_view_build(job->faces, job->grid, level->size, 1 << job->level, &view);
     spsi_cell_view_move(&view, 0, y, z);
-    if (!spsi_cell_row_near(&view)) return;
+    if (!spsi_cell_view_near(&view, level->size[0])) return;
     for (int x = 0; x < level->size[0]; ++x) {
         uint32_t *closed = &level->closed[(size_t)row * (size_t)level->pitch + (size_t)x];
         spsi_cell_view_move(&view, x, y, z);
-        if (spsi_cell_view_near(&view)) *closed = spsi_cell_view_closed(&view, NULL);
+        if (spsi_cell_view_near(&view, 1)) *closed = spsi_cell_view_closed(&view, NULL);
         if (*closed) level->walled[row] = 1;
     }
 }
@@ -24990,23 +24868,18 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     float *memory = solver->scratch + spsi_cell_scratch_floats(&solver->levels[0]);
     memset(memory, 0, spsi_cell_solver_wall_floats(solver) * sizeof *memory);
     solver->levels[0].closed = job->walls.closed;
-    solver->levels[0].outside = job->walls.outside;
     solver->levels[0].walled = job->walls.walled;
     *plain = solver->levels[0];
     plain->sent = memory;
     plain->moments[0] = memory + floats;
     plain->moments[1] = memory + 2 * floats;
     memory += 3 * floats;
-    for (int n = 1; n < solver->level_count; ++n) {
-        spsi_cell_level *level = &solver->levels[n];
-        spsi_cell_closing closing;
+    for (job->level = 1; job->level < solver->level_count; ++job->level) {
+        spsi_cell_level *level = &solver->levels[job->level];
         level->closed = (uint32_t *)(void *)memory;
-        level->walled = (unsigned char *)(memory + level->count);
-        memory += level->count + spsi_cell_rows_floats(level->size);
-        closing.job = job;
-        closing.level = level;
-        closing.scale = 1 << n;
-        spsi_parallel(job->context, level->size[1] * level->size[2], spsi_cells_close_task, &closing);
+        level->walled = (unsigned char *)(memory + 2 * level->count);
+        memory += 2 * level->count + spsi_cell_rows_floats(level->size);
+        spsi_parallel(job->context, level->size[1] * level->size[2], spsi_cells_close_task, job);
     }
     solver->leaving = memory;
 }
@@ -25039,9 +24912,11 @@ static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
    hardly changed. */
 static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
     const int first = job->wall_light == NULL;
+    spsi_cell_pass pass = spsi_cell_pass_of(job->solver, plain);
     spsi_cells_take_flux(job, channel);
     if (spsi_cell_walls_send(job, channel) < SPSI_CELL_CHANGE && !first) return 0;
-    spsi_cells_sweep_walls(job->solver, plain, job->walls.sent);
+    pass.walls = job->walls.sent;
+    spsi_cells_carry(&pass);
     job->wall_light = plain->moments[0];
     return 1;
 }
@@ -25062,36 +24937,36 @@ static void spsi_cells_add_passed_on(const spsi_cell_job *job, int channel) {
 }
 
 /* Solves for one channel; beside polygons, again with what they reflect. */
-static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel *own, const spsi_cell_level *plain,
+static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_level *plain,
                                            const spsi_part_of_call *part) {
     spsi_cell_solver *solver = job->solver;
     const spsi_cell_grid *grid = job->grid;
     const size_t moments = (size_t)grid->terms * grid->count;
     const float *found = solver->levels[0].moments[0];
-    float *light = grid->moments + (size_t)own->channel * moments;
+    float *light = grid->moments + (size_t)job->channel * moments;
     spsi_part_of_call each = *part;
     for (int n = 0; n < solver->level_count; ++n)
         memset(solver->levels[n].depth, 0, spsi_cell_level_floats(&solver->levels[n], grid->orders) * sizeof(float));
     job->wall_light = NULL;
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
-        memset(solver->leaving, 0, 3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)grid->size[2] * sizeof(float));
-        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
+        memset(solver->leaving, 0, spsi_cell_leaving_floats(grid->size[2]) * sizeof(float));
+        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         spsi_cells_levels(solver);
-        spsi_cells_reflect(job, own->channel, plain);
+        spsi_cells_reflect(job, job->channel, plain);
     }
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
         each.share *= 0.5;
-        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
+        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
         spsi_copy(job->context, light, found, moments * sizeof(float));
         each.progress += each.share;
-        if (!plain || !spsi_cells_reflect(job, own->channel, plain)) break;
+        if (!plain || !spsi_cells_reflect(job, job->channel, plain)) break;
     }
-    if (plain) spsi_cells_take_flux(job, own->channel);
+    if (plain) spsi_cells_take_flux(job, job->channel);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
-    for (size_t i = 0; i < moments && job->flown; ++i) light[i] += job->flown[(size_t)own->channel * moments + i];
-    if (job->passed_on) spsi_cells_add_passed_on(job, own->channel);
+    for (size_t i = 0; i < moments && job->flown; ++i) light[i] += job->flown[(size_t)job->channel * moments + i];
+    if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
     return SPS_OK;
 }
 
@@ -25101,7 +24976,6 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
     const spsi_cell_grid *grid = job->grid;
     spsi_part_of_call each = *part;
     spsi_cell_level plain;
-    spsi_cell_channel own;
     spsi_cell_solver solver;
     if (spsi_cell_solver_build(context, grid, &solver)) return context->result;
     job->solver = &solver;
@@ -25109,10 +24983,9 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
         spsi_cells_close(job, &plain);
         spsi_cell_patches_place(grid);
     }
-    own.job = job;
     each.share /= grid->channels;
-    for (own.channel = 0; own.channel < grid->channels; ++own.channel, each.progress += each.share)
-        if (spsi_cells_solve_channel(job, &own, job->walls.closed ? &plain : NULL, &each)) return context->result;
+    for (job->channel = 0; job->channel < grid->channels; ++job->channel, each.progress += each.share)
+        if (spsi_cells_solve_channel(job, job->walls.closed ? &plain : NULL, &each)) return context->result;
     return SPS_OK;
 }
 
@@ -25491,11 +25364,6 @@ static void spsi_spread_add_sample(const void *data, const spsi_sample_place *pl
     }
 }
 
-static void spsi_spread_fill_task(void *data, int index, int worker) {
-    const spsi_spread_job *job = (const spsi_spread_job *)data;
-    spsi_sampling_visit(&job->sheets, index, worker, spsi_spread_add_sample, job);
-}
-
 /* What polygons leave of a light at a vector of texels of a sheet, by channel, and of light that has scattered before
    it: where they end or filter the light's ray, they do that, too. */
 static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spot *spot, size_t texel, size_t at,
@@ -25693,8 +25561,7 @@ static sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const sp
         job->first = chunk * (SPSI_CHUNK / job->fine);
         job->count = spsi_least(SPSI_CHUNK / job->fine, spread->sheet_count - job->first);
         memset(job->depth, 0, (size_t)(1 + 3 * spread->channels) * SPSI_CHUNK * job->plane * sizeof(float));
-        if (spsi_sampling_advance(&job->sheets, chunk))
-            spsi_parallel(context, spsi_sampling_tiles(&job->sheets), spsi_spread_fill_task, job);
+        spsi_sampling_chunk(&job->sheets, chunk, spsi_spread_add_sample, job);
         spsi_parallel(context, job->light[0].size[1], spsi_spread_light_task, job);
         spsi_parallel(context, spread->channels, spsi_spread_carry_task, job);
     }

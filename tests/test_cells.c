@@ -651,8 +651,9 @@ static void sample_gas(const spsi_sampling *as, int deposit, float *out) {
     CHECK(sheets.target.splatters[0].deposits == 1);
     sheets.target.splatters[0].deposits = deposit;
     for (int chunk = 0; chunk < spsi_chunk_count(&sheets.slabs); ++chunk) {
-        if (!spsi_sampling_advance(&sheets, chunk)) continue;
-        for (int i = 0; i < spsi_sampling_tiles(&sheets); ++i) {
+        spsi_contents_advance(&sheets.contents, chunk);
+        spsi_contents_bin_particles(&sheets.contents);
+        for (int i = 0; i < sheets.target.columns * sheets.target.rows; ++i) {
             spsi_tile tile;
             const int slabs = spsi_sampling_tile(&sheets, i, 0, &tile);
             for (int k = 0; k < slabs; ++k)

@@ -1293,8 +1293,9 @@ static size_t sample_again(const check_scene *s, float *out) {
     if (!CHECK(width * height * as->slabs.count <= MOST_SAMPLES)) return 0;
     if (!CHECK_OK(context, spsi_sampling_begin(context, as->frame, &sheets))) return 0;
     for (int chunk = 0; chunk < spsi_chunk_count(&sheets.slabs); ++chunk) {
-        if (!spsi_sampling_advance(&sheets, chunk)) continue;
-        for (int i = 0; i < spsi_sampling_tiles(&sheets); ++i) {
+        spsi_contents_advance(&sheets.contents, chunk);
+        spsi_contents_bin_particles(&sheets.contents);
+        for (int i = 0; i < sheets.target.columns * sheets.target.rows; ++i) {
             spsi_tile tile;
             const int slabs = spsi_sampling_tile(&sheets, i, 0, &tile);
             for (int n = 0; n < slabs * (tile.x1 - tile.x0 + 1) * (tile.y1 - tile.y0 + 1); ++n) {

@@ -2532,13 +2532,28 @@ static double spsi_part_done(const spsi_part_of_call *part, double fraction) {
 
 #define SPSI_BATCH 256 /* items per task where they are many and small: enough to hide a task's overhead */
 
-/* Runs the tasks for `count` items in batches. */
-static void spsi_parallel_batches(sps_context *context, int count, sps_task_fn task, void *data) {
-    spsi_parallel(context, count / SPSI_BATCH + (count % SPSI_BATCH > 0), task, data);
+/* What is done to each of many small items. */
+typedef void (*spsi_item_fn)(void *data, int item);
+
+typedef struct spsi_batches {
+    int count;
+    spsi_item_fn item_fn;
+    void *data;
+} spsi_batches;
+
+static void spsi_batch_task(void *data, int index, int worker) {
+    const spsi_batches *batches = (const spsi_batches *)data;
+    const int end = spsi_least(batches->count, (index + 1) * SPSI_BATCH);
+    (void)worker;
+    for (int i = index * SPSI_BATCH; i < end; ++i) batches->item_fn(batches->data, i);
 }
 
-/* The end of a task's batch, which begins at index * SPSI_BATCH. */
-static int spsi_batch_end(int index, int count) { return spsi_least(count, (index + 1) * SPSI_BATCH); }
+/* Calls item_fn(data, i) for i = 0..count-1, in batches. */
+static void spsi_parallel_batches(sps_context *context, int count, spsi_item_fn item_fn, void *data) {
+    spsi_batches batches;
+    batches.count = count, batches.item_fn = item_fn, batches.data = data;
+    spsi_parallel(context, count / SPSI_BATCH + (count % SPSI_BATCH > 0), spsi_batch_task, &batches);
+}
 
 /* Reports progress; SPS_ERROR_CANCELLED if the caller wants to stop. */
 static sps_result spsi_progress(sps_context *context, double fraction) {
@@ -6631,13 +6646,11 @@ static uint64_t spsi_brick_fingerprint(const sps_context *context, const spsi_br
     return sums[0];
 }
 
-static void spsi_brick_prints_task(void *data, int index, int worker) {
+static void spsi_brick_prints_task(void *data, int i) {
     const sps_context *context = (const sps_context *)data;
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     uint64_t *prints = (uint64_t *)context->buffers[SPSI_BUFFER_BRICK_PRINTS].data;
-    const int end = spsi_batch_end(index, context->brick_count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) prints[i] = spsi_brick_fingerprint(context, &bricks[i]);
+    prints[i] = spsi_brick_fingerprint(context, &bricks[i]);
 }
 
 /* Computes the fingerprints of all bricks, unless they are held with them. */
@@ -7772,11 +7785,9 @@ typedef struct spsi_raster {
     int first_row;  /* that the lists above begin with */
 } spsi_raster;
 
-static void spsi_raster_box_task(void *data, int index, int worker) {
+static void spsi_raster_box_task(void *data, int i) {
     const spsi_raster *raster = (const spsi_raster *)data;
-    const int end = spsi_batch_end(index, raster->faces->count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) spsi_face_box(raster->faces, i, raster->rays, raster->boxes + 4 * i);
+    spsi_face_box(raster->faces, i, raster->rays, raster->boxes + 4 * i);
 }
 
 /* Depth and barycentric weights of the point where a pixel's ray hits a face; returns 0 if it misses, or before the
@@ -8545,7 +8556,8 @@ static void spsi_layers_accumulate(const spsi_layers_job *job, const spsi_stack 
     }
 }
 
-static void spsi_layers_of_pixel(const spsi_layers_job *job, uint32_t pixel) {
+static void spsi_layers_resolve_task(void *data, int pixel) {
+    const spsi_layers_job *job = (const spsi_layers_job *)data;
     const uint32_t first = job->first[pixel], count = job->first[pixel + 1] - first;
     spsi_stack stack;
     if (count == 0) return;
@@ -8554,17 +8566,10 @@ static void spsi_layers_of_pixel(const spsi_layers_job *job, uint32_t pixel) {
     stack.count = (int)count;
     memset(job->layers + first, 0, count * sizeof *job->layers);
     for (int i = 0; i < stack.count; ++i)
-        spsi_layer_place(job, &stack.list[i], pixel, &job->layers[first + (uint32_t)i]);
-    spsi_stack_build(job, pixel, &stack);
+        spsi_layer_place(job, &stack.list[i], (uint32_t)pixel, &job->layers[first + (uint32_t)i]);
+    spsi_stack_build(job, (uint32_t)pixel, &stack);
     spsi_layers_follow(job, &stack, job->layers + first);
     spsi_layers_accumulate(job, &stack, job->layers + first);
-}
-
-static void spsi_layers_resolve_task(void *data, int index, int worker) {
-    const spsi_layers_job *job = (const spsi_layers_job *)data;
-    const int end = spsi_batch_end(index, (int)spsi_ray_count(job->rays));
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) spsi_layers_of_pixel(job, (uint32_t)i);
 }
 
 /* Whether pixels may show more than one polygon. */
@@ -8804,12 +8809,9 @@ static void spsi_surface_point(const spsi_surface_batch *batch, const spsi_shown
     point->y = at->place.y;
 }
 
-static void spsi_surface_point_task(void *data, int index, int worker) {
+static void spsi_surface_point_task(void *data, int i) {
     spsi_surface_batch *batch = (spsi_surface_batch *)data;
-    const int end = spsi_batch_end(index, batch->count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i)
-        spsi_surface_point(batch, &batch->same[i], &batch->points[i], &batch->out[i]);
+    spsi_surface_point(batch, &batch->same[i], &batch->points[i], &batch->out[i]);
 }
 
 /* The next place of the current pixel; returns 0 if there are no more. */
@@ -9397,16 +9399,12 @@ typedef struct spsi_face_items {
     spsi_tree_item *items;
 } spsi_face_items;
 
-static void spsi_face_items_task(void *data, int index, int worker) {
+static void spsi_face_items_task(void *data, int i) {
     const spsi_face_items *job = (const spsi_face_items *)data;
-    const int end = spsi_batch_end(index, job->faces->count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        spsi_bounds bounds = spsi_nowhere;
-        for (int corner = 0; corner < 3; ++corner) spsi_bounds_add(&bounds, job->faces->list[i].position[corner]);
-        job->items[i].number = i;
-        spsi_tree_item_add(&job->items[i], job->faces->tree.centre, bounds.low, bounds.high);
-    }
+    spsi_bounds bounds = spsi_nowhere;
+    for (int corner = 0; corner < 3; ++corner) spsi_bounds_add(&bounds, job->faces->list[i].position[corner]);
+    job->items[i].number = i;
+    spsi_tree_item_add(&job->items[i], job->faces->tree.centre, bounds.low, bounds.high);
 }
 
 /* Builds the tree of all faces, or reuses the one that is held with them. */
@@ -14825,44 +14823,38 @@ static double spsi_target_reach(const spsi_target *target, int lattice) {
     return (target->tappers[lattice].lone ? 0 : 1) + reach * spsi_tapper_reach(&target->tappers[lattice]);
 }
 
-static void spsi_bricks_task(void *data, int index, int worker) {
+static void spsi_bricks_task(void *data, int i) {
     spsi_contents *contents = (spsi_contents *)data;
-    const int end = spsi_batch_end(index, contents->bricks.count), chunks = spsi_chunk_count(contents->slabs);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const spsi_brick *brick = &contents->list[i];
-        const spsi_lattice *lattice = &contents->frame->lattices[brick->lattice];
-        double low, high, farthest = 0;
-        spsi_brick_slabs(lattice, brick, contents->slabs, &low, &high);
-        for (int n = 0; n < contents->target_count; ++n) {
-            const spsi_target *target = contents->targets[n];
-            const spsi_splatter *splatter = &target->splatters[brick->lattice];
-            const double reach = spsi_target_reach(target, brick->lattice) + target->shape.slab_margin + 1e-3;
-            const double eye_slab = target->origin_slab;
-            const int behind = splatter->whole && low - reach < eye_slab + 1 && high + reach > eye_slab - 1;
-            farthest = fmax(farthest, reach);
-            spsi_brick_box(lattice, brick, target, behind, target->brick_boxes[i]);
-        }
-        spsi_queue_set(&contents->bricks, i, chunks, low - farthest, high + farthest);
+    const int chunks = spsi_chunk_count(contents->slabs);
+    const spsi_brick *brick = &contents->list[i];
+    const spsi_lattice *lattice = &contents->frame->lattices[brick->lattice];
+    double low, high, farthest = 0;
+    spsi_brick_slabs(lattice, brick, contents->slabs, &low, &high);
+    for (int n = 0; n < contents->target_count; ++n) {
+        const spsi_target *target = contents->targets[n];
+        const spsi_splatter *splatter = &target->splatters[brick->lattice];
+        const double reach = spsi_target_reach(target, brick->lattice) + target->shape.slab_margin + 1e-3;
+        const double eye_slab = target->origin_slab;
+        const int behind = splatter->whole && low - reach < eye_slab + 1 && high + reach > eye_slab - 1;
+        farthest = fmax(farthest, reach);
+        spsi_brick_box(lattice, brick, target, behind, target->brick_boxes[i]);
     }
+    spsi_queue_set(&contents->bricks, i, chunks, low - farthest, high + farthest);
 }
 
 /* The chunks that particles touch, in any target. */
-static void spsi_particles_task(void *data, int index, int worker) {
+static void spsi_particles_task(void *data, int i) {
     spsi_contents *contents = (spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
-    const int end = spsi_batch_end(index, frame->content->particle_count), chunks = spsi_chunk_count(contents->slabs);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const spsi_particle_set *set = spsi_set_of(frame, i);
-        double slab = 0, reach, farthest = 0, room;
-        for (int n = 0; n < contents->target_count; ++n) {
-            spsi_particle_slabs(&contents->targets[n]->crossing, set, &frame->content->particles[i], &slab, &reach);
-            farthest = fmax(farthest, reach);
-        }
-        room = farthest + 1e-3 + 1e-6 * farthest;
-        spsi_queue_set(&contents->particles, i, chunks, slab - room, slab + room);
+    const int chunks = spsi_chunk_count(contents->slabs);
+    const spsi_particle_set *set = spsi_set_of(frame, i);
+    double slab = 0, reach, farthest = 0, room;
+    for (int n = 0; n < contents->target_count; ++n) {
+        spsi_particle_slabs(&contents->targets[n]->crossing, set, &frame->content->particles[i], &slab, &reach);
+        farthest = fmax(farthest, reach);
     }
+    room = farthest + 1e-3 + 1e-6 * farthest;
+    spsi_queue_set(&contents->particles, i, chunks, slab - room, slab + room);
 }
 
 /* Number of list starts: one per tile, one for wide particles, and the end. */
@@ -14961,24 +14953,22 @@ static int spsi_list_place(const spsi_target *target, const spsi_ball *ball) {
     return 4 * (y0 * target->columns + x0) + (x1 > x0) + 2 * (y1 > y0);
 }
 
-static void spsi_seen_task(void *data, int index, int worker) {
+static void spsi_seen_task(void *data, int i) {
     const spsi_contents *contents = (const spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
-    const int end = spsi_batch_end(index, contents->particles.current), ahead = 16;
     const sps_particle *particles = frame->content->particles;
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const int particle = contents->particles.present[i];
-        const spsi_particle_set *set = spsi_set_of(frame, particle);
-        if (i + ahead < end) spsi_prefetch(&particles[contents->particles.present[i + ahead]], sizeof *particles);
-        for (int n = 0; n < contents->target_count; ++n) {
-            const spsi_target *target = contents->targets[n];
-            spsi_seen *seen = &target->particles.seen[i];
-            spsi_seen_build(&target->crossing, set, &particles[particle],
-                            target->set_channels[set - frame->particles.sets], contents->first_slab,
-                            target->rays == &frame->content->eye ? SPSI_BALL_COARSE : SPSI_BALL_COARSE_LIGHT, seen);
-            target->particles.places[i] = spsi_list_place(target, &seen->ball);
-        }
+    const int particle = contents->particles.present[i];
+    const spsi_particle_set *set = spsi_set_of(frame, particle);
+    const int ahead = i + 16;
+    if (ahead < contents->particles.current)
+        spsi_prefetch(&particles[contents->particles.present[ahead]], sizeof *particles);
+    for (int n = 0; n < contents->target_count; ++n) {
+        const spsi_target *target = contents->targets[n];
+        spsi_seen *seen = &target->particles.seen[i];
+        spsi_seen_build(&target->crossing, set, &particles[particle],
+                        target->set_channels[set - frame->particles.sets], contents->first_slab,
+                        target->rays == &frame->content->eye ? SPSI_BALL_COARSE : SPSI_BALL_COARSE_LIGHT, seen);
+        target->particles.places[i] = spsi_list_place(target, &seen->ball);
     }
 }
 
@@ -16664,18 +16654,14 @@ typedef struct spsi_ball_job {
     spsi_ball *balls;
 } spsi_ball_job;
 
-static void spsi_ball_steps_task(void *data, int index, int worker) {
+static void spsi_ball_steps_task(void *data, int i) {
     const spsi_ball_job *job = (const spsi_ball_job *)data;
     const double *axis = job->rays->inverse[2], reach = spsi_length(axis);
-    const int end = spsi_batch_end(index, job->frame->content->particle_count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const sps_particle *particle = &job->frame->content->particles[i];
-        double offset[3], front;
-        for (int k = 0; k < 3; ++k) offset[k] = (double)particle->position[k] - job->rays->origin[k];
-        front = spsi_dot(axis, offset) - reach * (double)particle->radius - job->near_depth;
-        job->steps[i] = (uint16_t)fmin(fmax(front * job->steps_per_depth, 0), SPSI_DEPTH_STEPS - 1);
-    }
+    const sps_particle *particle = &job->frame->content->particles[i];
+    double offset[3], front;
+    for (int k = 0; k < 3; ++k) offset[k] = (double)particle->position[k] - job->rays->origin[k];
+    front = spsi_dot(axis, offset) - reach * (double)particle->radius - job->near_depth;
+    job->steps[i] = (uint16_t)fmin(fmax(front * job->steps_per_depth, 0), SPSI_DEPTH_STEPS - 1);
 }
 
 static size_t spsi_balls_order_bytes(size_t particles) {
@@ -16703,18 +16689,14 @@ static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     return SPS_OK;
 }
 
-static void spsi_balls_task(void *data, int index, int worker) {
+static void spsi_balls_task(void *data, int i) {
     const spsi_ball_job *job = (const spsi_ball_job *)data;
     const spsi_frame *frame = job->frame;
-    const int end = spsi_batch_end(index, frame->content->particle_count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const int particle = job->order ? (int)job->order[i] : i;
-        const spsi_particle_set *set = spsi_set_of(frame, particle);
-        spsi_ball_build(job->rays, set, &frame->content->particles[particle], &job->balls[i]);
-        spsi_ball_weigh(job->rays, job->faces, SPSI_BALL_COARSE_LIGHT, set, &frame->content->particles[particle],
-                        &job->balls[i]);
-    }
+    const int particle = job->order ? (int)job->order[i] : i;
+    const spsi_particle_set *set = spsi_set_of(frame, particle);
+    spsi_ball_build(job->rays, set, &frame->content->particles[particle], &job->balls[i]);
+    spsi_ball_weigh(job->rays, job->faces, SPSI_BALL_COARSE_LIGHT, set, &frame->content->particles[particle],
+                    &job->balls[i]);
 }
 
 #define SPSI_OUTSIDE 1e-3 /* share of a map's depth range: reaching less beyond it is negligible */

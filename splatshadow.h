@@ -2250,26 +2250,32 @@ static sps_result spsi_fail(sps_context *context, sps_result result, const char 
     return spsi_fail_that(context, result, SPS_OBJECT_NONE, -1, "", 0, sentence);
 }
 
-#define SPSI_NOT_ZEROED "the struct was not zeroed"
-#define SPSI_IS_NULL    "is NULL; it must not be"
-
-/* The rest of a sentence about a field whose value breaks a rule. Returns the value. */
-static double spsi_say_value(double value, const char *rule, char rest[SPSI_SENTENCE_SIZE]) {
-    if (!(value <= 0) && !(value > 0)) value = fabs(value); /* NaN may print its sign, which is meaningless */
-    SPS_SNPRINTF(rest, SPSI_SENTENCE_SIZE, "is %g; %s", value, rule);
-    return value;
-}
+#define SPSI_IS_NULL "is NULL; it must not be"
 
 /* As spsi_fail_that, for "OBJECT[index].FIELD is VALUE; RULE", or for a callback, whose result is SPS_ERROR_CALLBACK
    and which has no rule, "OBJECT[index].FIELD failed: it returned VALUE". */
 static sps_result spsi_fail_field(sps_context *context, sps_result result, sps_object object, int index,
                                   const char *field, double value, const char *rule) {
     char rest[SPSI_SENTENCE_SIZE];
+    if (!(value <= 0) && !(value > 0)) value = fabs(value); /* NaN may print its sign, which is meaningless */
     if (result == SPS_ERROR_CALLBACK)
         SPS_SNPRINTF(rest, sizeof rest, "failed: it returned %g", value);
     else
-        value = spsi_say_value(value, rule, rest);
+        SPS_SNPRINTF(rest, sizeof rest, "is %g; %s", value, rule);
     return spsi_fail_that(context, result, object, index, field, value, rest);
+}
+
+/* Fails if a callback has returned non-zero. */
+static sps_result spsi_check_call(sps_context *context, sps_object object, int index, const char *field, int returned) {
+    return returned ? spsi_fail_field(context, SPS_ERROR_CALLBACK, object, index, field, returned, NULL) : SPS_OK;
+}
+
+/* Fails if a component of a color is not within 0..most, which is 1 or SPSI_VALUE_MAX. */
+static sps_result spsi_check_color(sps_context *context, sps_result result, sps_object object, int index,
+                                   const char *field, const float color[3], float most) {
+    const float *bad = spsi_bad_color(color, most);
+    const char *rule = most > 1 ? "red, green and blue must be 0..1e18" : "red, green and blue must be 0..1";
+    return bad ? spsi_fail_field(context, result, object, index, field, (double)*bad, rule) : SPS_OK;
 }
 
 static void spsi_free(sps_context *context, void *block, size_t bytes) {
@@ -3126,13 +3132,11 @@ static sps_result spsi_transfer_from_callback(sps_context *context, const sps_tr
     sps_transfer_point points[BATCH];
     for (int first = 0; first <= SPSI_TABLE_SIZE; first += BATCH) {
         const int count = spsi_least(BATCH, SPSI_TABLE_SIZE + 1 - first);
-        int returned;
         memset(points, 0, sizeof points);
         for (int i = 0; i < count; ++i) values[i] = last * (float)(first + i) / SPSI_TABLE_SIZE;
-        returned = transfer->eval_fn(transfer->user, (size_t)count, values, points);
-        if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, volume, "transfer.eval_fn", returned,
-                                   NULL);
+        if (spsi_check_call(context, SPS_OBJECT_VOLUME, volume, "transfer.eval_fn",
+                            transfer->eval_fn(transfer->user, (size_t)count, values, points)))
+            return context->result;
         for (int i = 0; i < count; ++i) {
             if (spsi_transfer_check_point(context, volume, &points[i], -1, values[i])) return context->result;
             memcpy(table->entry[first + i], points[i].color, 3 * sizeof(float));
@@ -4980,7 +4984,7 @@ static sps_result spsi_check_canaries(sps_context *context, sps_object object, i
     if (!start && !end) return SPS_OK;
     SPS_SNPRINTF(field, sizeof field, "%s%s", prefix, start ? "start_canary" : "end_canary");
     return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, (double)(start ? start : end),
-                           SPSI_NOT_ZEROED);
+                           "the struct was not zeroed");
 }
 
 static sps_result spsi_check_lobes(sps_context *context, sps_object object, int index, const sps_lobe *lobes,
@@ -5002,16 +5006,12 @@ static sps_result spsi_check_lobes(sps_context *context, sps_object object, int 
 
 static sps_result spsi_check_radiance(sps_context *context, sps_object object, int index, const char *field,
                                       const float color[3]) {
-    if (!spsi_bad_color(color, SPSI_VALUE_MAX)) return SPS_OK;
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field,
-                           (double)*spsi_bad_color(color, SPSI_VALUE_MAX), "red, green and blue must be 0..1e18");
+    return spsi_check_color(context, SPS_ERROR_ARGUMENT, object, index, field, color, SPSI_VALUE_MAX);
 }
 
 static sps_result spsi_check_gas_colors(sps_context *context, sps_object object, int index, const float albedo[3],
                                         const float emission[3]) {
-    if (spsi_bad_color(albedo, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "albedo", (double)*spsi_bad_color(albedo, 1),
-                               "red, green and blue must be 0..1");
+    if (spsi_check_color(context, SPS_ERROR_ARGUMENT, object, index, "albedo", albedo, 1)) return context->result;
     return spsi_check_radiance(context, object, index, "emission", emission);
 }
 
@@ -5109,13 +5109,9 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "read_fn", 0,
                               "is NULL; it must be set where there are triangles");
     if (spsi_check_indexed(context, mesh, i)) return context->result;
-    if (spsi_bad_color(mesh->color, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "color",
-                               (double)*spsi_bad_color(mesh->color, 1), "red, green and blue must be 0..1");
-    if (spsi_bad_color(mesh->transmittance, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "transmittance",
-                               (double)*spsi_bad_color(mesh->transmittance, 1), "red, green and blue must be 0..1");
-    return SPS_OK;
+    if (spsi_check_color(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "color", mesh->color, 1))
+        return context->result;
+    return spsi_check_color(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "transmittance", mesh->transmittance, 1);
 }
 
 static sps_result spsi_check_set(sps_context *context, const sps_particles *set, int i) {
@@ -5345,10 +5341,7 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
     if ((int)light->falloff < 0 || light->falloff > SPS_FALLOFF_NONE)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "falloff", (double)(int)light->falloff,
                                "it must be an sps_falloff");
-    if (spsi_bad_color(light->color, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "color",
-                               (double)*spsi_bad_color(light->color, SPSI_VALUE_MAX),
-                               "red, green and blue must be 0..1e18");
+    if (spsi_check_radiance(context, SPS_OBJECT_LIGHT, i, "color", light->color)) return context->result;
     memcpy(direction, light->direction, sizeof direction);
     if (spsi_check_cone(context, light, i)) return context->result;
     if ((light->kind == SPS_LIGHT_DIRECTIONAL || light->outer_cone > 0 || light->projector) &&
@@ -6770,16 +6763,14 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
     for (size_t first = 0; first < set->count; first += SPSI_PARTICLE_BATCH) {
         const size_t left = set->count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
         sps_particle *batch = list + frame->content->particle_count; /* there is room: no more were kept than read */
-        int returned;
         if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*read / (double)frame->particles.count))
             return context->result;
         memset(batch, 0, count * sizeof *batch);
         context->stats.particle_calls += 1;
-        returned = set->read_fn(set->user, first, count, batch);
-        if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_PARTICLES, set->index, "read_fn", returned,
-                                   NULL);
-        if (spsi_particles_validate(context, set, batch, first, count, frame->replace_invalid)) return context->result;
+        if (spsi_check_call(context, SPS_OBJECT_PARTICLES, set->index, "read_fn",
+                            set->read_fn(set->user, first, count, batch)) ||
+            spsi_particles_validate(context, set, batch, first, count, frame->replace_invalid))
+            return context->result;
         frame->content->particle_count += spsi_particles_keep(batch, count);
         *read += count;
     }
@@ -7549,13 +7540,11 @@ static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame
     for (size_t first = 0; first < mesh->triangle_count; first += SPSI_TRIANGLE_BATCH) {
         const size_t left = mesh->triangle_count - first,
                      count = left < SPSI_TRIANGLE_BATCH ? left : SPSI_TRIANGLE_BATCH;
-        int returned;
         memset(triangles, 0, count * sizeof(sps_triangle));
         context->stats.triangle_calls += 1;
-        returned = mesh->read_fn(mesh->user, first, count, triangles);
-        if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_MESH, mesh->index, "read_fn", returned,
-                                   NULL);
+        if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "read_fn",
+                            mesh->read_fn(mesh->user, first, count, triangles)))
+            return context->result;
         for (size_t i = 0; i < count; ++i) {
             double world[3][3];
             for (int k = 0; k < 3; ++k) spsi_to_world(&mesh->placement, triangles[i].position[k], world[k]);
@@ -8859,23 +8848,18 @@ static int spsi_surface_batch_pick(spsi_surface_batch *batch, int mesh) {
 
 /* Calls a mesh's shade_fn for the points that were picked, and checks what it has set. */
 static sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_batch *batch, const spsi_mesh *mesh) {
-    int returned;
     spsi_parallel_batches(context, batch->count, spsi_surface_point_task, batch);
     context->stats.shade_calls += 1;
     context->stats.surface_points += (uint64_t)batch->count;
-    returned = mesh->shade_fn(mesh->shade_user, (size_t)batch->count, batch->points, batch->out);
-    if (returned)
-        return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_MESH, mesh->index, "shade_fn", returned, NULL);
-    for (int i = 0; i < batch->count; ++i) {
-        const float *color = spsi_bad_color(batch->out[i].color, 1);
-        const float *emission = spsi_bad_color(batch->out[i].emission, SPSI_VALUE_MAX);
-        if (color)
-            return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's color",
-                                   (double)*color, "red, green and blue must be 0..1");
-        if (emission)
-            return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's emission",
-                                   (double)*emission, "red, green and blue must be 0..1e18");
-    }
+    if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "shade_fn",
+                        mesh->shade_fn(mesh->shade_user, (size_t)batch->count, batch->points, batch->out)))
+        return context->result;
+    for (int i = 0; i < batch->count; ++i)
+        if (spsi_check_color(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's color",
+                             batch->out[i].color, 1) ||
+            spsi_check_color(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's emission",
+                             batch->out[i].emission, SPSI_VALUE_MAX))
+            return context->result;
     return SPS_OK;
 }
 
@@ -9786,11 +9770,10 @@ static size_t spsi_images_bytes(const spsi_frame *frame) {
 /* Fails on an invalid color of a texel, or makes it black. */
 static sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                       float *rgb) {
-    const float *bad = spsi_bad_color(rgb, SPSI_VALUE_MAX);
-    if (!bad) return SPS_OK;
     if (!frame->replace_invalid)
-        return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn's color",
-                               (double)*bad, "red, green and blue must be 0..1e18");
+        return spsi_check_color(context, SPS_ERROR_DATA, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn's color",
+                                rgb, SPSI_VALUE_MAX);
+    if (!spsi_bad_color(rgb, SPSI_VALUE_MAX)) return SPS_OK;
     rgb[0] = rgb[1] = rgb[2] = 0;
     context->stats.values_replaced += 1;
     return SPS_OK;
@@ -9804,7 +9787,6 @@ static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame,
     const size_t plane = pitch * (size_t)image->height[0];
     float *rgb = row + 2 * width;
     for (int y = 0; y < projection->height; ++y) {
-        int returned;
         if (spsi_progress(context, 0)) return context->result;
         for (size_t x = 0; x < width; ++x) {
             row[2 * x] = (float)(((double)x + 0.5) / projection->width);
@@ -9812,10 +9794,9 @@ static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame,
         }
         memset(rgb, 0, 3 * width * sizeof *rgb);
         context->stats.projector_calls += 1;
-        returned = projection->sample_fn(projection->user, width, row, rgb);
-        if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn",
-                                   returned, NULL);
+        if (spsi_check_call(context, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn",
+                            projection->sample_fn(projection->user, width, row, rgb)))
+            return context->result;
         for (size_t x = 0; x < width; ++x) {
             float *to = image->texels[0] + (size_t)(y + 1) * pitch + x + 1;
             if (spsi_texel_validate(context, frame, lamp, rgb + 3 * x)) return context->result;
@@ -27464,7 +27445,6 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
     const spsi_background *background = &frame->background;
     const int *region = frame->view.region;
     float *directions = rgb + 3 * (size_t)region[2];
-    int returned;
     for (int x = 0; x < region[2]; ++x) {
         double ray[3];
         memcpy(rgb + 3 * x, background->color, sizeof background->color);
@@ -27475,15 +27455,13 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
     }
     if (!background->color_fn) return SPS_OK;
     context->stats.background_calls += 1;
-    returned = background->color_fn(background->user, (size_t)region[2], directions, rgb);
-    if (returned)
-        return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_SCENE, -1, "background_fn", returned, NULL);
-    for (int i = 0; i < region[2]; ++i)
-        if (spsi_bad_color(rgb + 3 * i, SPSI_VALUE_MAX))
-            return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "background_fn's color",
-                                   (double)*spsi_bad_color(rgb + 3 * i, SPSI_VALUE_MAX),
-                                   "red, green and blue must be 0..1e18");
-    return SPS_OK;
+    if (spsi_check_call(context, SPS_OBJECT_SCENE, -1, "background_fn",
+                        background->color_fn(background->user, (size_t)region[2], directions, rgb)))
+        return context->result;
+    for (int i = 0; i < region[2] && !context->result; ++i)
+        spsi_check_color(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "background_fn's color", rgb + 3 * i,
+                         SPSI_VALUE_MAX);
+    return context->result;
 }
 
 /* Flushes denormals to 0, since they could slow down the arithmetic of the caller. */
@@ -30966,30 +30944,20 @@ SPS_API int sps_version(void) { return SPS_VERSION; }
 
 #define SPSI_NO_CONTEXT "context " SPSI_IS_NULL
 
-static void spsi_refuse_config(sps_error_info *why, sps_result result, const char *field, double value,
-                               const char *rule) {
-    char rest[SPSI_SENTENCE_SIZE];
-    why->result = result;
-    value = spsi_say_value(value, rule, rest);
-    spsi_describe(why, SPS_OBJECT_CONFIG, -1, field, value, rest);
-}
-
-/* Describes the first error in a config. Leaves `why` as it is if there is none. */
-static void spsi_check_config(const sps_config *config, sps_error_info *why) {
-    const uint32_t start = config->start_canary, end = config->end_canary;
-    if (start || end) {
-        spsi_refuse_config(why, SPS_ERROR_ARGUMENT, start ? "start_canary" : "end_canary",
-                           (double)(start ? start : end), SPSI_NOT_ZEROED);
-    } else if (!config->alloc_fn != !config->free_fn) {
-        why->result = SPS_ERROR_ARGUMENT;
-        spsi_describe(why, SPS_OBJECT_CONFIG, -1, config->alloc_fn ? "free_fn" : "alloc_fn", 0,
-                      "is NULL; alloc_fn and free_fn must both be set, or neither");
-    } else if (config->worker_count < 0 || config->worker_count > SPSI_WORKERS_MAX) {
-        spsi_refuse_config(why, SPS_ERROR_ARGUMENT, "worker_count", config->worker_count, "it must be 0..1024");
-    } else if (config->memory_limit && config->memory_limit < sizeof(sps_context)) {
-        spsi_refuse_config(why, SPS_ERROR_MEMORY, "memory_limit", (double)config->memory_limit,
-                           "a context alone takes more");
-    }
+/* Checks a config. `context` is only there to fail. */
+static sps_result spsi_check_config(sps_context *context, const sps_config *config) {
+    const sps_object object = SPS_OBJECT_CONFIG;
+    if (spsi_check_canaries(context, object, -1, "", config->start_canary, config->end_canary)) return context->result;
+    if (!config->alloc_fn != !config->free_fn)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, config->alloc_fn ? "free_fn" : "alloc_fn", 0,
+                              "is NULL; alloc_fn and free_fn must both be set, or neither");
+    if (config->worker_count < 0 || config->worker_count > SPSI_WORKERS_MAX)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "worker_count", config->worker_count,
+                               "it must be 0..1024");
+    if (config->memory_limit && config->memory_limit < sizeof(sps_context))
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, object, -1, "memory_limit", (double)config->memory_limit,
+                               "a context alone takes more");
+    return SPS_OK;
 }
 
 /* Begins a call that records errors: clears result and error, and restarts the statistics except for the bytes held. */
@@ -31015,25 +30983,24 @@ static sps_result spsi_end(sps_context *context) {
 }
 
 SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why) {
-    sps_error_info error;
-    sps_context *context = NULL;
-    spsi_clear_error(&error);
-    if (config) spsi_check_config(config, &error);
-    if (error.result == SPS_OK) {
+    sps_context fresh, *context = NULL;
+    memset(&fresh, 0, sizeof fresh);
+    spsi_clear_error(&fresh.error);
+    if (!config || spsi_check_config(&fresh, config) == SPS_OK) {
         context = (sps_context *)(config && config->alloc_fn ? config->alloc_fn(config->alloc_user, sizeof *context)
                                                              : SPS_MALLOC(sizeof *context));
         if (!context) {
-            error.result = SPS_ERROR_MEMORY;
-            SPS_SNPRINTF(error.sentence, sizeof error.sentence,
+            char sentence[128];
+            SPS_SNPRINTF(sentence, sizeof sentence,
                          "memory: the %.0f bytes of a context were refused by the allocator", (double)sizeof *context);
+            spsi_fail(&fresh, SPS_ERROR_MEMORY, sentence);
         }
     }
-    if (why) *why = error;
+    if (why) *why = fresh.error;
     if (!context) return NULL;
-    memset(context, 0, sizeof *context);
-    if (config) context->config = *config;
-    context->stats.bytes = context->stats.bytes_peak = sizeof *context;
-    context->error = error; /* none */
+    if (config) fresh.config = *config;
+    fresh.stats.bytes = fresh.stats.bytes_peak = sizeof *context;
+    *context = fresh;
     return context;
 }
 

@@ -2176,6 +2176,10 @@ typedef struct spsi_pace {
     spsi_setting scattered_by;
 } spsi_pace;
 
+typedef struct spsi_bounds {
+    double low[3], high[3]; /* low > high: empty */
+} spsi_bounds;
+
 struct sps_context {
     sps_config config;
     sps_stats_report stats;
@@ -2201,7 +2205,7 @@ struct sps_context {
     int cell_tmap_count;    /* maps that are held for the sweeps of this call, >>lighting */
     uint64_t cells_held;    /* fingerprint of what scattered light was made from; 0: none is held, >>lighting */
     spsi_pace pace;         /* >>budget */
-    double mesh_low[3], mesh_high[3];
+    spsi_bounds mesh_bounds; /* of the triangles that are held */
 };
 
 /* The member at the beginning of a phrase: "count" of "count, with those before it,". */
@@ -4639,10 +4643,6 @@ typedef enum spsi_choice {
     SPSI_CHOICE_TABLE_SHARED, /* a table: another light's sweep can carry it */
     SPSI_CHOICE_TABLE_AGAIN   /* a table: it serves the light in the cells, too */
 } spsi_choice;
-
-typedef struct spsi_bounds {
-    double low[3], high[3]; /* low > high: empty */
-} spsi_bounds;
 
 /* A light that is not black. */
 typedef struct spsi_lamp {
@@ -7478,15 +7478,13 @@ static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangl
 /* Turns one triangle into a face; returns 0 if it has no area. */
 static int spsi_face_from_triangle(const spsi_mesh *mesh, const sps_triangle *triangle, double world[3][3],
                                    const spsi_frame *frame, spsi_face *face) {
-    double u[3], v[3], own[3], reach = 0;
-    spsi_along(world[1], world[0], -1, u);
-    spsi_along(world[2], world[0], -1, v);
-    spsi_cross(u, v, own);
+    double own[3], reach = 0;
+    memcpy(face->position, world, sizeof face->position);
+    spsi_face_plane(face, own);
     if (!spsi_normalise(own)) return 0;
     for (int corner = 0; corner < 3; ++corner) {
         spsi_bounds_add(&frame->content->mesh_bounds, world[corner]);
         for (int i = 0; i < 3; ++i) {
-            face->position[corner][i] = world[corner][i];
             face->color[corner][i] = mesh->has_colors ? triangle->color[corner][i] : mesh->color[i];
             reach = fmax(reach, fabs(world[corner][i] - mesh->placement.origin[i]));
         }
@@ -7607,8 +7605,7 @@ static sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame)
         lists.meshes[i].textures = textures;
     }
     context->face_count = lists.face_count;
-    memcpy(context->mesh_low, frame->content->mesh_bounds.low, sizeof context->mesh_low);
-    memcpy(context->mesh_high, frame->content->mesh_bounds.high, sizeof context->mesh_high);
+    context->mesh_bounds = frame->content->mesh_bounds;
     return SPS_OK;
 }
 
@@ -7630,10 +7627,11 @@ static sps_result spsi_gather_faces(sps_context *context, const spsi_frame *fram
         faces->textures = (const spsi_face_texture *)context->buffers[SPSI_BUFFER_FACE_TEXTURES].data;
         faces->meshes = (const spsi_mesh_faces *)context->buffers[SPSI_BUFFER_MESH_FACES].data;
     }
-    memcpy(frame->content->mesh_bounds.low, context->mesh_low, sizeof context->mesh_low);
-    memcpy(frame->content->mesh_bounds.high, context->mesh_high, sizeof context->mesh_high);
-    for (int i = 0; i < 3; ++i)
-        faces->extent = fmax(faces->extent, fmax(fabs(context->mesh_low[i]), fabs(context->mesh_high[i])));
+    frame->content->mesh_bounds = context->mesh_bounds;
+    for (int i = 0; i < 3; ++i) {
+        faces->extent = fmax(faces->extent, fabs(context->mesh_bounds.low[i]));
+        faces->extent = fmax(faces->extent, fabs(context->mesh_bounds.high[i]));
+    }
     context->stats.triangles = (uint64_t)faces->count;
     context->stats.triangles_degenerate = (uint64_t)(frame->meshes.triangle_count - (size_t)faces->count);
     return SPS_OK;
@@ -7864,13 +7862,11 @@ static inline int spsi_raster_reaches(const spsi_raster *raster, int face, int y
     return box[2] >= box[0] && box[1] <= y1 && box[3] >= y0;
 }
 
-/* Clears one band of rows, then rasterises every face that reaches into it, in order. */
-static void spsi_raster_band_task(void *data, int index, int worker) {
-    const spsi_raster *raster = (const spsi_raster *)data;
-    const int y0 = index * SPSI_TILE_HEIGHT, y1 = spsi_least(raster->rays->height, y0 + SPSI_TILE_HEIGHT) - 1;
+/* Clears rows, then rasterises every opaque face that reaches into them, in order. */
+static void spsi_raster_rows(const spsi_raster *raster, int y0, int y1) {
     const spsi_hit nothing = {SPSI_INFINITY, -1, {0, 0}};
-    const size_t first = (size_t)y0 * (size_t)raster->pitch, end = (size_t)(y1 + 1) * (size_t)raster->pitch;
-    (void)worker;
+    const size_t first = (size_t)(y0 - raster->first_row) * (size_t)raster->pitch;
+    const size_t end = (size_t)(y1 + 1 - raster->first_row) * (size_t)raster->pitch;
     for (size_t i = first; i < end && !raster->depths; ++i) raster->hits[i] = nothing;
     for (size_t i = first; i < end && raster->depths; ++i) {
         raster->depths[i] = SPSI_INFINITY;
@@ -7878,6 +7874,13 @@ static void spsi_raster_band_task(void *data, int index, int worker) {
     }
     for (int face = 0; face < raster->faces->count; ++face)
         if (spsi_raster_reaches(raster, face, y0, y1)) spsi_raster_face(raster, face, y0, y1);
+}
+
+static void spsi_raster_band_task(void *data, int index, int worker) {
+    const spsi_raster *raster = (const spsi_raster *)data;
+    const int y0 = index * SPSI_TILE_HEIGHT;
+    (void)worker;
+    spsi_raster_rows(raster, y0, spsi_least(raster->rays->height, y0 + SPSI_TILE_HEIGHT) - 1);
 }
 
 /* Prepares to rasterise faces. */
@@ -8123,7 +8126,7 @@ typedef struct spsi_layers_job {
     int samples;           /* along a side of a pixel */
     spsi_hit *hits;        /* opaque faces at pixels' centres, which hide what is behind; NULL: nothing does */
     char *scratch;         /* of all workers */
-    uint32_t *first;       /* number of fragments, then where they begin; see spsi_layers_sum */
+    uint32_t *first;       /* number of fragments, then where they begin; see spsi_fragment_add */
     spsi_fragment *fragments;
     spsi_layer *layers;
     int listing; /* 0: counts fragments, 1: lists them */
@@ -8212,8 +8215,7 @@ static void spsi_pane_fragments(const spsi_layers_job *job, const spsi_layer_scr
 /* One of the opaque surfaces that a pixel's samples see: faces that look alike there. */
 typedef struct spsi_group {
     uint64_t mask;
-    int face, sample; /* the first that was found */
-    float depth;      /* there */
+    int face; /* of the first that was found */
     spsi_surface surface;
     double color[3];
 } spsi_group;
@@ -8221,6 +8223,15 @@ typedef struct spsi_group {
 #define SPSI_GROUP_COSINE 0.97       /* of the angle between normals: 14 degrees */
 #define SPSI_GROUP_COLOR  (1 / 64.0) /* difference of colors */
 #define SPSI_GROUP_DEPTH  0.5        /* of a pixel's size: distance from the plane, along the ray */
+
+/* Describes the surface at a hit. */
+static void spsi_group_look(const spsi_layers_job *job, const spsi_rays *rays, const spsi_hit *hit, int x, int y,
+                            spsi_group *group) {
+    spsi_surface_at(rays, job->faces, hit, x, y, &group->surface);
+    spsi_normalise(group->surface.normal);
+    spsi_face_color(&job->faces->list[hit->face], hit, group->color);
+    group->face = hit->face;
+}
 
 /* Describes what one sample sees. */
 static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, int x, int y, spsi_group *group) {
@@ -8233,11 +8244,7 @@ static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, 
     hit.face = face;
     hit.weights[0] = (float)w[1];
     hit.weights[1] = (float)w[2];
-    spsi_surface_at(&job->fine, job->faces, &hit, x, y, &group->surface);
-    spsi_normalise(group->surface.normal);
-    spsi_face_color(&job->faces->list[face], &hit, group->color);
-    group->face = face;
-    group->depth = depth;
+    spsi_group_look(job, &job->fine, &hit, x, y, group);
     group->mask = 0;
 }
 
@@ -8271,7 +8278,6 @@ static int spsi_groups_of(const spsi_layers_job *job, const spsi_layer_scratch *
         if (face != last) {
             spsi_group *next = &groups[count];
             spsi_group_begin(job, face, scratch->depths[at], sx, sy, next);
-            next->sample = i;
             for (group = 0; group < count && !spsi_groups_agree(job, &groups[group], next);) group += 1;
             count += group == count;
             last = face;
@@ -8289,10 +8295,7 @@ static int spsi_group_is_all(const spsi_layers_job *job, const spsi_group *group
     spsi_group centre;
     if (group->mask != all || hit->face < 0) return 0;
     if (hit->face == group->face) return 1;
-    spsi_surface_at(job->rays, job->faces, hit, x, y, &centre.surface);
-    spsi_normalise(centre.surface.normal);
-    spsi_face_color(&job->faces->list[hit->face], hit, centre.color);
-    centre.face = hit->face;
+    spsi_group_look(job, job->rays, hit, x, y, &centre);
     return spsi_groups_agree(job, group, &centre);
 }
 
@@ -8346,50 +8349,29 @@ static void spsi_edge_fragments(const spsi_layers_job *job, const spsi_layer_scr
 
 /* --- from fragments to layers --- */
 
-/* Finds what each sample of a band sees of opaque faces. */
-static void spsi_layers_opaque(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int y0, int y1) {
-    const size_t samples = (size_t)(y1 - y0 + 1) * (size_t)job->fine.width;
-    spsi_raster raster = job->raster;
-    raster.depths = scratch->depths;
-    raster.numbers = scratch->numbers;
-    raster.first_row = y0;
-    for (size_t i = 0; i < samples; ++i) {
-        scratch->depths[i] = SPSI_INFINITY;
-        scratch->numbers[i] = -1;
-    }
-    for (int face = 0; face < job->faces->count; ++face)
-        if (spsi_raster_reaches(&raster, face, y0, y1)) spsi_raster_face(&raster, face, y0, y1);
-}
-
 /* Counts or lists the fragments of a band of pixels. */
 static void spsi_layers_task(void *data, int index, int worker) {
     const spsi_layers_job *job = (const spsi_layers_job *)data;
     const spsi_rays *eye = job->rays;
     const int n = job->samples, top = index * SPSI_LAYER_ROWS;
     const int bottom = spsi_least(eye->height, top + SPSI_LAYER_ROWS) - 1;
+    spsi_raster raster = job->raster;
     spsi_layer_scratch scratch;
     spsi_layer_scratch_of(job, worker, &scratch);
     memset(scratch.masks, 0, (size_t)eye->width * (sizeof *scratch.masks + sizeof *scratch.sums));
-    if (n > 1) spsi_layers_opaque(job, &scratch, top * n, bottom * n + n - 1);
+    raster.depths = scratch.depths;
+    raster.numbers = scratch.numbers;
+    raster.first_row = top * n;
+    if (n > 1) spsi_raster_rows(&raster, top * n, bottom * n + n - 1);
     for (int face = 0; face < job->faces->count && job->frame->meshes.translucent; ++face) {
         spsi_edges e;
         if (!spsi_face_is_translucent(&job->faces->list[face])) continue;
-        if (!spsi_raster_reaches(&job->raster, face, top * n, bottom * n + n - 1)) continue;
+        if (!spsi_raster_reaches(&raster, face, top * n, bottom * n + n - 1)) continue;
         spsi_face_edges(job->faces, face, &job->fine, &e);
         for (int y = top; y <= bottom; ++y) spsi_pane_fragments(job, &scratch, &e, face, y);
     }
     for (int y = top; y <= bottom && n > 1; ++y)
         for (int x = 0; x < eye->width; ++x) spsi_edge_fragments(job, &scratch, x, y);
-}
-
-/* Replaces counts of fragments by where they begin. Returns their sum. */
-static size_t spsi_layers_sum(uint32_t *first, size_t pixels) {
-    uint64_t sum = 0;
-    for (size_t i = 2; i < pixels + 2; ++i) {
-        sum += first[i];
-        first[i] = (uint32_t)sum;
-    }
-    return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
 }
 
 /* Sorts a pixel's fragments by depth, those of equal depth by face. [Shell 1959] */
@@ -8575,25 +8557,24 @@ static size_t spsi_layers_bytes(const sps_context *context, const spsi_frame *fr
                spsi_layer_scratch_bytes(eye, spsi_most(1, frame->view.coverage_samples));
 }
 
-static int spsi_layer_bands(const spsi_layers_job *job) {
-    return (job->rays->height + SPSI_LAYER_ROWS - 1) / SPSI_LAYER_ROWS;
+/* Counts the fragments of all pixels, or lists those that have been counted. Boxes of faces may be others' since. */
+static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int listing) {
+    const int bands = (job->rays->height + SPSI_LAYER_ROWS - 1) / SPSI_LAYER_ROWS;
+    if (!listing) memset(job->first, 0, (spsi_ray_count(job->rays) + 2) * sizeof *job->first);
+    spsi_raster_begin(context, job->faces, &job->fine, &job->raster);
+    job->listing = listing;
+    spsi_parallel(context, bands, spsi_layers_task, job);
 }
 
 /* Counts the fragments of all pixels. Their number may be SIZE_MAX, which cannot be reserved. */
 static size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job) {
-    const size_t pixels = spsi_ray_count(job->rays);
-    memset(job->first, 0, (pixels + 2) * sizeof *job->first);
-    spsi_raster_begin(context, job->faces, &job->fine, &job->raster);
-    job->listing = 0;
-    spsi_parallel(context, spsi_layer_bands(job), spsi_layers_task, job);
-    return spsi_layers_sum(job->first, pixels);
-}
-
-/* Lists the fragments, which have been counted. Boxes of faces may be others' by now. */
-static void spsi_fragments_list(sps_context *context, spsi_layers_job *job) {
-    spsi_raster_begin(context, job->faces, &job->fine, &job->raster);
-    job->listing = 1;
-    spsi_parallel(context, spsi_layer_bands(job), spsi_layers_task, job);
+    uint64_t sum = 0;
+    spsi_fragments_pass(context, job, 0);
+    for (size_t i = 2; i < spsi_ray_count(job->rays) + 2; ++i) {
+        sum += job->first[i];
+        job->first[i] = (uint32_t)sum;
+    }
+    return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
 }
 
 /* Finds the layers of all pixels. Where edges are sampled, hits of pixels that show several polygons become ends of
@@ -8621,7 +8602,7 @@ static sps_result spsi_layers_build(sps_context *context, const spsi_frame *fram
     job.fragments = (spsi_fragment *)spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, layers->count, sizeof *job.fragments);
     job.layers = (spsi_layer *)spsi_reserve(context, SPSI_BUFFER_LAYERS, layers->count, sizeof *job.layers);
     if (!job.fragments || !job.layers) return context->result;
-    spsi_fragments_list(context, &job);
+    spsi_fragments_pass(context, &job, 1);
     spsi_parallel_batches(context, (int)spsi_ray_count(eye), spsi_layers_resolve_task, &job);
     layers->first = job.first;
     layers->list = job.layers;
@@ -9402,7 +9383,7 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
     tree->order = (int *)spsi_reserve(context, SPSI_BUFFER_FACE_ORDER, count, sizeof(int));
     if (!tree->nodes || !tree->order) return context->result;
     tree->count = faces->count;
-    for (int i = 0; i < 3; ++i) tree->centre[i] = 0.5 * (context->mesh_low[i] + context->mesh_high[i]);
+    spsi_bounds_centre(&context->mesh_bounds, tree->centre);
     if (context->tree_held) return SPS_OK;
     job.faces = faces;
     job.items = (spsi_tree_item *)spsi_reserve(context, SPSI_BUFFER_TREE_ITEMS, count, sizeof(spsi_tree_item));
@@ -10388,11 +10369,10 @@ static void spsi_panes_raster(sps_context *context, const spsi_frame *frame, con
     job.scratch = (char *)context->buffers[SPSI_BUFFER_LAYER_SAMPLES].data;
     job.first = map->first[face];
     job.fragments = (spsi_fragment *)context->buffers[SPSI_BUFFER_FRAGMENTS].data;
-    if (!listing) {
+    if (listing)
+        spsi_fragments_pass(context, &job, 1);
+    else
         map->counts[face] = spsi_fragments_count(context, &job);
-        return;
-    }
-    spsi_fragments_list(context, &job);
 }
 
 /* Lists the panes of a map, whose fragments have been counted. */

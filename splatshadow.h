@@ -9574,18 +9574,6 @@ static double spsi_pixel_from(const spsi_rays *eye, double t) {
     return eye->perspective ? breadth * fmax(t, fmax(eye->near_depth, 0)) : breadth;
 }
 
-/* Its minimum where the eye sees gas; 0 if gas reaches beside or behind it. */
-static double spsi_pixel_in_gas(const spsi_frame *frame) {
-    double nearest = HUGE_VAL;
-    for (int corner = 0; corner < 8; ++corner) {
-        double point[3], q[3];
-        spsi_bounds_corner(&frame->content->bounds, corner, point);
-        spsi_project(&frame->content->eye, point, q);
-        nearest = fmin(nearest, q[2]);
-    }
-    return spsi_pixel_from(&frame->content->eye, nearest);
-}
-
 /* How far eight points, in ray coordinates (x t, y t, t) that change at constant rates, can go until all of them have
    left the image by the same side; infinity if they don't. */
 static double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
@@ -9603,21 +9591,24 @@ static double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rat
     return end;
 }
 
-/* The least breadth of a pixel where the eye may see the shadow of gas: on gas, and on polygons wherever they are. */
-static double spsi_pixel_in_shadow(const spsi_frame *frame, const spsi_lamp *lamp) {
+/* The least breadth of a pixel where the eye sees gas; with a light, also where it may see the gas's shadow on polygons,
+   wherever they are. 0 if these reach beside or behind the eye. */
+static double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *shading) {
     const spsi_rays *eye = &frame->content->eye;
-    double q[8][3], rates[8][3], nearest = HUGE_VAL, end;
-    if (frame->meshes.triangle_count == 0 || !eye->perspective) return spsi_pixel_in_gas(frame);
+    const int falls = shading && frame->meshes.triangle_count > 0 && eye->perspective;
+    double q[8][3], rates[8][3] = {{0}}, nearest = HUGE_VAL, end = 0;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3], way[3];
         spsi_bounds_corner(&frame->content->bounds, corner, point);
-        memcpy(way, lamp->direction, sizeof way);
-        if (lamp->is_point) spsi_along(point, lamp->position, -1, way);
+        if (falls) {
+            memcpy(way, shading->direction, sizeof way);
+            if (shading->is_point) spsi_along(point, shading->position, -1, way);
+            spsi_to_rays(eye, way, rates[corner]);
+        }
         spsi_along(point, eye->origin, -1, point);
         spsi_to_rays(eye, point, q[corner]);
-        spsi_to_rays(eye, way, rates[corner]);
     }
-    end = spsi_way_in_image(eye, q, rates);
+    if (falls) end = spsi_way_in_image(eye, q, rates);
     for (int i = 0; i < 8; ++i) nearest = fmin(nearest, rates[i][2] < 0 ? q[i][2] + end * rates[i][2] : q[i][2]);
     return spsi_pixel_from(eye, nearest);
 }
@@ -9626,7 +9617,7 @@ static double spsi_pixel_in_shadow(const spsi_frame *frame, const spsi_lamp *lam
    edges have no filter; 0: they are as fine as quality says. */
 static double spsi_depth_map_texel(const spsi_frame *frame) {
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
-    return 0.5 * frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame);
+    return 0.5 * frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, NULL);
 }
 
 /* Bounds of the gas that a light's map serves. */
@@ -11253,7 +11244,7 @@ static double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sw
 /* Fits the rays of the light's sheets. Returns whether that is possible. */
 static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_lamp *lamp = sweep->lamp;
-    const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_shadow(frame, lamp);
+    const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, lamp);
     const double texel = fmax(spsi_lamp_texel(frame, lamp), pixels);
     const double fine = fmax(texel / spsi_particle_fineness(frame), fmin(texel, SPSI_FINE_PIXELS * pixels));
     if (!spsi_rays_fit(lamp, &frame->content->bounds, fine, frame->view.shadow_size, spsi_light_texels_most(frame),
@@ -11313,7 +11304,7 @@ static sps_result spsi_sweep_refuse(sps_context *context, const spsi_frame *fram
 /* The thickness that a sweep's slabs may have, whatever the size of voxels: a share of the least pixel in gas, but not
    so much that rays through the light's texels would need many samples in a slab. */
 static double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) {
-    const double least = frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame);
+    const double least = frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame, NULL);
     if (!sweep->lamp) return least;
     return fmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
 }
@@ -14087,7 +14078,7 @@ static void spsi_levels_choose(const spsi_frame *frame) {
     spsi_slabs slabs;
     if (!content->fields || spsi_bounds_empty(&content->bounds)) return;
     spsi_eye_direction(frame, slabs.normal);
-    spsi_slabs_place(frame, &content->eye, NULL, HUGE_VAL, frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame),
+    spsi_slabs_place(frame, &content->eye, NULL, HUGE_VAL, frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame, NULL),
                      &slabs);
     spsi_levels_extend(frame, &content->eye, &slabs, 1);
 }
@@ -27570,19 +27561,25 @@ typedef struct spsi_picture {
     spsi_visible visible;
     spsi_spreads spreads;
     float *total; /* radiance, coverage and distance of the region so far */
+    spsi_shadow *shadows; /* of the current sweep */
+    int shadow_count;
 } spsi_picture;
 
-/* Runs one sweep whose depth maps and transmittance maps are ready, from set-up to total. */
+/* Runs one sweep whose depth maps and transmittance maps are ready, from set-up to total; or measures its gas. */
 static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
-                                  spsi_run *run, const spsi_part_of_call *part) {
+                                  int measures, spsi_run *run, const spsi_part_of_call *part) {
     const double start = spsi_clock(context);
     double swept, light;
+    memset(run, 0, sizeof *run);
+    run->shadows = picture->shadows;
+    run->shader.shadow_count = measures ? 0 : picture->shadow_count;
+    run->shader.again.measures = measures;
     if (spsi_run_build(context, picture->frame, &picture->faces, &picture->visible, sweep, run)) return context->result;
     swept = spsi_clock(context);
     context->stats.seconds_bin += swept - start;
     light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
     if (spsi_run_sweep(run, part)) return context->result;
-    if (!run->shader.again.measures) spsi_add_sweep(context, run, picture->total);
+    if (!measures) spsi_add_sweep(context, run, picture->total);
     context->stats.seconds_eye +=
         spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
     return SPS_OK;
@@ -27605,27 +27602,29 @@ static void spsi_shadow_start(const spsi_picture *picture, const spsi_sweep *swe
 }
 
 /* Lists a sweep's lights, and traces the shadow rays from surfaces to them. */
-static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep, int n,
-                                     spsi_run *run) {
+static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
     const size_t places = spsi_place_count(frame, &picture->visible);
+    spsi_shadow *shadow;
     int shares = 0;
     uint64_t *rays;
     float *lit;
-    run->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *run->shadows);
-    if (!run->shadows) return context->result;
-    memset(run->shadows, 0, (size_t)count * sizeof *run->shadows);
+    shadow = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *shadow);
+    if (!shadow) return context->result;
+    memset(shadow, 0, (size_t)count * sizeof *shadow);
+    picture->shadows = shadow;
+    picture->shadow_count = count;
     for (int i = 0; i < frame->lamps.count; ++i)
         if (spsi_sweep_carries(sweep, &frame->lamps.list[i]))
-            spsi_shadow_start(picture, sweep, &frame->lamps.list[i], &run->shadows[run->shader.shadow_count++]);
+            spsi_shadow_start(picture, sweep, &frame->lamps.list[i], shadow++);
     if (!picture->visible.hits || count == 0) return SPS_OK;
-    for (int i = 0; i < count; ++i) shares += spsi_sight_floats(frame, run->shadows[i].lamp, run->shadows[i].soft);
+    for (int i = 0; i < count; ++i)
+        shares += spsi_sight_floats(frame, picture->shadows[i].lamp, picture->shadows[i].soft);
     rays = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, spsi_sight_bytes(context, places, shares));
     if (!rays) return context->result;
     lit = (float *)(void *)(rays + spsi_worker_count(context));
-    for (int i = 0; i < count; ++i) {
-        spsi_shadow *shadow = &run->shadows[i];
+    for (shadow = picture->shadows; shadow < picture->shadows + count; ++shadow) {
         unsigned char *open = (unsigned char *)(lit + places * (size_t)spsi_lit_channels(frame, shadow->lamp));
         if (!shadow->soft) open = NULL;
         spsi_sight(context, frame, &picture->faces, &picture->visible, shadow->lamp, rays, lit, open);
@@ -27639,52 +27638,41 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
 /* Renders the region's pixels in a part of the image, whose shadows are ready. */
 static sps_result spsi_render_part(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
                                    spsi_run *run, const spsi_part_of_call *part) {
-    spsi_shadow *shadows = run->shadows;
-    const int count = run->shader.shadow_count;
     spsi_part_of_call half = *part;
     if (!spsi_part_meets(sweep->part, picture->frame->view.region)) return SPS_OK;
-    memset(run, 0, sizeof *run);
     if (spsi_sweep_measures(picture->frame, sweep)) {
         half.share *= 0.5;
-        run->shader.again.measures = 1;
-        if (spsi_sweep_once(context, picture, sweep, run, &half)) return context->result;
+        if (spsi_sweep_once(context, picture, sweep, 1, run, &half)) return context->result;
         half.progress += half.share;
-        memset(run, 0, sizeof *run);
     }
-    run->shadows = shadows;
-    run->shader.shadow_count = count;
-    return spsi_sweep_once(context, picture, sweep, run, &half);
+    return spsi_sweep_once(context, picture, sweep, 0, run, &half);
 }
 
-static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *picture, spsi_run *run, int n) {
+static sps_result spsi_render_sweep(sps_context *context, spsi_picture *picture, spsi_run *run, int n) {
     const spsi_frame *frame = picture->frame;
     const int parts = spsi_part_count(frame);
     const double begin =
         SPSI_PROGRESS_GATHER + (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_PROGRESS_CELLS : 0);
     spsi_part_of_call part = {0, (1 - begin) / spsi_sweep_count(frame)};
     spsi_sweep sweep;
-    spsi_shadow *shadows;
     double start;
-    int count;
     part.progress = begin + n * part.share;
-    memset(run, 0, sizeof *run);
-    if (spsi_sweep_build(context, frame, n, 0, &sweep) || spsi_shadows_begin(context, picture, &sweep, n, run))
+    if (spsi_sweep_build(context, frame, n, 0, &sweep) || spsi_shadows_begin(context, &sweep, n, picture))
         return context->result;
     start = spsi_clock(context);
-    shadows = run->shadows; /* a part that fails may leave the run without them */
-    count = run->shader.shadow_count;
-    if (spsi_depth_maps_build(context, frame, &picture->faces, spsi_depth_map_texel(frame), shadows, count) ||
-        spsi_pane_maps_build(context, frame, &picture->faces, shadows, count))
+    if (spsi_depth_maps_build(context, frame, &picture->faces, spsi_depth_map_texel(frame), picture->shadows,
+                              picture->shadow_count) ||
+        spsi_pane_maps_build(context, frame, &picture->faces, picture->shadows, picture->shadow_count))
         return context->result;
     context->stats.seconds_polygons += spsi_clock(context) - start;
     start = spsi_clock(context);
-    spsi_shadow_maps_build(context, frame, shadows, count, &part);
+    spsi_shadow_maps_build(context, frame, picture->shadows, picture->shadow_count, &part);
     context->stats.seconds_light += spsi_clock(context) - start;
     part.share /= parts;
     for (int i = 0; i < parts && !context->result; ++i, part.progress += part.share)
         if (i == 0 || !spsi_sweep_build(context, frame, n, i, &sweep))
             spsi_render_part(context, picture, &sweep, run, &part);
-    spsi_shadow_maps_release(context, shadows, count);
+    spsi_shadow_maps_release(context, picture->shadows, picture->shadow_count);
     return context->result;
 }
 

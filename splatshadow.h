@@ -7243,8 +7243,9 @@ static int spsi_tree_part(spsi_tree_item *items, int first, int end, const spsi_
 
 /* Makes a leaf of a node, or splits it in two. Both sides get at least two items, even if a single item lies far from
    the others: cuts are then at least two apart, and a cut's position alone determines where its two nodes are stored,
-   whichever task builds them. Returns the first child, or 0 for a leaf. */
-static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tree_task *task) {
+   whichever task builds them. Returns 0 for a leaf, or 1 with what is to be done for its children. */
+static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tree_task *task,
+                           spsi_tree_task next[2]) {
     spsi_tree_node *node = &tree->nodes[task->node], *children;
     const int first = node->first, count = node->count;
     spsi_tree_cut cut;
@@ -7263,7 +7264,8 @@ static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tr
     children[0].count = middle - first;
     children[1].first = middle;
     children[1].count = first + count - middle;
-    return node->first;
+    for (int i = 0; i < 2; ++i) next[i].node = node->first + i, next[i].depth = task->depth + 1;
+    return 1;
 }
 
 typedef struct spsi_tree_job {
@@ -7282,11 +7284,7 @@ static void spsi_tree_task_run(void *data, int index, int worker) {
     stack[top++] = job->tasks[index];
     while (top > 0) {
         const spsi_tree_task task = stack[--top];
-        const int child = spsi_tree_split(job->tree, job->items, &task);
-        for (int i = 0; i < 2 && child > 0; ++i) {
-            stack[top].node = child + i;
-            stack[top++].depth = task.depth + 1;
-        }
+        top += 2 * spsi_tree_split(job->tree, job->items, &task, stack + top);
     }
 }
 
@@ -7310,18 +7308,15 @@ static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tr
     job.tasks[0].node = job.tasks[0].depth = 0;
     job.task_count = 1;
     while (next < job.task_count && job.task_count + 1 < 4 * SPSI_TREE_TASKS) {
-        const spsi_tree_task task = job.tasks[next];
-        int child;
-        if (tree->nodes[task.node].count <= few) {
+        spsi_tree_task halves[2];
+        if (tree->nodes[job.tasks[next].node].count <= few) {
             ++next;
             continue;
         }
         if (spsi_progress(context, 0)) return context->result;
-        child = spsi_tree_split(tree, items, &task);
-        job.tasks[next].node = child;
-        job.tasks[next].depth = task.depth + 1;
-        job.tasks[job.task_count].node = child + 1;
-        job.tasks[job.task_count++].depth = task.depth + 1;
+        spsi_tree_split(tree, items, &job.tasks[next], halves);
+        job.tasks[next] = halves[0];
+        job.tasks[job.task_count++] = halves[1];
     }
     spsi_parallel(context, job.task_count, spsi_tree_task_run, &job);
     return spsi_progress(context, 0);

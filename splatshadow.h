@@ -2542,26 +2542,31 @@ static double spsi_part_done(const spsi_part_of_call *part, double fraction) {
 
 #define SPSI_BATCH 256 /* items per task where they are many and small: enough to hide a task's overhead */
 
-/* What is done to each of many small items. */
+/* What is done to each of many items, by any worker. */
 typedef void (*spsi_item_fn)(void *data, int item);
 
 typedef struct spsi_batches {
-    int count;
+    int size, count; /* items of a task, and of all */
     spsi_item_fn item_fn;
     void *data;
 } spsi_batches;
 
 static void spsi_batch_task(void *data, int index, int worker) {
     const spsi_batches *batches = (const spsi_batches *)data;
-    const int end = spsi_least(batches->count, (index + 1) * SPSI_BATCH);
+    const int end = spsi_least(batches->count, (index + 1) * batches->size);
     (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) batches->item_fn(batches->data, i);
+    for (int i = index * batches->size; i < end; ++i) batches->item_fn(batches->data, i);
 }
 
-/* Calls item_fn(data, i) for i = 0..count-1, in batches. */
+/* Calls item_fn(data, i) for i = 0..count-1, in a task for each. */
+static void spsi_parallel_items(sps_context *context, int count, spsi_item_fn item_fn, void *data) {
+    spsi_batches items = {1, count, item_fn, data};
+    spsi_parallel(context, count, spsi_batch_task, &items);
+}
+
+/* The same in batches. */
 static void spsi_parallel_batches(sps_context *context, int count, spsi_item_fn item_fn, void *data) {
-    spsi_batches batches;
-    batches.count = count, batches.item_fn = item_fn, batches.data = data;
+    spsi_batches batches = {SPSI_BATCH, count, item_fn, data};
     spsi_parallel(context, count / SPSI_BATCH + (count % SPSI_BATCH > 0), spsi_batch_task, &batches);
 }
 
@@ -6572,11 +6577,10 @@ static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, sp
     memset(segment->value + at, 0, SPSI_PADDING * sizeof(float));
 }
 
-static void spsi_bricks_fill_task(void *data, int index, int worker) {
+static void spsi_bricks_fill_task(void *data, int index) {
     const spsi_reader *reader = (const spsi_reader *)data;
     const spsi_voxels *voxels = &reader->list[index];
     spsi_brick *bricks = (spsi_brick *)reader->context->buffers[SPSI_BUFFER_BRICKS].data;
-    (void)worker;
     for (int i = voxels->first_brick; i < voxels->first_brick + voxels->brick_count; ++i)
         spsi_brick_fill(voxels, spsi_segment_at(reader->context, bricks[i].segment), &bricks[i]);
 }
@@ -6596,7 +6600,7 @@ static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *fra
         if (spsi_reader_next(context, &reader, first, spsi_block_task, &reader)) return context->result;
         for (int i = 0; i < reader.count; ++i)
             if (spsi_block_add_bricks(context, &reader.list[i], medium, current)) return context->result;
-        if (context->brick_count > before) spsi_parallel(context, reader.count, spsi_bricks_fill_task, &reader);
+        if (context->brick_count > before) spsi_parallel_items(context, reader.count, spsi_bricks_fill_task, &reader);
     }
     return SPS_OK;
 }
@@ -7276,11 +7280,10 @@ typedef struct spsi_tree_job {
 } spsi_tree_job;
 
 /* Builds one subtree. */
-static void spsi_tree_task_run(void *data, int index, int worker) {
+static void spsi_tree_task_run(void *data, int index) {
     const spsi_tree_job *job = (const spsi_tree_job *)data;
     spsi_tree_task stack[SPSI_TREE_STACK];
     int top = 0;
-    (void)worker;
     stack[top++] = job->tasks[index];
     while (top > 0) {
         const spsi_tree_task task = stack[--top];
@@ -7318,7 +7321,7 @@ static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tr
         job.tasks[next] = halves[0];
         job.tasks[job.task_count++] = halves[1];
     }
-    spsi_parallel(context, job.task_count, spsi_tree_task_run, &job);
+    spsi_parallel_items(context, job.task_count, spsi_tree_task_run, &job);
     return spsi_progress(context, 0);
 }
 
@@ -7871,10 +7874,9 @@ static void spsi_raster_rows(const spsi_raster *raster, int y0, int y1) {
         if (spsi_raster_reaches(raster, face, y0, y1)) spsi_raster_face(raster, face, y0, y1);
 }
 
-static void spsi_raster_band_task(void *data, int index, int worker) {
+static void spsi_raster_band_task(void *data, int index) {
     const spsi_raster *raster = (const spsi_raster *)data;
     const int y0 = index * SPSI_TILE_HEIGHT;
-    (void)worker;
     spsi_raster_rows(raster, y0, spsi_least(raster->rays->height, y0 + SPSI_TILE_HEIGHT) - 1);
 }
 
@@ -7897,7 +7899,7 @@ static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const 
     raster.hits = hits;
     raster.depths = depths;
     raster.numbers = numbers;
-    spsi_parallel(context, spsi_tile_rows(rays), spsi_raster_band_task, &raster);
+    spsi_parallel_items(context, spsi_tile_rows(rays), spsi_raster_band_task, &raster);
 }
 
 /* --- the surface at a pixel --- */
@@ -9586,8 +9588,8 @@ static double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rat
     return end;
 }
 
-/* The least breadth of a pixel where the eye sees gas; with a light, also where it may see the gas's shadow on polygons,
-   wherever they are. 0 if these reach beside or behind the eye. */
+/* The least breadth of a pixel where the eye sees gas; with a light, also where it may see the shadow of gas on
+   polygons, wherever they are. 0 if these reach beside or behind the eye. */
 static double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *shading) {
     const spsi_rays *eye = &frame->content->eye;
     const int falls = shading && frame->meshes.triangle_count > 0 && eye->perspective;
@@ -10058,11 +10060,10 @@ static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
 }
 
 /* Fills one row of cells. */
-static void spsi_planes_task(void *data, int index, int worker) {
+static void spsi_planes_task(void *data, int index) {
     const spsi_planes_job *job = (const spsi_planes_job *)data;
     const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
     float *cells = job->alone + (size_t)index * (size_t)columns;
-    (void)worker;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
     for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
         spsi_planes_row(job, y, cells);
@@ -10115,7 +10116,7 @@ static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, s
         const spsi_rays *rays = &map->rays[job.face];
         spsi_rasterise(context, faces, rays, NULL, map->depths[job.face], (int *)(void *)map->slopes[job.face][1]);
         job.alone = map->nearest[job.face] + (size_t)map->cells[job.face] * (size_t)spsi_depth_map_cells(rays->height);
-        spsi_parallel(context, spsi_depth_map_cells(rays->height), spsi_planes_task, &job);
+        spsi_parallel_items(context, spsi_depth_map_cells(rays->height), spsi_planes_task, &job);
         spsi_depth_map_spread(map, job.face, job.alone);
     }
 }
@@ -10333,11 +10334,10 @@ static void spsi_panes_row(const spsi_panes_job *job, int y, float *cells) {
 }
 
 /* Fills one row of cells. */
-static void spsi_panes_task(void *data, int index, int worker) {
+static void spsi_panes_task(void *data, int index) {
     const spsi_panes_job *job = (const spsi_panes_job *)data;
     const int columns = job->map->grid.cells[job->face], height = job->map->grid.rays[job->face].height;
     float *cells = job->alone + (size_t)index * (size_t)columns;
-    (void)worker;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
     for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y) spsi_panes_row(job, y, cells);
 }
@@ -10372,7 +10372,7 @@ static void spsi_pane_map_fill(sps_context *context, const spsi_frame *frame, co
         const int rows = spsi_depth_map_cells(map->grid.rays[job.face].height);
         spsi_panes_raster(context, frame, faces, map, job.face, 1);
         job.alone = map->grid.nearest[job.face] + (size_t)map->grid.cells[job.face] * (size_t)rows;
-        spsi_parallel(context, rows, spsi_panes_task, &job);
+        spsi_parallel_items(context, rows, spsi_panes_task, &job);
         spsi_depth_map_spread(&map->grid, job.face, job.alone);
     }
 }
@@ -12753,11 +12753,10 @@ static void spsi_field_show(const spsi_field_job *job, const float *values, uint
 }
 
 /* Writes the voxels of a brick's own source, if it has one, about a border that is 0. */
-static void spsi_field_own_task(void *data, int index, int worker) {
+static void spsi_field_own_task(void *data, int index) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const int end = spsi_least(job->field->count, (index + 1) * SPSI_FIELD_BATCH);
     const int edge = spsi_field_edge(job->taps), pitch = spsi_field_pitch(job->taps), border = job->taps / 2 - 1;
-    (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
         const int number = job->field->sources[job->field->places[held]];
         float *values = job->field->values + (size_t)held * spsi_field_floats(job->taps), *own;
@@ -12865,12 +12864,11 @@ static void spsi_field_around(const spsi_voxel_field *field, int held, int aroun
 }
 
 /* Fills the aprons of bricks whose own voxels are in place, and marks their cells. */
-static void spsi_field_apron_task(void *data, int index, int worker) {
+static void spsi_field_apron_task(void *data, int index) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *field = job->field;
     const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH);
     const size_t floats = spsi_field_floats(job->taps);
-    (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
         const uint64_t *shown[27];
         int around[27];
@@ -13003,13 +13001,12 @@ static void spsi_level_octant(int taps, const float *fine, float *coarse) {
 }
 
 /* Fills a level's bricks with their own voxels, an eighth from each brick of the finer one. */
-static void spsi_level_own_task(void *data, int index, int worker) {
+static void spsi_level_own_task(void *data, int index) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *level = job->field, *fine = job->fine;
     const int end = spsi_least(level->count, (index + 1) * SPSI_FIELD_BATCH), taps = job->taps;
     const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), border = taps / 2 - 1;
     const size_t floats = spsi_field_floats(taps);
-    (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
         float *values = level->values + (size_t)held * floats;
         int at[3];
@@ -14245,8 +14242,8 @@ static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int m
     stock->used += (size_t)field->count;
     for (int n = 0; n < SPSI_FIELD_REACHES && field->count > 0; ++n)
         memset(field->cells[n], 0, spsi_field_cells(field) * sizeof *field->cells[n]);
-    spsi_parallel(context, tasks, fine ? spsi_level_own_task : spsi_field_own_task, &job);
-    spsi_parallel(context, tasks, spsi_field_apron_task, &job);
+    spsi_parallel_items(context, tasks, fine ? spsi_level_own_task : spsi_field_own_task, &job);
+    spsi_parallel_items(context, tasks, spsi_field_apron_task, &job);
 }
 
 /* Fills the bricks of all fields, unless they are; when the first volume is to be gathered. */
@@ -14315,12 +14312,11 @@ typedef struct spsi_bend_job {
 } spsi_bend_job;
 
 /* Eighths of bricks by themselves. Those of bricks that are not held are 0. */
-static void spsi_bend_task(void *data, int index, int worker) {
+static void spsi_bend_task(void *data, int index) {
     const spsi_bend_job *job = (const spsi_bend_job *)data;
     const spsi_voxel_field *field = job->field;
     const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH);
     const size_t width = 2 * (size_t)field->size[0], layer = 2 * (size_t)field->size[1] * width;
-    (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
         float bends[8];
         int at[3];
@@ -14358,7 +14354,7 @@ static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame
         field->bends = bends;
         bends += count;
         if (field->count == 0) continue;
-        spsi_parallel(context, (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH, spsi_bend_task, &job);
+        spsi_parallel_items(context, (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH, spsi_bend_task, &job);
         for (size_t k = 0, step = 1; k < 3; step *= 2 * (size_t)field->size[k++])
             spsi_bends_pair(field->bends, count, step, step * 2 * (size_t)field->size[k]);
     }
@@ -14920,12 +14916,11 @@ static void spsi_seen_task(void *data, int i) {
 }
 
 /* Bins a target's particles by a stable counting sort. */
-static void spsi_lists_task(void *data, int index, int worker) {
+static void spsi_lists_task(void *data, int index) {
     const spsi_contents *contents = (const spsi_contents *)data;
     const spsi_target *target = contents->targets[index];
     const spsi_lists *lists = &target->particles;
     const int count = contents->particles.current, list_count = target->columns * target->rows + 1;
-    (void)worker;
     memset(lists->starts, 0, ((size_t)list_count + 1) * sizeof(int));
     for (int i = 0; i < count; ++i)
         if (lists->places[i] >= 0) lists->starts[lists->places[i] / 4] += 1;
@@ -14940,7 +14935,7 @@ static void spsi_contents_bin_particles(spsi_contents *contents) {
     const double start = spsi_clock(context);
     if (contents->particles.current == 0) return;
     spsi_parallel_batches(context, contents->particles.current, spsi_seen_task, contents);
-    spsi_parallel(context, contents->target_count, spsi_lists_task, contents);
+    spsi_parallel_items(context, contents->target_count, spsi_lists_task, contents);
     context->stats.seconds_bin += spsi_clock(context) - start;
 }
 
@@ -16262,10 +16257,9 @@ static void spsi_insert_triangles(const spsi_map_tile *into) {
     }
 }
 
-static void spsi_fill_task(void *data, int index, int worker) {
+static void spsi_fill_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     spsi_map_tile into;
-    (void)worker;
     spsi_map_tile_place(filling, index, &into);
     spsi_insert_balls(&into, filling->band.row * filling->band.tiles_x + index);
     spsi_insert_triangles(&into);
@@ -16328,11 +16322,10 @@ static sps_result spsi_fill_volumes(spsi_filling *filling) {
 
 /* --- a band of sums --- */
 
-static void spsi_clear_task(void *data, int index, int worker) {
+static void spsi_clear_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const sps_tmap *map = filling->map;
     spsi_map_tile into;
-    (void)worker;
     spsi_map_tile_place(filling, index, &into);
     if (filling->visit == SPSI_VISIT_RANGE)
         for (size_t i = 0; i < into.stride; ++i) into.ranges[i] = 1, into.ranges[into.stride + i] = 0;
@@ -16343,12 +16336,11 @@ static void spsi_clear_task(void *data, int index, int worker) {
 }
 
 /* Writes a tile's sums to its texels. */
-static void spsi_store_task(void *data, int index, int worker) {
+static void spsi_store_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const sps_tmap *map = filling->map;
     const int components = map->inner.components;
     spsi_map_tile into;
-    (void)worker;
     spsi_map_tile_place(filling, index, &into);
     for (int i = 0; i < into.width * into.height; ++i) {
         const int x = into.x0 + i % into.width, y = into.y0 + i / into.width;
@@ -16368,9 +16360,9 @@ static void spsi_store_task(void *data, int index, int worker) {
 static sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
     filling->visit = visit;
     if (spsi_progress(filling->context, filling->progress)) return filling->context->result;
-    spsi_parallel(filling->context, filling->band.tiles_x, spsi_clear_task, filling);
+    spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_clear_task, filling);
     if (spsi_fill_volumes(filling)) return filling->context->result;
-    spsi_parallel(filling->context, filling->band.tiles_x, spsi_fill_task, filling);
+    spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_fill_task, filling);
     return SPS_OK;
 }
 
@@ -16382,7 +16374,7 @@ static sps_result spsi_fill_sums(spsi_filling *filling) {
     filling->band.sums = filling->band.ranges + (map->has_range ? spsi_band_floats(map, 2) : 0);
     if (map->has_range && spsi_fill_band(filling, SPSI_VISIT_RANGE)) return filling->context->result;
     if (spsi_fill_band(filling, SPSI_VISIT_SUMS)) return filling->context->result;
-    spsi_parallel(filling->context, filling->band.tiles_x, spsi_store_task, filling);
+    spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_store_task, filling);
     return SPS_OK;
 }
 
@@ -16826,13 +16818,12 @@ static void spsi_print_balls(const spsi_print_job *job, int column, int row, uin
 }
 
 /* Computes a tile's fingerprints in the order in which it is filled, and opens the patches whose own have changed. */
-static void spsi_print_task(void *data, int index, int worker) {
+static void spsi_print_task(void *data, int index) {
     const spsi_print_job *job = (const spsi_print_job *)data;
     const spsi_filling *filling = job->filling;
     const int column = index % filling->band.tiles_x, row = index / filling->band.tiles_x;
     spsi_tile_prints *held = spsi_tmap_prints(filling->map, filling->band.face, row, column);
     uint64_t prints[64];
-    (void)worker;
     for (int i = 0; i < 64; ++i) prints[i] = job->start;
     spsi_print_bricks(job, column, row, prints);
     spsi_print_balls(job, column, row, prints);
@@ -16860,8 +16851,8 @@ static void spsi_print_face(const spsi_filling *filling) {
         job.start = spsi_fingerprint(job.start, &volumes->slabs.start, sizeof volumes->slabs.start);
         job.start = spsi_fingerprint(job.start, &volumes->slabs.thickness, sizeof volumes->slabs.thickness);
     }
-    spsi_parallel(filling->context, filling->band.tiles_x * spsi_tile_rows(&filling->map->rays[0]), spsi_print_task,
-                  &job);
+    spsi_parallel_items(filling->context, filling->band.tiles_x * spsi_tile_rows(&filling->map->rays[0]),
+                        spsi_print_task, &job);
 }
 
 /* Counts a shadow table's patches, those that were filled and those that were kept; `held`: 1 if all were. */
@@ -17309,13 +17300,12 @@ static int spsi_shadow_table_is_new(const sps_tmap *map, int x, int y) {
 }
 
 /* Fills a row of a table's blocks. What lies beyond the last row or column repeats the last: it is never looked up. */
-static void spsi_shadow_table_task(void *data, int row, int worker) {
+static void spsi_shadow_table_task(void *data, int row) {
     const sps_tmap *map = (const sps_tmap *)data;
     const int planes = map->settings.components, width = map->rays[0].width;
     const int height = map->rays[0].height * map->face_count, columns = spsi_shadow_table_columns(map);
     uint32_t *to =
         (uint32_t *)map->data.table.data + (size_t)row * (size_t)columns * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
-    (void)worker;
     for (int column = 0; column < columns; ++column, to += (size_t)planes * SPSI_SHADOW_TABLE_TEXELS)
         for (int i = 0; i < SPSI_SHADOW_TABLE_TEXELS; ++i) {
             const int x = spsi_least(column * SPSI_SHADOW_TABLE_SIDE + i % SPSI_SHADOW_TABLE_SIDE, width - 1);
@@ -17341,7 +17331,7 @@ static sps_result spsi_shadow_table_build(sps_tmap *map) {
     if (!spsi_buffer_reserve(map->context, &map->data.table, blocks * planes,
                              SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t)))
         return map->context->result;
-    spsi_parallel(map->context, spsi_shadow_table_rows(map), spsi_shadow_table_task, map);
+    spsi_parallel_items(map->context, spsi_shadow_table_rows(map), spsi_shadow_table_task, map);
     spsi_buffer_release(map->context, &map->data.texels);
     map->context->stats.tables_made += 1;
     spsi_shadow_table_count(map, 0);
@@ -18302,12 +18292,11 @@ static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam
 }
 
 /* A row of blocks of one beam. */
-static void spsi_beam_task(void *data, int index, int worker) {
+static void spsi_beam_task(void *data, int index) {
     const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
     const spsi_beam *beam = &penumbra->beams[index % penumbra->beam_count];
     const spsi_area area = spsi_beam_area(beam);
     const int y0 = area.y0 + index / penumbra->beam_count * SPSI_BEAM_BLOCK;
-    (void)worker;
     for (int x0 = area.x0; x0 <= area.x1 && y0 <= area.y1; x0 += SPSI_BEAM_BLOCK) {
         const spsi_area block = {x0, y0, x0 + SPSI_BEAM_BLOCK - 1, y0 + SPSI_BEAM_BLOCK - 1};
         spsi_beam_block(penumbra, beam, spsi_area_meet(block, area));
@@ -18328,7 +18317,7 @@ static void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra) {
     const spsi_area held = spsi_penumbra_held(penumbra);
     if (!penumbra->pending) return;
     penumbra->pending = 0;
-    spsi_parallel(context, penumbra->beam_count * spsi_beam_tasks(penumbra), spsi_beam_task, penumbra);
+    spsi_parallel_items(context, penumbra->beam_count * spsi_beam_tasks(penumbra), spsi_beam_task, penumbra);
     for (int i = 0; i < penumbra->beam_count && !spsi_area_empty(held); ++i) {
         spsi_beam *beam = &penumbra->beams[i];
         const spsi_area crossed = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, held);
@@ -19076,8 +19065,7 @@ static void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     context->stats.seconds_light += spsi_clock(context) - start;
 }
 
-static void spsi_level_task(void *data, int index, int worker) {
-    (void)worker;
+static void spsi_level_task(void *data, int index) {
     spsi_planes_level(&((spsi_sliced *)data)->planes, index);
 }
 
@@ -19086,7 +19074,7 @@ static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
     if (sliced->is_soft)
         spsi_penumbra_cross(context, &sliced->penumbra);
     else
-        spsi_parallel(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_level_task, sliced);
+        spsi_parallel_items(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_level_task, sliced);
 }
 
 /* --- lookup --- */
@@ -20366,11 +20354,10 @@ static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int c
 }
 
 /* Sweeps all directions that fall (index 0) or rise (1) along z, plane by plane. */
-static void spsi_cells_along_task(void *data, int index, int worker) {
+static void spsi_cells_along_task(void *data, int index) {
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
     const int planes = pass->level->size[2];
     spsi_cell_along along;
-    (void)worker;
     spsi_cell_along_begin(pass, index, &along);
     for (along.number = 0; along.number < planes; ++along.number) {
         along.z = index ? along.number : planes - 1 - along.number;
@@ -20413,19 +20400,18 @@ static void spsi_cells_across(const spsi_cell_pass *pass, int z, int falls, cons
 }
 
 /* Sweeps what is left, within plane z: directions without a step along z. */
-static void spsi_cells_plane_task(void *data, int z, int worker) {
+static void spsi_cells_plane_task(void *data, int z) {
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
     const spsi_cell_level *level = pass->level;
     const float *const both[2] = {level->moments[0], level->moments[1]}, *const one[2] = {level->moments[0], NULL};
     float *rows = pass->solver->scratch + SPSI_CELL_ROWS * spsi_cell_row_floats(level) * (size_t)z;
-    (void)worker;
     spsi_cells_across(pass, z, 1, both, rows);
     spsi_cells_across(pass, z, 0, one, rows);
 }
 
 static void spsi_cells_carry(spsi_cell_pass *pass) {
-    spsi_parallel(pass->solver->context, 2, spsi_cells_along_task, pass);
-    spsi_parallel(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
+    spsi_parallel_items(pass->solver->context, 2, spsi_cells_along_task, pass);
+    spsi_parallel_items(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
 }
 
 /* Carries what cells send through all of the grid: its moments. */
@@ -20464,7 +20450,7 @@ static inline spsi_v spsi_cell_unkept(const spsi_cell_level *level, const float 
 }
 
 /* After a sweep: what each cell of a plane sends too little, as a residual in moments[1], and the plane's balance. */
-static void spsi_cells_miss_task(void *data, int z, int worker) {
+static void spsi_cells_miss_task(void *data, int z) {
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
     const spsi_cell_level *level = pass->level;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
@@ -20472,7 +20458,6 @@ static void spsi_cells_miss_task(void *data, int z, int worker) {
     double *balance = pass->solver->balance + 2 * z;
     spsi_v missing = spsi_set(0), all = missing;
     float lanes[2][SPSI_LANES];
-    (void)worker;
     for (int t = 0; t < pass->solver->terms; ++t) {
         const float *keep = level->keep[spsi_term_degree(t)];
         for (size_t at = first; at < end; at += SPSI_LANES) {
@@ -20498,11 +20483,11 @@ static void spsi_cells_miss_task(void *data, int z, int worker) {
 }
 
 /* The same, put right as far as a cell by itself can: what it sends more, it receives in part. */
-static void spsi_cells_mend_task(void *data, int z, int worker) {
+static void spsi_cells_mend_task(void *data, int z) {
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
     const spsi_cell_level *level = pass->level;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
-    spsi_cells_miss_task(data, z, worker);
+    spsi_cells_miss_task(data, z);
     for (int t = 0; t < pass->solver->terms; ++t) {
         const float *keep = level->keep[spsi_term_degree(t)], *miss = level->moments[1] + (size_t)t * level->count;
         float *sent = level->sent + (size_t)t * level->count;
@@ -20536,11 +20521,10 @@ typedef struct spsi_cell_step {
 } spsi_cell_step;
 
 /* Optical depth and albedo of a plane of coarse cells. */
-static void spsi_cells_coarsen_task(void *data, int z, int worker) {
+static void spsi_cells_coarsen_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
     spsi_cell_children children;
-    (void)worker;
     for (int y = 0; y < coarse->size[1]; ++y)
         for (int x = 0; x < coarse->size[0]; ++x) {
             const size_t to = (size_t)(z * coarse->size[1] + y) * (size_t)coarse->pitch + (size_t)x;
@@ -20558,11 +20542,10 @@ static void spsi_cells_coarsen_task(void *data, int z, int worker) {
 }
 
 /* What a plane of coarse cells is given: what the fine ones miss, by optical depth. */
-static void spsi_cells_restrict_task(void *data, int z, int worker) {
+static void spsi_cells_restrict_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
     spsi_cell_children children;
-    (void)worker;
     for (int y = 0; y < coarse->size[1]; ++y)
         for (int x = 0; x < coarse->size[0]; ++x) {
             const size_t to = (size_t)(z * coarse->size[1] + y) * (size_t)coarse->pitch + (size_t)x;
@@ -20611,10 +20594,9 @@ static inline float spsi_cell_rows_at(const spsi_cell_rows *rows, int x, int siz
 
 /* Adds to what a plane of cells sends what it misses: as much of it as coarse cells represent, and what they find comes
    back of that; and the rest, which a cell by itself puts right: what it sends more, it receives in part. */
-static void spsi_cells_correct_task(void *data, int z, int worker) {
+static void spsi_cells_correct_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
-    (void)worker;
     for (int t = 0; t < step->solver->terms; ++t)
         for (int y = 0; y < fine->size[1]; ++y) {
             const size_t term = (size_t)t * coarse->count, row = (size_t)(z * fine->size[1] + y) * (size_t)fine->pitch;
@@ -20634,11 +20616,10 @@ static void spsi_cells_correct_task(void *data, int z, int worker) {
 }
 
 /* Ways through the cells of a plane. */
-static void spsi_cells_ways_task(void *data, int z, int worker) {
+static void spsi_cells_ways_task(void *data, int z) {
     static const float ways[SPSI_CELL_LENGTHS] = {1, 1.41421356f, 1.73205081f, 1.10554160f};
     const spsi_cell_level *level = ((const spsi_cell_pass *)data)->level;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
-    (void)worker;
     for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES)
         for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
             const spsi_v depth = spsi_mul(spsi_load(level->depth + at), spsi_set(ways[i]));
@@ -20670,13 +20651,13 @@ static void spsi_cells_miss(const spsi_cell_solver *solver, const spsi_cell_leve
         spsi_cells_sweep_out(solver);
     else
         spsi_cells_sweep(solver, level);
-    spsi_parallel(solver->context, level->size[2], spsi_cells_miss_task, &pass);
+    spsi_parallel_items(solver->context, level->size[2], spsi_cells_miss_task, &pass);
 }
 
 static void spsi_cells_mend(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
     spsi_cells_sweep(solver, level);
-    spsi_parallel(solver->context, level->size[2], spsi_cells_mend_task, &pass);
+    spsi_parallel_items(solver->context, level->size[2], spsi_cells_mend_task, &pass);
 }
 
 /* Corrects what a level sends, given what it misses, by two cycles of the next coarser one; the coarsest is mended as
@@ -20693,10 +20674,10 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
     step.fine = level;
     step.coarse = &solver->levels[n + 1];
     if (n > 0) spsi_cells_miss(solver, level);
-    spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_restrict_task, &step);
+    spsi_parallel_items(solver->context, step.coarse->size[2], spsi_cells_restrict_task, &step);
     for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
     spsi_cells_sweep(solver, step.coarse);
-    spsi_parallel(solver->context, level->size[2], spsi_cells_correct_task, &step);
+    spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
 }
 
 /* Sets up all levels from the finest one's depth and albedo. */
@@ -20707,8 +20688,8 @@ static void spsi_cells_levels(const spsi_cell_solver *solver) {
         step.solver = solver;
         step.coarse = pass.level;
         step.fine = n > 0 ? &solver->levels[n - 1] : NULL;
-        if (n > 0) spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
-        spsi_parallel(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
+        if (n > 0) spsi_parallel_items(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+        spsi_parallel_items(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
     }
 }
 
@@ -20757,10 +20738,9 @@ static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z
 }
 
 /* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells. */
-static void spsi_cells_look_task(void *data, int row, int worker) {
+static void spsi_cells_look_task(void *data, int row) {
     const spsi_cell_look *look = (const spsi_cell_look *)data;
     const spsi_cell_grid *grid = look->grid;
-    (void)worker;
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         float harmonic[SPSI_CELL_TERMS], degree[SPSI_CELL_ORDERS];
@@ -20814,12 +20794,11 @@ static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen,
 
 /* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
    of its end is between both. */
-static void spsi_cells_continue_task(void *data, int row, int worker) {
+static void spsi_cells_continue_task(void *data, int row) {
     const spsi_cell_look *look = (const spsi_cell_look *)data;
     const spsi_cell_grid *grid = look->grid;
     const int count = look->frame->matter.material_count * grid->channels;
     int at[3] = {0, row % grid->size[1], row / grid->size[1]};
-    (void)worker;
     for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
         const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
         if (grid->depth[cell] > 0) continue;
@@ -21704,11 +21683,10 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
 }
 
 /* Sends first flights to a row of cubes. */
-static void spsi_flights_light_task(void *data, int index, int worker) {
+static void spsi_flights_light_task(void *data, int index) {
     const spsi_flight_job *job = (const spsi_flight_job *)data;
     const int *size = job->grid->size, rows = (size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
     int first[3] = {0, index % rows * SPSI_FLIGHT_BLOCK, index / rows * SPSI_FLIGHT_BLOCK};
-    (void)worker;
     for (; first[0] < size[0]; first[0] += SPSI_FLIGHT_BLOCK) spsi_flights_light_cube(job, first);
 }
 
@@ -24909,12 +24887,11 @@ static void spsi_cells_add_lamps(const spsi_cell_job *job, const spsi_cell_spot 
 }
 
 /* Lights a row of cells. */
-static void spsi_cells_light_task(void *data, int row, int worker) {
+static void spsi_cells_light_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_spot spot;
-    (void)worker;
     spot.row = (size_t)row * (size_t)grid->pitch;
     for (int n = 0; n < 4; ++n)
         for (int x = 0; x < job->sheets.rays.width; x += SPSI_LANES) {
@@ -25169,13 +25146,12 @@ static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view 
 }
 
 /* Finds and lights the polygons about a row of cells. */
-static void spsi_cells_walls_task(void *data, int row, int worker) {
+static void spsi_cells_walls_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_view view;
     int near_row;
-    (void)worker;
     spsi_cell_view_build(job->faces, grid, grid->size, 1, &view);
     spsi_cell_view_move(&view, 0, y, z);
     near_row = spsi_cell_row_near(&view);
@@ -25441,7 +25417,7 @@ static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
     flight.grid = job->grid;
     flight.moments = job->flown;
     if (job->frame->matter.scatters && job->flights[0].count + job->flights[1].count + job->flights[2].count > 0)
-        spsi_parallel(job->context, rows * layers, spsi_flights_light_task, &flight);
+        spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
     return SPS_OK;
 }
 
@@ -25469,9 +25445,9 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job);
     if (!spsi_cells_shadows(job, part, maps) && (!job->flown || !spsi_cells_fly_to(job))) {
-        spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
+        spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
         if (job->walls.closed)
-            spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
+            spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
     }
     for (int i = 0; i < count; ++i)
         if (!maps[i].waits) spsi_tmap_release(&maps[i]);
@@ -25524,9 +25500,8 @@ typedef struct spsi_cell_channel {
     int channel;
 } spsi_cell_channel;
 
-static void spsi_cells_equations_task(void *data, int row, int worker) {
+static void spsi_cells_equations_task(void *data, int row) {
     const spsi_cell_channel *own = (const spsi_cell_channel *)data;
-    (void)worker;
     spsi_cells_equations(own->job, own->channel, (size_t)row * (size_t)own->job->grid->pitch);
 }
 
@@ -25611,12 +25586,11 @@ typedef struct spsi_cell_closing {
     int scale;
 } spsi_cell_closing;
 
-static void spsi_cells_close_task(void *data, int row, int worker) {
+static void spsi_cells_close_task(void *data, int row) {
     const spsi_cell_closing *closing = (const spsi_cell_closing *)data;
     const spsi_cell_level *level = closing->level;
     const int y = row % level->size[1], z = row / level->size[1];
     spsi_cell_view view;
-    (void)worker;
     spsi_cell_view_build(closing->job->faces, closing->job->grid, level->size, closing->scale, &view);
     spsi_cell_view_move(&view, 0, y, z);
     if (!spsi_cell_row_near(&view)) return;
@@ -25651,7 +25625,7 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
         closing.job = job;
         closing.level = level;
         closing.scale = 1 << n;
-        spsi_parallel(job->context, level->size[1] * level->size[2], spsi_cells_close_task, &closing);
+        spsi_parallel_items(job->context, level->size[1] * level->size[2], spsi_cells_close_task, &closing);
     }
     solver->leaving = memory;
 }
@@ -25721,13 +25695,13 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
         memset(solver->leaving, 0, 3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)grid->size[2] * sizeof(float));
-        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
+        spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
         spsi_cells_levels(solver);
         spsi_cells_reflect(job, own->channel, plain);
     }
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
         each.share *= 0.5;
-        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
+        spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
         spsi_copy(job->context, light, found, moments * sizeof(float));
         each.progress += each.share;
@@ -26051,8 +26025,8 @@ static void spsi_cells_look(sps_context *context, const spsi_frame *frame, spsi_
     spsi_cell_look look;
     look.frame = frame;
     look.grid = grid;
-    spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
-    spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
+    spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
+    spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
 }
 
 /* Finds the light in the cells, unless it is held from the last call, and what the eye sees of it. */
@@ -26184,11 +26158,10 @@ static double spsi_spread_cone(const spsi_lamp *lamp, const spsi_rays *rays, dou
 }
 
 /* Lights a row of the chunk's sheets. */
-static void spsi_spread_light_task(void *data, int y, int worker) {
+static void spsi_spread_light_task(void *data, int y) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
     const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
     const int pitch = job->spread->pitch;
-    (void)worker;
     for (int k = 0; k < job->count; ++k)
         for (int x = 0; x < pitch; x += SPSI_LANES) {
             const double end = near_depth + (job->first + k + 1) * thickness;
@@ -26243,10 +26216,9 @@ static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
 }
 
 /* Carries one channel through the chunk's sheets. */
-static void spsi_spread_carry_task(void *data, int c, int worker) {
+static void spsi_spread_carry_task(void *data, int c) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
     const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
-    (void)worker;
     for (int k = 0; k < job->count; ++k) {
         const size_t at = (size_t)k * job->plane, own = (size_t)c * SPSI_CHUNK * job->plane + at;
         const double begin = near_depth + (job->first + k) * thickness;
@@ -26340,8 +26312,8 @@ static sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const sp
         memset(job->depth, 0, (size_t)(1 + 3 * spread->channels) * SPSI_CHUNK * job->plane * sizeof(float));
         if (spsi_sampling_advance(&job->sheets, chunk))
             spsi_parallel(context, spsi_sampling_tiles(&job->sheets), spsi_spread_fill_task, job);
-        spsi_parallel(context, job->light[0].size[1], spsi_spread_light_task, job);
-        spsi_parallel(context, spread->channels, spsi_spread_carry_task, job);
+        spsi_parallel_items(context, job->light[0].size[1], spsi_spread_light_task, job);
+        spsi_parallel_items(context, spread->channels, spsi_spread_carry_task, job);
     }
     return SPS_OK;
 }
@@ -26624,7 +26596,7 @@ static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, i
 
 /* The range of slab coordinates of the polygons in a tile and its margin, and their minimum depth. Opens all patches of
    the tile. */
-static void spsi_polygon_range_task(void *data, int index, int worker) {
+static void spsi_polygon_range_task(void *data, int index) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
     const int margin = run->eye.shape.margin;
@@ -26635,7 +26607,6 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
     const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT + margin);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     const uint32_t *layers = run->shader.visible->layers.first;
-    (void)worker;
     for (int y = y0; y < y1 && run->shader.hits; ++y)
         for (int x = x0; x < x1; x += SPSI_LANES) {
             float lanes[SPSI_LANES], depths[SPSI_LANES];
@@ -26777,7 +26748,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
         spsi_contents_build(context, &run->eye, run->has_sliced ? &run->sliced.target : NULL, &run->contents) ||
         spsi_contents_add_particles(&run->contents))
         return context->result;
-    spsi_parallel(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
+    spsi_parallel_items(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
     for (int i = 0; i < run->region.columns * run->region.rows; ++i) run->region.outside += run->region.open[i] == 0;
     return SPS_OK;
 }
@@ -27477,14 +27448,13 @@ typedef struct spsi_sum_job {
 } spsi_sum_job;
 
 /* The same for some rows of the region, as far as they are in the sweep's part of the image. */
-static void spsi_sum_task(void *data, int index, int worker) {
+static void spsi_sum_task(void *data, int index) {
     const spsi_sum_job *job = (const spsi_sum_job *)data;
     const spsi_frame *frame = job->run->frame;
     const spsi_shader *shader = &job->run->shader;
     const int *region = frame->view.region, *part = job->run->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
     const int x1 = spsi_least(part[2], region[0] + region[2]);
     const int y1 = spsi_least(part[3], spsi_least(region[1] + region[3], top + SPSI_SUM_ROWS));
-    (void)worker;
     for (int y = spsi_most(part[1], top); y < y1; ++y)
         for (int x = spsi_most(part[0], region[0]); x < x1; x += SPSI_LANES) {
             const size_t pixel = (size_t)(y - region[1]) * (size_t)region[2] + (size_t)(x - region[0]);
@@ -27503,7 +27473,7 @@ static void spsi_add_sweep(sps_context *context, const spsi_run *run, float *tot
     spsi_sum_job job;
     job.run = run;
     job.total = total;
-    spsi_parallel(context, (run->frame->view.region[3] + SPSI_SUM_ROWS - 1) / SPSI_SUM_ROWS, spsi_sum_task, &job);
+    spsi_parallel_items(context, (run->frame->view.region[3] + SPSI_SUM_ROWS - 1) / SPSI_SUM_ROWS, spsi_sum_task, &job);
 }
 
 static void spsi_write_image(const spsi_frame *frame, const float *total, const sps_image *image) {
@@ -28986,11 +28956,10 @@ static void spsi_march_span_task(void *data, int index, int worker) {
 }
 
 /* Finds the next face of each pixel of a row. */
-static void spsi_march_meet_task(void *data, int index, int worker) {
+static void spsi_march_meet_task(void *data, int index) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, width = marcher->frame->content->eye.width;
     const int y = region[1] + index;
-    (void)worker;
     for (int x = region[0]; x < region[0] + region[2]; ++x) {
         spsi_walker *walker = &marcher->walkers[(size_t)index * (size_t)region[2] + (size_t)(x - region[0])];
         if (!walker->ended) spsi_march_meet(marcher, x, y, walker);
@@ -29047,7 +29016,7 @@ static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, 
     const size_t pixels = (size_t)region[2] * (size_t)region[3];
     const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
     const double share = marcher->settings->samples > 0 ? SPSI_MARCH_SHARE : 1; /* of the call */
-    spsi_parallel(context, region[3], spsi_march_meet_task, marcher);
+    spsi_parallel_items(context, region[3], spsi_march_meet_task, marcher);
     marcher->visible.hits = marcher->hits;
     if (spsi_textures(context, frame, marcher->faces, &marcher->visible)) return context->result;
     for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {

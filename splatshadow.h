@@ -2254,7 +2254,8 @@ static sps_result spsi_fail(sps_context *context, sps_result result, const char 
     return spsi_fail_that(context, result, SPS_OBJECT_NONE, -1, "", 0, sentence);
 }
 
-#define SPSI_IS_NULL "is NULL; it must not be"
+#define SPSI_NOT_ZEROED "the struct was not zeroed"
+#define SPSI_IS_NULL    "is NULL; it must not be"
 
 /* As spsi_fail_that, for "OBJECT[index].FIELD is VALUE; RULE", or for a callback, whose result is SPS_ERROR_CALLBACK
    and which has no rule, "OBJECT[index].FIELD failed: it returned VALUE". */
@@ -2275,8 +2276,8 @@ static sps_result spsi_check_call(sps_context *context, sps_object object, int i
 }
 
 /* Fails if a component of a color is not within 0..most, which is 1 or SPSI_VALUE_MAX. */
-static sps_result spsi_check_color(sps_context *context, sps_result result, sps_object object, int index,
-                                   const char *field, const float color[3], float most) {
+static sps_result spsi_check_rgb(sps_context *context, sps_result result, sps_object object, int index,
+                                 const char *field, const float color[3], float most) {
     const float *bad = spsi_bad_color(color, most);
     const char *rule = most > 1 ? "red, green and blue must be 0..1e18" : "red, green and blue must be 0..1";
     return bad ? spsi_fail_field(context, result, object, index, field, (double)*bad, rule) : SPS_OK;
@@ -4989,7 +4990,7 @@ static sps_result spsi_check_canaries(sps_context *context, sps_object object, i
     if (!start && !end) return SPS_OK;
     SPS_SNPRINTF(field, sizeof field, "%s%s", prefix, start ? "start_canary" : "end_canary");
     return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, (double)(start ? start : end),
-                           "the struct was not zeroed");
+                           SPSI_NOT_ZEROED);
 }
 
 static sps_result spsi_check_lobes(sps_context *context, sps_object object, int index, const sps_lobe *lobes,
@@ -5011,12 +5012,16 @@ static sps_result spsi_check_lobes(sps_context *context, sps_object object, int 
 
 static sps_result spsi_check_radiance(sps_context *context, sps_object object, int index, const char *field,
                                       const float color[3]) {
-    return spsi_check_color(context, SPS_ERROR_ARGUMENT, object, index, field, color, SPSI_VALUE_MAX);
+    if (!spsi_bad_color(color, SPSI_VALUE_MAX)) return SPS_OK;
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field,
+                           (double)*spsi_bad_color(color, SPSI_VALUE_MAX), "red, green and blue must be 0..1e18");
 }
 
 static sps_result spsi_check_gas_colors(sps_context *context, sps_object object, int index, const float albedo[3],
                                         const float emission[3]) {
-    if (spsi_check_color(context, SPS_ERROR_ARGUMENT, object, index, "albedo", albedo, 1)) return context->result;
+    if (spsi_bad_color(albedo, 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "albedo", (double)*spsi_bad_color(albedo, 1),
+                               "red, green and blue must be 0..1");
     return spsi_check_radiance(context, object, index, "emission", emission);
 }
 
@@ -5114,9 +5119,13 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "read_fn", 0,
                               "is NULL; it must be set where there are triangles");
     if (spsi_check_indexed(context, mesh, i)) return context->result;
-    if (spsi_check_color(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "color", mesh->color, 1))
-        return context->result;
-    return spsi_check_color(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "transmittance", mesh->transmittance, 1);
+    if (spsi_bad_color(mesh->color, 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "color",
+                               (double)*spsi_bad_color(mesh->color, 1), "red, green and blue must be 0..1");
+    if (spsi_bad_color(mesh->transmittance, 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "transmittance",
+                               (double)*spsi_bad_color(mesh->transmittance, 1), "red, green and blue must be 0..1");
+    return SPS_OK;
 }
 
 static sps_result spsi_check_set(sps_context *context, const sps_particles *set, int i) {
@@ -5346,7 +5355,10 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
     if ((int)light->falloff < 0 || light->falloff > SPS_FALLOFF_NONE)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "falloff", (double)(int)light->falloff,
                                "it must be an sps_falloff");
-    if (spsi_check_radiance(context, SPS_OBJECT_LIGHT, i, "color", light->color)) return context->result;
+    if (spsi_bad_color(light->color, SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "color",
+                               (double)*spsi_bad_color(light->color, SPSI_VALUE_MAX),
+                               "red, green and blue must be 0..1e18");
     memcpy(direction, light->direction, sizeof direction);
     if (spsi_check_cone(context, light, i)) return context->result;
     if ((light->kind == SPS_LIGHT_DIRECTIONAL || light->outer_cone > 0 || light->projector) &&
@@ -8833,10 +8845,10 @@ static sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_ba
                         mesh->shade_fn(mesh->shade_user, (size_t)batch->count, batch->points, batch->out)))
         return context->result;
     for (int i = 0; i < batch->count; ++i)
-        if (spsi_check_color(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's color",
-                             batch->out[i].color, 1) ||
-            spsi_check_color(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's emission",
-                             batch->out[i].emission, SPSI_VALUE_MAX))
+        if (spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's color",
+                           batch->out[i].color, 1) ||
+            spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's emission",
+                           batch->out[i].emission, SPSI_VALUE_MAX))
             return context->result;
     return SPS_OK;
 }
@@ -9740,8 +9752,8 @@ static size_t spsi_images_bytes(const spsi_frame *frame) {
 static sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                       float *rgb) {
     if (!frame->replace_invalid)
-        return spsi_check_color(context, SPS_ERROR_DATA, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn's color",
-                                rgb, SPSI_VALUE_MAX);
+        return spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn's color",
+                              rgb, SPSI_VALUE_MAX);
     if (!spsi_bad_color(rgb, SPSI_VALUE_MAX)) return SPS_OK;
     rgb[0] = rgb[1] = rgb[2] = 0;
     context->stats.values_replaced += 1;
@@ -27396,8 +27408,8 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
                         background->color_fn(background->user, (size_t)region[2], directions, rgb)))
         return context->result;
     for (int i = 0; i < region[2] && !context->result; ++i)
-        spsi_check_color(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "background_fn's color", rgb + 3 * i,
-                         SPSI_VALUE_MAX);
+        spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "background_fn's color", rgb + 3 * i,
+                       SPSI_VALUE_MAX);
     return context->result;
 }
 

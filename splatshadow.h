@@ -10072,10 +10072,11 @@ static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
 }
 
 /* Fills one row of cells. */
-static void spsi_planes_task(void *data, int index) {
+static void spsi_planes_task(void *data, int index, int worker) {
     const spsi_planes_job *job = (const spsi_planes_job *)data;
     const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
     float *cells = job->alone + (size_t)index * (size_t)columns;
+    (void)worker;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
     for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
         spsi_planes_row(job, y, cells);
@@ -10128,7 +10129,7 @@ static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, s
         const spsi_rays *rays = &map->rays[job.face];
         spsi_rasterise(context, faces, rays, NULL, map->depths[job.face], (int *)(void *)map->slopes[job.face][1]);
         job.alone = map->nearest[job.face] + (size_t)map->cells[job.face] * (size_t)spsi_depth_map_cells(rays->height);
-        spsi_parallel_items(context, spsi_depth_map_cells(rays->height), spsi_planes_task, &job);
+        spsi_parallel(context, spsi_depth_map_cells(rays->height), spsi_planes_task, &job);
         spsi_depth_map_spread(map, job.face, job.alone);
     }
 }
@@ -10346,10 +10347,11 @@ static void spsi_panes_row(const spsi_panes_job *job, int y, float *cells) {
 }
 
 /* Fills one row of cells. */
-static void spsi_panes_task(void *data, int index) {
+static void spsi_panes_task(void *data, int index, int worker) {
     const spsi_panes_job *job = (const spsi_panes_job *)data;
     const int columns = job->map->grid.cells[job->face], height = job->map->grid.rays[job->face].height;
     float *cells = job->alone + (size_t)index * (size_t)columns;
+    (void)worker;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
     for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y) spsi_panes_row(job, y, cells);
 }
@@ -10384,7 +10386,7 @@ static void spsi_pane_map_fill(sps_context *context, const spsi_frame *frame, co
         const int rows = spsi_depth_map_cells(map->grid.rays[job.face].height);
         spsi_panes_raster(context, frame, faces, map, job.face, 1);
         job.alone = map->grid.nearest[job.face] + (size_t)map->grid.cells[job.face] * (size_t)rows;
-        spsi_parallel_items(context, rows, spsi_panes_task, &job);
+        spsi_parallel(context, rows, spsi_panes_task, &job);
         spsi_depth_map_spread(&map->grid, job.face, job.alone);
     }
 }
@@ -17312,12 +17314,13 @@ static int spsi_shadow_table_is_new(const sps_tmap *map, int x, int y) {
 }
 
 /* Fills a row of a table's blocks. What lies beyond the last row or column repeats the last: it is never looked up. */
-static void spsi_shadow_table_task(void *data, int row) {
+static void spsi_shadow_table_task(void *data, int row, int worker) {
     const sps_tmap *map = (const sps_tmap *)data;
     const int planes = map->settings.components, width = map->rays[0].width;
     const int height = map->rays[0].height * map->face_count, columns = spsi_shadow_table_columns(map);
     uint32_t *to =
         (uint32_t *)map->data.table.data + (size_t)row * (size_t)columns * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
+    (void)worker;
     for (int column = 0; column < columns; ++column, to += (size_t)planes * SPSI_SHADOW_TABLE_TEXELS)
         for (int i = 0; i < SPSI_SHADOW_TABLE_TEXELS; ++i) {
             const int x = spsi_least(column * SPSI_SHADOW_TABLE_SIDE + i % SPSI_SHADOW_TABLE_SIDE, width - 1);
@@ -17343,7 +17346,7 @@ static sps_result spsi_shadow_table_build(sps_tmap *map) {
     if (!spsi_buffer_reserve(map->context, &map->data.table, blocks * planes,
                              SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t)))
         return map->context->result;
-    spsi_parallel_items(map->context, spsi_shadow_table_rows(map), spsi_shadow_table_task, map);
+    spsi_parallel(map->context, spsi_shadow_table_rows(map), spsi_shadow_table_task, map);
     spsi_buffer_release(map->context, &map->data.texels);
     map->context->stats.tables_made += 1;
     spsi_shadow_table_count(map, 0);
@@ -20533,10 +20536,11 @@ typedef struct spsi_cell_step {
 } spsi_cell_step;
 
 /* Optical depth and albedo of a plane of coarse cells. */
-static void spsi_cells_coarsen_task(void *data, int z) {
+static void spsi_cells_coarsen_task(void *data, int z, int worker) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
     spsi_cell_children children;
+    (void)worker;
     for (int y = 0; y < coarse->size[1]; ++y)
         for (int x = 0; x < coarse->size[0]; ++x) {
             const size_t to = (size_t)(z * coarse->size[1] + y) * (size_t)coarse->pitch + (size_t)x;
@@ -20554,10 +20558,11 @@ static void spsi_cells_coarsen_task(void *data, int z) {
 }
 
 /* What a plane of coarse cells is given: what the fine ones miss, by optical depth. */
-static void spsi_cells_restrict_task(void *data, int z) {
+static void spsi_cells_restrict_task(void *data, int z, int worker) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
     spsi_cell_children children;
+    (void)worker;
     for (int y = 0; y < coarse->size[1]; ++y)
         for (int x = 0; x < coarse->size[0]; ++x) {
             const size_t to = (size_t)(z * coarse->size[1] + y) * (size_t)coarse->pitch + (size_t)x;
@@ -20628,10 +20633,11 @@ static void spsi_cells_correct_task(void *data, int z) {
 }
 
 /* Ways through the cells of a plane. */
-static void spsi_cells_ways_task(void *data, int z) {
+static void spsi_cells_ways_task(void *data, int z, int worker) {
     static const float ways[SPSI_CELL_LENGTHS] = {1, 1.41421356f, 1.73205081f, 1.10554160f};
     const spsi_cell_level *level = ((const spsi_cell_pass *)data)->level;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
+    (void)worker;
     for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES)
         for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
             const spsi_v depth = spsi_mul(spsi_load(level->depth + at), spsi_set(ways[i]));
@@ -20686,7 +20692,7 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
     step.fine = level;
     step.coarse = &solver->levels[n + 1];
     if (n > 0) spsi_cells_miss(solver, level);
-    spsi_parallel_items(solver->context, step.coarse->size[2], spsi_cells_restrict_task, &step);
+    spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_restrict_task, &step);
     for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
     spsi_cells_sweep(solver, step.coarse);
     spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
@@ -20700,8 +20706,8 @@ static void spsi_cells_levels(const spsi_cell_solver *solver) {
         step.solver = solver;
         step.coarse = pass.level;
         step.fine = n > 0 ? &solver->levels[n - 1] : NULL;
-        if (n > 0) spsi_parallel_items(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
-        spsi_parallel_items(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
+        if (n > 0) spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+        spsi_parallel(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
     }
 }
 
@@ -25512,8 +25518,9 @@ typedef struct spsi_cell_channel {
     int channel;
 } spsi_cell_channel;
 
-static void spsi_cells_equations_task(void *data, int row) {
+static void spsi_cells_equations_task(void *data, int row, int worker) {
     const spsi_cell_channel *own = (const spsi_cell_channel *)data;
+    (void)worker;
     spsi_cells_equations(own->job, own->channel, (size_t)row * (size_t)own->job->grid->pitch);
 }
 
@@ -25707,13 +25714,13 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
         memset(solver->leaving, 0, 3 * SPSI_CELL_LEAVING * SPSI_CELL_MEANS * (size_t)grid->size[2] * sizeof(float));
-        spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
+        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
         spsi_cells_levels(solver);
         spsi_cells_reflect(job, own->channel, plain);
     }
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
         each.share *= 0.5;
-        spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
+        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
         spsi_copy(job->context, light, found, moments * sizeof(float));
         each.progress += each.share;
@@ -26170,10 +26177,11 @@ static double spsi_spread_cone(const spsi_lamp *lamp, const spsi_rays *rays, dou
 }
 
 /* Lights a row of the chunk's sheets. */
-static void spsi_spread_light_task(void *data, int y) {
+static void spsi_spread_light_task(void *data, int y, int worker) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
     const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
     const int pitch = job->spread->pitch;
+    (void)worker;
     for (int k = 0; k < job->count; ++k)
         for (int x = 0; x < pitch; x += SPSI_LANES) {
             const double end = near_depth + (job->first + k + 1) * thickness;
@@ -26228,9 +26236,10 @@ static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
 }
 
 /* Carries one channel through the chunk's sheets. */
-static void spsi_spread_carry_task(void *data, int c) {
+static void spsi_spread_carry_task(void *data, int c, int worker) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
     const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
+    (void)worker;
     for (int k = 0; k < job->count; ++k) {
         const size_t at = (size_t)k * job->plane, own = (size_t)c * SPSI_CHUNK * job->plane + at;
         const double begin = near_depth + (job->first + k) * thickness;
@@ -26324,8 +26333,8 @@ static sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const sp
         memset(job->depth, 0, (size_t)(1 + 3 * spread->channels) * SPSI_CHUNK * job->plane * sizeof(float));
         if (spsi_sampling_advance(&job->sheets, chunk))
             spsi_parallel(context, spsi_sampling_tiles(&job->sheets), spsi_spread_fill_task, job);
-        spsi_parallel_items(context, job->light[0].size[1], spsi_spread_light_task, job);
-        spsi_parallel_items(context, spread->channels, spsi_spread_carry_task, job);
+        spsi_parallel(context, job->light[0].size[1], spsi_spread_light_task, job);
+        spsi_parallel(context, spread->channels, spsi_spread_carry_task, job);
     }
     return SPS_OK;
 }
@@ -26608,7 +26617,7 @@ static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, i
 
 /* The range of slab coordinates of the polygons in a tile and its margin, and their minimum depth. Opens all patches of
    the tile. */
-static void spsi_polygon_range_task(void *data, int index) {
+static void spsi_polygon_range_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
     const int margin = run->eye.shape.margin;
@@ -26619,6 +26628,7 @@ static void spsi_polygon_range_task(void *data, int index) {
     const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT + margin);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     const uint32_t *layers = run->shader.visible->layers.first;
+    (void)worker;
     for (int y = y0; y < y1 && run->shader.hits; ++y)
         for (int x = x0; x < x1; x += SPSI_LANES) {
             float lanes[SPSI_LANES], depths[SPSI_LANES];
@@ -26760,7 +26770,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
         spsi_contents_build(context, &run->eye, run->has_sliced ? &run->sliced.target : NULL, &run->contents) ||
         spsi_contents_add_particles(&run->contents))
         return context->result;
-    spsi_parallel_items(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
+    spsi_parallel(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
     for (int i = 0; i < run->region.columns * run->region.rows; ++i) run->region.outside += run->region.open[i] == 0;
     return SPS_OK;
 }
@@ -28968,10 +28978,11 @@ static void spsi_march_span_task(void *data, int index, int worker) {
 }
 
 /* Finds the next face of each pixel of a row. */
-static void spsi_march_meet_task(void *data, int index) {
+static void spsi_march_meet_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, width = marcher->frame->content->eye.width;
     const int y = region[1] + index;
+    (void)worker;
     for (int x = region[0]; x < region[0] + region[2]; ++x) {
         spsi_walker *walker = &marcher->walkers[(size_t)index * (size_t)region[2] + (size_t)(x - region[0])];
         if (!walker->ended) spsi_march_meet(marcher, x, y, walker);
@@ -29028,7 +29039,7 @@ static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, 
     const size_t pixels = (size_t)region[2] * (size_t)region[3];
     const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
     const double share = marcher->settings->samples > 0 ? SPSI_MARCH_SHARE : 1; /* of the call */
-    spsi_parallel_items(context, region[3], spsi_march_meet_task, marcher);
+    spsi_parallel(context, region[3], spsi_march_meet_task, marcher);
     marcher->visible.hits = marcher->hits;
     if (spsi_textures(context, frame, marcher->faces, &marcher->visible)) return context->result;
     for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {

@@ -7485,26 +7485,6 @@ static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangl
     }
 }
 
-/* Turns one triangle into a face; returns 0 if it has no area. */
-static int spsi_face_from_triangle(const spsi_mesh *mesh, const sps_triangle *triangle, double world[3][3],
-                                   const spsi_frame *frame, spsi_face *face) {
-    double own[3], reach = 0;
-    memcpy(face->position, world, sizeof face->position);
-    spsi_face_plane(face, own);
-    if (!spsi_normalise(own)) return 0;
-    for (int corner = 0; corner < 3; ++corner) {
-        spsi_bounds_add(&frame->content->mesh_bounds, world[corner]);
-        for (int i = 0; i < 3; ++i) {
-            face->color[corner][i] = mesh->has_colors ? triangle->color[corner][i] : mesh->color[i];
-            reach = fmax(reach, fabs(world[corner][i] - mesh->placement.origin[i]));
-        }
-    }
-    memcpy(face->transmittance, mesh->transmittance, sizeof face->transmittance);
-    face->rounding = (float)(reach * (double)FLT_EPSILON);
-    spsi_face_normals(mesh, triangle, own, face);
-    return 1;
-}
-
 /* The depth of the polygon at a pixel; outside the image, that at its edge. */
 static inline float spsi_hit_depth(const spsi_hit *hits, int width, int height, int x, int y) {
     const int row = spsi_least(spsi_most(y, 0), height - 1), column = spsi_least(spsi_most(x, 0), width - 1);
@@ -7529,15 +7509,28 @@ typedef struct spsi_face_lists {
     int face_count, texture_count;
 } spsi_face_lists;
 
-/* Adds a triangle, unless it has no area. */
+/* Adds a triangle as a face, unless it has no area. */
 static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const sps_triangle *triangle, size_t number,
                           double world[3][3], spsi_face_lists *lists) {
-    if (!spsi_face_from_triangle(mesh, triangle, world, frame, &lists->faces[lists->face_count])) return;
+    spsi_face *face = &lists->faces[lists->face_count];
+    double own[3], reach = 0;
+    memcpy(face->position, world, sizeof face->position);
+    spsi_face_plane(face, own);
+    if (!spsi_normalise(own)) return;
+    for (int corner = 0; corner < 3; ++corner) {
+        spsi_bounds_add(&frame->content->mesh_bounds, world[corner]);
+        for (int i = 0; i < 3; ++i) {
+            face->color[corner][i] = mesh->has_colors ? triangle->color[corner][i] : mesh->color[i];
+            reach = fmax(reach, fabs(world[corner][i] - mesh->placement.origin[i]));
+        }
+    }
+    memcpy(face->transmittance, mesh->transmittance, sizeof face->transmittance);
+    face->rounding = (float)(reach * (double)FLT_EPSILON);
+    spsi_face_normals(mesh, triangle, own, face);
     lists->face_count += 1;
     if (!mesh->shade_fn) return;
     memcpy(lists->textures[lists->texture_count].uv, triangle->uv, sizeof triangle->uv);
-    lists->textures[lists->texture_count].number = (uint32_t)number;
-    lists->texture_count += 1;
+    lists->textures[lists->texture_count++].number = (uint32_t)number;
 }
 
 static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame, const spsi_mesh *mesh,
@@ -8091,13 +8084,12 @@ static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int fa
        behind = mean over samples of (transmittance behind),            what of anything behind it
    so that shading, which knows nothing of samples, composites gas and layers in order of depth. Gas is not sampled: it
    lies before or behind a layer as a whole. Cost: translucent faces, or all at N x N times the pixels where edges are
-   sampled, are rasterised twice, to count fragments and to list them; 24 bytes per fragment, 56 per layer. */
+   sampled, are rasterised twice, to count fragments and to list them; 16 bytes per fragment, 56 per layer. */
 
 typedef struct spsi_fragment {
     uint64_t mask; /* bits: samples, in rows */
     float depth;   /* their mean, t - depth_reference */
-    int face;      /* that one of them sees */
-    int sample;    /* its bit */
+    int face;      /* that the sample in their middle sees */
 } spsi_fragment;
 
 typedef struct spsi_layer {
@@ -8209,9 +8201,8 @@ static void spsi_pane_fragments(const spsi_layers_job *job, const spsi_layer_scr
     for (int row = spsi_most(y * n, box[1]); row <= spsi_least(y * n + n - 1, box[3]); ++row)
         spsi_pane_row(job, scratch, e, face, row, seen);
     for (int x = seen[0]; x <= seen[1]; ++x) {
-        spsi_fragment fragment = {scratch->masks[x], 0, face, 0};
+        spsi_fragment fragment = {scratch->masks[x], 0, face};
         if (!fragment.mask) continue;
-        fragment.sample = spsi_mask_middle(fragment.mask, n);
         fragment.depth = (float)(scratch->sums[x] / spsi_bit_count(fragment.mask));
         spsi_fragment_add(job, (size_t)y * (size_t)job->rays->width + (size_t)x, &fragment);
         scratch->masks[x] = 0;
@@ -8311,14 +8302,14 @@ static int spsi_group_is_all(const spsi_layers_job *job, const spsi_group *group
 /* Adds a group's fragment. Its place is the sample in the middle of it. */
 static void spsi_group_add(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_group *group,
                            int x, int y, float *deepest) {
-    const int n = job->samples;
-    spsi_fragment fragment = {group->mask, 0, 0, spsi_mask_middle(group->mask, n)};
+    const int n = job->samples, middle = spsi_mask_middle(group->mask, n);
+    spsi_fragment fragment = {group->mask, 0, 0};
     double sum = 0;
     for (int i = 0; i < n * n; ++i) {
         const size_t at =
             (size_t)((y * n + i / n) % (n * SPSI_LAYER_ROWS)) * (size_t)job->fine.width + (size_t)(x * n + i % n);
         if (group->mask >> i & 1) sum += (double)scratch->depths[at];
-        if (i == fragment.sample) fragment.face = scratch->numbers[at];
+        if (i == middle) fragment.face = scratch->numbers[at];
     }
     fragment.depth = (float)(sum / spsi_bit_count(group->mask));
     *deepest = fragment.depth > *deepest ? fragment.depth : *deepest;
@@ -8411,8 +8402,9 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
     row /= count;
     spsi_face_edges(job->faces, fragment->face, &job->fine, &e);
     if (!spsi_face_hit(&e, x + column, y + row, w)) {
-        column = fragment->sample % n;
-        row = fragment->sample / n;
+        const int middle = spsi_mask_middle(fragment->mask, n);
+        column = middle % n;
+        row = middle / n;
         spsi_face_hit(&e, x + column, y + row, w);
     }
     layer->hit.depth = fragment->depth;
@@ -26516,6 +26508,7 @@ typedef struct spsi_run {
     uint64_t *shaded;       /* per worker: pixels times slabs */
     int slab_count;         /* to composite in this chunk; 0: polygons only */
     float low, high;        /* range of slab coordinates whose polygons belong to this chunk */
+    float *total;           /* of all sweeps so far */
     spsi_region region;
 } spsi_run;
 
@@ -26665,12 +26658,6 @@ static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     return spsi_sliced_begin(context, run->frame, run->sweep, run->shader.faces, &run->contents, &run->sliced);
 }
 
-/* The linear quantities that shading evaluates along the eye's rays. */
-static void spsi_run_linears(spsi_run *run) {
-    spsi_shader_linears(&run->sweep->slabs, &run->shader);
-    for (int n = 0; n < run->shader.shadow_count; ++n) spsi_shadow_aim(run->shader.eye, &run->shadows[n]);
-}
-
 static void spsi_region_place(const spsi_frame *frame, spsi_region *region) {
     const int *pixels = frame->view.region;
     region->x0 = pixels[0] / SPSI_TILE_WIDTH;
@@ -26765,7 +26752,8 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     if (spsi_target_of_eye(context, frame, &sweep->slabs, sweep->back_to_front, &run->eye) ||
         spsi_run_slice(context, run))
         return context->result;
-    spsi_run_linears(run);
+    spsi_shader_linears(&sweep->slabs, shader);
+    for (int n = 0; n < shader->shadow_count; ++n) spsi_shadow_aim(shader->eye, &run->shadows[n]);
     if (spsi_run_region(context, run) || spsi_run_scratch(context, run) ||
         spsi_contents_build(context, &run->eye, run->has_sliced ? &run->sliced.target : NULL, &run->contents) ||
         spsi_contents_add_particles(&run->contents))
@@ -27464,17 +27452,12 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float c
 
 #define SPSI_SUM_ROWS 8 /* rows of pixels of a task */
 
-typedef struct spsi_sum_job {
-    const spsi_run *run;
-    float *total;
-} spsi_sum_job;
-
 /* The same for some rows of the region, as far as they are in the sweep's part of the image. */
 static void spsi_sum_task(void *data, int index) {
-    const spsi_sum_job *job = (const spsi_sum_job *)data;
-    const spsi_frame *frame = job->run->frame;
-    const spsi_shader *shader = &job->run->shader;
-    const int *region = frame->view.region, *part = job->run->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
+    const spsi_run *run = (const spsi_run *)data;
+    const spsi_frame *frame = run->frame;
+    const spsi_shader *shader = &run->shader;
+    const int *region = frame->view.region, *part = run->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
     const int x1 = spsi_least(part[2], region[0] + region[2]);
     const int y1 = spsi_least(part[3], spsi_least(region[1] + region[3], top + SPSI_SUM_ROWS));
     for (int y = spsi_most(part[1], top); y < y1; ++y)
@@ -27485,17 +27468,9 @@ static void spsi_sum_task(void *data, int index) {
             float covered[SPSI_LANES];
             spsi_store(covered, spsi_coverage(spsi_load_first(shader->depth + at, count)));
             for (int i = 0; i < count; ++i)
-                spsi_add_pixel(job->run, x + i, y, at + (size_t)i, spsi_flush(covered[i]),
-                               job->total + (pixel + (size_t)i) * spsi_total_floats(frame));
+                spsi_add_pixel(run, x + i, y, at + (size_t)i, spsi_flush(covered[i]),
+                               run->total + (pixel + (size_t)i) * spsi_total_floats(frame));
         }
-}
-
-/* The same for all pixels of the sweep's part. */
-static void spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
-    spsi_sum_job job;
-    job.run = run;
-    job.total = total;
-    spsi_parallel_items(context, (run->frame->view.region[3] + SPSI_SUM_ROWS - 1) / SPSI_SUM_ROWS, spsi_sum_task, &job);
 }
 
 static void spsi_write_image(const spsi_frame *frame, const float *total, const sps_image *image) {
@@ -27561,12 +27536,15 @@ static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *pict
     run->shadows = picture->shadows;
     run->shader.shadow_count = measures ? 0 : picture->shadow_count;
     run->shader.again.measures = measures;
+    run->total = picture->total;
     if (spsi_run_build(context, picture->frame, &picture->faces, &picture->visible, sweep, run)) return context->result;
     swept = spsi_clock(context);
     context->stats.seconds_bin += swept - start;
     light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
     if (spsi_run_sweep(run, part)) return context->result;
-    if (!measures) spsi_add_sweep(context, run, picture->total);
+    if (!measures)
+        spsi_parallel_items(context, (picture->frame->view.region[3] + SPSI_SUM_ROWS - 1) / SPSI_SUM_ROWS,
+                            spsi_sum_task, run);
     context->stats.seconds_eye +=
         spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
     return SPS_OK;

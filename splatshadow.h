@@ -2392,13 +2392,9 @@ static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_
     return data;
 }
 
-/* The same for the context's numbered buffers. */
+/* As spsi_buffer_reserve, for the context's numbered buffers. */
 static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
     return spsi_buffer_reserve(context, &context->buffers[id], count, size);
-}
-
-static void *spsi_extend(sps_context *context, spsi_buffer_id id, size_t kept, size_t count, size_t size) {
-    return spsi_buffer_extend(context, &context->buffers[id], kept, count, size);
 }
 
 static int spsi_worker_count(const sps_context *context) {
@@ -2865,10 +2861,9 @@ static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     if (rays->perspective) {
         spsi_cross(r1, r3, ax);
         spsi_cross(r3, r0, ay);
-        scale = spsi_dot(base, r3);
         if (!spsi_invert(r0, r1, r3, rows)) return 0;
         for (int i = 0; i < 3; ++i) rays->origin[i] = -(rows[0][i] * r0[3] + rows[1][i] * r1[3] + rows[2][i] * r3[3]);
-        scale = spsi_length(r3) / scale;
+        scale = spsi_length(r3) / spsi_dot(base, r3);
     } else {
         if (!(r3[3] > 0) || !spsi_invert(r0, r1, base, rows)) return 0;
         for (int i = 0; i < 3; ++i) {
@@ -6508,8 +6503,8 @@ static spsi_segment *spsi_segment_with_room(sps_context *context, int *current) 
     if (segment && segment->used + whole <= SPSI_SEGMENT) return segment;
     *current += 1;
     if (*current == context->segment_count) {
-        spsi_segment **list = (spsi_segment **)spsi_extend(context, SPSI_BUFFER_SEGMENTS, (size_t)*current,
-                                                           (size_t)*current + 1, sizeof(spsi_segment *));
+        spsi_segment **list = (spsi_segment **)spsi_buffer_extend(
+            context, &context->buffers[SPSI_BUFFER_SEGMENTS], (size_t)*current, (size_t)*current + 1, sizeof *list);
         if (!list) return NULL;
         list[*current] = (spsi_segment *)spsi_acquire(context, 1, sizeof(spsi_segment));
         if (!list[*current]) return NULL;
@@ -6530,8 +6525,8 @@ static sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *voxel
         if (count == 0) continue;
         segment = spsi_segment_with_room(context, current);
         if (!segment) return context->result;
-        bricks = (spsi_brick *)spsi_extend(context, SPSI_BUFFER_BRICKS, (size_t)number, (size_t)number + 1,
-                                           sizeof(spsi_brick));
+        bricks = (spsi_brick *)spsi_buffer_extend(context, &context->buffers[SPSI_BUFFER_BRICKS], (size_t)number,
+                                                  (size_t)number + 1, sizeof(spsi_brick));
         if (!bricks) return context->result;
         bricks[number].lattice = lattice;
         spsi_block_brick(&voxels->block, i, bricks[number].base);
@@ -9442,7 +9437,7 @@ static double spsi_voxel_across(const spsi_frame *frame, const double right[3], 
 static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
-    double eye[3], pitch, extent, distance;
+    double eye[3], *const first = lamp->is_point ? rays->c : rays->origin, pitch, extent, distance;
     int columns, rows;
     spsi_bounds_centre(bounds, centre);
     spsi_lamp_direction(lamp, centre, forward);
@@ -9471,11 +9466,8 @@ static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, doubl
     rays->width = spsi_most(2, size - 2 * columns);
     rays->height = spsi_most(2, size - 2 * rows);
     spsi_rays_aim(rays, eye, right, down, forward, pitch, pitch);
-    {
-        double *corner = rays->perspective ? rays->c : rays->origin;
-        spsi_along(corner, right, 0.5 * (low[0] + high[0]), corner);
-        spsi_along(corner, down, 0.5 * (low[1] + high[1]), corner);
-    }
+    spsi_along(first, right, 0.5 * (low[0] + high[0]), first);
+    spsi_along(first, down, 0.5 * (low[1] + high[1]), first);
     rays->depth_reference = rays->perspective ? distance : 0;
     rays->near_depth = rays->perspective ? 0 : -HUGE_VAL;
     return spsi_rays_complete(rays);
@@ -31149,12 +31141,10 @@ SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float
                 }
             }
     spsi_store(lows, low), spsi_store(highs, high);
+    for (int i = 1; i < SPSI_LANES; ++i)
+        lows[0] = spsi_lower(lows[i], lows[0]), highs[0] = spsi_higher(highs[i], highs[0]);
     out_min_max[0] = invalid ? 0 : lows[0];
     out_min_max[1] = invalid ? SPSI_VALUE_MAX : highs[0];
-    for (int i = 1; i < SPSI_LANES && !invalid; ++i) {
-        out_min_max[0] = spsi_lower(lows[i], out_min_max[0]);
-        out_min_max[1] = spsi_higher(highs[i], out_min_max[1]);
-    }
     return 0;
 }
 
@@ -31245,17 +31235,17 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     return spsi_end(map->context);
 }
 
-/* Queries a map at up to SPSI_LANES positions. */
-static void spsi_tmap_answer(const sps_tmap *map, int count, const double *positions, float *optical_depths,
-                             float *transmittances) {
+/* Queries a map at up to SPSI_LANES positions, the answers to which begin with number `first`. */
+static void spsi_tmap_answer(const sps_tmap *map, size_t first, int count, const double *positions,
+                             float *optical_depths, float *transmittances) {
     float depths[SPSI_LANES] = {0};
     double lit[SPSI_LANES];
     for (int i = 0; i < count; ++i) lit[i] = 1;
     spsi_tmap_at(map, count, positions, depths, lit);
-    for (int i = 0; i < count; ++i) {
+    for (size_t i = 0; i < (size_t)count; ++i) {
         const double depth = (double)depths[i];
-        if (transmittances) transmittances[i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
-        if (optical_depths) optical_depths[i] = (float)spsi_optical_depth_with_surfaces(depth, lit[i]);
+        if (transmittances) transmittances[first + i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
+        if (optical_depths) optical_depths[first + i] = (float)spsi_optical_depth_with_surfaces(depth, lit[i]);
     }
 }
 
@@ -31268,8 +31258,7 @@ SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const doubl
     if (!spsi_tmap_queryable(map, count, positions)) return SPS_ERROR_ARGUMENT;
     for (size_t first = 0; first < count; first += SPSI_LANES) {
         const int some = count - first < SPSI_LANES ? (int)(count - first) : SPSI_LANES;
-        spsi_tmap_answer(map, some, positions + 3 * first, optical_depths ? optical_depths + first : NULL,
-                         transmittances ? transmittances + first : NULL);
+        spsi_tmap_answer(map, first, some, positions + 3 * first, optical_depths, transmittances);
     }
     return SPS_OK;
 }
@@ -31286,8 +31275,7 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
             memcpy(position, next, sizeof position);
             for (int k = 0; k < 3; ++k) wide[3 * i + k] = (double)position[k];
         }
-        spsi_tmap_answer(map, some, wide, optical_depths ? optical_depths + first : NULL,
-                         transmittances ? transmittances + first : NULL);
+        spsi_tmap_answer(map, first, some, wide, optical_depths, transmittances);
     }
     return SPS_OK;
 }

@@ -2158,6 +2158,10 @@ typedef struct spsi_pace {
     spsi_setting scattered_by;
 } spsi_pace;
 
+typedef struct spsi_bounds {
+    double low[3], high[3]; /* low > high: empty */
+} spsi_bounds;
+
 struct sps_context {
     sps_config config;
     sps_stats_report stats;
@@ -2183,7 +2187,7 @@ struct sps_context {
     int cell_tmap_count;    /* maps that are held for the sweeps of this call, >>lighting */
     uint64_t cells_held;    /* fingerprint of what scattered light was made from; 0: none is held, >>lighting */
     spsi_pace pace;         /* >>budget */
-    double mesh_low[3], mesh_high[3];
+    spsi_bounds mesh_bounds; /* of the triangles that are held */
 };
 
 /* The member at the beginning of a phrase: "count" of "count, with those before it,". */
@@ -2235,23 +2239,30 @@ static sps_result spsi_fail(sps_context *context, sps_result result, const char 
 #define SPSI_NOT_ZEROED "the struct was not zeroed"
 #define SPSI_IS_NULL    "is NULL; it must not be"
 
-/* The rest of a sentence about a field whose value breaks a rule. Returns the value. */
-static double spsi_say_value(double value, const char *rule, char rest[SPSI_SENTENCE_SIZE]) {
-    if (!(value <= 0) && !(value > 0)) value = fabs(value); /* NaN may print its sign, which is meaningless */
-    SPS_SNPRINTF(rest, SPSI_SENTENCE_SIZE, "is %g; %s", value, rule);
-    return value;
-}
-
 /* As spsi_fail_that, for "OBJECT[index].FIELD is VALUE; RULE", or for a callback, whose result is SPS_ERROR_CALLBACK
    and which has no rule, "OBJECT[index].FIELD failed: it returned VALUE". */
 static sps_result spsi_fail_field(sps_context *context, sps_result result, sps_object object, int index,
                                   const char *field, double value, const char *rule) {
     char rest[SPSI_SENTENCE_SIZE];
+    if (!(value <= 0) && !(value > 0)) value = fabs(value); /* NaN may print its sign, which is meaningless */
     if (result == SPS_ERROR_CALLBACK)
         SPS_SNPRINTF(rest, sizeof rest, "failed: it returned %g", value);
     else
-        value = spsi_say_value(value, rule, rest);
+        SPS_SNPRINTF(rest, sizeof rest, "is %g; %s", value, rule);
     return spsi_fail_that(context, result, object, index, field, value, rest);
+}
+
+/* Fails if a callback has returned non-zero. */
+static sps_result spsi_check_call(sps_context *context, sps_object object, int index, const char *field, int returned) {
+    return returned ? spsi_fail_field(context, SPS_ERROR_CALLBACK, object, index, field, returned, NULL) : SPS_OK;
+}
+
+/* Fails if a component of a color is not within 0..most, which is 1 or SPSI_VALUE_MAX. */
+static sps_result spsi_check_rgb(sps_context *context, sps_result result, sps_object object, int index,
+                                 const char *field, const float color[3], float most) {
+    const float *bad = spsi_bad_color(color, most);
+    const char *rule = most > 1 ? "red, green and blue must be 0..1e18" : "red, green and blue must be 0..1";
+    return bad ? spsi_fail_field(context, result, object, index, field, (double)*bad, rule) : SPS_OK;
 }
 
 static void spsi_free(sps_context *context, void *block, size_t bytes) {
@@ -2363,13 +2374,9 @@ static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_
     return data;
 }
 
-/* The same for the context's numbered buffers. */
+/* As spsi_buffer_reserve, for the context's numbered buffers. */
 static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
     return spsi_buffer_reserve(context, &context->buffers[id], count, size);
-}
-
-static void *spsi_extend(sps_context *context, spsi_buffer_id id, size_t kept, size_t count, size_t size) {
-    return spsi_buffer_extend(context, &context->buffers[id], kept, count, size);
 }
 
 static int spsi_worker_count(const sps_context *context) {
@@ -2514,13 +2521,33 @@ static double spsi_part_done(const spsi_part_of_call *part, double fraction) {
 
 #define SPSI_BATCH 256 /* items per task where they are many and small: enough to hide a task's overhead */
 
-/* Runs the tasks for `count` items in batches. */
-static void spsi_parallel_batches(sps_context *context, int count, sps_task_fn task, void *data) {
-    spsi_parallel(context, count / SPSI_BATCH + (count % SPSI_BATCH > 0), task, data);
+/* What is done to each of many items, by any worker. */
+typedef void (*spsi_item_fn)(void *data, int item);
+
+typedef struct spsi_batches {
+    int size, count; /* items of a task, and of all */
+    spsi_item_fn item_fn;
+    void *data;
+} spsi_batches;
+
+static void spsi_batch_task(void *data, int index, int worker) {
+    const spsi_batches *batches = (const spsi_batches *)data;
+    const int end = spsi_least(batches->count, (index + 1) * batches->size);
+    (void)worker;
+    for (int i = index * batches->size; i < end; ++i) batches->item_fn(batches->data, i);
 }
 
-/* The end of a task's batch, which begins at index * SPSI_BATCH. */
-static int spsi_batch_end(int index, int count) { return spsi_least(count, (index + 1) * SPSI_BATCH); }
+/* Calls item_fn(data, i) for i = 0..count-1, in a task for each. */
+static void spsi_parallel_items(sps_context *context, int count, spsi_item_fn item_fn, void *data) {
+    spsi_batches items = {1, count, item_fn, data};
+    spsi_parallel(context, count, spsi_batch_task, &items);
+}
+
+/* The same in batches. */
+static void spsi_parallel_batches(sps_context *context, int count, spsi_item_fn item_fn, void *data) {
+    spsi_batches batches = {SPSI_BATCH, count, item_fn, data};
+    spsi_parallel(context, count / SPSI_BATCH + (count % SPSI_BATCH > 0), spsi_batch_task, &batches);
+}
 
 /* Reports progress; SPS_ERROR_CANCELLED if the caller wants to stop. */
 static sps_result spsi_progress(sps_context *context, double fraction) {
@@ -2804,10 +2831,9 @@ static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     if (rays->perspective) {
         spsi_cross(r1, r3, ax);
         spsi_cross(r3, r0, ay);
-        scale = spsi_dot(base, r3);
         if (!spsi_invert(r0, r1, r3, rows)) return 0;
         for (int i = 0; i < 3; ++i) rays->origin[i] = -(rows[0][i] * r0[3] + rows[1][i] * r1[3] + rows[2][i] * r3[3]);
-        scale = spsi_length(r3) / scale;
+        scale = spsi_length(r3) / spsi_dot(base, r3);
     } else {
         if (!(r3[3] > 0) || !spsi_invert(r0, r1, base, rows)) return 0;
         for (int i = 0; i < 3; ++i) {
@@ -3081,13 +3107,11 @@ static sps_result spsi_transfer_from_callback(sps_context *context, const sps_tr
     sps_transfer_point points[BATCH];
     for (int first = 0; first <= SPSI_TABLE_SIZE; first += BATCH) {
         const int count = spsi_least(BATCH, SPSI_TABLE_SIZE + 1 - first);
-        int returned;
         memset(points, 0, sizeof points);
         for (int i = 0; i < count; ++i) values[i] = last * (float)(first + i) / SPSI_TABLE_SIZE;
-        returned = transfer->eval_fn(transfer->user, (size_t)count, values, points);
-        if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, volume, "transfer.eval_fn", returned,
-                                   NULL);
+        if (spsi_check_call(context, SPS_OBJECT_VOLUME, volume, "transfer.eval_fn",
+                            transfer->eval_fn(transfer->user, (size_t)count, values, points)))
+            return context->result;
         for (int i = 0; i < count; ++i) {
             if (spsi_transfer_check_point(context, volume, &points[i], -1, values[i])) return context->result;
             memcpy(table->entry[first + i], points[i].color, 3 * sizeof(float));
@@ -4427,10 +4451,6 @@ typedef enum spsi_choice {
     SPSI_CHOICE_TABLE_SHARED, /* a table: another light's sweep can carry it */
     SPSI_CHOICE_TABLE_AGAIN   /* a table: it serves the light in the cells, too */
 } spsi_choice;
-
-typedef struct spsi_bounds {
-    double low[3], high[3]; /* low > high: empty */
-} spsi_bounds;
 
 /* A light that is not black. */
 typedef struct spsi_lamp {
@@ -6194,8 +6214,8 @@ static spsi_segment *spsi_segment_with_room(sps_context *context, int *current) 
     if (segment && segment->used + whole <= SPSI_SEGMENT) return segment;
     *current += 1;
     if (*current == context->segment_count) {
-        spsi_segment **list = (spsi_segment **)spsi_extend(context, SPSI_BUFFER_SEGMENTS, (size_t)*current,
-                                                           (size_t)*current + 1, sizeof(spsi_segment *));
+        spsi_segment **list = (spsi_segment **)spsi_buffer_extend(
+            context, &context->buffers[SPSI_BUFFER_SEGMENTS], (size_t)*current, (size_t)*current + 1, sizeof *list);
         if (!list) return NULL;
         list[*current] = (spsi_segment *)spsi_acquire(context, 1, sizeof(spsi_segment));
         if (!list[*current]) return NULL;
@@ -6216,8 +6236,8 @@ static sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *voxel
         if (count == 0) continue;
         segment = spsi_segment_with_room(context, current);
         if (!segment) return context->result;
-        bricks = (spsi_brick *)spsi_extend(context, SPSI_BUFFER_BRICKS, (size_t)number, (size_t)number + 1,
-                                           sizeof(spsi_brick));
+        bricks = (spsi_brick *)spsi_buffer_extend(context, &context->buffers[SPSI_BUFFER_BRICKS], (size_t)number,
+                                                  (size_t)number + 1, sizeof(spsi_brick));
         if (!bricks) return context->result;
         bricks[number].lattice = lattice;
         spsi_block_brick(&voxels->block, i, bricks[number].base);
@@ -6275,11 +6295,10 @@ static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, sp
     memset(segment->value + at, 0, SPSI_PADDING * sizeof(float));
 }
 
-static void spsi_bricks_fill_task(void *data, int index, int worker) {
+static void spsi_bricks_fill_task(void *data, int index) {
     const spsi_reader *reader = (const spsi_reader *)data;
     const spsi_voxels *voxels = &reader->list[index];
     spsi_brick *bricks = (spsi_brick *)reader->context->buffers[SPSI_BUFFER_BRICKS].data;
-    (void)worker;
     for (int i = voxels->first_brick; i < voxels->first_brick + voxels->brick_count; ++i)
         spsi_brick_fill(voxels, spsi_segment_at(reader->context, bricks[i].segment), &bricks[i]);
 }
@@ -6299,7 +6318,7 @@ static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *fra
         if (spsi_reader_next(context, &reader, first, spsi_block_task, &reader)) return context->result;
         for (int i = 0; i < reader.count; ++i)
             if (spsi_block_add_bricks(context, &reader.list[i], medium, current)) return context->result;
-        if (context->brick_count > before) spsi_parallel(context, reader.count, spsi_bricks_fill_task, &reader);
+        if (context->brick_count > before) spsi_parallel_items(context, reader.count, spsi_bricks_fill_task, &reader);
     }
     return SPS_OK;
 }
@@ -6342,13 +6361,11 @@ static uint64_t spsi_brick_fingerprint(const sps_context *context, const spsi_br
     return sums[0];
 }
 
-static void spsi_brick_prints_task(void *data, int index, int worker) {
+static void spsi_brick_prints_task(void *data, int i) {
     const sps_context *context = (const sps_context *)data;
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     uint64_t *prints = (uint64_t *)context->buffers[SPSI_BUFFER_BRICK_PRINTS].data;
-    const int end = spsi_batch_end(index, context->brick_count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) prints[i] = spsi_brick_fingerprint(context, &bricks[i]);
+    prints[i] = spsi_brick_fingerprint(context, &bricks[i]);
 }
 
 /* Computes the fingerprints of all bricks, unless they are held with them. */
@@ -6468,16 +6485,14 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
     for (size_t first = 0; first < set->count; first += SPSI_PARTICLE_BATCH) {
         const size_t left = set->count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
         sps_particle *batch = list + frame->content->particle_count; /* there is room: no more were kept than read */
-        int returned;
         if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*read / (double)frame->particles.count))
             return context->result;
         memset(batch, 0, count * sizeof *batch);
         context->stats.particle_calls += 1;
-        returned = set->read_fn(set->user, first, count, batch);
-        if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_PARTICLES, set->index, "read_fn", returned,
-                                   NULL);
-        if (spsi_particles_validate(context, set, batch, first, count, frame->replace_invalid)) return context->result;
+        if (spsi_check_call(context, SPS_OBJECT_PARTICLES, set->index, "read_fn",
+                            set->read_fn(set->user, first, count, batch)) ||
+            spsi_particles_validate(context, set, batch, first, count, frame->replace_invalid))
+            return context->result;
         frame->content->particle_count += spsi_particles_keep(batch, count);
         *read += count;
     }
@@ -6950,8 +6965,9 @@ static int spsi_tree_part(spsi_tree_item *items, int first, int end, const spsi_
 
 /* Makes a leaf of a node, or splits it in two. Both sides get at least two items, even if a single item lies far from
    the others: cuts are then at least two apart, and a cut's position alone determines where its two nodes are stored,
-   whichever task builds them. Returns the first child, or 0 for a leaf. */
-static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tree_task *task) {
+   whichever task builds them. Returns 0 for a leaf, or 1 with what is to be done for its children. */
+static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tree_task *task,
+                           spsi_tree_task next[2]) {
     spsi_tree_node *node = &tree->nodes[task->node], *children;
     const int first = node->first, count = node->count;
     spsi_tree_cut cut;
@@ -6970,7 +6986,8 @@ static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tr
     children[0].count = middle - first;
     children[1].first = middle;
     children[1].count = first + count - middle;
-    return node->first;
+    for (int i = 0; i < 2; ++i) next[i].node = node->first + i, next[i].depth = task->depth + 1;
+    return 1;
 }
 
 typedef struct spsi_tree_job {
@@ -6981,19 +6998,14 @@ typedef struct spsi_tree_job {
 } spsi_tree_job;
 
 /* Builds one subtree. */
-static void spsi_tree_task_run(void *data, int index, int worker) {
+static void spsi_tree_task_run(void *data, int index) {
     const spsi_tree_job *job = (const spsi_tree_job *)data;
     spsi_tree_task stack[SPSI_TREE_STACK];
     int top = 0;
-    (void)worker;
     stack[top++] = job->tasks[index];
     while (top > 0) {
         const spsi_tree_task task = stack[--top];
-        const int child = spsi_tree_split(job->tree, job->items, &task);
-        for (int i = 0; i < 2 && child > 0; ++i) {
-            stack[top].node = child + i;
-            stack[top++].depth = task.depth + 1;
-        }
+        top += 2 * spsi_tree_split(job->tree, job->items, &task, stack + top);
     }
 }
 
@@ -7017,20 +7029,17 @@ static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tr
     job.tasks[0].node = job.tasks[0].depth = 0;
     job.task_count = 1;
     while (next < job.task_count && job.task_count + 1 < 4 * SPSI_TREE_TASKS) {
-        const spsi_tree_task task = job.tasks[next];
-        int child;
-        if (tree->nodes[task.node].count <= few) {
+        spsi_tree_task halves[2];
+        if (tree->nodes[job.tasks[next].node].count <= few) {
             ++next;
             continue;
         }
         if (spsi_progress(context, 0)) return context->result;
-        child = spsi_tree_split(tree, items, &task);
-        job.tasks[next].node = child;
-        job.tasks[next].depth = task.depth + 1;
-        job.tasks[job.task_count].node = child + 1;
-        job.tasks[job.task_count++].depth = task.depth + 1;
+        spsi_tree_split(tree, items, &job.tasks[next], halves);
+        job.tasks[next] = halves[0];
+        job.tasks[job.task_count++] = halves[1];
     }
-    spsi_parallel(context, job.task_count, spsi_tree_task_run, &job);
+    spsi_parallel_items(context, job.task_count, spsi_tree_task_run, &job);
     return spsi_progress(context, 0);
 }
 
@@ -7216,28 +7225,6 @@ static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangl
     }
 }
 
-/* Turns one triangle into a face; returns 0 if it has no area. */
-static int spsi_face_from_triangle(const spsi_mesh *mesh, const sps_triangle *triangle, double world[3][3],
-                                   const spsi_frame *frame, spsi_face *face) {
-    double u[3], v[3], own[3], reach = 0;
-    spsi_along(world[1], world[0], -1, u);
-    spsi_along(world[2], world[0], -1, v);
-    spsi_cross(u, v, own);
-    if (!spsi_normalise(own)) return 0;
-    for (int corner = 0; corner < 3; ++corner) {
-        spsi_bounds_add(&frame->content->mesh_bounds, world[corner]);
-        for (int i = 0; i < 3; ++i) {
-            face->position[corner][i] = world[corner][i];
-            face->color[corner][i] = mesh->has_colors ? triangle->color[corner][i] : mesh->color[i];
-            reach = fmax(reach, fabs(world[corner][i] - mesh->placement.origin[i]));
-        }
-    }
-    memcpy(face->transmittance, mesh->transmittance, sizeof face->transmittance);
-    face->rounding = (float)(reach * (double)FLT_EPSILON);
-    spsi_face_normals(mesh, triangle, own, face);
-    return 1;
-}
-
 /* The depth of the polygon at a pixel; outside the image, that at its edge. */
 static inline float spsi_hit_depth(const spsi_hit *hits, int width, int height, int x, int y) {
     const int row = spsi_least(spsi_most(y, 0), height - 1), column = spsi_least(spsi_most(x, 0), width - 1);
@@ -7262,15 +7249,28 @@ typedef struct spsi_face_lists {
     int face_count, texture_count;
 } spsi_face_lists;
 
-/* Adds a triangle, unless it has no area. */
+/* Adds a triangle as a face, unless it has no area. */
 static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const sps_triangle *triangle, size_t number,
                           double world[3][3], spsi_face_lists *lists) {
-    if (!spsi_face_from_triangle(mesh, triangle, world, frame, &lists->faces[lists->face_count])) return;
+    spsi_face *face = &lists->faces[lists->face_count];
+    double own[3], reach = 0;
+    memcpy(face->position, world, sizeof face->position);
+    spsi_face_plane(face, own);
+    if (!spsi_normalise(own)) return;
+    for (int corner = 0; corner < 3; ++corner) {
+        spsi_bounds_add(&frame->content->mesh_bounds, world[corner]);
+        for (int i = 0; i < 3; ++i) {
+            face->color[corner][i] = mesh->has_colors ? triangle->color[corner][i] : mesh->color[i];
+            reach = fmax(reach, fabs(world[corner][i] - mesh->placement.origin[i]));
+        }
+    }
+    memcpy(face->transmittance, mesh->transmittance, sizeof face->transmittance);
+    face->rounding = (float)(reach * (double)FLT_EPSILON);
+    spsi_face_normals(mesh, triangle, own, face);
     lists->face_count += 1;
     if (!mesh->shade_fn) return;
     memcpy(lists->textures[lists->texture_count].uv, triangle->uv, sizeof triangle->uv);
-    lists->textures[lists->texture_count].number = (uint32_t)number;
-    lists->texture_count += 1;
+    lists->textures[lists->texture_count++].number = (uint32_t)number;
 }
 
 static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame, const spsi_mesh *mesh,
@@ -7281,13 +7281,11 @@ static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame
     for (size_t first = 0; first < mesh->triangle_count; first += SPSI_TRIANGLE_BATCH) {
         const size_t left = mesh->triangle_count - first,
                      count = left < SPSI_TRIANGLE_BATCH ? left : SPSI_TRIANGLE_BATCH;
-        int returned;
         memset(triangles, 0, count * sizeof(sps_triangle));
         context->stats.triangle_calls += 1;
-        returned = mesh->read_fn(mesh->user, first, count, triangles);
-        if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_MESH, mesh->index, "read_fn", returned,
-                                   NULL);
+        if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "read_fn",
+                            mesh->read_fn(mesh->user, first, count, triangles)))
+            return context->result;
         for (size_t i = 0; i < count; ++i) {
             double world[3][3];
             for (int k = 0; k < 3; ++k) spsi_to_world(&mesh->placement, triangles[i].position[k], world[k]);
@@ -7350,8 +7348,7 @@ static sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame)
         lists.meshes[i].textures = textures;
     }
     context->face_count = lists.face_count;
-    memcpy(context->mesh_low, frame->content->mesh_bounds.low, sizeof context->mesh_low);
-    memcpy(context->mesh_high, frame->content->mesh_bounds.high, sizeof context->mesh_high);
+    context->mesh_bounds = frame->content->mesh_bounds;
     return SPS_OK;
 }
 
@@ -7373,10 +7370,11 @@ static sps_result spsi_gather_faces(sps_context *context, const spsi_frame *fram
         faces->textures = (const spsi_face_texture *)context->buffers[SPSI_BUFFER_FACE_TEXTURES].data;
         faces->meshes = (const spsi_mesh_faces *)context->buffers[SPSI_BUFFER_MESH_FACES].data;
     }
-    memcpy(frame->content->mesh_bounds.low, context->mesh_low, sizeof context->mesh_low);
-    memcpy(frame->content->mesh_bounds.high, context->mesh_high, sizeof context->mesh_high);
-    for (int i = 0; i < 3; ++i)
-        faces->extent = fmax(faces->extent, fmax(fabs(context->mesh_low[i]), fabs(context->mesh_high[i])));
+    frame->content->mesh_bounds = context->mesh_bounds;
+    for (int i = 0; i < 3; ++i) {
+        faces->extent = fmax(faces->extent, fabs(context->mesh_bounds.low[i]));
+        faces->extent = fmax(faces->extent, fabs(context->mesh_bounds.high[i]));
+    }
     context->stats.triangles = (uint64_t)faces->count;
     context->stats.triangles_degenerate = (uint64_t)(frame->meshes.triangle_count - (size_t)faces->count);
     return SPS_OK;
@@ -7517,11 +7515,9 @@ typedef struct spsi_raster {
     int first_row;  /* that the lists above begin with */
 } spsi_raster;
 
-static void spsi_raster_box_task(void *data, int index, int worker) {
+static void spsi_raster_box_task(void *data, int i) {
     const spsi_raster *raster = (const spsi_raster *)data;
-    const int end = spsi_batch_end(index, raster->faces->count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) spsi_face_box(raster->faces, i, raster->rays, raster->boxes + 4 * i);
+    spsi_face_box(raster->faces, i, raster->rays, raster->boxes + 4 * i);
 }
 
 /* Depth and barycentric weights of the point where a pixel's ray hits a face; returns 0 if it misses, or before the
@@ -7609,13 +7605,11 @@ static inline int spsi_raster_reaches(const spsi_raster *raster, int face, int y
     return box[2] >= box[0] && box[1] <= y1 && box[3] >= y0;
 }
 
-/* Clears one band of rows, then rasterises every face that reaches into it, in order. */
-static void spsi_raster_band_task(void *data, int index, int worker) {
-    const spsi_raster *raster = (const spsi_raster *)data;
-    const int y0 = index * SPSI_TILE_HEIGHT, y1 = spsi_least(raster->rays->height, y0 + SPSI_TILE_HEIGHT) - 1;
+/* Clears rows, then rasterises every opaque face that reaches into them, in order. */
+static void spsi_raster_rows(const spsi_raster *raster, int y0, int y1) {
     const spsi_hit nothing = {SPSI_INFINITY, -1, {0, 0}};
-    const size_t first = (size_t)y0 * (size_t)raster->pitch, end = (size_t)(y1 + 1) * (size_t)raster->pitch;
-    (void)worker;
+    const size_t first = (size_t)(y0 - raster->first_row) * (size_t)raster->pitch;
+    const size_t end = (size_t)(y1 + 1 - raster->first_row) * (size_t)raster->pitch;
     for (size_t i = first; i < end && !raster->depths; ++i) raster->hits[i] = nothing;
     for (size_t i = first; i < end && raster->depths; ++i) {
         raster->depths[i] = SPSI_INFINITY;
@@ -7623,6 +7617,12 @@ static void spsi_raster_band_task(void *data, int index, int worker) {
     }
     for (int face = 0; face < raster->faces->count; ++face)
         if (spsi_raster_reaches(raster, face, y0, y1)) spsi_raster_face(raster, face, y0, y1);
+}
+
+static void spsi_raster_band_task(void *data, int index) {
+    const spsi_raster *raster = (const spsi_raster *)data;
+    const int y0 = index * SPSI_TILE_HEIGHT;
+    spsi_raster_rows(raster, y0, spsi_least(raster->rays->height, y0 + SPSI_TILE_HEIGHT) - 1);
 }
 
 /* Prepares to rasterise faces. */
@@ -7644,7 +7644,7 @@ static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const 
     raster.hits = hits;
     raster.depths = depths;
     raster.numbers = numbers;
-    spsi_parallel(context, spsi_tile_rows(rays), spsi_raster_band_task, &raster);
+    spsi_parallel_items(context, spsi_tile_rows(rays), spsi_raster_band_task, &raster);
 }
 
 /* --- the surface at a pixel --- */
@@ -7824,13 +7824,12 @@ static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int fa
        behind = mean over samples of (transmittance behind),            what of anything behind it
    so that shading, which knows nothing of samples, composites gas and layers in order of depth. Gas is not sampled: it
    lies before or behind a layer as a whole. Cost: translucent faces, or all at N x N times the pixels where edges are
-   sampled, are rasterised twice, to count fragments and to list them; 24 bytes per fragment, 56 per layer. */
+   sampled, are rasterised twice, to count fragments and to list them; 16 bytes per fragment, 56 per layer. */
 
 typedef struct spsi_fragment {
     uint64_t mask; /* bits: samples, in rows */
     float depth;   /* their mean, t - depth_reference */
-    int face;      /* that one of them sees */
-    int sample;    /* its bit */
+    int face;      /* that the sample in their middle sees */
 } spsi_fragment;
 
 typedef struct spsi_layer {
@@ -7868,7 +7867,7 @@ typedef struct spsi_layers_job {
     int samples;           /* along a side of a pixel */
     spsi_hit *hits;        /* opaque faces at pixels' centres, which hide what is behind; NULL: nothing does */
     char *scratch;         /* of all workers */
-    uint32_t *first;       /* number of fragments, then where they begin; see spsi_layers_sum */
+    uint32_t *first;       /* number of fragments, then where they begin; see spsi_fragment_add */
     spsi_fragment *fragments;
     spsi_layer *layers;
     int listing; /* 0: counts fragments, 1: lists them */
@@ -7942,9 +7941,8 @@ static void spsi_pane_fragments(const spsi_layers_job *job, const spsi_layer_scr
     for (int row = spsi_most(y * n, box[1]); row <= spsi_least(y * n + n - 1, box[3]); ++row)
         spsi_pane_row(job, scratch, e, face, row, seen);
     for (int x = seen[0]; x <= seen[1]; ++x) {
-        spsi_fragment fragment = {scratch->masks[x], 0, face, 0};
+        spsi_fragment fragment = {scratch->masks[x], 0, face};
         if (!fragment.mask) continue;
-        fragment.sample = spsi_mask_middle(fragment.mask, n);
         fragment.depth = (float)(scratch->sums[x] / spsi_bit_count(fragment.mask));
         spsi_fragment_add(job, (size_t)y * (size_t)job->rays->width + (size_t)x, &fragment);
         scratch->masks[x] = 0;
@@ -7957,8 +7955,7 @@ static void spsi_pane_fragments(const spsi_layers_job *job, const spsi_layer_scr
 /* One of the opaque surfaces that a pixel's samples see: faces that look alike there. */
 typedef struct spsi_group {
     uint64_t mask;
-    int face, sample; /* the first that was found */
-    float depth;      /* there */
+    int face; /* of the first that was found */
     spsi_surface surface;
     double color[3];
 } spsi_group;
@@ -7966,6 +7963,15 @@ typedef struct spsi_group {
 #define SPSI_GROUP_COSINE 0.97       /* of the angle between normals: 14 degrees */
 #define SPSI_GROUP_COLOR  (1 / 64.0) /* difference of colors */
 #define SPSI_GROUP_DEPTH  0.5        /* of a pixel's size: distance from the plane, along the ray */
+
+/* Describes the surface at a hit. */
+static void spsi_group_look(const spsi_layers_job *job, const spsi_rays *rays, const spsi_hit *hit, int x, int y,
+                            spsi_group *group) {
+    spsi_surface_at(rays, job->faces, hit, x, y, &group->surface);
+    spsi_normalise(group->surface.normal);
+    spsi_face_color(&job->faces->list[hit->face], hit, group->color);
+    group->face = hit->face;
+}
 
 /* Describes what one sample sees. */
 static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, int x, int y, spsi_group *group) {
@@ -7978,11 +7984,7 @@ static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, 
     hit.face = face;
     hit.weights[0] = (float)w[1];
     hit.weights[1] = (float)w[2];
-    spsi_surface_at(&job->fine, job->faces, &hit, x, y, &group->surface);
-    spsi_normalise(group->surface.normal);
-    spsi_face_color(&job->faces->list[face], &hit, group->color);
-    group->face = face;
-    group->depth = depth;
+    spsi_group_look(job, &job->fine, &hit, x, y, group);
     group->mask = 0;
 }
 
@@ -8016,7 +8018,6 @@ static int spsi_groups_of(const spsi_layers_job *job, const spsi_layer_scratch *
         if (face != last) {
             spsi_group *next = &groups[count];
             spsi_group_begin(job, face, scratch->depths[at], sx, sy, next);
-            next->sample = i;
             for (group = 0; group < count && !spsi_groups_agree(job, &groups[group], next);) group += 1;
             count += group == count;
             last = face;
@@ -8034,24 +8035,21 @@ static int spsi_group_is_all(const spsi_layers_job *job, const spsi_group *group
     spsi_group centre;
     if (group->mask != all || hit->face < 0) return 0;
     if (hit->face == group->face) return 1;
-    spsi_surface_at(job->rays, job->faces, hit, x, y, &centre.surface);
-    spsi_normalise(centre.surface.normal);
-    spsi_face_color(&job->faces->list[hit->face], hit, centre.color);
-    centre.face = hit->face;
+    spsi_group_look(job, job->rays, hit, x, y, &centre);
     return spsi_groups_agree(job, group, &centre);
 }
 
 /* Adds a group's fragment. Its place is the sample in the middle of it. */
 static void spsi_group_add(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_group *group,
                            int x, int y, float *deepest) {
-    const int n = job->samples;
-    spsi_fragment fragment = {group->mask, 0, 0, spsi_mask_middle(group->mask, n)};
+    const int n = job->samples, middle = spsi_mask_middle(group->mask, n);
+    spsi_fragment fragment = {group->mask, 0, 0};
     double sum = 0;
     for (int i = 0; i < n * n; ++i) {
         const size_t at =
             (size_t)((y * n + i / n) % (n * SPSI_LAYER_ROWS)) * (size_t)job->fine.width + (size_t)(x * n + i % n);
         if (group->mask >> i & 1) sum += (double)scratch->depths[at];
-        if (i == fragment.sample) fragment.face = scratch->numbers[at];
+        if (i == middle) fragment.face = scratch->numbers[at];
     }
     fragment.depth = (float)(sum / spsi_bit_count(group->mask));
     *deepest = fragment.depth > *deepest ? fragment.depth : *deepest;
@@ -8091,50 +8089,29 @@ static void spsi_edge_fragments(const spsi_layers_job *job, const spsi_layer_scr
 
 /* --- from fragments to layers --- */
 
-/* Finds what each sample of a band sees of opaque faces. */
-static void spsi_layers_opaque(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int y0, int y1) {
-    const size_t samples = (size_t)(y1 - y0 + 1) * (size_t)job->fine.width;
-    spsi_raster raster = job->raster;
-    raster.depths = scratch->depths;
-    raster.numbers = scratch->numbers;
-    raster.first_row = y0;
-    for (size_t i = 0; i < samples; ++i) {
-        scratch->depths[i] = SPSI_INFINITY;
-        scratch->numbers[i] = -1;
-    }
-    for (int face = 0; face < job->faces->count; ++face)
-        if (spsi_raster_reaches(&raster, face, y0, y1)) spsi_raster_face(&raster, face, y0, y1);
-}
-
 /* Counts or lists the fragments of a band of pixels. */
 static void spsi_layers_task(void *data, int index, int worker) {
     const spsi_layers_job *job = (const spsi_layers_job *)data;
     const spsi_rays *eye = job->rays;
     const int n = job->samples, top = index * SPSI_LAYER_ROWS;
     const int bottom = spsi_least(eye->height, top + SPSI_LAYER_ROWS) - 1;
+    spsi_raster raster = job->raster;
     spsi_layer_scratch scratch;
     spsi_layer_scratch_of(job, worker, &scratch);
     memset(scratch.masks, 0, (size_t)eye->width * (sizeof *scratch.masks + sizeof *scratch.sums));
-    if (n > 1) spsi_layers_opaque(job, &scratch, top * n, bottom * n + n - 1);
+    raster.depths = scratch.depths;
+    raster.numbers = scratch.numbers;
+    raster.first_row = top * n;
+    if (n > 1) spsi_raster_rows(&raster, top * n, bottom * n + n - 1);
     for (int face = 0; face < job->faces->count && job->frame->meshes.translucent; ++face) {
         spsi_edges e;
         if (!spsi_face_is_translucent(&job->faces->list[face])) continue;
-        if (!spsi_raster_reaches(&job->raster, face, top * n, bottom * n + n - 1)) continue;
+        if (!spsi_raster_reaches(&raster, face, top * n, bottom * n + n - 1)) continue;
         spsi_face_edges(job->faces, face, &job->fine, &e);
         for (int y = top; y <= bottom; ++y) spsi_pane_fragments(job, &scratch, &e, face, y);
     }
     for (int y = top; y <= bottom && n > 1; ++y)
         for (int x = 0; x < eye->width; ++x) spsi_edge_fragments(job, &scratch, x, y);
-}
-
-/* Replaces counts of fragments by where they begin. Returns their sum. */
-static size_t spsi_layers_sum(uint32_t *first, size_t pixels) {
-    uint64_t sum = 0;
-    for (size_t i = 2; i < pixels + 2; ++i) {
-        sum += first[i];
-        first[i] = (uint32_t)sum;
-    }
-    return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
 }
 
 /* Sorts a pixel's fragments by depth, those of equal depth by face. [Shell 1959] */
@@ -8165,8 +8142,9 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
     row /= count;
     spsi_face_edges(job->faces, fragment->face, &job->fine, &e);
     if (!spsi_face_hit(&e, x + column, y + row, w)) {
-        column = fragment->sample % n;
-        row = fragment->sample / n;
+        const int middle = spsi_mask_middle(fragment->mask, n);
+        column = middle % n;
+        row = middle / n;
         spsi_face_hit(&e, x + column, y + row, w);
     }
     layer->hit.depth = fragment->depth;
@@ -8290,7 +8268,8 @@ static void spsi_layers_accumulate(const spsi_layers_job *job, const spsi_stack 
     }
 }
 
-static void spsi_layers_of_pixel(const spsi_layers_job *job, uint32_t pixel) {
+static void spsi_layers_resolve_task(void *data, int pixel) {
+    const spsi_layers_job *job = (const spsi_layers_job *)data;
     const uint32_t first = job->first[pixel], count = job->first[pixel + 1] - first;
     spsi_stack stack;
     if (count == 0) return;
@@ -8299,17 +8278,10 @@ static void spsi_layers_of_pixel(const spsi_layers_job *job, uint32_t pixel) {
     stack.count = (int)count;
     memset(job->layers + first, 0, count * sizeof *job->layers);
     for (int i = 0; i < stack.count; ++i)
-        spsi_layer_place(job, &stack.list[i], pixel, &job->layers[first + (uint32_t)i]);
-    spsi_stack_build(job, pixel, &stack);
+        spsi_layer_place(job, &stack.list[i], (uint32_t)pixel, &job->layers[first + (uint32_t)i]);
+    spsi_stack_build(job, (uint32_t)pixel, &stack);
     spsi_layers_follow(job, &stack, job->layers + first);
     spsi_layers_accumulate(job, &stack, job->layers + first);
-}
-
-static void spsi_layers_resolve_task(void *data, int index, int worker) {
-    const spsi_layers_job *job = (const spsi_layers_job *)data;
-    const int end = spsi_batch_end(index, (int)spsi_ray_count(job->rays));
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) spsi_layers_of_pixel(job, (uint32_t)i);
 }
 
 /* Whether pixels may show more than one polygon. */
@@ -8326,25 +8298,24 @@ static size_t spsi_layers_bytes(const sps_context *context, const spsi_frame *fr
                spsi_layer_scratch_bytes(eye, spsi_most(1, frame->view.coverage_samples));
 }
 
-static int spsi_layer_bands(const spsi_layers_job *job) {
-    return (job->rays->height + SPSI_LAYER_ROWS - 1) / SPSI_LAYER_ROWS;
+/* Counts the fragments of all pixels, or lists those that have been counted. Boxes of faces may be others' since. */
+static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int listing) {
+    const int bands = (job->rays->height + SPSI_LAYER_ROWS - 1) / SPSI_LAYER_ROWS;
+    if (!listing) memset(job->first, 0, (spsi_ray_count(job->rays) + 2) * sizeof *job->first);
+    spsi_raster_begin(context, job->faces, &job->fine, &job->raster);
+    job->listing = listing;
+    spsi_parallel(context, bands, spsi_layers_task, job);
 }
 
 /* Counts the fragments of all pixels. Their number may be SIZE_MAX, which cannot be reserved. */
 static size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job) {
-    const size_t pixels = spsi_ray_count(job->rays);
-    memset(job->first, 0, (pixels + 2) * sizeof *job->first);
-    spsi_raster_begin(context, job->faces, &job->fine, &job->raster);
-    job->listing = 0;
-    spsi_parallel(context, spsi_layer_bands(job), spsi_layers_task, job);
-    return spsi_layers_sum(job->first, pixels);
-}
-
-/* Lists the fragments, which have been counted. Boxes of faces may be others' by now. */
-static void spsi_fragments_list(sps_context *context, spsi_layers_job *job) {
-    spsi_raster_begin(context, job->faces, &job->fine, &job->raster);
-    job->listing = 1;
-    spsi_parallel(context, spsi_layer_bands(job), spsi_layers_task, job);
+    uint64_t sum = 0;
+    spsi_fragments_pass(context, job, 0);
+    for (size_t i = 2; i < spsi_ray_count(job->rays) + 2; ++i) {
+        sum += job->first[i];
+        job->first[i] = (uint32_t)sum;
+    }
+    return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
 }
 
 /* Finds the layers of all pixels. Where edges are sampled, hits of pixels that show several polygons become ends of
@@ -8372,7 +8343,7 @@ static sps_result spsi_layers_build(sps_context *context, const spsi_frame *fram
     job.fragments = (spsi_fragment *)spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, layers->count, sizeof *job.fragments);
     job.layers = (spsi_layer *)spsi_reserve(context, SPSI_BUFFER_LAYERS, layers->count, sizeof *job.layers);
     if (!job.fragments || !job.layers) return context->result;
-    spsi_fragments_list(context, &job);
+    spsi_fragments_pass(context, &job, 1);
     spsi_parallel_batches(context, (int)spsi_ray_count(eye), spsi_layers_resolve_task, &job);
     layers->first = job.first;
     layers->list = job.layers;
@@ -8549,12 +8520,9 @@ static void spsi_surface_point(const spsi_surface_batch *batch, const spsi_shown
     point->y = at->place.y;
 }
 
-static void spsi_surface_point_task(void *data, int index, int worker) {
+static void spsi_surface_point_task(void *data, int i) {
     spsi_surface_batch *batch = (spsi_surface_batch *)data;
-    const int end = spsi_batch_end(index, batch->count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i)
-        spsi_surface_point(batch, &batch->same[i], &batch->points[i], &batch->out[i]);
+    spsi_surface_point(batch, &batch->same[i], &batch->points[i], &batch->out[i]);
 }
 
 /* The next place of the current pixel; returns 0 if there are no more. */
@@ -8602,23 +8570,18 @@ static int spsi_surface_batch_pick(spsi_surface_batch *batch, int mesh) {
 
 /* Calls a mesh's shade_fn for the points that were picked, and checks what it has set. */
 static sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_batch *batch, const spsi_mesh *mesh) {
-    int returned;
     spsi_parallel_batches(context, batch->count, spsi_surface_point_task, batch);
     context->stats.shade_calls += 1;
     context->stats.surface_points += (uint64_t)batch->count;
-    returned = mesh->shade_fn(mesh->shade_user, (size_t)batch->count, batch->points, batch->out);
-    if (returned)
-        return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_MESH, mesh->index, "shade_fn", returned, NULL);
-    for (int i = 0; i < batch->count; ++i) {
-        const float *color = spsi_bad_color(batch->out[i].color, 1);
-        const float *emission = spsi_bad_color(batch->out[i].emission, SPSI_VALUE_MAX);
-        if (color)
-            return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's color",
-                                   (double)*color, "red, green and blue must be 0..1");
-        if (emission)
-            return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's emission",
-                                   (double)*emission, "red, green and blue must be 0..1e18");
-    }
+    if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "shade_fn",
+                        mesh->shade_fn(mesh->shade_user, (size_t)batch->count, batch->points, batch->out)))
+        return context->result;
+    for (int i = 0; i < batch->count; ++i)
+        if (spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's color",
+                           batch->out[i].color, 1) ||
+            spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's emission",
+                           batch->out[i].emission, SPSI_VALUE_MAX))
+            return context->result;
     return SPS_OK;
 }
 
@@ -9092,16 +9055,12 @@ typedef struct spsi_face_items {
     spsi_tree_item *items;
 } spsi_face_items;
 
-static void spsi_face_items_task(void *data, int index, int worker) {
+static void spsi_face_items_task(void *data, int i) {
     const spsi_face_items *job = (const spsi_face_items *)data;
-    const int end = spsi_batch_end(index, job->faces->count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        spsi_bounds bounds = spsi_nowhere;
-        for (int corner = 0; corner < 3; ++corner) spsi_bounds_add(&bounds, job->faces->list[i].position[corner]);
-        job->items[i].number = i;
-        spsi_tree_item_add(&job->items[i], job->faces->tree.centre, bounds.low, bounds.high);
-    }
+    spsi_bounds bounds = spsi_nowhere;
+    for (int corner = 0; corner < 3; ++corner) spsi_bounds_add(&bounds, job->faces->list[i].position[corner]);
+    job->items[i].number = i;
+    spsi_tree_item_add(&job->items[i], job->faces->tree.centre, bounds.low, bounds.high);
 }
 
 /* Builds the tree of all faces, or reuses the one that is held with them. */
@@ -9115,7 +9074,7 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
     tree->order = (int *)spsi_reserve(context, SPSI_BUFFER_FACE_ORDER, count, sizeof(int));
     if (!tree->nodes || !tree->order) return context->result;
     tree->count = faces->count;
-    for (int i = 0; i < 3; ++i) tree->centre[i] = 0.5 * (context->mesh_low[i] + context->mesh_high[i]);
+    spsi_bounds_centre(&context->mesh_bounds, tree->centre);
     if (context->tree_held) return SPS_OK;
     job.faces = faces;
     job.items = (spsi_tree_item *)spsi_reserve(context, SPSI_BUFFER_TREE_ITEMS, count, sizeof(spsi_tree_item));
@@ -9173,7 +9132,7 @@ static double spsi_voxel_across(const spsi_frame *frame, const double right[3], 
 static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
-    double eye[3], pitch, extent, distance;
+    double eye[3], *const first = lamp->is_point ? rays->c : rays->origin, pitch, extent, distance;
     int columns, rows;
     spsi_bounds_centre(bounds, centre);
     spsi_lamp_direction(lamp, centre, forward);
@@ -9202,11 +9161,8 @@ static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, doubl
     rays->width = spsi_most(2, size - 2 * columns);
     rays->height = spsi_most(2, size - 2 * rows);
     spsi_rays_aim(rays, eye, right, down, forward, pitch, pitch);
-    {
-        double *corner = rays->perspective ? rays->c : rays->origin;
-        spsi_along(corner, right, 0.5 * (low[0] + high[0]), corner);
-        spsi_along(corner, down, 0.5 * (low[1] + high[1]), corner);
-    }
+    spsi_along(first, right, 0.5 * (low[0] + high[0]), first);
+    spsi_along(first, down, 0.5 * (low[1] + high[1]), first);
     rays->depth_reference = rays->perspective ? distance : 0;
     rays->near_depth = rays->perspective ? 0 : -HUGE_VAL;
     return spsi_rays_complete(rays);
@@ -9306,18 +9262,6 @@ static double spsi_pixel_from(const spsi_rays *eye, double t) {
     return eye->perspective ? breadth * fmax(t, fmax(eye->near_depth, 0)) : breadth;
 }
 
-/* Its minimum where the eye sees gas; 0 if gas reaches beside or behind it. */
-static double spsi_pixel_in_gas(const spsi_frame *frame) {
-    double nearest = HUGE_VAL;
-    for (int corner = 0; corner < 8; ++corner) {
-        double point[3], q[3];
-        spsi_bounds_corner(&frame->content->bounds, corner, point);
-        spsi_project(&frame->content->eye, point, q);
-        nearest = fmin(nearest, q[2]);
-    }
-    return spsi_pixel_from(&frame->content->eye, nearest);
-}
-
 /* How far eight points, in ray coordinates (x t, y t, t) that change at constant rates, can go until all of them have
    left the image by the same side; infinity if they don't. */
 static double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
@@ -9335,21 +9279,24 @@ static double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rat
     return end;
 }
 
-/* The least breadth of a pixel where the eye may see the shadow of gas: on gas, and on polygons wherever they are. */
-static double spsi_pixel_in_shadow(const spsi_frame *frame, const spsi_lamp *lamp) {
+/* The least breadth of a pixel where the eye sees gas; with a light, also where it may see the shadow of gas on
+   polygons, wherever they are. 0 if these reach beside or behind the eye. */
+static double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *shading) {
     const spsi_rays *eye = &frame->content->eye;
-    double q[8][3], rates[8][3], nearest = HUGE_VAL, end;
-    if (frame->meshes.triangle_count == 0 || !eye->perspective) return spsi_pixel_in_gas(frame);
+    const int falls = shading && frame->meshes.triangle_count > 0 && eye->perspective;
+    double q[8][3], rates[8][3] = {{0}}, nearest = HUGE_VAL, end = 0;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3], way[3];
         spsi_bounds_corner(&frame->content->bounds, corner, point);
-        memcpy(way, lamp->direction, sizeof way);
-        if (lamp->is_point) spsi_along(point, lamp->position, -1, way);
+        if (falls) {
+            memcpy(way, shading->direction, sizeof way);
+            if (shading->is_point) spsi_along(point, shading->position, -1, way);
+            spsi_to_rays(eye, way, rates[corner]);
+        }
         spsi_along(point, eye->origin, -1, point);
         spsi_to_rays(eye, point, q[corner]);
-        spsi_to_rays(eye, way, rates[corner]);
     }
-    end = spsi_way_in_image(eye, q, rates);
+    if (falls) end = spsi_way_in_image(eye, q, rates);
     for (int i = 0; i < 8; ++i) nearest = fmin(nearest, rates[i][2] < 0 ? q[i][2] + end * rates[i][2] : q[i][2]);
     return spsi_pixel_from(eye, nearest);
 }
@@ -9358,7 +9305,7 @@ static double spsi_pixel_in_shadow(const spsi_frame *frame, const spsi_lamp *lam
    edges have no filter; 0: they are as fine as quality says. */
 static double spsi_depth_map_texel(const spsi_frame *frame) {
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
-    return 0.5 * frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame);
+    return 0.5 * frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, NULL);
 }
 
 /* Bounds of the gas that a light's map serves. */
@@ -9483,11 +9430,10 @@ static size_t spsi_images_bytes(const spsi_frame *frame) {
 /* Fails on an invalid color of a texel, or makes it black. */
 static sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                       float *rgb) {
-    const float *bad = spsi_bad_color(rgb, SPSI_VALUE_MAX);
-    if (!bad) return SPS_OK;
     if (!frame->replace_invalid)
-        return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn's color",
-                               (double)*bad, "red, green and blue must be 0..1e18");
+        return spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn's color",
+                              rgb, SPSI_VALUE_MAX);
+    if (!spsi_bad_color(rgb, SPSI_VALUE_MAX)) return SPS_OK;
     rgb[0] = rgb[1] = rgb[2] = 0;
     context->stats.values_replaced += 1;
     return SPS_OK;
@@ -9501,7 +9447,6 @@ static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame,
     const size_t plane = pitch * (size_t)image->height[0];
     float *rgb = row + 2 * width;
     for (int y = 0; y < projection->height; ++y) {
-        int returned;
         if (spsi_progress(context, 0)) return context->result;
         for (size_t x = 0; x < width; ++x) {
             row[2 * x] = (float)(((double)x + 0.5) / projection->width);
@@ -9509,10 +9454,9 @@ static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame,
         }
         memset(rgb, 0, 3 * width * sizeof *rgb);
         context->stats.projector_calls += 1;
-        returned = projection->sample_fn(projection->user, width, row, rgb);
-        if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn",
-                                   returned, NULL);
+        if (spsi_check_call(context, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn",
+                            projection->sample_fn(projection->user, width, row, rgb)))
+            return context->result;
         for (size_t x = 0; x < width; ++x) {
             float *to = image->texels[0] + (size_t)(y + 1) * pitch + x + 1;
             if (spsi_texel_validate(context, frame, lamp, rgb + 3 * x)) return context->result;
@@ -10050,11 +9994,10 @@ static void spsi_panes_raster(sps_context *context, const spsi_frame *frame, con
     job.scratch = (char *)context->buffers[SPSI_BUFFER_LAYER_SAMPLES].data;
     job.first = map->first[face];
     job.fragments = (spsi_fragment *)context->buffers[SPSI_BUFFER_FRAGMENTS].data;
-    if (!listing) {
+    if (listing)
+        spsi_fragments_pass(context, &job, 1);
+    else
         map->counts[face] = spsi_fragments_count(context, &job);
-        return;
-    }
-    spsi_fragments_list(context, &job);
 }
 
 /* Lists the panes of a map, whose fragments have been counted. */
@@ -10925,7 +10868,7 @@ static double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sw
 /* Fits the rays of the light's sheets. Returns whether that is possible. */
 static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_lamp *lamp = sweep->lamp;
-    const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_shadow(frame, lamp);
+    const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, lamp);
     const double texel = fmax(spsi_lamp_texel(frame, lamp), pixels);
     const double fine = fmax(texel / spsi_particle_fineness(frame), fmin(texel, SPSI_FINE_PIXELS * pixels));
     if (!spsi_rays_fit(lamp, &frame->content->bounds, fine, frame->view.shadow_size, spsi_light_texels_most(frame),
@@ -10984,7 +10927,7 @@ static sps_result spsi_sweep_refuse(sps_context *context, const spsi_frame *fram
 /* The thickness that a sweep's slabs may have, whatever the size of voxels: a share of the least pixel in gas, but not
    so much that rays through the light's texels would need many samples in a slab. */
 static double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) {
-    const double least = frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame);
+    const double least = frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame, NULL);
     if (!sweep->lamp) return least;
     return fmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
 }
@@ -12373,11 +12316,10 @@ static void spsi_field_show(const spsi_field_job *job, const float *values, uint
 }
 
 /* Writes the voxels of a brick's own source, if it has one, about a border that is 0. */
-static void spsi_field_own_task(void *data, int index, int worker) {
+static void spsi_field_own_task(void *data, int index) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const int end = spsi_least(job->field->count, (index + 1) * SPSI_FIELD_BATCH);
     const int edge = spsi_field_edge(job->taps), pitch = spsi_field_pitch(job->taps), border = job->taps / 2 - 1;
-    (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
         const int number = job->field->sources[job->field->places[held]];
         float *values = job->field->values + (size_t)held * spsi_field_floats(job->taps), *own;
@@ -12485,12 +12427,11 @@ static void spsi_field_around(const spsi_voxel_field *field, int held, int aroun
 }
 
 /* Fills the aprons of bricks whose own voxels are in place, and marks their cells. */
-static void spsi_field_apron_task(void *data, int index, int worker) {
+static void spsi_field_apron_task(void *data, int index) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *field = job->field;
     const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH);
     const size_t floats = spsi_field_floats(job->taps);
-    (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
         const uint64_t *shown[27];
         int around[27];
@@ -12623,13 +12564,12 @@ static void spsi_level_octant(int taps, const float *fine, float *coarse) {
 }
 
 /* Fills a level's bricks with their own voxels, an eighth from each brick of the finer one. */
-static void spsi_level_own_task(void *data, int index, int worker) {
+static void spsi_level_own_task(void *data, int index) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *level = job->field, *fine = job->fine;
     const int end = spsi_least(level->count, (index + 1) * SPSI_FIELD_BATCH), taps = job->taps;
     const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), border = taps / 2 - 1;
     const size_t floats = spsi_field_floats(taps);
-    (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
         float *values = level->values + (size_t)held * floats;
         int at[3];
@@ -13662,7 +13602,7 @@ static void spsi_levels_choose(const spsi_frame *frame) {
     spsi_slabs slabs;
     if (!content->fields || spsi_bounds_empty(&content->bounds)) return;
     spsi_eye_direction(frame, slabs.normal);
-    spsi_slabs_place(frame, &content->eye, NULL, HUGE_VAL, frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame),
+    spsi_slabs_place(frame, &content->eye, NULL, HUGE_VAL, frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame, NULL),
                      &slabs);
     spsi_levels_extend(frame, &content->eye, &slabs, 1);
 }
@@ -13844,8 +13784,8 @@ static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int m
     stock->used += (size_t)field->count;
     for (int n = 0; n < SPSI_FIELD_REACHES && field->count > 0; ++n)
         memset(field->cells[n], 0, spsi_field_cells(field) * sizeof *field->cells[n]);
-    spsi_parallel(context, tasks, fine ? spsi_level_own_task : spsi_field_own_task, &job);
-    spsi_parallel(context, tasks, spsi_field_apron_task, &job);
+    spsi_parallel_items(context, tasks, fine ? spsi_level_own_task : spsi_field_own_task, &job);
+    spsi_parallel_items(context, tasks, spsi_field_apron_task, &job);
 }
 
 /* Fills the bricks of all fields, unless they are; when the first volume is to be gathered. */
@@ -13914,12 +13854,11 @@ typedef struct spsi_bend_job {
 } spsi_bend_job;
 
 /* Eighths of bricks by themselves. Those of bricks that are not held are 0. */
-static void spsi_bend_task(void *data, int index, int worker) {
+static void spsi_bend_task(void *data, int index) {
     const spsi_bend_job *job = (const spsi_bend_job *)data;
     const spsi_voxel_field *field = job->field;
     const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH);
     const size_t width = 2 * (size_t)field->size[0], layer = 2 * (size_t)field->size[1] * width;
-    (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
         float bends[8];
         int at[3];
@@ -13957,7 +13896,7 @@ static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame
         field->bends = bends;
         bends += count;
         if (field->count == 0) continue;
-        spsi_parallel(context, (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH, spsi_bend_task, &job);
+        spsi_parallel_items(context, (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH, spsi_bend_task, &job);
         for (size_t k = 0, step = 1; k < 3; step *= 2 * (size_t)field->size[k++])
             spsi_bends_pair(field->bends, count, step, step * 2 * (size_t)field->size[k]);
     }
@@ -14347,44 +14286,38 @@ static double spsi_target_reach(const spsi_target *target, int lattice) {
     return (target->tappers[lattice].lone ? 0 : 1) + reach * spsi_tapper_reach(&target->tappers[lattice]);
 }
 
-static void spsi_bricks_task(void *data, int index, int worker) {
+static void spsi_bricks_task(void *data, int i) {
     spsi_contents *contents = (spsi_contents *)data;
-    const int end = spsi_batch_end(index, contents->bricks.count), chunks = spsi_chunk_count(contents->slabs);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const spsi_brick *brick = &contents->list[i];
-        const spsi_lattice *lattice = &contents->frame->lattices[brick->lattice];
-        double low, high, farthest = 0;
-        spsi_brick_slabs(lattice, brick, contents->slabs, &low, &high);
-        for (int n = 0; n < contents->target_count; ++n) {
-            const spsi_target *target = contents->targets[n];
-            const spsi_splatter *splatter = &target->splatters[brick->lattice];
-            const double reach = spsi_target_reach(target, brick->lattice) + target->shape.slab_margin + 1e-3;
-            const double eye_slab = target->origin_slab;
-            const int behind = splatter->whole && low - reach < eye_slab + 1 && high + reach > eye_slab - 1;
-            farthest = fmax(farthest, reach);
-            spsi_brick_box(lattice, brick, target, behind, target->brick_boxes[i]);
-        }
-        spsi_queue_set(&contents->bricks, i, chunks, low - farthest, high + farthest);
+    const int chunks = spsi_chunk_count(contents->slabs);
+    const spsi_brick *brick = &contents->list[i];
+    const spsi_lattice *lattice = &contents->frame->lattices[brick->lattice];
+    double low, high, farthest = 0;
+    spsi_brick_slabs(lattice, brick, contents->slabs, &low, &high);
+    for (int n = 0; n < contents->target_count; ++n) {
+        const spsi_target *target = contents->targets[n];
+        const spsi_splatter *splatter = &target->splatters[brick->lattice];
+        const double reach = spsi_target_reach(target, brick->lattice) + target->shape.slab_margin + 1e-3;
+        const double eye_slab = target->origin_slab;
+        const int behind = splatter->whole && low - reach < eye_slab + 1 && high + reach > eye_slab - 1;
+        farthest = fmax(farthest, reach);
+        spsi_brick_box(lattice, brick, target, behind, target->brick_boxes[i]);
     }
+    spsi_queue_set(&contents->bricks, i, chunks, low - farthest, high + farthest);
 }
 
 /* The chunks that particles touch, in any target. */
-static void spsi_particles_task(void *data, int index, int worker) {
+static void spsi_particles_task(void *data, int i) {
     spsi_contents *contents = (spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
-    const int end = spsi_batch_end(index, frame->content->particle_count), chunks = spsi_chunk_count(contents->slabs);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const spsi_particle_set *set = spsi_set_of(frame, i);
-        double slab = 0, reach, farthest = 0, room;
-        for (int n = 0; n < contents->target_count; ++n) {
-            spsi_particle_slabs(&contents->targets[n]->crossing, set, &frame->content->particles[i], &slab, &reach);
-            farthest = fmax(farthest, reach);
-        }
-        room = farthest + 1e-3 + 1e-6 * farthest;
-        spsi_queue_set(&contents->particles, i, chunks, slab - room, slab + room);
+    const int chunks = spsi_chunk_count(contents->slabs);
+    const spsi_particle_set *set = spsi_set_of(frame, i);
+    double slab = 0, reach, farthest = 0, room;
+    for (int n = 0; n < contents->target_count; ++n) {
+        spsi_particle_slabs(&contents->targets[n]->crossing, set, &frame->content->particles[i], &slab, &reach);
+        farthest = fmax(farthest, reach);
     }
+    room = farthest + 1e-3 + 1e-6 * farthest;
+    spsi_queue_set(&contents->particles, i, chunks, slab - room, slab + room);
 }
 
 /* Number of list starts: one per tile, one for wide particles, and the end. */
@@ -14484,34 +14417,31 @@ static int spsi_list_place(const spsi_target *target, const spsi_ball *ball) {
     return 4 * (y0 * target->columns + x0) + (x1 > x0) + 2 * (y1 > y0);
 }
 
-static void spsi_seen_task(void *data, int index, int worker) {
+static void spsi_seen_task(void *data, int i) {
     const spsi_contents *contents = (const spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
-    const int end = spsi_batch_end(index, contents->particles.current), ahead = 16;
     const sps_particle *particles = frame->content->particles;
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const int particle = contents->particles.present[i];
-        const spsi_particle_set *set = spsi_set_of(frame, particle);
-        if (i + ahead < end) spsi_prefetch(&particles[contents->particles.present[i + ahead]], sizeof *particles);
-        for (int n = 0; n < contents->target_count; ++n) {
-            const spsi_target *target = contents->targets[n];
-            spsi_seen *seen = &target->particles.seen[i];
-            spsi_seen_build(&target->crossing, set, &particles[particle],
-                            target->set_channels[set - frame->particles.sets], contents->first_slab,
-                            target->rays == &frame->content->eye ? SPSI_BALL_COARSE : SPSI_BALL_COARSE_LIGHT, seen);
-            target->particles.places[i] = spsi_list_place(target, &seen->ball);
-        }
+    const int particle = contents->particles.present[i];
+    const spsi_particle_set *set = spsi_set_of(frame, particle);
+    const int ahead = i + 16;
+    if (ahead < contents->particles.current)
+        spsi_prefetch(&particles[contents->particles.present[ahead]], sizeof *particles);
+    for (int n = 0; n < contents->target_count; ++n) {
+        const spsi_target *target = contents->targets[n];
+        spsi_seen *seen = &target->particles.seen[i];
+        spsi_seen_build(&target->crossing, set, &particles[particle],
+                        target->set_channels[set - frame->particles.sets], contents->first_slab,
+                        target->rays == &frame->content->eye ? SPSI_BALL_COARSE : SPSI_BALL_COARSE_LIGHT, seen);
+        target->particles.places[i] = spsi_list_place(target, &seen->ball);
     }
 }
 
 /* Bins a target's particles by a stable counting sort. */
-static void spsi_lists_task(void *data, int index, int worker) {
+static void spsi_lists_task(void *data, int index) {
     const spsi_contents *contents = (const spsi_contents *)data;
     const spsi_target *target = contents->targets[index];
     const spsi_lists *lists = &target->particles;
     const int count = contents->particles.current, list_count = target->columns * target->rows + 1;
-    (void)worker;
     memset(lists->starts, 0, ((size_t)list_count + 1) * sizeof(int));
     for (int i = 0; i < count; ++i)
         if (lists->places[i] >= 0) lists->starts[lists->places[i] / 4] += 1;
@@ -14526,7 +14456,7 @@ static void spsi_contents_bin_particles(spsi_contents *contents) {
     const double start = spsi_clock(context);
     if (contents->particles.current == 0) return;
     spsi_parallel_batches(context, contents->particles.current, spsi_seen_task, contents);
-    spsi_parallel(context, contents->target_count, spsi_lists_task, contents);
+    spsi_parallel_items(context, contents->target_count, spsi_lists_task, contents);
     context->stats.seconds_bin += spsi_clock(context) - start;
 }
 
@@ -15824,10 +15754,9 @@ static void spsi_insert_triangles(const spsi_map_tile *into) {
     }
 }
 
-static void spsi_fill_task(void *data, int index, int worker) {
+static void spsi_fill_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     spsi_map_tile into;
-    (void)worker;
     spsi_map_tile_place(filling, index, &into);
     spsi_insert_balls(&into, filling->band.row * filling->band.tiles_x + index);
     spsi_insert_triangles(&into);
@@ -15890,11 +15819,10 @@ static sps_result spsi_fill_volumes(spsi_filling *filling) {
 
 /* --- a band of sums --- */
 
-static void spsi_clear_task(void *data, int index, int worker) {
+static void spsi_clear_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const sps_tmap *map = filling->map;
     spsi_map_tile into;
-    (void)worker;
     spsi_map_tile_place(filling, index, &into);
     if (filling->visit == SPSI_VISIT_RANGE)
         for (size_t i = 0; i < into.stride; ++i) into.ranges[i] = 1, into.ranges[into.stride + i] = 0;
@@ -15923,12 +15851,11 @@ static void spsi_shadow_table_store(const sps_tmap *map, int x, int y, const flo
 }
 
 /* Writes a tile's sums to its texels. */
-static void spsi_store_task(void *data, int index, int worker) {
+static void spsi_store_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const sps_tmap *map = filling->map;
     const int components = map->inner.components;
     spsi_map_tile into;
-    (void)worker;
     spsi_map_tile_place(filling, index, &into);
     for (int i = 0; i < into.width * into.height; ++i) {
         const int x = into.x0 + i % into.width, y = into.y0 + i / into.width;
@@ -15953,9 +15880,9 @@ static void spsi_store_task(void *data, int index, int worker) {
 static sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
     filling->visit = visit;
     if (spsi_progress(filling->context, filling->progress)) return filling->context->result;
-    spsi_parallel(filling->context, filling->band.tiles_x, spsi_clear_task, filling);
+    spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_clear_task, filling);
     if (spsi_fill_volumes(filling)) return filling->context->result;
-    spsi_parallel(filling->context, filling->band.tiles_x, spsi_fill_task, filling);
+    spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_fill_task, filling);
     return SPS_OK;
 }
 
@@ -15967,7 +15894,7 @@ static sps_result spsi_fill_sums(spsi_filling *filling) {
     filling->band.sums = filling->band.ranges + (map->has_range ? spsi_band_floats(map, 2) : 0);
     if (map->has_range && spsi_fill_band(filling, SPSI_VISIT_RANGE)) return filling->context->result;
     if (spsi_fill_band(filling, SPSI_VISIT_SUMS)) return filling->context->result;
-    spsi_parallel(filling->context, filling->band.tiles_x, spsi_store_task, filling);
+    spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_store_task, filling);
     return SPS_OK;
 }
 
@@ -16186,18 +16113,14 @@ typedef struct spsi_ball_job {
     spsi_ball *balls;
 } spsi_ball_job;
 
-static void spsi_ball_steps_task(void *data, int index, int worker) {
+static void spsi_ball_steps_task(void *data, int i) {
     const spsi_ball_job *job = (const spsi_ball_job *)data;
     const double *axis = job->rays->inverse[2], reach = spsi_length(axis);
-    const int end = spsi_batch_end(index, job->frame->content->particle_count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const sps_particle *particle = &job->frame->content->particles[i];
-        double offset[3], front;
-        for (int k = 0; k < 3; ++k) offset[k] = (double)particle->position[k] - job->rays->origin[k];
-        front = spsi_dot(axis, offset) - reach * (double)particle->radius - job->near_depth;
-        job->steps[i] = (uint16_t)fmin(fmax(front * job->steps_per_depth, 0), SPSI_DEPTH_STEPS - 1);
-    }
+    const sps_particle *particle = &job->frame->content->particles[i];
+    double offset[3], front;
+    for (int k = 0; k < 3; ++k) offset[k] = (double)particle->position[k] - job->rays->origin[k];
+    front = spsi_dot(axis, offset) - reach * (double)particle->radius - job->near_depth;
+    job->steps[i] = (uint16_t)fmin(fmax(front * job->steps_per_depth, 0), SPSI_DEPTH_STEPS - 1);
 }
 
 static size_t spsi_balls_order_bytes(size_t particles) {
@@ -16225,18 +16148,14 @@ static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     return SPS_OK;
 }
 
-static void spsi_balls_task(void *data, int index, int worker) {
+static void spsi_balls_task(void *data, int i) {
     const spsi_ball_job *job = (const spsi_ball_job *)data;
     const spsi_frame *frame = job->frame;
-    const int end = spsi_batch_end(index, frame->content->particle_count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const int particle = job->order ? (int)job->order[i] : i;
-        const spsi_particle_set *set = spsi_set_of(frame, particle);
-        spsi_ball_build(job->rays, set, &frame->content->particles[particle], &job->balls[i]);
-        spsi_ball_weigh(job->rays, job->faces, SPSI_BALL_COARSE_LIGHT, set, &frame->content->particles[particle],
-                        &job->balls[i]);
-    }
+    const int particle = job->order ? (int)job->order[i] : i;
+    const spsi_particle_set *set = spsi_set_of(frame, particle);
+    spsi_ball_build(job->rays, set, &frame->content->particles[particle], &job->balls[i]);
+    spsi_ball_weigh(job->rays, job->faces, SPSI_BALL_COARSE_LIGHT, set, &frame->content->particles[particle],
+                    &job->balls[i]);
 }
 
 #define SPSI_OUTSIDE 1e-3 /* share of a map's depth range: reaching less beyond it is negligible */
@@ -16419,13 +16338,12 @@ static void spsi_print_balls(const spsi_print_job *job, int column, int row, uin
 }
 
 /* Computes a tile's fingerprints in the order in which it is filled, and opens the patches whose own have changed. */
-static void spsi_print_task(void *data, int index, int worker) {
+static void spsi_print_task(void *data, int index) {
     const spsi_print_job *job = (const spsi_print_job *)data;
     const spsi_filling *filling = job->filling;
     const int column = index % filling->band.tiles_x, row = index / filling->band.tiles_x;
     spsi_tile_prints *held = spsi_tmap_prints(filling->map, filling->band.face, row, column);
     uint64_t prints[64];
-    (void)worker;
     for (int i = 0; i < 64; ++i) prints[i] = job->start;
     spsi_print_bricks(job, column, row, prints);
     spsi_print_balls(job, column, row, prints);
@@ -16453,8 +16371,8 @@ static void spsi_print_face(const spsi_filling *filling) {
         job.start = spsi_fingerprint(job.start, &volumes->slabs.start, sizeof volumes->slabs.start);
         job.start = spsi_fingerprint(job.start, &volumes->slabs.thickness, sizeof volumes->slabs.thickness);
     }
-    spsi_parallel(filling->context, filling->band.tiles_x * spsi_tile_rows(&filling->map->rays[0]), spsi_print_task,
-                  &job);
+    spsi_parallel_items(filling->context, filling->band.tiles_x * spsi_tile_rows(&filling->map->rays[0]),
+                        spsi_print_task, &job);
 }
 
 /* Counts a shadow table's patches, those that were filled and those that were kept; `held`: 1 if all were. */
@@ -17842,12 +17760,11 @@ static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam
 }
 
 /* A row of blocks of one beam. */
-static void spsi_beam_task(void *data, int index, int worker) {
+static void spsi_beam_task(void *data, int index) {
     const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
     const spsi_beam *beam = &penumbra->beams[index % penumbra->beam_count];
     const spsi_area area = spsi_beam_area(beam);
     const int y0 = area.y0 + index / penumbra->beam_count * SPSI_BEAM_BLOCK;
-    (void)worker;
     for (int x0 = area.x0; x0 <= area.x1 && y0 <= area.y1; x0 += SPSI_BEAM_BLOCK) {
         const spsi_area block = {x0, y0, x0 + SPSI_BEAM_BLOCK - 1, y0 + SPSI_BEAM_BLOCK - 1};
         spsi_beam_block(penumbra, beam, spsi_area_meet(block, area));
@@ -17868,7 +17785,7 @@ static void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra) {
     const spsi_area held = spsi_penumbra_held(penumbra);
     if (!penumbra->pending) return;
     penumbra->pending = 0;
-    spsi_parallel(context, penumbra->beam_count * spsi_beam_tasks(penumbra), spsi_beam_task, penumbra);
+    spsi_parallel_items(context, penumbra->beam_count * spsi_beam_tasks(penumbra), spsi_beam_task, penumbra);
     for (int i = 0; i < penumbra->beam_count && !spsi_area_empty(held); ++i) {
         spsi_beam *beam = &penumbra->beams[i];
         const spsi_area crossed = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, held);
@@ -18614,8 +18531,7 @@ static void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     context->stats.seconds_light += spsi_clock(context) - start;
 }
 
-static void spsi_level_task(void *data, int index, int worker) {
-    (void)worker;
+static void spsi_level_task(void *data, int index) {
     spsi_planes_level(&((spsi_sliced *)data)->planes, index);
 }
 
@@ -18624,7 +18540,7 @@ static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
     if (sliced->is_soft)
         spsi_penumbra_cross(context, &sliced->penumbra);
     else
-        spsi_parallel(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_level_task, sliced);
+        spsi_parallel_items(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_level_task, sliced);
 }
 
 /* --- lookup --- */
@@ -19880,11 +19796,10 @@ static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int c
 }
 
 /* Sweeps all directions that fall (index 0) or rise (1) along z, plane by plane. */
-static void spsi_cells_along_task(void *data, int index, int worker) {
+static void spsi_cells_along_task(void *data, int index) {
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
     const int planes = pass->level->size[2];
     spsi_cell_along along;
-    (void)worker;
     spsi_cell_along_begin(pass, index, &along);
     for (along.number = 0; along.number < planes; ++along.number) {
         along.z = index ? along.number : planes - 1 - along.number;
@@ -19927,19 +19842,18 @@ static void spsi_cells_across(const spsi_cell_pass *pass, int z, int falls, cons
 }
 
 /* Sweeps what is left, within plane z: directions without a step along z. */
-static void spsi_cells_plane_task(void *data, int z, int worker) {
+static void spsi_cells_plane_task(void *data, int z) {
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
     const spsi_cell_level *level = pass->level;
     const float *const both[2] = {level->moments[0], level->moments[1]}, *const one[2] = {level->moments[0], NULL};
     float *rows = pass->solver->scratch + SPSI_CELL_ROWS * spsi_cell_row_floats(level) * (size_t)z;
-    (void)worker;
     spsi_cells_across(pass, z, 1, both, rows);
     spsi_cells_across(pass, z, 0, one, rows);
 }
 
 static void spsi_cells_carry(spsi_cell_pass *pass) {
-    spsi_parallel(pass->solver->context, 2, spsi_cells_along_task, pass);
-    spsi_parallel(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
+    spsi_parallel_items(pass->solver->context, 2, spsi_cells_along_task, pass);
+    spsi_parallel_items(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
 }
 
 /* Carries what cells send through all of the grid: its moments. */
@@ -19970,7 +19884,7 @@ static inline spsi_v spsi_cell_unkept(const spsi_cell_level *level, const float 
 }
 
 /* After a sweep: what each cell of a plane sends too little, as a residual in moments[1], and the plane's balance. */
-static void spsi_cells_miss_task(void *data, int z, int worker) {
+static void spsi_cells_miss_task(void *data, int z) {
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
     const spsi_cell_level *level = pass->level;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
@@ -19978,7 +19892,6 @@ static void spsi_cells_miss_task(void *data, int z, int worker) {
     double *balance = pass->solver->balance + 2 * z;
     spsi_v missing = spsi_set(0), all = missing;
     float lanes[2][SPSI_LANES];
-    (void)worker;
     for (int t = 0; t < pass->solver->terms; ++t) {
         const float *keep = level->keep[spsi_term_degree(t)];
         for (size_t at = first; at < end; at += SPSI_LANES) {
@@ -20004,11 +19917,11 @@ static void spsi_cells_miss_task(void *data, int z, int worker) {
 }
 
 /* The same, put right as far as a cell by itself can: what it sends more, it receives in part. */
-static void spsi_cells_mend_task(void *data, int z, int worker) {
+static void spsi_cells_mend_task(void *data, int z) {
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
     const spsi_cell_level *level = pass->level;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
-    spsi_cells_miss_task(data, z, worker);
+    spsi_cells_miss_task(data, z);
     for (int t = 0; t < pass->solver->terms; ++t) {
         const float *keep = level->keep[spsi_term_degree(t)], *miss = level->moments[1] + (size_t)t * level->count;
         float *sent = level->sent + (size_t)t * level->count;
@@ -20031,10 +19944,9 @@ typedef struct spsi_cell_step {
 
 /* Optical depth of a plane of coarse cells, and the means by it, which stay 0 where there is none: over the eight cells
    of the finer level that each covers, those beyond its end left out. */
-static void spsi_cells_coarsen_task(void *data, int z, int worker) {
+static void spsi_cells_coarsen_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
-    (void)worker;
     for (int y = 0; y < coarse->size[1]; ++y)
         for (int x = 0; x < coarse->size[0]; ++x) {
             const size_t to = (size_t)(z * coarse->size[1] + y) * (size_t)coarse->pitch + (size_t)x;
@@ -20081,10 +19993,9 @@ static inline float spsi_cell_rows_at(const float *const row[4], int x, int size
 
 /* Adds to what a plane of cells sends what it misses: as much of it as coarse cells represent, and what they find comes
    back of that; and the rest, which a cell by itself puts right: what it sends more, it receives in part. */
-static void spsi_cells_correct_task(void *data, int z, int worker) {
+static void spsi_cells_correct_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
-    (void)worker;
     for (int t = 0; t < step->count; ++t)
         for (int y = 0; y < fine->size[1]; ++y) {
             const size_t term = (size_t)t * coarse->count, row = (size_t)(z * fine->size[1] + y) * (size_t)fine->pitch;
@@ -20134,13 +20045,13 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
 }
 
 /* Sweeps a level, and finds what its cells miss, or mends it; of the finest one also what leaves it. */
-static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_level *level, sps_task_fn task) {
+static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_level *level, spsi_item_fn task) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
     if (level == &solver->levels[0])
         spsi_cells_sweep_out(solver);
     else
         spsi_cells_sweep(solver, level);
-    spsi_parallel(solver->context, level->size[2], task, &pass);
+    spsi_parallel_items(solver->context, level->size[2], task, &pass);
 }
 
 /* Corrects what a level sends, given what it misses, by two cycles of the next coarser one; the coarsest is mended as
@@ -20159,11 +20070,11 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
     step.from = level->moments[1]; /* coarse cells are given what fine ones miss */
     step.to = step.coarse->given;
     step.count = solver->terms;
-    spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+    spsi_parallel_items(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
     spsi_copy(solver->context, step.coarse->sent, step.to, (size_t)step.count * step.coarse->count * sizeof(float));
     for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
     spsi_cells_sweep(solver, step.coarse);
-    spsi_parallel(solver->context, level->size[2], spsi_cells_correct_task, &step);
+    spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
 }
 
 /* Sets up all levels from the finest one's depth and albedo. */
@@ -20177,7 +20088,7 @@ static void spsi_cells_levels(const spsi_cell_solver *solver) {
             step.from = step.fine->keep[0];
             step.to = step.coarse->keep[0];
             step.count = solver->orders;
-            spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+            spsi_parallel_items(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
         }
         spsi_parallel(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
     }
@@ -20228,10 +20139,9 @@ static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z
 }
 
 /* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells. */
-static void spsi_cells_look_task(void *data, int row, int worker) {
+static void spsi_cells_look_task(void *data, int row) {
     const spsi_cell_look *look = (const spsi_cell_look *)data;
     const spsi_cell_grid *grid = look->grid;
-    (void)worker;
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         float harmonic[SPSI_CELL_TERMS], degree[SPSI_CELL_ORDERS];
@@ -20275,12 +20185,11 @@ static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen,
 
 /* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
    of its end is between both. */
-static void spsi_cells_continue_task(void *data, int row, int worker) {
+static void spsi_cells_continue_task(void *data, int row) {
     const spsi_cell_look *look = (const spsi_cell_look *)data;
     const spsi_cell_grid *grid = look->grid;
     const int count = look->frame->matter.material_count * grid->channels;
     int at[3] = {0, row % grid->size[1], row / grid->size[1]};
-    (void)worker;
     for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
         const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
         if (grid->depth[cell] > 0) continue;
@@ -21162,11 +21071,10 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
 }
 
 /* Sends first flights to a row of cubes. */
-static void spsi_flights_light_task(void *data, int index, int worker) {
+static void spsi_flights_light_task(void *data, int index) {
     const spsi_flight_job *job = (const spsi_flight_job *)data;
     const int *size = job->grid->size, rows = (size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
     int first[3] = {0, index % rows * SPSI_FLIGHT_BLOCK, index / rows * SPSI_FLIGHT_BLOCK};
-    (void)worker;
     for (; first[0] < size[0]; first[0] += SPSI_FLIGHT_BLOCK) spsi_flights_light_cube(job, first);
 }
 
@@ -24169,12 +24077,11 @@ static void spsi_cells_add_lamps(const spsi_cell_job *job, const spsi_cell_spot 
 }
 
 /* Lights a row of cells. */
-static void spsi_cells_light_task(void *data, int row, int worker) {
+static void spsi_cells_light_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_spot spot;
-    (void)worker;
     spot.row = (size_t)row * (size_t)grid->pitch;
     for (int n = 0; n < 4; ++n)
         for (int x = 0; x < job->sheets.rays.width; x += SPSI_LANES) {
@@ -24420,13 +24327,12 @@ static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view 
 }
 
 /* Finds and lights the polygons about a row of cells. */
-static void spsi_cells_walls_task(void *data, int row, int worker) {
+static void spsi_cells_walls_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_view view;
     int near_row;
-    (void)worker;
     spsi_cell_view_build(job->faces, grid, grid->size, 1, &view);
     spsi_cell_view_move(&view, 0, y, z);
     near_row = spsi_cell_view_near(&view, grid->size[0]);
@@ -24687,7 +24593,7 @@ static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
     flight.grid = job->grid;
     flight.moments = job->flown;
     if (job->frame->matter.scatters && job->flights[0].count + job->flights[1].count + job->flights[2].count > 0)
-        spsi_parallel(job->context, rows * layers, spsi_flights_light_task, &flight);
+        spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
     return SPS_OK;
 }
 
@@ -24715,9 +24621,9 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job);
     if (!spsi_cells_shadows(job, part, maps) && (!job->flown || !spsi_cells_fly_to(job))) {
-        spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
+        spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
         if (job->walls.closed)
-            spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
+            spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
     }
     for (int i = 0; i < count; ++i)
         if (!maps[i].waits) spsi_tmap_release(&maps[i]);
@@ -24844,12 +24750,11 @@ static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_g
 #define SPSI_CELL_CHANGE  5e-3 /* of what polygons send: what may be missing */
 
 /* Closes links of a row of a coarse level. */
-static void spsi_cells_close_task(void *data, int row, int worker) {
+static void spsi_cells_close_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_level *level = &job->solver->levels[job->level];
     const int y = row % level->size[1], z = row / level->size[1];
     spsi_cell_view view;
-    (void)worker;
     spsi_cell_view_build(job->faces, job->grid, level->size, 1 << job->level, &view);
     spsi_cell_view_move(&view, 0, y, z);
     if (!spsi_cell_view_near(&view, level->size[0])) return;
@@ -24879,7 +24784,7 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
         level->closed = (uint32_t *)(void *)memory;
         level->walled = (unsigned char *)(memory + 2 * level->count);
         memory += 2 * level->count + spsi_cell_rows_floats(level->size);
-        spsi_parallel(job->context, level->size[1] * level->size[2], spsi_cells_close_task, job);
+        spsi_parallel_items(job->context, level->size[1] * level->size[2], spsi_cells_close_task, job);
     }
     solver->leaving = memory;
 }
@@ -25279,8 +25184,8 @@ static void spsi_cells_look(sps_context *context, const spsi_frame *frame, spsi_
     spsi_cell_look look;
     look.frame = frame;
     look.grid = grid;
-    spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
-    spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
+    spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
+    spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
 }
 
 /* Finds the light in the cells, unless it is held from the last call, and what the eye sees of it. */
@@ -25745,6 +25650,7 @@ typedef struct spsi_run {
     uint64_t *shaded;       /* per worker: pixels times slabs */
     int slab_count;         /* to composite in this chunk; 0: polygons only */
     float low, high;        /* range of slab coordinates whose polygons belong to this chunk */
+    float *total;           /* of all sweeps so far */
     spsi_region region;
 } spsi_run;
 
@@ -25891,12 +25797,6 @@ static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     return spsi_sliced_begin(context, run->frame, run->sweep, run->shader.faces, &run->contents, &run->sliced);
 }
 
-/* The linear quantities that shading evaluates along the eye's rays. */
-static void spsi_run_linears(spsi_run *run) {
-    spsi_shader_linears(&run->sweep->slabs, &run->shader);
-    for (int n = 0; n < run->shader.shadow_count; ++n) spsi_shadow_aim(run->shader.eye, &run->shadows[n]);
-}
-
 static void spsi_region_place(const spsi_frame *frame, spsi_region *region) {
     const int *pixels = frame->view.region;
     region->x0 = pixels[0] / SPSI_TILE_WIDTH;
@@ -25991,7 +25891,8 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     if (spsi_target_of_eye(context, frame, &sweep->slabs, sweep->back_to_front, &run->eye) ||
         spsi_run_slice(context, run))
         return context->result;
-    spsi_run_linears(run);
+    spsi_shader_linears(&sweep->slabs, shader);
+    for (int n = 0; n < shader->shadow_count; ++n) spsi_shadow_aim(shader->eye, &run->shadows[n]);
     if (spsi_run_region(context, run) || spsi_run_scratch(context, run) ||
         spsi_contents_build(context, &run->eye, run->has_sliced ? &run->sliced.target : NULL, &run->contents) ||
         spsi_contents_add_particles(&run->contents))
@@ -26629,7 +26530,6 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
     const spsi_background *background = &frame->background;
     const int *region = frame->view.region;
     float *directions = rgb + 3 * (size_t)region[2];
-    int returned;
     for (int x = 0; x < region[2]; ++x) {
         double ray[3];
         memcpy(rgb + 3 * x, background->color, sizeof background->color);
@@ -26640,15 +26540,13 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
     }
     if (!background->color_fn) return SPS_OK;
     context->stats.background_calls += 1;
-    returned = background->color_fn(background->user, (size_t)region[2], directions, rgb);
-    if (returned)
-        return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_SCENE, -1, "background_fn", returned, NULL);
-    for (int i = 0; i < region[2]; ++i)
-        if (spsi_bad_color(rgb + 3 * i, SPSI_VALUE_MAX))
-            return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "background_fn's color",
-                                   (double)*spsi_bad_color(rgb + 3 * i, SPSI_VALUE_MAX),
-                                   "red, green and blue must be 0..1e18");
-    return SPS_OK;
+    if (spsi_check_call(context, SPS_OBJECT_SCENE, -1, "background_fn",
+                        background->color_fn(background->user, (size_t)region[2], directions, rgb)))
+        return context->result;
+    for (int i = 0; i < region[2] && !context->result; ++i)
+        spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "background_fn's color", rgb + 3 * i,
+                       SPSI_VALUE_MAX);
+    return context->result;
 }
 
 /* Flushes denormals to 0, since they could slow down the arithmetic of the caller. */
@@ -26692,20 +26590,14 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float c
 
 #define SPSI_SUM_ROWS 8 /* rows of pixels of a task */
 
-typedef struct spsi_sum_job {
-    const spsi_run *run;
-    float *total;
-} spsi_sum_job;
-
 /* The same for some rows of the region, as far as they are in the sweep's part of the image. */
-static void spsi_sum_task(void *data, int index, int worker) {
-    const spsi_sum_job *job = (const spsi_sum_job *)data;
-    const spsi_frame *frame = job->run->frame;
-    const spsi_shader *shader = &job->run->shader;
-    const int *region = frame->view.region, *part = job->run->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
+static void spsi_sum_task(void *data, int index) {
+    const spsi_run *run = (const spsi_run *)data;
+    const spsi_frame *frame = run->frame;
+    const spsi_shader *shader = &run->shader;
+    const int *region = frame->view.region, *part = run->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
     const int x1 = spsi_least(part[2], region[0] + region[2]);
     const int y1 = spsi_least(part[3], spsi_least(region[1] + region[3], top + SPSI_SUM_ROWS));
-    (void)worker;
     for (int y = spsi_most(part[1], top); y < y1; ++y)
         for (int x = spsi_most(part[0], region[0]); x < x1; x += SPSI_LANES) {
             const size_t pixel = (size_t)(y - region[1]) * (size_t)region[2] + (size_t)(x - region[0]);
@@ -26714,17 +26606,9 @@ static void spsi_sum_task(void *data, int index, int worker) {
             float covered[SPSI_LANES];
             spsi_store(covered, spsi_coverage(spsi_load_first(shader->depth + at, count)));
             for (int i = 0; i < count; ++i)
-                spsi_add_pixel(job->run, x + i, y, at + (size_t)i, spsi_flush(covered[i]),
-                               job->total + (pixel + (size_t)i) * spsi_total_floats(frame));
+                spsi_add_pixel(run, x + i, y, at + (size_t)i, spsi_flush(covered[i]),
+                               run->total + (pixel + (size_t)i) * spsi_total_floats(frame));
         }
-}
-
-/* The same for all pixels of the sweep's part. */
-static void spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
-    spsi_sum_job job;
-    job.run = run;
-    job.total = total;
-    spsi_parallel(context, (run->frame->view.region[3] + SPSI_SUM_ROWS - 1) / SPSI_SUM_ROWS, spsi_sum_task, &job);
 }
 
 static void spsi_write_image(const spsi_frame *frame, const float *total, const sps_image *image) {
@@ -26777,19 +26661,28 @@ typedef struct spsi_picture {
     spsi_visible visible;
     spsi_spreads spreads;
     float *total; /* radiance, coverage and distance of the region so far */
+    spsi_shadow *shadows; /* of the current sweep */
+    int shadow_count;
 } spsi_picture;
 
-/* Runs one sweep whose depth maps and transmittance maps are ready, from set-up to total. */
+/* Runs one sweep whose depth maps and transmittance maps are ready, from set-up to total; or measures its gas. */
 static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
-                                  spsi_run *run, const spsi_part_of_call *part) {
+                                  int measures, spsi_run *run, const spsi_part_of_call *part) {
     const double start = spsi_clock(context);
     double swept, light;
+    memset(run, 0, sizeof *run);
+    run->shadows = picture->shadows;
+    run->shader.shadow_count = measures ? 0 : picture->shadow_count;
+    run->shader.again.measures = measures;
+    run->total = picture->total;
     if (spsi_run_build(context, picture->frame, &picture->faces, &picture->visible, sweep, run)) return context->result;
     swept = spsi_clock(context);
     context->stats.seconds_bin += swept - start;
     light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
     if (spsi_run_sweep(run, part)) return context->result;
-    if (!run->shader.again.measures) spsi_add_sweep(context, run, picture->total);
+    if (!measures)
+        spsi_parallel_items(context, (picture->frame->view.region[3] + SPSI_SUM_ROWS - 1) / SPSI_SUM_ROWS,
+                            spsi_sum_task, run);
     context->stats.seconds_eye +=
         spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
     return SPS_OK;
@@ -26812,27 +26705,29 @@ static void spsi_shadow_start(const spsi_picture *picture, const spsi_sweep *swe
 }
 
 /* Lists a sweep's lights, and traces the shadow rays from surfaces to them. */
-static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep, int n,
-                                     spsi_run *run) {
+static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
     const size_t places = spsi_place_count(frame, &picture->visible);
+    spsi_shadow *shadow;
     int shares = 0;
     uint64_t *rays;
     float *lit;
-    run->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *run->shadows);
-    if (!run->shadows) return context->result;
-    memset(run->shadows, 0, (size_t)count * sizeof *run->shadows);
+    shadow = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *shadow);
+    if (!shadow) return context->result;
+    memset(shadow, 0, (size_t)count * sizeof *shadow);
+    picture->shadows = shadow;
+    picture->shadow_count = count;
     for (int i = 0; i < frame->lamps.count; ++i)
         if (spsi_sweep_carries(sweep, &frame->lamps.list[i]))
-            spsi_shadow_start(picture, sweep, &frame->lamps.list[i], &run->shadows[run->shader.shadow_count++]);
+            spsi_shadow_start(picture, sweep, &frame->lamps.list[i], shadow++);
     if (!picture->visible.hits || count == 0) return SPS_OK;
-    for (int i = 0; i < count; ++i) shares += spsi_sight_floats(frame, run->shadows[i].lamp, run->shadows[i].soft);
+    for (int i = 0; i < count; ++i)
+        shares += spsi_sight_floats(frame, picture->shadows[i].lamp, picture->shadows[i].soft);
     rays = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, spsi_sight_bytes(context, places, shares));
     if (!rays) return context->result;
     lit = (float *)(void *)(rays + spsi_worker_count(context));
-    for (int i = 0; i < count; ++i) {
-        spsi_shadow *shadow = &run->shadows[i];
+    for (shadow = picture->shadows; shadow < picture->shadows + count; ++shadow) {
         unsigned char *open = (unsigned char *)(lit + places * (size_t)spsi_lit_channels(frame, shadow->lamp));
         if (!shadow->soft) open = NULL;
         spsi_sight(context, frame, &picture->faces, &picture->visible, shadow->lamp, rays, lit, open);
@@ -26846,52 +26741,41 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
 /* Renders the region's pixels in a part of the image, whose shadows are ready. */
 static sps_result spsi_render_part(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
                                    spsi_run *run, const spsi_part_of_call *part) {
-    spsi_shadow *shadows = run->shadows;
-    const int count = run->shader.shadow_count;
     spsi_part_of_call half = *part;
     if (!spsi_part_meets(sweep->part, picture->frame->view.region)) return SPS_OK;
-    memset(run, 0, sizeof *run);
     if (spsi_sweep_measures(picture->frame, sweep)) {
         half.share *= 0.5;
-        run->shader.again.measures = 1;
-        if (spsi_sweep_once(context, picture, sweep, run, &half)) return context->result;
+        if (spsi_sweep_once(context, picture, sweep, 1, run, &half)) return context->result;
         half.progress += half.share;
-        memset(run, 0, sizeof *run);
     }
-    run->shadows = shadows;
-    run->shader.shadow_count = count;
-    return spsi_sweep_once(context, picture, sweep, run, &half);
+    return spsi_sweep_once(context, picture, sweep, 0, run, &half);
 }
 
-static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *picture, spsi_run *run, int n) {
+static sps_result spsi_render_sweep(sps_context *context, spsi_picture *picture, spsi_run *run, int n) {
     const spsi_frame *frame = picture->frame;
     const int parts = spsi_part_count(frame);
     const double begin =
         SPSI_PROGRESS_GATHER + (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_PROGRESS_CELLS : 0);
     spsi_part_of_call part = {0, (1 - begin) / spsi_sweep_count(frame)};
     spsi_sweep sweep;
-    spsi_shadow *shadows;
     double start;
-    int count;
     part.progress = begin + n * part.share;
-    memset(run, 0, sizeof *run);
-    if (spsi_sweep_build(context, frame, n, 0, &sweep) || spsi_shadows_begin(context, picture, &sweep, n, run))
+    if (spsi_sweep_build(context, frame, n, 0, &sweep) || spsi_shadows_begin(context, &sweep, n, picture))
         return context->result;
     start = spsi_clock(context);
-    shadows = run->shadows; /* a part that fails may leave the run without them */
-    count = run->shader.shadow_count;
-    if (spsi_depth_maps_build(context, frame, &picture->faces, spsi_depth_map_texel(frame), shadows, count) ||
-        spsi_pane_maps_build(context, frame, &picture->faces, shadows, count))
+    if (spsi_depth_maps_build(context, frame, &picture->faces, spsi_depth_map_texel(frame), picture->shadows,
+                              picture->shadow_count) ||
+        spsi_pane_maps_build(context, frame, &picture->faces, picture->shadows, picture->shadow_count))
         return context->result;
     context->stats.seconds_polygons += spsi_clock(context) - start;
     start = spsi_clock(context);
-    spsi_shadow_maps_build(context, frame, shadows, count, &part);
+    spsi_shadow_maps_build(context, frame, picture->shadows, picture->shadow_count, &part);
     context->stats.seconds_light += spsi_clock(context) - start;
     part.share /= parts;
     for (int i = 0; i < parts && !context->result; ++i, part.progress += part.share)
         if (i == 0 || !spsi_sweep_build(context, frame, n, i, &sweep))
             spsi_render_part(context, picture, &sweep, run, &part);
-    spsi_shadow_maps_release(context, shadows, count);
+    spsi_shadow_maps_release(context, picture->shadows, picture->shadow_count);
     return context->result;
 }
 
@@ -29865,30 +29749,20 @@ SPS_API int sps_version(void) { return SPS_VERSION; }
 
 #define SPSI_NO_CONTEXT "context " SPSI_IS_NULL
 
-static void spsi_refuse_config(sps_error_info *why, sps_result result, const char *field, double value,
-                               const char *rule) {
-    char rest[SPSI_SENTENCE_SIZE];
-    why->result = result;
-    value = spsi_say_value(value, rule, rest);
-    spsi_describe(why, SPS_OBJECT_CONFIG, -1, field, value, rest);
-}
-
-/* Describes the first error in a config. Leaves `why` as it is if there is none. */
-static void spsi_check_config(const sps_config *config, sps_error_info *why) {
-    const uint32_t start = config->start_canary, end = config->end_canary;
-    if (start || end) {
-        spsi_refuse_config(why, SPS_ERROR_ARGUMENT, start ? "start_canary" : "end_canary",
-                           (double)(start ? start : end), SPSI_NOT_ZEROED);
-    } else if (!config->alloc_fn != !config->free_fn) {
-        why->result = SPS_ERROR_ARGUMENT;
-        spsi_describe(why, SPS_OBJECT_CONFIG, -1, config->alloc_fn ? "free_fn" : "alloc_fn", 0,
-                      "is NULL; alloc_fn and free_fn must both be set, or neither");
-    } else if (config->worker_count < 0 || config->worker_count > SPSI_WORKERS_MAX) {
-        spsi_refuse_config(why, SPS_ERROR_ARGUMENT, "worker_count", config->worker_count, "it must be 0..1024");
-    } else if (config->memory_limit && config->memory_limit < sizeof(sps_context)) {
-        spsi_refuse_config(why, SPS_ERROR_MEMORY, "memory_limit", (double)config->memory_limit,
-                           "a context alone takes more");
-    }
+/* Checks a config. `context` is only there to fail. */
+static sps_result spsi_check_config(sps_context *context, const sps_config *config) {
+    const sps_object object = SPS_OBJECT_CONFIG;
+    if (spsi_check_canaries(context, object, -1, "", config->start_canary, config->end_canary)) return context->result;
+    if (!config->alloc_fn != !config->free_fn)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, config->alloc_fn ? "free_fn" : "alloc_fn", 0,
+                              "is NULL; alloc_fn and free_fn must both be set, or neither");
+    if (config->worker_count < 0 || config->worker_count > SPSI_WORKERS_MAX)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "worker_count", config->worker_count,
+                               "it must be 0..1024");
+    if (config->memory_limit && config->memory_limit < sizeof(sps_context))
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, object, -1, "memory_limit", (double)config->memory_limit,
+                               "a context alone takes more");
+    return SPS_OK;
 }
 
 /* Begins a call that records errors: clears result and error, and restarts the statistics except for the bytes held. */
@@ -29914,25 +29788,24 @@ static sps_result spsi_end(sps_context *context) {
 }
 
 SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why) {
-    sps_error_info error;
-    sps_context *context = NULL;
-    spsi_clear_error(&error);
-    if (config) spsi_check_config(config, &error);
-    if (error.result == SPS_OK) {
+    sps_context fresh, *context = NULL;
+    memset(&fresh, 0, sizeof fresh);
+    spsi_clear_error(&fresh.error);
+    if (!config || spsi_check_config(&fresh, config) == SPS_OK) {
         context = (sps_context *)(config && config->alloc_fn ? config->alloc_fn(config->alloc_user, sizeof *context)
                                                              : SPS_MALLOC(sizeof *context));
         if (!context) {
-            error.result = SPS_ERROR_MEMORY;
-            SPS_SNPRINTF(error.sentence, sizeof error.sentence,
+            char sentence[128];
+            SPS_SNPRINTF(sentence, sizeof sentence,
                          "memory: the %.0f bytes of a context were refused by the allocator", (double)sizeof *context);
+            spsi_fail(&fresh, SPS_ERROR_MEMORY, sentence);
         }
     }
-    if (why) *why = error;
+    if (why) *why = fresh.error;
     if (!context) return NULL;
-    memset(context, 0, sizeof *context);
-    if (config) context->config = *config;
-    context->stats.bytes = context->stats.bytes_peak = sizeof *context;
-    context->error = error; /* none */
+    if (config) fresh.config = *config;
+    fresh.stats.bytes = fresh.stats.bytes_peak = sizeof *context;
+    *context = fresh;
     return context;
 }
 
@@ -30148,12 +30021,10 @@ SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float
                 }
             }
     spsi_store(lows, low), spsi_store(highs, high);
+    for (int i = 1; i < SPSI_LANES; ++i)
+        lows[0] = spsi_lower(lows[i], lows[0]), highs[0] = spsi_higher(highs[i], highs[0]);
     out_min_max[0] = invalid ? 0 : lows[0];
     out_min_max[1] = invalid ? SPSI_VALUE_MAX : highs[0];
-    for (int i = 1; i < SPSI_LANES && !invalid; ++i) {
-        out_min_max[0] = spsi_lower(lows[i], out_min_max[0]);
-        out_min_max[1] = spsi_higher(highs[i], out_min_max[1]);
-    }
     return 0;
 }
 
@@ -30244,17 +30115,17 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     return spsi_end(map->context);
 }
 
-/* Queries a map at up to SPSI_LANES positions. */
-static void spsi_tmap_answer(const sps_tmap *map, int count, const double *positions, float *optical_depths,
-                             float *transmittances) {
+/* Queries a map at up to SPSI_LANES positions, the answers to which begin with number `first`. */
+static void spsi_tmap_answer(const sps_tmap *map, size_t first, int count, const double *positions,
+                             float *optical_depths, float *transmittances) {
     float depths[SPSI_LANES] = {0};
     double lit[SPSI_LANES];
     for (int i = 0; i < count; ++i) lit[i] = 1;
     spsi_tmap_at(map, count, positions, depths, lit);
-    for (int i = 0; i < count; ++i) {
+    for (size_t i = 0; i < (size_t)count; ++i) {
         const double depth = (double)depths[i];
-        if (transmittances) transmittances[i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
-        if (optical_depths) optical_depths[i] = (float)spsi_optical_depth_with_surfaces(depth, lit[i]);
+        if (transmittances) transmittances[first + i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
+        if (optical_depths) optical_depths[first + i] = (float)spsi_optical_depth_with_surfaces(depth, lit[i]);
     }
 }
 
@@ -30267,8 +30138,7 @@ SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const doubl
     if (!spsi_tmap_queryable(map, count, positions)) return SPS_ERROR_ARGUMENT;
     for (size_t first = 0; first < count; first += SPSI_LANES) {
         const int some = count - first < SPSI_LANES ? (int)(count - first) : SPSI_LANES;
-        spsi_tmap_answer(map, some, positions + 3 * first, optical_depths ? optical_depths + first : NULL,
-                         transmittances ? transmittances + first : NULL);
+        spsi_tmap_answer(map, first, some, positions + 3 * first, optical_depths, transmittances);
     }
     return SPS_OK;
 }
@@ -30285,8 +30155,7 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
             memcpy(position, next, sizeof position);
             for (int k = 0; k < 3; ++k) wide[3 * i + k] = (double)position[k];
         }
-        spsi_tmap_answer(map, some, wide, optical_depths ? optical_depths + first : NULL,
-                         transmittances ? transmittances + first : NULL);
+        spsi_tmap_answer(map, first, some, wide, optical_depths, transmittances);
     }
     return SPS_OK;
 }

@@ -398,7 +398,7 @@ static spsi_faces faces_of(const sps_context *by) {
     held.extent = 10;
     held.tree.nodes = (spsi_tree_node *)by->buffers[SPSI_BUFFER_FACE_NODES].data;
     held.tree.order = (int *)by->buffers[SPSI_BUFFER_FACE_ORDER].data;
-    for (int k = 0; k < 3; ++k) held.tree.centre[k] = 0.5 * (by->mesh_low[k] + by->mesh_high[k]);
+    spsi_bounds_centre(&by->mesh_bounds, held.tree.centre);
     return held;
 }
 

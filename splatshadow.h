@@ -108,8 +108,8 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     sheets (0.3 MB per kind of gas or classified volume), two with more than 8192 particles.
     Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its map or table; those of
-    lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, 8
-    while one is made or updated, by default up to 256^3 entries per face; if all volumes have a revision, also 8 per
+    lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, and 4 per
+    entry of 64 rows while one is made or updated, by default up to 256^3 entries per face; if all volumes have a revision, also 8 per
     patch of 8 x 8 texels, and 8 per brick of 8^3 voxels. A light with an extent adds 64 bytes per texel of its shadow
     buffer (320 if there are polygons), 4 per texel and point (8 if there are polygons), 1 per point and pixel of the
     image if there are polygons, and 12 per texel and worker. An image that a light throws
@@ -479,9 +479,9 @@ typedef struct sps_particles {
 } sps_particles;
 
 /* How a transmittance map stores optical depth along the ray of each texel. u runs from 0 at near_depth to 1 at
-   far_depth. The order in which occluders are added does not matter except for round-off. Deep, compressed, depth,
-   cosine and adaptive maps are made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. n stands
-   for `components`; docs/shadow_maps.md helps to choose. */
+   far_depth. The order in which occluders are added does not matter except for round-off. Deep, compressed, depth
+   and adaptive maps are made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. n stands for
+   `components`; docs/shadow_maps.md helps to choose. */
 typedef enum sps_tmap_technique {
     /* SPS_TMAP_DEEP_OPACITY with `cubic`: small errors on most gases for few floats. As a light's shadow_map:
        SPS_TMAP_TABLE, less than half the error in less time, but more memory. */
@@ -510,17 +510,14 @@ typedef enum sps_tmap_technique {
        n 3..65, default 8; occluders are processed twice. */
     SPS_TMAP_DEEP_OPACITY,
     /* A Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that it rings,
-       by up to 9 % of a step without a window. The series is periodic, with u = 0 next to u = 1: leave room before the
+       by up to 9 % of a step. The series is periodic, with u = 0 next to u = 1: leave room before the
        first occluder and behind the last, or set texel_range. n 3, 5 .. 65, default 7, and two more with texel_range;
        insertion and query cost n. */
     SPS_TMAP_FOURIER,
-    /* A cosine series of transmittance itself: c0 c1 .. . It does not wrap around, and rings only at opaque occluders,
-       but is exact nowhere. n 2..64, default 8; made from lists, slowest of all to build; a query costs n. */
-    SPS_TMAP_COSINE,
-    /* 4, 6 or 8 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z ..
-       z^(n-1) with z = 2u - 1. A query returns the middle of the narrowest bracket that they allow. Soft, never rings,
-       exact at u = 1. n 5, 7 or 9, default 5; insertion costs n; a query solves a small matrix and finds the roots of a
-       polynomial, ten times the cost of others. */
+    /* 4 or 6 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z .. z^(n-1)
+       with z = 2u - 1. A query returns the middle of the narrowest bracket that they allow. Soft, never rings, exact at
+       u = 1. n 5 or 7, default 5; insertion costs n; a query solves a small matrix and finds the roots of a polynomial,
+       ten times the cost of others. */
     SPS_TMAP_MOMENT,
     /* Adaptive volumetric shadow map [Salvi et al. 2010]: the transmittance curve as n / 2 nodes, u T u T .. . The node
        whose removal changes the area least is removed until n / 2 are left. There is no error bound; the rms error is
@@ -536,18 +533,11 @@ typedef enum sps_tmap_technique {
        interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark
        (SPS_SCATTERING_FORWARD: 64, and steps four times as large). By default entries are as wide as a texel of the
        light's sheets, or wider if more than 256 would be needed on a side. n 8..1024; the default makes entries as long
-       as they are wide, but at most 256 planes. At most 2^28 entries. 4 bytes per texel and plane, twice that while it
-       is made; cheapest of all maps to look up. Held for the next call, and updated there where gas has changed
+       as they are wide, but at most 256 planes. At most 2^28 entries. 4 bytes per texel and plane, and 4 more
+       for those of 64 rows while it is made; cheapest of all maps to look up. Held for the next call, and updated there where gas has changed
        (sps_light.shadow_map). */
     SPS_TMAP_TABLE
 } sps_tmap_technique;
-
-/* Weight of harmonic k of a Fourier or cosine map that has n of them. */
-typedef enum sps_tmap_window {
-    SPS_TMAP_WINDOW_NONE = 0, /* sharpest; overshoots */
-    SPS_TMAP_WINDOW_LANCZOS,  /* sinc(k / (n + 1)): hardly overshoots, twice the blur */
-    SPS_TMAP_WINDOW_FEJER     /* 1 - k / (n + 1): optical depth of a Fourier map never decreases; most blur */
-} sps_tmap_window;
 
 /* Zero is valid for all but far_depth: deep opacity, cubic, with 8 components. For sps_light.shadow_map all of it may
    be zero: a table. */
@@ -558,18 +548,15 @@ typedef struct sps_tmap_settings {
     size_t byte_budget; /* maximum size of the finished map, including surfaces; 0: no limit */
     /* Range of depths along the light's axis (six faces: the nearest coordinate axis) or its direction, 0 <= near <
        far, which should contain all gas. Gas before or behind it counts as if at its near or far end, where Fourier
-       maps confuse it with that of the other end and cosine maps lose it. Opaque surfaces shade from where they are,
-       outside the range too; but points before near_depth are lit. */
+       maps confuse it with that of the other end. Opaque surfaces shade from where they are, outside the range too; but
+       points before near_depth are lit. */
     double near_depth, far_depth;
     /* Opacity: u of each plane, increasing from above 0 to 1; copied. There are `components` of them (deep opacity: two
        fewer), which must be set. NULL: even steps. A technique ignores those of the fields from here to epsilon that
        are not meant for it. */
     const float *planes;
     int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
-    sps_tmap_window window; /* Fourier and cosine */
     int texel_range;        /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
-    /* Fourier: 1: a query returns the maximum of the series so far, so that T never rises; n times the cost. */
-    int running_maximum;
     float epsilon; /* compressed: maximum error of T, up to 0.5; 0 means 0.01; kept to 1e-6 (soft particles: 0.001) */
     double surface_bias; /* world units behind an opaque surface at which its shadow begins; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
@@ -755,7 +742,7 @@ typedef enum sps_scattering {
        a closed form in the optical depth of that way and the angle where it bends, with the gas's own phase function
        and albedo. Right where gas scatters forward and light has not lost its direction; what comes back after many
        turns is mostly left out. Lights and rays are followed to an optical depth of 64, the whole way, where this light
-       ends; a shadow_map that holds transmittance (compressed, cosine, adaptive) knows less far, and gas behind is lit
+       ends; a shadow_map that holds transmittance (compressed, adaptive) knows less far, and gas behind is lit
        as if it were there. Lights without shadows are not scattered again, and polygons receive none of it. Cost: a
        table per gas, and a lookup of it beside each one of a shadow. */
     SPS_SCATTERING_FORWARD,
@@ -792,7 +779,8 @@ typedef enum sps_filling {
        tests/test_filling.c), less at high quality, and more where voxels are smaller than pixels: footprints blur them
        more than rays do. memory_limit is not looked at: where bricks do not fit, ask for SPLAT. */
     SPS_FILLING_AUTO = 0,
-    SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
+    /* Voxel by voxel: cost is proportional to the number of relevant voxels. Surfaces' normals need GATHER's memory. */
+    SPS_FILLING_SPLAT,
     /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3
        per voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per
        slab. Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where a gas's voxels
@@ -838,11 +826,6 @@ typedef struct sps_view {
        region, is rasterised at N x N times as many pixels, twice; every polygon beyond one that a pixel shows is
        shaded by itself. */
     int coverage_samples;
-    /* Optical depth, along an eye's ray, over which gas may be lit as at the last place where its shadows were looked
-       up, 0..1. 0: they are looked up at every slab. A pixel is off by no more than twice this times what its gas would
-       scatter per unit of optical depth without shadow (isotropic: color * albedo / 4 pi), mostly far less; 0.01 spares
-       most lookups of thin gas. Shadows of polygons are never skipped. */
-    float lookup_threshold;
     /* Optical depth, along any ray of the eye or of a light's sheets, by which gas may be off so that fewer rays are
        followed through it where it is smooth, 0..1. 0: all are. Slab by slab, sixteen rays stand for a patch of 8 x 8
        pixels or texels, and fewer samples for a thick slab or for many thin ones, where the third differences of voxels
@@ -872,8 +855,8 @@ typedef struct sps_view {
     /* Largest root mean square error of radiance, relative to the picture's mean radiance. The cheapest setting that is
        expected to keep it is chosen; UNSUPPORTED if none is. An estimate from a list of scenes (docs/budget.md), no
        guarantee: gas that is small in its box, or close to a lamp, and light scattered again in very dense gas may be
-       further off. Not part of it: edges of polygons, detail finer than voxels or pixels, shadow_size, shadow maps and
-       lookup_threshold as the caller sets them, and what AMBIENT, FORWARD and CONVOLUTION leave out. */
+       further off. Not part of it: edges of polygons, detail finer than voxels or pixels, shadow_size and shadow maps
+       as the caller sets them, and what AMBIENT, FORWARD and CONVOLUTION leave out. */
     double budget_error;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
@@ -954,7 +937,7 @@ typedef enum sps_pass {
     SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map or a table; counts
                                 tables that turn out to be held */
     SPS_PASS_PENUMBRAE,      /* follows the points of lights with an extent through the sheets */
-    SPS_PASS_GRADIENT,       /* central differences across sheets */
+    SPS_PASS_GRADIENT,       /* gradients of what is shaded as a surface, from its voxels */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
     SPS_PASS_FORWARD,        /* tabulates, for each gas, what is scattered forward any number of times */
     SPS_PASS_SPREADING,      /* convolves light from sheet to sheet, per light */
@@ -1091,14 +1074,14 @@ typedef struct sps_tmap_constants {
     int32_t technique, components;                       /* sps_tmap_technique; 0 components: intervals or nodes */
     int32_t has_range;  /* 1: a texel begins with the u of its first and last occluder */
     int32_t has_planes; /* 1: settings.planes is not NULL */
-    int32_t cubic, running_maximum;
+    int32_t cubic;
     int32_t has_surfaces;        /* 1: sps_tmap_surfaces is not NULL */
     int32_t width, height;       /* texels of a face */
     float near_depth, far_depth; /* u = (distance - near_depth) / (far_depth - near_depth) */
     /* A surface shades what is farther behind it than bias + bias_per_distance * distance. */
     float bias, bias_per_distance;
     int32_t face, face_count;
-    int32_t padding; /* 0 */
+    int32_t padding_0, padding_1; /* 0 */
 } sps_tmap_constants;
 
 typedef struct sps_tmap sps_tmap; /* opaque; belongs to the context it was made with */
@@ -2107,8 +2090,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_TOTAL,             /* sum of the sweeps' images */
     SPSI_BUFFER_ROW,               /* directions and colors of one row of background */
     SPSI_BUFFER_MARCHER,           /* >>reference */
-    SPSI_BUFFER_PATHS,             /* >>paths */
-    SPSI_BUFFER_GLOW,              /* what emits, for them */
+    SPSI_BUFFER_GLOW,              /* what emits, for paths */
     SPSI_BUFFER_WALKERS,           /* the reference's rays, one per pixel */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
@@ -2192,7 +2174,7 @@ struct sps_context {
     uint64_t gathered; /* fingerprint of the volumes whose voxels are held; 0: none */
     int brick_count;
     int bricks_printed; /* 1: their fingerprints are held too */
-    int field_taps;     /* of the fields that are held with them; 0: none are */
+    int fields_held;    /* with them: spsi_fields_wanted */
     uint64_t voxel_count;
     uint64_t faces_held; /* fingerprint of the meshes whose triangles are held; 0: none, >>polygons */
     int face_count;
@@ -2591,18 +2573,6 @@ static inline spsi_v spsi_kernel_share(spsi_v v) {
     p = spsi_fma(p, x2, spsi_set(-3.6912726f));
     p = spsi_fma(p, x2, spsi_set(1.53173222f));
     return spsi_fma(p, x, spsi_set(0.5f));
-}
-
-/* The derivative of spsi_kernel_share. */
-static inline spsi_v spsi_kernel_slope(spsi_v v) {
-    const spsi_v x = spsi_clamp(v, spsi_set(-1), spsi_set(1)), x2 = spsi_mul(x, x);
-    spsi_v p = spsi_set(13 * 0.915625417f);
-    p = spsi_fma(p, x2, spsi_set(11 * -4.38040258f));
-    p = spsi_fma(p, x2, spsi_set(9 * 8.9310312f));
-    p = spsi_fma(p, x2, spsi_set(7 * -10.2611645f));
-    p = spsi_fma(p, x2, spsi_set(5 * 7.45445085f));
-    p = spsi_fma(p, x2, spsi_set(3 * -3.6912726f));
-    return spsi_fma(p, x2, spsi_set(1.53173222f));
 }
 
 /* The mean of exp(-x) for x between a and b (in any order): exp(-min) (1 - exp(-d)) / d, d = |a - b|; exp(-a) at d = 0.
@@ -3195,8 +3165,8 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
      power moments of extinction               [Muenstermann et al. 2018; Peters & Klein 2015]
      first, last and total                     (Beer shadow maps)
    Fits use the whole curve of a ray:
-     u where T falls to one half, cosine series of T, nodes by least area [Salvi et al. 2010], and straight lines of T
-     within epsilon                            [Lokovic & Veach 2000]
+     u where T falls to one half, nodes by least area [Salvi et al. 2010], and straight lines of T within epsilon
+                                               [Lokovic & Veach 2000]
 
    Cost: insertion takes time for the planes that an interval passes through, or for all components; a fit (nodes of the
    curve) x (components), but n log n for an adaptive or a compressed map; the cost of a query stands at its function. T
@@ -3537,43 +3507,18 @@ static inline void spsi_turn_by(spsi_v *c, spsi_v *s, spsi_v c1, spsi_v s1) {
     *c = turned;
 }
 
-/* The same for one angle in double precision: z = cosine, sine. */
-static inline void spsi_turn_double(double z[2], const double by[2]) {
-    const double cosine = z[0] * by[0] - z[1] * by[1];
-    z[1] = z[1] * by[0] + z[0] * by[1];
-    z[0] = cosine;
-}
-
-/* The weight of harmonic k of n. */
-static double spsi_window(sps_tmap_window window, int k, int n) {
-    const double share = (double)k / (n + 1);
-    if (window == SPS_TMAP_WINDOW_FEJER) return 1 - share;
-    return window == SPS_TMAP_WINDOW_LANCZOS && k > 0 ? sin(SPSI_PI * share) / (SPSI_PI * share) : 1;
-}
-
 /* ---- opacity planes ---- */
 
 static inline float spsi_plane(const sps_tmap_settings *settings, int i) {
     return settings->planes ? settings->planes[i] : (float)(i + 1) / (float)settings->components;
 }
 
-/* The first plane that is not before u; the last if all are. */
+/* The first plane that is not before u; the last if all are. Even planes: from one too early on, for round-off. */
 static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
     const int last = settings->components - 1;
-    int low = 0, high = last;
-    if (!settings->planes) { /* start one plane early, to be safe from round-off */
-        low = spsi_most((int)(u * (float)settings->components) - 1, 0);
-        while (low < last && spsi_plane(settings, low) < u) ++low;
-        return spsi_least(low, last);
-    }
-    while (low < high) {
-        const int middle = (low + high) / 2;
-        if (settings->planes[middle] < u)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low;
+    int i = settings->planes ? 0 : spsi_most((int)(u * (float)settings->components) - 1, 0);
+    while (i < last && spsi_plane(settings, i) < u) ++i;
+    return spsi_least(i, last);
 }
 
 /* Adds to each plane its increment over the plane before, so that planes behind an interval need not be visited. */
@@ -3737,55 +3682,11 @@ static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, 
     }
 }
 
-/* The window is baked in, so that shaders need not know it. */
-static void spsi_fourier_finish(const sps_tmap_settings *settings, float *texel) {
-    const int n = (settings->components - 1) / 2;
-    for (int i = 1; i < settings->components; ++i)
-        texel[i] = (float)((double)texel[i] * spsi_window(settings->window, (i + 1) / 2, n));
-}
-
 /* The contribution of harmonic k to the optical depth before u, on top of a0 u / 2: (a_k sin(2 pi k u) +
    b_k (1 - cos(2 pi k u))) / (2 pi k). [Jansen & Bavoil 2010] */
 static inline spsi_v spsi_fourier_harmonic(spsi_v a, spsi_v b, int k, spsi_v cosine, spsi_v sine) {
     const spsi_v both = spsi_fma(a, sine, spsi_mul(b, spsi_sub(spsi_set(1), cosine)));
     return spsi_mul(both, spsi_set((float)(1 / (2 * SPSI_PI * k))));
-}
-
-#define SPSI_FOURIER_SAMPLES (2 * (SPSI_TMAP_COMPONENTS - 1))
-#define SPSI_FOURIER_GROUP   8 /* samples that share lookups, and that fit on a task's stack */
-
-/* The maximum of `most` and of the series at those of 4 n even samples that lie before u, where n is the number of
-   harmonics: the highest has four samples per period. All multiples of the samples' angles are angles of samples. */
-static spsi_v spsi_fourier_running(const spsi_texels *texels, int components, spsi_v u, spsi_v most) {
-    const int samples = 2 * (components - 1);
-    const double by[2] = {cos(2 * SPSI_PI / samples), sin(2 * SPSI_PI / samples)};
-    const spsi_v slope = spsi_mul(spsi_texels_at(texels, spsi_set(0)), spsi_set(0.5f / (float)samples));
-    float cosines[SPSI_FOURIER_SAMPLES], sines[SPSI_FOURIER_SAMPLES];
-    double z[2] = {1, 0};
-    for (int i = 0; i < samples; ++i) {
-        cosines[i] = (float)z[0], sines[i] = (float)z[1];
-        spsi_turn_double(z, by);
-    }
-    for (int first = 1; first < samples; first += SPSI_FOURIER_GROUP) {
-        const int count = spsi_least(SPSI_FOURIER_GROUP, samples - first);
-        spsi_v sums[SPSI_FOURIER_GROUP];
-        if (!spsi_bits(spsi_less(spsi_set((float)first / (float)samples), u))) break;
-        for (int i = 0; i < count; ++i) sums[i] = spsi_mul(slope, spsi_set((float)(first + i)));
-        for (int k = 1; 2 * k < components; ++k) {
-            const spsi_v a = spsi_texels_at(texels, spsi_set((float)(2 * k - 1)));
-            const spsi_v b = spsi_texels_at(texels, spsi_set((float)(2 * k)));
-            for (int i = 0; i < count; ++i) {
-                const int turn = k * (first + i) % samples;
-                sums[i] =
-                    spsi_add(sums[i], spsi_fourier_harmonic(a, b, k, spsi_set(cosines[turn]), spsi_set(sines[turn])));
-            }
-        }
-        for (int i = 0; i < count; ++i) {
-            const spsi_m before = spsi_less(spsi_set((float)(first + i) / (float)samples), u);
-            most = spsi_select(before, spsi_max(most, sums[i]), most);
-        }
-    }
-    return most;
 }
 
 /* Clamped to 0 .. the total. */
@@ -3800,7 +3701,6 @@ static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, con
         sum = spsi_add(sum, spsi_fourier_harmonic(a, b, k, c, s));
         spsi_turn_by(&c, &s, cosine, sine);
     }
-    if (settings->running_maximum) sum = spsi_fourier_running(texels, settings->components, u, sum);
     return spsi_clamp(sum, spsi_set(0), spsi_min(half, spsi_set(SPSI_DEPTH_MAX)));
 }
 
@@ -3865,73 +3765,6 @@ static void spsi_depth_fit(const sps_tmap_settings *settings, const spsi_node *c
 static spsi_v spsi_depth_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     (void)settings;
     return spsi_select(spsi_less(u, spsi_texels_at(texels, spsi_set(0))), spsi_set(0), spsi_set(SPSI_DEPTH_MAX));
-}
-
-/* ---- cosine series ---- */
-
-/* A point of a curve: terms shared by the integrals of the pieces on either side of it. */
-typedef struct spsi_cosine_end {
-    double u, depth, through, turn[2]; /* turn: cosine and sine of pi u */
-} spsi_cosine_end;
-
-static spsi_cosine_end spsi_cosine_end_at(double u, double depth) {
-    const spsi_cosine_end end = {u, depth, exp(-depth), {cos(SPSI_PI * u), sin(SPSI_PI * u)}};
-    return end;
-}
-
-/* sums[k] += integral of T cos(pi k u) over a piece from a to b. T = e^-t0 e^-s(u - u0), so the antiderivative of
-   T e^(i w u) is that function divided by i w - s: only k = 0 with s = 0 needs a limit. Since w is pi or more,
-   round-off is no larger than that of T itself. */
-static void spsi_cosine_add(double *sums, int components, const spsi_cosine_end *a, const spsi_cosine_end *b) {
-    const double length = b->u - a->u, more = b->depth - a->depth;
-    double z0[2] = {a->turn[0], a->turn[1]}, z1[2] = {b->turn[0], b->turn[1]}, slope;
-    if (!(length > 0) || !(a->through > 0)) return;
-    slope = more / length;
-    sums[0] += length * a->through * (more > 1e-12 ? -expm1(-more) / more : 1);
-    for (int k = 1; k < components; ++k) {
-        const double w = SPSI_PI * k, cosine = a->through * z0[0] - b->through * z1[0];
-        const double sine = b->through * z1[1] - a->through * z0[1];
-        sums[k] += (slope * cosine + w * sine) / (slope * slope + w * w);
-        spsi_turn_double(z0, a->turn);
-        spsi_turn_double(z1, b->turn);
-    }
-}
-
-/* T = c_0 + sum of c_k cos(pi k u), c_k = 2 integral of T cos(pi k u), with the window baked in. Mirrored at both ends,
-   T has no jump there, unlike extinction repeated periodically. */
-static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
-                            float *texel) {
-    const int n = settings->components;
-    spsi_cosine_end from = spsi_cosine_end_at(0, 0), to;
-    double sums[SPSI_TMAP_COMPONENTS];
-    (void)scratch;
-    memset(sums, 0, sizeof sums);
-    for (int i = -1; i < count && count > 0; ++i, from = to) { /* first the part before the curve, with depth 0 */
-        const spsi_piece piece = spsi_curve_piece(curve, spsi_most(i, 0));
-        to = spsi_cosine_end_at(piece.u1, i < 0 ? 0 : piece.t1);
-        spsi_cosine_add(sums, n, &from, &to);
-    }
-    to = spsi_cosine_end_at(1, from.depth);
-    spsi_cosine_add(sums, n, &from, &to);
-    texel[0] = (float)sums[0];
-    for (int k = 1; k < n; ++k) texel[k] = (float)(2 * sums[k] * spsi_window(settings->window, k, n - 1));
-}
-
-/* T is clamped to at least e^-SPSI_LIGHT_END, 1e-7: that is the round-off of coefficients up to 1, and otherwise a
-   series that rings below 0 would be opaque. */
-static spsi_v spsi_cosine_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
-    const float least = expf(-SPSI_LIGHT_END);
-    float lanes[SPSI_LANES];
-    spsi_v cosine, sine, c, s, sum = spsi_texels_at(texels, spsi_set(0));
-    spsi_turn(spsi_mul(spsi_set(0.5f), u), &cosine, &sine);
-    c = cosine, s = sine;
-    for (int k = 1; k < settings->components; ++k) {
-        sum = spsi_fma(spsi_texels_at(texels, spsi_set((float)k)), c, sum);
-        spsi_turn_by(&c, &s, cosine, sine);
-    }
-    spsi_store(lanes, spsi_clamp(sum, spsi_set(least), spsi_set(1)));
-    for (int i = 0; i < SPSI_LANES; ++i) lanes[i] = -logf(lanes[i]);
-    return spsi_load(lanes);
 }
 
 /* ---- transmittance as a polyline ---- */
@@ -4175,18 +4008,17 @@ static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node
 }
 
 static float spsi_adaptive_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    const spsi_node *nodes = (const spsi_node *)(const void *)texel;
-    return spsi_optical_depth_of(spsi_nodes_transmittance(nodes, (uint32_t)(settings->components / 2), u));
+    const uint32_t count = (uint32_t)(settings->components / 2);
+    return spsi_compressed_optical_depth((const spsi_node *)(const void *)texel, count, u);
 }
 
 /* ---- moments ---- */
 
-#define SPSI_MOMENTS_MAX 8
+#define SPSI_MOMENTS_MAX 6
 
 /* Binomial coefficients, 2 j of k. */
 static const float spsi_moment_choose[SPSI_MOMENTS_MAX + 1][SPSI_MOMENTS_MAX / 2 + 1] = {
-    {1, 0, 0, 0, 0},  {1, 0, 0, 0, 0},   {1, 1, 0, 0, 0},   {1, 3, 0, 0, 0},    {1, 6, 1, 0, 0},
-    {1, 10, 5, 0, 0}, {1, 15, 15, 1, 0}, {1, 21, 35, 7, 0}, {1, 28, 70, 28, 1},
+    {1, 0, 0, 0}, {1, 0, 0, 0}, {1, 1, 0, 0}, {1, 3, 0, 0}, {1, 6, 1, 0}, {1, 10, 5, 0}, {1, 15, 15, 1},
 };
 
 /* Sums of t E z^k, z = 2 u - 1: z = m + h s around the interval's middle, where odd powers of s have mean 0, and even
@@ -4241,8 +4073,7 @@ static int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
    those of too few points; by a larger share if that is not enough. The distributions are those of [Muenstermann et al.
    2018], for the same reason: their matrices are far from singular. Returns the share. */
 static double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int components, double share) {
-    static const double wide[3][SPSI_MOMENTS_MAX / 2] = {
-        {0.375, 0.375}, {0.48, 0.451, 0.45}, {0.75, 0.67666666666666667, 0.63, 0.60030303030303030}};
+    static const double wide[2][SPSI_MOMENTS_MAX / 2] = {{0.375, 0.375}, {0.48, 0.451, 0.45}};
     double b[SPSI_MOMENTS_MAX + 1];
     hankel->size = (components + 1) / 2;
     for (;; share = fmin(10 * share, 1)) {
@@ -4333,35 +4164,23 @@ static void spsi_polynomial_within(const double *c, int degree, double reach, do
     within[1] = known ? fmin(middle + radius + room, reach) : reach;
 }
 
-/* The roots of odd order within two bounds, in order: they lie between those of the derivative. `roots` holds `count`
-   roots of the derivative, which are replaced by those of the polynomial. Returns their number. */
-static int spsi_polynomial_between(const double *c, int degree, const double within[2], double *roots, int count) {
-    double a = within[0];
-    int low = spsi_polynomial_positive(c, degree, a), found = 0;
-    for (int i = 0; i <= count; ++i) {
-        const double b = i < count ? roots[i] : within[1];
-        const int high = spsi_polynomial_positive(c, degree, b);
-        if (low != high) roots[found++] = spsi_polynomial_root(c, degree, a, b, high);
-        a = b;
+/* The roots of odd order of a parabola or a cubic within -reach .. reach, in order: a cubic's lie between those of its
+   derivative. Returns their number. */
+static int spsi_polynomial_roots(const double *c, int degree, double reach, double *roots) {
+    double within[2], ends[SPSI_MOMENTS_MAX / 2 + 1];
+    int low, count, found = 0;
+    if (degree == 2) return spsi_parabola_roots(c[2], c[1], c[0], reach, roots);
+    count = spsi_parabola_roots(3 * c[3], 2 * c[2], c[1], reach, ends + 1);
+    spsi_polynomial_within(c, degree, reach, within);
+    ends[0] = within[0];
+    ends[count + 1] = within[1];
+    low = spsi_polynomial_positive(c, degree, ends[0]);
+    for (int i = 1; i <= count + 1; ++i) {
+        const int high = spsi_polynomial_positive(c, degree, ends[i]);
+        if (low != high) roots[found++] = spsi_polynomial_root(c, degree, ends[i - 1], ends[i], high);
         low = high;
     }
     return found;
-}
-
-/* The roots of odd order within -reach .. reach, in order, by way of all derivatives from the parabola upwards. */
-static int spsi_polynomial_roots(const double *c, int degree, double reach, double *roots) {
-    double derivatives[SPSI_MOMENTS_MAX / 2 - 1][SPSI_MOMENTS_MAX / 2 + 1], within[2];
-    const double *parabola = derivatives[degree - 2];
-    int count;
-    memcpy(derivatives[0], c, (size_t)(degree + 1) * sizeof *c);
-    for (int order = 1; order <= degree - 2; ++order)
-        for (int i = 0; i <= degree - order; ++i) derivatives[order][i] = (i + 1) * derivatives[order - 1][i + 1];
-    count = spsi_parabola_roots(parabola[2], parabola[1], parabola[0], reach, roots);
-    if (degree == 2) return count;
-    spsi_polynomial_within(c, degree, reach, within);
-    for (int order = degree - 3; order >= 0; --order)
-        count = spsi_polynomial_between(derivatives[order], degree - order, within, roots, count);
-    return count;
 }
 
 /* The minimum and maximum share before z of all distributions with these moments: those of the only one that consists
@@ -4388,10 +4207,10 @@ static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bound
     bounds[1] = (before + here) / whole;
 }
 
-/* Biases for 4, 6 and 8 moments in floats [Muenstermann et al. 2018]. Cost: a matrix of 3 to 5 rows, and the roots of a
-   polynomial of degree 2 to 4. At u = 1 the result is exactly the total. */
+/* Biases for 4 and 6 moments in floats [Muenstermann et al. 2018]. Cost: a matrix of 3 or 4 rows, and the roots of a
+   polynomial of degree 2 or 3. At u = 1 the result is exactly the total. */
 static float spsi_moment_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    static const double biases[3] = {5e-7, 5e-6, 5e-5};
+    static const double biases[2] = {5e-7, 5e-6};
     spsi_hankel hankel;
     double bounds[2];
     if (!(texel[0] > 0)) return 0;
@@ -4404,10 +4223,10 @@ static float spsi_moment_optical_depth(const sps_tmap_settings *settings, const 
 /* A mixture of (1 - a) F and a G that has the biased moments is within their bounds, and since G is 0 .. 1, F is
    within (low - a) / (1 - a) .. high / (1 - a). That also holds for moments that round-off has changed by d of the
    total, as long as the correction of G that makes up for it, d / a, leaves G's matrix positive: d (matrix size) < a
-   (smallest eigenvalue: 0.199, 0.0137, 0.0049). These biases allow for 2e-6, the round-off of a thousand sums and more.
+   (smallest eigenvalue: 0.199, 0.0137). These biases allow for 2e-6, the round-off of a thousand sums and more.
    The result of spsi_moment_optical_depth, which is less biased, is included. */
 static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]) {
-    static const double biases[3] = {3e-5, 6e-4, 2e-3};
+    static const double biases[2] = {3e-5, 6e-4};
     const double whole = (double)texel[0], answer = (double)spsi_moment_optical_depth(settings, texel, u);
     spsi_hankel hankel;
     double bounds[2], share;
@@ -4466,29 +4285,17 @@ static const spsi_technique spsi_techniques[] = {
      spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
     {"a deep opacity map", 3, 65, 1, 8, 0, 1, 0, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
      spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
-    {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL, NULL,
+    {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, NULL, NULL, NULL, NULL,
      spsi_fourier_optical_depths, NULL, NULL},
-    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, NULL, spsi_cosine_optical_depths, NULL,
-     NULL},
-    {"a moment map", 5, 9, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, NULL,
+    {"a moment map", 5, 7, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, NULL,
      spsi_moment_optical_depth, spsi_moment_bracket},
     {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, spsi_adaptive_bytes, NULL, NULL,
      spsi_adaptive_optical_depth, NULL},
     {"a Beer map", 3, 3, 1, 3, 0, 1, 0, 0, spsi_beer_insert, spsi_beer_finish, NULL, NULL, spsi_beer_clear,
      spsi_beer_optical_depths, NULL, NULL},
-    {"a shadow table", 8, 1024, 1, 256, 0, 1, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
+    {"a shadow table", 8, 1024, 1, 256, 0, 1, 0, 0, spsi_opacity_insert, NULL, NULL, NULL, NULL,
      spsi_opacity_optical_depths, NULL, NULL},
 };
-
-/* Optical depth before u in one texel, by the function that the technique has. */
-static float spsi_texel_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    const spsi_technique *technique = &spsi_techniques[settings->technique];
-    const spsi_texels texels = {texel, 0, spsi_set(0), spsi_set(0)};
-    float lanes[SPSI_LANES];
-    if (technique->optical_depth) return technique->optical_depth(settings, texel, u);
-    spsi_store(lanes, technique->optical_depths(settings, &texels, spsi_set(u)));
-    return lanes[0];
-}
 
 /* Settings with SPS_TMAP_DEFAULT replaced by the technique that it stands for, and without planes that are not meant
    for theirs. */
@@ -4706,13 +4513,6 @@ typedef struct spsi_lamps {
     int image_count;  /* number of lamps that throw an image */
 } spsi_lamps;
 
-/* Gradients of volumes that are shaded as surfaces. Fields have their own. */
-typedef struct spsi_gradients {
-    int exist;    /* 1: some volume has such gradients */
-    int reach;    /* pixels to either side of a difference: 1, or 2 if voxels are less than 4 pixels wide */
-    int splatted; /* 1: gradients have sheets of their own, as neighbouring pixels are too far apart */
-} spsi_gradients;
-
 /* Light from everywhere. */
 typedef struct spsi_ambient {
     float radiance[3];
@@ -4865,7 +4665,7 @@ typedef struct spsi_frame {
     spsi_ambient ambient;
     spsi_background background;
     int replace_invalid; /* 1: invalid values become 0 instead of an error */
-    spsi_gradients gradients;
+    int has_gradients; /* 1: some volume is shaded as a surface; its field has the gradients */
     int channels;    /* channels of radiance: 1 if every color is grey, otherwise 3 */
     int wants_depth; /* 1: the image has depths */
 } spsi_frame;
@@ -4938,22 +4738,64 @@ static void spsi_placement_resolve(const sps_placement *from, sps_placement *to)
     for (int i = 0; i < 3 && zero; ++i) to->axis[i][i] = 1;
 }
 
+/* A number of an object, its bounds, and the rule that they follow. If no number will do, `high` is below `low`. */
+typedef struct spsi_bounded {
+    const char *field;
+    double value, low, high;
+    const char *rule;
+} spsi_bounded;
+
+/* As spsi_fail_field, for a member; `prefix` leads to it from the object: "", "grid.". */
+static sps_result spsi_fail_member(sps_context *context, sps_result result, sps_object object, int index,
+                                   const char *prefix, const char *field, double value, const char *rule) {
+    char member[64];
+    SPS_SNPRINTF(member, sizeof member, "%s%s", prefix, field);
+    return spsi_fail_field(context, result, object, index, member, value, rule);
+}
+
+/* Fails with the first of some members that is beyond its bounds, or NaN. */
+static sps_result spsi_check_bounded(sps_context *context, sps_object object, int index, const char *prefix,
+                                     const spsi_bounded *list, size_t count) {
+    for (size_t i = 0; i < count; ++i)
+        if (!(list[i].value >= list[i].low && list[i].value <= list[i].high))
+            return spsi_fail_member(context, SPS_ERROR_ARGUMENT, object, index, prefix, list[i].field, list[i].value,
+                                    list[i].rule);
+    return SPS_OK;
+}
+
+/* Fails if a vector of an object is not usable as coordinates. */
+static sps_result spsi_check_vector(sps_context *context, sps_object object, int index, const char *field,
+                                    const double v[3]) {
+    const double *bad = spsi_bad_coordinate(v, 3);
+    if (!bad) return SPS_OK;
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, *bad, "it must be within 1e15");
+}
+
+/* Fails if a component of a color is not within 0..most, which is 1 or SPSI_VALUE_MAX. */
+static sps_result spsi_check_color(sps_context *context, sps_object object, int index, const char *field,
+                                   const float color[3], float most) {
+    const float *bad = spsi_bad_color(color, most);
+    if (!bad) return SPS_OK;
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, (double)*bad,
+                           most > 1 ? "red, green and blue must be 0..1e18" : "red, green and blue must be 0..1");
+}
+
 /* Checks that a resolved placement is finite, and not flat. */
 static sps_result spsi_check_placement(sps_context *context, const sps_placement *placement, sps_object object,
                                        int index) {
-    const double *bad = spsi_bad_coordinate(placement->origin, 3);
     const double determinant = spsi_determinant(placement->axis[0], placement->axis[1], placement->axis[2]);
     double room = 1e-14;
     char field[32];
-    if (bad) {
+    if (spsi_bad_coordinate(placement->origin, 3)) {
+        const double *bad = spsi_bad_coordinate(placement->origin, 3);
         SPS_SNPRINTF(field, sizeof field, "placement.origin[%d]", (int)(bad - placement->origin));
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, *bad, "it must be within 1e15");
     }
     for (int i = 0; i < 9; ++i) {
-        bad = spsi_bad_coordinate(&placement->axis[i / 3][i % 3], 1);
-        if (!bad) continue;
         SPS_SNPRINTF(field, sizeof field, "placement.axis[%d][%d]", i / 3, i % 3);
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, *bad, "it must be within 1e15");
+        if (spsi_bad_coordinate(&placement->axis[i / 3][i % 3], 1))
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, placement->axis[i / 3][i % 3],
+                                   "it must be within 1e15");
     }
     for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* the round-off of a flat one */
     if (!(fabs(determinant) > room) || !(fabs(determinant) <= DBL_MAX))
@@ -4966,14 +4808,12 @@ static int spsi_volume_present(const sps_volume *volume) {
     return volume->size[0] > 0 && volume->size[1] > 0 && volume->size[2] > 0;
 }
 
-/* Fails if a struct was not zeroed; `prefix` leads from the object to the struct: "", "grid.". */
+/* Fails if a struct was not zeroed. */
 static sps_result spsi_check_canaries(sps_context *context, sps_object object, int index, const char *prefix,
                                       uint32_t start, uint32_t end) {
-    char field[32];
     if (!start && !end) return SPS_OK;
-    SPS_SNPRINTF(field, sizeof field, "%s%s", prefix, start ? "start_canary" : "end_canary");
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, (double)(start ? start : end),
-                           SPSI_NOT_ZEROED);
+    return spsi_fail_member(context, SPS_ERROR_ARGUMENT, object, index, prefix, start ? "start_canary" : "end_canary",
+                            (double)(start ? start : end), SPSI_NOT_ZEROED);
 }
 
 static sps_result spsi_check_lobes(sps_context *context, sps_object object, int index, const sps_lobe *lobes,
@@ -4993,19 +4833,10 @@ static sps_result spsi_check_lobes(sps_context *context, sps_object object, int 
     return SPS_OK;
 }
 
-static sps_result spsi_check_radiance(sps_context *context, sps_object object, int index, const char *field,
-                                      const float color[3]) {
-    if (!spsi_bad_color(color, SPSI_VALUE_MAX)) return SPS_OK;
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field,
-                           (double)*spsi_bad_color(color, SPSI_VALUE_MAX), "red, green and blue must be 0..1e18");
-}
-
 static sps_result spsi_check_gas_colors(sps_context *context, sps_object object, int index, const float albedo[3],
                                         const float emission[3]) {
-    if (spsi_bad_color(albedo, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "albedo", (double)*spsi_bad_color(albedo, 1),
-                               "red, green and blue must be 0..1");
-    return spsi_check_radiance(context, object, index, "emission", emission);
+    if (spsi_check_color(context, object, index, "albedo", albedo, 1)) return context->result;
+    return spsi_check_color(context, object, index, "emission", emission, SPSI_VALUE_MAX);
 }
 
 static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume, int i) {
@@ -5039,6 +4870,11 @@ static sps_result spsi_check_array(sps_context *context, const sps_volume *volum
 }
 
 static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
+    const spsi_bounded looks[] = {
+        {"gradient_full", (double)volume->gradient_full, 0, (double)SPSI_VALUE_MAX, "it must be 0 or positive"},
+        {"specular", (double)volume->specular, 0, 1, "it must be 0..1"},
+        {"shininess", (double)volume->shininess, 0, 1e4, "it must be 0..10000"},
+        {"shading", (double)(int)volume->shading, 0, SPS_SHADING_SURFACE, "it must be an sps_shading"}};
     char text[96];
     if (spsi_check_canaries(context, SPS_OBJECT_VOLUME, i, "", volume->start_canary, volume->end_canary))
         return context->result;
@@ -5054,19 +4890,9 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
     }
     if (spsi_check_array(context, volume, i)) return context->result;
     if (spsi_check_lobes(context, SPS_OBJECT_VOLUME, i, volume->lobes, volume->lobe_count)) return context->result;
-    if (!(volume->gradient_full >= 0 && volume->gradient_full <= SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "gradient_full",
-                               (double)volume->gradient_full, "it must be 0 or positive");
-    if (!(volume->specular >= 0 && volume->specular <= 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "specular", (double)volume->specular,
-                               "it must be 0..1");
-    if (!(volume->shininess >= 0 && volume->shininess <= 1e4f))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "shininess",
-                               (double)volume->shininess, "it must be 0..10000");
-    if ((int)volume->shading < 0 || volume->shading > SPS_SHADING_SURFACE)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "shading",
-                               (double)(int)volume->shading, "it must be an sps_shading");
-    if (spsi_check_radiance(context, SPS_OBJECT_VOLUME, i, "ambient", volume->ambient)) return context->result;
+    if (spsi_check_bounded(context, SPS_OBJECT_VOLUME, i, "", looks, sizeof looks / sizeof *looks) ||
+        spsi_check_color(context, SPS_OBJECT_VOLUME, i, "ambient", volume->ambient, SPSI_VALUE_MAX))
+        return context->result;
     return volume->transfer ? SPS_OK : spsi_check_gas(context, volume, i);
 }
 
@@ -5102,13 +4928,8 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "read_fn", 0,
                               "is NULL; it must be set where there are triangles");
     if (spsi_check_indexed(context, mesh, i)) return context->result;
-    if (spsi_bad_color(mesh->color, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "color",
-                               (double)*spsi_bad_color(mesh->color, 1), "red, green and blue must be 0..1");
-    if (spsi_bad_color(mesh->transmittance, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "transmittance",
-                               (double)*spsi_bad_color(mesh->transmittance, 1), "red, green and blue must be 0..1");
-    return SPS_OK;
+    if (spsi_check_color(context, SPS_OBJECT_MESH, i, "color", mesh->color, 1)) return context->result;
+    return spsi_check_color(context, SPS_OBJECT_MESH, i, "transmittance", mesh->transmittance, 1);
 }
 
 static sps_result spsi_check_set(sps_context *context, const sps_particles *set, int i) {
@@ -5121,7 +4942,7 @@ static sps_result spsi_check_set(sps_context *context, const sps_particles *set,
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "read_fn", 0,
                               "is NULL; it must be set where count is not 0");
     if (spsi_check_lobes(context, SPS_OBJECT_PARTICLES, i, set->lobes, set->lobe_count) ||
-        spsi_check_radiance(context, SPS_OBJECT_PARTICLES, i, "ambient", set->ambient))
+        spsi_check_color(context, SPS_OBJECT_PARTICLES, i, "ambient", set->ambient, SPSI_VALUE_MAX))
         return context->result;
     return spsi_check_gas_colors(context, SPS_OBJECT_PARTICLES, i, set->albedo, set->emission);
 }
@@ -5134,9 +4955,8 @@ static const char *spsi_setting_prefix(int light) { return light < 0 ? "" : "sha
 /* As spsi_fail_field, for these settings. */
 static sps_result spsi_fail_setting(sps_context *context, sps_result result, int light, const char *field, double value,
                                     const char *rule) {
-    char member[64];
-    SPS_SNPRINTF(member, sizeof member, "%s%s", spsi_setting_prefix(light), field);
-    return spsi_fail_field(context, result, spsi_setting_object(light), light, member, value, rule);
+    return spsi_fail_member(context, result, spsi_setting_object(light), light, spsi_setting_prefix(light), field,
+                            value, rule);
 }
 
 /* Checks the number of components, including the range, unless it is left to the technique. */
@@ -5152,6 +4972,8 @@ static sps_result spsi_check_components(sps_context *context, int light, const s
         if (n >= least && n <= technique->most && (n - least) % technique->step == 0) return SPS_OK;
         if (least == technique->most)
             SPS_SNPRINTF(rule, sizeof rule, "%s has %d", technique->name, least);
+        else if (least + technique->step == technique->most)
+            SPS_SNPRINTF(rule, sizeof rule, "%s has %d or %d", technique->name, least, technique->most);
         else
             SPS_SNPRINTF(rule, sizeof rule, "%s%s has %d, %d .. %d", technique->name, with, least,
                          least + technique->step, technique->most);
@@ -5179,25 +5001,19 @@ static sps_result spsi_check_planes(sps_context *context, int light, const sps_t
 
 /* Checks all settings of a map except for its depth range. */
 static sps_result spsi_check_settings(sps_context *context, int light, const sps_tmap_settings *settings) {
+    const spsi_bounded numbers[] = {
+        {"technique", (double)(int)settings->technique, 0, SPS_TMAP_TABLE, "it must be an sps_tmap_technique"},
+        {"epsilon", (double)settings->epsilon, 0, 0.5, "it must be 0..0.5"},
+        {"surface_bias", settings->surface_bias, 0, SPSI_COORDINATE_MAX, "it must be 0..1e15"}};
+    const sps_object object = spsi_setting_object(light);
+    const char *prefix = spsi_setting_prefix(light);
     sps_tmap_settings resolved;
-    if (spsi_check_canaries(context, spsi_setting_object(light), light, spsi_setting_prefix(light),
-                            settings->start_canary, settings->end_canary))
+    if (spsi_check_canaries(context, object, light, prefix, settings->start_canary, settings->end_canary) ||
+        spsi_check_bounded(context, object, light, prefix, numbers, sizeof numbers / sizeof *numbers))
         return context->result;
-    if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_TABLE)
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "technique", (double)(int)settings->technique,
-                                 "it must be an sps_tmap_technique");
     if (settings->technique == SPS_TMAP_TABLE && light < 0)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_SETTINGS, -1, "technique", 0,
                               "is SPS_TMAP_TABLE, which is for sps_light.shadow_map only");
-    if ((int)settings->window < 0 || settings->window > SPS_TMAP_WINDOW_FEJER)
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "window", (double)(int)settings->window,
-                                 "it must be an sps_tmap_window");
-    if (!(settings->epsilon >= 0 && settings->epsilon <= 0.5f))
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "epsilon", (double)settings->epsilon,
-                                 "it must be 0..0.5");
-    if (!(settings->surface_bias >= 0 && settings->surface_bias <= SPSI_COORDINATE_MAX))
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "surface_bias", settings->surface_bias,
-                                 "it must be 0..1e15");
     resolved = spsi_settings_resolve(settings, light >= 0);
     if (spsi_check_components(context, light, &resolved)) return context->result;
     return spsi_check_planes(context, light, &resolved);
@@ -5206,9 +5022,6 @@ static sps_result spsi_check_settings(sps_context *context, int light, const sps
 /* Checks how a light shades gas: neither sheets nor a table can be meant beside a map of another kind. */
 static sps_result spsi_check_shadow_source(sps_context *context, const sps_light *light, int i) {
     const sps_tmap_settings *settings = light->shadow_map;
-    if ((int)light->shadow_source < 0 || light->shadow_source > SPS_SHADOW_TABLE)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_source",
-                               (double)(int)light->shadow_source, "it must be an sps_shadow_source");
     if (settings && light->shadow_source == SPS_SHADOW_SHEETS)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_source", SPS_SHADOW_SHEETS,
                               "is SPS_SHADOW_SHEETS, and shadow_map is set; only one of them can be meant");
@@ -5224,24 +5037,24 @@ static sps_result spsi_check_shadow_source(sps_context *context, const sps_light
    their own. */
 static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *light, int i) {
     const sps_tmap_settings *settings = light->shadow_map;
-    if (light->shadow_map_size < 0 || light->shadow_map_size > SPSI_SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_map_size",
-                               light->shadow_map_size, "it must be 0..16384");
-    if (light->shadow_map_omnidirectional && light->kind == SPS_LIGHT_DIRECTIONAL)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_map_omnidirectional",
-                               light->shadow_map_omnidirectional, "a directional light has one direction");
-    if (spsi_check_shadow_source(context, light, i)) return context->result;
-    if (!settings) return SPS_OK;
-    if (spsi_check_settings(context, i, settings)) return context->result;
-    if (!(fabs(settings->near_depth) <= 0))
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "near_depth", settings->near_depth,
-                                 "it must be 0: the range is fitted to the gas");
-    if (!(fabs(settings->far_depth) <= 0))
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "far_depth", settings->far_depth,
-                                 "it must be 0: the range is fitted to the gas");
-    if (settings->surface_bias > 0)
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "surface_bias", settings->surface_bias,
-                                 "it must be 0: surfaces shade by rays and a depth map of their own");
+    const double all_round = light->kind == SPS_LIGHT_DIRECTIONAL ? 0 : HUGE_VAL;
+    const spsi_bounded numbers[] = {
+        {"shadow_map_size", (double)light->shadow_map_size, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
+        {"shadow_map_omnidirectional", (double)light->shadow_map_omnidirectional, -all_round, all_round,
+         "a directional light has one direction"},
+        {"shadow_source", (double)(int)light->shadow_source, 0, SPS_SHADOW_TABLE, "it must be an sps_shadow_source"}};
+    if (spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", numbers, sizeof numbers / sizeof *numbers) ||
+        spsi_check_shadow_source(context, light, i))
+        return context->result;
+    if (settings) {
+        const spsi_bounded own[] = {
+            {"near_depth", settings->near_depth, 0, 0, "it must be 0: the range is fitted to the gas"},
+            {"far_depth", settings->far_depth, 0, 0, "it must be 0: the range is fitted to the gas"},
+            {"surface_bias", settings->surface_bias, 0, 0,
+             "it must be 0: surfaces shade by rays and a depth map of their own"}};
+        if (spsi_check_settings(context, i, settings)) return context->result;
+        return spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "shadow_map.", own, sizeof own / sizeof *own);
+    }
     return SPS_OK;
 }
 
@@ -5253,74 +5066,56 @@ static int spsi_light_extended(const sps_light *light) {
 }
 
 static sps_result spsi_check_cone(sps_context *context, const sps_light *light, int i) {
-    if (light->kind == SPS_LIGHT_DIRECTIONAL && (light->inner_cone < 0 || light->inner_cone > 0))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "inner_cone", light->inner_cone,
-                               "it must be 0: a directional light has no cone");
-    if (light->kind == SPS_LIGHT_DIRECTIONAL && (light->outer_cone < 0 || light->outer_cone > 0))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "outer_cone", light->outer_cone,
-                               "it must be 0: a directional light has no cone");
-    if (!(light->outer_cone >= 0 && light->outer_cone <= SPSI_PI * (1 + DBL_EPSILON)))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "outer_cone", light->outer_cone,
-                               "it must be 0..pi");
-    if (!(light->inner_cone >= 0 && (light->inner_cone < light->outer_cone || !(light->inner_cone > 0))))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "inner_cone", light->inner_cone,
-                               "it must be 0, or less than outer_cone");
-    return SPS_OK;
-}
-
-static sps_result spsi_fail_projector(sps_context *context, int i, const char *name, double value, const char *rule) {
-    char field[48];
-    SPS_SNPRINTF(field, sizeof field, "projector.%s", name);
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, field, value, rule);
+    static const char none[] = "it must be 0: a directional light has no cone";
+    const int directional = light->kind == SPS_LIGHT_DIRECTIONAL;
+    const double narrower = light->inner_cone < light->outer_cone ? light->inner_cone : 0;
+    const spsi_bounded cones[] = {{"outer_cone", light->outer_cone, 0, directional ? 0 : SPSI_PI * (1 + DBL_EPSILON),
+                                   directional ? none : "it must be 0..pi"},
+                                  {"inner_cone", light->inner_cone, 0, directional ? 0 : narrower,
+                                   directional ? none : "it must be 0, or less than outer_cone"}};
+    return spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", cones, sizeof cones / sizeof *cones);
 }
 
 static sps_result spsi_check_projector(sps_context *context, const sps_light *light, int i) {
     const sps_projector *projector = light->projector;
-    const double *bad;
     double direction[3], along[2] = {0, 0}, reach;
     if (!projector) return SPS_OK;
     if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, "projector.", projector->start_canary, projector->end_canary))
         return context->result;
     if (!projector->sample_fn)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "projector.sample_fn", 0, SPSI_IS_NULL);
-    if (projector->width < 1 || projector->width > SPSI_IMAGE_SIZE_MAX)
-        return spsi_fail_projector(context, i, "width", projector->width, "it must be 1..4096");
-    if (projector->height < 1 || projector->height > SPSI_IMAGE_SIZE_MAX)
-        return spsi_fail_projector(context, i, "height", projector->height, "it must be 1..4096");
-    if (spsi_bad_coordinate(&projector->right, 1))
-        return spsi_fail_projector(context, i, "right", projector->right, "it must be within 1e15");
-    if (!(projector->left >= -1e15 && projector->right - projector->left >= 1e-15))
-        return spsi_fail_projector(context, i, "left", projector->left,
-                                   "it must be within 1e15, and less than right by 1e-15 or more");
-    if (spsi_bad_coordinate(&projector->top, 1))
-        return spsi_fail_projector(context, i, "top", projector->top, "it must be within 1e15");
-    if (!(projector->bottom >= -1e15 && projector->top - projector->bottom >= 1e-15))
-        return spsi_fail_projector(context, i, "bottom", projector->bottom,
-                                   "it must be within 1e15, and less than top by 1e-15 or more");
-    bad = spsi_bad_coordinate(projector->up, 3);
-    if (bad) return spsi_fail_projector(context, i, "up", *bad, "it must be within 1e15");
     memcpy(direction, light->direction, sizeof direction);
     spsi_normalise(direction);
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
         along[axis] = fabs(spsi_dot(light->axes[axis], direction));
     reach = light->kind == SPS_LIGHT_RECTANGLE ? along[0] + along[1] : sqrt(along[0] * along[0] + along[1] * along[1]);
-    if (!(fabs(projector->focus) <= 0) && !(projector->focus > reach && projector->focus <= 1e15))
-        return spsi_fail_projector(context, i, "focus", projector->focus,
-                                   "it must be 0, or within 1e15 and beyond the extent");
-    return SPS_OK;
+    {
+        const double left = projector->right - projector->left >= 1e-15 ? projector->left : -HUGE_VAL;
+        const double bottom = projector->top - projector->bottom >= 1e-15 ? projector->bottom : -HUGE_VAL;
+        const spsi_bounded numbers[] = {
+            {"width", (double)projector->width, 1, SPSI_IMAGE_SIZE_MAX, "it must be 1..4096"},
+            {"height", (double)projector->height, 1, SPSI_IMAGE_SIZE_MAX, "it must be 1..4096"},
+            {"right", projector->right, -1e15, 1e15, "it must be within 1e15"},
+            {"left", projector->left, -1e15, left, "it must be within 1e15, and less than right by 1e-15 or more"},
+            {"top", projector->top, -1e15, 1e15, "it must be within 1e15"},
+            {"bottom", projector->bottom, -1e15, bottom, "it must be within 1e15, and less than top by 1e-15 or more"},
+            {"focus", projector->focus, 0, projector->focus > reach ? 1e15 : 0,
+             "it must be 0, or within 1e15 and beyond the extent"}};
+        if (spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "projector.", numbers, sizeof numbers / sizeof *numbers))
+            return context->result;
+    }
+    return spsi_check_vector(context, SPS_OBJECT_LIGHT, i, "projector.up", projector->up);
 }
 
 static sps_result spsi_check_extent(sps_context *context, const sps_light *light, int i) {
-    if (light->samples < 0 || light->samples > SPSI_POINTS_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "samples", light->samples,
-                               "it must be 0..256");
-    if (light->kind == SPS_LIGHT_DIRECTIONAL && !(light->angular_diameter >= 0 && light->angular_diameter <= 2))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "angular_diameter",
-                               light->angular_diameter, "it must be 0..2 radians");
+    const spsi_bounded numbers[] = {
+        {"samples", (double)light->samples, 0, SPSI_POINTS_MAX, "it must be 0..256"},
+        {"angular_diameter", light->angular_diameter, 0, 2, "it must be 0..2 radians"}};
+    if (spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", numbers, light->kind == SPS_LIGHT_DIRECTIONAL ? 2 : 1))
+        return context->result;
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
-        if (spsi_bad_coordinate(light->axes[axis], 3))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, axis ? "axes[1]" : "axes[0]",
-                                   *spsi_bad_coordinate(light->axes[axis], 3), "it must be within 1e15");
+        if (spsi_check_vector(context, SPS_OBJECT_LIGHT, i, axis ? "axes[1]" : "axes[0]", light->axes[axis]))
+            return context->result;
     if (light->shadow_map && spsi_light_extended(light))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, i, "shadow_map", 0,
                               "holds the shadow of a single point; an extended light has none");
@@ -5328,20 +5123,14 @@ static sps_result spsi_check_extent(sps_context *context, const sps_light *light
 }
 
 static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
-    const double *bad;
+    const spsi_bounded kinds[] = {
+        {"kind", (double)(int)light->kind, 0, SPS_LIGHT_RECTANGLE, "it must be an sps_light_kind"},
+        {"falloff", (double)(int)light->falloff, 0, SPS_FALLOFF_NONE, "it must be an sps_falloff"}};
     double direction[3];
-    if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, "", light->start_canary, light->end_canary))
+    if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, "", light->start_canary, light->end_canary) ||
+        spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", kinds, sizeof kinds / sizeof *kinds) ||
+        spsi_check_color(context, SPS_OBJECT_LIGHT, i, "color", light->color, SPSI_VALUE_MAX))
         return context->result;
-    if ((int)light->kind < 0 || light->kind > SPS_LIGHT_RECTANGLE)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "kind", (double)(int)light->kind,
-                               "it must be an sps_light_kind");
-    if ((int)light->falloff < 0 || light->falloff > SPS_FALLOFF_NONE)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "falloff", (double)(int)light->falloff,
-                               "it must be an sps_falloff");
-    if (spsi_bad_color(light->color, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "color",
-                               (double)*spsi_bad_color(light->color, SPSI_VALUE_MAX),
-                               "red, green and blue must be 0..1e18");
     memcpy(direction, light->direction, sizeof direction);
     if (spsi_check_cone(context, light, i)) return context->result;
     if ((light->kind == SPS_LIGHT_DIRECTIONAL || light->outer_cone > 0 || light->projector) &&
@@ -5351,31 +5140,28 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "direction", direction[k],
                                "it must be finite and have a length");
     }
-    bad = spsi_bad_coordinate(light->position, 3);
-    if ((light->kind != SPS_LIGHT_DIRECTIONAL || light->projector) && bad)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "position", *bad,
-                               "it must be within 1e15");
+    if ((light->kind != SPS_LIGHT_DIRECTIONAL || light->projector) &&
+        spsi_check_vector(context, SPS_OBJECT_LIGHT, i, "position", light->position))
+        return context->result;
     if (spsi_check_extent(context, light, i) || spsi_check_projector(context, light, i)) return context->result;
     return spsi_check_shadow_map(context, light, i);
 }
 
 static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene) {
-    if (spsi_check_canaries(context, SPS_OBJECT_SCENE, -1, "", scene->start_canary, scene->end_canary))
+    const spsi_bounded counts[] = {
+        {"volume_count", (double)scene->volume_count, 0, scene->volumes ? HUGE_VAL : 0,
+         "it must be 0, or positive with volumes set"},
+        {"mesh_count", (double)scene->mesh_count, 0, scene->meshes ? HUGE_VAL : 0,
+         "it must be 0, or positive with meshes set"},
+        {"light_count", (double)scene->light_count, 0, scene->lights ? HUGE_VAL : 0,
+         "it must be 0, or positive with lights set"},
+        {"particle_set_count", (double)scene->particle_set_count, 0, scene->particles ? HUGE_VAL : 0,
+         "it must be 0, or positive with particles set"}};
+    if (spsi_check_canaries(context, SPS_OBJECT_SCENE, -1, "", scene->start_canary, scene->end_canary) ||
+        spsi_check_bounded(context, SPS_OBJECT_SCENE, -1, "", counts, sizeof counts / sizeof *counts) ||
+        spsi_check_color(context, SPS_OBJECT_SCENE, -1, "ambient", scene->ambient, SPSI_VALUE_MAX) ||
+        spsi_check_color(context, SPS_OBJECT_SCENE, -1, "background", scene->background, SPSI_VALUE_MAX))
         return context->result;
-    if (scene->volume_count < 0 || (scene->volume_count > 0 && !scene->volumes))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count", scene->volume_count,
-                               "it must be 0, or positive with volumes set");
-    if (scene->mesh_count < 0 || (scene->mesh_count > 0 && !scene->meshes))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "mesh_count", scene->mesh_count,
-                               "it must be 0, or positive with meshes set");
-    if (scene->light_count < 0 || (scene->light_count > 0 && !scene->lights))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "light_count", scene->light_count,
-                               "it must be 0, or positive with lights set");
-    if (scene->particle_set_count < 0 || (scene->particle_set_count > 0 && !scene->particles))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
-                               scene->particle_set_count, "it must be 0, or positive with particles set");
-    if (spsi_check_radiance(context, SPS_OBJECT_SCENE, -1, "ambient", scene->ambient)) return context->result;
-    if (spsi_check_radiance(context, SPS_OBJECT_SCENE, -1, "background", scene->background)) return context->result;
     for (int i = 0; i < scene->volume_count; ++i)
         if (spsi_check_volume(context, &scene->volumes[i], i)) return context->result;
     for (int i = 0; i < scene->mesh_count; ++i)
@@ -5401,15 +5187,11 @@ static sps_result spsi_check_projection(sps_context *context, sps_object object,
     return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera", 0, rest);
 }
 
-/* Checks one of a camera's vectors. */
-static sps_result spsi_check_vector(sps_context *context, sps_object object, const char *field, const double v[3]) {
-    const double *bad = spsi_bad_coordinate(v, 3);
-    if (!bad) return SPS_OK;
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, field, *bad, "it must be within 1e15");
-}
-
 /* Checks the camera of a view, or of a map's light. */
 static sps_result spsi_check_camera(sps_context *context, sps_object object, const sps_camera *camera) {
+    const spsi_bounded heights[] = {
+        {"field_of_view", camera->field_of_view, 0, 3.1, "it must be above 0, up to 3.1 radians"},
+        {"ortho_height", camera->ortho_height, 0, DBL_MAX, "it must be above 0"}};
     const double *matrix = camera->world_to_clip;
     if (spsi_check_projection(context, object, camera)) return context->result;
     if (matrix) {
@@ -5419,32 +5201,22 @@ static sps_result spsi_check_camera(sps_context *context, sps_object object, con
         SPS_SNPRINTF(field, sizeof field, "camera.world_to_clip[%d]", (int)(bad - matrix));
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, field, *bad, "it must be within 1e15");
     }
-    if (spsi_check_vector(context, object, "camera.position", camera->position) ||
-        spsi_check_vector(context, object, "camera.target", camera->target) ||
-        spsi_check_vector(context, object, "camera.up", camera->up))
+    if (spsi_check_vector(context, object, -1, "camera.position", camera->position) ||
+        spsi_check_vector(context, object, -1, "camera.target", camera->target) ||
+        spsi_check_vector(context, object, -1, "camera.up", camera->up))
         return context->result;
-    if (!(camera->field_of_view >= 0 && camera->field_of_view <= 3.1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "camera.field_of_view", camera->field_of_view,
-                               "it must be above 0, up to 3.1 radians");
-    if (!(camera->ortho_height >= 0 && camera->ortho_height <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "camera.ortho_height", camera->ortho_height,
-                               "it must be above 0");
-    return SPS_OK;
+    return spsi_check_bounded(context, object, -1, "camera.", heights, sizeof heights / sizeof *heights);
 }
 
 /* Checks the fields common to a view and a map's light, apart from their cameras. */
 static sps_result spsi_check_sampling(sps_context *context, sps_object object, const int size[2], sps_quality quality,
                                       double slab) {
-    for (int i = 0; i < 2; ++i)
-        if (size[i] < 1 || size[i] > SPSI_SIZE_MAX)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, i ? "height" : "width", size[i],
-                                   "it must be 1..16384");
-    if ((int)quality < 0 || quality > SPS_QUALITY_ULTRA)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "quality", (double)(int)quality,
-                               "it must be an sps_quality");
-    if (!(slab >= 0 && slab <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "slab", slab, "it must be 0 or positive");
-    return SPS_OK;
+    const spsi_bounded numbers[] = {
+        {"width", (double)size[0], 1, SPSI_SIZE_MAX, "it must be 1..16384"},
+        {"height", (double)size[1], 1, SPSI_SIZE_MAX, "it must be 1..16384"},
+        {"quality", (double)(int)quality, 0, SPS_QUALITY_ULTRA, "it must be an sps_quality"},
+        {"slab", slab, 0, DBL_MAX, "it must be 0 or positive"}};
+    return spsi_check_bounded(context, object, -1, "", numbers, sizeof numbers / sizeof *numbers);
 }
 
 #define SPSI_COVERAGE_MAX 8 /* along a side of a pixel: samples are bits of 64 */
@@ -5458,27 +5230,31 @@ static int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]
 static int spsi_has_budget(const sps_view *view) { return view->budget_seconds > 0 || view->budget_error > 0; }
 
 static sps_result spsi_check_budget(sps_context *context, const sps_view *view) {
-    static const char *const names[] = {"quality", "slab", "tolerance", "scatter_size"};
-    const double chosen[] = {(double)(int)view->quality, view->slab, (double)view->tolerance,
-                             (double)view->scatter_size};
-    if (!(view->budget_seconds >= 0 && view->budget_seconds <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "budget_seconds", view->budget_seconds,
-                               "it must be 0, or positive and finite");
-    if (!(view->budget_error >= 0 && view->budget_error <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "budget_error", view->budget_error,
-                               "it must be 0, or positive and finite");
-    if (view->budget_seconds > 0 && view->budget_error > 0)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "budget_error", view->budget_error,
-                               "budget_seconds is set, too: set one of both");
-    for (int i = 0; i < 4; ++i)
-        if (spsi_has_budget(view) && !(chosen[i] <= 0))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, names[i], chosen[i],
-                                   "the budget chooses it: leave it 0");
-    return SPS_OK;
+    static const char rule[] = "the budget chooses it: leave it 0";
+    const double spare = spsi_has_budget(view) ? 0 : HUGE_VAL;
+    const spsi_bounded numbers[] = {
+        {"budget_seconds", view->budget_seconds, 0, DBL_MAX, "it must be 0, or positive and finite"},
+        {"budget_error", view->budget_error, 0, DBL_MAX, "it must be 0, or positive and finite"},
+        {"budget_error", view->budget_error, 0, view->budget_seconds > 0 ? 0 : DBL_MAX,
+         "budget_seconds is set, too: set one of both"},
+        {"quality", (double)(int)view->quality, 0, spare, rule},
+        {"slab", view->slab, 0, spare, rule},
+        {"tolerance", (double)view->tolerance, 0, spare, rule},
+        {"scatter_size", (double)view->scatter_size, 0, spare, rule}};
+    return spsi_check_bounded(context, SPS_OBJECT_VIEW, -1, "", numbers, sizeof numbers / sizeof *numbers);
 }
 
 static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     const int *r = view->region, size[2] = {view->width, view->height};
+    const spsi_bounded numbers[] = {
+        {"shadow_size", (double)view->shadow_size, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
+        {"coverage_samples", (double)view->coverage_samples, 0, SPSI_COVERAGE_MAX, "it must be 0..8"},
+        {"tolerance", (double)view->tolerance, 0, 1, "it must be 0..1"},
+        {"filling", (double)(int)view->filling, 0, SPS_FILLING_GATHER, "it must be an sps_filling"},
+        {"scattering", (double)(int)view->scattering, 0, SPS_SCATTERING_FULL, "it must be an sps_scattering"},
+        {"scatter_size", (double)view->scatter_size, 0, SPSI_CELL_SIDE_MOST, "it must be 0..256"},
+        {"scatter_tolerance", (double)view->scatter_tolerance, 0, 1, "it must be 0..1"},
+        {"near_distance", view->near_distance, 0, DBL_MAX, "it must be 0 or positive"}};
     if (spsi_check_canaries(context, SPS_OBJECT_VIEW, -1, "", view->start_canary, view->end_canary) ||
         spsi_check_sampling(context, SPS_OBJECT_VIEW, size, view->quality, view->slab))
         return context->result;
@@ -5489,35 +5265,10 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
                      size[1]);
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "region", 0, rest);
     }
-    if (view->shadow_size < 0 || view->shadow_size > SPSI_SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "shadow_size", view->shadow_size,
-                               "it must be 0..16384");
-    if (view->coverage_samples < 0 || view->coverage_samples > SPSI_COVERAGE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "coverage_samples",
-                               view->coverage_samples, "it must be 0..8");
-    if (!(view->lookup_threshold >= 0 && view->lookup_threshold <= 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "lookup_threshold",
-                               (double)view->lookup_threshold, "it must be 0..1");
-    if (!(view->tolerance >= 0 && view->tolerance <= 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "tolerance", (double)view->tolerance,
-                               "it must be 0..1");
-    if ((int)view->filling < 0 || view->filling > SPS_FILLING_GATHER)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "filling", (double)(int)view->filling,
-                               "it must be an sps_filling");
-    if ((int)view->scattering < 0 || view->scattering > SPS_SCATTERING_FULL)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scattering",
-                               (double)(int)view->scattering, "it must be an sps_scattering");
-    if (view->scatter_size < 0 || view->scatter_size > SPSI_CELL_SIDE_MOST)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scatter_size", view->scatter_size,
-                               "it must be 0..256");
-    if (!(view->scatter_tolerance >= 0 && view->scatter_tolerance <= 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scatter_tolerance",
-                               (double)view->scatter_tolerance, "it must be 0..1");
-    if (!(view->near_distance >= 0 && view->near_distance <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "near_distance", view->near_distance,
-                               "it must be 0 or positive");
-    return spsi_check_camera(context, SPS_OBJECT_VIEW, &view->camera) ? context->result
-                                                                      : spsi_check_budget(context, view);
+    if (spsi_check_bounded(context, SPS_OBJECT_VIEW, -1, "", numbers, sizeof numbers / sizeof *numbers) ||
+        spsi_check_camera(context, SPS_OBJECT_VIEW, &view->camera))
+        return context->result;
+    return spsi_check_budget(context, view);
 }
 
 static void spsi_resolve_quality(spsi_frame *frame) {
@@ -5688,6 +5439,16 @@ static void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice 
     medium->revision = volume->revision;
 }
 
+/* Grows bounds to hold a volume, with a margin in voxels. */
+static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
+    for (int corner = 0; corner < 8; ++corner) {
+        double at[3], point[3];
+        for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->size[k] + margin : -margin;
+        spsi_voxel_position(medium->lattice, at, point);
+        spsi_bounds_add(bounds, point);
+    }
+}
+
 static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     int classified = 0;
     spsi_table *table;
@@ -5713,13 +5474,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, 
         const sps_volume *volume = &scene->volumes[medium->index];
         if (spsi_add_material(context, frame, volume, medium, table)) return context->result;
         table += volume->transfer != NULL;
-        for (int corner = 0; corner < 8; ++corner) {
-            const double margin = SPSI_REACH;
-            double at[3], point[3];
-            for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->size[k] + margin : -margin;
-            spsi_voxel_position(medium->lattice, at, point);
-            spsi_bounds_add(&frame->volume_bounds, point);
-        }
+        spsi_medium_bounds(medium, SPSI_REACH, &frame->volume_bounds);
     }
     return SPS_OK;
 }
@@ -6002,7 +5757,7 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         frame->matter.extinguishes |= material->extinguishes;
-        frame->gradients.exist |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
+        frame->has_gradients |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
     }
     for (int i = 0; i < count; ++i)
         if (!spsi_black(scene->lights[i].color))
@@ -6017,52 +5772,9 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
         lamps->whole_count += 1;
     }
     spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
-    if (lamps->count == 0) frame->gradients.exist = 0;
+    if (lamps->count == 0) frame->has_gradients = 0;
     if (spsi_resolve_planes(context, frame)) return context->result;
     return spsi_resolve_points(context, frame);
-}
-
-/* The breadth of a voxel's kernel in pixels, at the middle of the volumes' depth range. Sets *near_by if the eye is so
-   close that kernels may be integrated along each pixel's own ray. */
-static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medium, int *near_by) {
-    const spsi_rays *eye = &frame->eye;
-    double across[2][3], forward[3], low = HUGE_VAL, high = 0, q[3];
-    const double pixel = sqrt(spsi_length(eye->a) * spsi_length(eye->b));
-    memcpy(forward, eye->inverse[2], sizeof forward);
-    spsi_normalise(forward);
-    spsi_basis(forward, across[0], across[1]);
-    *near_by = 0;
-    if (!eye->perspective) return spsi_voxel_breadth(medium->lattice, across[0], across[1]) / pixel;
-    for (int corner = 0; corner < 8; ++corner) {
-        double point[3];
-        spsi_bounds_corner(&frame->volume_bounds, corner, point);
-        spsi_along(point, eye->origin, -1, point);
-        spsi_to_rays(eye, point, q);
-        low = fmin(low, q[2]);
-        high = fmax(high, q[2]);
-    }
-    *near_by = low < SPSI_NEAR_REACHES * frame->accuracy.cut * SPSI_SIGMA *
-                         spsi_voxel_extent(medium->lattice, eye->inverse[2]);
-    return spsi_voxel_breadth(medium->lattice, across[0], across[1]) /
-           (pixel * fmax(0.5 * (fmax(low, 0) + high), DBL_MIN));
-}
-
-/* Chooses how gradients of what is splatted are computed. Differences over two pixels fall short of a sharp edge by up
-   to a sixth of (pixels / 0.65 voxels)^2, and normals lean towards the slabs' normal; over four pixels, which costs a
-   tenth of a frame's time, they are right to 1 % down to one pixel per voxel. Below that they need sheets of their own,
-   with three times as much splatting. */
-static void spsi_resolve_gradients(spsi_frame *frame) {
-    double pixels = HUGE_VAL;
-    int near_by = 0;
-    for (int i = 0; i < frame->medium_count && frame->gradients.exist; ++i) {
-        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-        int here;
-        if (!material->table || material->shading != SPS_SHADING_SURFACE) continue;
-        pixels = fmin(pixels, spsi_voxel_pixels(frame, &frame->media[i], &here));
-        near_by |= here;
-    }
-    frame->gradients.reach = frame->gradients.exist ? 1 + (pixels < 4) : 0;
-    frame->gradients.splatted = pixels < 0.9 && !near_by;
 }
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
@@ -6126,7 +5838,6 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
         return NULL;
     if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lamps(context, frame, scene)) return NULL;
-    if (view) spsi_resolve_gradients(frame);
     spsi_resolve_scene(frame, scene);
     memset(content, 0, sizeof *content);
     content->bounds = content->outer = frame->volume_bounds;
@@ -6698,7 +6409,7 @@ static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
         int current = -1;
         context->gathered = 0;
         context->bricks_printed = 0;
-        context->field_taps = 0;
+        context->fields_held = 0;
         context->brick_count = 0;
         context->voxel_count = 0;
         for (int i = 0; i < frame->medium_count; ++i)
@@ -7357,17 +7068,51 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
 }
 
 /* Boxes are floats, rounded outwards; they need a margin for the sums in double precision that place them about the
-   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. */
-static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const spsi_tree_node *node) {
+   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. A ray is
+   `half` wide to each side. */
+static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const double half[3],
+                               const spsi_tree_node *node) {
     double low[3], high[3], range[2], room = 0;
     for (int i = 0; i < 3; ++i)
         room += fabs(tree->centre[i]) + fabs(ray->origin[i]) + fabs((double)node->low[i]) + fabs((double)node->high[i]);
     room *= 1e-12;
     for (int i = 0; i < 3; ++i) {
-        low[i] = tree->centre[i] + (double)node->low[i] - room;
-        high[i] = tree->centre[i] + (double)node->high[i] + room;
+        low[i] = tree->centre[i] + (double)node->low[i] - half[i] - room;
+        high[i] = tree->centre[i] + (double)node->high[i] + half[i] + room;
     }
     return spsi_ray_meets_box(ray, low, high, range);
+}
+
+/* A ray's walk through a tree. */
+typedef struct spsi_walk {
+    const spsi_tree *tree;
+    double half[3]; /* the ray's width to each side */
+    int stack[SPSI_TREE_STACK], top;
+    int next, end; /* what is left of a leaf in `order` */
+} spsi_walk;
+
+static void spsi_walk_begin(const spsi_tree *tree, spsi_walk *walk) {
+    walk->tree = tree;
+    walk->half[0] = walk->half[1] = walk->half[2] = 0;
+    walk->stack[0] = walk->next = walk->end = 0;
+    walk->top = tree->count > 0;
+}
+
+/* The number of the next item in a leaf that a ray meets, which may have been shortened since the last; -1: there is
+   none. */
+static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
+    while (walk->next == walk->end) {
+        const spsi_tree_node *node;
+        if (walk->top == 0) return -1;
+        node = &walk->tree->nodes[walk->stack[--walk->top]];
+        if (!spsi_ray_meets_node(walk->tree, ray, walk->half, node)) continue;
+        walk->next = node->first;
+        walk->end = node->first + node->count;
+        if (node->count > 0) continue;
+        walk->stack[walk->top++] = node->first;
+        walk->stack[walk->top++] = node->first + 1;
+    }
+    return walk->tree->order[walk->next++];
 }
 
 /* ============================================================================================= >>polygons
@@ -9166,172 +8911,129 @@ static int spsi_faces_near(const spsi_faces *faces, const double centre[3], cons
     return 0;
 }
 
-/* --- whether anything is between a point and rectangles --- */
+/* --- whether anything is between two boxes --- */
 
-#define SPSI_SHAFTS        3   /* from a point to the sides of a box that it sees */
-#define SPSI_SHAFT_PLANES  5   /* of each: four through the point, one through the rectangle */
-#define SPSI_SHAFT_NODES   256 /* most that are looked at: more cost as much as rays */
-#define SPSI_SHAFTS_PLANES 16  /* of all: the last is the plane that the point is on */
+#define SPSI_SHAFT_PLANES 16  /* up to 12 through edges of both boxes, and that of a surface */
+#define SPSI_SHAFT_NODES  256 /* most that are looked at: more cost as much as rays */
 
-/* Shafts from a point on a face to rectangles, each across an axis [Haines and Wallace 1991], as far as they are above
-   the face. A box is outside a shaft if it is outside one of its planes: normal . (box - point) > reach. */
-typedef struct spsi_shafts {
-    double point[3], low[SPSI_SHAFTS][3], high[SPSI_SHAFTS][3]; /* rectangles: along their axis both are the same */
-    int own, count;                                             /* own: the face; count: of shafts */
-    float normal[3][SPSI_SHAFTS_PLANES], reach[SPSI_SHAFTS_PLANES];
-    float above[3], below[3]; /* the point relative to the tree's centre, plus and minus room for round-off */
-} spsi_shafts;
+/* What lies between two boxes [Haines and Wallace 1991]: in the box about both, where normal . x <= reach, relative to
+   the centre of the tree of faces. */
+typedef struct spsi_shaft {
+    spsi_bounds to;        /* the second box, in the world */
+    float low[3], high[3]; /* about both */
+    int count;             /* of planes */
+    float normal[3][SPSI_SHAFT_PLANES], reach[SPSI_SHAFT_PLANES];
+} spsi_shaft;
 
-/* Begins with no shaft. What is above the face by the round-off of floats only is not above it, or the triangles of a
-   flat floor would be above each other. `normal` is a unit vector. */
-static void spsi_shafts_begin(const spsi_faces *faces, int own, const double point[3], const double normal[3],
-                              spsi_shafts *shafts) {
-    double offset[3], room = 0, sum = 0;
-    memset(shafts, 0, sizeof *shafts);
-    memcpy(shafts->point, point, sizeof shafts->point);
-    shafts->own = own;
-    spsi_along(point, faces->tree.centre, -1, offset);
-    for (int k = 0; k < 3; ++k) room = fabs(offset[k]) > room ? fabs(offset[k]) : room;
-    room *= 3e-7;
+/* How far faces reach from the centre of their tree, along any axis. */
+static double spsi_faces_reach(const spsi_faces *faces) {
+    float most = 0;
+    for (int k = 0; k < 3 && faces->tree.count > 0; ++k)
+        most = spsi_higher(most, spsi_higher(-faces->tree.nodes[0].low[k], faces->tree.nodes[0].high[k]));
+    return (double)most;
+}
+
+/* Adds a plane that leaves two boxes inside, and `room` beyond them. */
+static void spsi_shaft_add(const spsi_faces *faces, const spsi_bounds *a, const spsi_bounds *b, const double normal[3],
+                           double room, spsi_shaft *shaft) {
+    double reach[2] = {0, 0};
     for (int k = 0; k < 3; ++k) {
-        shafts->above[k] = (float)(offset[k] + room);
-        shafts->below[k] = (float)(offset[k] - room);
-        shafts->normal[k][SPSI_SHAFTS_PLANES - 1] = (float)-normal[k];
-        sum += fabs(normal[k]);
+        const float along = (float)normal[k];
+        reach[0] += (double)along * ((along < 0 ? a->low[k] : a->high[k]) - faces->tree.centre[k]);
+        reach[1] += (double)along * ((along < 0 ? b->low[k] : b->high[k]) - faces->tree.centre[k]);
+        shaft->normal[k][shaft->count] = along;
     }
-    shafts->reach[SPSI_SHAFTS_PLANES - 1] = (float)(-3 * room * sum);
+    shaft->reach[shaft->count++] = (float)(fmax(reach[0], reach[1]) + room);
 }
 
-/* Adds the shaft to a rectangle across an axis, which the point is not in the plane of. */
-static void spsi_shafts_add(spsi_shafts *shafts, int axis, const double low[3], const double high[3]) {
-    const double way = low[axis] - shafts->point[axis];
-    int plane = shafts->count * SPSI_SHAFT_PLANES;
-    memcpy(shafts->low[shafts->count], low, 3 * sizeof *low);
-    memcpy(shafts->high[shafts->count++], high, 3 * sizeof *high);
-    shafts->normal[axis][plane] = way < 0 ? -1.0f : 1.0f;
-    shafts->reach[plane++] = (float)fabs(way);
-    for (int i = 1; i < 3; ++i) {
-        const int k = (axis + i) % 3;
-        shafts->normal[k][plane] = 1;
-        shafts->normal[axis][plane++] = (float)((shafts->point[k] - high[k]) / way);
-        shafts->normal[k][plane] = -1;
-        shafts->normal[axis][plane++] = (float)((low[k] - shafts->point[k]) / way);
+/* Along two axes, a corner of one box is joined to that of the other where one is farther out along either axis. */
+static void spsi_shaft_build(const spsi_faces *faces, const spsi_bounds *from, const spsi_bounds *to,
+                             spsi_shaft *shaft) {
+    double room = spsi_faces_reach(faces);
+    memset(shaft, 0, sizeof *shaft);
+    shaft->to = *to;
+    for (int k = 0; k < 3; ++k) {
+        const double low = spsi_minimum(from->low[k], to->low[k]) - faces->tree.centre[k];
+        const double high = spsi_maximum(from->high[k], to->high[k]) - faces->tree.centre[k];
+        shaft->low[k] = spsi_outward(low, 0);
+        shaft->high[k] = spsi_outward(high, 1);
+        room = spsi_maximum(room, spsi_maximum(-low, high));
+    }
+    for (int n = 0; n < 12; ++n) {
+        const int axis[2] = {n % 3, (n + 1) % 3}, upper[2] = {n / 3 % 2, n / 6};
+        double out[2], normal[3] = {0, 0, 0};
+        for (int i = 0; i < 2; ++i) {
+            const int k = axis[i];
+            out[i] = upper[i] ? to->high[k] - from->high[k] : from->low[k] - to->low[k];
+        }
+        if (!(out[0] * out[1] < 0)) continue;
+        for (int i = 0; i < 2; ++i) {
+            const double steep = fabs(out[1 - i]) / (fabs(out[0]) + fabs(out[1]));
+            normal[axis[i]] = upper[i] ? steep : -steep;
+        }
+        spsi_shaft_add(faces, from, to, normal, 4e-7 * room, shaft); /* of three sums of floats, 6e-8 each */
     }
 }
 
-/* Bit mask of the shafts that a box may meet, given relative to the tree's centre. */
-static int spsi_shafts_meet_box(const spsi_shafts *shafts, const float low[3], const float high[3]) {
-    int outside = 0, met = 0;
-    for (int n = 0; n < SPSI_SHAFTS_PLANES; n += SPSI_LANES) {
+/* Whether a box may reach into a shaft, given relative to the tree's centre. */
+static int spsi_shaft_meets(const spsi_shaft *shaft, const float low[3], const float high[3]) {
+    for (int k = 0; k < 3; ++k)
+        if (low[k] > shaft->high[k] || high[k] < shaft->low[k]) return 0;
+    for (int n = 0; n < shaft->count; n += SPSI_LANES) {
         spsi_v least = spsi_set(0);
         for (int k = 0; k < 3; ++k) {
-            const spsi_v normal = spsi_load(&shafts->normal[k][n]);
-            const spsi_v a = spsi_mul(normal, spsi_set(low[k] - shafts->above[k]));
-            const spsi_v b = spsi_mul(normal, spsi_set(high[k] - shafts->below[k]));
-            least = spsi_add(least, spsi_min(a, b));
+            const spsi_v normal = spsi_load(&shaft->normal[k][n]);
+            least = spsi_add(least, spsi_min(spsi_mul(normal, spsi_set(low[k])), spsi_mul(normal, spsi_set(high[k]))));
         }
-        outside |= spsi_bits(spsi_less(spsi_load(&shafts->reach[n]), least)) << n;
+        if (spsi_bits(spsi_less(spsi_load(&shaft->reach[n]), least))) return 0;
     }
-    if (outside >> (SPSI_SHAFTS_PLANES - 1)) return 0;
-    for (int i = 0; i < shafts->count; ++i)
-        met |= !(outside >> (i * SPSI_SHAFT_PLANES) & ((1 << SPSI_SHAFT_PLANES) - 1)) << i;
-    return met;
+    return 1;
 }
 
-/* Bit mask of the shafts in which an opaque face may stop rays: those that its box meets, and whose rectangle is not on
-   the same side of its plane as the point. An adjoining face in the same plane stops none, as in spsi_face_stops. */
-static int spsi_shafts_meet_face(const spsi_shafts *shafts, const spsi_faces *faces, int number) {
+/* Whether a face may stop or filter rays from points to a shaft's second box: these are on both sides of its plane, by
+   half the room that spsi_face_stops grants to round-off. */
+static int spsi_shaft_meets_face(const spsi_shaft *shaft, const spsi_faces *faces, int number,
+                                 const double (*points)[3], int count) {
     const spsi_face *face = &faces->list[number];
     spsi_bounds bounds = spsi_nowhere;
     spsi_tree_item box;
-    double plane[3], offset[3], room, side;
-    int near_by, met = 0;
-    if (number == shafts->own || spsi_face_is_translucent(face)) return 0;
+    double plane[3], offset[3], room, near_by[2] = {0, 0}, far_off[2] = {HUGE_VAL, -HUGE_VAL};
     for (int i = 0; i < 3; ++i) spsi_bounds_add(&bounds, face->position[i]);
     spsi_tree_item_add(&box, faces->tree.centre, bounds.low, bounds.high);
-    near_by = spsi_shafts_meet_box(shafts, box.low, box.high);
-    spsi_face_plane(face, plane);
-    room = ((double)face->rounding + 16 * DBL_EPSILON * faces->extent) * spsi_reach_of(plane);
-    spsi_along(shafts->point, face->position[0], -1, offset);
-    side = spsi_dot(plane, offset);
-    if (!near_by || fabs(side) <= room) return 0;
-    for (int i = 0; i < 8 * shafts->count; ++i) {
-        const double *low = shafts->low[i / 8], *high = shafts->high[i / 8];
-        for (int k = 0; k < 3; ++k) offset[k] = (i >> k & 1 ? high : low)[k] - face->position[0][k];
-        if (spsi_dot(plane, offset) * (side > 0 ? 1 : -1) <= room) met |= 1 << i / 8;
-    }
-    return met & near_by;
-}
-
-/* Bit mask of the shafts in which there may be an opaque face. */
-static int spsi_shafts_meet(const spsi_shafts *shafts, const spsi_faces *faces) {
-    const int all = (1 << shafts->count) - 1;
-    int stack[SPSI_TREE_STACK], top = 0, seen = 0, met = 0;
-    if (faces->tree.count > 0 && shafts->count > 0) stack[top++] = 0;
-    while (top > 0 && met != all) {
-        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        if (++seen > SPSI_SHAFT_NODES) return all;
-        if (!(spsi_shafts_meet_box(shafts, node->low, node->high) & ~met)) continue;
-        for (int i = 0; i < node->count; ++i)
-            met |= spsi_shafts_meet_face(shafts, faces, faces->tree.order[node->first + i]);
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
-    }
-    return met;
-}
-
-/* --- whether any face is between a box and a light --- */
-
-#define SPSI_PASSAGE_NODES 64 /* most that are looked at: where there are more, some face is likely in the way */
-
-/* Rays from points of a box towards a light. */
-typedef struct spsi_passage {
-    spsi_ray ray;     /* from the box's centre: the box, moved along it, holds all rays */
-    double half[3];   /* of the box's extent */
-    double light[3];  /* a position, or a direction towards the light */
-    int is_direction; /* 1: a direction */
-} spsi_passage;
-
-static int spsi_passage_meets_node(const spsi_tree *tree, const spsi_passage *passage, const spsi_tree_node *node) {
-    spsi_tree_node wide = *node;
-    for (int i = 0; i < 3; ++i) {
-        wide.low[i] = spsi_outward((double)node->low[i] - passage->half[i], 0);
-        wide.high[i] = spsi_outward((double)node->high[i] + passage->half[i], 1);
-    }
-    return spsi_ray_meets_node(tree, &passage->ray, &wide);
-}
-
-/* Whether a face may stop or filter rays that begin on another: part of that one is on the far side of its plane from
-   the light, by half the room that spsi_face_stops grants to round-off. */
-static int spsi_passage_may_meet(const spsi_faces *faces, const spsi_passage *passage, int number, int own) {
-    const spsi_face *face = &faces->list[number];
-    double plane[3], offset[3], room, side, side_room, low = 0, high = 0;
+    if (!spsi_shaft_meets(shaft, box.low, box.high)) return 0;
     spsi_face_plane(face, plane);
     room = 0.5 * ((double)face->rounding + 16 * DBL_EPSILON * faces->extent) * spsi_reach_of(plane);
-    memcpy(offset, passage->light, sizeof offset);
-    if (!passage->is_direction) spsi_along(passage->light, face->position[0], -1, offset);
-    side = spsi_dot(plane, offset);
-    side_room = 1e-14 * spsi_reach_of(plane) * spsi_reach_of(offset) + (passage->is_direction ? 0 : room);
-    for (int i = 0; i < 3; ++i) {
-        spsi_along(faces->list[own].position[i], face->position[0], -1, offset);
-        low = spsi_minimum(low, spsi_dot(plane, offset));
-        high = spsi_maximum(high, spsi_dot(plane, offset));
+    for (int i = 0; i < count; ++i) {
+        spsi_along(points[i], face->position[0], -1, offset);
+        near_by[0] = spsi_minimum(near_by[0], spsi_dot(plane, offset));
+        near_by[1] = spsi_maximum(near_by[1], spsi_dot(plane, offset));
     }
-    return (side > -side_room && low < -room) || (side < side_room && high > room);
+    for (int i = 0; i < 8; ++i) {
+        double corner[3], side_room;
+        spsi_bounds_corner(&shaft->to, i, corner);
+        spsi_along(corner, face->position[0], -1, offset);
+        side_room = 1e-14 * spsi_reach_of(plane) * spsi_reach_of(offset) + room;
+        far_off[0] = spsi_minimum(far_off[0], spsi_dot(plane, offset) - side_room);
+        far_off[1] = spsi_maximum(far_off[1], spsi_dot(plane, offset) + side_room);
+    }
+    return (far_off[1] > 0 && near_by[0] < -room) || (far_off[0] < 0 && near_by[1] > room);
 }
 
-/* Whether nothing can be in the way of rays that begin in the box, on any of `count` faces. */
-static int spsi_passage_is_clear(const spsi_faces *faces, const spsi_passage *passage, const int *own, int count) {
+/* Whether nothing can be in the way of a shaft's rays, which begin anywhere on `count` faces; or on one at `start`
+   (NULL: anywhere), and then opaque faces alone are in the way. */
+static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft, const int *own, int count,
+                               const double (*start)[3]) {
     int stack[SPSI_TREE_STACK], top = 0, seen = 0;
     if (faces->tree.count > 0) stack[top++] = 0;
     while (top > 0) {
         const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        if (++seen > SPSI_PASSAGE_NODES) return 0;
-        if (!spsi_passage_meets_node(&faces->tree, passage, node)) continue;
+        if (++seen > SPSI_SHAFT_NODES) return 0;
+        if (!spsi_shaft_meets(shaft, node->low, node->high)) continue;
         for (int i = 0; i < node->count * count; ++i) {
             const int number = faces->tree.order[node->first + i / count], from = own[i % count];
-            if (number != from && spsi_passage_may_meet(faces, passage, number, from)) return 0;
+            const spsi_face *begin = &faces->list[from];
+            if (number == from || (start && spsi_face_is_translucent(&faces->list[number]))) continue;
+            if (spsi_shaft_meets_face(shaft, faces, number, start ? start : begin->position, start ? 1 : 3)) return 0;
         }
         if (node->count > 0) continue;
         stack[top++] = node->first;
@@ -9366,26 +9068,19 @@ static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double ro
 
 /* Finds the nearest face on a ray that begins on face `own` (-1: on none), and shortens the ray to it. */
 static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, spsi_hit *hit) {
-    int stack[SPSI_TREE_STACK], top = 0;
+    spsi_walk walk;
+    int number;
     hit->face = -1;
-    if (faces->tree.count > 0) stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        if (!spsi_ray_meets_node(&faces->tree, ray, node)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const int number = faces->tree.order[node->first + i];
-            const spsi_face *face = &faces->list[number];
-            const double rounding = own >= 0 ? (double)face->rounding + 16 * DBL_EPSILON * faces->extent : 0;
-            double t;
-            float weights[2];
-            if (number == own || !spsi_face_meets(face, ray, rounding, &t, weights)) continue;
-            ray->high = t;
-            hit->face = number;
-            memcpy(hit->weights, weights, sizeof weights);
-        }
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
+    spsi_walk_begin(&faces->tree, &walk);
+    while ((number = spsi_walk_on(&walk, ray)) >= 0) {
+        const spsi_face *face = &faces->list[number];
+        const double rounding = own >= 0 ? (double)face->rounding + 16 * DBL_EPSILON * faces->extent : 0;
+        double t;
+        float weights[2];
+        if (number == own || !spsi_face_meets(face, ray, rounding, &t, weights)) continue;
+        ray->high = t;
+        hit->face = number;
+        memcpy(hit->weights, weights, sizeof weights);
     }
 }
 
@@ -9983,7 +9678,6 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_lamp *lamp, c
    have 1.5 times the texels of one. */
 
 #define SPSI_CELL      16 /* texels along a side of a depth map's cell */
-#define SPSI_CELLS_FAR 8  /* cells to either side that a long way may reach */
 #define SPSI_STEEP 1024 /* maximum rise of a depth map's planes from texel to texel, in texels */
 
 /* For each texel, the plane of the polygon nearest to the light, which is evaluated on the gas's own ray. So a plane
@@ -9993,8 +9687,7 @@ typedef struct spsi_depth_map {
     spsi_rays rays[SPSI_CUBE_FACES];
     float *depths[SPSI_CUBE_FACES];    /* at texel centres, t - depth_reference; infinity: no polygon */
     float *slopes[SPSI_CUBE_FACES][2]; /* rise of the plane from texel to texel along x and y */
-    float *nearest[SPSI_CUBE_FACES];   /* per cell: minimum depth in it and the cells around it; then in it and those up
-                                          to SPSI_CELLS_FAR away */
+    float *nearest[SPSI_CUBE_FACES];   /* per cell: minimum depth in it and the cells around it; then in it alone */
     int cells[SPSI_CUBE_FACES];        /* per row */
     /* ray coordinates of the map along the eye's rays; t is relative to the map's depth reference */
     spsi_linear along[SPSI_CUBE_FACES][3];
@@ -10009,11 +9702,12 @@ static int spsi_depth_map_size(const spsi_frame *frame) {
 /* Number of cells on a side of a map of `size` texels. */
 static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
-static size_t spsi_depth_map_floats(const spsi_depth_map *map) {
+/* Number of floats of a depth map, or of what a map of panes has per texel and cell. */
+static size_t spsi_depth_map_floats(const spsi_depth_map *map, int has_panes) {
     size_t floats = 0;
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
-        floats += 3 * spsi_ray_count(rays);
+        floats += has_panes ? spsi_ray_count(rays) + 2 : 3 * spsi_ray_count(rays);
         floats += 2 * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
     }
     return floats;
@@ -10025,15 +9719,17 @@ static size_t spsi_depth_map_floats_most(size_t size) {
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
 }
 
-/* Lays out a depth map in memory, and returns the memory after it. */
-static float *spsi_depth_map_lay_out(spsi_depth_map *map, float *memory) {
+/* Lays out a depth map in memory, and returns the memory after it. `first`: where a map of panes lists what begins
+   where; NULL: it is none. */
+static float *spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
         const size_t texels = spsi_ray_count(rays);
         map->depths[face] = memory;
         map->slopes[face][0] = memory + texels;
         map->slopes[face][1] = memory + 2 * texels;
-        map->nearest[face] = memory + 3 * texels;
+        if (first) first[face] = (uint32_t *)(void *)memory;
+        map->nearest[face] = memory + (first ? texels + 2 : 3 * texels);
         map->cells[face] = spsi_depth_map_cells(rays->width);
         memory = map->nearest[face] + 2 * (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(rays->height);
     }
@@ -10053,11 +9749,26 @@ static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, i
 
 /* --- filling a depth map --- */
 
+/* The plane of a translucent face at a texel. */
+typedef struct spsi_pane {
+    float depth, slope[2]; /* as those of a depth map */
+    int face;
+} spsi_pane;
+
+/* All translucent faces on each texel's ray, as gas sees them between itself and a point of a light. */
+typedef struct spsi_pane_map {
+    spsi_depth_map grid;              /* without depths and slopes; `nearest` is that of the panes */
+    uint32_t *first[SPSI_CUBE_FACES]; /* per texel: its first pane */
+    spsi_pane *list[SPSI_CUBE_FACES];
+    size_t counts[SPSI_CUBE_FACES];
+} spsi_pane_map;
+
 typedef struct spsi_planes_job {
     const spsi_faces *faces;
     const spsi_depth_map *map;
-    float *alone; /* per cell: minimum depth in it alone */
     int face;
+    const spsi_pane_map *panes; /* the map is its grid; NULL: it is of opaque polygons */
+    const spsi_fragment *fragments;
 } spsi_planes_job;
 
 /* A plane as a depth map's rays meet it. With n its normal and r a texel's ray, t changes by -(n.a) / (n.r) from texel
@@ -10119,42 +9830,57 @@ static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     }
 }
 
+/* Turns the fragments of one row of texels into panes. */
+static void spsi_panes_row(const spsi_planes_job *job, int y, float *cells) {
+    const spsi_pane_map *map = job->panes;
+    const spsi_rays *rays = &map->grid.rays[job->face];
+    const uint32_t *first = map->first[job->face] + (size_t)y * (size_t)rays->width;
+    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}, 0};
+    for (int x = 0; x < rays->width; ++x)
+        for (uint32_t i = first[x]; i < first[x + 1]; ++i) {
+            const spsi_fragment *fragment = &job->fragments[i];
+            spsi_pane *pane = &map->list[job->face][i];
+            float least;
+            if (fragment->face != plane.number) spsi_map_plane_build(job->faces, fragment->face, rays, &plane);
+            least = spsi_map_plane_slopes(&plane, rays, x, y, fragment->depth, pane->slope);
+            pane->depth = fragment->depth;
+            pane->face = fragment->face;
+            cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], least);
+        }
+}
+
 /* Fills one row of cells. */
 static void spsi_planes_task(void *data, int index, int worker) {
     const spsi_planes_job *job = (const spsi_planes_job *)data;
     const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
-    float *cells = job->alone + (size_t)index * (size_t)columns;
+    float *cells = job->map->nearest[job->face] + (size_t)(spsi_depth_map_cells(height) + index) * (size_t)columns;
     (void)worker;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
     for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
-        spsi_planes_row(job, y, cells);
+        if (job->panes)
+            spsi_panes_row(job, y, cells);
+        else
+            spsi_planes_row(job, y, cells);
 }
 
-/* Replaces each of a line of cells by the minimum of it and `reach` cells on either side. */
-static void spsi_cells_spread_line(float *cells, int count, int stride, int reach) {
-    enum { MOST = SPSI_SIZE_MAX / SPSI_CELL + 1 };
-    float alone[MOST];
-    for (int i = 0; i < count; ++i) alone[i] = cells[(ptrdiff_t)i * stride];
-    for (int i = 0; i < count; ++i) {
-        float least = alone[i];
-        for (int k = spsi_most(i - reach, 0); k <= spsi_least(i + reach, count - 1); ++k)
-            least = spsi_lower(least, alone[k]);
-        cells[(ptrdiff_t)i * stride] = least;
-    }
+/* Finds the minimum depths about each of a grid's cells from those in each alone, which follow. */
+static void spsi_cells_spread(float *nearest, int columns, int rows) {
+    const float *alone = nearest + (size_t)columns * (size_t)rows;
+    for (int y = 0; y < rows; ++y)
+        for (int x = 0; x < columns; ++x) {
+            float least = SPSI_INFINITY;
+            for (int v = spsi_most(y - 1, 0); v <= spsi_least(y + 1, rows - 1); ++v)
+                for (int u = spsi_most(x - 1, 0); u <= spsi_least(x + 1, columns - 1); ++u)
+                    least = spsi_lower(least, alone[v * columns + u]);
+            nearest[y * columns + x] = least;
+        }
 }
 
-static void spsi_cells_spread(float *cells, int columns, int rows, int reach) {
-    for (int row = 0; row < rows; ++row) spsi_cells_spread_line(cells + (ptrdiff_t)row * columns, columns, 1, reach);
-    for (int column = 0; column < columns; ++column) spsi_cells_spread_line(cells + column, rows, columns, reach);
-}
-
-/* Computes the minimum depths about each cell, for short ways and in the place of `alone` for long ones, from that in
-   each alone. */
-static void spsi_depth_map_spread(const spsi_depth_map *map, int face, float *alone) {
-    const int columns = map->cells[face], rows = spsi_depth_map_cells(map->rays[face].height);
-    memcpy(map->nearest[face], alone, (size_t)columns * (size_t)rows * sizeof *alone);
-    spsi_cells_spread(map->nearest[face], columns, rows, 1);
-    spsi_cells_spread(alone, columns, rows, SPSI_CELLS_FAR);
+/* Fills a face's planes, given what the rasteriser left there, and its cells. */
+static void spsi_planes_fill(sps_context *context, spsi_planes_job *job) {
+    const int rows = spsi_depth_map_cells(job->map->rays[job->face].height);
+    spsi_parallel(context, rows, spsi_planes_task, job);
+    spsi_cells_spread(job->map->nearest[job->face], job->map->cells[job->face], rows);
 }
 
 /* Whether an opaque polygon may reach into the map: most do, so that the first one mostly tells. */
@@ -10170,15 +9896,11 @@ static int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *map
 
 /* Rasterises the polygons into a depth map, as the light sees them. */
 static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, spsi_depth_map *map) {
-    spsi_planes_job job;
-    job.faces = faces;
-    job.map = map;
-    for (job.face = 0; job.face < map->face_count; ++job.face) {
-        const spsi_rays *rays = &map->rays[job.face];
-        spsi_rasterise(context, faces, rays, NULL, map->depths[job.face], (int *)(void *)map->slopes[job.face][1]);
-        job.alone = map->nearest[job.face] + (size_t)map->cells[job.face] * (size_t)spsi_depth_map_cells(rays->height);
-        spsi_parallel(context, spsi_depth_map_cells(rays->height), spsi_planes_task, &job);
-        spsi_depth_map_spread(map, job.face, job.alone);
+    spsi_planes_job job = {faces, map, 0, NULL, NULL};
+    for (; job.face < map->face_count; ++job.face) {
+        spsi_rasterise(context, faces, &map->rays[job.face], NULL, map->depths[job.face],
+                       (int *)(void *)map->slopes[job.face][1]);
+        spsi_planes_fill(context, &job);
     }
 }
 
@@ -10272,12 +9994,9 @@ static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, s
 
 /* The lanes whose ways from d[0] to d[1] a face of a depth map may shade, as bits: one lookup of a cell, which spares
    most slabs the lookups of four texels' planes. It cannot tell of ways in *wide, whose ends do not both lie within a
-   cell of the middle's, or SPSI_CELLS_FAR of them if `far_off`, or lie before and behind the light. */
-static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, int far_off, spsi_v at, float y,
-                                          const spsi_v d[2], int *wide) {
-    const size_t cells = (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(map->rays[face].height);
-    const float *nearest = map->nearest[face] + (far_off ? cells : 0);
-    const int reach = far_off ? SPSI_CELLS_FAR : 1;
+   cell of the middle's, or lie before and behind the light. */
+static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
+                                          int *wide) {
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
@@ -10300,109 +10019,31 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, i
     for (int i = 0; i < 2; ++i) {
         const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
         clear |= (spsi_bits(spsi_less(high, zero)) | spsi_bits(spsi_less(spsi_set(size[i]), low))) & ~crossing;
-        *wide |= spsi_bits(spsi_less(spsi_set((float)(2 * reach * SPSI_CELL - 4)), spsi_sub(high, low)));
+        *wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_CELL - 4), spsi_sub(high, low)));
         cell[i] = spsi_clamp(spsi_mul(half, spsi_add(low, high)), zero, spsi_set(size[i]));
         cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_CELL)));
     }
     *wide &= ~clear;
-    return spsi_bits(spsi_less(spsi_lookup(nearest, map->cells[face], cell[0], cell[1]), deepest)) & ~clear;
+    return spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]), deepest)) & ~clear;
 }
 
 /* Whether a face of a depth map may shade any of the ways from d0 to d1. Wide ones, those of thick slabs, are looked at
-   from farther off and, if that does not clear them, in parts. */
+   in parts. */
 static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
                                            spsi_v d1) {
-    const int parts = 8;
+    const int parts = 4;
     const spsi_v step = spsi_mul(spsi_sub(d1, d0), spsi_set(1 / (float)parts)), whole[2] = {d0, d1};
-    int wide, shadable = spsi_depth_map_shadable(map, face, 0, at, y, whole, &wide);
+    int wide, shadable = spsi_depth_map_shadable(map, face, at, y, whole, &wide);
     if (!wide) return shadable != 0;
-    shadable = spsi_depth_map_shadable(map, face, 1, at, y, whole, &wide);
-    if (!(shadable | wide)) return 0;
     for (int part = 0; part < parts; ++part) {
         const spsi_v from = spsi_fma(step, spsi_set((float)part), d0), way[2] = {from, spsi_add(from, step)};
-        shadable = spsi_depth_map_shadable(map, face, 0, at, y, way, &wide);
+        shadable = spsi_depth_map_shadable(map, face, at, y, way, &wide);
         if (shadable | wide) return 1;
     }
     return 0;
 }
 
 /* --- translucent polygons --- */
-
-/* The plane of a translucent face at a texel. */
-typedef struct spsi_pane {
-    float depth, slope[2]; /* as those of a depth map */
-    int face;
-} spsi_pane;
-
-/* All translucent faces on each texel's ray, as gas sees them between itself and a point of a light. */
-typedef struct spsi_pane_map {
-    spsi_depth_map grid;              /* without depths and slopes; `nearest` is that of the panes */
-    uint32_t *first[SPSI_CUBE_FACES]; /* per texel: its first pane */
-    spsi_pane *list[SPSI_CUBE_FACES];
-    size_t counts[SPSI_CUBE_FACES];
-} spsi_pane_map;
-
-/* Bytes of what a pane map holds per texel and per cell. */
-static size_t spsi_pane_map_bytes(const spsi_pane_map *map) {
-    size_t bytes = 0;
-    for (int face = 0; face < map->grid.face_count; ++face) {
-        const spsi_rays *rays = &map->grid.rays[face];
-        bytes += (spsi_ray_count(rays) + 2) * sizeof(uint32_t);
-        bytes +=
-            2 * sizeof(float) * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
-    }
-    return bytes;
-}
-
-/* Lays out a pane map in memory, and returns the memory after it. */
-static char *spsi_pane_map_lay_out(spsi_pane_map *map, char *memory) {
-    for (int face = 0; face < map->grid.face_count; ++face) {
-        const spsi_rays *rays = &map->grid.rays[face];
-        const int columns = spsi_depth_map_cells(rays->width);
-        map->first[face] = (uint32_t *)(void *)memory;
-        map->grid.nearest[face] = (float *)(void *)(map->first[face] + spsi_ray_count(rays) + 2);
-        map->grid.cells[face] = columns;
-        memory = (char *)(map->grid.nearest[face] + 2 * (size_t)columns * (size_t)spsi_depth_map_cells(rays->height));
-    }
-    return memory;
-}
-
-typedef struct spsi_panes_job {
-    const spsi_faces *faces;
-    const spsi_fragment *fragments;
-    spsi_pane_map *map;
-    int face;
-    float *alone; /* as in spsi_planes_job */
-} spsi_panes_job;
-
-/* Turns the fragments of one row of texels into panes. */
-static void spsi_panes_row(const spsi_panes_job *job, int y, float *cells) {
-    spsi_pane_map *map = job->map;
-    const spsi_rays *rays = &map->grid.rays[job->face];
-    const uint32_t *first = map->first[job->face] + (size_t)y * (size_t)rays->width;
-    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}, 0};
-    for (int x = 0; x < rays->width; ++x)
-        for (uint32_t i = first[x]; i < first[x + 1]; ++i) {
-            const spsi_fragment *fragment = &job->fragments[i];
-            spsi_pane *pane = &map->list[job->face][i];
-            float least;
-            if (fragment->face != plane.number) spsi_map_plane_build(job->faces, fragment->face, rays, &plane);
-            least = spsi_map_plane_slopes(&plane, rays, x, y, fragment->depth, pane->slope);
-            pane->depth = fragment->depth;
-            pane->face = fragment->face;
-            cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], least);
-        }
-}
-
-/* Fills one row of cells. */
-static void spsi_panes_task(void *data, int index, int worker) {
-    const spsi_panes_job *job = (const spsi_panes_job *)data;
-    const int columns = job->map->grid.cells[job->face], height = job->map->grid.rays[job->face].height;
-    float *cells = job->alone + (size_t)index * (size_t)columns;
-    (void)worker;
-    for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
-    for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y) spsi_panes_row(job, y, cells);
-}
 
 /* The panes of one face of a map: counts them (listing 0) or lists them. */
 static void spsi_panes_raster(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
@@ -10427,16 +10068,11 @@ static void spsi_panes_raster(sps_context *context, const spsi_frame *frame, con
 /* Lists the panes of a map, whose fragments have been counted. */
 static void spsi_pane_map_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                spsi_pane_map *map) {
-    spsi_panes_job job;
-    job.faces = faces;
+    spsi_planes_job job = {faces, &map->grid, 0, map, NULL};
     job.fragments = (const spsi_fragment *)context->buffers[SPSI_BUFFER_FRAGMENTS].data;
-    job.map = map;
-    for (job.face = 0; job.face < map->grid.face_count; ++job.face) {
-        const int rows = spsi_depth_map_cells(map->grid.rays[job.face].height);
+    for (; job.face < map->grid.face_count; ++job.face) {
         spsi_panes_raster(context, frame, faces, map, job.face, 1);
-        job.alone = map->grid.nearest[job.face] + (size_t)map->grid.cells[job.face] * (size_t)rows;
-        spsi_parallel(context, rows, spsi_panes_task, &job);
-        spsi_depth_map_spread(&map->grid, job.face, job.alone);
+        spsi_planes_fill(context, &job);
     }
 }
 
@@ -11071,14 +10707,21 @@ static const char *spsi_gases(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
-/* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy. */
+/* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy; or that the light does not
+   see the gas within a cone, or cannot tell its texels apart. */
 static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
-    const double cosine = sweep->cosine_of_light;
-    char rest[SPSI_SENTENCE_SIZE];
-    SPS_SNPRINTF(rest, sizeof rest,
-                 "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
-                 "needed; move it away, or set shadow_source or no_shadow on it",
-                 spsi_gases(frame), cosine);
+    const double cosine = sweep->cosine_of_light < SPSI_COSINE_MIN ? sweep->cosine_of_light : 0;
+    char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
+    if (sweep->cosine_of_light < SPSI_COSINE_MIN)
+        SPS_SNPRINTF(rest, sizeof rest,
+                     "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
+                     "needed; move it away, or set shadow_source or no_shadow on it",
+                     spsi_gases(frame), cosine);
+    else if (sweep->lamp->is_point)
+        SPS_SNPRINTF(rest, sizeof rest,
+                     "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
+                     "middle; move it away, or set shadow_source or no_shadow on it",
+                     spsi_gases(frame));
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->lamp->index, "", cosine, rest);
 }
 
@@ -11100,18 +10743,6 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
                           : seen->field_of_view > 0 ? "camera.field_of_view"
                                                     : "camera.ortho_height",
                           frame->has_matrix ? 0 : value, rest);
-}
-
-/* Reports that a light does not see the gas within a cone, or cannot tell its texels apart. */
-static sps_result spsi_sweep_refuse_fit(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
-    const spsi_lamp *lamp = sweep->lamp;
-    char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
-    if (lamp->is_point)
-        SPS_SNPRINTF(rest, sizeof rest,
-                     "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
-                     "middle; move it away, or set shadow_source or no_shadow on it",
-                     spsi_gases(frame));
-    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0, rest);
 }
 
 /* Minimum cosine between s and a light's rays through the gas. */
@@ -11354,9 +10985,8 @@ static int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
 
 /* Why a sweep cannot be placed. */
 static sps_result spsi_sweep_refuse(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
-    if (!(sweep->cosine_of_light >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, frame, sweep);
-    if (!(sweep->cosine_of_eye >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_camera(context, frame, sweep);
-    return spsi_sweep_refuse_fit(context, frame, sweep);
+    const int by_light = !(sweep->cosine_of_light >= SPSI_COSINE_MIN) || sweep->cosine_of_eye >= SPSI_COSINE_MIN;
+    return (by_light ? spsi_sweep_refuse_light : spsi_sweep_refuse_camera)(context, frame, sweep);
 }
 
 /* The thickness that a sweep's slabs may have, whatever the size of voxels: a share of the least pixel in gas, but not
@@ -11414,8 +11044,7 @@ static void spsi_image_divide(const spsi_frame *frame) {
    where rays are not parallel across a kernel, the integral along each pixel's own ray is used instead. Sections end at
    polygons and at the near plane, and footprints are widened to a pixel by its filter. Classified volumes as the eye
    sees them are the exception: a transfer function of a mean is not the mean of a transfer function, so they are
-   sampled once per pixel, as polygons are, and from whole slabs, as profiles and gradients require. Where voxels are
-   smaller than pixels, the gradient has sheets of its own, d/dx and d/dy of each section (spsi_add_slopes; >>taps).
+   sampled once per pixel, as polygons are, and from whole slabs, as the parabolas through them require.
    Sheets hold the integral of value over t; the length of a ray per t is applied at shading. Narrow footprints, which
    would leave most of a long vector empty, have two rows in each. Cost: about 14 vector operations per vector of
    fragments and section, and 25 per row. */
@@ -11488,7 +11117,7 @@ typedef struct spsi_tile {
     float *sheets;          /* channel by channel, each slab by slab, each row by row */
     size_t sheet_size;      /* floats from one slab to the next */
     size_t channel_size;    /* floats from one channel to the next */
-    int x0, y0, x1, y1;     /* pixels covered, inclusive, with the margin */
+    int x0, y0, x1, y1;     /* pixels covered, inclusive */
     int pitch;              /* floats from one row to the next */
     int slab_count;         /* slabs of a chunk, and those of the margin before and after it */
     int clamped;            /* 1: sections may end at `limits`, or begin at the near plane */
@@ -11496,13 +11125,11 @@ typedef struct spsi_tile {
     const spsi_hit *limits; /* polygons of the whole image, by pixel; NULL: none */
     int limit_width;        /* of the image */
     int limit_height;       /* of the image */
-    float *slopes;          /* sheets of d/dx of the current channel, followed by those of d/dy; NULL: none */
     uint64_t open;          /* bit mask of patches that are not opaque yet; footprints that meet none are skipped */
-    const float *depth;     /* optical depth up to here of the pixels without the margin; NULL: unknown */
+    const float *depth;     /* optical depth up to here of the pixels; NULL: unknown */
     size_t depth_pitch;     /* floats from one row of these to the next */
     float end;              /* optical depth at which their rays end */
-    int margin;             /* pixels around the patches; they count as part of the patches at the edge */
-    float eye_slab;         /* slab coordinate of the rays' origin, for the near case and gradients */
+    float eye_slab;         /* slab coordinate of the rays' origin, for the near case */
     uint64_t visits;        /* footprints written */
     uint64_t fragments;     /* the sum of their pixels times slabs */
     uint64_t samples;       /* of fields */
@@ -11518,10 +11145,9 @@ static inline uint64_t spsi_patch_box(int x0, int y0, int x1, int y1) {
     return columns * UINT64_C(0x0101010101010101) & (~UINT64_C(0) << 8 * r0) & (~UINT64_C(0) >> 8 * (7 - r1));
 }
 
-/* Bit mask of the patches of a tile that meet a box of its pixels and the margin around it. */
+/* Bit mask of the patches of a tile that meet a box of pixels. */
 static inline uint64_t spsi_patches(const spsi_tile *tile, int x0, int y0, int x1, int y1) {
-    const int margin = tile->margin, left = tile->x0 + margin, top = tile->y0 + margin;
-    return spsi_patch_box(x0 - margin - left, y0 - margin - top, x1 + margin - left, y1 + margin - top);
+    return spsi_patch_box(x0 - tile->x0, y0 - tile->y0, x1 - tile->x0, y1 - tile->y0);
 }
 
 /* Bit mask of the patches of a tile in which some pixel's optical depth is less than `end`. */
@@ -11722,35 +11348,6 @@ static inline void spsi_add_pairs(const spsi_sections *s) {
     if (s->ends) spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(spsi_set(1), before), 2);
 }
 
-/* Derivatives along x and y of sections that are not clamped. */
-typedef struct spsi_slopes {
-    spsi_v log_weight[2]; /* of the logarithm of their weight */
-    float v[2];           /* of v */
-} spsi_slopes;
-
-/* Adds the derivatives of sections along x and y to sheets of their own: w (S(b) - S(a)) changes by w' (S(b) - S(a)) +
-   w (S'(b) b' - S'(a) a'). */
-static void spsi_add_slopes(const spsi_sections *s, const spsi_slopes *slopes, size_t channel_size, float *sheet) {
-    const spsi_v zero = spsi_set(0);
-    spsi_v v = s->v, share[2] = {zero, zero}, slope[2] = {zero, zero};
-    for (int k = -1; k < s->count; ++k, v = spsi_add(v, s->per_plane)) {
-        const int first = k < 0 && s->starts, last = k + 1 == s->count && s->ends;
-        share[1] = first || last ? spsi_set(last ? 1.0f : 0.0f) : spsi_kernel_share(v);
-        slope[1] = first || last ? zero : spsi_kernel_slope(v);
-        if (k >= 0) {
-            const spsi_v held = spsi_sub(share[1], share[0]), moved = spsi_sub(slope[1], slope[0]);
-            for (int axis = 0; axis < 2; ++axis) {
-                float *to = sheet + (size_t)axis * channel_size + (size_t)k * s->sheet_size;
-                const spsi_v change =
-                    spsi_fma(slopes->log_weight[axis], held, spsi_mul(moved, spsi_set(slopes->v[axis])));
-                spsi_store(to, spsi_fma(s->weight, change, spsi_load(to)));
-            }
-        }
-        share[0] = share[1];
-        slope[0] = slope[1];
-    }
-}
-
 /* Rows of one footprint, a vector of rows at a time: their ranges of pixels and slabs. */
 typedef struct spsi_rows {
     int x0[SPSI_LANES], x1[SPSI_LANES];        /* pixels, inclusive, clamped to the tile */
@@ -11839,7 +11436,7 @@ static inline int spsi_is_slender(float a, float b, float c) { return b * b > 0.
    exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2): the first two are per column, the last per row, so
    that no exponential is evaluated per pixel. Slender ellipses evaluate one per vector and row. */
 static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *rows, int count, int x, int y,
-                                      int clamped, int sloped) {
+                                      int clamped) {
     const spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
     const spsi_footprints *f = print->footprints;
@@ -11879,13 +11476,6 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
         sections.ends = rows->ends[r];
         sections.v = spsi_add(v_column, spsi_set(rows->v[r]));
         spsi_add_sections(&sections, SPSI_MASS_KERNEL, clamped, 1);
-        if (sloped) {
-            const float dy = rows->dy[r];
-            const spsi_slopes slopes = {
-                {spsi_fma(dx, spsi_set(2 * a), spsi_set(b * dy)), spsi_fma(dx, spsi_set(b), spsi_set(2 * c * dy))},
-                {f->slope_x[i], f->slope_y[i]}};
-            spsi_add_slopes(&sections, &slopes, tile->channel_size, tile->slopes + (sections.sheet - print->channel));
-        }
     }
 }
 
@@ -11908,7 +11498,7 @@ static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, fl
                               spsi_set(rows->v[j] - per_slab * (float)(rows->first[j] - first)));
 }
 
-/* The same for columns of half a vector, two rows at a time, neither clamped nor sloped. */
+/* The same for columns of half a vector, two rows at a time, not clamped. */
 static inline void spsi_splat_pairs(const spsi_print *print, const spsi_rows *rows, int count, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_footprints *f = print->footprints;
@@ -11960,7 +11550,7 @@ static void spsi_splat_footprint(const spsi_print *print) {
     const int clamped =
         tile->clamped && !s->whole &&
         (f->depth[i] + s->reach_depth > tile->nearest_limit || f->depth[i] - s->reach_depth < s->eye_near);
-    const int narrow = SPSI_ROWS_MOST > 1 && !clamped && !tile->slopes && x1 - x0 < SPSI_LANES / 2;
+    const int narrow = SPSI_ROWS_MOST > 1 && !clamped && x1 - x0 < SPSI_LANES / 2;
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     for (int y = y0; y <= y1; y += SPSI_LANES) {
@@ -11973,12 +11563,10 @@ static void spsi_splat_footprint(const spsi_print *print) {
             continue;
         }
         for (int x = x0; x <= x1; x += SPSI_LANES)
-            if (tile->slopes)
-                spsi_splat_columns(print, &rows, count, x, y, 0, 1);
-            else if (clamped)
-                spsi_splat_columns(print, &rows, count, x, y, 1, 0);
+            if (clamped)
+                spsi_splat_columns(print, &rows, count, x, y, 1);
             else
-                spsi_splat_columns(print, &rows, count, x, y, 0, 0);
+                spsi_splat_columns(print, &rows, count, x, y, 0);
     }
 }
 
@@ -12333,8 +11921,8 @@ static inline void spsi_shares_along(int axis, spsi_v at, float breadth, spsi_v 
     spsi_store(shares->weight[axis][2], spsi_mul(mass, after));
 }
 
-/* Adds one voxel near the edge of the tile. */
-static void spsi_deposit_at_edge(const spsi_deposit *deposit, const spsi_shares *shares, int lane, float *channel) {
+/* Adds one voxel. */
+static void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_shares *shares, int lane, float *channel) {
     const spsi_tile *tile = deposit->tile;
     const int *low = deposit->low, *high = deposit->high;
     int at[3][3];
@@ -12352,29 +11940,6 @@ static void spsi_deposit_at_edge(const spsi_deposit *deposit, const spsi_shares 
                 channel[(size_t)slab * tile->sheet_size + (size_t)(y * tile->pitch + at[0][k])] +=
                     amount * shares->weight[0][k][lane];
     }
-}
-
-/* Adds one voxel. */
-static inline void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_shares *shares, int lane,
-                                      float *channel) {
-    const spsi_tile *tile = deposit->tile;
-    const int x = shares->first[0][lane], y = shares->first[1][lane], slab = shares->first[2][lane];
-    const int *low = deposit->low, *high = deposit->high;
-    const float left = shares->weight[0][0][lane], middle = shares->weight[0][1][lane],
-                right = shares->weight[0][2][lane];
-    if (x < low[0] || y < low[1] || slab < low[2] || x + 2 > high[0] || y + 2 > high[1] || slab + 2 > high[2]) {
-        spsi_deposit_at_edge(deposit, shares, lane, channel);
-        return;
-    }
-    channel += (size_t)slab * tile->sheet_size + (size_t)(y * tile->pitch + x);
-    for (int k = 0; k < 3; ++k, channel += tile->sheet_size)
-        for (int j = 0; j < 3; ++j) {
-            const float amount = shares->weight[2][k][lane] * shares->weight[1][j][lane];
-            float *row = channel + j * tile->pitch;
-            row[0] += amount * left;
-            row[1] += amount * middle;
-            row[2] += amount * right;
-        }
 }
 
 /* Bit mask of a vector's voxels that reach into the tile. */
@@ -12595,8 +12160,8 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     p.tile = tile;
     p.crossing = crossing;
     p.seen = seen;
-    p.x0 = spsi_most(ball->x0, tile->x0 + tile->margin), p.x1 = spsi_least(ball->x1, tile->x1 - tile->margin);
-    p.y0 = spsi_most(ball->y0, tile->y0 + tile->margin), p.y1 = spsi_least(ball->y1, tile->y1 - tile->margin);
+    p.x0 = spsi_most(ball->x0, tile->x0), p.x1 = spsi_least(ball->x1, tile->x1);
+    p.y0 = spsi_most(ball->y0, tile->y0), p.y1 = spsi_least(ball->y1, tile->y1);
     p.first = (int)floorf(spsi_lower(spsi_higher(low, 0), (float)(spsi_least(left, SPSI_CHUNK) - 1)));
     p.last = (int)ceilf(spsi_lower(spsi_higher(high, (float)(p.first + 1)), (float)spsi_least(left, SPSI_CHUNK)));
     p.starts = starts && p.first == 0;
@@ -13114,72 +12679,40 @@ typedef struct spsi_tapper {
     float rows[3][3]; /* change of a place with world position, per cube root of a voxel's volume */
 } spsi_tapper;
 
-/* The taps of a place, still to be added up: those of each column along x. */
-static inline spsi_four spsi_taps_four(const float *from, const float *x, const float *y, const float *z) {
-    enum { EDGE = SPSI_BRICK + 3, PITCH = 12 };
-    spsi_four sum, plane;
-    for (int k = 0; k < 4; ++k, from += EDGE * PITCH) {
-        plane = spsi_four_scale(y[0], spsi_four_load(from));
-        plane = spsi_four_add(y[1], spsi_four_load(from + PITCH), plane);
-        plane = spsi_four_add(y[2], spsi_four_load(from + 2 * PITCH), plane);
-        plane = spsi_four_add(y[3], spsi_four_load(from + 3 * PITCH), plane);
-        sum = k == 0 ? spsi_four_scale(z[0], plane) : spsi_four_add(z[k], plane, sum);
-    }
-    return spsi_four_mul(spsi_four_load(x), sum);
-}
-
-static inline spsi_four spsi_taps_six(const float *from, const float *x, const float *y, const float *z) {
-    enum { EDGE = SPSI_BRICK + 5, PITCH = 16 };
-    spsi_four sum[2], plane[2];
-    for (int k = 0; k < 6; ++k, from += EDGE * PITCH)
-        for (int half = 0; half < 2; ++half) {
-            plane[half] = spsi_four_scale(y[0], spsi_four_load(from + 4 * half));
-            for (int j = 1; j < 6; ++j)
-                plane[half] = spsi_four_add(y[j], spsi_four_load(from + 4 * half + j * PITCH), plane[half]);
-            sum[half] = k == 0 ? spsi_four_scale(z[0], plane[half]) : spsi_four_add(z[k], plane[half], sum[half]);
-        }
-    sum[0] = spsi_four_mul(spsi_four_load(x), sum[0]);
-    return spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
-}
-
 /* The weights of a place along each axis, and how they change. */
 typedef struct spsi_tap_weights {
     const float *at[3], *change[3];
 } spsi_tap_weights;
 
-/* The field's change per voxel along each axis at a place, still to be added up, as for spsi_taps_four. */
-static inline void spsi_taps_four_changes(const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
-    enum { EDGE = SPSI_BRICK + 3, PITCH = 12 };
-    const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
-    const spsi_four none = spsi_four_scale(0, spsi_four_load(from));
-    spsi_four sum = none, sum_y = none, sum_z = none;
-    for (int k = 0; k < 4; ++k, from += EDGE * PITCH) {
-        spsi_four row = spsi_four_load(from), plane = spsi_four_scale(y[0], row), plane_y = spsi_four_scale(dy[0], row);
-        for (int j = 1; j < 4; ++j) {
-            row = spsi_four_load(from + j * PITCH);
-            plane = spsi_four_add(y[j], row, plane);
-            plane_y = spsi_four_add(dy[j], row, plane_y);
+/* The sum of a place's taps, 4^3 or 6^3, still to be added up: of every fourth column along x. `taps` is a constant
+   in each call, so that compilers can unroll. */
+static inline spsi_four spsi_taps_sum(int taps, const float *from, const spsi_tap_weights *w) {
+    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), halves = taps > 4 ? 2 : 1;
+    const float *x = w->at[0], *y = w->at[1], *z = w->at[2];
+    spsi_four sum[2], plane[2];
+    for (int k = 0; k < taps; ++k, from += edge * pitch)
+        for (int half = 0; half < halves; ++half) {
+            plane[half] = spsi_four_scale(y[0], spsi_four_load(from + 4 * half));
+            for (int j = 1; j < taps; ++j)
+                plane[half] = spsi_four_add(y[j], spsi_four_load(from + 4 * half + j * pitch), plane[half]);
+            sum[half] = k == 0 ? spsi_four_scale(z[0], plane[half]) : spsi_four_add(z[k], plane[half], sum[half]);
         }
-        sum = spsi_four_add(z[k], plane, sum);
-        sum_y = spsi_four_add(z[k], plane_y, sum_y);
-        sum_z = spsi_four_add(dz[k], plane, sum_z);
-    }
-    changes[0] = spsi_four_mul(spsi_four_load(w->change[0]), sum);
-    changes[1] = spsi_four_mul(spsi_four_load(w->at[0]), sum_y);
-    changes[2] = spsi_four_mul(spsi_four_load(w->at[0]), sum_z);
+    sum[0] = spsi_four_mul(spsi_four_load(x), sum[0]);
+    return taps == 4 ? sum[0] : spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
 }
 
-static inline void spsi_taps_six_changes(const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
-    enum { EDGE = SPSI_BRICK + 5, PITCH = 16 };
+/* The field's change per voxel along each axis at a place, still to be added up, as for spsi_taps_sum. */
+static inline void spsi_taps_changes(int taps, const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
+    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), halves = taps > 4 ? 2 : 1;
     const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
-    for (int half = 0; half < 2; ++half, from += 4) {
+    for (int half = 0; half < halves; ++half, from += 4) {
         const spsi_four x = spsi_four_load(w->at[0] + 4 * half), dx = spsi_four_load(w->change[0] + 4 * half);
         const spsi_four none = spsi_four_scale(0, spsi_four_load(from));
         spsi_four sum = none, sum_y = none, sum_z = none;
-        for (int k = 0; k < 6; ++k) {
+        for (int k = 0; k < taps; ++k) {
             spsi_four plane = none, plane_y = none;
-            for (int j = 0; j < 6; ++j) {
-                const spsi_four row = spsi_four_load(from + (k * EDGE + j) * PITCH);
+            for (int j = 0; j < taps; ++j) {
+                const spsi_four row = spsi_four_load(from + (k * edge + j) * pitch);
                 plane = spsi_four_add(y[j], row, plane);
                 plane_y = spsi_four_add(dy[j], row, plane_y);
             }
@@ -13242,9 +12775,9 @@ static inline spsi_v spsi_tap_values(const spsi_tapper *t, const spsi_v place[3]
     for (; lanes; lanes &= lanes - 1) {
         const int i = spsi_lowest_bit(lanes);
         const float *from = field->values + (size_t)field->grid[at.brick[i]] * floats + at.first[i];
-        const float *x = fields->weights[at.weights[0][i]], *y = fields->weights[at.weights[1][i]];
-        const float *z = fields->weights[at.weights[2][i]];
-        spsi_four_store(fours + 4 * i, taps == 4 ? spsi_taps_four(from, x, y, z) : spsi_taps_six(from, x, y, z));
+        spsi_tap_weights w;
+        for (int k = 0; k < 3; ++k) w.at[k] = fields->weights[at.weights[k][i]];
+        spsi_four_store(fours + 4 * i, taps == 4 ? spsi_taps_sum(4, from, &w) : spsi_taps_sum(6, from, &w));
         *count += 1;
     }
     return spsi_sum_fours(fours);
@@ -13272,9 +12805,9 @@ static void spsi_tap_gradient(const spsi_tapper *t, const spsi_v place[3], int l
             w.change[k] = fields->changes[at.weights[k][i]];
         }
         if (fields->taps == 4)
-            spsi_taps_four_changes(from, &w, changes);
+            spsi_taps_changes(4, from, &w, changes);
         else
-            spsi_taps_six_changes(from, &w, changes);
+            spsi_taps_changes(6, from, &w, changes);
         for (int k = 0; k < 3; ++k) spsi_four_store(fours[k] + 4 * i, changes[k]);
     }
     for (int k = 0; k < 3; ++k) {
@@ -14091,6 +13624,7 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
         for (int n = levels; n >= wanted && verdict == SPSI_SPLAT_SMALL; --n)
             verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, n, side * side, tapper);
     tapper->whole = splatter->whole;
+    if (frame->view.filling == SPS_FILLING_SPLAT) return SPSI_SPLAT_ASKED;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (spsi_medium_depth(frame, lattice) > SPSI_TAP_OPAQUE) return SPSI_SPLAT_OPAQUE;
     return chosen > 0 || spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
@@ -14146,9 +13680,17 @@ static void spsi_levels_choose(const spsi_frame *frame) {
 /* Number of taps along an axis: what 4 leave of a kernel is below the error of slabs at medium quality. */
 static int spsi_taps_wanted(const spsi_frame *frame) { return frame->view.quality > SPS_QUALITY_MEDIUM ? 6 : 4; }
 
-/* Maximum of the bricks in a field's grid: volumes with more are scattered too thinly, or floats cannot count them. */
-static size_t spsi_field_cells_most(size_t bricks) {
-    return bricks < (SPSI_FIELD_CELLS - 65536) / 64 ? 64 * bricks + 65536 : SPSI_FIELD_CELLS;
+/* Which fields a frame needs, to gather volumes or for the gradients of surfaces; 0: none. */
+static int spsi_fields_wanted(const spsi_frame *frame) {
+    if (frame->medium_count == 0 || (frame->view.filling == SPS_FILLING_SPLAT && !frame->has_gradients)) return 0;
+    return spsi_taps_wanted(frame) + 8 * frame->has_gradients;
+}
+
+/* Maximum of the bricks in a field's grid: floats cannot count more, or volumes without surfaces are scattered too
+   thinly. */
+static size_t spsi_field_cells_most(const spsi_frame *frame, size_t bricks) {
+    const size_t most = frame->has_gradients ? SPSI_FIELD_CELLS : 64 * bricks + 65536;
+    return bricks < (SPSI_FIELD_CELLS - 65536) / 64 ? most : SPSI_FIELD_CELLS;
 }
 
 /* Bytes of grids and of held bricks. */
@@ -14180,7 +13722,8 @@ static void spsi_field_whole(const spsi_medium *medium, spsi_voxel_field *field)
 /* Upper bound of the bytes of a volume's coarser levels. A brick of voxels is within reach of 3^3 bricks on each: those
    of the finer level and one about them are up to five in a row. A side of less than three bricks may grow to three. */
 static size_t spsi_levels_bytes(const spsi_frame *frame, int medium, size_t bricks) {
-    const size_t most = 9 * spsi_field_cells_most(bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
+    const size_t most = 9 * spsi_field_cells_most(frame, bricks);
+    const size_t each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
     spsi_voxel_field levels[2];
     size_t bytes = 0;
     spsi_field_whole(&frame->media[medium], &levels[0]);
@@ -14205,7 +13748,7 @@ static int spsi_may_interpolate(const spsi_frame *frame) {
 
 /* Upper bound of the bytes of all fields, for a number of bricks that may be read. */
 static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
-    const size_t most = spsi_field_cells_most(bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
+    const size_t most = spsi_field_cells_most(frame, bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
     size_t all = 0, bytes = sizeof(spsi_fields);
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field field;
@@ -14230,7 +13773,8 @@ static size_t spsi_fields_begin(const sps_context *context, const spsi_frame *fr
         while (first < context->brick_count && bricks[first].lattice == m) ++first;
         field->end = first;
         spsi_field_place(bricks, fields->taps, field);
-        if (spsi_field_cells(field) > spsi_field_cells_most((size_t)(field->end - field->first))) field->size[0] = 0;
+        if (spsi_field_cells(field) > spsi_field_cells_most(frame, (size_t)(field->end - field->first)))
+            field->size[0] = 0;
         all += spsi_field_cells(field);
     }
     return all;
@@ -14248,17 +13792,17 @@ static int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
     return memory;
 }
 
-/* Makes grids of the bricks of all fields, unless they are held with their voxels or everything is splatted. */
+/* Makes grids of the bricks of all fields, unless they are held with their voxels or none are needed. */
 static sps_result spsi_fields_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
     spsi_fields *fields;
     int *memory;
-    if (frame->view.filling == SPS_FILLING_SPLAT || frame->medium_count == 0) return SPS_OK;
+    if (!spsi_fields_wanted(frame)) return SPS_OK;
     fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
-    if (context->field_taps == taps) return SPS_OK;
-    context->field_taps = 0;
+    if (context->fields_held == spsi_fields_wanted(frame)) return SPS_OK;
+    context->fields_held = 0;
     fields->filled = fields->leveled = 0;
     fields->bent = 0;
     spsi_fields_weigh(fields, taps);
@@ -14272,7 +13816,7 @@ static sps_result spsi_fields_place(sps_context *context, const spsi_frame *fram
         memory = spsi_field_lay(field, memory);
         spsi_field_number((const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data, taps, field);
     }
-    context->field_taps = taps;
+    context->fields_held = spsi_fields_wanted(frame);
     return SPS_OK;
 }
 
@@ -14532,8 +14076,7 @@ typedef struct spsi_sheets {
 /* Extents of a tile's sheets. */
 typedef struct spsi_shape {
     int channels;
-    int margin;      /* pixels around a tile, for gradients that read neighbours */
-    int slab_margin; /* slabs before and after a chunk: one for profiles, one for such gradients */
+    int slab_margin; /* slabs before and after a chunk: one for the parabolas of what is classified */
 } spsi_shape;
 
 typedef struct spsi_target {
@@ -14546,8 +14089,7 @@ typedef struct spsi_target {
     int channels[SPSI_VOLUMES_MAX];          /* of each lattice; -1: it is not splatted */
     spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* whether they are gathered, by `tappers` */
     spsi_tapper tappers[SPSI_VOLUMES_MAX];
-    int slope_channels[SPSI_VOLUMES_MAX]; /* of its d/dx, followed by d/dy; -1: none */
-    int set_channels[SPSI_SETS_MAX];      /* of each set of particles */
+    int set_channels[SPSI_SETS_MAX]; /* of each set of particles */
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
     spsi_crossing crossing;
     int16_t (*brick_boxes)[4]; /* x0, y0, x1, y1 of each brick, in pixels; x1 < x0: nowhere */
@@ -14613,39 +14155,23 @@ static void spsi_contents_advance(spsi_contents *contents, int chunk) {
 
 static size_t spsi_shape_floats(const spsi_shape *shape) {
     const int slabs = SPSI_CHUNK + 2 * shape->slab_margin;
-    const size_t width = (size_t)(SPSI_TILE_WIDTH + 2 * shape->margin);
-    const size_t height = (size_t)(SPSI_TILE_HEIGHT + 2 * shape->margin);
-    return (size_t)(shape->channels * slabs) * width * height + width + 2 * SPSI_LANES; /* vectors reach beyond */
+    return (size_t)(shape->channels * slabs) * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT + SPSI_TILE_WIDTH +
+           2 * SPSI_LANES; /* vectors reach beyond */
 }
 
 /* Whether a material has gradients, which decide how much of a surface it is, and its normal. */
 static int spsi_has_gradient(const spsi_frame *frame, const spsi_material *material) {
-    return frame->gradients.exist && material->table && material->shading == SPS_SHADING_SURFACE;
+    return frame->has_gradients && material->table && material->shading == SPS_SHADING_SURFACE &&
+           frame->content->fields->list[material->medium].count > 0;
 }
 
-/* The eye's sheets have a channel for each material. Classified volumes interpolate from slab to slab. `differences`: 1
-   if gradients are differences of sheets, up to two slabs and pixels to either side; 0 if there are none, or if
-   fields have them. */
-static spsi_shape spsi_eye_shape(const spsi_frame *frame, int differences) {
+/* The eye's sheets have a channel for each material. A light's have one for all gases, and one for each classified
+   volume. These interpolate from slab to slab. */
+static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
     spsi_shape shape;
-    shape.channels = frame->matter.material_count * (differences && frame->gradients.splatted ? 3 : 1);
-    shape.margin = differences ? frame->gradients.reach : 0;
-    shape.slab_margin = frame->matter.classifies + differences;
-    return shape;
-}
-
-/* A light's sheets have a channel for all gases, and one for each classified volume. */
-static spsi_shape spsi_light_shape(const spsi_frame *frame) {
-    spsi_shape shape;
-    shape.channels = frame->matter.light_channel_count;
-    shape.margin = 0;
+    shape.channels = is_eye ? frame->matter.material_count : frame->matter.light_channel_count;
     shape.slab_margin = frame->matter.classifies;
     return shape;
-}
-
-/* The channel of the d/dx of a channel of the eye's sheets; that of the d/dy follows. */
-static int spsi_slope_channel(const spsi_frame *frame, int channel) {
-    return frame->matter.material_count + 2 * channel;
 }
 
 static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
@@ -14658,7 +14184,7 @@ static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, co
     target->rows = spsi_tile_rows(rays);
     target->tolerance = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
-        target->channels[i] = target->slope_channels[i] = -1;
+        target->channels[i] = -1;
         target->verdicts[i] = SPSI_SPLAT_ASKED;
     }
 }
@@ -14672,7 +14198,6 @@ static sps_result spsi_target_refuse(sps_context *context, const spsi_medium *me
 /* The eye as a target; `backwards`: its rays cross the slabs against their order. */
 static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      int backwards, spsi_target *target) {
-    int differences = 0;
     spsi_target_place(frame, &frame->content->eye, slabs, target);
     target->tolerance = frame->view.tolerance;
     spsi_crossing_build(&frame->content->eye, slabs, backwards, &target->crossing);
@@ -14689,11 +14214,8 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
         target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, target->rays, slabs, splatter, SPSI_TAP_PIXELS,
                                                 &target->tappers[i]);
         target->tappers[i].scale = 1;
-        if (!spsi_has_gradient(frame, material) || spsi_gathers(target->verdicts[i])) continue;
-        differences = 1;
-        if (frame->gradients.splatted) target->slope_channels[i] = spsi_slope_channel(frame, medium->channel);
     }
-    target->shape = spsi_eye_shape(frame, differences);
+    target->shape = spsi_shape_of(frame, 1);
     return SPS_OK;
 }
 
@@ -14710,7 +14232,7 @@ typedef enum spsi_light_target {
 static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                        const spsi_slabs *slabs, spsi_light_target kind, spsi_target *target) {
     spsi_target_place(frame, rays, slabs, target);
-    target->shape = spsi_light_shape(frame);
+    target->shape = spsi_shape_of(frame, 0);
     spsi_crossing_build(rays, slabs, 0, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = 0;
     for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
@@ -14786,7 +14308,7 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
                            int16_t box[4]) {
     const spsi_rays *rays = target->rays;
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
-    const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + target->shape.margin + 1;
+    const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + 1;
     const int gathers = spsi_gathers(target->verdicts[brick->lattice]);
     const double reach = gathers ? fmax(SPSI_REACH, spsi_tapper_reach(&target->tappers[brick->lattice])) : SPSI_REACH;
     double at[3], point[3], first[3], edges[3][3];
@@ -14896,7 +14418,7 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
     return SPS_OK;
 }
 
-/* Fills the volumes' fields if a target gathers any, and their levels likewise. */
+/* Fills the volumes' fields if a target gathers any, or surfaces have gradients, and their levels likewise. */
 static sps_result spsi_contents_fields(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
@@ -14904,6 +14426,7 @@ static sps_result spsi_contents_fields(const spsi_contents *contents) {
     for (int n = 0; n < contents->target_count; ++n)
         for (int i = 0; i < contents->frame->medium_count; ++i) {
             const spsi_tapper *tapper = &contents->targets[n]->tappers[i];
+            gathers |= contents->frame->has_gradients;
             if (!spsi_gathers(contents->targets[n]->verdicts[i])) continue;
             gathers = 1;
             interpolates |= spsi_target_interpolates(contents->targets[n], i);
@@ -15018,19 +14541,17 @@ static void spsi_contents_bin_particles(spsi_contents *contents) {
 /* --- a tile --- */
 
 static void spsi_tile_place(const spsi_target *target, int column, int row, int worker, spsi_tile *tile) {
-    const int margin = target->shape.margin;
     SPS_ASSERT(worker >= 0 && worker < target->sheets.worker_count); /* else two tasks would share sheets */
     memset(tile, 0, sizeof *tile);
     tile->open = ~UINT64_C(0);
     tile->nearest_limit = SPSI_INFINITY;
-    tile->x0 = column * SPSI_TILE_WIDTH - margin;
-    tile->y0 = row * SPSI_TILE_HEIGHT - margin;
-    tile->margin = margin;
-    tile->pitch = SPSI_TILE_WIDTH + 2 * margin;
-    tile->x1 = spsi_least(tile->x0 + tile->pitch, target->rays->width + margin) - 1;
-    tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT + 2 * margin, target->rays->height + margin) - 1;
+    tile->x0 = column * SPSI_TILE_WIDTH;
+    tile->y0 = row * SPSI_TILE_HEIGHT;
+    tile->pitch = SPSI_TILE_WIDTH;
+    tile->x1 = spsi_least(tile->x0 + SPSI_TILE_WIDTH, target->rays->width) - 1;
+    tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT, target->rays->height) - 1;
     tile->slab_count = SPSI_CHUNK + 2 * target->shape.slab_margin;
-    tile->sheet_size = (size_t)(tile->pitch * (SPSI_TILE_HEIGHT + 2 * margin));
+    tile->sheet_size = SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     tile->channel_size = tile->sheet_size * (size_t)tile->slab_count;
     tile->sheets = target->sheets.memory + (size_t)worker * target->sheets.floats;
 }
@@ -15068,10 +14589,8 @@ static void spsi_tile_carry(spsi_tile_fill *fill) {
 
 /* Places a patch of a tile. Returns 0 if it has no pixels. */
 static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_tap_patch *patch) {
-    const int x = tile->x0 + tile->margin + number % 8 * SPSI_PATCH;
-    const int y = tile->y0 + tile->margin + number / 8 * SPSI_PATCH;
-    const int x1 = spsi_least(tile->x1 - tile->margin, x + SPSI_PATCH - 1);
-    const int y1 = spsi_least(tile->y1 - tile->margin, y + SPSI_PATCH - 1);
+    const int x = tile->x0 + number % 8 * SPSI_PATCH, y = tile->y0 + number / 8 * SPSI_PATCH;
+    const int x1 = spsi_least(tile->x1, x + SPSI_PATCH - 1), y1 = spsi_least(tile->y1, y + SPSI_PATCH - 1);
     if (x > x1 || y > y1) return 0;
     spsi_tap_patch_place(x, y, x1, y1, patch);
     return 1;
@@ -15194,9 +14713,9 @@ static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
     return pixels;
 }
 
-/* The pixels of a tile, without the margin, that lie in patches and whose rays have not ended, as bits by row. */
+/* The pixels of a tile that lie in patches and whose rays have not ended, as bits by row. */
 static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t live[SPSI_TILE_HEIGHT]) {
-    const int width = tile->x1 - tile->x0 + 1 - 2 * tile->margin, height = tile->y1 - tile->y0 + 1 - 2 * tile->margin;
+    const int width = tile->x1 - tile->x0 + 1, height = tile->y1 - tile->y0 + 1;
     for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
         uint64_t ended = 0;
         for (int x = 0; x < width && y < height && tile->depth; x += SPSI_LANES) {
@@ -15236,7 +14755,7 @@ static void spsi_tile_need(const uint64_t patches[SPSI_TAP_SLABS], int count, in
    row by row, so that bricks stay in the level-1 cache. */
 static void spsi_tile_follow(const spsi_tapper *here, spsi_tile *tile, const uint64_t patches[SPSI_TAP_SLABS],
                              int steps, float *channel) {
-    const int margin = tile->margin, width = tile->x1 - tile->x0 + 1 - 2 * margin;
+    const int width = tile->x1 - tile->x0 + 1;
     uint64_t live[SPSI_TILE_HEIGHT], all = 0;
     int by_slab[SPSI_TAP_SLABS + 3];
     for (int slab = 0; slab < tile->slab_count; ++slab) all |= patches[slab];
@@ -15245,12 +14764,11 @@ static void spsi_tile_follow(const spsi_tapper *here, spsi_tile *tile, const uin
         for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
             const int lanes = (int)(live[y] >> x & SPSI_ALL_LANES);
             if (y % SPSI_PATCH == 0) spsi_tile_need(patches, tile->slab_count, x, y / SPSI_PATCH, by_slab);
-            if (lanes)
-                spsi_tap_row(here, tile, tile->x0 + margin + x, tile->y0 + margin + y, lanes, by_slab, steps, channel);
+            if (lanes) spsi_tap_row(here, tile, tile->x0 + x, tile->y0 + y, lanes, by_slab, steps, channel);
         }
 }
 
-/* Adds a level of a gathered volume to the patches of a tile, without the margin, which nothing reads of it. */
+/* Adds a level of a gathered volume to the patches of a tile. */
 static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t patches, spsi_tapper here) {
     const spsi_target *target = fill->target;
     spsi_tile *tile = fill->tile;
@@ -15300,7 +14818,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         const spsi_brick *brick = &contents->list[index];
         const spsi_segment *segment = spsi_segment_at(contents->context, brick->segment);
         const spsi_splatter *splatter = &target->splatters[brick->lattice];
-        const int channel = target->channels[brick->lattice], slopes = target->slope_channels[brick->lattice];
+        const int channel = target->channels[brick->lattice];
         float *sheets;
         uint64_t patches;
         spsi_anchor anchor;
@@ -15315,7 +14833,6 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         spsi_tile_touch(fill);
         spsi_anchor_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs, first_slab,
                           &anchor);
-        tile->slopes = slopes < 0 ? NULL : tile->sheets + (size_t)slopes * tile->channel_size;
         sheets = tile->sheets + (size_t)channel * tile->channel_size;
         if (splatter->deposits) {
             spsi_deposit_begin(tile, splatter, &anchor, brick, edges, &deposit);
@@ -15586,7 +15103,7 @@ struct sps_tmap {
     float table_end;  /* of a shadow table: the optical depth at which it ends */
     uint64_t key;     /* of a shadow table: fingerprint of all that it is made from; 0: it is not kept */
     uint64_t aim;     /* fingerprint of its rays and planes: only tables with the same have the same entries */
-    spsi_buffer past; /* no data, or the table of the last call that is brought up to date */
+    int updates;      /* 1: its table is that of the last call, which is brought up to date */
     double per_depth; /* 1 / (far - near) */
     double bias[2];   /* of surfaces, in t: bias[0] + bias[1] * t */
     spsi_buffer planes;
@@ -15620,27 +15137,28 @@ static size_t spsi_tmap_item_count(const sps_tmap *map) {
     return ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
 }
 
-/* The part of a texel that a technique looks up: its floats without the range, and u within the range. */
-typedef struct spsi_texel {
-    const float *floats;
-    float u; /* below 0: before all occluders */
-} spsi_texel;
+static const float *spsi_tmap_texel(const sps_tmap *map, size_t index) {
+    return (const float *)map->data.texels.data + index * (size_t)map->settings.components;
+}
 
-static spsi_texel spsi_tmap_texel(const sps_tmap *map, size_t index, float u) {
-    spsi_texel texel;
-    texel.floats = (const float *)map->data.texels.data + index * (size_t)map->settings.components;
-    texel.u = u;
-    if (!map->has_range) return texel;
-    {
-        const float first = texel.floats[0], length = texel.floats[1] - first;
-        texel.u = u < first ? -1 : length > 0 ? spsi_lower((u - first) / length, 1) : 1;
-        texel.floats += 2;
-    }
-    return texel;
+/* Optical depth of gas before u in a vector of texels, where the technique has a function for these. */
+static spsi_v spsi_tmap_texels_depths(const sps_tmap *map, const spsi_texels *texels, spsi_v u) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    spsi_texels inner = *texels;
+    spsi_v first, length, within;
+    if (!map->has_range) return map->technique->optical_depths(&map->inner, texels, u);
+    first = spsi_texels_at(texels, zero);
+    length = spsi_sub(spsi_texels_at(texels, one), first);
+    within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
+    within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
+    inner.x = spsi_add(texels->x, spsi_set(2));
+    return spsi_select(spsi_less(u, first), zero, map->technique->optical_depths(&map->inner, &inner, within));
 }
 
 /* Optical depth of gas before u in one texel. */
 static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u) {
+    const spsi_texels one = {spsi_tmap_texel(map, index), 0, spsi_set(0), spsi_set(0)};
+    float lanes[SPSI_LANES];
     if (map->technique->lists) {
         const uint32_t *starts = (const uint32_t *)map->data.starts.data + index;
         const uint32_t count = starts[1] - starts[0];
@@ -15648,10 +15166,9 @@ static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u)
                    ? spsi_intervals_optical_depth((const spsi_interval *)map->data.texels.data + starts[0], count, u)
                    : spsi_compressed_optical_depth((const spsi_node *)map->data.texels.data + starts[0], count, u);
     }
-    {
-        const spsi_texel texel = spsi_tmap_texel(map, index, u);
-        return texel.u < 0 ? 0 : spsi_texel_optical_depth(&map->inner, texel.floats, texel.u);
-    }
+    if (map->technique->optical_depth) return map->technique->optical_depth(&map->inner, one.floats, u);
+    spsi_store(lanes, spsi_tmap_texels_depths(map, &one, spsi_set(u)));
+    return lanes[0];
 }
 
 /* Bounds of the optical depth of gas before u in one texel. */
@@ -15665,9 +15182,12 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
         bounds[0] = spsi_higher(-logf(spsi_lower(through + epsilon, 1)), 0);
         bounds[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
     } else if (map->technique->bracket) {
-        const spsi_texel texel = spsi_tmap_texel(map, index, u);
+        const float *texel = spsi_tmap_texel(map, index), first = map->has_range ? texel[0] : 0;
+        const float length = map->has_range ? texel[1] - first : 1;
         bounds[1] = 0;
-        if (!(texel.u < 0)) map->technique->bracket(&map->inner, texel.floats, texel.u, bounds);
+        if (!(u < first))
+            map->technique->bracket(&map->inner, texel + 2 * map->has_range,
+                                    length > 0 ? spsi_lower((u - first) / length, 1) : 1, bounds);
     }
 }
 
@@ -15729,25 +15249,7 @@ typedef struct spsi_tmap_quads {
     spsi_v column[2], row[2], weight[4], u;
 } spsi_tmap_quads;
 
-/* Optical depth of gas before u in a vector of texels, looked up at once. */
-static spsi_v spsi_tmap_all_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
-    const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    spsi_texels texels;
-    spsi_v first, length, within;
-    texels.floats = (const float *)map->data.texels.data;
-    texels.stride = map->rays[0].width * map->settings.components;
-    texels.x = spsi_mul(column, spsi_set((float)map->settings.components));
-    texels.y = row;
-    if (!map->has_range) return map->technique->optical_depths(&map->inner, &texels, u);
-    first = spsi_texels_at(&texels, zero);
-    length = spsi_sub(spsi_texels_at(&texels, one), first);
-    within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
-    within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
-    texels.x = spsi_add(texels.x, spsi_set(2));
-    return spsi_select(spsi_less(u, first), zero, map->technique->optical_depths(&map->inner, &texels, within));
-}
-
-/* The same, one texel at a time; texels without weight are skipped. */
+/* The same for any technique, one texel at a time; texels without weight are skipped. */
 static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     float columns[SPSI_LANES], rows[SPSI_LANES], us[SPSI_LANES], weights[SPSI_LANES];
     spsi_store(columns, column);
@@ -15792,16 +15294,17 @@ static inline spsi_shadow_table_place spsi_shadow_table_place_of(spsi_v texel, f
     return place;
 }
 
-/* Optical depth in texels of a table, `share` of the way from plane k - 1 to plane k of u = (k + 1) / n; plane -1, at
+/* Steps of optical depth before u in texels of a table, between planes k - 1 and k of u = (k + 1) / n; plane -1, at
    u = 0, is 0. Item k of a texel holds both. */
 static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, const spsi_shadow_table_place *column,
-                                          const spsi_shadow_table_place *row, spsi_v k, spsi_v share) {
+                                          const spsi_shadow_table_place *row, spsi_v u) {
+    const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(u, planes);
+    const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
     const spsi_v block = spsi_fma(row->block, spsi_set((float)spsi_shadow_table_columns(map)), column->block);
     spsi_v pair[2];
     spsi_lookup_pair((const uint32_t *)map->data.table.data, SPSI_SHADOW_TABLE_TEXELS,
-                     spsi_add(row->within, column->within),
-                     spsi_fma(block, spsi_set((float)map->settings.components), k), pair);
-    return spsi_mix(pair[0], pair[1], share);
+                     spsi_add(row->within, column->within), spsi_fma(block, planes, k), pair);
+    return spsi_mix(pair[0], pair[1], spsi_sub(at, k));
 }
 
 /* Optical depth of a step. */
@@ -15809,19 +15312,8 @@ static inline spsi_v spsi_shadow_table_step(const sps_tmap *map) {
     return spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST);
 }
 
-/* The same as spsi_tmap_all_optical_depths, from a shadow table. */
-static spsi_v spsi_shadow_table_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
-    const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(u, planes);
-    const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
-    const spsi_shadow_table_place x = spsi_shadow_table_place_of(column, 1),
-                                  y = spsi_shadow_table_place_of(row, SPSI_SHADOW_TABLE_SIDE);
-    return spsi_mul(spsi_shadow_table_at(map, &x, &y, k, spsi_sub(at, k)), spsi_shadow_table_step(map));
-}
-
-/* The same as spsi_tmap_optical_depths. */
+/* Optical depth of gas at a vector of points, from a shadow table. */
 static spsi_v spsi_shadow_table_lookup(const sps_tmap *map, const spsi_tmap_quads *quads) {
-    const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(quads->u, planes);
-    const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1))), share = spsi_sub(at, k);
     spsi_shadow_table_place x[2], y[2];
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 2; ++i) {
@@ -15829,14 +15321,21 @@ static spsi_v spsi_shadow_table_lookup(const sps_tmap *map, const spsi_tmap_quad
         y[i] = spsi_shadow_table_place_of(quads->row[i], SPSI_SHADOW_TABLE_SIDE);
     }
     for (int i = 0; i < 4; ++i)
-        sum = spsi_fma(quads->weight[i], spsi_shadow_table_at(map, &x[i & 1], &y[i >> 1], k, share), sum);
+        sum = spsi_fma(quads->weight[i], spsi_shadow_table_at(map, &x[i & 1], &y[i >> 1], quads->u), sum);
     return spsi_mul(sum, spsi_shadow_table_step(map));
 }
 
-/* The same, by whichever of these the map supports. */
+/* Optical depth of gas before u in a vector of texels of any map. */
 static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
-    if (map->data.table.data) return spsi_shadow_table_optical_depths(map, column, row, u);
-    return map->has_vectors ? spsi_tmap_all_optical_depths(map, column, row, u)
+    const float components = (float)map->settings.components;
+    const spsi_texels texels = {(const float *)map->data.texels.data, map->rays[0].width * map->settings.components,
+                                spsi_mul(column, spsi_set(components)), row};
+    if (map->data.table.data) {
+        const spsi_shadow_table_place x = spsi_shadow_table_place_of(column, 1),
+                                      y = spsi_shadow_table_place_of(row, SPSI_SHADOW_TABLE_SIDE);
+        return spsi_mul(spsi_shadow_table_at(map, &x, &y, u), spsi_shadow_table_step(map));
+    }
+    return map->has_vectors ? spsi_tmap_texels_depths(map, &texels, u)
                             : spsi_tmap_each_optical_depth(map, column, row, u, weight);
 }
 
@@ -16413,6 +15912,24 @@ static void spsi_clear_task(void *data, int index, int worker) {
         (map->technique->clear)(into.sums, into.stride, into.stride, map->inner.components);
 }
 
+/* Writes the planes of a texel of a shadow table; `y` counts rows of all faces. Plane k of its sums is at sums[k *
+   stride]. */
+static void spsi_shadow_table_store(const sps_tmap *map, int x, int y, const float *sums, size_t stride) {
+    const int planes = map->settings.components, side = SPSI_SHADOW_TABLE_SIDE;
+    const size_t block = (size_t)(y / side) * (size_t)spsi_shadow_table_columns(map) + (size_t)(x / side);
+    uint32_t *to = (uint32_t *)map->data.table.data + block * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
+    const float end = map->table_end;
+    uint32_t before = 0;
+    double sum = 0;
+    for (int k = 0; k < planes; ++k) {
+        const float depth = (float)(sum += (double)sums[(size_t)k * stride]);
+        const float steps = spsi_higher(0, spsi_lower(depth, end)) * (SPSI_SHADOW_TABLE_MOST / end);
+        const uint32_t next = (uint32_t)(steps + 0.5f);
+        to[k * SPSI_SHADOW_TABLE_TEXELS + y % side * side + x % side] = before | next << 16;
+        before = next;
+    }
+}
+
 /* Writes a tile's sums to its texels. */
 static void spsi_store_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
@@ -16424,8 +15941,13 @@ static void spsi_store_task(void *data, int index, int worker) {
     for (int i = 0; i < into.width * into.height; ++i) {
         const int x = into.x0 + i % into.width, y = into.y0 + i / into.width;
         const size_t texel = spsi_map_tile_texel(&into, x, y);
-        float *out = (float *)map->data.texels.data + texel * (size_t)map->settings.components;
+        float *out;
         if (!spsi_map_tile_is_open(&into, x, y, x, y)) continue;
+        if (map->settings.technique == SPS_TMAP_TABLE) {
+            spsi_shadow_table_store(map, x, (int)(texel / (size_t)map->rays[0].width), into.sums + i, into.stride);
+            continue;
+        }
+        out = (float *)map->data.texels.data + texel * (size_t)map->settings.components;
         if (map->has_range) {
             *out++ = into.ranges[i];
             *out++ = spsi_higher(into.ranges[into.stride + (size_t)i], into.ranges[i]);
@@ -16917,7 +16439,7 @@ static void spsi_print_task(void *data, int index, int worker) {
     spsi_print_balls(job, column, row, prints);
     held->open = 0;
     for (int i = 0; i < 64; ++i)
-        held->open |= (uint64_t)(!filling->map->past.data || held->patches[i] != prints[i]) << i;
+        held->open |= (uint64_t)(!filling->map->updates || held->patches[i] != prints[i]) << i;
     held->open &= spsi_tmap_patches(filling->map, row, column);
     memcpy(held->patches, prints, sizeof prints);
 }
@@ -17020,6 +16542,11 @@ static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
         if (!spsi_buffer_reserve(map->context, &map->data.starts, texels + 1, sizeof(uint32_t)))
             return map->context->result;
         memset(map->data.starts.data, 0, (texels + 1) * sizeof(uint32_t));
+    } else if (map->settings.technique == SPS_TMAP_TABLE) {
+        const size_t planes = (size_t)(spsi_shadow_table_blocks(map) * map->settings.components);
+        const size_t size = SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t);
+        if (!map->updates && !spsi_buffer_reserve(map->context, &map->data.table, planes, size))
+            return map->context->result;
     } else if (!spsi_buffer_reserve(map->context, &map->data.texels, texels,
                                     (size_t)map->settings.components * sizeof(float)))
         return map->context->result;
@@ -17062,10 +16589,6 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     }
     for (int i = 0; i < occluders->faces.count; ++i)
         has_surfaces |= spsi_face_optical_depth(&occluders->faces.list[i]) >= SPSI_DEPTH_MAX;
-    if (has_surfaces && map->settings.byte_budget &&
-        spsi_tmap_bytes(map) + spsi_tmap_texel_count(map) * sizeof(float) > map->settings.byte_budget)
-        return spsi_tmap_refuse_budget(map,
-                                       (double)(spsi_tmap_bytes(map) + spsi_tmap_texel_count(map) * sizeof(float)));
     if (spsi_tmap_reserve_texels(map, has_surfaces) || spsi_tmap_reserve_prints(map)) return context->result;
     memset(&filling, 0, sizeof filling);
     filling.context = context;
@@ -17092,7 +16615,7 @@ static sps_result spsi_check_tmap_camera(sps_context *context, const sps_tmap_li
     const sps_camera *camera = &light->camera;
     double forward[3];
     if (light->omnidirectional)
-        return spsi_check_vector(context, SPS_OBJECT_TMAP_LIGHT, "camera.position", camera->position);
+        return spsi_check_vector(context, SPS_OBJECT_TMAP_LIGHT, -1, "camera.position", camera->position);
     if (spsi_check_camera(context, SPS_OBJECT_TMAP_LIGHT, camera)) return context->result;
     spsi_along(camera->target, camera->position, -1, forward);
     if (camera->world_to_clip || spsi_dot(forward, forward) > 0) return SPS_OK;
@@ -17255,7 +16778,6 @@ static void spsi_tmap_release(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->data.table);
     spsi_buffer_release(map->context, &map->data.surfaces);
     spsi_buffer_release(map->context, &map->data.prints);
-    spsi_buffer_release(map->context, &map->past);
 }
 
 /* Releases the occluders that were added, once they have been read. */
@@ -17373,60 +16895,6 @@ static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     for (int face = 0; face < map->face_count; ++face) map->rays[face].depth_reference = settings->near_depth;
 }
 
-/* The steps of a shadow table that stand for an optical depth. */
-static uint32_t spsi_shadow_table_steps(const sps_tmap *map, float depth) {
-    const float end = map->table_end;
-    return (uint32_t)(spsi_higher(0, depth < end ? depth : end) * (SPSI_SHADOW_TABLE_MOST / end) + 0.5f);
-}
-
-/* Whether a texel of a table was filled; `y` counts rows of all faces. */
-static int spsi_shadow_table_is_new(const sps_tmap *map, int x, int y) {
-    const int height = map->rays[0].height, in_face = y % height;
-    const spsi_tile_prints *prints = spsi_tmap_prints(map, y / height, in_face / SPSI_TILE_HEIGHT, x / SPSI_TILE_WIDTH);
-    x %= SPSI_TILE_WIDTH;
-    return !prints || (prints->open & spsi_patch_box(x, in_face % SPSI_TILE_HEIGHT, x, in_face % SPSI_TILE_HEIGHT));
-}
-
-/* Fills a row of a table's blocks. What lies beyond the last row or column repeats the last: it is never looked up. */
-static void spsi_shadow_table_task(void *data, int row, int worker) {
-    const sps_tmap *map = (const sps_tmap *)data;
-    const int planes = map->settings.components, width = map->rays[0].width;
-    const int height = map->rays[0].height * map->face_count, columns = spsi_shadow_table_columns(map);
-    uint32_t *to =
-        (uint32_t *)map->data.table.data + (size_t)row * (size_t)columns * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
-    (void)worker;
-    for (int column = 0; column < columns; ++column, to += (size_t)planes * SPSI_SHADOW_TABLE_TEXELS)
-        for (int i = 0; i < SPSI_SHADOW_TABLE_TEXELS; ++i) {
-            const int x = spsi_least(column * SPSI_SHADOW_TABLE_SIDE + i % SPSI_SHADOW_TABLE_SIDE, width - 1);
-            const int y = spsi_least(row * SPSI_SHADOW_TABLE_SIDE + i / SPSI_SHADOW_TABLE_SIDE, height - 1);
-            const size_t texel = (size_t)y * (size_t)width + (size_t)x;
-            const float *from = (const float *)map->data.texels.data + texel * (size_t)planes;
-            uint32_t before = 0;
-            const int count = spsi_shadow_table_is_new(map, x, y) ? planes : 0;
-            for (int k = 0; k < count; ++k) {
-                const uint32_t next = spsi_shadow_table_steps(map, from[k]);
-                to[k * SPSI_SHADOW_TABLE_TEXELS + i] = before | next << 16;
-                before = next;
-            }
-        }
-}
-
-/* Turns an opacity map's texels into a table, or into the new part of one, and releases them. */
-static sps_result spsi_shadow_table_build(sps_tmap *map) {
-    const size_t blocks = (size_t)spsi_shadow_table_columns(map) * (size_t)spsi_shadow_table_rows(map);
-    const size_t planes = (size_t)map->settings.components;
-    map->data.table = map->past;
-    memset(&map->past, 0, sizeof map->past);
-    if (!spsi_buffer_reserve(map->context, &map->data.table, blocks * planes,
-                             SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t)))
-        return map->context->result;
-    spsi_parallel(map->context, spsi_shadow_table_rows(map), spsi_shadow_table_task, map);
-    spsi_buffer_release(map->context, &map->data.texels);
-    map->context->stats.tables_made += 1;
-    spsi_shadow_table_count(map, 0);
-    return SPS_OK;
-}
-
 /* A hash of the gas that a map shows; 0 if it may be another in the next call. */
 static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_volumes_fingerprint(frame);
@@ -17472,7 +16940,8 @@ static void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
     while (i < context->shadow_table_count && !(held[i].data.table.data && held[i].aim == map->aim)) ++i;
     if (i == context->shadow_table_count || !map->key) return;
     map->finished = held[i].key == map->key;
-    *(map->finished ? &map->data.table : &map->past) = held[i].data.table;
+    map->updates = !map->finished;
+    map->data.table = held[i].data.table;
     map->data.prints = held[i].data.prints;
     memset(&held[i], 0, sizeof held[i]);
     held[i].context = context;
@@ -17538,8 +17007,10 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
     occluders.frame = frame;
     occluders.part = *part;
     if (map->finished) return SPS_OK;
-    if (spsi_tmap_fill(map, &occluders)) return context->result;
-    return spsi_has_shadow_table(lamp) ? spsi_shadow_table_build(map) : SPS_OK;
+    if (spsi_tmap_fill(map, &occluders) || !spsi_has_shadow_table(lamp)) return context->result;
+    context->stats.tables_made += 1;
+    spsi_shadow_table_count(map, 0);
+    return SPS_OK;
 }
 
 /* --- its size, before anything is read --- */
@@ -17598,8 +17069,6 @@ static void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
     *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
     if (!spsi_techniques[lamp->map.technique].sums) *filling += spsi_balls_order_bytes(frame->particles.count);
     *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
-    if (spsi_has_shadow_table(lamp))
-        *filling += (texels + 1) * components * sizeof(float); /* before they become a table */
 }
 
 /* ============================================================================================ >>penumbrae
@@ -18658,17 +18127,15 @@ static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_
     peak = spsi_spread_peak(scattered, turned, isotropic, &sharp);
     all.straight = spsi_mul(source, spsi_exp(spsi_sub(zero, before)));
     all.stays = spsi_exp(spsi_sub(scattered, depth));
-    narrow.turned = sharp;
-    narrow.reach = spsi_load(sheet->reach + at);
     longer = spsi_fma(spsi_add(back, back_behind), spsi_set(0.5f * SPSI_SPREAD_DETOUR), one);
     all.turned = spsi_mul(turned, longer);
-    all.reach = spsi_mul(narrow.reach, longer);
+    all.reach = spsi_mul(spsi_load(sheet->reach + at), longer);
     all.stretch[0] = spsi_load(light->stretch[0] + x);
     all.stretch[1] = spsi_set(light->stretch[1][y]);
     all.growth = sheet->growth;
-    memcpy(narrow.stretch, all.stretch, sizeof narrow.stretch);
-    narrow.growth = all.growth;
-    narrow.straight = all.straight;
+    narrow = all;
+    narrow.turned = sharp;
+    narrow.reach = spsi_load(sheet->reach + at);
     narrow.stays = spsi_min(spsi_exp(spsi_sub(peak, depth)), all.stays);
     all.passes = spsi_mul(all.stays, open);
     narrow.passes = spsi_mul(narrow.stays, open);
@@ -19216,23 +18683,29 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
+/* Bilinear lookup in grids as large as planes that follow each other, each lane in the one of its number: mostly all in
+   the same. */
+static spsi_v spsi_planes_find(const spsi_planes *planes, const float *grids, spsi_v number, const spsi_v q[2]) {
+    const size_t texels = (size_t)planes->width * (size_t)planes->height;
+    spsi_v found = spsi_set(0);
+    float lanes[SPSI_LANES];
+    spsi_store(lanes, number);
+    for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
+        const float *values = grids + (size_t)lanes[lane] * texels;
+        const spsi_m here = spsi_less(spsi_abs(spsi_sub(number, spsi_set(lanes[lane]))), spsi_set(0.5f));
+        if (done >> lane & 1) continue;
+        found = spsi_select(here, spsi_bilinear(values, planes->width, planes->height, q[0], q[1]), found);
+        done |= spsi_bits(here);
+    }
+    return found;
+}
+
 /* What polygons hide of a penumbra at such points, given the number of their layer. */
 static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], spsi_v layer) {
-    const spsi_planes *planes = &sliced->planes;
-    const size_t texels = spsi_ray_count(sliced->target.rays);
     const spsi_v k = spsi_floor(spsi_clamp(layer, spsi_set(0), spsi_set(SPSI_PARTS * SPSI_CHUNK - 1)));
-    spsi_v q[2], hidden = spsi_set(0);
-    float number[SPSI_LANES];
+    spsi_v q[2];
     spsi_sliced_project(sliced, at, q);
-    spsi_store(number, k);
-    for (int lane = 0, found = 0; lane < SPSI_LANES; ++lane) {
-        const float *values = sliced->penumbra.hidden + (size_t)number[lane] * texels;
-        const spsi_m here = spsi_less(spsi_abs(spsi_sub(k, spsi_set(number[lane]))), spsi_set(0.5f));
-        if (found >> lane & 1) continue;
-        hidden = spsi_select(here, spsi_bilinear(values, planes->width, planes->height, q[0], q[1]), hidden);
-        found |= spsi_bits(here);
-    }
-    return hidden;
+    return spsi_planes_find(&sliced->planes, sliced->penumbra.hidden, k, q);
 }
 
 /* Indices of the texels in which such points lie, or of some nearby where floats cannot tell. */
@@ -19247,22 +18720,11 @@ static inline void spsi_sliced_texels(const spsi_sliced *sliced, const spsi_v at
 
 /* Optical depth at places of a slab coordinate within the chunk, linear between the planes. Mostly all lie in one slab;
    where the eye sees no gas, polygons of a whole chunk are shaded at once, and slabs take their turns. */
-static spsi_v spsi_planes_lookup(const spsi_planes *planes, spsi_v x, spsi_v y, spsi_v slab) {
-    const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1)), beyond = spsi_sub(slab, k);
-    spsi_v depth = spsi_set(0);
-    float number[SPSI_LANES];
-    spsi_store(number, k);
-    for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
-        const int plane = (int)number[lane];
-        const spsi_m here = spsi_less(spsi_abs(spsi_sub(k, spsi_set(number[lane]))), spsi_set(0.5f));
-        spsi_v before, after;
-        if (done >> lane & 1) continue;
-        before = spsi_bilinear(planes->depth[plane], planes->width, planes->height, x, y);
-        after = spsi_bilinear(planes->depth[plane + 1], planes->width, planes->height, x, y);
-        depth = spsi_select(here, spsi_mix(before, after, beyond), depth);
-        done |= spsi_bits(here);
-    }
-    return depth;
+static spsi_v spsi_planes_lookup(const spsi_planes *planes, const spsi_v q[2], spsi_v slab) {
+    const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1));
+    const spsi_v before = spsi_planes_find(planes, planes->depth[0], k, q);
+    const spsi_v after = spsi_planes_find(planes, planes->depth[0], spsi_add(k, spsi_set(1)), q);
+    return spsi_mix(before, after, spsi_sub(slab, k));
 }
 
 /* Optical depth between the lamp and a vector of points on polygons. What is behind the lamp has none. */
@@ -19274,6 +18736,7 @@ static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, cons
     const int parallel = !rays->perspective;
     double q[4][SPSI_LANES]; /* column, row, whether it is in front of the lamp, and slab */
     float at[4][SPSI_LANES];
+    spsi_v texel[2];
     for (int i = 0; i < 4; ++i) {
         const double *row = i < 3 ? rays->inverse[i] : slabs->normal, *from = i < 3 ? rays->origin : zero;
         for (int n = 0; n < SPSI_LANES; ++n)
@@ -19289,8 +18752,8 @@ static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, cons
     }
     for (int i = 0; i < 4; ++i)
         for (int n = 0; n < SPSI_LANES; ++n) at[i][n] = (float)q[i][n];
-    spsi_store(depths, spsi_mul(spsi_load(at[2]), spsi_planes_lookup(&sliced->planes, spsi_load(at[0]),
-                                                                     spsi_load(at[1]), spsi_load(at[3]))));
+    texel[0] = spsi_load(at[0]), texel[1] = spsi_load(at[1]);
+    spsi_store(depths, spsi_mul(spsi_load(at[2]), spsi_planes_lookup(&sliced->planes, texel, spsi_load(at[3]))));
 }
 
 /* One of the points. */
@@ -19522,12 +18985,12 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
         if (shadows[i].soft) continue;
         spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), texel, &shadows[i].depth_map);
         if (!spsi_depth_map_met(faces, &shadows[i].depth_map)) shadows[i].depth_map.face_count = 0;
-        more = spsi_depth_map_floats(&shadows[i].depth_map);
+        more = spsi_depth_map_floats(&shadows[i].depth_map, 0);
         floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
     }
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
     if (!memory) return context->result;
-    for (int i = 0; i < count; ++i) memory = spsi_depth_map_lay_out(&shadows[i].depth_map, memory);
+    for (int i = 0; i < count; ++i) memory = spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, memory);
     for (int i = 0; i < count; ++i)
         if (!shadows[i].soft) spsi_depth_map_fill(context, faces, &shadows[i].depth_map);
     return SPS_OK;
@@ -19537,9 +19000,9 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
    one. */
 static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
                                          spsi_pane_map *maps) {
-    size_t bytes = 0;
+    size_t floats = 0;
     spsi_pane_map *next = maps;
-    char *memory;
+    float *memory;
     for (int i = 0; i < count; ++i) {
         const spsi_lamp *lamp = shadows[i].lamp;
         shadows[i].pane_maps = next;
@@ -19549,11 +19012,12 @@ static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame 
             memset(next, 0, sizeof *next);
             spsi_depth_map_aim(frame, shadows[i].soft ? &lamp->points[k] : lamp,
                                spsi_most(8, (int)(share * spsi_depth_map_size(frame))), 0, &next->grid);
-            bytes += spsi_pane_map_bytes(next);
+            floats += spsi_depth_map_floats(&next->grid, 1);
         }
     }
-    memory = (char *)spsi_reserve(context, SPSI_BUFFER_PANE_TEXELS, bytes, 1);
-    for (spsi_pane_map *map = maps; memory && map < next; ++map) memory = spsi_pane_map_lay_out(map, memory);
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PANE_TEXELS, floats, sizeof(float));
+    for (spsi_pane_map *map = maps; memory && map < next; ++map)
+        memory = spsi_depth_map_lay_out(&map->grid, map->first, memory);
     return context->result;
 }
 
@@ -19684,7 +19148,6 @@ typedef struct spsi_legendre {
     double peak; /* the first moment that is not followed */
     double moments[SPSI_FORWARD_ORDERS], orders[SPSI_FORWARD_ORDERS];
     int count;
-    float phase[SPSI_FORWARD_SIZE]; /* at the angles of a table's rows */
 } spsi_legendre;
 
 /* Moments until their square is below 1e-4. */
@@ -19707,15 +19170,17 @@ static void spsi_legendre_moments(const spsi_material *material, int followed, s
     }
 }
 
-static void spsi_legendre_build(const spsi_material *material, int followed, spsi_legendre *series) {
-    float cosine[SPSI_FORWARD_SIZE];
-    spsi_legendre_moments(material, followed, series);
-    for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
-        const double s = (double)i / (SPSI_FORWARD_SIZE - 1);
-        cosine[i] = (float)cos(SPSI_PI * s * s);
-    }
-    for (int i = 0; i < SPSI_FORWARD_SIZE; i += SPSI_LANES)
-        spsi_store(series->phase + i, spsi_phase(material, spsi_load(cosine + i)));
+/* A lobe at one cosine. */
+static double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
+    const double g = (double)lobe->asymmetry;
+    const double square = fmax(1 + g * g - 2 * g * fmin(fmax(cosine, -1), 1), DBL_MIN);
+    return (double)lobe->weight * (1 - g * g) / (4 * SPSI_PI * square * sqrt(square));
+}
+
+static double spsi_phase_at(const spsi_material *material, double cosine) {
+    double sum = 0;
+    for (int i = 0; i < material->lobe_count; ++i) sum += spsi_lobe_at(&material->lobes[i], cosine);
+    return sum;
 }
 
 /* exp(-t) r(x), for x <= t. */
@@ -19763,12 +19228,18 @@ static double spsi_forward_fade(double t, double *taken) {
     return fmin((4 / (t + 4) - 4 / (end + 4)) / (4 / (from + 4) - 4 / (end + 4)), 1); /* 1 - u = 4 / (t + 4) */
 }
 
+/* X at one depth and angle, by the factors there. */
+static double spsi_forward_at(const spsi_material *material, const spsi_legendre *series, double t, double cosine) {
+    return fmax(spsi_legendre_sum(series, t, cosine), -spsi_phase_at(material, cosine) * exp(-t));
+}
+
 /* X at one depth for all angles: a column of a table. */
-static void spsi_forward_column(spsi_legendre *series, double albedo, double t, float *column) {
+static void spsi_forward_column(const spsi_material *material, spsi_legendre *series, double albedo, double t,
+                                float *column) {
     spsi_legendre_orders(series, albedo, t);
     for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
-        const double s = (double)i / (SPSI_FORWARD_SIZE - 1), x = spsi_legendre_sum(series, t, cos(SPSI_PI * s * s));
-        column[(size_t)i * SPSI_FORWARD_SIZE] = (float)fmax(x, -(double)series->phase[i] * exp(-t));
+        const double s = (double)i / (SPSI_FORWARD_SIZE - 1);
+        column[(size_t)i * SPSI_FORWARD_SIZE] = (float)spsi_forward_at(material, series, t, cos(SPSI_PI * s * s));
     }
 }
 
@@ -19781,14 +19252,14 @@ static double spsi_forward_albedo(const spsi_material *material, int level) {
 static void spsi_forward_build(const spsi_material *material, int followed, int stays, spsi_forward *forward) {
     const int grey = material->albedo[0] == material->albedo[1] && material->albedo[0] == material->albedo[2];
     spsi_legendre series;
-    spsi_legendre_build(material, followed, &series);
+    spsi_legendre_moments(material, followed, &series);
     series.stays |= stays;
     forward->level_count = material->table ? SPSI_FORWARD_LEVELS : grey ? 1 : 3;
     for (int k = 0; k < forward->level_count; ++k)
         for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
             const double albedo = spsi_forward_albedo(material, k);
             if (i < SPSI_FORWARD_SIZE - 1)
-                spsi_forward_column(&series, albedo, spsi_forward_depth(i), forward->level[k] + i);
+                spsi_forward_column(material, &series, albedo, spsi_forward_depth(i), forward->level[k] + i);
             else
                 for (int n = 0; n < SPSI_FORWARD_SIZE; ++n) forward->level[k][n * SPSI_FORWARD_SIZE + i] = 0;
         }
@@ -21011,28 +20482,33 @@ typedef struct spsi_cell_sight {
     int face;
 } spsi_cell_sight;
 
-/* Bit mask of the sides of the grid that a surface is before, with polygons that may be between. */
+/* Bit mask of the sides of the grid that a surface is before, with polygons that may be between. What is above the
+   surface by the round-off of floats only is not, or the triangles of a flat floor would be between. */
 static int spsi_cell_sight_near(const spsi_cell_sight *sight) {
     const spsi_cell_grid *grid = sight->grid;
-    const double *point = sight->surface->point;
-    int sides[SPSI_SHAFTS], met, near_sides = 0;
-    spsi_shafts shafts;
-    spsi_shafts_begin(sight->faces, sight->face, sight->surface->start, sight->normal, &shafts);
+    const double *point = sight->surface->point, *start = sight->surface->start;
+    double below[3], offset[3], farthest = 0;
+    spsi_bounds from;
+    int near_sides = 0;
+    memcpy(from.low, start, sizeof from.low), memcpy(from.high, start, sizeof from.high);
+    spsi_along(start, sight->faces->tree.centre, -1, offset);
+    for (int k = 0; k < 3; ++k) below[k] = -sight->normal[k], farthest = fmax(farthest, fabs(offset[k]));
     for (int axis = 0; axis < 3; ++axis) {
         const double extent = grid->edge * grid->size[axis], at = point[axis] - grid->corner[axis];
         const int upper = at > extent;
-        double low[3], high[3];
+        spsi_bounds to;
+        spsi_shaft shaft;
         if (at >= 0 && !upper) continue;
         for (int k = 0; k < 3; ++k) {
-            low[k] = grid->corner[k];
-            high[k] = low[k] + grid->edge * grid->size[k];
+            to.low[k] = grid->corner[k];
+            to.high[k] = to.low[k] + grid->edge * grid->size[k];
         }
-        low[axis] = high[axis] = low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
-        sides[shafts.count] = 2 * axis + upper;
-        spsi_shafts_add(&shafts, axis, low, high);
+        to.low[axis] = to.high[axis] = to.low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
+        spsi_shaft_build(sight->faces, &from, &to, &shaft);
+        spsi_shaft_add(sight->faces, &from, &from, below, -9e-7 * farthest * spsi_reach_of(below), &shaft);
+        if (!spsi_shaft_is_clear(sight->faces, &shaft, &sight->face, 1, (const double(*)[3])start))
+            near_sides |= 1 << (2 * axis + upper);
     }
-    met = spsi_shafts_meet(&shafts, sight->faces);
-    for (int i = 0; i < shafts.count; ++i) near_sides |= (met >> i & 1) << sides[i];
     return near_sides;
 }
 
@@ -22087,7 +21563,6 @@ typedef struct spsi_arrival {
     spsi_v light[SPSI_GROUP_MOST + 1];
     int plane;              /* plane of the last lookup; -1: none */
     spsi_v plane_light;     /* optical depth found there */
-    spsi_v skipped;         /* optical depth of the gas that was passed since */
     spsi_courses courses;   /* arguments of spsi_shadow_lookup along these pixels' rays */
     spsi_courses ahead;     /* along those of a row further down */
     spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave lit; of an undivided slab, lit[0] */
@@ -22157,7 +21632,6 @@ typedef struct spsi_line {
 /* Rays of a vector of pixels. */
 typedef struct spsi_pixels {
     spsi_line line;
-    spsi_line around[8]; /* for gradients: neighbours at x - 1, x + 1, y - 1, y + 1, then at twice these distances */
     spsi_v length;       /* world length per unit of t */
     spsi_v polygon_slab; /* slab coordinate of the polygon, counted from the sweep's first slab */
     spsi_v toward[3];    /* unit direction from the eye */
@@ -22246,25 +21720,11 @@ static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y
             spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
 }
 
-/* The mean value of a classified material in slab k along a line. Its sections are not cut. */
-static inline spsi_v spsi_mean_value(const spsi_tile *tile, int channel, const spsi_line *line, int k) {
+/* Where a tile's channels hold slab k of a line, counted from the chunk's first. */
+static inline size_t spsi_tile_at(const spsi_tile *tile, const spsi_line *line, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    const size_t at =
-        (size_t)(k + margin) * tile->sheet_size + (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
-    return spsi_mul(spsi_sheet_sum(tile, channel, at), line->slabs);
-}
-
-/* World position of the middle of slab k on a line, relative to the shader's position origin. */
-static inline void spsi_place_in_slab(const spsi_shader *shader, const spsi_line *line, int k, spsi_v place[3]) {
-    const spsi_v middle = spsi_fma(spsi_set(0.5f), line->scale, spsi_plane_depth(line, k));
-    spsi_position_at(shader, line->at, (float)line->y, middle, place);
-}
-
-static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out[3]) {
-    for (int i = 0; i < 3; ++i) {
-        const int j = (i + 1) % 3, k = (i + 2) % 3;
-        out[i] = spsi_sub(spsi_mul(a[j], b[k]), spsi_mul(a[k], b[j]));
-    }
+    return (size_t)(k + margin) * tile->sheet_size +
+           (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
 }
 
 /* A slab on a vector of rays, or a group of slabs (spsi_slabs) that differ only in depth and light. If any volume is
@@ -22296,148 +21756,6 @@ typedef struct spsi_part {
     spsi_v before, after; /* optical depth from the eye to its beginning and end, in the light's order */
 } spsi_part;
 
-/* Variation of a classified value within a slab: a parabola through the means of the slab and its two neighbours, and
-   likewise for the lateral differences. The change along the ray comes from five slabs: from three, the normal's
-   component along the ray would be too small compared with the lateral ones, and lean the surface away from the eye. */
-typedef struct spsi_profile {
-    spsi_parabola value;
-    spsi_parabola aside[2]; /* differences from x - 1 to x + 1, and from y - 1 to y + 1 */
-    spsi_parabola along;    /* difference from the slab before to the slab after */
-    spsi_v cofactor[3][3];  /* of the matrix of the three difference vectors, in voxels */
-    spsi_v determinant;     /* of that matrix */
-} spsi_profile;
-
-/* Twice the derivative, per slab, of the quartic whose means over five slabs are outer[0], own[0..2] and outer[1]. In
-   the slab's middle its first derivative is (34 (m1 - m-1) - 5 (m2 - m-2)) / 48, the second (12 (m1 + m-1) - (m2 + m-2)
-   - 22 m0) / 8, and the third ((m2 - m-2) - 2 (m1 - m-1)) / 2. */
-static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2], spsi_parabola *along) {
-    const spsi_v near_change = spsi_sub(own[2], own[0]), far_change = spsi_sub(outer[1], outer[0]);
-    const spsi_v near_sum = spsi_add(own[2], own[0]), far_sum = spsi_add(outer[1], outer[0]);
-    along->value =
-        spsi_mul(spsi_set(1.0f / 24), spsi_fma(spsi_set(34), near_change, spsi_mul(spsi_set(-5), far_change)));
-    along->slope = spsi_fma(spsi_set(12), near_sum, spsi_mul(spsi_set(-22), own[1]));
-    along->slope = spsi_mul(spsi_set(0.25f), spsi_sub(along->slope, far_sum));
-    along->bend = spsi_mul(spsi_set(0.5f), spsi_fma(spsi_set(-2), near_change, far_change));
-}
-
-/* Spread of the rays in the middle of slab k: its signed distance from the eye in slabs, to which the spacing of
-   neighbouring rays is proportional. 1 for parallel rays. */
-static float spsi_slab_spread(const spsi_shader *shader, const spsi_tile *tile, int k) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    return shader->eye->perspective ? (float)(k + margin) + 0.5f - tile->eye_slab : 1;
-}
-
-/* Whether the eye is in a slab. The rays meet there, so they have no neighbours. */
-static int spsi_slab_has_eye(float spread) { return fabsf(spread) < 0.5f; }
-
-/* The difference in slab k between the neighbours on either side, divided by the rays' spread. With two on each side,
-   it is that of the quartic through all of them: (8 (f1 - f-1) - (f2 - f-2)) / 6. In the eye's slab it is the mean of
-   those in the slabs before and after. */
-static spsi_v spsi_slab_change(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                               int channel, int axis) {
-    const spsi_line *near_by = &p->around[2 * axis], *beyond = &p->around[4 + 2 * axis];
-    const float spread = spsi_slab_spread(shader, tile, k);
-    spsi_v change;
-    if (spsi_slab_has_eye(spread))
-        return spsi_mul(spsi_set(0.5f), spsi_add(spsi_slab_change(shader, tile, p, k - 1, channel, axis),
-                                                 spsi_slab_change(shader, tile, p, k + 1, channel, axis)));
-    change = spsi_sub(spsi_mean_value(tile, channel, near_by + 1, k), spsi_mean_value(tile, channel, near_by, k));
-    if (shader->frame->gradients.reach >= 2) {
-        const spsi_v wide =
-            spsi_sub(spsi_mean_value(tile, channel, beyond + 1, k), spsi_mean_value(tile, channel, beyond, k));
-        change = spsi_mul(spsi_set(1.0f / 6), spsi_sub(spsi_mul(spsi_set(8), change), wide));
-    }
-    return spsi_mul(spsi_set(1 / spread), change);
-}
-
-/* Twice the derivative per pixel of a slab's mean, from its sheets of slopes. The mean is the sheet's sum divided by
-   the ray's path length in the slab, 1 / |slope|, whose relative change is -slope' / slope. */
-static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *tile, int channel,
-                                    const spsi_line *line, int k, spsi_v mean, spsi_v slopes[2]) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    const float *sheet = tile->sheets + (size_t)spsi_slope_channel(shader->frame, channel) * tile->channel_size +
-                         (size_t)(k + margin) * tile->sheet_size +
-                         (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
-    for (int axis = 0; axis < 2; ++axis) {
-        const spsi_v turn = spsi_mul(spsi_mul(mean, line->scale), spsi_set(shader->slab.slope[1 + axis]));
-        const spsi_v sum = spsi_mul(spsi_load(sheet + (size_t)axis * tile->channel_size), line->slabs);
-        slopes[axis] = spsi_mul(spsi_set(2), spsi_add(sum, turn));
-    }
-}
-
-/* The lateral differences in slabs k - 1 to k + 1, from the sheets of slopes if there are any. `means`: those of the
-   three slabs. */
-static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                               int channel, const spsi_v means[3], spsi_parabola aside[2]) {
-    spsi_v change[3][2];
-    for (int n = 0; n < 3; ++n) {
-        const spsi_v per_spread = spsi_set(1 / spsi_slab_spread(shader, tile, k + n - 1));
-        if (shader->frame->gradients.splatted) /* the eye is not near */
-            spsi_mean_slopes(shader, tile, channel, &p->line, k + n - 1, means[n], change[n]);
-        for (int axis = 0; axis < 2; ++axis)
-            change[n][axis] = shader->frame->gradients.splatted
-                                  ? spsi_mul(per_spread, change[n][axis])
-                                  : spsi_slab_change(shader, tile, p, k + n - 1, channel, axis);
-    }
-    for (int axis = 0; axis < 2; ++axis)
-        aside[axis] = spsi_parabola_through(change[0][axis], change[1][axis], change[2][axis], 1);
-}
-
-/* A difference vector, in voxels: from one neighbour to the other along x or y, divided by the rays' spread, or (axis
-   2) from the slab before to the slab after. */
-static void spsi_profile_way(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k, int axis,
-                             float per_length, spsi_v way[3]) {
-    const int from = axis < 2 && spsi_slab_has_eye(spsi_slab_spread(shader, tile, k)) ? k + 1 : k;
-    const float per_spread = axis < 2 ? per_length / spsi_slab_spread(shader, tile, from) : per_length;
-    spsi_v place[2][3];
-    for (int side = 0; side < 2; ++side)
-        spsi_place_in_slab(shader, axis < 2 ? &p->around[2 * axis + side] : &p->line,
-                           axis < 2 ? from : k - 1 + 2 * side, place[side]);
-    for (int c = 0; c < 3; ++c) way[c] = spsi_mul(spsi_sub(place[1][c], place[0][c]), spsi_set(per_spread));
-}
-
-/* The differences along x, y and the ray, and their vectors. These are not perpendicular, so the gradient g is solved
-   from vector . g = difference. If they are coplanar there is no gradient. */
-static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                                  int channel, const spsi_v means[3], spsi_profile *profile) {
-    const float per_length = 1 / shader->frame->matter.materials[channel].voxel_length;
-    spsi_v way[3][3], outer[2];
-    for (int n = 0; n < 2; ++n) outer[n] = spsi_mean_value(tile, channel, &p->line, k - 2 + 4 * n);
-    spsi_profile_along(means, outer, &profile->along);
-    spsi_profile_aside(shader, tile, p, k, channel, means, profile->aside);
-    for (int axis = 0; axis < 3; ++axis) spsi_profile_way(shader, tile, p, k, axis, per_length, way[axis]);
-    for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], profile->cofactor[i]);
-    profile->determinant = spsi_dot_v(way[0], profile->cofactor[0]);
-    profile->determinant = spsi_select(spsi_less(spsi_abs(profile->determinant), spsi_set(FLT_MIN)),
-                                       spsi_set(SPSI_INFINITY), profile->determinant);
-}
-
-/* Sets a sample's normal, and how much of a surface it is, by its gradient: the change of value per voxel, relative to
-   `unit`. */
-static void spsi_sample_face(const spsi_material *material, const spsi_v g[3], float unit, spsi_sample *sample) {
-    const spsi_v size = spsi_sqrt(spsi_dot_v(g, g));
-    for (int c = 0; c < 3; ++c)
-        sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
-    sample->surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
-    sample->has_normal = 1;
-}
-
-/* The gradient of a part of a slab by differences of sheets. */
-static void spsi_sample_gradient(const spsi_material *material, const spsi_profile *profile,
-                                 const spsi_portion *portion, spsi_sample *sample) {
-    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: squares stay finite */
-    const spsi_v scale = spsi_set(unit);
-    const spsi_v x = spsi_mul(spsi_parabola_mean(&profile->aside[0], portion), scale);
-    const spsi_v y = spsi_mul(spsi_parabola_mean(&profile->aside[1], portion), scale);
-    const spsi_v along = spsi_mul(spsi_parabola_mean(&profile->along, portion), scale);
-    spsi_v g[3];
-    for (int c = 0; c < 3; ++c) {
-        g[c] = spsi_fma(y, profile->cofactor[1][c], spsi_mul(x, profile->cofactor[0][c]));
-        g[c] = spsi_div(spsi_fma(along, profile->cofactor[2][c], g[c]), profile->determinant);
-    }
-    spsi_sample_face(material, g, unit, sample);
-}
-
 /* The depth at which what a slab holds of a classified volume is seen, on average. Returns the rays that see any of it,
    as bits. */
 static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int channel, spsi_v *depth) {
@@ -22457,13 +21775,13 @@ static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int 
     return slab->open & spsi_bits(spsi_less(zero, weight));
 }
 
-/* The gradient of a classified volume in a slab, from its field: all parts have that of the place where it is seen. */
+/* Sets the normal of a classified volume in a slab, and how much of a surface it is, by the gradient of its field: all
+   parts have that of the place where it is seen. */
 static void spsi_samples_gradient(const spsi_shader *shader, const spsi_tapper *t, const spsi_pixels *p, int channel,
                                   spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
-    const float unit = material->table_scale / SPSI_TABLE_SIZE;
-    spsi_v depth, place[3], g[3];
-    spsi_sample seen;
+    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: squares stay finite */
+    spsi_v depth, place[3], g[3], size, surface;
     int lanes = spsi_slab_seen(shader, slab, channel, &depth);
     if (!lanes) return;
     for (int k = 0; k < 3; ++k)
@@ -22472,12 +21790,14 @@ static void spsi_samples_gradient(const spsi_shader *shader, const spsi_tapper *
     lanes &= spsi_tap_inside(t->field, place);
     spsi_tap_gradient(t, place, lanes, g);
     for (int c = 0; c < 3; ++c) g[c] = spsi_mul(g[c], spsi_set(unit));
-    spsi_sample_face(material, g, unit, &seen);
+    size = spsi_sqrt(spsi_dot_v(g, g));
+    surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
+    for (int c = 0; c < 3; ++c) g[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
-        memcpy(sample->normal, seen.normal, sizeof seen.normal);
-        sample->surface = seen.surface;
-        sample->has_normal = seen.has_normal;
+        memcpy(sample->normal, g, sizeof g);
+        sample->surface = surface;
+        sample->has_normal = 1;
     }
 }
 
@@ -22495,7 +21815,7 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
     }
 }
 
-/* Fills the parts of a slab for a classified volume, which follows its profile. Most parts that hold values have no
+/* Fills the parts of a slab for a classified volume, along a parabola. Most parts that hold values have no
    extinction anywhere: they cost neither colors nor gradients. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
@@ -22503,18 +21823,16 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
     const spsi_target *target = shader->target;
     const spsi_v share = spsi_set(1.0f / (float)slab->part_count), zero = spsi_set(0);
     const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
-    const int surface = spsi_has_gradient(shader->frame, material);
-    const int differences = surface && !spsi_gathers(target->verdicts[material->medium]);
+    const size_t at = spsi_tile_at(tile, &p->line, slab->k - 1);
     spsi_v means[3];
-    spsi_profile profile;
-    int has_gradient = 0;
-    memset(&profile, 0, sizeof profile); /* compilers cannot tell that gradient fields are read only where set */
-    for (int n = 0; n < 3; ++n) means[n] = spsi_mean_value(tile, channel, &p->line, slab->k + n - 1);
-    spsi_values_through(material, means, spsi_target_has_means(target, material->medium), &profile.value);
+    spsi_parabola values;
+    for (int n = 0; n < 3; ++n)
+        means[n] = spsi_mul(spsi_sheet_sum(tile, channel, at + (size_t)n * tile->sheet_size), p->line.slabs);
+    spsi_values_through(material, means, spsi_target_has_means(target, material->medium), &values);
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
         const spsi_portion portion = spsi_portion_of(slab->first, slab->last, part);
-        const spsi_v value = spsi_parabola_mean(&profile.value, &portion);
+        const spsi_v value = spsi_parabola_mean(&values, &portion);
         spsi_v appearance[4] = {zero, zero, zero, zero};
         if (spsi_any_shown(material, value)) spsi_classify(material, value, appearance);
         sample->has_normal = 0;
@@ -22522,12 +21840,8 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
         for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
-        if (!differences || !spsi_bits(spsi_less(zero, sample->depth))) continue;
-        if (!has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, means, &profile);
-        has_gradient = 1;
-        spsi_sample_gradient(material, &profile, &portion, sample);
     }
-    if (surface && !differences)
+    if (spsi_has_gradient(shader->frame, material))
         spsi_samples_gradient(shader, &target->tappers[material->medium], p, channel, slab);
 }
 
@@ -23066,35 +22380,23 @@ static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, 
     return spsi_shadow_lookup(shadow, at, k);
 }
 
-/* Whether the light at the last lookup serves a slab, too. */
-static int spsi_slab_skips(const spsi_shader *shader, const spsi_slab *slab, spsi_arrival *arrival) {
-    const spsi_v most = spsi_set(shader->frame->view.lookup_threshold);
-    if (!(shader->frame->view.lookup_threshold > 0) || arrival->plane < 0) return 0;
-    arrival->skipped = spsi_add(arrival->skipped, slab->depth);
-    return spsi_bits(spsi_less(most, arrival->skipped)) == 0;
-}
-
 /* Looks up one light where the ray enters and leaves a slab, or each of a group. */
 static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                             const spsi_slab *slab, spsi_arrival *arrival) {
     const spsi_v count = spsi_set((float)slab->group), zero = spsi_set(0), one = spsi_set(1);
     const spsi_v first = spsi_mul(slab->first, count), last = spsi_mul(slab->last, count);
-    const int skips = spsi_slab_skips(shader, slab, arrival);
     spsi_v a0 = arrival->plane_light, a1 = a0;
-    if (!skips && arrival->plane != slab->k && (slab->filled & 1)) a0 = spsi_plane_light(shadow, p, arrival, slab->k);
+    if (arrival->plane != slab->k && (slab->filled & 1)) a0 = spsi_plane_light(shadow, p, arrival, slab->k);
     for (int i = 0; i < slab->group; ++i) {
         const spsi_v at = spsi_set((float)i), ended = i > 0 ? arrival->light[i] : zero;
-        if (!skips && (slab->filled >> i & 3)) a1 = spsi_plane_light(shadow, p, arrival, slab->k + i + 1);
+        if (slab->filled >> i & 3) a1 = spsi_plane_light(shadow, p, arrival, slab->k + i + 1);
         arrival->light[i] = spsi_mix(a0, a1, spsi_clamp(spsi_sub(first, at), zero, one));
         if (i > 0) arrival->light[i] = spsi_select(spsi_less(last, at), ended, arrival->light[i]);
         arrival->light[i + 1] = spsi_mix(a0, a1, spsi_clamp(spsi_sub(last, at), zero, one));
         a0 = a1;
     }
-    if (!skips) {
-        arrival->plane = slab->filled >> (slab->group - 1) ? slab->k + slab->group : -1;
-        arrival->plane_light = a1;
-        arrival->skipped = zero;
-    }
+    arrival->plane = slab->filled >> (slab->group - 1) ? slab->k + slab->group : -1;
+    arrival->plane_light = a1;
     spsi_lit_shares(shader, &shadow->depth_map, p, slab, arrival->lit);
 }
 
@@ -23541,32 +22843,31 @@ static int spsi_sight_faces(const spsi_sight_job *job, const spsi_sight_view *vi
     return lit == 3 ? 1 : dark == 3 ? 0 : -1;
 }
 
-/* The rays from all that a tile shows towards a point of the light. */
-static void spsi_sight_passage(const spsi_sight_job *job, const spsi_sight_view *view, const spsi_lamp *point,
-                               spsi_passage *passage) {
+/* The shaft from all that a tile shows to a point of the light, or as far towards it as there are polygons. */
+static void spsi_sight_shaft(const spsi_sight_job *job, const spsi_sight_view *view, const spsi_lamp *point,
+                             spsi_shaft *shaft) {
     const spsi_rays *eye = &job->frame->content->eye;
     const double room = 1e-6 * fmax(fabs((double)view->low), fabs((double)view->high));
-    spsi_bounds box = spsi_nowhere;
+    spsi_bounds from = spsi_nowhere, to;
     for (int i = 0; i < 8; ++i) {
         const double t = (i & 4 ? (double)view->high + room : (double)view->low - room) + eye->depth_reference;
         double corner[3];
         spsi_ray_point(eye, i & 1 ? view->x1 : view->x0, i & 2 ? view->y1 : view->y0, t, corner);
-        spsi_bounds_add(&box, corner);
+        spsi_bounds_add(&from, corner);
     }
-    spsi_bounds_centre(&box, passage->ray.origin);
-    spsi_toward_lamp(point, passage->ray.origin, passage->ray.direction);
-    passage->ray.low = 0;
-    passage->ray.high = point->is_point ? 1 : HUGE_VAL;
-    passage->is_direction = !point->is_point;
-    memcpy(passage->light, point->is_point ? point->position : passage->ray.direction, sizeof passage->light);
-    for (int i = 0; i < 3; ++i) passage->half[i] = 0.501 * (box.high[i] - box.low[i]) + 1e-12 * job->faces->extent;
+    for (int k = 0; k < 3; ++k) {
+        const double way = -4 * spsi_faces_reach(job->faces) * point->direction[k];
+        to.low[k] = point->is_point ? point->position[k] : from.low[k] + way;
+        to.high[k] = point->is_point ? point->position[k] : from.high[k] + way;
+    }
+    spsi_shaft_build(job->faces, &from, &to, shaft);
 }
 
 /* Whether no polygon can shade what a tile shows from a point of the light. Counts the point for faces that it is
    on the eye's side of. */
 static int spsi_sight_is_clear(const spsi_sight_job *job, const spsi_lamp *point, spsi_sight_view *view) {
     int lit[SPSI_SIGHT_FACES], count = 0;
-    spsi_passage passage;
+    spsi_shaft shaft;
     for (int i = 0; i < view->count; ++i) {
         const int faces = spsi_sight_faces(job, view, &job->faces->list[view->face[i]], point);
         if (faces < 0) return 0;
@@ -23574,8 +22875,8 @@ static int spsi_sight_is_clear(const spsi_sight_job *job, const spsi_lamp *point
         if (faces) lit[count++] = view->face[i];
     }
     if (count == 0) return 1;
-    spsi_sight_passage(job, view, point, &passage);
-    return spsi_passage_is_clear(job->faces, &passage, lit, count);
+    spsi_sight_shaft(job, view, point, &shaft);
+    return spsi_shaft_is_clear(job->faces, &shaft, lit, count, NULL);
 }
 
 /* Finds what is lit of a tile without tracing any ray, where it shows a few flat polygons, and none can be in the way
@@ -24216,8 +23517,7 @@ static int spsi_group_sum(const spsi_shader *shader, const spsi_tile *tile, size
         whole = spsi_add(whole, slab->share[i]);
         if (spsi_bits(spsi_less(zero, slab->share[i]))) slab->filled |= 3 << (i & ~1);
     }
-    if (slab->group == 1 || spsi_scatters_forward(shader->frame) || shader->frame->view.lookup_threshold > 0)
-        slab->filled = ~0; /* light at all planes is used */
+    if (slab->group == 1 || spsi_scatters_forward(shader->frame)) slab->filled = ~0; /* light at all planes is used */
     if (slab->group == 1) return spsi_bits(spsi_less(zero, any)) != 0;
     whole = spsi_div(spsi_set(1), spsi_max(whole, spsi_set(FLT_MIN)));
     for (int i = 0; i < slab->group; ++i) slab->share[i] = spsi_mul(slab->share[i], whole);
@@ -24227,9 +23527,8 @@ static int spsi_group_sum(const spsi_shader *shader, const spsi_tile *tile, size
 /* Reads slab k of a vector of pixels, or a group from there on. Returns 0 if it holds nothing. */
 static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                            spsi_slab *slab) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = slab->material_count;
-    const size_t at = (size_t)(k + margin) * tile->sheet_size +
-                      (size_t)((p->line.y - tile->y0) * tile->pitch + (p->line.x - tile->x0));
+    const int count = slab->material_count;
+    const size_t at = spsi_tile_at(tile, &p->line, k);
     const spsi_v zero = spsi_set(0), whole = spsi_mul(spsi_abs(p->line.scale), spsi_set((float)slab->group));
     spsi_v way;
     if (!spsi_group_sum(shader, tile, at, p->length, slab)) return 0;
@@ -24282,20 +23581,20 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
     part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
 }
 
-/* The shares from `first` to `last` of a slab's way, as far as they belong to one part of it. Within a part, matter is
-   even. `samples` receives its samples. Returns 0 if there is nothing of it. */
-static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, spsi_v first, spsi_v last,
+/* The shares from cut[0] to cut[1] of a slab's way, as far as they belong to one part of it, the whole. Within a part,
+   matter is even. `samples` receives its samples. Returns 0 if there is nothing of it. */
+static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], const spsi_part *whole,
                          spsi_sample *samples, spsi_v depth, spsi_part *part) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v zero = spsi_set(0), one = spsi_set(1), count = spsi_set((float)slab->part_count);
-    const spsi_v number = spsi_set((float)part->number);
-    const spsi_v from = spsi_clamp(spsi_sub(spsi_mul(first, count), number), zero, one);
-    const spsi_v to = spsi_clamp(spsi_sub(spsi_mul(last, count), number), from, one);
-    const spsi_v share = spsi_sub(to, from), aside = spsi_sub(spsi_add(from, to), one), begins = part->first;
-    const spsi_v ends[2] = {part->ends[0], part->ends[1]};
+    const spsi_v number = spsi_set((float)whole->number);
+    const spsi_v from = spsi_clamp(spsi_sub(spsi_mul(cut[0], count), number), zero, one);
+    const spsi_v to = spsi_clamp(spsi_sub(spsi_mul(cut[1], count), number), from, one);
+    const spsi_v share = spsi_sub(to, from), aside = spsi_sub(spsi_add(from, to), one);
     if (!spsi_bits(spsi_less(zero, share))) return 0;
+    *part = *whole;
     for (int m = 0; m < slab->material_count; ++m) {
-        samples[m] = part->samples[m];
+        samples[m] = whole->samples[m];
         samples[m].depth = spsi_mul(samples[m].depth, share);
         samples[m].value_length = spsi_mul(samples[m].value_length, share);
     }
@@ -24303,13 +23602,13 @@ static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, spsi_
     part->is_cut = 1;
     part->cut[0] = from;
     part->cut[1] = to;
-    part->middle = spsi_fma(spsi_mul(part->half, spsi_set(backwards ? -1.0f : 1.0f)), aside, part->middle);
-    part->half = spsi_mul(part->half, share);
-    part->ends[0] = spsi_mix(ends[0], ends[1], from);
-    part->ends[1] = spsi_mix(ends[0], ends[1], to);
-    part->depth = spsi_mul(part->depth, share);
-    part->first = spsi_mix(begins, part->last, from);
-    part->last = spsi_mix(begins, part->last, to);
+    part->middle = spsi_fma(spsi_mul(whole->half, spsi_set(backwards ? -1.0f : 1.0f)), aside, whole->middle);
+    part->half = spsi_mul(whole->half, share);
+    part->ends[0] = spsi_mix(whole->ends[0], whole->ends[1], from);
+    part->ends[1] = spsi_mix(whole->ends[0], whole->ends[1], to);
+    part->depth = spsi_mul(whole->depth, share);
+    part->first = spsi_mix(whole->first, whole->last, from);
+    part->last = spsi_mix(whole->first, whole->last, to);
     part->before = backwards ? part->depth : depth;
     part->after = backwards ? zero : spsi_add(depth, part->depth);
     return 1;
@@ -24381,27 +23680,16 @@ typedef struct spsi_row {
 
 static const spsi_ahead *spsi_row_ahead(const spsi_row *row) { return row->has_layers ? &row->ahead : NULL; }
 
-/* Composites the parts of a slab. */
-static void spsi_add_parts(const spsi_shader *shader, spsi_row *row) {
-    spsi_part part;
-    for (int i = 0; i < row->slab.part_count; ++i) {
-        spsi_part_build(shader, &row->slab, i, row->sum.depth, &part);
-        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
-            spsi_add_part(shader, &row->pixels, &row->slab, &part, spsi_row_ahead(row), &row->sum);
-    }
-}
-
-/* Composites the shares from `first` to `last` of a slab's way. */
-static void spsi_add_parts_cut(const spsi_shading *shading, spsi_v first, spsi_v last, spsi_row *row) {
+/* Composites the parts of a slab; of its way the shares from cut[0] to cut[1], or all (NULL). */
+static void spsi_add_parts(const spsi_shading *shading, const spsi_v *cut, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     spsi_sample *samples = shading->scratch.samples + SPSI_PARTS * row->slab.material_count;
-    spsi_part whole, part;
+    spsi_part whole, some;
     for (int i = 0; i < row->slab.part_count; ++i) {
         spsi_part_build(shader, &row->slab, i, row->sum.depth, &whole);
-        part = whole;
-        if (!spsi_part_cut(shader, &row->slab, first, last, samples, row->sum.depth, &part)) continue;
-        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
-            spsi_add_part(shader, &row->pixels, &row->slab, &part, &row->ahead, &row->sum);
+        if (cut && !spsi_part_cut(shader, &row->slab, cut, &whole, samples, row->sum.depth, &some)) continue;
+        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), (cut ? &some : &whole)->depth)))
+            spsi_add_part(shader, &row->pixels, &row->slab, cut ? &some : &whole, spsi_row_ahead(row), &row->sum);
     }
 }
 
@@ -24411,7 +23699,7 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
     const spsi_shader *shader = shading->shader;
     const int backwards = shader->sweep->back_to_front;
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    spsi_v first = zero, from = zero, way = zero;
+    spsi_v cut[2] = {zero, zero}, from = zero, way = zero;
     if (held) {
         from = backwards ? row->slab.leave : row->slab.enter;
         way = spsi_sub(backwards ? row->slab.enter : row->slab.leave, from);
@@ -24420,12 +23708,12 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
         const spsi_m here = spsi_less(row->ahead.slab, spsi_set(high));
         const int bits = spsi_bits(here);
         const spsi_v d = spsi_select(here, spsi_load(row->ahead.depth), from);
-        spsi_v last = spsi_div(spsi_sub(d, from), spsi_select(spsi_less(zero, spsi_abs(way)), way, one));
-        last = spsi_select(here, spsi_clamp(last, first, one), one);
-        if (held) spsi_add_parts_cut(shading, first, last, row);
+        cut[1] = spsi_div(spsi_sub(d, from), spsi_select(spsi_less(zero, spsi_abs(way)), way, one));
+        cut[1] = spsi_select(here, spsi_clamp(cut[1], cut[0], one), one);
+        if (held) spsi_add_parts(shading, cut, row);
         if (!bits) return;
         spsi_add_layers(shader, &row->pixels, bits, &row->ahead, &row->sum);
-        first = last;
+        cut[0] = cut[1];
     }
 }
 
@@ -24445,7 +23733,7 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     if (row->has_layers && spsi_ahead_before(&row->ahead, high))
         spsi_add_layered(shading, held, high, row);
     else if (held)
-        spsi_add_parts(shader, row);
+        spsi_add_parts(shading, NULL, row);
     if (shader->hits && !backwards)
         spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
     return held;
@@ -24524,10 +23812,6 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     spsi_pixels_build(shader, x, y, &row.pixels);
     for (int i = 0; i < shader->shadow_count; ++i)
         spsi_arrival_begin(&shader->shadows[i], &row.pixels, &row.slab.arrivals[i]);
-    for (int i = 0; i < 4 * shading->tile->margin && shading->slab_count > 0; ++i) {
-        const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
-        spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &row.pixels.around[i]);
-    }
     row.has_layers = spsi_pixels_layered(shader, x, y, width);
     if (row.has_layers) spsi_ahead_begin(shader, &row.pixels, width, shading->low, &row.ahead);
     spsi_gathered_load(shader, at, &row.sum);
@@ -24802,7 +24086,7 @@ static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *fr
     sheets->frame = frame;
     spsi_target_place(frame, &sheets->rays, &sheets->slabs, target);
     target->shape.channels = frame->matter.material_count;
-    target->shape.margin = target->shape.slab_margin = 0;
+    target->shape.slab_margin = 0;
     spsi_crossing_build(&sheets->rays, &sheets->slabs, 0, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
     for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
@@ -26887,22 +26171,19 @@ static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, i
     }
 }
 
-/* The range of slab coordinates of the polygons in a tile and its margin, and their minimum depth. Opens all patches of
-   the tile. */
+/* The range of slab coordinates of the polygons in a tile, and their minimum depth. Opens all patches of the tile. */
 static void spsi_polygon_range_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
-    const int margin = run->eye.shape.margin;
     const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
     const int top = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
-    const int x0 = spsi_most(0, left - margin), y0 = spsi_most(0, top - margin);
-    const int x1 = spsi_least(run->frame->content->eye.width, left + SPSI_TILE_WIDTH + margin);
-    const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT + margin);
+    const int x1 = spsi_least(run->frame->content->eye.width, left + SPSI_TILE_WIDTH);
+    const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     const uint32_t *layers = run->shader.visible->layers.first;
     (void)worker;
-    for (int y = y0; y < y1 && run->shader.hits; ++y)
-        for (int x = x0; x < x1; x += SPSI_LANES) {
+    for (int y = top; y < y1 && run->shader.hits; ++y)
+        for (int x = left; x < x1; x += SPSI_LANES) {
             float lanes[SPSI_LANES], depths[SPSI_LANES];
             const int width = spsi_least(SPSI_LANES, x1 - x);
             spsi_pixels p;
@@ -27183,7 +26464,6 @@ static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, co
     if (grade->slab > 0) frame->view.slab = grade->slab, frame->accuracy.slab_pixels = 0;
     frame->accuracy.light_points = spsi_point_grades[setting->points];
     spsi_choices_reopen(frame);
-    spsi_resolve_gradients(frame);
     return spsi_resolve_points(context, frame);
 }
 
@@ -27306,7 +26586,7 @@ static void spsi_work_count(sps_context *context, spsi_frame *frame, double voxe
     spsi_choose_shadows(context, frame);
     spsi_work_add_sweeps(frame, work);
     spsi_work_add_maps(context, frame, gas, work);
-    if (frame->view.filling != SPS_FILLING_SPLAT && context->field_taps != spsi_taps_wanted(frame))
+    if (context->fields_held != spsi_fields_wanted(frame) && spsi_fields_wanted(frame))
         work->units[SPSI_STAGE_FIELDS] = voxels;
     work->units[SPSI_STAGE_REST] = pixels;
     if (frame->meshes.triangle_count > 0) spsi_work_add_surfaces(frame, work);
@@ -28054,9 +27334,9 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
    side or, if that is less, each apart from the others. */
 static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     spsi_fields *fields;
-    if (frame->view.filling == SPS_FILLING_SPLAT || frame->medium_count == 0) return SPS_OK;
+    if (!spsi_fields_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_fields_place(context, frame);
-    context->field_taps = 0; /* they are not what is held */
+    context->fields_held = 0; /* they are not what is held */
     fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
@@ -28069,7 +27349,7 @@ static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame
         spsi_field_whole(&frame->media[m], field);
         for (int k = 0; k < 3; ++k) volume *= frame->media[m].size[k] + fields->taps;
         spsi_levels_place(fields, m);
-        field->count = spsi_field_cells(field) <= spsi_field_cells_most((size_t)reading->bricks_of[m]);
+        field->count = spsi_field_cells(field) <= spsi_field_cells_most(frame, (size_t)reading->bricks_of[m]);
         field->volume = spsi_minimum(volume, most * bricks);
         field->voxels = (double)reading->voxels_of[m];
     }
@@ -28087,7 +27367,7 @@ static size_t spsi_plan_gather_bytes(const sps_context *context, const spsi_fram
     for (int i = 0; i < frame->medium_count; ++i)
         at_once = spsi_most(at_once, spsi_blocks_at_once(context, &frame->media[i]));
     bytes += (uint64_t)at_once * sizeof(spsi_voxels);
-    if (frame->view.filling != SPS_FILLING_SPLAT) bytes += spsi_fields_bytes(frame, (size_t)reading->bricks);
+    if (spsi_fields_wanted(frame)) bytes += spsi_fields_bytes(frame, (size_t)reading->bricks);
     return (size_t)bytes;
 }
 
@@ -28125,7 +27405,7 @@ static size_t spsi_plan_spent_bytes(const spsi_frame *frame, size_t side) {
 
 /* Floats of a worker's sheets, for any target. */
 static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
-    const spsi_shape eye = spsi_eye_shape(frame, frame->gradients.exist), light = spsi_light_shape(frame);
+    const spsi_shape eye = spsi_shape_of(frame, 1), light = spsi_shape_of(frame, 0);
     const size_t shadow = frame->lamps.shadow_count > 0 ? spsi_shape_floats(&light) : 0;
     return spsi_sheet_tiles(frame) * (shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye));
 }
@@ -28443,7 +27723,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    "no volume or particle that could be seen");
     spsi_plan_shadow_passes(frame, gases, report);
     spsi_plan_penumbra_pass(frame, gases, report);
-    spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->gradients.exist ? sweeps : 0, "a volume is shaded as a surface",
+    spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradients ? sweeps : 0, "a volume is shaded as a surface",
                    "no volume shaded as a surface, or no light for it");
     spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->matter.scatters && lit ? sweeps : 0,
                    "volumes or particles scatter light",
@@ -28596,7 +27876,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
         report->projector_calls += (uint64_t)frame->lamps.list[i].projection.height;
     report->sweep_count = spsi_plan_sweep_count(frame);
     report->color_channels = frame->channels;
-    report->sheet_channels = frame->matter.material_count * (frame->gradients.splatted ? 3 : 1);
+    report->sheet_channels = frame->matter.material_count;
     spsi_plan_bytes(context, frame, &reading, report);
     spsi_plan_passes(context, frame, &reading, report);
     for (int i = 0; i < SPS_PASS_COUNT; ++i)
@@ -28617,32 +27897,39 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
 #define SPSI_REFERENCE_TAPS   8
 #define SPSI_MARCH_SHARE      0.25 /* of a call's progress, if paths follow */
 #define SPSI_REFERENCE_POINTS 64   /* of an extended light at each place */
+#define SPSI_MARCH_ROUNDING   1e-6 /* relative, of bounds: colors are floats, and so are bounds */
 
 typedef struct spsi_dense {
     const float *values;
     float *most;          /* per brick: maximum value of it and its neighbours */
     float *bound;         /* per brick: upper bound of the extinction that goes with it; for paths only */
+    double all_most;      /* maximum value; for bounds only */
     int size[3];          /* in voxels */
     int bricks[3];        /* size in bricks */
     double inverse[3][3]; /* rows; world offset from the corner to voxels */
     double corner[3];     /* in the world */
 } spsi_dense;
 
-/* The ray of a pixel, on its way from one translucent face to the next. */
-typedef struct spsi_walker {
-    double sums[5];     /* over the pixel's samples so far: color, coverage, distance weighted by coverage */
-    double radiance[3]; /* of what lies before `low` */
-    double through[3];  /* share of each color that passes it */
-    double filter[3];   /* share that passes its polygons */
-    double gas;         /* optical depth of its gas */
-    double distance;    /* weighted by what is taken from `through` */
-    double low, high;   /* the part of the ray before the next face, in world length */
-    double depth;       /* of the next face: t - depth_reference; where the part begins if there is none yet */
-    spsi_hit hit;       /* of the next face */
-    int ended;          /* 1: nothing more is seen */
-} spsi_walker;
+typedef struct spsi_between {
+    double low, high;
+} spsi_between;
 
-struct spsi_bracketing; /* >>brackets */
+/* The ray of a pixel, on its way from one translucent face to the next. Without bounds, low and high are equal. */
+typedef struct spsi_walker {
+    spsi_between colors[3];        /* sums over the samples that have ended */
+    double coverage, distance_sum; /* likewise: distance weighted by coverage */
+    double paths[3], squares[3];   /* sums over the pixel's paths: their radiance, and its square */
+    spsi_between radiance[3];      /* of what lies before `low` */
+    spsi_between scattered[3];     /* by gas there, or emitted: with bounds, where it is not in `radiance` */
+    double source[3];              /* radiance of that gas, were it opaque, at most */
+    double filter[3];              /* share of each color that passes its polygons */
+    spsi_between gas;              /* optical depth of its gas */
+    double distance;               /* weighted by what is taken from the ray */
+    double low, high;              /* the part of the ray before the next face, in world length */
+    double depth;                  /* of the next face: t - depth_reference; where the part begins if there is none */
+    spsi_hit hit;                  /* of the next face */
+    int ended;                     /* 1: nothing more is seen */
+} spsi_walker;
 
 typedef struct spsi_marcher {
     const spsi_frame *frame;
@@ -28653,39 +27940,68 @@ typedef struct spsi_marcher {
     const sps_reference_settings *settings;
     int forward;          /* 1: light scatters forward more than once, in closed form */
     double step;          /* maximum, in world length */
+    spsi_bounds bounds;   /* of all gas */
+    int lamp_count;       /* for bounds: lights that volumes scatter */
     float *total;         /* the region's pixels, spsi_total_floats each */
     int first_row;        /* of the current batch, in the region */
     spsi_walker *walkers; /* of the region's pixels */
     int side;             /* number of samples along a pixel's side */
     int sample;           /* number of the current one */
+    int from, to;         /* numbers of the current paths */
+    /* What is done at a pixel: follows its ray up to the next face, or its paths. */
+    void (*pixel)(const struct spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker);
     spsi_hit *hits;       /* of the whole image, for shade_fn; NULL: no mesh has one */
     spsi_visible visible; /* those hits, and what shade_fn has set there */
     spsi_sample *samples; /* one per part, per worker */
     const double *glow;   /* for paths: emission of rows of voxels, then of particles, each added to those before it */
     size_t glow_count;
     double glow_sum; /* of all of it; 0: nothing emits */
-    /* Follows the ray of a pixel up to its next face and through that. */
-    void (*follow)(const struct spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker);
-    const struct spsi_bracketing *bracketing; /* NULL: without bounds */
+    /* Follows a ray through a step, halved `halvings` times already. Returns 0 if nothing behind it matters. */
+    int (*follow)(const struct spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
+                  spsi_walker *walker);
+    spsi_between (*shade)(const struct spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]);
 } spsi_marcher;
+
+static spsi_between spsi_between_of(double low, double high) {
+    spsi_between interval;
+    interval.low = low;
+    interval.high = high;
+    return interval;
+}
+
+/* Adds low..high, neither of them negative. */
+static void spsi_between_add(spsi_between *sum, double low, double high) {
+    sum->low += low;
+    sum->high += high;
+}
+
+/* exp(-depth). */
+static spsi_between spsi_between_passes(spsi_between depth) {
+    return spsi_between_of(exp(-depth.high), exp(-depth.low));
+}
 
 /* --- the field --- */
 
-/* Computes the weights of the taps around `at` along one axis, and their derivatives. Returns the first tap. From tap
-   to tap the Gaussian changes by a factor, which itself changes by a constant one. */
-static int spsi_field_taps(double at, int size, int *count, double *weights, double *slopes) {
-    const int first = spsi_most(0, (int)ceil(fmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
-    const int last = spsi_least(size - 1, (int)floor(fmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
-    const double scale = 1 / (sqrt(2 * SPSI_PI) * SPSI_SIGMA * erf(SPSI_REFERENCE_REACH / SPSI_SIGMA / sqrt(2.0)));
-    const double step = 1 / SPSI_SIGMA, bend = exp(-step * step), d = (at - 0.5 - first) * step;
-    double weight = scale * exp(-0.5 * d * d), change = exp(step * (d - 0.5 * step));
-    *count = spsi_most(0, last - first + 1);
-    for (int i = 0; i < *count; ++i) {
+/* Weights of `count` taps, of which the first is `d` standard deviations before a place, and their derivatives by it,
+   unless `slopes` is NULL. From tap to tap the Gaussian changes by a factor, which itself changes by a constant one. */
+static void spsi_gauss_taps(double d, double scale, int count, double *weights, double *slopes) {
+    const double step = 1 / SPSI_SIGMA, bend = exp(-step * step);
+    double weight = scale / (sqrt(2 * SPSI_PI) * SPSI_SIGMA) * exp(-0.5 * d * d), change = exp(step * (d - 0.5 * step));
+    for (int i = 0; i < count; ++i) {
         weights[i] = weight;
-        slopes[i] = -weight * (d - i * step) * step;
+        if (slopes) slopes[i] = -weight * (d - i * step) * step;
         weight *= change;
         change *= bend;
     }
+}
+
+/* Computes the weights of the taps around `at` along one axis, and their derivatives. Returns the first tap. */
+static int spsi_field_taps(double at, int size, int *count, double *weights, double *slopes) {
+    const int first = spsi_most(0, (int)ceil(fmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
+    const int last = spsi_least(size - 1, (int)floor(fmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
+    const double reached = erf(SPSI_REFERENCE_REACH / SPSI_SIGMA / sqrt(2.0));
+    *count = spsi_most(0, last - first + 1);
+    spsi_gauss_taps((at - 0.5 - first) / SPSI_SIGMA, 1 / reached, *count, weights, slopes);
     return first;
 }
 
@@ -28735,45 +28051,51 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
     return sum;
 }
 
-/* Optical depth of a ball along a segment of a ray: that of the whole chord times the difference of a function of s at
-   the segment's ends, s running from -1 to 1 along the chord. It is s / 2 for density 1, and 3 s / 4 - s^3 / 4 for
-   density 1 - (r / radius)^2. */
-static double spsi_ray_depth_in_ball(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set) {
+/* A ray's chord through a ball, on which s runs from -1 to 1. Optical depth up to s is that of the whole chord times a
+   function of s: s / 2 for density 1, and 3 s / 4 - s^3 / 4 for density 1 - (r / radius)^2. */
+typedef struct spsi_ray_chord {
+    double depth;        /* of the whole chord */
+    double middle, half; /* where s is 0, and its half length */
+    double from, to;     /* the function at the ends of the ray's segment */
+} spsi_ray_chord;
+
+/* Returns 0 if the ray's line does not meet the ball. */
+static int spsi_ray_chord_in_ball(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
+                                  spsi_ray_chord *chord) {
     const double radius = (double)particle->radius;
-    double offset[3], ends[2], middle, square, half;
+    double offset[3], ends[2], square;
     for (int i = 0; i < 3; ++i) offset[i] = (double)particle->position[i] - ray->origin[i];
-    middle = spsi_dot(offset, ray->direction);
-    spsi_along(offset, ray->direction, -middle, offset);
+    chord->middle = spsi_dot(offset, ray->direction);
+    spsi_along(offset, ray->direction, -chord->middle, offset);
     square = 1 - spsi_dot(offset, offset) / (radius * radius);
     if (!(square > 0)) return 0;
-    half = radius * sqrt(square);
-    ends[0] = fmin(fmax((ray->low - middle) / half, -1), 1);
-    ends[1] = fmin(fmax((ray->high - middle) / half, -1), 1);
+    chord->half = radius * sqrt(square);
+    chord->depth = fmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX) * sqrt(square);
+    if (set->soft) chord->depth *= square;
+    ends[0] = fmin(fmax((ray->low - chord->middle) / chord->half, -1), 1);
+    ends[1] = fmin(fmax((ray->high - chord->middle) / chord->half, -1), 1);
     for (int i = 0; i < 2; ++i) ends[i] *= set->soft ? (3 - ends[i] * ends[i]) / 4 : 0.5;
-    return fmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX) * sqrt(square) * (set->soft ? square : 1) *
-           (ends[1] - ends[0]);
+    chord->from = ends[0];
+    chord->to = ends[1];
+    return 1;
 }
 
-/* Adds the optical depth of each set of particles along a segment of a ray to `depths`. */
-static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
-    const spsi_tree *tree = &marcher->particles;
+/* Optical depth of all particles along a segment of a ray, and of each set of them. */
+static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
     const spsi_frame *frame = marcher->frame;
-    int stack[SPSI_TREE_STACK], top = 0;
-    if (tree->count == 0 || !(ray->high > ray->low)) return;
-    stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        if (!spsi_ray_meets_node(tree, ray, node)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const int particle = tree->order[node->first + i];
-            const spsi_particle_set *set = spsi_set_of(frame, particle);
-            depths[set - frame->particles.sets] +=
-                spsi_ray_depth_in_ball(ray, &frame->content->particles[particle], set);
-        }
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
+    double sum = 0;
+    spsi_walk walk;
+    int particle;
+    memset(depths, 0, SPSI_SETS_MAX * sizeof *depths);
+    spsi_walk_begin(&marcher->particles, &walk);
+    while (ray->high > ray->low && (particle = spsi_walk_on(&walk, ray)) >= 0) {
+        const spsi_particle_set *set = spsi_set_of(frame, particle);
+        spsi_ray_chord chord;
+        if (spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord))
+            depths[set - frame->particles.sets] += chord.depth * (chord.to - chord.from);
     }
+    for (int i = 0; i < frame->particles.set_count; ++i) sum += depths[i];
+    return sum;
 }
 
 /* The ray of a pixel, from the near plane on. Returns its length per unit of t. */
@@ -28811,26 +28133,19 @@ static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y
 
 /* Finds the next face that a pixel's ray meets. If there is none, the ray goes on for ever. */
 static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walker *walker) {
-    const spsi_tree *tree = &marcher->faces->tree;
-    const double reference = marcher->frame->content->eye.depth_reference;
-    int stack[SPSI_TREE_STACK], top = 0;
+    const spsi_rays *eye = &marcher->frame->content->eye;
     spsi_walker next = *walker;
+    spsi_walk walk;
     spsi_ray ray;
-    const double length = spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
+    const double length = spsi_march_ray(eye, x, y, &ray);
+    int number;
     next.low = ray.low = fmax(ray.low, walker->high);
     next.depth = next.high = HUGE_VAL;
     next.hit.face = -1;
-    if (tree->count > 0) stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        if (!spsi_ray_meets_node(tree, &ray, node)) continue;
-        for (int i = 0; i < node->count; ++i)
-            if (spsi_march_face(marcher, tree->order[node->first + i], x, y, walker, &next))
-                ray.high = next.high = (next.depth + reference) * length;
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
-    }
+    spsi_walk_begin(&marcher->faces->tree, &walk);
+    while ((number = spsi_walk_on(&walk, &ray)) >= 0)
+        if (spsi_march_face(marcher, number, x, y, walker, &next))
+            ray.high = next.high = (next.depth + eye->depth_reference) * length;
     *walker = next;
 }
 
@@ -28838,33 +28153,25 @@ static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walk
    they let nothing pass. */
 static int spsi_march_sight(const spsi_faces *faces, const spsi_lamp *lamp, const double point[3], int own,
                             double passes[3]) {
-    const spsi_tree *tree = &faces->tree;
-    int stack[SPSI_TREE_STACK], top = 0;
     spsi_packet packet;
+    spsi_walk walk;
     spsi_ray ray;
+    int number;
     passes[0] = passes[1] = passes[2] = 1;
-    if (tree->count == 0) return 1;
+    if (faces->tree.count == 0) return 1;
     memcpy(ray.origin, point, sizeof ray.origin);
     spsi_toward_lamp(lamp, point, ray.direction);
     spsi_packet_begin(faces, !lamp->is_point, own >= 0, &packet);
-    spsi_packet_add(tree, 0, own, ray.origin, ray.direction, &packet);
+    spsi_packet_add(&faces->tree, 0, own, ray.origin, ray.direction, &packet);
     ray.low = 0;
     ray.high = packet.reach;
-    stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        if (!spsi_ray_meets_node(tree, &ray, node)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const int number = tree->order[node->first + i];
-            const spsi_face *face = &faces->list[number];
-            if (number == own || !(spsi_face_stops(face, &packet, 0) & 1)) continue;
-            if (!spsi_black(face->transmittance) && !spsi_face_passes(face, ray.origin, ray.direction)) continue;
-            for (int c = 0; c < 3; ++c) passes[c] *= (double)face->transmittance[c];
-            if (!(passes[0] > 0 || passes[1] > 0 || passes[2] > 0)) return 0;
-        }
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
+    spsi_walk_begin(&faces->tree, &walk);
+    while ((number = spsi_walk_on(&walk, &ray)) >= 0) {
+        const spsi_face *face = &faces->list[number];
+        if (number == own || !(spsi_face_stops(face, &packet, 0) & 1)) continue;
+        if (!spsi_black(face->transmittance) && !spsi_face_passes(face, ray.origin, ray.direction)) continue;
+        for (int c = 0; c < 3; ++c) passes[c] *= (double)face->transmittance[c];
+        if (!(passes[0] > 0 || passes[1] > 0 || passes[2] > 0)) return 0;
     }
     return 1;
 }
@@ -28878,18 +28185,28 @@ static const spsi_material *spsi_part_material(const spsi_frame *frame, int part
 }
 
 /* Clips a ray to the bounds of all gas. Returns the number of steps in what is left. */
-static int spsi_march_range(const spsi_marcher *marcher, const double origin[3], const double direction[3], double low,
-                            double high, double range[2]) {
-    spsi_ray ray;
+static int spsi_march_range(const spsi_marcher *marcher, const spsi_ray *ray, double range[2]) {
     if (marcher->part_count == 0) return 0;
-    memcpy(ray.origin, origin, sizeof ray.origin);
-    memcpy(ray.direction, direction, sizeof ray.direction);
-    ray.low = low;
-    ray.high = high;
-    if (!spsi_ray_meets_box(&ray, marcher->frame->content->bounds.low, marcher->frame->content->bounds.high, range))
-        return 0;
-    if (!(range[1] > range[0])) return 0;
+    if (!spsi_ray_meets_box(ray, marcher->bounds.low, marcher->bounds.high, range) || !(range[1] > range[0])) return 0;
     return (int)fmin(fmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
+}
+
+/* The i-th of `count` steps of a ray's part. */
+static spsi_ray spsi_march_part(const spsi_ray *ray, const double range[2], int i, int count) {
+    const double h = (range[1] - range[0]) / count, middle = range[0] + (i + 0.5) * h;
+    spsi_ray part = *ray;
+    part.low = middle - 0.5 * h;
+    part.high = middle + 0.5 * h;
+    return part;
+}
+
+/* The ray from a point to a light. Returns 0 if the light is there. */
+static int spsi_lamp_ray(const spsi_lamp *lamp, const double point[3], spsi_ray *ray) {
+    memcpy(ray->origin, point, sizeof ray->origin);
+    spsi_toward_lamp(lamp, point, ray->direction);
+    ray->low = 0;
+    ray->high = lamp->is_point ? spsi_length(ray->direction) : HUGE_VAL;
+    return spsi_normalise(ray->direction);
 }
 
 /* Extinction of one volume where its value is f. If it is classified and f > 0, `appearance` gets its color and
@@ -28908,37 +28225,25 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
 }
 
 /* Optical depth of all gas between a point and a light. */
-static double spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
-    double toward[3], range[2], depths[SPSI_SETS_MAX] = {0}, depth = 0, beyond = HUGE_VAL;
+static spsi_between spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
+    double range[2], depths[SPSI_SETS_MAX], depth;
     int count;
     spsi_ray ray;
-    spsi_lamp_direction(lamp, point, toward);
-    for (int i = 0; i < 3; ++i) toward[i] = -toward[i];
-    if (lamp->is_point) {
-        double offset[3];
-        spsi_along(lamp->position, point, -1, offset);
-        beyond = spsi_length(offset);
-    }
-    memcpy(ray.origin, point, sizeof ray.origin);
-    memcpy(ray.direction, toward, sizeof toward);
-    ray.low = 0;
-    ray.high = beyond;
-    spsi_trace_particles(marcher, &ray, depths);
-    for (int i = 0; i < marcher->frame->particles.set_count; ++i) depth += depths[i];
-    if (marcher->frame->medium_count == 0) return depth;
-    count = spsi_march_range(marcher, point, toward, 0, beyond, range);
+    if (!spsi_lamp_ray(lamp, point, &ray)) return spsi_between_of(0, 0);
+    depth = spsi_particles_depth(marcher, &ray, depths);
+    count = marcher->frame->medium_count > 0 ? spsi_march_range(marcher, &ray, range) : 0;
     for (int i = 0; i < count; ++i) {
         const double h = (range[1] - range[0]) / count;
         double at[3];
-        spsi_along(point, toward, range[0] + (i + 0.5) * h, at);
+        spsi_along(point, ray.direction, range[0] + (i + 0.5) * h, at);
         for (int m = 0; m < marcher->frame->medium_count; ++m) {
-            const spsi_material *material = &marcher->frame->matter.materials[marcher->frame->media[m].channel];
+            const spsi_material *material = spsi_part_material(marcher->frame, m);
             float appearance[4];
             if (material->extinguishes)
                 depth += h * spsi_extinction_at(material, spsi_field(&marcher->grids[m], at, NULL), appearance);
         }
     }
-    return depth;
+    return spsi_between_of(depth, depth);
 }
 
 /* Fills a sample with a volume's color at a point, and with the normal from the field's gradient. */
@@ -28979,7 +28284,7 @@ static void spsi_point_take(spsi_point *point, int part, double value, double ex
 /* Samples the step from ray->low to ray->high of a ray whose direction has unit length. */
 static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_point *point) {
     const spsi_frame *frame = marcher->frame;
-    double depths[SPSI_SETS_MAX] = {0}, depth[3];
+    double depths[SPSI_SETS_MAX], depth[3];
     float appearance[4] = {0, 0, 0, 0};
     spsi_along(ray->origin, ray->direction, 0.5 * (ray->low + ray->high), point->position);
     memcpy(point->direction, ray->direction, sizeof point->direction);
@@ -28996,7 +28301,7 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
         spsi_point_take(point, m, value, spsi_extinction_at(material, value, appearance));
         spsi_march_sample(material, appearance, gradient, &point->samples[m]);
     }
-    spsi_trace_particles(marcher, ray, depths);
+    spsi_particles_depth(marcher, ray, depths);
     for (int i = 0; i < frame->particles.set_count; ++i) {
         const int part = frame->medium_count + i;
         const double extinction = depths[i] / (ray->high - ray->low), none[3] = {0, 0, 0};
@@ -29078,13 +28383,12 @@ typedef struct spsi_source {
    irradiance without gas. */
 static void spsi_march_forward(const spsi_material *material, const spsi_sample *sample, double cosine, double depth,
                                double sent[3]) {
-    float color[SPSI_LANES], surface[SPSI_LANES], phase[SPSI_LANES], last = 0;
+    float color[SPSI_LANES], surface[SPSI_LANES], last = 0;
     double taken;
     const double shown = spsi_forward_fade(depth, &taken);
     spsi_legendre series;
     spsi_legendre_moments(material, 0, &series);
     spsi_store(surface, sample->surface);
-    spsi_store(phase, spsi_phase(material, spsi_set((float)cosine)));
     for (int c = 0; c < 3; ++c) {
         spsi_store(color, sample->color[c]);
         if (c > 0 && color[0] == last) {
@@ -29093,7 +28397,7 @@ static void spsi_march_forward(const spsi_material *material, const spsi_sample 
         }
         last = color[0];
         spsi_legendre_orders(&series, (double)color[0], taken);
-        sent[c] = shown * fmax(spsi_legendre_sum(&series, taken, cosine), -(double)phase[0] * exp(-taken));
+        sent[c] = shown * spsi_forward_at(material, &series, taken, cosine);
         sent[c] *= (double)color[0] * (sample->has_normal ? 1 - (double)surface[0] : 1);
     }
 }
@@ -29103,7 +28407,7 @@ static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *p
                                 double weight, spsi_source *source) {
     double travel[3], arrives[3], response[3], depth = 0;
     if (!spsi_point_arrival(marcher, point, lamp, travel, arrives)) return;
-    if (lamp->shadows) depth = spsi_march_lamp(marcher, lamp, point->position);
+    if (lamp->shadows) depth = spsi_march_lamp(marcher, lamp, point->position).low;
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_part_material(marcher->frame, m);
         const double share = point->extinction[m] * weight;
@@ -29141,23 +28445,27 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
 
 /* Irradiance that reaches a surface from all points of a light, per unit of its color. */
 static void spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lamp, int face,
-                               const spsi_surface *surface, double arrives[3]) {
+                               const spsi_surface *surface, spsi_between arrives[3]) {
     const int count = spsi_reference_points(lamp);
-    arrives[0] = arrives[1] = arrives[2] = 0;
+    memset(arrives, 0, 3 * sizeof *arrives);
     for (int n = 0; n < count; ++n) {
         spsi_lamp at;
-        double irradiance[3], passes[3] = {1, 1, 1}, through;
+        double irradiance[3], passes[3] = {1, 1, 1};
+        spsi_between through = {1, 1};
         spsi_reference_point(lamp, surface->point, n, &at);
         if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
         if (lamp->shadows && !spsi_march_sight(marcher->faces, &at, surface->start, face, passes)) continue;
-        through = lamp->shadows ? exp(-spsi_march_lamp(marcher, &at, surface->point)) : 1;
-        for (int c = 0; c < 3; ++c) arrives[c] += irradiance[c] * passes[c] * through;
+        if (lamp->shadows) through = spsi_between_passes(marcher->shade(marcher, &at, surface->point));
+        for (int c = 0; c < 3; ++c) {
+            const double arrives_all = irradiance[c] * passes[c] / count;
+            spsi_between_add(&arrives[c], arrives_all * through.low, arrives_all * through.high);
+        }
     }
-    for (int c = 0; c < 3; ++c) arrives[c] /= count;
 }
 
 /* Radiance of the polygon that a ray meets, from all lights and ambient light. */
-static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y, double radiance[3]) {
+static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
+                               spsi_between radiance[3]) {
     const spsi_frame *frame = marcher->frame;
     const double ambient = marcher->settings->samples == 0 ? 1 : 0; /* otherwise paths find it */
     spsi_appearance look;
@@ -29165,95 +28473,108 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     spsi_place place = {hit, x, y, {(double)x, (double)y}, 0};
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
     spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
-    for (int c = 0; c < 3; ++c)
-        radiance[c] = look.color[c] * ambient * (double)frame->ambient.radiance[c] + (double)look.emission[c];
+    for (int c = 0; c < 3; ++c) {
+        const double own = look.color[c] * ambient * (double)frame->ambient.radiance[c] + (double)look.emission[c];
+        radiance[c] = spsi_between_of(own, own);
+    }
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
-        double arrives[3];
+        spsi_between arrives[3];
         spsi_march_arrival(marcher, lamp, hit->face, &surface, arrives);
-        for (int c = 0; c < 3; ++c) radiance[c] += look.color[c] * (arrives[c] / SPSI_PI) * (double)lamp->color[c];
+        for (int c = 0; c < 3; ++c) {
+            const double reflected = look.color[c] / SPSI_PI * (double)lamp->color[c];
+            spsi_between_add(&radiance[c], reflected * arrives[c].low, reflected * arrives[c].high);
+        }
     }
 }
 
 /* Mean of three colors; their own value if they are equal, to the bit. */
 static double spsi_color_mean(const double c[3]) { return c[0] + (c[1] - c[0] + (c[2] - c[0])) / 3; }
 
-/* Marches through the gas before a pixel's next face. */
-static void spsi_march_gas(const spsi_marcher *marcher, const spsi_ray *ray, spsi_sample *samples,
+/* Marches a step through gas. Returns 0 if what is behind it is hidden. */
+static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                            spsi_walker *walker) {
-    double range[2];
-    spsi_ray step = *ray;
-    const int count = spsi_march_range(marcher, ray->origin, ray->direction, walker->low, walker->high, range);
-    for (int i = 0; i < count; ++i) {
-        const double h = (range[1] - range[0]) / count, t = range[0] + (i + 0.5) * h;
-        double depth, mean;
-        spsi_source source;
-        spsi_point point;
-        if (marcher->forward ? walker->gas > (double)SPSI_FORWARD_END : spsi_color_mean(walker->through) <= 1e-12)
-            return;
-        point.samples = samples;
-        step.low = t - 0.5 * h;
-        step.high = t + 0.5 * h;
-        spsi_point_build(marcher, &step, &point);
-        if (!(point.value_sum > 0)) continue;
-        depth = h * point.extinction_sum;
-        mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
-        point.gas = walker->gas + 0.5 * depth;
-        spsi_point_source(marcher, &point, &source);
-        walker->gas += depth;
-        walker->distance += spsi_color_mean(walker->through) * -expm1(-depth) * t;
-        for (int c = 0; c < 3; ++c) {
-            walker->radiance[c] +=
-                walker->through[c] * source.once[c] * h * mean + walker->filter[c] * source.again[c] * h;
-            walker->through[c] *= exp(-depth);
-        }
+    const double h = step->high - step->low, passes = exp(-walker->gas.low);
+    double depth, mean;
+    spsi_source source;
+    spsi_point point;
+    (void)halvings;
+    if (marcher->forward ? walker->gas.low > (double)SPSI_FORWARD_END
+                         : passes * spsi_color_mean(walker->filter) <= 1e-12)
+        return 0;
+    point.samples = samples;
+    spsi_point_build(marcher, step, &point);
+    if (!(point.value_sum > 0)) return 1;
+    depth = h * point.extinction_sum;
+    mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
+    point.gas = walker->gas.low + 0.5 * depth;
+    spsi_point_source(marcher, &point, &source);
+    spsi_between_add(&walker->gas, depth, depth);
+    walker->distance += passes * spsi_color_mean(walker->filter) * -expm1(-depth) * 0.5 * (step->low + step->high);
+    for (int c = 0; c < 3; ++c) {
+        const double sent = walker->filter[c] * h * (passes * source.once[c] * mean + source.again[c]);
+        spsi_between_add(&walker->radiance[c], sent, sent);
     }
+    return 1;
 }
 
-/* Marches a pixel's ray up to its next face and through that. */
+/* Follows a pixel's ray up to its next face and through that. */
 static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
     const spsi_face *face;
-    double surface[3], before;
+    spsi_between surface[3], passes;
+    double range[2], before;
     spsi_ray ray;
+    int count, goes_on = 1;
+    if (walker->ended) return;
     spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
-    spsi_march_gas(marcher, &ray, samples, walker);
+    ray.low = walker->low;
+    ray.high = walker->high;
+    count = spsi_march_range(marcher, &ray, range);
+    for (int i = 0; i < count && goes_on; ++i) {
+        const spsi_ray part = spsi_march_part(&ray, range, i, count);
+        goes_on = marcher->follow(marcher, &part, 0, samples, walker);
+    }
     walker->ended = walker->hit.face < 0;
     if (walker->ended) return;
     face = &marcher->faces->list[walker->hit.face];
-    before = spsi_color_mean(walker->through);
+    passes = spsi_between_passes(walker->gas);
+    before = spsi_color_mean(walker->filter);
     spsi_march_surface(marcher, &walker->hit, x, y, surface);
     for (int c = 0; c < 3; ++c) {
-        walker->radiance[c] += walker->through[c] * surface[c];
-        walker->through[c] *= (double)face->transmittance[c];
+        spsi_between_add(&walker->radiance[c], walker->filter[c] * passes.low * surface[c].low,
+                         walker->filter[c] * passes.high * surface[c].high);
         walker->filter[c] *= (double)face->transmittance[c];
     }
-    walker->distance += (before - spsi_color_mean(walker->through)) * walker->high;
-    walker->ended = !(walker->through[0] > 0 || walker->through[1] > 0 || walker->through[2] > 0);
+    before -= spsi_color_mean(walker->filter);
+    walker->distance += before * 0.5 * (passes.low + passes.high) * walker->high;
+    walker->ended = !(passes.high > 0 && (walker->filter[0] > 0 || walker->filter[1] > 0 || walker->filter[2] > 0));
 }
 
 #define SPSI_MARCH_SPAN 8 /* pixels of a row per task */
 
 static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
 
-/* The row of a task in the region, and the range of its pixels. */
-static void spsi_march_span(const int region[4], int first_row, int index, int *row, int range[2]) {
-    const int spans = spsi_march_spans(region[2]);
-    *row = first_row + index / spans;
-    range[0] = index % spans * SPSI_MARCH_SPAN;
-    range[1] = spsi_least(region[2], range[0] + SPSI_MARCH_SPAN);
-}
-
-/* Marches a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
+/* The pixels of a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
 static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
-    const int *region = marcher->frame->view.region;
+    const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
+    const int row = marcher->first_row + index / spans, first = index % spans * SPSI_MARCH_SPAN;
     spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
-    int row, range[2];
-    spsi_march_span(region, marcher->first_row, index, &row, range);
-    for (int x = range[0]; x < range[1]; ++x) {
-        spsi_walker *walker = &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x];
-        if (!walker->ended) marcher->follow(marcher, region[0] + x, region[1] + row, samples, walker);
+    for (int x = first; x < spsi_least(region[2], first + SPSI_MARCH_SPAN); ++x)
+        marcher->pixel(marcher, region[0] + x, region[1] + row, samples,
+                       &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x]);
+}
+
+/* Does what is to be done at all pixels, which takes a share of the call after what is `done` of it. */
+static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher, double done, double share) {
+    const int *region = marcher->frame->view.region;
+    const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
+    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
+        if (spsi_progress(context, done + share * marcher->first_row / region[3])) return context->result;
+        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
+                      spsi_march_span_task, marcher);
     }
+    return SPS_OK;
 }
 
 /* Finds the next face of each pixel of a row. */
@@ -29279,35 +28600,61 @@ static void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centr
                     &marcher->frame->content->eye);
     for (size_t i = 0; i < pixels; ++i) {
         spsi_walker *walker = &marcher->walkers[i];
-        for (int c = 0; c < 3; ++c) walker->radiance[c] = 0, walker->through[c] = walker->filter[c] = 1;
-        walker->distance = walker->gas = 0;
+        memset(walker->radiance, 0, sizeof walker->radiance);
+        memset(walker->scattered, 0, sizeof walker->scattered);
+        memset(walker->source, 0, sizeof walker->source);
+        walker->filter[0] = walker->filter[1] = walker->filter[2] = 1;
+        walker->gas = spsi_between_of(0, 0);
+        walker->distance = 0;
         walker->high = walker->depth = -HUGE_VAL;
         walker->hit.face = -1;
         walker->ended = 0;
     }
 }
 
-/* Adds what has been marched to the pixels' sums, over the background that the image holds. */
+/* Adds what has been marched to the pixels' sums, over the background that the image holds. Where gas has bounds, it
+   sends no more than if it were opaque and all as bright as its brightest. */
 static void spsi_march_add(const spsi_marcher *marcher) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
     for (size_t i = 0; i < pixels; ++i) {
         spsi_walker *walker = &marcher->walkers[i];
         const float *behind = marcher->total + i * spsi_total_floats(marcher->frame);
-        for (int c = 0; c < 3; ++c) walker->sums[c] += walker->radiance[c] + walker->through[c] * (double)behind[c];
-        walker->sums[3] += 1 - spsi_color_mean(walker->through);
-        walker->sums[4] += walker->distance;
+        const spsi_between passes = spsi_between_passes(walker->gas);
+        for (int c = 0; c < 3; ++c) {
+            const double sky = walker->filter[c] * (double)behind[c];
+            const double most = walker->source[c] * -expm1(-walker->gas.high);
+            spsi_between_add(&walker->colors[c], walker->radiance[c].low, walker->radiance[c].high);
+            spsi_between_add(&walker->colors[c], walker->scattered[c].low, fmin(walker->scattered[c].high, most));
+            spsi_between_add(&walker->colors[c], sky * passes.low, sky * passes.high);
+        }
+        walker->coverage += 1 - spsi_color_mean(walker->filter) * 0.5 * (passes.low + passes.high);
+        walker->distance_sum += walker->distance;
     }
 }
 
-/* Fills in the image's pixels. */
-static void spsi_march_finish(const spsi_marcher *marcher) {
-    const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
-    const int samples = marcher->side * marcher->side;
-    for (size_t i = 0; i < pixels; ++i) {
-        const double *sums = marcher->walkers[i].sums;
+/* Fills in the image's pixels, and what settings ask for beside it: bounds, rounded outwards, and standard errors of
+   paths' means. */
+static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *image) {
+    const sps_reference_settings *settings = marcher->settings;
+    const size_t width = (size_t)marcher->frame->view.region[2], height = (size_t)marcher->frame->view.region[3];
+    const size_t pitch = image->row_pixels ? image->row_pixels : width;
+    const double samples = marcher->side * marcher->side, paths = spsi_most(1, settings->samples);
+    for (size_t i = 0; i < width * height; ++i) {
+        const spsi_walker *walker = &marcher->walkers[i];
+        const size_t at = 3 * (i / width * pitch + i % width);
         float *pixel = marcher->total + i * spsi_total_floats(marcher->frame);
-        for (int c = 0; c < 4; ++c) pixel[c] = (float)(sums[c] / samples);
-        if (marcher->frame->wants_depth) pixel[4] = sums[3] > 0 ? (float)(sums[4] / sums[3]) : SPSI_INFINITY;
+        for (size_t c = 0; c < 3; ++c) {
+            const double low = walker->colors[c].low / samples, high = walker->colors[c].high / samples;
+            const double room = SPSI_MARCH_ROUNDING * (fabs(low) + fabs(high));
+            const double mean = walker->paths[c] / paths, square = walker->squares[c] / paths;
+            pixel[c] = (float)(0.5 * (low + high) + mean);
+            if (settings->lower) settings->lower[at + c] = (float)(low - room);
+            if (settings->lower) settings->upper[at + c] = (float)(high + room);
+            if (settings->error) settings->error[at + c] = (float)sqrt(fmax(0, square - mean * mean) / (paths - 1));
+        }
+        pixel[3] = (float)(walker->coverage / samples);
+        if (!marcher->frame->wants_depth) continue;
+        pixel[4] = walker->coverage > 0 ? (float)(walker->distance_sum / walker->coverage) : SPSI_INFINITY;
     }
 }
 
@@ -29316,17 +28663,11 @@ static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, 
     const spsi_frame *frame = marcher->frame;
     const int *region = frame->view.region;
     const size_t pixels = (size_t)region[2] * (size_t)region[3];
-    const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
-    const double share = marcher->settings->samples > 0 ? SPSI_MARCH_SHARE : 1; /* of the call */
+    const double share = (marcher->settings->samples > 0 ? SPSI_MARCH_SHARE : 1) / (marcher->side * marcher->side);
     spsi_parallel(context, region[3], spsi_march_meet_task, marcher);
     marcher->visible.hits = marcher->hits;
     if (spsi_textures(context, frame, marcher->faces, &marcher->visible)) return context->result;
-    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
-        const double done = marcher->sample + (double)marcher->first_row / region[3];
-        if (spsi_progress(context, share * done / (marcher->side * marcher->side))) return context->result;
-        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
-                      spsi_march_span_task, marcher);
-    }
+    if (spsi_march_pixels(context, marcher, share * marcher->sample, share)) return context->result;
     *left = 0;
     for (size_t i = 0; i < pixels; ++i) *left |= !marcher->walkers[i].ended;
     return SPS_OK;
@@ -29377,14 +28718,12 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
                 const float value =
                     values[((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)x];
                 if (!(value > 0)) continue;
-                for (int n = 0; n < 27; ++n) {
-                    const int bx = b[0] + n % 3 - 1, by = b[1] + n / 3 % 3 - 1, bz = b[2] + n / 9 - 1;
-                    float *most;
-                    if (bx < 0 || by < 0 || bz < 0 || bx >= grid->bricks[0] || by >= grid->bricks[1] ||
-                        bz >= grid->bricks[2])
-                        continue;
-                    most = &grid->most[(bz * grid->bricks[1] + by) * grid->bricks[0] + bx];
-                    *most = spsi_higher(*most, value);
+                for (int n = 0; n < 27; ++n) { /* beyond the border, a brick at the border once more */
+                    const int at[3] = {b[0] + n % 3 - 1, b[1] + n / 3 % 3 - 1, b[2] + n / 9 - 1};
+                    int brick = 0;
+                    for (int k = 2; k >= 0; --k)
+                        brick = brick * grid->bricks[k] + spsi_least(spsi_most(at[k], 0), grid->bricks[k] - 1);
+                    grid->most[brick] = spsi_higher(grid->most[brick], value);
                 }
             }
     return SPS_OK;
@@ -29443,14 +28782,10 @@ static sps_result spsi_march_particles(sps_context *context, const spsi_frame *f
     if (!tree->order || !tree->nodes || !items) return context->result;
     for (int i = 0; i < 3; ++i) tree->centre[i] = (double)frame->content->particles[0].position[i];
     for (int i = 0; i < tree->count; ++i) {
-        const sps_particle *particle = &frame->content->particles[i];
-        double low[3], high[3];
-        for (int k = 0; k < 3; ++k) {
-            low[k] = (double)particle->position[k] - (double)particle->radius;
-            high[k] = (double)particle->position[k] + (double)particle->radius;
-        }
+        spsi_bounds box;
+        spsi_particle_bounds(&frame->content->particles[i], &box);
         items[i].number = i;
-        spsi_tree_item_add(&items[i], tree->centre, low, high);
+        spsi_tree_item_add(&items[i], tree->centre, box.low, box.high);
     }
     return spsi_tree_build(context, tree, items);
 }
@@ -29468,6 +28803,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     if (spsi_gather_particles(context, frame) || spsi_gather_images(context, frame)) return context->result;
     if (frame->content->particle_count > 0) extent = fmin(extent, SPSI_PARTICLE_EDGE * frame->content->particle_radius);
     marcher->step = marcher->settings->step * extent;
+    marcher->bounds = frame->content->bounds;
     marcher->part_count = frame->medium_count + frame->particles.set_count;
     spsi_eye_reference(frame);
     marcher->total =
@@ -29510,7 +28846,6 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 #define SPSI_BRACKET_SEEN     10    /* behind this optical depth nothing is halved: 5e-5 passes */
 #define SPSI_BRACKET_STEPS    1e8   /* along a ray at most */
 #define SPSI_BRACKET_DARK     27.6  /* optical depth beyond which shadows are not followed: 1e-12 passes */
-#define SPSI_BRACKET_ROUNDING 1e-6  /* relative: colors are floats, and so are bounds */
 #define SPSI_BRACKET_ROOM     1e-9  /* relative: of a shadow's edge */
 
 static const double spsi_bracket_places[3] = {0.11270166537925831, 0.5, 0.88729833462074169}; /* 1/2 +- sqrt(3/20) */
@@ -29523,53 +28858,12 @@ static const double spsi_kernel_sums[SPSI_BRACKET_ORDER + 1] = {1.0115, 1.41, 2.
 static const double spsi_kernel_ripples[SPSI_BRACKET_ORDER + 1] = {1.0015, 0.0053, 0.0192, 0.12, 0.753, 4.73, 29.8};
 static const double spsi_kernel_tails[SPSI_BRACKET_ORDER + 1] = {9e-6, 4e-5, 2e-4, 1.3e-3, 8e-3, 0.05, 0.3};
 
-typedef struct spsi_between {
-    double low, high;
-} spsi_between;
-
 /* Term k is an upper bound of a function's k-th derivative / k!, on all of a step. */
 typedef struct spsi_series {
     double term[SPSI_BRACKET_ORDER + 1];
 } spsi_series;
 
-/* Of a pixel. */
-typedef struct spsi_bracket {
-    int sample;                /* that it is about; -1: none yet */
-    spsi_between gas;          /* optical depth before the next step */
-    spsi_between scattered[3]; /* by gas that lies before it, or emitted */
-    spsi_between radiance[3];  /* of faces before it */
-    double source[3];          /* radiance of that gas, were it opaque, at most */
-    spsi_between sums[3];      /* over the samples that have ended */
-} spsi_bracket;
-
-/* What is the same for all pixels. */
-struct spsi_bracketing {
-    double step; /* maximum, in world length */
-    spsi_bounds bounds;
-    double most[SPSI_VOLUMES_MAX]; /* maximum value of each volume */
-    int lamp_count;                /* lights that gas scatters */
-    spsi_bracket *pixels;
-};
-
-/* --- intervals and series --- */
-
-static spsi_between spsi_between_of(double low, double high) {
-    spsi_between interval;
-    interval.low = low;
-    interval.high = high;
-    return interval;
-}
-
-/* Adds low..high, neither of them negative. */
-static void spsi_between_add(spsi_between *sum, double low, double high) {
-    sum->low += low;
-    sum->high += high;
-}
-
-/* exp(-depth). */
-static spsi_between spsi_between_passes(spsi_between depth) {
-    return spsi_between_of(exp(-depth.high), exp(-depth.low));
-}
+/* --- series --- */
 
 /* The product of two functions. */
 static spsi_series spsi_series_product(const spsi_series *a, const spsi_series *b) {
@@ -29610,25 +28904,6 @@ static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h
 
 /* --- the field --- */
 
-/* Voxels about a point. */
-typedef struct spsi_vicinity {
-    double value;        /* of the field */
-    double half, middle; /* values of voxels: middle +- half; 0 unless `ranged` */
-} spsi_vicinity;
-
-/* Weights of the voxels about `at` along one axis. Returns the first. */
-static int spsi_vicinity_weights(double at, double *weights) {
-    const double base = floor(at - 0.5), step = 1 / SPSI_SIGMA, bend = exp(-step * step);
-    const double d = (at - 0.5 - base + (SPSI_BRACKET_TAPS / 2 - 1)) * step;
-    double weight = exp(-0.5 * d * d) / (sqrt(2 * SPSI_PI) * SPSI_SIGMA), change = exp(step * (d - 0.5 * step));
-    for (int i = 0; i < SPSI_BRACKET_TAPS; ++i) {
-        weights[i] = weight;
-        weight *= change;
-        change *= bend;
-    }
-    return (int)base - (SPSI_BRACKET_TAPS / 2 - 1);
-}
-
 /* A row of voxels, 0 beyond the volume; in `spare` if it lies on the volume's edge. */
 static const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int z, float *spare) {
     const float *row = grid->values + ((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0];
@@ -29639,36 +28914,48 @@ static const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int 
     return spare;
 }
 
-/* The field at a world point, and with `ranged` what voxels about it are. Returns 0 if none about it is above 0. */
-static int spsi_vicinity_at(const spsi_dense *grid, const double point[3], int ranged, spsi_vicinity *around) {
+typedef struct spsi_step_gas {
+    double value[3];     /* of the field, at the step's points */
+    double half, middle; /* values of voxels about all of it: middle +- half */
+    double tail;         /* by which values may be larger */
+    spsi_between length; /* of the field's integral over the step */
+} spsi_step_gas;
+
+/* The field at a world point, and what voxels about it are, unless `gas` is NULL. Returns 0 if none about it is above
+   0. */
+static int spsi_vicinity_at(const spsi_dense *grid, const double point[3], double *value, spsi_step_gas *gas) {
     double offset[3], at[3], w[3][SPSI_BRACKET_TAPS], sum[SPSI_BRACKET_TAPS] = {0};
     float low[SPSI_BRACKET_TAPS], high[SPSI_BRACKET_TAPS] = {0}, least, most = 0, spare[SPSI_BRACKET_TAPS];
     int first[3];
-    memset(around, 0, sizeof *around);
+    *value = 0;
+    if (gas) gas->half = gas->middle = 0;
     spsi_along(point, grid->corner, -1, offset);
     for (int i = 0; i < 3; ++i) at[i] = spsi_dot(grid->inverse[i], offset);
     if (spsi_dense_empty(grid, at, 0.5 * SPSI_BRACKET_TAPS)) return 0;
-    for (int i = 0; i < 3; ++i) first[i] = spsi_vicinity_weights(at[i], w[i]);
+    for (int i = 0; i < 3; ++i) {
+        first[i] = (int)floor(at[i] - 0.5) - (SPSI_BRACKET_TAPS / 2 - 1);
+        spsi_gauss_taps((at[i] - 0.5 - first[i]) / SPSI_SIGMA, 1, SPSI_BRACKET_TAPS, w[i], NULL);
+    }
     for (int i = 0; i < SPSI_BRACKET_TAPS; ++i) low[i] = FLT_MAX;
     for (int z = 0; z < SPSI_BRACKET_TAPS; ++z)
         for (int y = 0; y < SPSI_BRACKET_TAPS; ++y) {
             const float *row = spsi_vicinity_row(grid, first[0], first[1] + y, first[2] + z, spare);
             const double weight = w[2][z] * w[1][y];
             for (int x = 0; x < SPSI_BRACKET_TAPS; ++x) sum[x] += weight * (double)row[x];
-            for (int x = 0; x < SPSI_BRACKET_TAPS && ranged; ++x) {
+            for (int x = 0; x < SPSI_BRACKET_TAPS && gas; ++x) {
                 low[x] = row[x] < low[x] ? row[x] : low[x];
                 high[x] = row[x] > high[x] ? row[x] : high[x];
             }
         }
     least = low[0];
     for (int x = 0; x < SPSI_BRACKET_TAPS; ++x) {
-        around->value += w[0][x] * sum[x];
+        *value += w[0][x] * sum[x];
         least = low[x] < least ? low[x] : least;
         most = high[x] > most ? high[x] : most;
     }
-    if (!ranged) return 1;
-    around->half = 0.5 * ((double)most - (double)least);
-    around->middle = 0.5 * ((double)most + (double)least);
+    if (!gas) return 1;
+    gas->half = 0.5 * ((double)most - (double)least);
+    gas->middle = 0.5 * ((double)most + (double)least);
     return 1;
 }
 
@@ -29681,31 +28968,20 @@ static double spsi_vicinity_speed(const spsi_dense *grid, const double direction
 
 /* --- a step through a volume --- */
 
-typedef struct spsi_step_gas {
-    double value[3];      /* of the field, at the step's points */
-    double half, middle;  /* values of voxels about all of it: middle +- half */
-    double tail;          /* by which values may be larger */
-    spsi_between length;  /* of the field's integral over the step */
-} spsi_step_gas;
-
 /* Samples a volume at a step's points. Returns 0 if nothing is about it. */
 static int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *step, spsi_step_gas *gas) {
     const spsi_dense *grid = &marcher->grids[m];
-    const double h = step->high - step->low, most = marcher->bracketing->most[m];
+    const double h = step->high - step->low, most = grid->all_most;
     const double speed = spsi_vicinity_speed(grid, step->direction);
     spsi_series series;
     double sum = 0, off;
     int any = 0;
-    gas->half = gas->middle = 0;
     gas->tail = SPSI_BRACKET_TAIL * most;
     for (int j = 0; j < 3; ++j) {
         double point[3];
-        spsi_vicinity around;
         spsi_along(step->origin, step->direction, step->low + spsi_bracket_places[j] * h, point);
-        any |= spsi_vicinity_at(grid, point, j == 1, &around);
-        gas->value[j] = around.value;
-        sum += h * spsi_bracket_weights[j] * around.value;
-        if (j == 1) gas->half = around.half, gas->middle = around.middle;
+        any |= spsi_vicinity_at(grid, point, &gas->value[j], j == 1 ? gas : NULL);
+        sum += h * spsi_bracket_weights[j] * gas->value[j];
     }
     memset(&series, 0, sizeof series);
     if (any) spsi_series_add_field(1, speed, gas->half, gas->middle, most, &series);
@@ -29728,40 +29004,19 @@ typedef struct spsi_shade {
     double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* integrals over that of voxels' values */
 } spsi_shade;
 
-/* Number of steps of a ray through the bounds of all gas, and its part in them. */
-static int spsi_bracket_range(const spsi_marcher *marcher, const spsi_ray *ray, double range[2]) {
-    const struct spsi_bracketing *bracketing = marcher->bracketing;
-    if (marcher->part_count == 0) return 0;
-    if (!spsi_ray_meets_box(ray, bracketing->bounds.low, bracketing->bounds.high, range)) return 0;
-    if (!(range[1] > range[0])) return 0;
-    return (int)fmax(ceil((range[1] - range[0]) / bracketing->step), 1);
-}
-
-/* The i-th of `count` steps of a ray's part. */
-static spsi_ray spsi_bracket_part(const spsi_ray *ray, const double range[2], int i, int count) {
-    spsi_ray part = *ray;
-    part.low = range[0] + (range[1] - range[0]) * i / count;
-    part.high = range[0] + (range[1] - range[0]) * (i + 1) / count;
-    return part;
-}
-
+/* Gas between a point and a light, with what else bounds its derivatives. */
 static void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3],
                                spsi_shade *shade) {
     const spsi_frame *frame = marcher->frame;
-    double depths[SPSI_SETS_MAX] = {0}, range[2];
+    double depths[SPSI_SETS_MAX], range[2];
     spsi_ray ray;
     int count;
     memset(shade, 0, sizeof *shade);
-    memcpy(ray.origin, point, sizeof ray.origin);
-    spsi_toward_lamp(lamp, point, ray.direction);
-    ray.low = 0;
-    ray.high = lamp->is_point ? spsi_length(ray.direction) : HUGE_VAL;
-    if (!spsi_normalise(ray.direction)) return; /* it is at the lamp */
-    spsi_trace_particles(marcher, &ray, depths);
-    for (int i = 0; i < frame->particles.set_count; ++i) spsi_between_add(&shade->depth, depths[i], depths[i]);
-    count = spsi_bracket_range(marcher, &ray, range);
+    if (!spsi_lamp_ray(lamp, point, &ray)) return;
+    shade->depth.low = shade->depth.high = spsi_particles_depth(marcher, &ray, depths);
+    count = spsi_march_range(marcher, &ray, range);
     for (int i = 0; i < count; ++i) {
-        const spsi_ray part = spsi_bracket_part(&ray, range, i, count);
+        const spsi_ray part = spsi_march_part(&ray, range, i, count);
         for (int m = 0; m < frame->medium_count; ++m) {
             const double extinction = (double)spsi_part_material(frame, m)->extinction, h = part.high - part.low;
             spsi_step_gas gas;
@@ -29772,6 +29027,13 @@ static void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *lam
         }
         shade->way += part.high - part.low;
     }
+}
+
+/* Its optical depth alone. */
+static spsi_between spsi_bracket_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
+    spsi_shade shade;
+    spsi_bracket_shade(marcher, lamp, point, &shade);
+    return shade.depth;
 }
 
 /* --- a step of the eye's ray --- */
@@ -29819,8 +29081,8 @@ static void spsi_step_within(const spsi_marcher *marcher, double third, spsi_ste
     }
 }
 
-/* Samples all gas on a step. Returns 0 if there is none but what kernels leave beyond their taps. */
-static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_between before, spsi_step *step) {
+/* Samples all gas on a step. */
+static void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_between before, spsi_step *step) {
     const spsi_frame *frame = marcher->frame;
     const double h = ray->high - ray->low;
     spsi_series extinction;
@@ -29834,7 +29096,7 @@ static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sps
     for (int j = 0; j < 3; ++j)
         spsi_along(ray->origin, ray->direction, ray->low + spsi_bracket_places[j] * h, step->points[j]);
     for (int m = 0; m < frame->medium_count; ++m) {
-        const double scale = (double)spsi_part_material(frame, m)->extinction, most = marcher->bracketing->most[m];
+        const double scale = (double)spsi_part_material(frame, m)->extinction, most = marcher->grids[m].all_most;
         const double speed = spsi_vicinity_speed(&marcher->grids[m], ray->direction);
         spsi_step_gas *gas = &step->gas[m];
         any |= spsi_step_sample(marcher, m, ray, gas);
@@ -29842,8 +29104,7 @@ static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sps
         spsi_series_add_field(scale, speed, gas->half, gas->middle, most, &extinction);
         extinction.term[0] += scale * spsi_step_most(gas, most);
     }
-    memset(step->particles, 0, sizeof step->particles);
-    spsi_trace_particles(marcher, ray, step->particles);
+    spsi_particles_depth(marcher, ray, step->particles);
     for (int i = 0; i < frame->particles.set_count; ++i) {
         spsi_between_add(&step->depth, step->particles[i], step->particles[i]);
         if (step->particles[i] > 0) any = 1, step->smooth = 0;
@@ -29852,7 +29113,6 @@ static int spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sps
     for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) step->passes.term[k] = extinction.term[k - 1] / k;
     spsi_step_within(marcher, extinction.term[3], step);
     step->lit = any && before.low < SPSI_BRACKET_DARK;
-    return any;
 }
 
 /* Bounds of the integral over a step of a volume's value times what is left of it on the way to the eye, and times the
@@ -29884,8 +29144,8 @@ static spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_s
         points.high += weight * (gas->value[j] + gas->tail) * exp(-low);
     }
     memset(&f, 0, sizeof f);
-    spsi_series_add_field(1, speed, gas->half, gas->middle, marcher->bracketing->most[m], &f);
-    f.term[0] = spsi_step_most(gas, marcher->bracketing->most[m]);
+    spsi_series_add_field(1, speed, gas->half, gas->middle, marcher->grids[m].all_most, &f);
+    f.term[0] = spsi_step_most(gas, marcher->grids[m].all_most);
     for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) w.term[k] = step->passes.term[k] + coming->series.term[k];
     w = spsi_series_exponential(&w);
     product = spsi_series_product(&f, &w);
@@ -29934,27 +29194,30 @@ static void spsi_coming_fall(const spsi_marcher *marcher, const spsi_step *step,
         coming->falloff.term[k] = (k + 1) * pow(coming->range.high, 0.5 * k + 1);
 }
 
+/* Distance of a lamp from a step's middle; infinity: it is a directional light. */
+static double spsi_step_distance(const spsi_step *step, const spsi_lamp *lamp) {
+    double offset[3];
+    spsi_along(lamp->position, step->points[1], -1, offset);
+    return lamp->is_point ? spsi_length(offset) : HUGE_VAL;
+}
+
 /* Gas before a light along a step: its optical depth at the points, and how that may change. Towards a lamp at distance
    r, places near it move less, and r itself has a series of terms of r^(1 - k) at most. */
 static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
                               spsi_coming *coming) {
     const double h = step->ray.high - step->ray.low;
-    double offset[3], distance = HUGE_VAL, change;
-    spsi_shade middle, others;
+    const double distance = spsi_step_distance(step, lamp);
+    double change;
+    spsi_shade middle;
     spsi_bracket_shade(marcher, lamp, step->points[1], &middle);
     coming->depth[1] = middle.depth;
-    for (int j = 0; j < 3; j += 2) {
-        spsi_bracket_shade(marcher, lamp, step->points[j], &others);
-        coming->depth[j] = others.depth;
-    }
+    for (int j = 0; j < 3; j += 2) coming->depth[j] = spsi_bracket_lamp(marcher, lamp, step->points[j]);
     for (int m = 0; m < marcher->frame->medium_count; ++m)
         spsi_series_add_field((double)spsi_part_material(marcher->frame, m)->extinction,
                               spsi_vicinity_speed(&marcher->grids[m], step->ray.direction), middle.half[m],
-                              middle.middle[m], marcher->bracketing->most[m] * middle.way, &coming->series);
+                              middle.middle[m], marcher->grids[m].all_most * middle.way, &coming->series);
     if (lamp->is_point) {
         spsi_series way;
-        spsi_along(lamp->position, step->points[1], -1, offset);
-        distance = spsi_length(offset);
         coming->smooth &= distance > h;
         way.term[0] = 1 + 0.5 * h / distance;
         for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) way.term[k] = way.term[0] / pow(distance - 0.5 * h, k);
@@ -29972,11 +29235,7 @@ static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step
 
 /* Angle by which light that comes to a step turns at most, from its middle. */
 static double spsi_step_turn(const spsi_step *step, const spsi_lamp *lamp) {
-    const double half = 0.5 * (step->ray.high - step->ray.low);
-    double offset[3], distance;
-    if (!lamp->is_point) return 0;
-    spsi_along(lamp->position, step->points[1], -1, offset);
-    distance = spsi_length(offset);
+    const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, lamp);
     return half < distance ? asin(half / distance) : 4;
 }
 
@@ -30026,29 +29285,21 @@ static spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const sp
     return lobes;
 }
 
-/* A lobe at one cosine. */
-static double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
-    const double g = (double)lobe->asymmetry;
-    const double square = fmax(1 + g * g - 2 * g * fmin(fmax(cosine, -1), 1), DBL_MIN);
-    return (double)lobe->weight * (1 - g * g) / (4 * SPSI_PI * square * sqrt(square));
-}
-
 /* What a gas sends to the eye of the light that comes to a step, per unit of optical depth and of albedo. A lobe rises
    or falls with the cosine, so that it is between its values at the ends. A lamp's light turns by less than the step
    seen from it, and its direction has a series of 2 / r^k at most. */
 static void spsi_coming_phase(const spsi_step *step, const spsi_lamp *lamp, const spsi_material *material,
                               spsi_coming *coming) {
     const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, lamp);
-    double cosines[3], axis[3], phases[3] = {0, 0, 0}, distance = HUGE_VAL;
+    const double distance = spsi_step_distance(step, lamp);
+    double cosines[3], axis[3], phases[3] = {0, 0, 0};
     spsi_between range = {0, 0};
     spsi_series turning, series;
     for (int j = 0; j < 3; ++j) {
-        double travel[3], offset[3];
+        double travel[3];
         spsi_lamp_direction(lamp, step->points[j], travel);
         cosines[j] = -spsi_dot(travel, step->ray.direction);
         axis[j] = spsi_versine(lamp, travel);
-        spsi_along(lamp->position, step->points[j], -1, offset);
-        if (j == 1 && lamp->is_point) distance = spsi_length(offset);
     }
     coming->smooth &= distance > 2 * half;
     memset(&series, 0, sizeof series);
@@ -30180,39 +29431,28 @@ static spsi_cover spsi_face_cover(const spsi_face *face, const spsi_lamp *lamp, 
    light for some of them only, so that a shorter step tells more. */
 static int spsi_step_cover(const spsi_faces *faces, const spsi_lamp *lamp, const spsi_step *step,
                            spsi_between passes[3]) {
-    const spsi_tree *tree = &faces->tree;
-    int stack[SPSI_TREE_STACK], top = 0, sure = 1;
+    int number, sure = 1;
+    spsi_walk walk;
     spsi_ray ray;
     for (int c = 0; c < 3; ++c) passes[c] = spsi_between_of(1, 1);
-    if (tree->count == 0 || !lamp->shadows) return 1;
+    if (faces->tree.count == 0 || !lamp->shadows) return 1;
     for (int i = 0; i < 3; ++i) ray.origin[i] = 0.5 * (step->ends[0][i] + step->ends[1][i]);
     spsi_toward_lamp(lamp, ray.origin, ray.direction);
     ray.low = 0;
     ray.high = lamp->is_point ? 1 : HUGE_VAL;
-    stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        double low[3], high[3], range[2];
-        for (int i = 0; i < 3; ++i) {
-            const double l = tree->centre[i] + (double)node->low[i], h = tree->centre[i] + (double)node->high[i];
-            const double room = fabs(step->ends[1][i] - ray.origin[i]) +
-                                SPSI_BRACKET_ROOM * (fabs(l) + fabs(h) + fabs(ray.origin[i]));
-            low[i] = l - room, high[i] = h + room;
-        }
-        if (!spsi_ray_meets_box(&ray, low, high, range)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const spsi_face *face = &faces->list[tree->order[node->first + i]];
-            const spsi_cover cover = spsi_face_cover(face, lamp, step);
-            sure &= cover != SPSI_COVER_PARTLY;
-            for (int c = 0; c < 3 && cover != SPSI_COVER_CLEAR; ++c) {
-                passes[c].low *= (double)face->transmittance[c];
-                if (cover == SPSI_COVER_BEHIND) passes[c].high *= (double)face->transmittance[c];
-            }
+    spsi_walk_begin(&faces->tree, &walk);
+    for (int i = 0; i < 3; ++i)
+        walk.half[i] = fabs(step->ends[1][i] - ray.origin[i]) +
+                       SPSI_BRACKET_ROOM * (2 * faces->extent + fabs(ray.origin[i]));
+    while ((number = spsi_walk_on(&walk, &ray)) >= 0) {
+        const spsi_face *face = &faces->list[number];
+        const spsi_cover cover = spsi_face_cover(face, lamp, step);
+        sure &= cover != SPSI_COVER_PARTLY;
+        for (int c = 0; c < 3 && cover != SPSI_COVER_CLEAR; ++c) {
+            passes[c].low *= (double)face->transmittance[c];
+            if (cover == SPSI_COVER_BEHIND) passes[c].high *= (double)face->transmittance[c];
         }
         if (!(passes[0].high > 0 || passes[1].high > 0 || passes[2].high > 0)) return 1;
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
     }
     return sure;
 }
@@ -30226,7 +29466,7 @@ static int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step
     if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
     if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
         return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* else no halving is enough */
-    for (int i = 0; i < marcher->bracketing->lamp_count && halvings < SPSI_BRACKET_EDGES; ++i) {
+    for (int i = 0; i < marcher->lamp_count && halvings < SPSI_BRACKET_EDGES; ++i) {
         const spsi_lamp *lamp = &marcher->frame->lamps.list[i];
         spsi_between passes[3];
         if (spsi_cone_bends(&lamp->cone, spsi_step_axis(step, lamp))) return 1;
@@ -30243,7 +29483,7 @@ static int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, in
     memset(sum, 0, sizeof *sum);
     spsi_step_build(marcher, ray, before, &step);
     if (spsi_step_too_long(marcher, &step, halvings)) return 0;
-    for (int i = 0; i < marcher->bracketing->lamp_count; ++i) {
+    for (int i = 0; i < marcher->lamp_count; ++i) {
         spsi_between passes[3] = {{0, 1}, {0, 1}, {0, 1}};
         if (step.lit) spsi_step_cover(marcher->faces, &frame->lamps.list[i], &step, passes);
         spsi_step_add_lamp(marcher, &step, &frame->lamps.list[i], passes, sum);
@@ -30256,117 +29496,28 @@ static int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, in
 }
 
 /* Follows the eye's ray through a step, or through its halves. */
-static void spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_walker *walker,
-                              spsi_bracket *bracket) {
+static int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_sample *samples,
+                             spsi_walker *walker) {
+    const double range[2] = {ray->low, ray->high};
     spsi_step_light sum;
     double before;
-    if (!spsi_step_follow(marcher, ray, halvings, bracket->gas, &sum)) {
+    if (!spsi_step_follow(marcher, ray, halvings, walker->gas, &sum)) {
         for (int n = 0; n < 2; ++n) {
-            const double range[2] = {ray->low, ray->high};
-            const spsi_ray half = spsi_bracket_part(ray, range, n, 2);
-            spsi_bracket_step(marcher, &half, halvings + 1, walker, bracket);
+            const spsi_ray half = spsi_march_part(ray, range, n, 2);
+            spsi_bracket_step(marcher, &half, halvings + 1, samples, walker);
         }
-        return;
+        return 1;
     }
     for (int c = 0; c < 3; ++c) {
-        spsi_between_add(&bracket->scattered[c], walker->filter[c] * sum.light[c].low,
+        spsi_between_add(&walker->scattered[c], walker->filter[c] * sum.light[c].low,
                          walker->filter[c] * sum.light[c].high);
-        bracket->source[c] = fmax(bracket->source[c], sum.source[c]);
+        walker->source[c] = fmax(walker->source[c], sum.source[c]);
     }
-    before = exp(-0.5 * (bracket->gas.low + bracket->gas.high));
-    spsi_between_add(&bracket->gas, sum.depth.low, sum.depth.high);
+    before = exp(-0.5 * (walker->gas.low + walker->gas.high));
+    spsi_between_add(&walker->gas, sum.depth.low, sum.depth.high);
     walker->distance += spsi_color_mean(walker->filter) * 0.5 * (ray->low + ray->high) *
-                        (before - exp(-0.5 * (bracket->gas.low + bracket->gas.high)));
-}
-
-/* Bounds of the radiance of the polygon that a ray meets. */
-static void spsi_bracket_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
-                                 spsi_between radiance[3]) {
-    const spsi_frame *frame = marcher->frame;
-    spsi_appearance look;
-    spsi_surface surface;
-    spsi_place place = {hit, x, y, {(double)x, (double)y}, 0};
-    spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
-    spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
-    for (int c = 0; c < 3; ++c) {
-        const double own = look.color[c] * (double)frame->ambient.radiance[c] + (double)look.emission[c];
-        radiance[c] = spsi_between_of(own, own);
-    }
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
-        double irradiance[3], passes[3] = {1, 1, 1};
-        spsi_shade shade;
-        spsi_between through = {1, 1};
-        if (!spsi_surface_point_irradiance(frame, lamp, &surface, irradiance)) continue;
-        if (lamp->shadows) {
-            if (!spsi_march_sight(marcher->faces, lamp, surface.start, hit->face, passes)) continue;
-            spsi_bracket_shade(marcher, lamp, surface.point, &shade);
-            through = spsi_between_passes(shade.depth);
-        }
-        for (int c = 0; c < 3; ++c) {
-            const double all = look.color[c] * irradiance[c] * passes[c] / SPSI_PI * (double)lamp->color[c];
-            spsi_between_add(&radiance[c], all * through.low, all * through.high);
-        }
-    }
-}
-
-/* Ends a pixel's sample before the background, and adds it up. What gas sends is no more than if it were opaque and all
-   as bright as its brightest. The walker takes the middle. */
-static void spsi_bracket_end(const spsi_marcher *marcher, spsi_walker *walker, spsi_bracket *bracket) {
-    const spsi_between passes = spsi_between_passes(bracket->gas);
-    const float *behind = marcher->total + (size_t)(walker - marcher->walkers) * spsi_total_floats(marcher->frame);
-    for (int c = 0; c < 3; ++c) {
-        const double sky = walker->filter[c] * (double)behind[c];
-        const double most = bracket->source[c] * -expm1(-bracket->gas.high);
-        spsi_between *all = &bracket->radiance[c];
-        spsi_between_add(all, bracket->scattered[c].low, fmin(bracket->scattered[c].high, most));
-        walker->through[c] = walker->filter[c] * 0.5 * (passes.low + passes.high);
-        walker->radiance[c] = 0.5 * (all->low + all->high);
-        spsi_between_add(all, sky * passes.low, sky * passes.high);
-        spsi_between_add(&bracket->sums[c], all->low, all->high);
-    }
-}
-
-/* Follows a pixel's ray up to its next face and through that. */
-static void spsi_bracket_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
-    spsi_bracket *bracket = &marcher->bracketing->pixels[walker - marcher->walkers];
-    const spsi_face *face;
-    spsi_between surface[3], passes;
-    spsi_ray ray;
-    double range[2];
-    int count;
-    (void)samples;
-    if (bracket->sample != marcher->sample) {
-        bracket->sample = marcher->sample;
-        bracket->gas = spsi_between_of(0, 0);
-        memset(bracket->scattered, 0, sizeof bracket->scattered);
-        memset(bracket->radiance, 0, sizeof bracket->radiance);
-        memset(bracket->source, 0, sizeof bracket->source);
-    }
-    spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
-    ray.low = fmax(ray.low, walker->low);
-    ray.high = walker->high;
-    count = spsi_bracket_range(marcher, &ray, range);
-    for (int i = 0; i < count; ++i) {
-        const spsi_ray part = spsi_bracket_part(&ray, range, i, count);
-        spsi_bracket_step(marcher, &part, 0, walker, bracket);
-    }
-    passes = spsi_between_passes(bracket->gas);
-    walker->ended = walker->hit.face < 0;
-    if (!walker->ended) {
-        double before = spsi_color_mean(walker->filter);
-        face = &marcher->faces->list[walker->hit.face];
-        spsi_bracket_surface(marcher, &walker->hit, x, y, surface);
-        for (int c = 0; c < 3; ++c) {
-            spsi_between_add(&bracket->radiance[c], walker->filter[c] * passes.low * surface[c].low,
-                             walker->filter[c] * passes.high * surface[c].high);
-            walker->filter[c] *= (double)face->transmittance[c];
-        }
-        before -= spsi_color_mean(walker->filter);
-        walker->distance += before * 0.5 * (passes.low + passes.high) * walker->high;
-        walker->ended = !(walker->filter[0] > 0 || walker->filter[1] > 0 || walker->filter[2] > 0);
-    }
-    if (walker->ended) spsi_bracket_end(marcher, walker, bracket);
+                        (before - exp(-0.5 * (walker->gas.low + walker->gas.high)));
+    return 1;
 }
 
 /* --- setting up --- */
@@ -30396,64 +29547,28 @@ static sps_result spsi_bracket_check(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Prepares bounds for all pixels. Afterwards rays are followed by spsi_bracket_on. */
-static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher, struct spsi_bracketing *bracketing) {
+/* Prepares the marcher for bounds. */
+static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher) {
     const spsi_frame *frame = marcher->frame;
-    const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     double across[3];
-    memset(bracketing, 0, sizeof *bracketing);
-    bracketing->pixels = (spsi_bracket *)spsi_reserve(context, SPSI_BUFFER_PATHS, pixels, sizeof *bracketing->pixels);
-    if (!bracketing->pixels) return context->result;
-    memset(bracketing->pixels, 0, pixels * sizeof *bracketing->pixels);
-    for (size_t i = 0; i < pixels; ++i) bracketing->pixels[i].sample = -1;
-    bracketing->step = marcher->step;
     for (int m = 0; m < frame->medium_count; ++m)
-        if (spsi_part_material(frame, m)->scatters) bracketing->lamp_count = frame->lamps.count;
-    bracketing->bounds = spsi_nowhere;
+        if (spsi_part_material(frame, m)->scatters) marcher->lamp_count = frame->lamps.count;
     for (int m = 0; m < frame->medium_count; ++m) {
-        const spsi_dense *grid = &marcher->grids[m];
+        spsi_dense *grid = &marcher->grids[m];
         const size_t bricks = (size_t)grid->bricks[0] * (size_t)grid->bricks[1] * (size_t)grid->bricks[2];
-        for (size_t i = 0; i < bricks; ++i) bracketing->most[m] = fmax(bracketing->most[m], (double)grid->most[i]);
+        for (size_t i = 0; i < bricks; ++i) grid->all_most = fmax(grid->all_most, (double)grid->most[i]);
         for (int k = 0; k < 3; ++k)
-            bracketing->step = fmin(bracketing->step, SPSI_BRACKET_STEP / spsi_length(grid->inverse[k]));
-        for (int corner = 0; corner < 8; ++corner) {
-            double at[3], point[3];
-            for (int k = 0; k < 3; ++k)
-                at[k] = corner >> k & 1 ? grid->size[k] + 0.5 * SPSI_BRACKET_TAPS : -0.5 * SPSI_BRACKET_TAPS;
-            spsi_voxel_position(frame->media[m].lattice, at, point);
-            spsi_bounds_add(&bracketing->bounds, point);
-        }
+            marcher->step = fmin(marcher->step, SPSI_BRACKET_STEP / spsi_length(grid->inverse[k]));
+        spsi_medium_bounds(&frame->media[m], 0.5 * SPSI_BRACKET_TAPS, &marcher->bounds);
     }
-    for (int i = 0; i < frame->content->particle_count; ++i) {
-        spsi_bounds box;
-        spsi_particle_bounds(&frame->content->particles[i], &box);
-        spsi_bounds_add(&bracketing->bounds, box.low);
-        spsi_bounds_add(&bracketing->bounds, box.high);
-    }
-    spsi_along(bracketing->bounds.high, bracketing->bounds.low, -1, across);
-    if (!spsi_bounds_empty(&bracketing->bounds) && !(spsi_length(across) < SPSI_BRACKET_STEPS * bracketing->step))
+    spsi_along(marcher->bounds.high, marcher->bounds.low, -1, across);
+    if (!spsi_bounds_empty(&marcher->bounds) && !(spsi_length(across) < SPSI_BRACKET_STEPS * marcher->step))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE, -1, "", 0,
                               "volumes and particles are too far apart for lower and upper: a ray through all of them "
                               "would have more than 1e8 steps");
-    marcher->bracketing = bracketing;
-    marcher->follow = spsi_bracket_on;
+    marcher->follow = spsi_bracket_step;
+    marcher->shade = spsi_bracket_lamp;
     return SPS_OK;
-}
-
-/* Writes the bounds, rounded outwards. */
-static void spsi_bracket_finish(const spsi_marcher *marcher, const sps_image *image) {
-    const int *region = marcher->frame->view.region, samples = marcher->side * marcher->side;
-    const size_t pitch = image->row_pixels ? image->row_pixels : (size_t)region[2];
-    for (int y = 0; y < region[3]; ++y)
-        for (int x = 0; x < region[2]; ++x) {
-            const spsi_between *sums = marcher->bracketing->pixels[(size_t)y * (size_t)region[2] + (size_t)x].sums;
-            for (int c = 0; c < 3; ++c) {
-                const size_t at = 3 * ((size_t)y * pitch + (size_t)x) + (size_t)c;
-                const double room = SPSI_BRACKET_ROUNDING * (fabs(sums[c].low) + fabs(sums[c].high)) / samples;
-                marcher->settings->lower[at] = (float)(sums[c].low / samples - room);
-                marcher->settings->upper[at] = (float)(sums[c].high / samples + room);
-            }
-        }
 }
 
 /* ================================================================================================ >>paths
@@ -30474,8 +29589,6 @@ static void spsi_bracket_finish(const spsi_marcher *marcher, const sps_image *im
 #define SPSI_PATH_GOES_ON 0.998 /* greatest probability: even without absorption, a path ends after 500 events */
 #define SPSI_PATH_WEIGHTY 3     /* events after which it may end */
 #define SPSI_PATH_SPLITS  0.05  /* transmittance below which one of two shadow rays ends, and the other counts twice */
-#define SPSI_PATH_STEPS   100   /* towards the place where particles scatter, at most: halves a ray 50 times */
-#define SPSI_PATH_ROOM    1e-7  /* of optical depth, by which that place may be off */
 
 typedef struct spsi_path {
     spsi_ray ray; /* from the last event on; its direction has unit length, low is 0 */
@@ -30505,11 +29618,8 @@ static double spsi_random_depth(uint64_t *state) { return -log1p(-spsi_random(st
 /* A unit vector at a given cosine from another one, in any direction about it. */
 static void spsi_random_about(uint64_t *state, const double axis[3], double cosine, double out[3]) {
     const double turn = 2 * SPSI_PI * spsi_random(state), sine = sqrt(fmax(0, 1 - cosine * cosine));
-    double across[3] = {0, 0, 0}, other[3];
-    across[fabs(axis[0]) < 0.6 ? 0 : 1] = 1;
-    spsi_cross(axis, across, other);
-    spsi_normalise(other);
-    spsi_cross(axis, other, across);
+    double across[3], other[3];
+    spsi_basis(axis, other, across);
     for (int i = 0; i < 3; ++i) out[i] = cosine * axis[i] + sine * (cos(turn) * other[i] + sin(turn) * across[i]);
     spsi_normalise(out);
 }
@@ -30641,55 +29751,24 @@ static void spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray
 
 /* --- particles --- */
 
-static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
-    double sum = 0;
-    memset(depths, 0, SPSI_SETS_MAX * sizeof *depths);
-    spsi_trace_particles(marcher, ray, depths);
-    for (int i = 0; i < marcher->frame->particles.set_count; ++i) sum += depths[i];
-    return sum;
-}
-
-/* Which set of particles scatters at t, in proportion to their extinctions there. */
-static int spsi_particles_pick(const spsi_marcher *marcher, const spsi_ray *ray, double t, double room,
-                               uint64_t *random) {
-    double depths[SPSI_SETS_MAX], pick;
-    spsi_ray here = *ray;
-    int set = 0;
-    here.low = t - room;
-    here.high = t + room;
-    pick = spsi_random(random) * spsi_particles_depth(marcher, &here, depths);
-    for (; set < marcher->frame->particles.set_count - 1 && pick >= depths[set]; ++set) pick -= depths[set];
-    return set;
-}
-
-/* The same for particles: where their optical depth reaches a random one, to SPSI_PATH_ROOM. Every other step takes the
-   depth to grow evenly, the others halve what is left of the ray. */
+/* Finds the first collision with a particle: the nearest of collisions with each of them, since gases that share a
+   place do not know of each other. Shortens the ray to it, and sets `part`. */
 static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, int *part) {
-    const spsi_bounds *bounds = &marcher->frame->content->bounds;
-    double depths[SPSI_SETS_MAX], range[2], left = spsi_random_depth(random), sum, depth = 0;
-    spsi_ray way = *ray;
-    if (marcher->particles.count == 0 || !spsi_ray_meets_box(ray, bounds->low, bounds->high, range)) return;
-    way.low = range[0];
-    way.high = range[1];
-    sum = spsi_particles_depth(marcher, &way, depths);
-    if (!(sum > left)) return;
-    for (int i = 0; i < SPSI_PATH_STEPS && fabs(depth - left) > SPSI_PATH_ROOM; ++i) {
-        const double end = way.high;
-        way.high = way.low + (i % 2 ? 0.5 : left / sum) * (end - way.low);
-        depth = spsi_particles_depth(marcher, &way, depths);
-        if (depth > left) {
-            sum = depth;
-        } else {
-            left -= depth;
-            sum -= depth;
-            depth = 0;
-            way.low = way.high;
-            way.high = end;
-        }
+    const spsi_frame *frame = marcher->frame;
+    spsi_walk walk;
+    int particle;
+    spsi_walk_begin(&marcher->particles, &walk);
+    while ((particle = spsi_walk_on(&walk, ray)) >= 0) {
+        const spsi_particle_set *set = spsi_set_of(frame, particle);
+        spsi_ray_chord chord;
+        double at;
+        if (!spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord)) continue;
+        at = chord.from + spsi_random_depth(random) / chord.depth;
+        if (!(at < chord.to)) continue;
+        at = set->soft ? 2 * sin(asin(fmax(2 * at, -1)) / 3) : 2 * at; /* s, of 3 s / 4 - s^3 / 4 */
+        ray->high = fmax(chord.middle + at * chord.half, ray->low);
+        *part = frame->medium_count + (int)(set - frame->particles.sets);
     }
-    ray->high = way.low + (depth > 0 ? left / depth : 0) * (way.high - way.low);
-    *part = marcher->frame->medium_count +
-            spsi_particles_pick(marcher, ray, ray->high, 1e-6 * (range[1] - range[0]), random);
 }
 
 /* --- what emits --- */
@@ -30808,12 +29887,7 @@ static double spsi_path_transmittance(const spsi_marcher *marcher, const spsi_la
                                       uint64_t *random) {
     double depths[SPSI_SETS_MAX], passes;
     spsi_ray ray;
-    if (!lamp->shadows) return 1;
-    memcpy(ray.origin, point, sizeof ray.origin);
-    spsi_toward_lamp(lamp, point, ray.direction);
-    ray.low = 0;
-    ray.high = lamp->is_point ? spsi_length(ray.direction) : HUGE_VAL;
-    spsi_normalise(ray.direction);
+    if (!lamp->shadows || !spsi_lamp_ray(lamp, point, &ray)) return 1;
     passes = exp(-spsi_particles_depth(marcher, &ray, depths));
     for (int m = 0; m < marcher->frame->medium_count; ++m) {
         spsi_tracker tracker;
@@ -30848,9 +29922,8 @@ static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
 
 /* Density per steradian of the directions into which a part sends paths. */
 static double spsi_path_density(const spsi_material *material, double cosine) {
-    float phase[SPSI_LANES];
-    spsi_store(phase, spsi_phase(material, spsi_set((float)cosine)));
-    return material->table && material->shading == SPS_SHADING_SURFACE ? 0.25 / SPSI_PI : (double)phase[0];
+    if (material->table && material->shading == SPS_SHADING_SURFACE) return 0.25 / SPSI_PI;
+    return spsi_phase_at(material, cosine);
 }
 
 /* Begins the next ray at the end of the last one; after an event, in a direction that was drawn with this density. */
@@ -31011,18 +30084,6 @@ static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, s
 
 /* --- pixels --- */
 
-/* Sums over the paths of a pixel. */
-typedef struct spsi_path_sums {
-    double sum[3], square[3];
-} spsi_path_sums;
-
-typedef struct spsi_paths {
-    const spsi_marcher *marcher;
-    spsi_path_sums *sums; /* of the region's pixels */
-    int first_row;        /* of the current batch, in the region */
-    int from, to;         /* numbers of the current paths */
-} spsi_paths;
-
 /* Begins the n-th path of a pixel, through one of its samples, where its ray enters what can be seen. */
 static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, spsi_path *path) {
     const spsi_rays *eye = &marcher->frame->content->eye;
@@ -31050,69 +30111,31 @@ static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, sp
     path->weight[0] = path->weight[1] = path->weight[2] = 1;
 }
 
-static void spsi_paths_span_task(void *data, int index, int worker) {
-    const spsi_paths *paths = (const spsi_paths *)data;
-    const spsi_marcher *marcher = paths->marcher;
-    const int *region = marcher->frame->view.region;
-    spsi_sample *sample = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
-    int row, range[2];
-    spsi_march_span(region, paths->first_row, index, &row, range);
-    for (int x = range[0]; x < range[1]; ++x) {
-        spsi_path_sums *sums = &paths->sums[(size_t)row * (size_t)region[2] + (size_t)x];
-        for (int n = paths->from; n < paths->to; ++n) {
-            spsi_path path;
-            spsi_path_begin(marcher, region[0] + x, region[1] + row, n, &path);
-            spsi_path_follow(marcher, sample, &path);
-            for (int c = 0; c < 3; ++c) {
-                sums->sum[c] += path.radiance[c];
-                sums->square[c] += path.radiance[c] * path.radiance[c];
-            }
+static void spsi_paths_pixel(const spsi_marcher *marcher, int x, int y, spsi_sample *sample, spsi_walker *walker) {
+    for (int n = marcher->from; n < marcher->to; ++n) {
+        spsi_path path;
+        spsi_path_begin(marcher, x, y, n, &path);
+        spsi_path_follow(marcher, sample, &path);
+        for (int c = 0; c < 3; ++c) {
+            walker->paths[c] += path.radiance[c];
+            walker->squares[c] += path.radiance[c] * path.radiance[c];
         }
     }
 }
 
-/* Adds the paths' means to the pixels, and writes the standard errors of these means. */
-static void spsi_paths_finish(const spsi_paths *paths, const sps_image *image) {
-    const spsi_marcher *marcher = paths->marcher;
-    const int *region = marcher->frame->view.region;
-    const size_t pitch = image->row_pixels ? image->row_pixels : (size_t)region[2];
-    const double n = marcher->settings->samples;
-    for (int y = 0; y < region[3]; ++y)
-        for (int x = 0; x < region[2]; ++x) {
-            const size_t at = (size_t)y * (size_t)region[2] + (size_t)x;
-            for (int c = 0; c < 3; ++c) {
-                const double mean = paths->sums[at].sum[c] / n, square = paths->sums[at].square[c] / n;
-                float *pixel = &marcher->total[at * spsi_total_floats(marcher->frame) + (size_t)c];
-                *pixel = (float)((double)*pixel + mean);
-                if (marcher->settings->error)
-                    marcher->settings->error[3 * ((size_t)y * pitch + (size_t)x) + (size_t)c] =
-                        (float)sqrt(fmax(0, square - mean * mean) / (n - 1));
-            }
-        }
-}
-
-/* Follows all paths. Afterwards only spsi_paths_finish is left to do. */
-static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher, spsi_paths *paths) {
-    const int *region = marcher->frame->view.region, samples = marcher->settings->samples;
-    const size_t pixels = (size_t)region[2] * (size_t)region[3];
-    const int rows = spsi_worker_count(context); /* between two calls of progress_fn */
-    memset(paths, 0, sizeof *paths);
-    paths->marcher = marcher;
-    paths->sums = (spsi_path_sums *)spsi_reserve(context, SPSI_BUFFER_PATHS, pixels, sizeof *paths->sums);
-    if (!paths->sums) return context->result;
-    memset(paths->sums, 0, pixels * sizeof *paths->sums);
+/* Follows all paths. */
+static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher) {
+    const int samples = marcher->settings->samples;
+    const double share = (1 - SPSI_MARCH_SHARE) / samples; /* of a path of each pixel */
     if (spsi_glow_build(context, marcher)) return context->result;
     for (int m = 0; m < marcher->frame->medium_count; ++m)
         spsi_dense_bound(spsi_part_material(marcher->frame, m), &marcher->grids[m]);
-    for (; paths->from < samples; paths->from = paths->to) {
-        paths->to = spsi_least(samples, paths->from + SPSI_PATH_ROUND);
-        for (paths->first_row = 0; paths->first_row < region[3]; paths->first_row += rows) {
-            const double done = (paths->from + (paths->to - paths->from) * (double)paths->first_row / region[3]);
-            if (spsi_progress(context, SPSI_MARCH_SHARE + (1 - SPSI_MARCH_SHARE) * done / samples))
-                return context->result;
-            spsi_parallel(context, spsi_least(rows, region[3] - paths->first_row) * spsi_march_spans(region[2]),
-                          spsi_paths_span_task, paths);
-        }
+    marcher->pixel = spsi_paths_pixel;
+    for (; marcher->from < samples; marcher->from = marcher->to) {
+        marcher->to = spsi_least(samples, marcher->from + SPSI_PATH_ROUND);
+        if (spsi_march_pixels(context, marcher, SPSI_MARCH_SHARE + share * marcher->from,
+                              share * (marcher->to - marcher->from)))
+            return context->result;
     }
     return SPS_OK;
 }
@@ -31121,17 +30144,15 @@ static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher, sp
 
 static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *frame,
                                        const sps_reference_settings *settings, const sps_image *image) {
-    const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
     spsi_rays centre;
     spsi_faces faces;
-    spsi_paths paths;
-    struct spsi_bracketing bracketing;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
-    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
-    if (!marcher || !rgb) return context->result;
+    if (!marcher) return context->result;
     memset(marcher, 0, sizeof *marcher);
     marcher->settings = settings;
-    marcher->follow = spsi_march_on;
+    marcher->pixel = spsi_march_on;
+    marcher->follow = spsi_march_step;
+    marcher->shade = spsi_march_lamp;
     if (settings->lower && spsi_bracket_check(context, frame)) return context->result;
     if ((spsi_scatters_fully(frame) || spsi_scatters_aside(frame)) && settings->samples == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
@@ -31140,13 +30161,8 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
                               "once");
     marcher->forward = spsi_scatters_forward(frame) && settings->samples == 0;
     if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
-    if (settings->lower && spsi_bracket_begin(context, marcher, &bracketing)) return context->result;
-    for (int y = 0; y < region[3]; ++y) {
-        if (spsi_background_row(context, frame, y, rgb)) return context->result;
-        for (int x = 0; x < region[2]; ++x)
-            memcpy(marcher->total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats, rgb + 3 * x,
-                   3 * sizeof(float));
-    }
+    if (settings->lower && spsi_bracket_begin(context, marcher)) return context->result;
+    if (spsi_begin_total(context, frame, marcher->total)) return context->result;
     centre = frame->content->eye;
     for (; marcher->sample < marcher->side * marcher->side; ++marcher->sample) {
         int left = 1;
@@ -31156,11 +30172,9 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
         spsi_march_add(marcher);
     }
     frame->content->eye = centre;
-    if (settings->samples > 0 && spsi_paths_run(context, marcher, &paths)) return context->result;
+    if (settings->samples > 0 && spsi_paths_run(context, marcher)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
-    spsi_march_finish(marcher);
-    if (settings->samples > 0) spsi_paths_finish(&paths, image);
-    if (settings->lower) spsi_bracket_finish(marcher, image);
+    spsi_march_finish(marcher, image);
     spsi_write_image(frame, marcher->total, image);
     return SPS_OK;
 }
@@ -31661,7 +30675,6 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     constants->has_range = map->has_range;
     constants->has_planes = settings->planes != NULL;
     constants->cubic = settings->cubic != 0;
-    constants->running_maximum = settings->running_maximum != 0;
     constants->has_surfaces = map->data.surfaces.data != NULL;
     constants->width = map->rays[face].width;
     constants->height = map->rays[face].height;

@@ -28,12 +28,11 @@ static void turn_voxels(frame *f, double value) {
 static void turn_slab(frame *f, double value) { f->view.slab = value; }
 static void turn_shadow_size(frame *f, double value) { f->view.shadow_size = (int)value; }
 static void turn_quality(frame *f, double value) { f->view.quality = (sps_quality)(int)value; }
-static void turn_lookup_threshold(frame *f, double value) { f->view.lookup_threshold = (float)value; }
 static void turn_tolerance(frame *f, double value) { f->view.tolerance = (float)value; }
 
 static const char *const quality_words[] = {"high", "medium", "draft"};
 
-enum { KNOB_PIXELS, KNOB_VOXELS, KNOB_SLAB, KNOB_QUALITY, KNOB_SHADOW_SIZE, KNOB_LOOKUP, KNOB_TOLERANCE, KNOBS };
+enum { KNOB_PIXELS, KNOB_VOXELS, KNOB_SLAB, KNOB_QUALITY, KNOB_SHADOW_SIZE, KNOB_TOLERANCE, KNOBS };
 
 /* What a search may leave as it is. */
 enum { ALL_PIXELS = 1 << KNOB_PIXELS, SAME_VOXELS = 1 << KNOB_VOXELS };
@@ -44,7 +43,6 @@ static const knob knobs[KNOBS] = {
     {"slab", turn_slab, NULL, 6, {0.5, 1, 2, 4, 8, 16}},
     {"quality", turn_quality, quality_words, 3, {SPS_QUALITY_HIGH, SPS_QUALITY_MEDIUM, SPS_QUALITY_DRAFT}},
     {"shadow_size", turn_shadow_size, NULL, 5, {512, 256, 128, 96, 64}},
-    {"lookup_threshold", turn_lookup_threshold, NULL, 4, {0, 0.01, 0.03, 0.1}},
     {"tolerance", turn_tolerance, NULL, 3, {0, 0.02, 0.1}},
 };
 

@@ -275,23 +275,6 @@ static void bound_tolerance(const char *name, ex_change common) {
     trial_end(&fewer);
 }
 
-/* The bound is in proportion to what gas scatters without shadow, per unit of optical depth. */
-static void bound_lookups(void) {
-    trial all, fewer;
-    double largest = 0, bright = 0;
-    trial_begin(&all, NULL, NULL);
-    trial_begin(&fewer, NULL, ex_look_up_less);
-    for (int c = 0; c < 3; ++c)
-        bright = fmax(bright, (double)(all.stage.lights[0].color[c] * all.stage.clouds[0].albedo[c]) / (4 * EX_PI));
-    for (size_t i = 0; i < 4 * trial_pixels(&all); ++i)
-        if (i % 4 < 3) largest = fmax(largest, fabs((double)all.rgba[i] - (double)fewer.rgba[i]));
-    print_bound("`lookup_threshold` of 0.1: shadows looked up less often", "radiance",
-                2 * (double)fewer.stage.view.lookup_threshold * bright, largest);
-    printf("%.2f |\n", trial_race(&all, &fewer));
-    trial_end(&all);
-    trial_end(&fewer);
-}
-
 static void black_background(ex_stage *s) { ex_color(s->scene.background, 0, 0, 0); }
 
 static double radiance_sum(const trial *t) {
@@ -367,7 +350,6 @@ static void print_bounds(void) {
     printf("| what is skipped | unit | bound | true difference | time |\n|---|---|---|---|---|\n");
     bound_tolerance("`tolerance` of 0.1, rays of the eye: `eye_bound`", smooth_alone);
     bound_tolerance("... and of a light: `eye_bound` + `light_bound`", smooth_above_floor);
-    bound_lookups();
     bound_scattering("`SPS_SCATTERING_AUTO`, thin gas: `scatter_bound`", thin_alone);
     bound_scattering("... gas 30 times as dense, `scatter_tolerance` 0.3", less_thin_alone);
     bound_ends();

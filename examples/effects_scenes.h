@@ -316,7 +316,6 @@ static inline void ex_sample_edges(ex_stage *s) { s->view.coverage_samples = 4; 
 static inline void ex_sample_once(ex_stage *s) { s->view.coverage_samples = 1; }
 static inline void ex_ask_depth(ex_stage *s) { s->wants_depth = 1; }
 static inline void ex_tolerate(ex_stage *s) { s->view.tolerance = 0.1f; }
-static inline void ex_look_up_less(ex_stage *s) { s->view.lookup_threshold = 0.1f; }
 static inline void ex_replace(ex_stage *s) { s->scene.replace_invalid = 1; }
 static inline void ex_tell_ranges(ex_stage *s) { s->clouds[0].range_fn = ex_cloud_range; }
 
@@ -552,7 +551,6 @@ static const ex_unneeded ex_unneeded_effects[] = {
     {"`SPS_SCATTERING_AMBIENT` without a volume's own", NULL, ex_scatter_ambient, EX_UNTOUCHED, 0, ""},
     {"a volume's own ambient light, without it", NULL, ex_own_ambient, EX_UNTOUCHED, 0, ""},
     {"`no_shadows` without a light that casts any", ex_no_shadow, ex_no_shadows, EX_UNTOUCHED, 0, ""},
-    {"a `lookup_threshold` without shadows", ex_no_shadow, ex_look_up_less, EX_UNTOUCHED, 0, ""},
     {"a `tolerance` without volumes", ex_only_polygons, ex_tolerate, EX_UNTOUCHED, 0, ""},
     {"a `tolerance` for what is classified", ex_classify, ex_tolerate, EX_UNTOUCHED, 0, ""},
     {"... for what emits", ex_emit, ex_tolerate, EX_UNTOUCHED, 0, ""},

@@ -28,8 +28,7 @@ typedef struct kind {
     const char *name;
     sps_tmap_technique technique;
     int cubic;
-    sps_tmap_window window;
-    int texel_range, running_maximum;
+    int texel_range;
     ex_mark mark;
     unsigned color;
 } kind;
@@ -41,11 +40,7 @@ enum {
     DEEP_OPACITY,
     DEEP_OPACITY_CUBIC,
     FOURIER,
-    FOURIER_LANCZOS,
-    FOURIER_FEJER,
-    FOURIER_RUNNING_MAXIMUM,
     FOURIER_TEXEL_RANGE,
-    COSINE,
     MOMENT,
     ADAPTIVE,
     BEER,
@@ -55,25 +50,17 @@ enum {
 };
 
 static const kind kinds[KINDS] = {
-    [OPACITY] = {"opacity", SPS_TMAP_OPACITY, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_DISC, 0x1f5fbf},
-    [OPACITY_CUBIC] = {"opacity, cubic", SPS_TMAP_OPACITY, 1, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RING, 0x1f5fbf},
-    [DEEP_OPACITY] = {"deep opacity", SPS_TMAP_DEEP_OPACITY, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_DISC, 0x1a9641},
-    [DEEP_OPACITY_CUBIC] = {"deep opacity, cubic", SPS_TMAP_DEEP_OPACITY, 1, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RING,
-                            0x1a9641},
-    [FOURIER] = {"Fourier", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_DISC, 0xd7191c},
-    [FOURIER_LANCZOS] = {"Fourier, Lanczos", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_LANCZOS, 0, 0, EX_MARK_SQUARE,
-                         0xd7191c},
-    [FOURIER_FEJER] = {"Fourier, Fejer", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_FEJER, 0, 0, EX_MARK_CROSS, 0xd7191c},
-    [FOURIER_RUNNING_MAXIMUM] = {"Fourier, running max", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_NONE, 0, 1, EX_MARK_RING,
-                                 0xd7191c},
-    [FOURIER_TEXEL_RANGE] = {"Fourier, texel range", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_NONE, 1, 0, EX_MARK_RHOMB,
-                             0xf08030},
-    [COSINE] = {"cosine", SPS_TMAP_COSINE, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_DISC, 0x7b3294},
-    [MOMENT] = {"moment", SPS_TMAP_MOMENT, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_SQUARE, 0x000000},
-    [ADAPTIVE] = {"adaptive", SPS_TMAP_ADAPTIVE, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RHOMB, 0x00a0a0},
-    [BEER] = {"Beer", SPS_TMAP_BEER, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_SQUARE, 0x808080},
-    [DEPTH] = {"depth", SPS_TMAP_DEPTH, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_CROSS, 0x808080},
-    [COMPRESSED] = {"compressed", SPS_TMAP_COMPRESSED, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RHOMB, 0xc08a00},
+    [OPACITY] = {"opacity", SPS_TMAP_OPACITY, 0, 0, EX_MARK_DISC, 0x1f5fbf},
+    [OPACITY_CUBIC] = {"opacity, cubic", SPS_TMAP_OPACITY, 1, 0, EX_MARK_RING, 0x1f5fbf},
+    [DEEP_OPACITY] = {"deep opacity", SPS_TMAP_DEEP_OPACITY, 0, 0, EX_MARK_DISC, 0x1a9641},
+    [DEEP_OPACITY_CUBIC] = {"deep opacity, cubic", SPS_TMAP_DEEP_OPACITY, 1, 0, EX_MARK_RING, 0x1a9641},
+    [FOURIER] = {"Fourier", SPS_TMAP_FOURIER, 0, 0, EX_MARK_DISC, 0xd7191c},
+    [FOURIER_TEXEL_RANGE] = {"Fourier, texel range", SPS_TMAP_FOURIER, 0, 1, EX_MARK_RHOMB, 0xf08030},
+    [MOMENT] = {"moment", SPS_TMAP_MOMENT, 0, 0, EX_MARK_SQUARE, 0x000000},
+    [ADAPTIVE] = {"adaptive", SPS_TMAP_ADAPTIVE, 0, 0, EX_MARK_RHOMB, 0x00a0a0},
+    [BEER] = {"Beer", SPS_TMAP_BEER, 0, 0, EX_MARK_SQUARE, 0x808080},
+    [DEPTH] = {"depth", SPS_TMAP_DEPTH, 0, 0, EX_MARK_CROSS, 0x808080},
+    [COMPRESSED] = {"compressed", SPS_TMAP_COMPRESSED, 0, 0, EX_MARK_RHOMB, 0xc08a00},
 };
 
 /* The nearest number of components that a technique can have, not above `wanted` except where there is none below. */
@@ -83,7 +70,7 @@ static int components_of(sps_tmap_technique technique, int wanted) {
     case SPS_TMAP_DEPTH: return 1;
     case SPS_TMAP_BEER: return 3;
     case SPS_TMAP_FOURIER: return (wanted - 1) | 1;
-    case SPS_TMAP_MOMENT: return wanted > 8 ? 9 : (wanted - 1) | 1;
+    case SPS_TMAP_MOMENT: return wanted > 6 ? 7 : 5;
     default: return wanted;
     }
 }
@@ -123,8 +110,8 @@ static void trials_list(trials *all, const sps_tmap_settings *range) {
             t->kind = &kinds[k], t->wanted = counts[which], t->settings = *range;
             t->settings.technique = kinds[k].technique;
             t->settings.components = components_of(kinds[k].technique, counts[which]);
-            t->settings.cubic = kinds[k].cubic, t->settings.window = kinds[k].window;
-            t->settings.texel_range = kinds[k].texel_range, t->settings.running_maximum = kinds[k].running_maximum;
+            t->settings.cubic = kinds[k].cubic;
+            t->settings.texel_range = kinds[k].texel_range;
             t->settings.epsilon = kinds[k].technique == SPS_TMAP_COMPRESSED ? epsilons[which] : 0;
             ++all->count;
         }

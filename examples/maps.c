@@ -473,8 +473,6 @@ enum {
     OPACITY_OWN,
     DEEP_OWN,
     FOURIER_OWN,
-    FEJER_OWN,
-    MOMENT_OWN,
     LIBRARY_6,
     LIBRARY_8,
     LIBRARY_16,
@@ -502,9 +500,6 @@ static const claim error_claims[ERROR_CLAIMS] = {
                      0.8, 1.25},
     [DEEP_OWN] = {"deep opacity, 8: the same", "own / true, 0.8..1.25", own_over_true, 8, DEEP_OPACITY, 0.8, 1.25},
     [FOURIER_OWN] = {"Fourier, 8: the same", "own / true, 0.8..1.25", own_over_true, 8, FOURIER, 0.8, 1.25},
-    [FEJER_OWN] = {"Fourier with Fejer's window, 8: the same", "own / true, 0.8..1.25", own_over_true, 8, FOURIER_FEJER,
-                   0.8, 1.25},
-    [MOMENT_OWN] = {"moment, 8: the same", "own / true, 0.8..1.25", own_over_true, 8, MOMENT, 0.8, 1.25},
     [LIBRARY_6] = {"the library's layout, 6: more exact than opacity", "opacity / deep", library_gain, 6, 0, 1,
                    HUGE_VAL},
     [LIBRARY_8] = {"8: the same", "opacity / deep", library_gain, 8, 0, 1, HUGE_VAL},
@@ -635,16 +630,9 @@ static void print_more_numbers(set_up *const *scenes) {
         own[0], own[1], shrinks, SCENES, library[0], library[1]);
 }
 
-static const char *windows_verdict(double without, double lanczos, double fejer) {
-    if (fmin(lanczos, fejer) > without) return "With windows it is worse";
-    if (fmax(lanczos, fejer) <= without) return "With windows it is better";
-    return "One window makes it better, the other worse";
-}
-
 static void print_fourier(set_up *const *scenes) {
     const set_up *puff = scenes[PUFF];
-    const double without = gas_error_of(puff, FOURIER, 8), lanczos = gas_error_of(puff, FOURIER_LANCZOS, 8);
-    const double fejer = gas_error_of(puff, FOURIER_FEJER, 8), range = gas_error_of(puff, FOURIER_TEXEL_RANGE, 8);
+    const double common = gas_error_of(puff, FOURIER, 8), range = gas_error_of(puff, FOURIER_TEXEL_RANGE, 8);
     printf("- **Fourier is the worst.** That holds with 6 ");
     print_tally(FOURIER_WORST_6, scenes);
     printf(", with 8 ");
@@ -653,31 +641,17 @@ static void print_fourier(set_up *const *scenes) {
     print_tally(FOURIER_WORST_16, scenes);
     printf(", with 24 ");
     print_tally(FOURIER_WORST_24, scenes);
-    printf(
-        ". This is the series without a window, over the range of depths that the gas occupies. %s: for puff with 8 "
-        "the "
-        "error is %.4f without, %.4f with Lanczos's and %.4f with Fejer's, against %.4f for opacity. A range for each "
-        "texel %s it to %.4f.\n",
-        windows_verdict(without, lanczos, fejer), without, lanczos, fejer, gas_error_of(puff, OPACITY, 8),
-        range < without ? "lowers" : "raises", range);
+    printf(". This is the series without a window, over the range of depths that the gas occupies: for puff with 8 the "
+           "error is %.4f, against %.4f for opacity. A range for each texel %s it to %.4f.\n",
+           common, gas_error_of(puff, OPACITY, 8), range < common ? "lowers" : "raises", range);
 }
 
 static void print_own_truth(set_up *const *scenes) {
-    const trial *fejer = trial_of(&scenes[PUFF]->trials, FOURIER_FEJER, 8);
-    const trial *moment = trial_of(&scenes[PUFF]->trials, MOMENT, 8);
-    const int hidden = (fejer->own < fejer->gas.rms) + (moment->own < moment->gas.rms);
     printf("- **A technique's own run with 24 is the truth.** It serves as such for opacity maps of 8 ");
     print_tally(OPACITY_OWN, scenes);
     printf(", for Fourier maps ");
     print_tally(FOURIER_OWN, scenes);
-    printf(", for moment maps ");
-    print_tally(MOMENT_OWN, scenes);
-    printf(". For puff the error with a Fejer window is %.4f, of which that comparison shows %.4f, and the error of a "
-           "moment map %.4f, of which it shows %.4f: %s.\n",
-           fejer->gas.rms, fejer->own, moment->gas.rms, moment->own,
-           hidden == 2   ? "it hides errors that more numbers do not cure"
-           : hidden == 1 ? "it hides part of one of the two"
-                         : "it hides nothing of either");
+    printf(".\n");
 }
 
 static void print_speed(set_up *const *scenes) {

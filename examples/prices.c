@@ -57,11 +57,6 @@ static void turn_tolerance(frame *f, int value) {
     f->view.tolerance = values[value];
 }
 
-static void turn_lookups(frame *f, int value) {
-    static const float values[] = {0.1f, 0.03f, 0.01f};
-    f->view.lookup_threshold = values[value];
-}
-
 static void turn_shadow_size(frame *f, int value) { f->view.shadow_size = 64 << value; }
 static void turn_samples(frame *f, int value) { f->light.samples = 4 << (2 * value); }
 
@@ -96,7 +91,6 @@ static const knob knobs[] = {
     {"shadow_size", has_shadows, turn_shadow_size, 5, {"64", "128", "256", "512", "1024"}},
     {"filling", has_volume, turn_filling, 2, {"splat", "gather"}},
     {"tolerance", has_smooth_gas, turn_tolerance, 3, {"0.1", "0.02", "0.005"}},
-    {"lookup_threshold", has_shadows, turn_lookups, 3, {"0.1", "0.03", "0.01"}},
     {"samples", is_extended, turn_samples, 4, {"4", "16", "64", "256"}},
     {"table", has_maps, turn_table, 4, {"64", "128", "256", "512"}},
     {"map of 256 texels",

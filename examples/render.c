@@ -100,7 +100,6 @@ static void set_shadows(arguments *all, sps_light *lights) {
     }
     if (!has_maps(all)) return;
     all->map.technique = (sps_tmap_technique)all->shadow; /* the names are in their order */
-    all->map.window = (sps_tmap_window)all->map_window;
     all->map.epsilon = (float)all->map_epsilon;
     for (int i = 0; i < all->light_count; ++i) {
         lights[i].shadow_map = &all->map;

@@ -104,9 +104,9 @@ typedef struct arguments {
     light_arguments *lights;
     int volume_count, particle_set_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
-    int width, height, region[4], coverage, shadow_size, quality, no_shadows, reference, samples, scattering, scatter_size, filling, threads, plan,
-        help;
-    int shadow, map_size, table_size, map_window;
+    int width, height, region[4], coverage, shadow_size, quality, no_shadows, reference, samples, scattering,
+        scatter_size, filling, threads, plan, help;
+    int shadow, map_size, table_size;
     double map_epsilon, scatter_tolerance, tolerance, budget_seconds, budget_error;
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
     const char *out, *pfm, *alpha_pfm, *stats;
@@ -130,10 +130,9 @@ static const char *const filling_names[] = {"auto", "splat", "gather", NULL};
 /* sps_scattering */
 static const char *const scattering_names[] = {"auto", "off", "ambient", "forward", "convolution", "full", NULL};
 /* sps_tmap_technique, after sheets; and what is not one. */
-static const char *const shadow_names[] = {"sheets",  "deep",    "compressed", "depth",    "opacity", "deep-opacity",
-                                           "fourier", "cosine",  "moment",     "adaptive", "beer",    "table",
-                                           "auto",    "samples", "none",       NULL};
-static const char *const window_names[] = {"none", "lanczos", "fejer", NULL};
+static const char *const shadow_names[] = {"sheets",       "deep",    "compressed", "depth",    "opacity",
+                                           "deep-opacity", "fourier", "moment",     "adaptive", "beer",
+                                           "table",        "auto",    "samples",    "none",     NULL};
 static const char *const falloff_names[] = {"inverse-square", "none", NULL}; /* in the order of sps_falloff */
 
 /* ================================================================================================ handlers */
@@ -448,15 +447,13 @@ static const option_rule options[] = {
     {"--coverage", "N", "N x N samples of polygons' edges per pixel, up to 8; default 0: one, at its centre", set_integers, OF_SCENE(coverage), 1, 0, 8, NULL},
     {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
     {"--shadow-size", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
-    {"--shadow", "auto|sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|moment|adaptive|beer|table|samples|none", "what gas shades by; auto, the default: sheets or a table; samples: as --reference", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
+    {"--shadow", "auto|sheets|deep|compressed|depth|opacity|deep-opacity|fourier|moment|adaptive|beer|table|samples|none", "what gas shades by; auto, the default: sheets or a table; samples: as --reference", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
     {"--map-components", "N", "floats a texel of that map, planes of a table; default by --shadow", set_integers, OF_SCENE(map.components), 1, 1, 1024, NULL},
     {"--map-size", "N", "texels along the map's longer side; default as --shadow-size, or by --quality", set_integers, OF_SCENE(map_size), 1, 1, 16384, NULL},
     {"--table-size", "N", "the same for tables (--shadow table, auto); default by --quality, up to 256", set_integers, OF_SCENE(table_size), 1, 1, 16384, NULL},
-    {"--map-window", "none|lanczos|fejer", "weights of harmonics, for fourier and cosine; default none", set_choice, OF_SCENE(map_window), 1, 0, 0, window_names},
     {"--map-epsilon", "E", "largest error of transmittance, for compressed; default 0.01", set_reals, OF_SCENE(map_epsilon), 1, 1e-6, 0.5, NULL},
     {"--map-cubic", NULL, "monotone cubics between planes instead of straight lines, for opacity and deep-opacity", set_flag, OF_SCENE(map.cubic), NO_NUMBERS},
     {"--map-texel-range", NULL, "a range of depths for each texel, which takes two more floats, for fourier", set_flag, OF_SCENE(map.texel_range), NO_NUMBERS},
-    {"--map-running-maximum", NULL, "shadows never grow lighter with depth: slow, for fourier", set_flag, OF_SCENE(map.running_maximum), NO_NUMBERS},
     {"--quality", "draft|medium|high|ultra", "default medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
     {"--no-shadows", NULL, "light shines through everything; the same as --shadow none", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
     {"--reference", NULL, "brute-force ray marching, shadows traced from every step: slow; heeds --shadow none only", set_flag, OF_SCENE(reference), NO_NUMBERS},
@@ -796,10 +793,9 @@ static int check_map(const arguments *all, ex_error *error) {
         const char *option, *kinds[3]; /* the techniques it applies to; none: all */
         const char *other;             /* but this one */
     } about[] = {
-        {"--map-components", {NULL, NULL, NULL}, ""},       {"--map-size", {NULL, NULL, NULL}, "table"},
-        {"--table-size", {"table", "auto", NULL}, ""},      {"--map-window", {"fourier", "cosine", NULL}, ""},
-        {"--map-epsilon", {"compressed", NULL, NULL}, ""},  {"--map-cubic", {"opacity", "deep-opacity", NULL}, ""},
-        {"--map-texel-range", {"fourier", NULL, NULL}, ""}, {"--map-running-maximum", {"fourier", NULL, NULL}, ""}};
+        {"--map-components", {NULL, NULL, NULL}, ""},           {"--map-size", {NULL, NULL, NULL}, "table"},
+        {"--table-size", {"table", "auto", NULL}, ""},          {"--map-epsilon", {"compressed", NULL, NULL}, ""},
+        {"--map-cubic", {"opacity", "deep-opacity", NULL}, ""}, {"--map-texel-range", {"fourier", NULL, NULL}, ""}};
     const char *kind = shadow_names[all->shadow];
     if ((has_maps(all) || shadow_is(all, "samples")) && all->no_shadows)
         return ex_fail(error, "--shadow %s says nothing with --no-shadows", kind);

@@ -414,15 +414,13 @@ static void random_set(scenery *x, int n) {
 
 /* Valid settings, except for one in twelve. */
 static void random_map(sps_tmap_settings *map) {
-    static const int components[] = {0, 0, 0, 1, 7, 8, 9, 6, 7, 10, 3, 20};
+    static const int components[] = {0, 0, 0, 1, 7, 8, 9, 7, 10, 3, 20};
     memset(map, 0, sizeof *map);
-    put_int(&map->technique, one_in(60) ? 12 : below(12));
-    if (one_in(2) && (int)map->technique < 12) map->components = components[map->technique];
+    put_int(&map->technique, one_in(60) ? 11 : below(11));
+    if (one_in(2) && (int)map->technique < 11) map->components = components[map->technique];
     if (one_in(24)) map->components = below(70) - 2;
-    put_int(&map->window, one_in(60) ? 3 : below(3));
     map->cubic = one_in(2);
     map->texel_range = one_in(3) && map->components == 0;
-    map->running_maximum = one_in(4);
     if (one_in(3)) map->epsilon = (float)strange(0, 0.5);
     if (one_in(10)) map->byte_budget = (size_t)below(100000);
 }
@@ -510,7 +508,6 @@ static void random_tiny_view(sps_view *view) {
     view->scatter_tolerance = one_in(2) ? 0 : (float)strange(0, 1);
     view->filling = (sps_filling)below(3);
     view->tolerance = one_in(2) ? 0 : (float)strange(0, 1);
-    view->lookup_threshold = one_in(2) ? 0 : (float)strange(0, 1);
     if (one_in(40)) put_int(&view->scattering, 6);
     if (one_in(40)) put_int(&view->filling, 3);
     if (one_in(40)) view->scatter_size = one_in(2) ? 257 : below(40) - 20;

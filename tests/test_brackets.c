@@ -239,16 +239,13 @@ static void test_step(void) {
     enum { EDGE = 24 };
     static spsi_marcher marcher;
     static float values[EDGE * EDGE * EDGE], most[27];
-    struct spsi_bracketing bracketing;
     double tightest = 0;
     spsi_dense *grid = &marcher.grids[0];
-    memset(&bracketing, 0, sizeof bracketing);
     for (int i = 0; i < EDGE * EDGE * EDGE; ++i) values[i] = (float)(i / (EDGE * EDGE) % 2);
     for (int i = 0; i < 27; ++i) most[i] = 1;
     grid->values = values, grid->most = most;
     for (int k = 0; k < 3; ++k) grid->size[k] = EDGE, grid->bricks[k] = 3, grid->inverse[k][k] = 1;
-    bracketing.most[0] = 1;
-    marcher.bracketing = &bracketing;
+    grid->all_most = 1;
     for (int n = 0; n < 40; ++n) {
         spsi_ray ray = {{12.3, 11.6, 11}, {0, 0, 1}, 0.05 * n, 0.05 * n + 0.75};
         double wanted = 0, middle;

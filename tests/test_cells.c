@@ -1092,7 +1092,6 @@ static void add_images(float *to, const float *more) {
 static void test_linear(void) {
     check_scene s;
     start(&s, GAS, SUN);
-    s.view.lookup_threshold = 0;
     s.light[0].shadow_source = SPS_SHADOW_TABLE;
     add_light(&s, POINT);
     s.light[1].shadow_source = SPS_SHADOW_TABLE;
@@ -1497,7 +1496,6 @@ enum {
     AGAIN,
     CAMERA,
     REGION,
-    THRESHOLD, /* nothing that cells depend on */
     COLOR,
     DIRECTION,
     SHADOW,
@@ -1517,7 +1515,6 @@ enum {
 static const char *const changes[] = {"again",
                                       "camera",
                                       "region",
-                                      "threshold",
                                       "color",
                                       "direction",
                                       "shadow",
@@ -1540,7 +1537,6 @@ static const check_field held_field = {held_puff, NULL, {0, 0, 0}, {{0, 0, 0}, {
 static void change(check_scene *s, int what) {
     if (what == CAMERA) check_set3(s->view.camera.position, 3, 1, 4);
     if (what == REGION) s->view.region[0] = 1, s->view.region[2] = SIDE - 1, s->view.region[3] = SIDE;
-    if (what == THRESHOLD) s->view.lookup_threshold = 0.01f;
     if (what == COLOR) s->light[0].color[1] *= 0.5f;
     if (what == DIRECTION) s->light[0].direction[0] = -0.5;
     if (what == SHADOW) s->light[1].no_shadow = 1;

@@ -434,42 +434,6 @@ static void test_refused(void) {
     CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
 }
 
-/* lookup_threshold: gas of that optical depth may be lit as at the last lookup. What each such stretch scatters is off
-   by the light's change in between, of which the sum along a ray is 2 at most, since transmittance from the light falls
-   once and rises once: so is a pixel, by twice the threshold times what gas scatters without shadow, color * albedo /
-   4 pi. A larger
-   knob skips more; the largest here, some of all scenes' lookups. */
-static void test_lookup_threshold(void) {
-    static const float thresholds[3] = {0.003f, 0.01f, 0.03f};
-    static const float wrong[3] = {-0.01f, 1.5f, NAN};
-    for (int kind = GAS; kind <= SWARM; kind += SWARM)
-        for (int source = SPS_SHADOW_SHEETS; source <= SPS_SHADOW_TABLE; ++source) {
-            check_scene s;
-            double before = 0;
-            start(&s, kind);
-            check_add_directional(&s, 1, -1, -0.5, 4)->shadow_source = (sps_shadow_source)source;
-            if (!check_render(context, &s, image_a)) return;
-            for (int n = 0; n < 3; ++n) {
-                double most = 0;
-                s.view.lookup_threshold = thresholds[n];
-                if (!check_render(context, &s, image_b)) return;
-                for (int i = 0; i < COUNT; ++i)
-                    if (i % 4 < 3) most = fmax(most, fabs((double)(image_a[i] - image_b[i])));
-                if (!CHECK(most >= before && (n < 2 || most > 0) &&
-                           most <= 2 * (double)thresholds[n] * 4 * 0.9 / (4 * 3.14159265358979)))
-                    printf("    kind %d, source %d, threshold %g: %g, before %g\n", kind, source, (double)thresholds[n],
-                           most, before);
-                before = most;
-            }
-        }
-    for (int n = 0; n < 3; ++n) {
-        check_scene s;
-        start(&s, GAS);
-        s.view.lookup_threshold = wrong[n];
-        check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "view.lookup_threshold is");
-    }
-}
-
 int main(void) {
     context = check_context(NULL);
     RUN(test_lamp_within);
@@ -485,7 +449,6 @@ int main(void) {
     RUN(test_unread_particles);
     RUN(test_anywhere);
     RUN(test_refused);
-    RUN(test_lookup_threshold);
     sps_destroy(context);
     return check_report();
 }

@@ -1452,36 +1452,23 @@ static void test_particles_option(void) {
    kind of map. */
 static void test_shadow_option(void) {
     enum { KINDS = 18 };
-    static const char *const kinds[KINDS] = {"sheets",
-                                             "deep",
-                                             "compressed",
-                                             "depth",
-                                             "opacity",
-                                             "opacity --map-cubic",
-                                             "deep-opacity",
-                                             "deep-opacity --map-cubic",
-                                             "fourier",
-                                             "fourier --map-texel-range",
-                                             "fourier --map-running-maximum",
-                                             "fourier --map-texel-range --map-running-maximum",
-                                             "cosine",
-                                             "moment",
-                                             "adaptive",
-                                             "beer",
-                                             "table",
+    static const char *const kinds[KINDS] = {"sheets",       "deep",
+                                             "compressed",   "depth",
+                                             "opacity",      "opacity --map-cubic",
+                                             "deep-opacity", "deep-opacity --map-cubic",
+                                             "fourier",      "fourier --map-texel-range",
+                                             "moment",       "adaptive",
+                                             "beer",         "table",
                                              "none"};
     static const complaint all[] = {
         {VOLUME "--shadow fourier --map-components 4 " SMALL "--light directional,0,0,-1,1,1,1 --out a.png", 2,
          "--map-components: light[0].shadow_map.components is 4; a Fourier map has 3, 5 .. 65"},
         {VOLUME "--map-size 8 --plan", 2, "--map-size says nothing about --shadow auto"},
         {VOLUME "--shadow deep --no-shadows --plan", 2, "--shadow deep says nothing with --no-shadows"},
-        {VOLUME "--shadow opacity --map-window fejer --plan", 2, "--map-window says nothing about --shadow opacity"},
         {VOLUME "--shadow deep --map-epsilon 0.1 --plan", 2, "--map-epsilon says nothing about --shadow deep"},
         {VOLUME "--shadow fourier --map-cubic --plan", 2, "--map-cubic says nothing about --shadow fourier"},
         {VOLUME "--map-cubic --shadow sheets --plan", 2, "--map-cubic says nothing about --shadow sheets"},
-        {VOLUME "--map-texel-range --shadow cosine --plan", 2, "--map-texel-range says nothing about --shadow cosine"},
-        {VOLUME "--shadow opacity --map-running-maximum --plan", 2,
-         "--map-running-maximum says nothing about --shadow opacity"},
+        {VOLUME "--map-texel-range --shadow moment --plan", 2, "--map-texel-range says nothing about --shadow moment"},
         {VOLUME "--table-size 8 --shadow sheets --plan", 2, "--table-size says nothing about --shadow sheets"},
         {VOLUME "--table-size 8 --plan >plan", 0, NULL},
         {VOLUME "--shadow samples --no-shadows --out a.png", 2, "--shadow samples says nothing with --no-shadows"},
@@ -1497,9 +1484,7 @@ static void test_shadow_option(void) {
         {VOLUME "--shadow none --light point,9,9,9,1,1,1 --light-size 1 --plan >plan", 0, NULL},
         {VOLUME "--shadow hairy --plan", 2, "--shadow: 'hairy' is not auto|sheets|deep"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --shadow opacity --map-size 9 " SMALL "--out a.png", 0, NULL},
-        {VOLUME "--shadow cosine --map-window lanczos --map-components 6 --light directional,0,0,-1,1,1,1 " SMALL
-                "--out a.png",
-         0, NULL}};
+        {VOLUME "--shadow fourier --map-components 7 --light directional,0,0,-1,1,1,1 " SMALL "--out a.png", 0, NULL}};
     static char pictures[KINDS][400];
     for (int i = 0; i < KINDS; ++i) {
         char line[300];
@@ -2072,15 +2057,13 @@ static void test_help(void) {
                                         "--slab VOXELS",
                                         "--shadow-size N",
                                         "--shadow auto|sheets|deep|compressed|depth|opacity|deep-opacity|fourier|"
-                                        "cosine|moment|adaptive|beer|table|samples|none",
+                                        "moment|adaptive|beer|table|samples|none",
                                         "--map-components N",
                                         "--map-size N",
                                         "--table-size N",
-                                        "--map-window none|lanczos|fejer",
                                         "--map-epsilon E",
                                         "--map-cubic",
                                         "--map-texel-range",
-                                        "--map-running-maximum",
                                         "--quality draft|medium|high|ultra",
                                         "--no-shadows",
                                         "--reference",
@@ -2222,7 +2205,7 @@ static void test_stack(mixed *m) {
         sps_context *context = sps_create(&config, NULL);
         memset(&settings, 0, sizeof settings);
         settings.technique = (sps_tmap_technique)(technique < 0 ? 0 : technique);
-        settings.cubic = settings.running_maximum = 1;
+        settings.cubic = 1;
         for (int i = 0; i < m->s.scene.light_count; ++i) m->s.light[i].shadow_map = technique < 0 ? NULL : &settings;
         d.most = 0;
         CHECK(check_render(context, &m->s, pixels_fresh));

@@ -475,6 +475,49 @@ static void test_polygons(void) {
     CHECK(memcmp(image_a, image_b, sizeof image_a) != 0);
 }
 
+/* First collisions on a ray through a soft ball and an even one that overlap: how many lie before some places, and in
+   how many it is the soft one. Truth is summed along the ray: the probability of none so far is exp(-depth). With N
+   draws, a fraction p has a standard error of sqrt(p (1 - p) / N). */
+static void test_collisions(void) {
+    enum { DRAWS = 20000, STEPS = 20000, PLACES = 4 };
+    static spsi_frame frame;
+    static spsi_content content;
+    static spsi_marcher marcher;
+    static const sps_particle balls[2] = {{{0, 0, 5}, 2, 2.5f}, {{0.3f, 0, 6}, 1.5f, 1}};
+    static const double places[PLACES] = {4, 5, 6, 7};
+    spsi_tree_node leaf = {{-9, -9, -9}, {9, 9, 9}, 0, 2};
+    int order[2] = {0, 1}, before[PLACES] = {0}, soft = 0;
+    double passes = 1, wanted[PLACES] = {0}, wanted_soft = 0;
+    uint64_t random = 7;
+    content.particles = balls;
+    content.set_ends[0] = 1, content.set_ends[1] = 2;
+    frame.content = &content;
+    frame.particles.set_count = 2;
+    frame.particles.sets[0].soft = 1;
+    marcher.frame = &frame;
+    marcher.particles.nodes = &leaf, marcher.particles.order = order, marcher.particles.count = 2;
+    for (int i = 0; i < DRAWS; ++i) {
+        spsi_ray ray = {{0.8, 0.5, 0}, {0, 0, 1}, 0, HUGE_VAL};
+        int part = -1;
+        spsi_path_through_particles(&marcher, &ray, &random, &part);
+        for (int k = 0; k < PLACES; ++k) before[k] += part >= 0 && ray.high < places[k];
+        soft += part == 0;
+    }
+    for (int i = 0; i < STEPS; ++i) {
+        const double h = 9.0 / STEPS, z = (i + 0.5) * h;
+        const double r2 = (0.64 + 0.25 + (z - 5) * (z - 5)) / 4;
+        const double s2 = ((0.8 - (double)0.3f) * (0.8 - (double)0.3f) + 0.25 + (z - 6) * (z - 6)) / 2.25;
+        const double first = 2.5 / (4.0 / 3 * 2) * fmax(0, 1 - r2), second = s2 < 1 ? 1.0 / (2 * 1.5) : 0;
+        const double ends = passes * -expm1(-h * (first + second));
+        for (int k = 0; k < PLACES; ++k) wanted[k] += z < places[k] ? ends : 0;
+        if (first > 0) wanted_soft += ends * first / (first + second);
+        passes -= ends;
+    }
+    for (int k = 0; k < PLACES; ++k)
+        CHECK_NEAR((double)before[k] / DRAWS, wanted[k], 5 * sqrt(wanted[k] * (1 - wanted[k]) / DRAWS));
+    CHECK_NEAR((double)soft / DRAWS, wanted_soft, 5 * sqrt(wanted_soft * (1 - wanted_soft) / DRAWS));
+}
+
 /* Balls that lie twice in the same places, once white and once black, each of half the depth, are grey ones; so are the
    voxels of two such volumes. */
 static void test_shared(void) {
@@ -685,6 +728,7 @@ int main(void) {
     RUN(test_flame_above_floor);
     RUN(test_exchanged);
     RUN(test_polygons);
+    RUN(test_collisions);
     RUN(test_shared);
     RUN(test_seeds);
     RUN(test_regions);

@@ -455,25 +455,23 @@ static void test_shadow_of_an_earlier_chunk(void) {
     check_free_triangles(&triangles);
 }
 
-/* The patches of a tile that a box touches, including the margin, one by one. */
+/* The patches of a tile that a box touches, one by one. */
 static void test_patches(void) {
     check_random random = {7};
     for (int n = 0; n < 2000; ++n) {
-        const int margin = n % 2;
         uint64_t patches = 0;
         int box[4];
         spsi_tile tile;
         memset(&tile, 0, sizeof tile);
-        tile.x0 = 128 - margin;
-        tile.y0 = 64 - margin;
-        tile.margin = margin;
+        tile.x0 = 128;
+        tile.y0 = 64;
         for (int k = 0; k < 2; ++k) {
             const int corner = k == 0 ? 128 : 64;
             box[k] = corner + (int)(check_next(&random) * SPSI_TILE_WIDTH);
             box[k + 2] = box[k] + (int)(check_next(&random) * (corner + SPSI_TILE_WIDTH - box[k]));
         }
-        for (int y = box[1] - margin; y <= box[3] + margin; ++y)
-            for (int x = box[0] - margin; x <= box[2] + margin; ++x) {
+        for (int y = box[1]; y <= box[3]; ++y)
+            for (int x = box[0]; x <= box[2]; ++x) {
                 const int column = (int)fmin(fmax(x - 128, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH;
                 const int row = (int)fmin(fmax(y - 64, 0), SPSI_TILE_HEIGHT - 1) / SPSI_PATCH;
                 patches |= UINT64_C(1) << (8 * row + column);

@@ -650,28 +650,21 @@ static void test_revision(void) {
     }
 }
 
-/* Minimum depths about the cells of a depth map of 20 x 13 cells: in the neighbours, and in those up to 8 cells away.
- */
+/* Minimum depths about the cells of a depth map of 20 x 13 cells, of which the second part is of each alone. */
 static void test_depth_map_cells(void) {
     enum { COLUMNS = 20, ROWS = 13, CELLS = COLUMNS * ROWS };
     check_random random = {8};
-    float memory[2 * CELLS], alone[CELLS];
-    spsi_depth_map map;
-    memset(&map, 0, sizeof map);
-    map.rays[0].height = ROWS * SPSI_CELL - 3;
-    map.cells[0] = COLUMNS;
-    map.nearest[0] = memory;
-    for (int i = 0; i < CELLS; ++i) memory[CELLS + i] = alone[i] = (float)check_next(&random);
-    spsi_depth_map_spread(&map, 0, memory + CELLS);
-    for (int far_off = 0; far_off < 2; ++far_off)
-        for (int i = 0; i < CELLS; ++i) {
-            const int reach = far_off ? 8 : 1;
-            float least = 1;
-            for (int k = 0; k < CELLS; ++k)
-                if (abs(k % COLUMNS - i % COLUMNS) <= reach && abs(k / COLUMNS - i / COLUMNS) <= reach)
-                    least = alone[k] < least ? alone[k] : least;
-            CHECK(memory[far_off * CELLS + i] == least);
-        }
+    float memory[2 * CELLS];
+    const float *alone = memory + CELLS;
+    for (int i = 0; i < CELLS; ++i) memory[CELLS + i] = (float)check_next(&random);
+    spsi_cells_spread(memory, COLUMNS, ROWS);
+    for (int i = 0; i < CELLS; ++i) {
+        float least = 1;
+        for (int k = 0; k < CELLS; ++k)
+            if (abs(k % COLUMNS - i % COLUMNS) <= 1 && abs(k / COLUMNS - i / COLUMNS) <= 1)
+                least = alone[k] < least ? alone[k] : least;
+        CHECK(memory[i] == least);
+    }
 }
 
 int main(void) {

@@ -872,7 +872,7 @@ static void test_translucent(void) {
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
         for (int n = 0; n < 3; ++n) {
             static const double transmittance[3] = {0.5, 0.25, 1}, passes[3] = {0.5, 0.0625, 1};
-            const int keeps_ends = technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COSINE;
+            const int keeps_ends = technique != SPS_TMAP_DEPTH;
             const double t = passes[n];
             fixture f;
             sps_tmap *map;
@@ -1067,7 +1067,7 @@ static void test_techniques(void) {
             deep = must_build(&f, context);
             f.settings.technique = (sps_tmap_technique)technique;
             f.settings.epsilon = epsilon;
-            if (n >= TECHNIQUES + 2) f.settings.cubic = f.settings.texel_range = f.settings.running_maximum = 1;
+            if (n >= TECHNIQUES + 2) f.settings.cubic = f.settings.texel_range = 1;
             map = must_build(&f, context);
             if (map && deep) check_technique(map, deep, epsilon > 0 ? epsilon : 0.01f);
             sps_tmap_destroy(map);
@@ -1130,12 +1130,12 @@ static void begin_cut(fixture *f, int way, int technique, double depth) {
    intervals are floats, and so is u: depths are accurate to 1e-6 of the total, at most 9.6, and where an interval may
    begin before or behind, to its depth within U of a range of 16.5, 1.5 U 16.5 / (2 0.75) of it. */
 static void test_cut_particles(void) {
-    static const int techniques[7] = {SPS_TMAP_COMPRESSED, SPS_TMAP_COMPRESSED, SPS_TMAP_OPACITY, SPS_TMAP_DEEP_OPACITY,
-                                      SPS_TMAP_MOMENT,     SPS_TMAP_MOMENT,     SPS_TMAP_MOMENT};
-    static const int components[7] = {0, 0, 16, 16, 5, 7, 9};
+    static const int techniques[6] = {SPS_TMAP_COMPRESSED,   SPS_TMAP_COMPRESSED, SPS_TMAP_OPACITY,
+                                      SPS_TMAP_DEEP_OPACITY, SPS_TMAP_MOMENT,     SPS_TMAP_MOMENT};
+    static const int components[6] = {0, 0, 16, 16, 5, 7};
     static const int ways[3] = {ORTHO, SPOT, ROUND};
     sps_context *context = sps_create(NULL, NULL);
-    for (int n = 0; n < 3 * 3 * 7; ++n) {
+    for (int n = 0; n < 3 * 3 * 6; ++n) {
         const double depth = n % 3 == 0 ? 0.3 : n % 3 == 1 ? 3 : 40;
         const int way = ways[n / 3 % 3], which = n / 9;
         fixture f;
@@ -1184,7 +1184,7 @@ static void test_cut_sums(void) {
         deep = must_build(&f, context);
         f.settings.technique = moments ? SPS_TMAP_MOMENT : SPS_TMAP_FOURIER;
         f.settings.texel_range = n / 2 == 2;
-        f.settings.components = moments ? 9 : 2 * HARMONICS + 1 + 2 * f.settings.texel_range;
+        f.settings.components = moments ? 7 : 2 * HARMONICS + 1 + 2 * f.settings.texel_range;
         map = must_build(&f, context);
         for (int texel = 0; texel < SIDE * SIDE && map && deep; ++texel) {
             const int range = f.settings.texel_range;
@@ -1409,7 +1409,7 @@ static void test_seams_of_fine_particles(void) {
 }
 
 static void test_seams(void) {
-    static const double slack[TECHNIQUES + 1] = {0, 1e-3, 1e-3, 0, 1e-3, 1e-3, 2e-3, 1e-3, 1e-2, 1e-3, 1e-3};
+    static const double slack[TECHNIQUES + 1] = {0, 1e-3, 1e-3, 0, 1e-3, 1e-3, 2e-3, 1e-2, 1e-3, 1e-3};
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique) {
         fixture f;
@@ -1515,9 +1515,8 @@ static void test_bytes(void) {
 /* Maps made from lists, half of them empty: if lists are kept, the map has exactly their size, however they grew from
    band to band of 64 rows; if not, an empty texel has the same size as the others. */
 static void test_bytes_of_half_empty_maps(void) {
-    static const int techniques[5] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_DEPTH, SPS_TMAP_COSINE,
-                                      SPS_TMAP_ADAPTIVE};
-    for (int n = 0; n < 15; ++n) {
+    static const int techniques[4] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_DEPTH, SPS_TMAP_ADAPTIVE};
+    for (int n = 0; n < 12; ++n) {
         const int technique = techniques[n / 3], half = n % 3; /* upper, lower, neither */
         const size_t item = technique == SPS_TMAP_DEEP ? sizeof(spsi_interval) : sizeof(spsi_node);
         enum { TALL = 200, TEXELS = TALL * TALL };
@@ -1560,8 +1559,8 @@ static void test_bytes_of_half_empty_maps(void) {
 /* A budget reduces a default number of components step by step, down to the technique's minimum, and reserves room for
    surfaces, which are not known yet, if possible; an explicit number is not changed. */
 static void test_budget_of_components(void) {
-    static const int least[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 3, 3, 2, 5, 4, 3},
-                                        step[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 1, 2, 1, 2, 2, 1};
+    static const int least[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 3, 3, 5, 4, 3},
+                                        step[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 1, 2, 2, 2, 1};
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEPTH; technique <= TECHNIQUES; ++technique)
         for (int ranged = 0; ranged < (technique == SPS_TMAP_FOURIER ? 2 : 1); ++ranged) {
@@ -1782,18 +1781,16 @@ static void test_settings(void) {
                   {"settings.components is 2; a deep opacity map has 3, 4 .. 65", SPS_TMAP_DEEP_OPACITY, 2},
                   {"settings.components is 6; a Fourier map has 3, 5 .. 65", SPS_TMAP_FOURIER, 6},
                   {"settings.components is 67; a Fourier", SPS_TMAP_FOURIER, 67},
-                  {"settings.components is 65; a cosine map has 2, 3 .. 64", SPS_TMAP_COSINE, 65},
-                  {"settings.components is 6; a moment map has 5, 7 .. 9", SPS_TMAP_MOMENT, 6},
-                  {"settings.components is 11; a moment", SPS_TMAP_MOMENT, 11},
+                  {"settings.components is 6; a moment map has 5 or 7", SPS_TMAP_MOMENT, 6},
+                  {"settings.components is 9; a moment", SPS_TMAP_MOMENT, 9},
                   {"settings.components is 5; an adaptive map has 4, 6 .. 64", SPS_TMAP_ADAPTIVE, 5},
                   {"settings.components is 4; a Beer map has 3", SPS_TMAP_BEER, 4},
                   {"settings.components is 2; a deep opacity map has 3, 4 .. 65", SPS_TMAP_DEFAULT, 2}};
     static const char *const texts[] = {
-        "settings.technique is 12", "settings.technique is 15",  "settings.window is 3",
-        "settings.epsilon is 0.51", "settings.epsilon is nan",   "settings.surface_bias is -1",
-        "settings.start_canary is", "settings.end_canary is",    "settings.far_depth is 0",
-        "settings.far_depth is 2",  "settings.near_depth is -1", "settings.far_depth is 2e+15",
-        "settings.far_depth is nan"};
+        "settings.technique is 11",  "settings.technique is 15",    "settings.epsilon is 0.51",
+        "settings.epsilon is nan",   "settings.surface_bias is -1", "settings.start_canary is",
+        "settings.end_canary is",    "settings.far_depth is 0",     "settings.far_depth is 2",
+        "settings.near_depth is -1", "settings.far_depth is 2e+15", "settings.far_depth is nan"};
     for (size_t i = 0; i < sizeof counts / sizeof *counts; ++i) {
         fixture f;
         begin(&f, counts[i].technique);
@@ -1805,14 +1802,13 @@ static void test_settings(void) {
         begin(&f, SPS_TMAP_FOURIER);
         if (i == 0) f.settings.technique = (sps_tmap_technique)(SPS_TMAP_TABLE + 1);
         if (i == 1) f.settings.technique = (sps_tmap_technique)15;
-        if (i == 2) f.settings.window = (sps_tmap_window)3;
-        if (i == 3) f.settings.epsilon = 0.51f;
-        if (i == 4) f.settings.epsilon = (float)(HUGE_VAL - HUGE_VAL);
-        if (i == 5) f.settings.surface_bias = -1;
-        if (i == 6) f.settings.start_canary = 1;
-        if (i == 7) f.settings.end_canary = 1;
-        if (i >= 8) f.settings.far_depth = i == 8 ? 0 : i == 11 ? 2e15 : i == 12 ? HUGE_VAL - HUGE_VAL : 2;
-        if (i == 9 || i == 10) f.settings.near_depth = i == 9 ? 2 : -1;
+        if (i == 2) f.settings.epsilon = 0.51f;
+        if (i == 3) f.settings.epsilon = (float)(HUGE_VAL - HUGE_VAL);
+        if (i == 4) f.settings.surface_bias = -1;
+        if (i == 5) f.settings.start_canary = 1;
+        if (i == 6) f.settings.end_canary = 1;
+        if (i >= 7) f.settings.far_depth = i == 7 ? 0 : i == 10 ? 2e15 : i == 11 ? HUGE_VAL - HUGE_VAL : 2;
+        if (i == 8 || i == 9) f.settings.near_depth = i == 8 ? 2 : -1;
         check_refused(&f, texts[i]);
     }
     {
@@ -2038,7 +2034,7 @@ static void test_company(void) {
         fixture f;
         begin_mixed(&f, technique);
         if (round) see(&f, ROUND, 2 * SIDE);
-        f.settings.cubic = f.settings.texel_range = f.settings.running_maximum = variant;
+        f.settings.cubic = f.settings.texel_range = variant;
         map = must_build(&f, context);
         for (int i = 0; i < 3 * POINTS; ++i) points[i] = 14 * check_next(&random) - 7;
         if (map) {
@@ -2280,16 +2276,15 @@ AT(components, 68);
 AT(has_range, 72);
 AT(has_planes, 76);
 AT(cubic, 80);
-AT(running_maximum, 84);
-AT(has_surfaces, 88);
-AT(width, 92);
-AT(height, 96);
-AT(near_depth, 100);
-AT(far_depth, 104);
-AT(bias, 108);
-AT(bias_per_distance, 112);
-AT(face, 116);
-AT(face_count, 120);
+AT(has_surfaces, 84);
+AT(width, 88);
+AT(height, 92);
+AT(near_depth, 96);
+AT(far_depth, 100);
+AT(bias, 104);
+AT(bias_per_distance, 108);
+AT(face, 112);
+AT(face_count, 116);
 typedef char size_of_constants[sizeof(sps_tmap_constants) == 128 ? 1 : -1];
 
 static void check_row(const float row[4], const double exact[4]) {
@@ -2308,7 +2303,7 @@ static void test_constants(void) {
         see(&f, n % 4 == 3 ? ROUND : n % 4 == 2 ? ORTHO : SPOT_TURNED, SIDE);
         f.settings.near_depth = 0.25;
         if (technique == SPS_TMAP_OPACITY && n % 2) f.settings.planes = planes, f.settings.components = 6;
-        f.settings.cubic = n % 4 == 1, f.settings.running_maximum = n == 5, f.settings.texel_range = n == 6;
+        f.settings.cubic = n % 4 == 1, f.settings.texel_range = n == 6;
         if (n == 2) f.s.scene.mesh_count = 0;
         map = must_build(&f, context);
         for (int face = 0; face < (n % 4 == 3 ? 6 : 1) && map; ++face) {
@@ -2322,9 +2317,9 @@ static void test_constants(void) {
             CHECK_NEAR((double)c.bias_per_distance, bias[1], 6e-8 * bias[1]);
             CHECK(c.technique == technique && c.components == map->settings.components);
             CHECK(c.has_planes == (technique == SPS_TMAP_OPACITY && n % 2) && c.cubic == (n % 4 == 1));
-            CHECK(c.running_maximum == (n == 5) && c.has_range == (n == 6) && c.has_surfaces == (n != 2));
+            CHECK(c.has_range == (n == 6) && c.has_surfaces == (n != 2));
             CHECK(c.width == SIDE && c.height == SIDE && c.near_depth == 0.25f && c.far_depth == 20);
-            CHECK(c.face == face && c.face_count == (n % 4 == 3 ? 6 : 1) && c.padding == 0);
+            CHECK(c.face == face && c.face_count == (n % 4 == 3 ? 6 : 1) && c.padding_0 == 0 && c.padding_1 == 0);
         }
         sps_tmap_destroy(map);
         end(&f);
@@ -2830,11 +2825,10 @@ static void test_depths(void) {
         fixture f;
         sps_tmap *map;
         begin(&f, technique);
-        f.settings.window = SPS_TMAP_WINDOW_FEJER;
         add(&f, 0, 0, 0, 1, 2, depths[n % 5]);
         add(&f, 1, 0, 0, -1, 2, 0);
         map = must_build(&f, context);
-        if (technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COSINE && technique != SPS_TMAP_COMPRESSED &&
+        if (technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COMPRESSED &&
             (technique != SPS_TMAP_ADAPTIVE || exact > 1e-4)) /* T is a float: 6e-8 of depth */
             CHECK_NEAR(query(map, 0, 0, -10), technique == SPS_TMAP_ADAPTIVE && exact > 100 ? DARK : exact,
                        (technique == SPS_TMAP_ADAPTIVE ? 2e-4 : 2e-6) * exact);
@@ -2890,7 +2884,7 @@ static void test_ranges(void) {
             static const double ranges[5][2] = {
                 {10, 1 + 1e-12}, {0.1, 5}, {100, 2}, {12, 1 + 1e-12}, {1e-3, 1 + 1e-12}};
             const double near_depth = ranges[n][0], far_depth = near_depth * ranges[n][1];
-            const int exact_at_the_ends = technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COSINE;
+            const int exact_at_the_ends = technique != SPS_TMAP_DEPTH;
             fixture f;
             sps_tmap *map;
             begin(&f, technique);
@@ -3194,7 +3188,7 @@ static void test_map_against_sheets(void) {
 /* Every technique makes an image, and those that keep most detail come close to the deep map's. A depth map rounds T to
    0 or 1, which is 12^-1/2 rms if T is uniformly distributed. */
 static void test_pictures(void) {
-    static const double error[TECHNIQUES + 1] = {0, 0, 4e-3, 0.29, 2e-2, 1e-2, 3e-2, 1e-2, 2e-2, 4e-3, 5e-2};
+    static const double error[TECHNIQUES + 1] = {0, 0, 4e-3, 0.29, 2e-2, 1e-2, 3e-2, 2e-2, 4e-3, 5e-2};
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique) {
         picture p;
@@ -3560,7 +3554,7 @@ static void test_picture_settings_are_copied(void) {
 
 /* A light's invalid settings, and a mesh's transmittance, are refused by name. */
 static void test_picture_refusals(void) {
-    static const char *const texts[] = {"light[0].shadow_map.technique is 12",
+    static const char *const texts[] = {"light[0].shadow_map.technique is 11",
                                         "light[0].shadow_map.components is 2",
                                         "light[0].shadow_map_omnidirectional is 1",
                                         "light[0].shadow_map.far_depth is 3",
@@ -3615,9 +3609,8 @@ static double half_blob(const void *user, const double p[3]) { return p[0] > 0 ?
    have room beside them; lists themselves and what is fitted to them are not planned. Six faces around a light, so that
    the map has the requested size; half of the gas is empty. */
 static void test_planned_lists(void) {
-    static const int techniques[5] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_DEPTH, SPS_TMAP_COSINE,
-                                      SPS_TMAP_ADAPTIVE};
-    for (int n = 0; n < 10; ++n) {
+    static const int techniques[4] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_DEPTH, SPS_TMAP_ADAPTIVE};
+    for (int n = 0; n < 8; ++n) {
         const int technique = techniques[n / 2], side = n % 2 ? 90 : 64, lists = technique <= SPS_TMAP_COMPRESSED;
         const size_t texels = 6 * (size_t)(side * side);
         size_t held, planned;

@@ -53,10 +53,9 @@ precision highp int;
 #define TMAP_OPACITY      4
 #define TMAP_DEEP_OPACITY 5
 #define TMAP_FOURIER      6
-#define TMAP_COSINE       7
-#define TMAP_MOMENT       8
-#define TMAP_ADAPTIVE     9
-#define TMAP_BEER         10
+#define TMAP_MOMENT       7
+#define TMAP_ADAPTIVE     8
+#define TMAP_BEER         9
 
 /* What has to be known about a map, in the layout of a std140 block and of a constant buffer: sps_tmap_get_constants
    fills the same 128 bytes. */
@@ -65,13 +64,13 @@ struct tmap {
     int technique_id, components;
     int has_range;  /* 1: a deep opacity map, or texel_range is set */
     int has_planes; /* 1: planes is not NULL */
-    int cubic, running_maximum;
+    int cubic;
     int has_surfaces;  /* 1: sps_tmap_surfaces is not NULL */
     int width, height; /* texels of a face */
     float near_depth, far_depth;
     float bias, bias_per_distance; /* of surfaces */
     int face, face_count;          /* the face that the rows are for */
-    int padding;
+    int padding_0, padding_1;
     TMAP_ARRAYS
 };
 
@@ -152,31 +151,15 @@ TMAP_FUNCTION float tmap_cubic_depth(tmap map, int first, int n, float u) {
     return tmap_clamp(tmap_mix(b.y, c.y, t) + t * (1.0f - t) * (c.x - b.x) * bend, b.y, c.y);
 }
 
-/* Fourier series of extinction, integrated up to u. */
-TMAP_FUNCTION float tmap_fourier_series(tmap map, int first, int n, float u) {
-    float sum = 0.5f * TMAP_TEXEL(map, first) * u;
+/* Fourier series of extinction, integrated up to u: no less than nothing and no more than all. */
+TMAP_FUNCTION float tmap_fourier_depth(tmap map, int first, int n, float u) {
+    float whole = 0.5f * TMAP_TEXEL(map, first), sum = whole * u;
     for (int k = 1; 2 * k < n; ++k) {
         float w = 6.28318531f * tmap_float(k);
         float a = TMAP_TEXEL(map, first + 2 * k - 1), b = TMAP_TEXEL(map, first + 2 * k);
         sum += (a * sinf(w * u) + b * (1.0f - cosf(w * u))) / w;
     }
-    return sum;
-}
-
-/* No less than nothing and no more than all; with running_maximum, no less than anywhere before u. */
-TMAP_FUNCTION float tmap_fourier_depth(tmap map, int first, int n, float u) {
-    float most = tmap_fourier_series(map, first, n, u);
-    int samples = map.running_maximum != 0 ? 2 * (n - 1) : 0;
-    for (int i = 1; tmap_float(i) < u * tmap_float(samples); ++i)
-        most = fmaxf(most, tmap_fourier_series(map, first, n, tmap_float(i) / tmap_float(samples)));
-    return tmap_clamp(most, 0.0f, 0.5f * TMAP_TEXEL(map, first));
-}
-
-/* Cosine series of transmittance. Below exp(-16) it holds rounding errors only. */
-TMAP_FUNCTION float tmap_cosine_depth(tmap map, int first, int n, float u) {
-    float sum = TMAP_TEXEL(map, first);
-    for (int k = 1; k < n; ++k) sum += TMAP_TEXEL(map, first + k) * cosf(3.14159265f * tmap_float(k) * u);
-    return -logf(tmap_clamp(sum, 1.12535e-7f, 1.0f));
+    return tmap_clamp(sum, 0.0f, whole);
 }
 
 /* Beer: where gas begins, optical depth per u from there on, optical depth of all. */
@@ -233,37 +216,36 @@ TMAP_FUNCTION float tmap_deep_depth(tmap map, int texel, float u) {
    belong to the distribution of few points, one of them at u, that has the given moments [Muenstermann et al. 2018]. In
    floats transmittance is good to about 1e-3; the library works in double precision. */
 
-/* Up to five numbers: values of polynomials, coefficients from the constant one on, or roots. */
+/* Up to four numbers: values of polynomials, coefficients from the constant one on, or roots. */
 struct tmap_numbers {
     int count;
-    float x[5];
+    float x[4];
 };
 
-/* A lower triangular matrix of `size` rows; row i begins at 5 i. */
+/* A lower triangular matrix of `size` rows; row i begins at 4 i. */
 struct tmap_triangle {
     int size;
-    float x[25];
+    float x[16];
 };
 
 /* Moment k of the wide distribution that is mixed in to keep the matrix regular in spite of rounding. */
 TMAP_FUNCTION float tmap_wide_moment(int n, int k) {
     if (k % 2 == 1) return 0.0f;
     if (n == 5) return 0.375f;
-    if (n == 7) return k == 2 ? 0.48f : k == 4 ? 0.451f : 0.45f;
-    return k == 2 ? 0.75f : k == 4 ? 0.676666667f : k == 6 ? 0.63f : 0.600303030f;
+    return k == 2 ? 0.48f : k == 4 ? 0.451f : 0.45f;
 }
 
 /* Cholesky factor of the matrix whose element i, j is moment i + j. */
 TMAP_FUNCTION tmap_triangle tmap_moment_factor(tmap map, int first, int n) {
     tmap_triangle f;
-    float bias = n == 5 ? 5e-7f : n == 7 ? 5e-6f : 5e-5f;
+    float bias = n == 5 ? 5e-7f : 5e-6f;
     f.size = (n + 1) / 2;
     for (int i = 0; i < f.size; ++i)
         for (int j = 0; j <= i; ++j) {
             int k = i + j;
             float sum = k == 0 ? 1.0f : tmap_mix(TMAP_TEXEL(map, first + k), tmap_wide_moment(n, k), bias);
-            for (int l = 0; l < j; ++l) sum -= f.x[5 * i + l] * f.x[5 * j + l];
-            f.x[5 * i + j] = i == j ? sqrtf(fmaxf(sum, 1e-7f)) : sum / f.x[5 * j + j];
+            for (int l = 0; l < j; ++l) sum -= f.x[4 * i + l] * f.x[4 * j + l];
+            f.x[4 * i + j] = i == j ? sqrtf(fmaxf(sum, 1e-7f)) : sum / f.x[4 * j + j];
         }
     return f;
 }
@@ -275,8 +257,8 @@ TMAP_FUNCTION tmap_numbers tmap_moment_polynomials(tmap_triangle f, float z) {
     p.count = f.size;
     for (int i = 0; i < f.size; ++i) {
         float sum = power;
-        for (int k = 0; k < i; ++k) sum -= f.x[5 * i + k] * p.x[k];
-        p.x[i] = sum / f.x[5 * i + i];
+        for (int k = 0; k < i; ++k) sum -= f.x[4 * i + k] * p.x[k];
+        p.x[i] = sum / f.x[4 * i + i];
         power *= z;
     }
     return p;
@@ -294,18 +276,15 @@ TMAP_FUNCTION float tmap_moment_weight(tmap_triangle f, float z) {
 TMAP_FUNCTION tmap_numbers tmap_moment_kernel(tmap_triangle f, float z) {
     tmap_numbers c = tmap_moment_polynomials(f, z);
     for (int i = f.size - 1; i >= 0; --i) {
-        for (int k = i + 1; k < f.size; ++k) c.x[i] -= f.x[5 * k + i] * c.x[k];
-        c.x[i] /= f.x[5 * i + i];
+        for (int k = i + 1; k < f.size; ++k) c.x[i] -= f.x[4 * k + i] * c.x[k];
+        c.x[i] /= f.x[4 * i + i];
     }
     return c;
 }
 
-/* c, differentiated `order` times. */
-TMAP_FUNCTION tmap_numbers tmap_derivative(tmap_numbers c, int order) {
-    for (int turn = 0; turn < order; ++turn) {
-        c.count -= 1;
-        for (int i = 0; i < c.count; ++i) c.x[i] = tmap_float(i + 1) * c.x[i + 1];
-    }
+TMAP_FUNCTION tmap_numbers tmap_derivative(tmap_numbers c) {
+    c.count -= 1;
+    for (int i = 0; i < c.count; ++i) c.x[i] = tmap_float(i + 1) * c.x[i + 1];
     return c;
 }
 
@@ -330,7 +309,7 @@ TMAP_FUNCTION tmap_numbers tmap_quadratic_roots(tmap_numbers c) {
 
 /* The root between a and b, by Newton's method with bisection where a step leaves the bracket. */
 TMAP_FUNCTION float tmap_root_between(tmap_numbers c, float a, float b) {
-    tmap_numbers slope = tmap_derivative(c, 1);
+    tmap_numbers slope = tmap_derivative(c);
     float end = tmap_polynomial(c, b), x = 0.5f * (a + b);
     for (int i = 0; i < 32; ++i) {
         float value = tmap_polynomial(c, x), next = x - value / tmap_polynomial(slope, x);
@@ -345,18 +324,14 @@ TMAP_FUNCTION float tmap_root_between(tmap_numbers c, float a, float b) {
     return x;
 }
 
-/* Roots of a polynomial of degree 2, 3 or 4, all real: the roots of its derivative separate them. */
+/* Roots of a polynomial of degree 2 or 3, all real: the roots of its derivative separate those of a cubic. */
 TMAP_FUNCTION tmap_numbers tmap_moment_roots(tmap_numbers c) {
-    tmap_numbers roots = tmap_quadratic_roots(tmap_derivative(c, c.count - 3));
-    for (int order = c.count - 4; order >= 0; --order) {
-        tmap_numbers inner = roots, d = tmap_derivative(c, order);
-        roots.count = inner.count + 1;
-        for (int i = 0; i < roots.count; ++i) {
-            float a = i > 0 ? inner.x[tmap_clamp_int(i - 1, 0, 4)] : -100.0f;
-            float b = i < inner.count ? inner.x[i] : 100.0f;
-            roots.x[i] = tmap_root_between(d, a, b);
-        }
-    }
+    if (c.count == 3) return tmap_quadratic_roots(c);
+    tmap_numbers roots, inner = tmap_quadratic_roots(tmap_derivative(c));
+    roots.count = 3;
+    roots.x[0] = tmap_root_between(c, -100.0f, inner.x[0]);
+    roots.x[1] = tmap_root_between(c, inner.x[0], inner.x[1]);
+    roots.x[2] = tmap_root_between(c, inner.x[1], 100.0f);
     return roots;
 }
 
@@ -380,7 +355,6 @@ TMAP_FUNCTION float tmap_gas_depth(tmap map, int texel, float u) {
     if (map.technique_id == TMAP_DEEP) return tmap_deep_depth(map, texel, u);
     if (map.technique_id == TMAP_COMPRESSED) return tmap_compressed_depth(map, texel, u);
     if (map.technique_id == TMAP_DEPTH) return tmap_step_depth(map, first, u);
-    if (map.technique_id == TMAP_COSINE) return tmap_cosine_depth(map, first, n, u);
     if (map.technique_id == TMAP_MOMENT) return tmap_moment_depth(map, first, n, u);
     if (map.technique_id == TMAP_ADAPTIVE) return tmap_adaptive_depth(map, first, n, u);
     if (map.technique_id == TMAP_BEER) return tmap_beer_depth(map, first, u);

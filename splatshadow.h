@@ -4572,7 +4572,7 @@ typedef struct spsi_flight_node {
     spsi_emitter sum;
     float reach; /* radius of a ball about the emitters */
     float breadth; /* diameter of the sum, up to four times as much where it is dense: its sides differ */
-    float depth[3][SPSI_FLIGHT_WAYS]; /* of its own gas on the ways out of that ball, by channel and direction */
+    float leaves[3][SPSI_FLIGHT_WAYS]; /* fraction of what is sent that leaves that ball, by channel and direction */
     int first, count;
 } spsi_flight_node;
 
@@ -4587,7 +4587,7 @@ typedef struct spsi_flights {
     int *order, count; /* order: of emitters, leaf after leaf */
     const spsi_cell_grid *grids;
     int grid_count;
-    float to_cells; /* fraction of what the emitters send to cells: the rest is swept from cell to cell */
+    float to_cells, to_polygons; /* fractions of what the emitters send: the rest is swept from cell to cell */
 } spsi_flights;
 
 #define SPSI_TAP_STEPS     1024 /* places between two voxels for which there are weights, >>taps */
@@ -20969,6 +20969,7 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
         tree.order += most[i];
         tree.nodes += spsi_tree_nodes(most[i]);
         tree.to_cells = 1;
+        tree.to_polygons = i == SPSI_FLIGHTS_SPOTS ? 0.0f : 1.0f; /* polygons do not light each other */
     }
     return SPS_OK;
 }
@@ -21132,7 +21133,7 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
         for (int c = 0; c < 3; ++c) {
             spsi_store(out, passes[c]);
             for (int i = 0; i < lanes; ++i)
-                leaves[c][first + i] += child->sent[c] * out[i] * (own ? expf(-own->depth[c][first + i]) : 1);
+                leaves[c][first + i] += child->sent[c] * out[i] * (own ? own->leaves[c][first + i] : 1);
         }
     }
 }
@@ -21163,7 +21164,7 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
     spsi_flight_node *sum = &flights->nodes[number];
     spsi_emitter below[SPSI_TREE_LEAF];
     const spsi_flight_node *own[SPSI_TREE_LEAF] = {NULL};
-    float leaves[3][SPSI_FLIGHT_WAYS] = {{0}}, depth = 0;
+    float leaves[3][SPSI_FLIGHT_WAYS] = {{0}}, mean = 0;
     int count = node->count;
     memset(sum, 0, sizeof *sum);
     sum->first = node->first;
@@ -21179,9 +21180,9 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
     for (int i = 0; i < count; ++i) spsi_flights_leave(flights, &below[i], own[i], sum, leaves);
     for (int c = 0; c < 3; ++c)
         for (int i = 0; i < SPSI_FLIGHT_WAYS; ++i)
-            sum->depth[c][i] = -logf(fmaxf(leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN), FLT_MIN));
-    for (int i = 0; i < 6; ++i) depth += sum->depth[0][i] / 6;
-    sum->breadth = 2 * sum->sum.radius * (1 + fminf(depth, 3));
+            sum->leaves[c][i] = leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN);
+    for (int i = 0; i < 6; ++i) mean += sum->leaves[0][i] / 6;
+    sum->breadth = 2 * sum->sum.radius * fminf(1 - logf(fmaxf(mean, FLT_MIN)), 4);
 }
 
 /* Builds a tree of its emitters, which are also items of it. Leaves hold their numbers. */
@@ -21257,15 +21258,16 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
     }
 }
 
-/* Optical depth of a node's own gas in a vector of directions, for a channel: the polynomial of degree 4 in the cosines
-   through what is known. share: of the reach, at which the receiver is; to the middle of an even ball, ways are 0.36 as
-   long. */
-static spsi_v spsi_flight_depth(const spsi_flight_node *node, int channel, const spsi_v unit[3], spsi_v share) {
-    spsi_v sum = spsi_set(0), square[3], toward[3];
+/* Fraction of what a node sends that leaves it in a vector of directions, for a channel: the polynomial of degree 4 in
+   the cosines through what is known. share: of the reach, at which the receiver is. To the middle of an even ball, ways
+   are 0.36 as long: T^x is close to the mean of T / (T + x (1 - T)) and 1 - x (1 - T). */
+static spsi_v spsi_flight_leaves(const spsi_flight_node *node, int channel, const spsi_v unit[3], spsi_v share) {
+    const spsi_v one = spsi_set(1);
+    spsi_v sum = spsi_set(0), part, low, square[3], toward[3];
     spsi_m ahead[3];
-    if (!node) return sum;
+    if (!node) return one;
     for (int k = 0; k < 3; ++k) {
-        const float *own = &node->depth[channel][2 * k];
+        const float *own = &node->leaves[channel][2 * k];
         ahead[k] = spsi_less(spsi_set(0), unit[k]);
         square[k] = spsi_mul(unit[k], unit[k]);
         toward[k] = spsi_select(ahead[k], spsi_set(own[1]), spsi_set(own[0]));
@@ -21273,14 +21275,18 @@ static spsi_v spsi_flight_depth(const spsi_flight_node *node, int channel, const
     }
     for (int k = 0; k < 3; ++k) {
         const int next = (k + 1) % 3;
-        const float *own = &node->depth[channel][6 + 4 * k];
-        const spsi_v low = spsi_select(ahead[k], spsi_set(own[1]), spsi_set(own[0]));
-        const spsi_v high = spsi_select(ahead[k], spsi_set(own[3]), spsi_set(own[2]));
-        const spsi_v bulge = spsi_fma(spsi_set(-0.5f), spsi_add(toward[k], toward[next]), spsi_select(ahead[next], high, low));
+        const float *own = &node->leaves[channel][6 + 4 * k];
+        const spsi_v back = spsi_select(ahead[k], spsi_set(own[1]), spsi_set(own[0]));
+        const spsi_v front = spsi_select(ahead[k], spsi_set(own[3]), spsi_set(own[2]));
+        const spsi_v bulge = spsi_fma(spsi_set(-0.5f), spsi_add(toward[k], toward[next]),
+                                      spsi_select(ahead[next], front, back));
         sum = spsi_fma(spsi_mul(spsi_mul(spsi_set(4), square[k]), square[next]), bulge, sum);
     }
-    share = spsi_min(share, spsi_set(1));
-    return spsi_max(spsi_mul(sum, spsi_fma(spsi_mul(share, share), spsi_set(0.64f), spsi_set(0.36f))), spsi_set(0));
+    share = spsi_min(share, one);
+    part = spsi_fma(spsi_mul(share, share), spsi_set(0.64f), spsi_set(0.36f));
+    sum = spsi_clamp(sum, spsi_set(1e-20f), one);
+    low = spsi_div(sum, spsi_fma(part, spsi_sub(one, sum), sum));
+    return spsi_mul(spsi_set(0.5f), spsi_add(low, spsi_fma(part, spsi_sub(sum, one), one)));
 }
 
 /* Length from a node's centre up to which what it hides of itself is known. */
@@ -21404,9 +21410,10 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     if (blocked) spsi_flight_cells_unblocked(job, cells, node, passes);
     for (int c = 0; c < grid->channels; ++c) {
         const spsi_v scale = spsi_set(grid->scale[c]);
-        const spsi_v before = spsi_fma(scale, depth, spsi_flight_depth(flight->node, c, ways.unit, share));
+        const spsi_v before = spsi_mul(scale, depth);
         spsi_v light = spsi_mul(spsi_mul(even, spsi_set(node->sent[c])),
                                 spsi_mean_transmittance(before, spsi_fma(scale, cells->depth, before)));
+        light = spsi_mul(light, spsi_flight_leaves(flight->node, c, ways.unit, share));
         if (blocked) light = spsi_mul(light, passes[c]);
         light = spsi_min(spsi_max(light, zero), spsi_set(SPSI_RADIANCE_MAX));
         cells->sum[c][0] = spsi_add(cells->sum[c][0], light);
@@ -21528,8 +21535,8 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
                 const spsi_v unit[3] = {spsi_set(ways.unit[0][i]), spsi_set(ways.unit[1][i]), spsi_set(ways.unit[2][i])};
                 const float part = ways.length[i] / fmaxf(spsi_flight_reach(flight), FLT_MIN);
                 float own[SPSI_LANES];
-                spsi_store(own, spsi_flight_depth(flight->node, c, unit, spsi_set(part)));
-                irradiance[c] += fmin(share[i] * (double)(flight->emitter->sent[c] * expf(-own[0]) * out[c][i]),
+                spsi_store(own, spsi_flight_leaves(flight->node, c, unit, spsi_set(part)));
+                irradiance[c] += fmin(share[i] * (double)(flights->to_polygons * flight->emitter->sent[c] * own[0] * out[c][i]),
                                       (double)SPSI_RADIANCE_MAX);
             }
     }
@@ -21541,7 +21548,7 @@ static void spsi_flights_irradiance(const spsi_flight_place *place, const spsi_f
     for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
         spsi_flight_list list;
         list.count = 0;
-        if (i != SPSI_FLIGHTS_SPOTS) /* polygons do not light each other */
+        if (trees[i].to_polygons > 0)
             spsi_flights_choose(&trees[i], place->point, 0, place->frame->accuracy.flight_angle, &list);
         for (int n = 0; n < list.count; n += SPSI_LANES)
             spsi_flights_irradiance_of(place, &trees[i], &list, n, irradiance);
@@ -25210,13 +25217,14 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     solver->leaving = memory;
 }
 
-/* Sweeps once more without what glows, which flies to polygons. */
+/* Sweeps once more without what flies to polygons, but not to cells. */
 static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
+    const float cells = job->flights->to_cells, fraction = (job->flights->to_polygons - cells) / (1 - cells);
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
     for (int back = 0; back < 2; ++back) {
         for (size_t at = 0; at < job->grid->count; ++at)
-            if (level->depth[at] > 0) level->sent[at] += (back ? 1 : -1) * emitted[at] / level->depth[at];
+            if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
         if (!back) spsi_cells_sweep_out(job->solver);
     }
 }
@@ -25225,7 +25233,7 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
 static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    if (job->flown && job->wall_light && job->flights->to_cells < 1)
+    if (job->flown && job->wall_light && job->flights->to_polygons > job->flights->to_cells)
         spsi_cells_sweep_rest(job, channel);
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
@@ -25462,12 +25470,15 @@ static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
     glow->depth += fmax(depth * sum / cbrt(squares * sum), sum * all / cells * cbrt(cells));
 }
 
-/* Chooses which fraction of what glows flies to cells: all of it where it fills less than a hundredth of the grid and
-   gas is thin, since directions serve wide sources well, and dense gas hides their rays. */
+/* Chooses which fractions of what glows fly: to cells, all of it where it fills less than a hundredth of the grid and
+   gas is thin, since directions serve wide sources well, and dense gas hides their rays; to polygons, all of it up to a
+   depth of 4, and nothing from 12 on: there, nodes are 15 % too dark. */
 static void spsi_glow_split(const spsi_glow *glow, int scatters, spsi_flights *flights) {
-    const double sum = glow->sum > 0 ? glow->sum : 1;
+    const double sum = glow->sum > 0 ? glow->sum : 1, depth = glow->depth / sum;
     const double alone = fmax(0, fmin(log(fmax(glow->parts / sum, 1) / 32) / log(4), 1));
-    flights->to_cells = scatters ? (float)(alone * fmax(0, fmin(2 - glow->depth / (2 * sum), 1))) : 1;
+    const double bare = fmax(0, fmin(1.5 - depth / 8, 1));
+    flights->to_cells = (float)(scatters ? alone * fmax(0, fmin(2 - depth / 2, 1)) : bare);
+    flights->to_polygons = (float)fmax((double)flights->to_cells, bare);
 }
 
 /* Sets up a grid's job, and fills it. */

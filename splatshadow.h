@@ -4580,17 +4580,24 @@ typedef struct spsi_cell_grid {
    mean over all directions: gas has no axis, a polygon its normal. */
 typedef struct spsi_emitter {
     float at[3], radius; /* relative to the tree's centre */
-    float sent[3];       /* mean radiance times area, by channel */
+    float sent[3];       /* mean radiance times area that leaves it, by channel */
     float axis[3];
+    float clear; /* beyond the radius, cells hold gas of its own, which is not in its way */
 } spsi_emitter;
+
+#define SPSI_FLIGHT_WAYS 18 /* directions: toward the faces and edges of a cube */
 
 /* Emitters, or two nodes: children first and first + 1 if count is 0. */
 typedef struct spsi_flight_node {
     spsi_emitter sum;
+    float reach; /* radius of a ball about the emitters */
+    float breadth; /* diameter of the sum, up to four times as much where it is dense: its sides differ */
+    float leaves[3][SPSI_FLIGHT_WAYS]; /* fraction of what is sent that leaves that ball, by channel and direction */
     int first, count;
 } spsi_flight_node;
 
-/* Trees of emitters: what glows, what gas scatters of narrow beams, and what polygons reflect of them. */
+/* Trees of emitters: what glows; dense particles, and what gas scatters of narrow beams; and what polygons reflect of
+   these. */
 enum { SPSI_FLIGHTS_GLOW, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHT_TREES };
 
 typedef struct spsi_flights {
@@ -4645,6 +4652,7 @@ typedef struct spsi_content {
     const sps_particle *particles; /* of all sets, except for empty ones, >>gather */
     int particle_count;            /* length of `particles`; 0 until they are read */
     int set_ends[SPSI_SETS_MAX];   /* the end of each set in `particles`; the next one begins there */
+    float flies[SPSI_MATERIALS_MAX]; /* by material: fraction of its glow that cells never carry, >>flights */
     double particle_radius;        /* geometric mean of the radii */
     double particle_spread;        /* root mean square distance of the particles from their mean */
     double particle_extinction;    /* mean of their gas, in a particle or where they overlap, whichever is larger */
@@ -20549,26 +20557,74 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 #define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
 #define SPSI_FLIGHT_STEP   0.5f  /* length of a step per distance from the nearer end; at least a cell's edge */
 
+/* Whether a light may be a narrow beam, which cells are too wide for. */
+static int spsi_lamp_has_beam(const spsi_lamp *lamp) {
+    return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.1;
+}
+
+/* Whether anything sends first flights: what glows, or narrow beams. */
+static int spsi_cells_fly(const spsi_frame *frame) {
+    int narrow = 0;
+    for (int i = 0; i < frame->lamps.count; ++i) narrow |= spsi_lamp_has_beam(&frame->lamps.list[i]);
+    return (frame->matter.emits && (frame->matter.scatters || frame->meshes.count > 0)) ||
+           (narrow && frame->matter.scatters);
+}
+
 /* --- emitters --- */
 
-static const double spsi_no_axis[3] = {0, 0, 0};
+/* The cell that holds a point, or the nearest one. Returns 0 if the point is outside. */
+static int spsi_cell_holding(const spsi_cell_grid *grid, const double point[3], size_t *at) {
+    int inside = 1;
+    *at = 0;
+    for (int k = 2; k >= 0; --k) {
+        const double place = (point[k] - grid->corner[k]) / grid->edge;
+        inside &= place >= 0 && place < grid->size[k];
+        *at = *at * (size_t)(k ? grid->size[k] : grid->pitch) +
+              (size_t)fmax(0, fmin(place, (double)(grid->size[k] - 1)));
+    }
+    return inside;
+}
 
-/* Adds an emitter of `amount`, in multiples of `sent`, unless it is black. */
-static void spsi_emitters_add(spsi_flights *flights, const double point[3], double radius, double amount,
-                              const float sent[3], const double axis[3], spsi_tree_item *items) {
+/* What leaves an even ball of glowing gas, over what it sends: x is its optical depth along a radius. */
+static double spsi_ball_escape(double x) {
+    const double half = 0.5 / fmax(x * x, DBL_MIN);
+    return x > 0.01 ? 0.75 / x * (1 - half + (1 / x + half) * exp(-2 * x)) : 1 - 0.75 * x;
+}
+
+/* Distance from an emitter's centre at which its way through gas begins: from a ball, it is a quarter shorter. */
+static float spsi_emitter_reach(const spsi_emitter *emitter) {
+    return 0.75f * emitter->radius;
+}
+
+/* Takes away what an emitter hides of itself, as a ball of the gas in the cell about its centre. */
+static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
+    for (int g = 0; g < flights->grid_count; ++g) {
+        const spsi_cell_grid *grid = &flights->grids[g];
+        size_t at;
+        if (!spsi_cell_holding(grid, point, &at)) continue;
+        for (int c = 0; c < 3; ++c) {
+            const double scale = (double)grid->scale[spsi_least(c, grid->channels - 1)];
+            emitter->sent[c] *= (float)spsi_ball_escape((double)emitter->radius / grid->edge *
+                                                        (double)grid->depth[at] * scale);
+        }
+    }
+}
+
+/* Adds an emitter at a point that sends so many times what `like` does, unless it is black. */
+static void spsi_emitters_add(spsi_flights *flights, const double point[3], double amount, const spsi_emitter *like,
+                              spsi_tree_item *items) {
     spsi_emitter *emitter = &flights->emitters[flights->count];
     double low[3], high[3];
     if (!(amount > 0)) return;
-    for (int k = 0; k < 3; ++k)
-        emitter->sent[k] = (float)fmin(amount * (double)sent[k], (double)SPSI_RADIANCE_MAX);
-    if (spsi_black(emitter->sent)) return; /* also where the product is too small for a float */
+    *emitter = *like;
     for (int k = 0; k < 3; ++k) {
+        emitter->sent[k] = (float)fmin(amount * (double)like->sent[k], (double)SPSI_RADIANCE_MAX);
         emitter->at[k] = (float)(point[k] - flights->centre[k]);
-        emitter->axis[k] = (float)axis[k];
-        low[k] = point[k] - radius;
-        high[k] = point[k] + radius;
+        low[k] = point[k] - (double)like->radius;
+        high[k] = point[k] + (double)like->radius;
     }
-    emitter->radius = (float)radius;
+    if (!(like->clear > 0)) spsi_emitter_hide(flights, point, emitter);
+    if (spsi_black(emitter->sent)) return; /* also where the product is too small for a float */
     items[flights->count].number = flights->count;
     spsi_tree_item_add(&items[flights->count++], flights->centre, low, high);
 }
@@ -20601,6 +20657,9 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
     const spsi_segment *segment = ((spsi_segment *const *)context->buffers[SPSI_BUFFER_SEGMENTS].data)[brick->segment];
     const int side = SPSI_BRICK / edge;
     spsi_emitter_sum sums[SPSI_BRICK * SPSI_BRICK * SPSI_BRICK];
+    spsi_emitter like;
+    memset(&like, 0, sizeof like);
+    memcpy(like.sent, material->emission, sizeof like.sent);
     memset(sums, 0, (size_t)(side * side * side) * sizeof *sums);
     for (int i = brick->first; i < brick->first + brick->count; ++i) {
         const double step[3] = {(double)segment->x[i], (double)segment->y[i], (double)segment->z[i]};
@@ -20620,37 +20679,57 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
                       spsi_dot(lattice->step[k], lattice->step[k]);
         }
         spsi_voxel_position(lattice, at, point);
-        spsi_emitters_add(flights, point, sqrt(5.0 / 3 * square), sums[n].value * lattice->voxel_volume,
-                          material->emission, spsi_no_axis, items);
+        like.radius = (float)sqrt(5.0 / 3 * square);
+        spsi_emitters_add(flights, point, sums[n].value * lattice->voxel_volume, &like, items);
     }
 }
 
-/* Adds all particles. A soft one has the spread of an even ball of 0.845 of its radius. One that is smaller than a cell
-   is in its own way, which cells do not know: they have its mass, over a cube some 1.35 edges wide, about whose middle
-   that has an optical depth of 0.3 times the mass per edge^2. That is taken back. */
-static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights, spsi_tree_item *items) {
+/* Sets which fraction of each set's glow always flies: cells do not resolve how particles of a depth of 0.5 to 1.5 or
+   more hide themselves. */
+static void spsi_particles_fly(const spsi_frame *frame) {
+    spsi_content *content = frame->content;
+    memset(content->flies, 0, sizeof content->flies);
+    for (int i = 0, n = 0; i < frame->particles.set_count && spsi_cells_fly(frame); ++i) {
+        const spsi_particle_set *set = &frame->particles.sets[i];
+        double dense = 0, all = 0;
+        for (; n < content->set_ends[i]; ++n) {
+            const double depth = spsi_particle_depth(&content->particles[n], set);
+            const double amount = depth * (double)content->particles[n].radius * (double)content->particles[n].radius;
+            dense += amount * fmax(0, fmin(depth - 0.5, 1));
+            all += amount;
+        }
+        if (all > 0) content->flies[set->channel] = (float)(dense / all);
+    }
+}
+
+/* Adds all particles: to `flights` or, as far as they always fly, to the next tree. A soft one has the spread of an even
+   ball of 0.845 of its radius, and lets out what one of 0.75 of its depth does, within 4 % up to a depth of 10. What a
+   particle hides of itself follows from its own depth: its gas in the cells about it is not counted. */
+static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights,
+                                        spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_content *content = frame->content;
-    int n = 0;
-    for (int i = 0; i < frame->particles.set_count; ++i) {
+    for (int i = 0, n = 0; i < frame->particles.set_count; ++i) {
         const spsi_particle_set *set = &frame->particles.sets[i];
         const spsi_material *material = &frame->matter.materials[set->channel];
+        const double flies = (double)content->flies[set->channel];
+        spsi_emitter like;
+        memset(&like, 0, sizeof like);
+        memcpy(like.sent, material->emission, sizeof like.sent);
         for (; n < content->set_ends[i]; ++n) {
             const sps_particle *particle = &content->particles[n];
             const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
-            const double mass = (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth;
-            const double edge = flights->grids->edge, own = radius < edge ? 0.75 * depth : 0;
+            const double amount = (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth *
+                                  spsi_ball_escape((set->soft ? 0.375 : 0.5) * depth);
             const double point[3] = {(double)particle->position[0], (double)particle->position[1],
                                      (double)particle->position[2]};
-            double leaves = own > 1e-6 ? -expm1(-own) / own : 1;
-            if (radius < edge) leaves *= exp(fmin(0.3 * mass / (edge * edge), 2));
-            if (material->emits)
-                spsi_emitters_add(flights, point, set->soft ? 0.845 * radius : radius, mass * leaves,
-                                  material->emission, spsi_no_axis, items);
+            if (!material->emits) continue;
+            like.radius = (float)(set->soft ? 0.845 * radius : radius);
+            like.clear = (float)(radius + 2 * flights->grids->edge) - spsi_emitter_reach(&like);
+            spsi_emitters_add(flights, point, (1 - flies) * amount, &like, items[SPSI_FLIGHTS_GLOW]);
+            spsi_emitters_add(flights + 1, point, flies * amount, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
     }
 }
-
-/* --- their tree --- */
 
 /* Sums up emitters: their centre and spread are weighted by what they send. */
 static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter *sum) {
@@ -20673,32 +20752,17 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     for (int k = 0; k < 3; ++k) sum->at[k] = (float)at[k];
     for (int k = 0; k < 3; ++k) sum->sent[k] = (float)fmin(sent[k], (double)SPSI_RADIANCE_MAX);
     sum->radius = (float)sqrt(5.0 / 3 * square);
-}
-
-/* Sums up a node and those below it. Recursion is as deep as the tree, which is at most SPSI_TREE_STACK. */
-static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights, int number) {
-    const spsi_tree_node *node = &tree->nodes[number];
-    spsi_flight_node *sum = &flights->nodes[number];
-    spsi_emitter below[SPSI_TREE_LEAF];
-    int count = node->count;
-    sum->first = node->first;
-    sum->count = count;
-    for (int i = 0; i < count; ++i) below[i] = flights->emitters[tree->order[node->first + i]];
-    for (; count < 2 && node->count == 0; ++count) {
-        spsi_flights_sum(tree, flights, node->first + count);
-        below[count] = flights->nodes[node->first + count].sum;
-    }
-    spsi_emitters_join(below, count, &sum->sum);
+    sum->clear = 0;
 }
 
 /* Lists all that glows. */
 static void spsi_emitters_list(const sps_context *context, const spsi_frame *frame, int blocks, spsi_flights *flights,
-                               spsi_tree_item *items) {
+                               spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     for (int i = 0; i < context->brick_count; ++i) {
         const spsi_medium *medium = &frame->media[frame->lattices[bricks[i].lattice].medium];
         if (frame->matter.materials[medium->channel].emits)
-            spsi_emitters_add_brick(context, frame, &bricks[i], blocks, flights, items);
+            spsi_emitters_add_brick(context, frame, &bricks[i], blocks, flights, items[SPSI_FLIGHTS_GLOW]);
     }
     spsi_emitters_add_particles(frame, flights, items);
 }
@@ -20725,70 +20789,9 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
         tree.order += most[i];
         tree.nodes += spsi_tree_nodes(most[i]);
         tree.to_cells = 1;
-        tree.to_polygons = i + 1 == SPSI_FLIGHTS_BEAMS ? 1.0f : 0; /* polygons do not light each other */
+        tree.to_polygons = i == SPSI_FLIGHTS_SPOTS ? 0.0f : 1.0f; /* polygons do not light each other */
     }
     return SPS_OK;
-}
-
-/* Builds a tree of its emitters, which are also items of it. Leaves hold their numbers. */
-static sps_result spsi_flights_build(sps_context *context, spsi_tree_item *items, spsi_flights *flights) {
-    const size_t nodes = spsi_tree_nodes((size_t)flights->count);
-    spsi_tree tree;
-    memset(&tree, 0, sizeof tree);
-    tree.count = flights->count;
-    tree.order = flights->order;
-    tree.nodes = (spsi_tree_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_TREE, nodes, sizeof(spsi_tree_node));
-    if (!tree.nodes || spsi_tree_build(context, &tree, items)) return context->result;
-    if (tree.count > 0) spsi_flights_sum(&tree, flights, 0);
-    return SPS_OK;
-}
-
-/* --- which nodes a receiver takes --- */
-
-/* Nodes of all trees that a receiver takes. */
-typedef struct spsi_flight_list {
-    const spsi_emitter *entry[SPSI_FLIGHT_TREES * SPSI_FLIGHT_NODES];
-    int count;
-} spsi_flight_list;
-
-/* A node that may be opened: the one that is seen under the widest angle comes first. */
-typedef struct spsi_flight_open {
-    double angle;
-    int node;
-} spsi_flight_open;
-
-static void spsi_flights_see(const spsi_flights *flights, const double place[3], double reach, int node,
-                             spsi_flight_open *open) {
-    const spsi_emitter *sum = &flights->nodes[node].sum;
-    double toward[3], distance;
-    for (int k = 0; k < 3; ++k) toward[k] = place[k] - flights->centre[k] - (double)sum->at[k];
-    distance = spsi_length(toward) - reach;
-    open->node = node;
-    open->angle = distance > (double)sum->radius ? 2 * (double)sum->radius / distance : 2 + (double)sum->radius;
-}
-
-/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; wider ones
-   where the list would get too long. */
-static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
-                                spsi_flight_list *list) {
-    spsi_flight_open open[SPSI_FLIGHT_NODES];
-    const int most = list->count + SPSI_FLIGHT_NODES;
-    int count = 0;
-    if (flights->count > 0) spsi_flights_see(flights, place, reach, 0, &open[count++]);
-    while (count > 0) {
-        const spsi_flight_node *node;
-        int widest = 0;
-        for (int i = 1; i < count; ++i)
-            if (open[i].angle > open[widest].angle) widest = i;
-        node = &flights->nodes[open[widest].node];
-        if (open[widest].angle <= angle || list->count + count + SPSI_TREE_LEAF > most) break;
-        open[widest] = open[--count];
-        for (int i = 0; i < node->count; ++i)
-            list->entry[list->count++] = &flights->emitters[flights->order[node->first + i]];
-        for (int i = 0; i < 2 && node->count == 0; ++i)
-            spsi_flights_see(flights, place, reach, node->first + i, &open[count++]);
-    }
-    for (int i = 0; i < count; ++i) list->entry[list->count++] = &flights->nodes[open[i].node].sum;
 }
 
 /* --- optical depth on the way --- */
@@ -20854,6 +20857,7 @@ static spsi_v spsi_cell_pyramid_at(const spsi_cell_grid *grid, const spsi_v at[3
 typedef struct spsi_ways {
     spsi_v from[3], unit[3], length; /* unit: of direction */
     spsi_v begin, end;               /* lengths between which gas is in the way */
+    spsi_v clear;                    /* up to here, that is the gas found here */
 } spsi_ways;
 
 /* Optical depth on a vector of ways. */
@@ -20871,7 +20875,7 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
     while (spsi_bits(spsi_less(at, end))) {
         const spsi_v nearer = spsi_min(at, spsi_sub(ways->length, at)), left = spsi_max(spsi_sub(end, at), zero);
         const spsi_v step = spsi_max(spsi_mul(nearer, spsi_set(SPSI_FLIGHT_STEP)), one), taken = spsi_min(step, left);
-        const spsi_v middle = spsi_fma(taken, spsi_set(0.5f), at);
+        const spsi_v middle = spsi_max(spsi_fma(taken, spsi_set(0.5f), at), ways->clear);
         spsi_v place[3];
         for (int k = 0; k < 3; ++k) place[k] = spsi_fma(middle, ways->unit[k], ways->from[k]);
         depth = spsi_fma(taken, spsi_cell_pyramid_at(grid, place, step), depth);
@@ -20880,26 +20884,234 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
     return depth;
 }
 
-/* Transmittance of a vector of ways, by channel: of the emitters' own gas, and of what lies between. `last`: the
-   optical depth over which it is averaged at the receiver. */
-static void spsi_ways_transmittance(const spsi_cell_grid *grid, const spsi_ways *ways, spsi_v last, int channels,
-                                    spsi_v through[3]) {
-    const spsi_v own = spsi_cell_pyramid_at(grid, ways->from, spsi_mul(spsi_set(2), ways->begin));
-    spsi_v ball = spsi_mul(spsi_mul(spsi_set(1.5f), ways->begin), own), depth = spsi_ways_depth(grid, ways), next[3];
-    for (int k = 0; k < 3; ++k) /* rays leave a ball by its near side, on the mean a quarter of its radius before */
-        next[k] = spsi_fma(spsi_mul(ways->begin, spsi_set(1.2f)), ways->unit[k], ways->from[k]);
-    depth = spsi_fma(spsi_mul(ways->begin, spsi_set(0.25f)),
-                     spsi_cell_pyramid_at(grid, next, spsi_mul(spsi_set(2), ways->begin)), depth);
-    for (int k = 0; k < 3; ++k) { /* gas of another grid is not known here */
-        const spsi_m low = spsi_less(ways->from[k], spsi_set(0));
-        const spsi_m high = spsi_less(spsi_set((float)grid->size[k]), ways->from[k]);
-        ball = spsi_select(low, spsi_set(0), spsi_select(high, spsi_set(0), ball));
+/* Transmittance of a vector of ways between places in the world, through all grids, by channel. Places are relative to
+   the centre of the trees. */
+typedef struct spsi_flight_ways {
+    float from[3][SPSI_LANES], unit[3][SPSI_LANES];
+    float length[SPSI_LANES], begin[SPSI_LANES], end[SPSI_LANES], clear[SPSI_LANES];
+} spsi_flight_ways;
+
+static void spsi_flight_ways_pass(const spsi_flights *flights, const spsi_flight_ways *world, spsi_v through[3]) {
+    for (int c = 0; c < 3; ++c) through[c] = spsi_set(1);
+    for (int g = 0; g < flights->grid_count; ++g) {
+        const spsi_cell_grid *grid = &flights->grids[g];
+        const spsi_v per_edge = spsi_set((float)(1 / grid->edge));
+        spsi_ways ways;
+        spsi_v depth;
+        for (int k = 0; k < 3; ++k) {
+            const spsi_v shift = spsi_set((float)((flights->centre[k] - grid->corner[k]) / grid->edge));
+            ways.from[k] = spsi_fma(spsi_load(world->from[k]), per_edge, shift);
+            ways.unit[k] = spsi_load(world->unit[k]);
+        }
+        ways.length = spsi_mul(spsi_load(world->length), per_edge);
+        ways.begin = spsi_mul(spsi_load(world->begin), per_edge);
+        ways.end = spsi_mul(spsi_load(world->end), per_edge);
+        ways.clear = spsi_fma(spsi_load(world->clear), per_edge, ways.begin);
+        depth = spsi_ways_depth(grid, &ways);
+        for (int c = 0; c < grid->channels; ++c)
+            through[c] = spsi_mul(through[c], spsi_exp(spsi_mul(depth, spsi_set(-grid->scale[c]))));
     }
-    for (int c = 0; c < channels; ++c) {
-        const spsi_v scale = spsi_set(grid->scale[c]), before = spsi_mul(scale, depth);
-        through[c] = spsi_mul(spsi_mean_transmittance(spsi_set(0), spsi_mul(scale, ball)),
-                              spsi_mean_transmittance(before, spsi_fma(scale, last, before)));
+}
+
+/* --- their tree --- */
+
+/* Sets a direction: 0 to 5 along an axis, then four in each plane of two axes. */
+static void spsi_flight_way(int number, float unit[3]) {
+    memset(unit, 0, 3 * sizeof *unit);
+    if (number < 6) {
+        unit[number / 2] = number % 2 ? 1.0f : -1.0f;
+    } else {
+        const int plane = (number - 6) / 4, signs = (number - 6) % 4;
+        unit[plane] = signs & 1 ? 0.70710678f : -0.70710678f;
+        unit[(plane + 1) % 3] = signs & 2 ? 0.70710678f : -0.70710678f;
     }
+}
+
+/* Adds to what leaves a node what a child of it does. `own` is NULL for an emitter. */
+static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *child, const spsi_flight_node *own,
+                               spsi_flight_node *node, float leaves[3][SPSI_FLIGHT_WAYS]) {
+    for (int first = 0; first < SPSI_FLIGHT_WAYS; first += SPSI_LANES) {
+        const int lanes = spsi_least(SPSI_LANES, SPSI_FLIGHT_WAYS - first);
+        spsi_flight_ways ways;
+        spsi_v passes[3];
+        float out[SPSI_LANES], unit[3];
+        memset(&ways, 0, sizeof ways);
+        for (int i = 0; i < lanes; ++i) {
+            spsi_flight_way(first + i, unit);
+            ways.end[i] = node->reach;
+            for (int k = 0; k < 3; ++k) {
+                ways.from[k][i] = child->at[k];
+                ways.unit[k][i] = unit[k];
+                ways.end[i] -= unit[k] * (child->at[k] - node->sum.at[k]);
+            }
+            ways.begin[i] = own ? own->reach : spsi_emitter_reach(child);
+            ways.end[i] = fmaxf(ways.end[i], ways.begin[i]);
+            ways.length[i] = 2 * ways.end[i];
+            ways.clear[i] = child->clear;
+        }
+        spsi_flight_ways_pass(flights, &ways, passes);
+        for (int c = 0; c < 3; ++c) {
+            spsi_store(out, passes[c]);
+            for (int i = 0; i < lanes; ++i)
+                leaves[c][first + i] += child->sent[c] * out[i] * (own ? own->leaves[c][first + i] : 1);
+        }
+    }
+}
+
+/* Radius of a ball about what a node sends: the 16th power's mean over its parts, which is close to the largest and
+   does not see those that send next to nothing. */
+static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_node *const *own, int count,
+                                const spsi_emitter *sum) {
+    double reach[SPSI_TREE_LEAF], most = DBL_MIN, mean = 0, all = 0;
+    for (int i = 0; i < count; ++i) {
+        double apart[3];
+        for (int k = 0; k < 3; ++k) apart[k] = (double)below[i].at[k] - (double)sum->at[k];
+        reach[i] = spsi_length(apart) + 
+                   (double)(own[i] ? own[i]->reach : spsi_emitter_reach(&below[i]) + below[i].clear);
+        most = fmax(most, reach[i]);
+    }
+    for (int i = 0; i < count; ++i) {
+        const double weight = (double)below[i].sent[0] + (double)below[i].sent[1] + (double)below[i].sent[2];
+        mean += weight * pow(reach[i] / most, 16);
+        all += weight;
+    }
+    return (float)(most * pow(mean / all, 1.0 / 16));
+}
+
+/* Sums up a node and those below it. Recursion is as deep as the tree, which is at most SPSI_TREE_STACK. */
+static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights, int number) {
+    const spsi_tree_node *node = &tree->nodes[number];
+    spsi_flight_node *sum = &flights->nodes[number];
+    spsi_emitter below[SPSI_TREE_LEAF];
+    const spsi_flight_node *own[SPSI_TREE_LEAF] = {NULL};
+    float leaves[3][SPSI_FLIGHT_WAYS] = {{0}}, mean = 0;
+    int count = node->count;
+    memset(sum, 0, sizeof *sum);
+    sum->first = node->first;
+    sum->count = count;
+    for (int i = 0; i < count; ++i) below[i] = flights->emitters[tree->order[node->first + i]];
+    for (; count < 2 && node->count == 0; ++count) {
+        spsi_flights_sum(tree, flights, node->first + count);
+        own[count] = &flights->nodes[node->first + count];
+        below[count] = own[count]->sum;
+    }
+    spsi_emitters_join(below, count, &sum->sum);
+    sum->reach = spsi_flights_reach(below, own, count, &sum->sum);
+    for (int i = 0; i < count; ++i) spsi_flights_leave(flights, &below[i], own[i], sum, leaves);
+    for (int c = 0; c < 3; ++c)
+        for (int i = 0; i < SPSI_FLIGHT_WAYS; ++i)
+            sum->leaves[c][i] = leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN);
+    for (int i = 0; i < 6; ++i) mean += sum->leaves[0][i] / 6;
+    sum->breadth = 2 * sum->sum.radius * fminf(1 - logf(fmaxf(mean, FLT_MIN)), 4);
+}
+
+/* Builds a tree of its emitters, which are also items of it. Leaves hold their numbers. */
+static sps_result spsi_flights_build(sps_context *context, spsi_tree_item *items, spsi_flights *flights) {
+    const size_t nodes = spsi_tree_nodes((size_t)flights->count);
+    spsi_tree tree;
+    memset(&tree, 0, sizeof tree);
+    tree.count = flights->count;
+    tree.order = flights->order;
+    tree.nodes = (spsi_tree_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_TREE, nodes, sizeof(spsi_tree_node));
+    if (!tree.nodes || spsi_tree_build(context, &tree, items)) return context->result;
+    if (tree.count > 0) spsi_flights_sum(&tree, flights, 0);
+    return SPS_OK;
+}
+
+/* --- which nodes a receiver takes --- */
+
+/* An emitter or a node that a receiver takes. */
+typedef struct spsi_flight {
+    const spsi_emitter *emitter;
+    const spsi_flight_node *node; /* NULL: an emitter */
+} spsi_flight;
+
+/* All that a receiver takes, of all trees. */
+typedef struct spsi_flight_list {
+    spsi_flight entry[SPSI_FLIGHT_TREES * SPSI_FLIGHT_NODES];
+    int count;
+} spsi_flight_list;
+
+/* A node that may be opened: the one that is seen under the widest angle comes first. */
+typedef struct spsi_flight_open {
+    double angle;
+    int node;
+} spsi_flight_open;
+
+static void spsi_flights_see(const spsi_flights *flights, const double place[3], double reach, int node,
+                             spsi_flight_open *open) {
+    const spsi_emitter *sum = &flights->nodes[node].sum;
+    double toward[3], distance;
+    for (int k = 0; k < 3; ++k) toward[k] = place[k] - flights->centre[k] - (double)sum->at[k];
+    distance = spsi_length(toward) - reach;
+    open->node = node;
+    open->angle = distance > (double)flights->nodes[node].reach ? flights->nodes[node].breadth / distance
+                                                                : 1e3 + (double)sum->radius;
+}
+
+/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; wider ones
+   where the list would get too long. */
+static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
+                                spsi_flight_list *list) {
+    spsi_flight_open open[SPSI_FLIGHT_NODES];
+    const int most = list->count + SPSI_FLIGHT_NODES;
+    int count = 0;
+    if (flights->count > 0) spsi_flights_see(flights, place, reach, 0, &open[count++]);
+    while (count > 0) {
+        const spsi_flight_node *node;
+        int widest = 0;
+        for (int i = 1; i < count; ++i)
+            if (open[i].angle > open[widest].angle) widest = i;
+        node = &flights->nodes[open[widest].node];
+        if (open[widest].angle <= angle || list->count + count + SPSI_TREE_LEAF > most) break;
+        open[widest] = open[--count];
+        for (int i = 0; i < node->count; ++i) {
+            list->entry[list->count].node = NULL;
+            list->entry[list->count++].emitter = &flights->emitters[flights->order[node->first + i]];
+        }
+        for (int i = 0; i < 2 && node->count == 0; ++i)
+            spsi_flights_see(flights, place, reach, node->first + i, &open[count++]);
+    }
+    for (int i = 0; i < count; ++i) {
+        list->entry[list->count].node = &flights->nodes[open[i].node];
+        list->entry[list->count++].emitter = &flights->nodes[open[i].node].sum;
+    }
+}
+
+/* Fraction of what a node sends that leaves it in a vector of directions, for a channel: the polynomial of degree 4 in
+   the cosines through what is known. share: of the reach, at which the receiver is. To the middle of an even ball, ways
+   are 0.36 as long: T^x is close to the mean of T / (T + x (1 - T)) and 1 - x (1 - T). */
+static spsi_v spsi_flight_leaves(const spsi_flight_node *node, int channel, const spsi_v unit[3], spsi_v share) {
+    const spsi_v one = spsi_set(1);
+    spsi_v sum = spsi_set(0), part, low, square[3], toward[3];
+    spsi_m ahead[3];
+    if (!node) return one;
+    for (int k = 0; k < 3; ++k) {
+        const float *own = &node->leaves[channel][2 * k];
+        ahead[k] = spsi_less(spsi_set(0), unit[k]);
+        square[k] = spsi_mul(unit[k], unit[k]);
+        toward[k] = spsi_select(ahead[k], spsi_set(own[1]), spsi_set(own[0]));
+        sum = spsi_fma(square[k], toward[k], sum);
+    }
+    for (int k = 0; k < 3; ++k) {
+        const int next = (k + 1) % 3;
+        const float *own = &node->leaves[channel][6 + 4 * k];
+        const spsi_v back = spsi_select(ahead[k], spsi_set(own[1]), spsi_set(own[0]));
+        const spsi_v front = spsi_select(ahead[k], spsi_set(own[3]), spsi_set(own[2]));
+        const spsi_v bulge = spsi_fma(spsi_set(-0.5f), spsi_add(toward[k], toward[next]),
+                                      spsi_select(ahead[next], front, back));
+        sum = spsi_fma(spsi_mul(spsi_mul(spsi_set(4), square[k]), square[next]), bulge, sum);
+    }
+    share = spsi_min(share, one);
+    part = spsi_fma(spsi_mul(share, share), spsi_set(0.64f), spsi_set(0.36f));
+    sum = spsi_clamp(sum, spsi_set(1e-20f), one);
+    low = spsi_div(sum, spsi_fma(part, spsi_sub(one, sum), sum));
+    return spsi_mul(spsi_set(0.5f), spsi_add(low, spsi_fma(part, spsi_sub(sum, one), one)));
+}
+
+/* Length from a node's centre up to which what it hides of itself is known. */
+static float spsi_flight_reach(const spsi_flight *flight) {
+    return flight->node ? flight->node->reach : spsi_emitter_reach(flight->emitter);
 }
 
 /* --- what arrives --- */
@@ -20981,13 +21193,15 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
    distance^2 is 1 / (distance^2 - s), to the second order, s being a fifth of the radius squared and a twelfth of the
    edge squared; about the centre of a cell it is 7.7. Directions from a ball near by differ: so higher degrees are less
    by as much. */
-static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_emitter *node, float fraction, int blocked,
+static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight *flight, float fraction, int blocked,
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
+    const spsi_emitter *node = flight->emitter;
+    const float reach = fmaxf(spsi_flight_reach(flight) / (float)grid->edge, FLT_MIN);
     const spsi_v zero = spsi_set(0), radius = spsi_set(node->radius / (float)grid->edge);
     const spsi_v spread = spsi_fma(spsi_mul(radius, radius), spsi_set(0.2f), spsi_set(1.0f / 12));
     const spsi_v least = spsi_fma(spsi_mul(radius, radius), spsi_set(1.0f / 3), spsi_set(0.13f));
-    spsi_v square, harmonic[SPSI_CELL_TERMS], through[3], passes[3], even, bent;
+    spsi_v square, harmonic[SPSI_CELL_TERMS], depth, share, passes[3], even, bent;
     spsi_ways ways;
     for (int k = 0; k < 3; ++k) {
         ways.from[k] =
@@ -20996,10 +21210,12 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_emitter
     }
     square = spsi_dot_v(ways.unit, ways.unit);
     ways.length = spsi_sqrt(square);
-    ways.begin = spsi_min(radius, ways.length);
+    ways.begin = spsi_min(spsi_set(reach), ways.length);
     ways.end = spsi_sub(ways.length, spsi_set(0.5f));
+    ways.clear = spsi_add(ways.begin, spsi_set(node->clear / (float)grid->edge));
     for (int k = 0; k < 3; ++k) ways.unit[k] = spsi_div(ways.unit[k], spsi_max(ways.length, spsi_set(1e-3f)));
-    spsi_ways_transmittance(grid, &ways, cells->depth, grid->channels, through);
+    depth = spsi_ways_depth(grid, &ways);
+    share = spsi_div(ways.length, spsi_set(reach));
     spsi_harmonics_v(ways.unit, grid->terms, harmonic);
     even = spsi_div(spsi_set(fraction * (float)(0.25 / (SPSI_PI * grid->edge * grid->edge))),
                     spsi_max(spsi_sub(square, spread), least));
@@ -21013,7 +21229,11 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_emitter
     }
     if (blocked) spsi_flight_cells_unblocked(job, cells, node, passes);
     for (int c = 0; c < grid->channels; ++c) {
-        spsi_v light = spsi_mul(spsi_mul(even, spsi_set(node->sent[c])), through[c]);
+        const spsi_v scale = spsi_set(grid->scale[c]);
+        const spsi_v before = spsi_mul(scale, depth);
+        spsi_v light = spsi_mul(spsi_mul(even, spsi_set(node->sent[c])),
+                                spsi_mean_transmittance(before, spsi_fma(scale, cells->depth, before)));
+        light = spsi_mul(light, spsi_flight_leaves(flight->node, c, ways.unit, share));
         if (blocked) light = spsi_mul(light, passes[c]);
         light = spsi_min(spsi_max(light, zero), spsi_set(SPSI_RADIANCE_MAX));
         cells->sum[c][0] = spsi_add(cells->sum[c][0], light);
@@ -21052,7 +21272,7 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
         if (i == SPSI_FLIGHTS_GLOW) glow = list.count;
     }
     for (int i = 0; i < list.count; ++i)
-        blocked[i] = (unsigned char)spsi_flight_blocked(job, centre, half, list.entry[i]);
+        blocked[i] = (unsigned char)spsi_flight_blocked(job, centre, half, list.entry[i].emitter);
     for (int z = first[2]; z < spsi_least(first[2] + SPSI_FLIGHT_BLOCK, grid->size[2]); ++z)
         for (int i = 0; i < SPSI_FLIGHT_BLOCK * SPSI_FLIGHT_BLOCK; i += SPSI_LANES) {
             spsi_flight_cells cells;
@@ -21060,7 +21280,7 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
             if (x >= grid->size[0] || y >= grid->size[1]) continue;
             spsi_flight_cells_build(job, x, y, z, &cells);
             for (int n = 0; n < list.count && cells.lanes; ++n)
-                spsi_flight_cells_add(job, list.entry[n], n < glow ? job->flights->to_cells : 1, blocked[n], &cells);
+                spsi_flight_cells_add(job, &list.entry[n], n < glow ? job->flights->to_cells : 1, blocked[n], &cells);
             for (int n = 0; n < grid->channels * grid->terms && cells.lanes; ++n) {
                 float *to = job->moments + (size_t)n * grid->count, lanes[SPSI_LANES];
                 spsi_store(lanes, cells.sum[n / grid->terms][n % grid->terms]);
@@ -21097,52 +21317,47 @@ static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3]
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights,
                                        const spsi_flight_list *list, int n, double irradiance[3]) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
-    float lanes[5][SPSI_LANES] = {{0}}, out[3][SPSI_LANES];
+    float out[3][SPSI_LANES];
     spsi_v through[3], passes[3];
+    spsi_flight_ways ways;
     int some = 0;
     for (int i = 0; i < SPSI_LANES; ++i) {
-        const spsi_emitter *node = list->entry[spsi_least(n + i, list->count - 1)];
+        const spsi_flight *flight = &list->entry[spsi_least(n + i, list->count - 1)];
+        const spsi_emitter *node = flight->emitter;
         double facing, distance, within;
         for (int k = 0; k < 3; ++k) {
             origin[i][k] = place->start[k];
             toward[i][k] = flights->centre[k] + (double)node->at[k] - place->point[k];
-            lanes[k][i] = (float)(flights->centre[k] + (double)node->at[k] - flights->grids[0].corner[k]);
         }
         distance = spsi_length(toward[i]);
         within = fmax(fmax(distance, (double)node->radius), 1e-60);
         facing = spsi_dot(toward[i], place->normal) / within;
         share[i] = facing / within / within * spsi_emitter_lobe(node, toward[i], distance);
-        lanes[3][i] = (float)distance;
-        lanes[4][i] = node->radius;
         some |= (n + i < list->count && facing > 0) << i;
-        for (int k = 0; k < 3; ++k) toward[i][k] += place->point[k] - place->start[k];
+        for (int k = 0; k < 3; ++k) {
+                        ways.from[k][i] = node->at[k];
+            ways.unit[k][i] = (float)(-toward[i][k] / fmax(distance, 1e-60));
+            toward[i][k] += place->point[k] - place->start[k];
+        }
+        ways.length[i] = ways.end[i] = (float)distance;
+        ways.begin[i] = fminf(spsi_flight_reach(flight), (float)distance);
+        ways.clear[i] = node->clear;
     }
     if (!some) return;
     spsi_flights_unblocked(place->faces, place->face, some, origin, toward, passes);
-    for (int g = 0; g < flights->grid_count; ++g) {
-        const spsi_cell_grid *grid = &flights->grids[g];
-        const spsi_v per_edge = spsi_set((float)(1 / grid->edge));
-        spsi_ways ways;
-        ways.length = spsi_mul(spsi_load(lanes[3]), per_edge);
-        for (int k = 0; k < 3; ++k) {
-            const double corner = grid->corner[k];
-            const spsi_v to = spsi_set((float)((place->point[k] - corner) / grid->edge));
-            const spsi_v shift = spsi_set((float)((flights->grids[0].corner[k] - corner) / grid->edge));
-            ways.from[k] = spsi_fma(spsi_load(lanes[k]), per_edge, shift);
-            ways.unit[k] = spsi_div(spsi_sub(to, ways.from[k]), spsi_max(ways.length, spsi_set(1e-6f)));
-        }
-        ways.begin = spsi_min(spsi_mul(spsi_load(lanes[4]), per_edge), ways.length);
-        ways.end = ways.length;
-        spsi_ways_transmittance(grid, &ways, spsi_set(0), grid->channels, through);
-        for (int c = 0; c < grid->channels; ++c) passes[c] = spsi_mul(passes[c], through[c]);
-    }
+    spsi_flight_ways_pass(flights, &ways, through);
     for (int c = 0; c < flights->grids[0].channels; ++c) {
-        spsi_store(out[c], passes[c]);
+        spsi_store(out[c], spsi_mul(passes[c], through[c]));
         for (int i = 0; i < SPSI_LANES; ++i)
-            if (some >> i & 1)
-                irradiance[c] += fmin(share[i] * (double)flights->to_polygons * (double)list->entry[n + i]->sent[c] *
-                                          (double)out[c][i],
+            if (some >> i & 1) {
+                const spsi_flight *flight = &list->entry[n + i];
+                const spsi_v unit[3] = {spsi_set(ways.unit[0][i]), spsi_set(ways.unit[1][i]), spsi_set(ways.unit[2][i])};
+                const float part = ways.length[i] / fmaxf(spsi_flight_reach(flight), FLT_MIN);
+                float own[SPSI_LANES];
+                spsi_store(own, spsi_flight_leaves(flight->node, c, unit, spsi_set(part)));
+                irradiance[c] += fmin(share[i] * (double)(flights->to_polygons * flight->emitter->sent[c] * own[0] * out[c][i]),
                                       (double)SPSI_RADIANCE_MAX);
+            }
     }
 }
 
@@ -23643,19 +23858,6 @@ static int spsi_cells_table_count(const spsi_frame *frame, const spsi_cell_grid 
     return spsi_cells_pass_on(frame, grid) ? frame->lamps.count : frame->lamps.shadow_count;
 }
 
-/* Whether a light may be a narrow beam, which cells are too wide for. */
-static int spsi_lamp_has_beam(const spsi_lamp *lamp) {
-    return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.1;
-}
-
-/* Whether anything sends first flights: what glows, or narrow beams. */
-static int spsi_cells_fly(const spsi_frame *frame) {
-    int narrow = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) narrow |= spsi_lamp_has_beam(&frame->lamps.list[i]);
-    return (frame->matter.emits && (frame->matter.scatters || frame->meshes.count > 0)) ||
-           (narrow && frame->matter.scatters);
-}
-
 /* The fraction of a light that beams send: all of it where they are narrower than an eighth of the grid at its far end.
    Translucent polygons would have to be followed. */
 static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp) {
@@ -23833,7 +24035,8 @@ static void spsi_cells_add_sample(const void *data, const spsi_sample_place *pla
         float *scattered = job->scattered + (size_t)(m * grid->channels + c) * grid->count;
         float *emitted = job->emitted + (size_t)c * grid->count;
         spsi_cells_deposit(scattered + row, x, end, 2 * fine, per_cell, sample->scattered[c]);
-        if (job->frame->matter.emits) spsi_cells_deposit(emitted + row, x, end, 2 * fine, per_cell, sample->emitted[c]);
+        const spsi_v swept = spsi_mul(sample->emitted[c], spsi_set(1 - job->frame->content->flies[m]));
+        if (job->frame->matter.emits) spsi_cells_deposit(emitted + row, x, end, 2 * fine, per_cell, swept);
     }
 }
 
@@ -24450,17 +24653,15 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_beam_ray 
     if (!spsi_ray_meets_box(&ray, low, high, range)) return;
     for (double from = range[0]; from < range[1]; from += grid->edge) {
         const double length = fmin(grid->edge, range[1] - from), middle = from + 0.5 * length;
-        double point[3], axis[3], ahead = 0, all = 0, own;
-        float sent[3];
-        size_t at = 0;
+        double point[3], ahead = 0, all = 0, own;
+        spsi_emitter like;
+        size_t at;
+        memset(&like, 0, sizeof like);
         spsi_along(ray.origin, ray.direction, middle, point);
-        for (int k = 2; k >= 0; --k) {
-            const int cell = spsi_most(0, spsi_least((int)((point[k] - low[k]) / grid->edge), grid->size[k] - 1));
-            at = at * (size_t)(k ? grid->size[k] : grid->pitch) + (size_t)cell;
-        }
+        (void)spsi_cell_holding(grid, point, &at);
         own = (double)grid->depth[at] * length / grid->edge;
         if (!(own > 0)) continue;
-        spsi_beam_light(job, beam, middle, sent);
+        spsi_beam_light(job, beam, middle, like.sent);
         for (int c = 0; c < 3; ++c) {
             const int channel = spsi_least(c, grid->channels - 1);
             const double scale = (double)grid->scale[channel], x = shadows ? scale * own : 0;
@@ -24471,13 +24672,14 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_beam_ray 
                 ahead += (double)(each[at] * (grid->orders > 1 ? grid->lobes[m][1] : 0));
                 all += (double)(each[at] * grid->lobes[m][0]);
             }
-            sent[c] *= (float)(scattered * length / grid->edge * (shadows ? exp(-scale * depth) : 1) *
+            like.sent[c] *= (float)(scattered * length / grid->edge * (shadows ? exp(-scale * depth) : 1) *
                                (x > 1e-6 ? -expm1(-x) / x : 1));
         }
         depth += own;
         for (int k = 0; k < 3; ++k) /* 4 max(0, cos) has a mean cosine of 2 / 3 */
-            axis[k] = all > 0 ? fmin(1.5 * fmax(ahead / all, 0), 1) * beam->direction[k] : 0;
-        spsi_emitters_add(flights, point, 0.37 * length, beam->fraction / (4 * SPSI_PI), sent, axis, items);
+            like.axis[k] = all > 0 ? (float)(fmin(1.5 * fmax(ahead / all, 0), 1) * beam->direction[k]) : 0;
+        like.radius = (float)(0.37 * length);
+        spsi_emitters_add(flights, point, beam->fraction / (4 * SPSI_PI), &like, items);
     }
 }
 
@@ -24508,12 +24710,15 @@ static void spsi_beams_on_polygons(const spsi_cell_job *job, const spsi_shadow *
         const double cosine = fmax(-spsi_dot(hits.surface[i].normal, met[i]->direction), 1e-3);
         const double area = met[i]->solid * met[i]->end * met[i]->end / cosine;
         double point[3];
-        float sent[3];
-        for (int c = 0; c < 3; ++c)
-            sent[c] = (float)(hits.color[i][c] * hits.lit[i][spsi_least(c, job->grid->channels - 1)]);
+        spsi_emitter like;
+        memset(&like, 0, sizeof like);
+        like.radius = (float)(0.51 * sqrt(area));
+        for (int c = 0; c < 3; ++c) {
+            like.sent[c] = (float)(hits.color[i][c] * hits.lit[i][spsi_least(c, job->grid->channels - 1)]);
+            like.axis[c] = (float)hits.surface[i].normal[c];
+        }
         spsi_along(hits.surface[i].point, hits.surface[i].normal, 1e-3 * job->grid->edge, point);
-        spsi_emitters_add(flights, point, 0.51 * sqrt(area), met[i]->fraction * area / (4 * SPSI_PI), sent,
-                          hits.surface[i].normal, items);
+        spsi_emitters_add(flights, point, met[i]->fraction * area / (4 * SPSI_PI), &like, items);
     }
 }
 
@@ -24563,13 +24768,14 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     int shadow = 0;
     most[SPSI_FLIGHTS_GLOW] += frame->matter.emits ? (size_t)frame->content->particle_count : 0;
     most[SPSI_FLIGHTS_SPOTS] = spsi_beams_count(job);
-    most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid);
+    most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid) +
+                               (frame->matter.emits ? (size_t)frame->content->particle_count : 0);
     items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS, most[0] + most[1] + most[2],
                                               sizeof **items);
     if (!items[0] || spsi_flights_begin(job->context, job->grid, job->grid_count, most, trees))
         return job->context->result;
     for (int i = 1; i < SPSI_FLIGHT_TREES; ++i) items[i] = items[i - 1] + most[i - 1];
-    if (trees->to_polygons > 0) spsi_emitters_list(job->context, frame, blocks, trees, items[0]);
+    spsi_emitters_list(job->context, frame, blocks, trees, items);
     for (int i = 0; i < frame->lamps.count && most[1] > 0; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
@@ -24792,8 +24998,7 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
 /* Sweeps once more without what flies to polygons, but not to cells. */
 static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
-    const spsi_flights *flights = job->flights;
-    const float fraction = (flights->to_polygons - flights->to_cells) / (1 - flights->to_cells);
+    const float cells = job->flights->to_cells, fraction = (job->flights->to_polygons - cells) / (1 - cells);
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
     for (int back = 0; back < 2; ++back) {
         for (size_t at = 0; at < job->grid->count; ++at)
@@ -24921,7 +25126,7 @@ static size_t spsi_cell_grid_floats(const spsi_frame *frame, const spsi_cell_gri
 /* Upper bound of the bytes for first flights. */
 static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *grid) {
     const size_t each = sizeof(spsi_emitter) + sizeof(spsi_flight_node) + sizeof(int);
-    size_t bricks = 0, count = frame->matter.emits ? frame->particles.count : 0;
+    size_t bricks = 0, count = frame->matter.emits ? 2 * frame->particles.count : 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         const int *size = frame->media[i].size;
         const size_t across = (size_t)(size[0] / SPSI_BRICK + 1), up = (size_t)(size[1] / SPSI_BRICK + 1);
@@ -25044,14 +25249,13 @@ static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
 }
 
 /* Chooses which fractions of what glows fly: to cells, all of it where it fills less than a hundredth of the grid and
-   gas is thin, since directions serve wide sources well, and dense gas hides their rays; to polygons, all of it unless
-   gas is dense. */
-static void spsi_glow_split(const spsi_frame *frame, const spsi_glow *glow, spsi_flights *flights) {
-    const double parts = glow->sum > 0 ? glow->parts / glow->sum : 0,
-                 depth = glow->sum > 0 ? glow->depth / glow->sum : 0;
-    const double alone = fmax(0, fmin(log(fmax(parts, 1) / 32) / log(4), 1)), thin = fmax(0, fmin(2 - depth / 3, 1));
-    const double bare = fmax(0, fmin(2 - depth / (frame->matter.scatters ? 1.5 : 6), 1));
-    flights->to_cells = (float)(frame->matter.scatters ? alone * thin : bare);
+   gas is thin, since directions serve wide sources well, and dense gas hides their rays; to polygons, all of it up to a
+   depth of 4, and nothing from 12 on: there, nodes are 15 % too dark. */
+static void spsi_glow_split(const spsi_glow *glow, int scatters, spsi_flights *flights) {
+    const double sum = glow->sum > 0 ? glow->sum : 1, depth = glow->depth / sum;
+    const double alone = fmax(0, fmin(log(fmax(glow->parts / sum, 1) / 32) / log(4), 1));
+    const double bare = fmax(0, fmin(1.5 - depth / 8, 1));
+    flights->to_cells = (float)(scatters ? alone * fmax(0, fmin(2 - depth / 2, 1)) : bare);
     flights->to_polygons = (float)fmax((double)flights->to_cells, bare);
 }
 
@@ -25156,6 +25360,7 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     spsi_glow glow = {0, 0, 0};
     spsi_cell_job *job;
     memset(flights, 0, SPSI_FLIGHT_TREES * sizeof *flights);
+    spsi_particles_fly(frame);
     third.share /= 3 * count;
     for (int n = 0; n < count && count > 1 && flies; ++n) {
         if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
@@ -25164,7 +25369,7 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     for (int n = 0; n < count; ++n) {
         if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
         if (count == 1 && flies) spsi_glow_add(job, &glow);
-        if (n == 0) spsi_glow_split(frame, &glow, flights);
+        if (n == 0) spsi_glow_split(&glow, frame->matter.scatters, flights);
         for (size_t i = 0; i < (size_t)grids[n].channels * grids[n].count && flies; ++i)
             job->emitted[i] *= 1 - flights->to_cells;
         job->later = n > 0;

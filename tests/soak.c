@@ -101,14 +101,14 @@ static const char *excuse(sps_context *context, const random_scene *from, const 
     if (r->medium.coverage > SCENE_COVERAGE || r->medium.edges > CUT) return NULL;
     if (r->medium.depth > SCENE_COVERAGE && r->high.depth > 0.5 * r->medium.depth) return NULL;
     take_away(from, NORMALS | SHADOWS, &x);
-    rest = measure_scene(context, &x, 0);
+    rest = measure_scene(context, &x, REFINE_NOT);
     scale = rest.result == SPS_OK ? rest.high.rms : 0;
     for (size_t i = 0; i < sizeof reasons / sizeof *reasons; ++i) {
         if (reasons[i].within && from->levels[LIGHT] != LIGHT_WITHIN) continue;
         if (r->medium.light * r->medium.mean > reasons[i].medium * scale) continue;
         if (r->high.light * r->high.mean > reasons[i].high * scale) continue;
         take_away(from, reasons[i].causes, &x);
-        rest = measure_scene(context, &x, 0);
+        rest = measure_scene(context, &x, REFINE_FINER);
         if (!light_is_right(&rest)) continue;
         printf("%.3f at medium and %.3f at high quality, of at most %.3f and %.3f:\n",
                r->medium.light * r->medium.mean / scale, r->high.light * r->high.mean / scale, reasons[i].medium,
@@ -539,7 +539,7 @@ static void soak_scene(sps_context *context, soak *s, long number) {
     o.cones = narrow_cones(&x, random.state);
     o.panes = draw_panes(&x, random.state);
     start = clock();
-    for (int refine = s->refines; refine < 2 && !o.reason; ++refine) { /* that takes as long as fifty others */
+    for (int refine = s->refines ? REFINE_EXACT : REFINE_FINER; refine <= REFINE_EXACT && !o.reason; ++refine) {
         o.report = measure_scene(context, &x, refine);
         if (o.report.result != SPS_OK || scene_good(&o.report)) break;
         o.reason = excuse(context, &x, &o.report);

@@ -1619,6 +1619,13 @@ static inline void spsi_store_first(float *p, spsi_v a, int count) {
 
 #define SPSI_ALL_LANES ((1 << SPSI_LANES) - 1)
 
+/* The first lane. */
+static inline float spsi_one(spsi_v a) {
+    float lanes[SPSI_LANES];
+    spsi_store(lanes, a);
+    return lanes[0];
+}
+
 /* Long vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row empty.
    spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole rows. */
 #ifdef SPSI_HAS_HALVES
@@ -2908,6 +2915,11 @@ static inline spsi_v spsi_linear_base(const spsi_linear *linear, spsi_v x, float
 
 static inline spsi_v spsi_linear_slope(const spsi_linear *linear, spsi_v x, float y) {
     return spsi_fma(x, spsi_set(linear->slope[1]), spsi_set(linear->slope[0] + y * linear->slope[2]));
+}
+
+/* The quantity at depth d. */
+static inline spsi_v spsi_linear_find(const spsi_linear *linear, spsi_v x, float y, spsi_v d) {
+    return spsi_fma(d, spsi_linear_slope(linear, x, y), spsi_linear_base(linear, x, y));
 }
 
 /* The same for pixels that are not in a row. */
@@ -6392,14 +6404,16 @@ static void spsi_bricks_bounds(const sps_context *context, const spsi_frame *fra
     }
 }
 
-/* Tells the caller of values that were replaced. */
-static void spsi_tell_replaced(const sps_context *context, uint64_t before) {
+/* Tells the caller how many of what it gave were replaced. */
+static void spsi_tell_replaced(const sps_context *context, uint64_t before, const char *what) {
     const double replaced = (double)(context->stats.values_replaced - before);
     char text[96];
     if (!(replaced > 0) || !context->config.message_fn) return;
-    SPS_SNPRINTF(text, sizeof text, "%.0f values of volumes were invalid and count as 0", replaced);
+    SPS_SNPRINTF(text, sizeof text, "%.0f %s", replaced, what);
     context->config.message_fn(context->config.message_user, text);
 }
+
+#define SPSI_VALUES_REPLACED "values of volumes were invalid and count as 0"
 
 /* Reads the relevant voxels of all volumes, unless they are still held from the last call. */
 static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
@@ -6414,7 +6428,7 @@ static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
         for (int i = 0; i < frame->medium_count; ++i)
             if (spsi_gather_medium(context, frame, i, &current)) return context->result;
         context->gathered = fingerprint;
-        spsi_tell_replaced(context, replaced);
+        spsi_tell_replaced(context, replaced, SPSI_VALUES_REPLACED);
     }
     context->stats.bricks = (uint64_t)context->brick_count;
     context->stats.voxels_relevant = context->voxel_count;
@@ -6565,12 +6579,7 @@ static sps_result spsi_gather_particles(sps_context *context, const spsi_frame *
     frame->content->particles = list;
     context->stats.particles = (uint64_t)frame->content->particle_count;
     spsi_measure_particles(frame);
-    if (context->stats.values_replaced > replaced && context->config.message_fn) {
-        char text[96];
-        SPS_SNPRINTF(text, sizeof text, "%.0f particles were invalid and are ignored",
-                     (double)(context->stats.values_replaced - replaced));
-        context->config.message_fn(context->config.message_user, text);
-    }
+    spsi_tell_replaced(context, replaced, "particles were invalid and are ignored");
     return SPS_OK;
 }
 
@@ -8713,11 +8722,9 @@ static inline int spsi_edges_hold(const double a[3], const double b[3], const do
    neither an adjoining face nor a twin in the same plane shades a point, and no adjacency is needed. */
 static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int first) {
     const double *p = face->position[0], *q = face->position[1], *r = face->position[2];
-    double u[3], v[3], n[3], room, stops[SPSI_LANES];
+    double n[3], room, stops[SPSI_LANES];
     int bits = 0;
-    spsi_along(q, p, -1, u);
-    spsi_along(r, p, -1, v);
-    spsi_cross(u, v, n);
+    spsi_face_plane(face, n);
     room = packet->on_faces ? (double)face->rounding + packet->rounding : 0;
     room *= fabs(n[0]) + fabs(n[1]) + fabs(n[2]);
     for (int i = 0; i < SPSI_LANES; ++i) {
@@ -9588,15 +9595,11 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_lamp *lamp, c
                                double rgb[3]) {
     double offset[3], at[3];
     spsi_v place[3], color[3];
-    float lanes[SPSI_LANES];
     spsi_along(point, lamp->position, -1, offset);
     spsi_to_lamp(lamp, offset, at);
     spsi_set3(at, place);
     spsi_projection_lookup(frame, lamp, place, spsi_set((float)pixel), color);
-    for (int c = 0; c < 3; ++c) {
-        spsi_store(lanes, color[c]);
-        rgb[c] = (double)lanes[0];
-    }
+    for (int c = 0; c < 3; ++c) rgb[c] = (double)spsi_one(color[c]);
 }
 
 /* ============================================================================================ >>depthmaps
@@ -21497,8 +21500,7 @@ static void spsi_pixels_build(const spsi_shader *shader, int x, int y, spsi_pixe
     at = p->line.at;
     p->length = spsi_ray_lengths(shader->eye, at, fy);
     inverse_length = spsi_div(spsi_set(1), p->length);
-    p->polygon_slab =
-        spsi_fma(p->line.polygon, spsi_linear_slope(&shader->slab, at, fy), spsi_linear_base(&shader->slab, at, fy));
+    p->polygon_slab = spsi_linear_find(&shader->slab, at, fy, p->line.polygon);
     for (int i = 0; i < 3; ++i)
         p->toward[i] = spsi_mul(spsi_linear_slope(&shader->position[i], at, fy), inverse_length);
 }
@@ -21520,9 +21522,7 @@ static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *l
 
 /* World position at depth d, relative to the shader's position origin. */
 static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y, spsi_v d, spsi_v position[3]) {
-    for (int i = 0; i < 3; ++i)
-        position[i] =
-            spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
+    for (int i = 0; i < 3; ++i) position[i] = spsi_linear_find(&shader->position[i], x, y, d);
 }
 
 /* Where a tile's channels hold slab k of a line, counted from the chunk's first. */
@@ -21589,9 +21589,7 @@ static void spsi_samples_gradient(const spsi_shader *shader, const spsi_tapper *
     spsi_v depth, place[3], g[3], size, surface;
     int lanes = spsi_slab_seen(shader, slab, channel, &depth);
     if (!lanes) return;
-    for (int k = 0; k < 3; ++k)
-        place[k] = spsi_fma(depth, spsi_linear_slope(&t->at[k], p->line.at, (float)p->line.y),
-                            spsi_linear_base(&t->at[k], p->line.at, (float)p->line.y));
+    for (int k = 0; k < 3; ++k) place[k] = spsi_linear_find(&t->at[k], p->line.at, (float)p->line.y, depth);
     lanes &= spsi_tap_inside(t->field, place);
     spsi_tap_gradient(t, place, lanes, g);
     for (int c = 0; c < 3; ++c) g[c] = spsi_mul(g[c], spsi_set(unit));
@@ -22112,8 +22110,7 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
     spsi_spread_light_at light;
     spsi_reach reach;
     for (int i = 0; i < 3; ++i)
-        at[i] = spsi_fma(part->middle, spsi_linear_slope(&shadow->spread_along[i], p->line.at, (float)p->line.y),
-                         spsi_linear_base(&shadow->spread_along[i], p->line.at, (float)p->line.y));
+        at[i] = spsi_linear_find(&shadow->spread_along[i], p->line.at, (float)p->line.y, part->middle);
     spsi_spread_find(shadow->spread, at, &place);
     spsi_reach_build(shader, lamp, p, part, &reach);
     spsi_lamp_travel(lamp, p, &reach, travel);
@@ -22363,8 +22360,7 @@ static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *
     place->grid = &content->cells[n];
     for (int i = 0; i < 3; ++i) {
         const spsi_v high = spsi_set((float)place->grid->size[i] - 0.5f);
-        place->at[i] = spsi_fma(part->middle, spsi_linear_slope(&shader->cell[n][i], p->line.at, (float)p->line.y),
-                                spsi_linear_base(&shader->cell[n][i], p->line.at, (float)p->line.y));
+        place->at[i] = spsi_linear_find(&shader->cell[n][i], p->line.at, (float)p->line.y, part->middle);
         inside = spsi_and(inside, spsi_and(spsi_less(low, place->at[i]), spsi_less(place->at[i], high)));
     }
     place->here = n + 1 == content->cell_grid_count ? place->left : inside;
@@ -22735,14 +22731,7 @@ static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi
                        unsigned char *open) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
-    spsi_sight_job job;
-    job.frame = frame;
-    job.faces = faces;
-    job.visible = visible;
-    job.lamp = lamp;
-    job.lit = lit;
-    job.open = open;
-    job.rays = rays;
+    spsi_sight_job job = {frame, faces, visible, lamp, lit, open, rays};
     memset(job.lit, 0, spsi_place_count(frame, visible) * (size_t)spsi_lit_channels(frame, lamp) * sizeof *lit);
     if (open) memset(open, 0, spsi_place_count(frame, visible) * (size_t)lamp->point_count);
     memset(job.rays, 0, (size_t)spsi_worker_count(context) * sizeof *rays);
@@ -22772,15 +22761,9 @@ static double spsi_straight_scale(const spsi_frame *frame, int c) {
 static void spsi_add_grid_irradiance(const spsi_shader *shader, const spsi_cell_grid *grid, const spsi_surface *surface,
                                      const double normal[3], int face, double irradiance[3]) {
     float patches[SPSI_CELL_SHEET];
-    spsi_cell_sight sight;
+    const spsi_cell_sight sight = {grid, shader->faces, surface, normal, face};
+    const int hidden = spsi_cells_sight(&sight, patches);
     double own[3];
-    int hidden;
-    sight.grid = grid;
-    sight.faces = shader->faces;
-    sight.surface = surface;
-    sight.normal = normal;
-    sight.face = face;
-    hidden = spsi_cells_sight(&sight, patches);
     spsi_cells_irradiance(grid, 0, grid->channels, surface->point, normal, hidden ? patches : NULL, own);
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += own[c];
 }
@@ -22795,13 +22778,7 @@ static void spsi_add_flux(const spsi_shader *shader, const spsi_surface *surface
     for (int n = 0; n < content->cell_grid_count; ++n)
         spsi_add_grid_irradiance(shader, &content->cells[n], surface, normal, face, irradiance);
     if (content->flights) {
-        spsi_flight_place place;
-        place.frame = shader->frame;
-        place.faces = shader->faces;
-        place.point = surface->point;
-        place.start = surface->start;
-        place.normal = normal;
-        place.face = face;
+        const spsi_flight_place place = {shader->frame, shader->faces, surface->point, surface->start, normal, face};
         spsi_flights_irradiance(&place, content->flights, irradiance);
     }
     for (int c = 0; c < 3; ++c) {
@@ -22829,9 +22806,8 @@ static void spsi_add_spread_on(const spsi_shadow *shadow, const spsi_surface *su
     spsi_spread_find(spread, at, &place);
     for (int c = 0; c < 3; ++c) {
         const size_t own = (size_t)(spsi_least(c, spread->channels - 1) * (spread->sheet_count + 1)) * spread->plane;
-        float lanes[SPSI_LANES];
-        spsi_store(lanes, spsi_spread_lookup(spread, spread->onward + own, &place));
-        radiance[c] += (float)fmin(color[c] * cosine / SPSI_PI * (double)lanes[0] * (double)lamp->color[c],
+        const double flux = (double)spsi_one(spsi_spread_lookup(spread, spread->onward + own, &place));
+        radiance[c] += (float)fmin(color[c] * cosine / SPSI_PI * flux * (double)lamp->color[c],
                                    (double)SPSI_RADIANCE_MAX);
     }
 }
@@ -23171,8 +23147,7 @@ static void spsi_ahead_pass(const spsi_shader *shader, int lane, spsi_ahead *ahe
 /* Finds the slab coordinates of the next layers. */
 static void spsi_ahead_measure(const spsi_shader *shader, const spsi_pixels *p, spsi_ahead *ahead) {
     const spsi_v d = spsi_load(ahead->depth), at = p->line.at, infinity = spsi_set(SPSI_INFINITY);
-    const float y = (float)p->line.y;
-    ahead->slab = spsi_fma(d, spsi_linear_slope(&shader->slab, at, y), spsi_linear_base(&shader->slab, at, y));
+    ahead->slab = spsi_linear_find(&shader->slab, at, (float)p->line.y, d);
     ahead->slab = spsi_select(spsi_less(d, infinity), ahead->slab, infinity);
 }
 
@@ -26492,8 +26467,8 @@ static int spsi_offer_beats(const sps_view *view, const spsi_offer *a, const sps
 /* Whether the light in cells is held that a setting of the frame calls for: that of the frame which made it. */
 static int spsi_cells_are_held(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting) {
     const spsi_pace *pace = &context->pace;
-    return context->cells_held != 0 && pace->scattered != 0 && pace->scattered_by.gas == setting->gas &&
-           pace->scattered_by.points == setting->points && pace->scattered_by.cells == setting->cells &&
+    return context->cells_held != 0 && pace->scattered != 0 &&
+           memcmp(&pace->scattered_by, setting, sizeof *setting) == 0 &&
            pace->scattered == spsi_scattered_fingerprint(context, frame);
 }
 
@@ -27954,14 +27929,10 @@ static int spsi_lamp_ray(const spsi_lamp *lamp, const double point[3], spsi_ray 
    extinction. */
 static double spsi_extinction_at(const spsi_material *material, double f, float appearance[4]) {
     spsi_v out[4];
-    float lanes[SPSI_LANES];
     if (!material->table) return f * (double)material->extinction;
     if (!(f > 0)) return 0;
     spsi_classify(material, spsi_set((float)f), out);
-    for (int c = 0; c < 4; ++c) {
-        spsi_store(lanes, out[c]);
-        appearance[c] = lanes[0];
-    }
+    for (int c = 0; c < 4; ++c) appearance[c] = spsi_one(out[c]);
     return (double)appearance[3];
 }
 
@@ -28104,14 +28075,10 @@ static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *poi
 static void spsi_march_response(const spsi_material *material, const spsi_sample *sample, const double toward[3],
                                 const double travel[3], double response[3]) {
     spsi_v toward_v[3], travel_v[3], all[3];
-    float lanes[SPSI_LANES];
     spsi_set3(toward, toward_v);
     spsi_set3(travel, travel_v);
     spsi_sample_response(material, sample, toward_v, travel_v, all);
-    for (int c = 0; c < 3; ++c) {
-        spsi_store(lanes, all[c]);
-        response[c] = (double)lanes[0];
-    }
+    for (int c = 0; c < 3; ++c) response[c] = (double)spsi_one(all[c]);
 }
 
 /* Radiance per unit of length that a point sends towards the eye. */
@@ -28168,11 +28135,10 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
     memset(source, 0, sizeof *source);
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_part_material(marcher->frame, m);
-        float lanes[SPSI_LANES];
         for (int c = 0; c < 3; ++c) {
-            spsi_store(lanes, point->samples[m].color[c]);
+            const double albedo = (double)spsi_one(point->samples[m].color[c]);
             if (marcher->settings->samples == 0) /* otherwise paths find it */
-                source->once[c] += point->extinction[m] * (double)lanes[0] * (double)material->ambient[c];
+                source->once[c] += point->extinction[m] * albedo * (double)material->ambient[c];
             source->once[c] += point->value[m] * (double)material->emission[c];
         }
     }
@@ -28540,7 +28506,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     for (int i = 0; i < frame->medium_count; ++i)
         for (int k = 0; k < 3; ++k) extent = fmin(extent, spsi_length(frame->media[i].lattice->step[k]));
     if (spsi_march_grids(context, frame, marcher) || spsi_gather_faces(context, frame, faces)) return context->result;
-    spsi_tell_replaced(context, 0);
+    spsi_tell_replaced(context, 0, SPSI_VALUES_REPLACED);
     if (spsi_gather_particles(context, frame) || spsi_gather_images(context, frame)) return context->result;
     if (frame->content->particle_count > 0) extent = fmin(extent, SPSI_PARTICLE_EDGE * frame->content->particle_radius);
     marcher->step = marcher->settings->step * extent;

@@ -5089,10 +5089,10 @@ static sps_result spsi_check_cone(const spsi_subject *at, const sps_light *light
     static const char none[] = "it must be 0: a directional light has no cone";
     const int directional = light->kind == SPS_LIGHT_DIRECTIONAL;
     const double narrower = light->inner_cone < light->outer_cone ? light->inner_cone : 0;
-    const spsi_bounded cones[] = {{"outer_cone", light->outer_cone, 0, directional ? 0 : SPSI_PI * (1 + DBL_EPSILON),
-                                   directional ? none : "it must be 0..pi"},
-                                  {"inner_cone", light->inner_cone, 0, directional ? 0 : narrower,
-                                   directional ? none : "it must be 0, or less than outer_cone"}};
+    const spsi_bounded cones[] = {{"inner_cone", light->inner_cone, 0, directional ? 0 : narrower,
+                                   directional ? none : "it must be 0, or less than outer_cone"},
+                                  {"outer_cone", light->outer_cone, 0, directional ? 0 : SPSI_PI * (1 + DBL_EPSILON),
+                                   directional ? none : "it must be 0..pi"}};
     return spsi_check_bounded(at, cones, sizeof cones / sizeof *cones);
 }
 
@@ -6662,10 +6662,10 @@ static float spsi_brick_extinction(const sps_context *context, const spsi_materi
     return extinction;
 }
 
-/* Adds a particle to the cells that it touches, each as dense as where it comes nearest to the centre, but not deeper
-   than the whole particle. */
-static void spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
-                                    const spsi_particle_set *set) {
+/* Adds a particle to the cells that it touches, unless they are more than `touched`, each as dense as where it comes
+   nearest to the centre, but not deeper than the whole particle. Returns whether it was added. */
+static int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
+                                   const spsi_particle_set *set, int touched) {
     const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
     const double depth = spsi_particle_depth(particle, set);
     const double most = depth / fmin(grid->edge[0], fmin(grid->edge[1], grid->edge[2]));
@@ -6673,6 +6673,7 @@ static void spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_parti
     spsi_bounds box;
     spsi_particle_bounds(particle, &box);
     spsi_bound_range(grid, &box, low, high);
+    if ((high[0] - low[0] + 1) * (high[1] - low[1] + 1) * (high[2] - low[2] + 1) > touched) return 0;
     for (at[2] = low[2]; at[2] <= high[2]; ++at[2])
         for (at[1] = low[1]; at[1] <= high[1]; ++at[1])
             for (at[0] = low[0]; at[0] <= high[0]; ++at[0]) {
@@ -6688,6 +6689,7 @@ static void spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_parti
                 grid->all[(at[2] * grid->side + at[1]) * grid->side + at[0]] +=
                     (float)fmin(fmin(density, most), (double)FLT_MAX / 4);
             }
+    return 1;
 }
 
 /* Upper bound of the optical depth on a straight way through the grid. */
@@ -6722,18 +6724,9 @@ static void spsi_bound_add_volumes(const sps_context *context, const spsi_frame 
     }
 }
 
-/* The number of cells that a particle touches. */
-static int spsi_bound_touched(const spsi_bound_grid *grid, const sps_particle *particle) {
-    int low[3], high[3];
-    spsi_bounds box;
-    spsi_particle_bounds(particle, &box);
-    spsi_bound_range(grid, &box, low, high);
-    return (high[0] - low[0] + 1) * (high[1] - low[1] + 1) * (high[2] - low[2] + 1);
-}
-
 /* Adds all particles: where there are many, large ones to a coarse grid. Returns a bound for both grids. */
 static double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound_grid *grid) {
-    const int few = frame->content->particle_count <= SPSI_BOUND_FEW;
+    const int most = frame->content->particle_count <= SPSI_BOUND_FEW ? SPSI_BOUND_CELLS : SPSI_BOUND_MOST;
     spsi_bound_grid coarse = *grid;
     coarse.side = SPSI_BOUND_SIDE / SPSI_BOUND_COARSE;
     coarse.all = grid->own;
@@ -6741,8 +6734,9 @@ static double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound
     memset(coarse.all, 0, SPSI_BOUND_CELLS * sizeof *coarse.all);
     for (int i = 0; i < frame->content->particle_count; ++i) {
         const sps_particle *particle = &frame->content->particles[i];
-        const int fits = few || spsi_bound_touched(grid, particle) <= SPSI_BOUND_MOST;
-        spsi_bound_add_particle(fits ? grid : &coarse, particle, spsi_set_of(frame, i));
+        const spsi_particle_set *set = spsi_set_of(frame, i);
+        if (!spsi_bound_add_particle(grid, particle, set, most))
+            spsi_bound_add_particle(&coarse, particle, set, SPSI_BOUND_CELLS);
     }
     return spsi_bound_depth(grid) + spsi_bound_depth(&coarse);
 }
@@ -23497,8 +23491,8 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
     }
 }
 
-/* Composites slab k of a vector of pixels, or a group from there on, and the polygons in it. Returns 0 if it held
-   nothing. */
+/* Composites slab k of a vector of pixels, or a group from there on, and the polygons in it, which are all that a range
+   without slabs has. Returns 0 if it held nothing else. */
 static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
@@ -23507,7 +23501,7 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const int backwards = shader->sweep->back_to_front;
     int held;
     row->slab.open = backwards ? SPSI_ALL_LANES : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
-    held = spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
+    held = shading->slab_count > 0 && spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
     if (shader->hits && backwards)
         spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
     if (row->has_layers && spsi_ahead_before(&row->ahead, high))
@@ -23517,18 +23511,6 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     if (shader->hits && !backwards)
         spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
     return held;
-}
-
-/* Composites the polygons of a range of slabs that hold nothing else. */
-static void spsi_add_range(const spsi_shading *shading, spsi_row *row) {
-    const spsi_shader *shader = shading->shader;
-    const int backwards = shader->sweep->back_to_front;
-    for (int pass = 0; pass < 2; ++pass) /* surfaces are behind layers */
-        if (pass == !backwards)
-            spsi_add_surfaces(shader, &row->pixels, row->width, shading->low, shading->high, spsi_row_ahead(row),
-                              &row->sum);
-        else if (row->has_layers)
-            spsi_add_layered(shading, 0, shading->high, row);
 }
 
 static void spsi_gathered_load(const spsi_shader *shader, size_t from, spsi_gathered *sum) {
@@ -23601,7 +23583,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
             !spsi_end_rays(shader, &row.pixels, k + group, spsi_row_ahead(&row), &row.sum))
             break;
     }
-    if (shading->slab_count == 0) spsi_add_range(shading, &row);
+    if (shading->slab_count == 0) spsi_add_slab(shading, 0, &row);
     spsi_gathered_store(shader, at, &row.sum);
     return held;
 }

@@ -24414,7 +24414,6 @@ static void spsi_groups_build(const sps_context *context, const spsi_frame *fram
 static int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, spsi_cell_grid *grid) {
     double longest;
     memset(grid, 0, sizeof *grid);
-    if (spsi_bounds_empty(bounds)) return 0;
     longest = spsi_bounds_longest(bounds);
     if (!(longest > 0)) return 0;
     grid->edge = longest / frame->view.scatter_size;
@@ -24758,14 +24757,14 @@ static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call
     return SPS_OK;
 }
 
-/* A shader whose eye looks along z through the samples. */
-static void spsi_cells_shader(spsi_cell_job *job) {
-    spsi_shader *shader = &job->shader;
-    shader->frame = job->frame;
-    shader->eye = &job->sheets.rays;
-    shader->sweep = &job->sweep;
-    shader->faces = job->faces;
-    spsi_shader_linears(&job->sheets.slabs, shader);
+/* A shader whose eye looks through samples. */
+static void spsi_cells_shader(const spsi_frame *frame, const spsi_faces *faces, const spsi_rays *eye,
+                              const spsi_slabs *slabs, const spsi_sweep *sweep, spsi_shader *shader) {
+    shader->frame = frame;
+    shader->eye = eye;
+    shader->sweep = sweep;
+    shader->faces = faces;
+    spsi_shader_linears(slabs, shader);
 }
 
 /* A vector of samples of one row. */
@@ -25432,7 +25431,7 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     context->cell_tmap_count = count;
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
-    spsi_cells_shader(job);
+    spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
     if (!spsi_cells_shadows(job, part, maps) && (!job->flown || !spsi_cells_fly_to(job))) {
         spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
         if (job->walls.closed)
@@ -26243,11 +26242,7 @@ static sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory) {
     if (!spsi_spread_aim_fine(spread, job->face, job->fine, &job->sheets.rays, slabs))
         return spsi_fail_that(job->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, job->lamp.index, "position", 0,
                               SPSI_TEXELS_ALIKE);
-    job->shader.frame = frame;
-    job->shader.eye = &job->rays;
-    job->shader.sweep = &job->sweep;
-    job->shader.faces = job->faces;
-    spsi_shader_linears(slabs, &job->shader);
+    spsi_cells_shader(frame, job->faces, &job->rays, slabs, &job->sweep, &job->shader);
     spsi_shadow_aim(&job->rays, &job->shadow);
     job->depth = memory;
     job->scattered = job->depth + all;

@@ -19652,27 +19652,31 @@ static float spsi_cell_leaving_share(const spsi_cell_direction *direction, int s
     return count == 2 ? 5.0f / 6 : 1;
 }
 
-/* Adds what one direction's light carries through the sides of the grid that a row of cells touches, per area of a
-   cell's face: the mean over all directions of radiance times cosine. */
+/* Adds what light of a direction carries through the sides of the grid that a row of cells touches, per area of a
+   cell's face: the mean over all directions of radiance times cosine. patch: the row's, across x. */
 static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, const spsi_cell_direction *direction,
-                                 const float *out, float *leaving) {
+                                 int patch[3], const float *out, float *leaving) {
     static const int harmonic[3] = {3, 1, 2};
-    const int *step = direction->step, *size = level->size;
-    const int ends[3] = {step[0] < 0 ? 0 : size[0] - 1, step[1] < 0 ? 0 : size[1] - 1, step[2] < 0 ? 0 : size[2] - 1};
-    const int row = (step[1] && y == ends[1] ? 2 : 0) | (step[2] && z == ends[2] ? 4 : 0);
-    int patch[3] = {0, spsi_cell_patch(y, size[1]), spsi_cell_patch(z, size[2])};
-    float way[3];
-    for (int k = 0; k < 3; ++k) way[k] = 0.57735027f * direction->harmonic[harmonic[k]];
-    for (int x = row ? 0 : ends[0]; x < (row ? size[0] : ends[0] + 1); ++x) {
-        const int sides = row | (step[0] && x == ends[0] ? 1 : 0);
-        const float sent = sides ? direction->weight * spsi_cell_leaving_share(direction, sides) * out[x] : 0;
+    const int *step = direction->step, *size = level->size, last = size[0] - 1;
+    const int row = (step[1] && y == (step[1] < 0 ? 0 : size[1] - 1) ? 2 : 0) |
+                    (step[2] && z == (step[2] < 0 ? 0 : size[2] - 1) ? 4 : 0);
+    const int first = !row && step[0] > 0 ? last : 0, end = row ? size[0] : step[0] ? first + 1 : 0;
+    for (int x = first, next; x < end; x = next) {
+        const int sides = row | (step[0] && x == (step[0] < 0 ? 0 : last) ? 1 : 0);
+        float sent = 0;
         patch[0] = spsi_cell_patch(x, size[0]);
+        next = sides & 1 ? x + 1 : spsi_least(spsi_cell_patch_first(patch[0] + 1, size[0]), end - (step[0] > 0));
+        for (int i = x; i < next; ++i) sent += out[i];
+        sent *= direction->weight * spsi_cell_leaving_share(direction, sides) * 0.57735027f;
         for (int k = 0; k < 3; ++k) {
             const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
-            const float flux = sent * fabsf(way[k]);
-            const float means[SPSI_CELL_MEANS] = {flux, flux * fabsf(way[k]), flux * way[low], flux * way[high]};
+            const float cosine = fabsf(direction->harmonic[harmonic[k]]), flux = sent * cosine;
             float *to = leaving + side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
-            for (int i = 0; i < SPSI_CELL_MEANS && sides >> k & 1; ++i) to[i * SPSI_CELL_SHEET] += means[i];
+            if (!(sides >> k & 1)) continue;
+            to[0] += flux;
+            to[SPSI_CELL_SHEET] += flux * 0.57735027f * cosine;
+            to[2 * SPSI_CELL_SHEET] += flux * 0.57735027f * direction->harmonic[harmonic[low]];
+            to[3 * SPSI_CELL_SHEET] += flux * 0.57735027f * direction->harmonic[harmonic[high]];
         }
     }
 }
@@ -19681,11 +19685,11 @@ static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, con
 static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int z, const spsi_cell_beams *beams,
                                 const float *const before[2], float *moments) {
     const spsi_cell_level *level = pass->level;
+    int patch[3] = {0, spsi_cell_patch(y, level->size[1]), spsi_cell_patch(z, level->size[2])};
     spsi_cell_row(level, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, beams, before, moments,
                   pass->solver->terms);
-    if (!pass->leaving) return;
-    for (int i = 0; i < beams->count; ++i)
-        spsi_cell_row_leaves(level, y, z, beams->direction[i], beams->out[i],
+    for (int i = 0; i < beams->count && pass->leaving; ++i)
+        spsi_cell_row_leaves(level, y, z, beams->direction[i], patch, beams->out[i],
                              pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_MEANS * SPSI_CELL_SHEET);
 }
 
@@ -20422,34 +20426,33 @@ static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_S
     return hidden;
 }
 
-/* Radiance that leaves patches in directions of cosine u, times pi: the polynomial of degree 1 that has their means. */
-static spsi_v spsi_cell_patch_sends(const float *sent, spsi_v u, const spsi_v along[2]) {
-    const spsi_v flux = spsi_load(sent), zero = spsi_set(0), mean = spsi_load(sent + SPSI_CELL_SHEET);
-    const spsi_v more = spsi_fma(flux, spsi_set(-2.0f / 3), mean);
-    spsi_v sum = spsi_fma(spsi_mul(spsi_set(18), spsi_sub(u, spsi_set(2.0f / 3))), more, flux);
-    for (int k = 0; k < 2; ++k)
-        sum = spsi_fma(spsi_mul(spsi_set(4), along[k]), spsi_load(sent + (2 + k) * SPSI_CELL_SHEET), sum);
-    return spsi_select(spsi_less(flux, zero), spsi_min(sum, zero), spsi_max(sum, zero));
-}
-
 /* Adds the irradiance of a surface, in `count` channels, by a vector of patches, of which `way` is the way to a part,
    `area` large: a disc, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if
    it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and
-   discs where that is too little. */
+   discs where that is too little. Radiance that leaves patches in directions of cosine u, times pi, is the polynomial
+   of degree 1 that has their means. */
 static void spsi_cell_patches_send(const float *sent, int count, int axis, const spsi_v way[3], const spsi_v normal[3],
                                    spsi_v area, spsi_v sums[3]) {
     const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
     const spsi_v away = spsi_div(spsi_set(-1), spsi_sqrt(square)), nearer = spsi_mul(away, away);
-    const spsi_v along[2] = {spsi_mul(way[axis == 0 ? 1 : 0], away), spsi_mul(way[axis == 2 ? 1 : 2], away)};
     const spsi_v before = spsi_abs(way[axis]), u = spsi_min(spsi_abs(spsi_mul(before, away)), one);
+    const spsi_v aside = spsi_mul(away, spsi_set(4)), zero = spsi_set(0);
+    const spsi_v factor[SPSI_CELL_MEANS] = {
+        spsi_fma(u, spsi_set(-12), spsi_set(9)), spsi_fma(u, spsi_set(18), spsi_set(-12)),
+        spsi_mul(way[axis == 0 ? 1 : 0], aside), spsi_mul(way[axis == 2 ? 1 : 2], aside)};
     const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
     const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
-    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), spsi_set(0)), before);
+    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), zero), before);
     share = spsi_min(spsi_mul(share, nearer), one);
     share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
-    for (int c = 0; c < count; ++c)
-        sums[c] = spsi_fma(
-            share, spsi_cell_patch_sends(sent + (size_t)c * SPSI_CELL_MEANS * SPSI_CELL_SHEET, u, along), sums[c]);
+    for (int c = 0; c < count; ++c, sent += SPSI_CELL_MEANS * SPSI_CELL_SHEET) {
+        const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
+        spsi_v sum = spsi_mul(factor[0], spsi_load(sent));
+        for (int i = 1; i < SPSI_CELL_MEANS; ++i)
+            sum = spsi_fma(factor[i], spsi_load(sent + i * SPSI_CELL_SHEET), sum);
+        sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
+        sums[c] = spsi_fma(share, sum, sums[c]);
+    }
 }
 
 /* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most half their
@@ -23818,7 +23821,6 @@ static void spsi_groups_build(const sps_context *context, const spsi_frame *fram
 static int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, spsi_cell_grid *grid) {
     double longest;
     memset(grid, 0, sizeof *grid);
-    if (spsi_bounds_empty(bounds)) return 0;
     longest = spsi_bounds_longest(bounds);
     if (!(longest > 0)) return 0;
     grid->edge = longest / frame->view.scatter_size;
@@ -24150,14 +24152,14 @@ static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call
     return SPS_OK;
 }
 
-/* A shader whose eye looks along z through the samples. */
-static void spsi_cells_shader(spsi_cell_job *job) {
-    spsi_shader *shader = &job->shader;
-    shader->frame = job->frame;
-    shader->eye = &job->sheets.rays;
-    shader->sweep = &job->sweep;
-    shader->faces = job->faces;
-    spsi_shader_linears(&job->sheets.slabs, shader);
+/* A shader whose eye looks through samples. */
+static void spsi_cells_shader(const spsi_frame *frame, const spsi_faces *faces, const spsi_rays *eye,
+                              const spsi_slabs *slabs, const spsi_sweep *sweep, spsi_shader *shader) {
+    shader->frame = frame;
+    shader->eye = eye;
+    shader->sweep = sweep;
+    shader->faces = faces;
+    spsi_shader_linears(slabs, shader);
 }
 
 /* A vector of samples of one row. */
@@ -24825,7 +24827,7 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     context->cell_tmap_count = count;
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
-    spsi_cells_shader(job);
+    spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
     if (!spsi_cells_shadows(job, part, maps) && (!job->flown || !spsi_cells_fly_to(job))) {
         spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
         if (job->walls.closed)
@@ -25634,11 +25636,7 @@ static sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory) {
     if (!spsi_spread_aim_fine(spread, job->face, job->fine, &job->sheets.rays, slabs))
         return spsi_fail_that(job->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, job->lamp.index, "position", 0,
                               SPSI_TEXELS_ALIKE);
-    job->shader.frame = frame;
-    job->shader.eye = &job->rays;
-    job->shader.sweep = &job->sweep;
-    job->shader.faces = job->faces;
-    spsi_shader_linears(slabs, &job->shader);
+    spsi_cells_shader(frame, job->faces, &job->rays, slabs, &job->sweep, &job->shader);
     spsi_shadow_aim(&job->rays, &job->shadow);
     job->depth = memory;
     job->scattered = job->depth + all;

@@ -7556,17 +7556,15 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->meshes.count; ++i) {
         const spsi_mesh *mesh = &frame->meshes.list[i];
-        const int textured = mesh->shade_fn != NULL;
+        const int has[3] = {mesh->has_normals, mesh->has_colors, mesh->shade_fn != NULL};
         if (mesh->revision == 0) return 0;
         hash = spsi_fingerprint(hash, &mesh->triangle_count, sizeof mesh->triangle_count);
         hash = spsi_fingerprint(hash, &mesh->read_fn, sizeof mesh->read_fn);
         hash = spsi_fingerprint(hash, &mesh->user, sizeof mesh->user);
         hash = spsi_fingerprint(hash, &mesh->placement, sizeof mesh->placement);
         hash = spsi_fingerprint(hash, mesh->color, sizeof mesh->color);
-        hash = spsi_fingerprint(hash, &mesh->has_normals, sizeof mesh->has_normals);
-        hash = spsi_fingerprint(hash, &mesh->has_colors, sizeof mesh->has_colors);
+        hash = spsi_fingerprint(hash, has, sizeof has);
         hash = spsi_fingerprint(hash, mesh->transmittance, sizeof mesh->transmittance);
-        hash = spsi_fingerprint(hash, &textured, sizeof textured);
         hash = spsi_fingerprint(hash, &mesh->revision, sizeof mesh->revision);
     }
     return hash | 1;
@@ -27550,14 +27548,6 @@ static size_t spsi_sight_bytes(const sps_context *context, size_t pixels, int sh
     return counters + pixels * (size_t)shares * sizeof(float);
 }
 
-static void spsi_shadow_start(const spsi_picture *picture, const spsi_sweep *sweep, const spsi_lamp *lamp,
-                              spsi_shadow *shadow) {
-    shadow->lamp = lamp;
-    shadow->soft = sweep->soft && lamp == sweep->lamp;
-    for (int i = 0; i < picture->spreads.count; ++i)
-        if (picture->spreads.list[i].lamp == lamp) shadow->spread = &picture->spreads.list[i];
-}
-
 /* Lists a sweep's lights, and traces the shadow rays from surfaces to them. */
 static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
     const spsi_frame *frame = picture->frame;
@@ -27572,9 +27562,15 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *swe
     memset(shadow, 0, (size_t)count * sizeof *shadow);
     picture->shadows = shadow;
     picture->shadow_count = count;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        if (spsi_sweep_carries(sweep, &frame->lamps.list[i]))
-            spsi_shadow_start(picture, sweep, &frame->lamps.list[i], shadow++);
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        if (!spsi_sweep_carries(sweep, lamp)) continue;
+        shadow->lamp = lamp;
+        shadow->soft = sweep->soft && lamp == sweep->lamp;
+        for (int k = 0; k < picture->spreads.count; ++k)
+            if (picture->spreads.list[k].lamp == lamp) shadow->spread = &picture->spreads.list[k];
+        ++shadow;
+    }
     if (!picture->visible.hits || count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i)
         shares += spsi_sight_floats(frame, picture->shadows[i].lamp, picture->shadows[i].soft);
@@ -31304,25 +31300,11 @@ SPS_API const float *sps_tmap_surfaces(const sps_tmap *map) {
     return map && map->finished ? (const float *)map->data.surfaces.data : NULL;
 }
 
-static int spsi_tmap_has_face(const sps_tmap *map, int face) {
-    return map && map->finished && face >= 0 && face < map->face_count;
-}
-
 SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]) {
-    if (!spsi_tmap_has_face(map, face)) return SPS_ERROR_ARGUMENT;
+    if (!map || !map->finished || face < 0 || face >= map->face_count) return SPS_ERROR_ARGUMENT;
     if (matrix) spsi_rays_matrix(&map->rays[face], matrix);
     if (bias) memcpy(bias, map->bias, sizeof map->bias);
     return SPS_OK;
-}
-
-/* Copies the rows of a matrix, (X, Y, distance, W), to a shader's constants. */
-static void spsi_fill_rows(const double matrix[16], sps_tmap_constants *constants) {
-    for (int i = 0; i < 4; ++i) {
-        constants->row_x[i] = (float)matrix[i];
-        constants->row_y[i] = (float)matrix[4 + i];
-        constants->row_distance[i] = (float)matrix[8 + i];
-        constants->row_w[i] = (float)matrix[12 + i];
-    }
 }
 
 SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tmap_constants *constants) {
@@ -31331,7 +31313,12 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     if (!constants || sps_tmap_get_projection(map, face, matrix, bias) != SPS_OK) return SPS_ERROR_ARGUMENT;
     settings = &map->settings;
     memset(constants, 0, sizeof *constants);
-    spsi_fill_rows(matrix, constants);
+    for (int i = 0; i < 4; ++i) {
+        constants->row_x[i] = (float)matrix[i];
+        constants->row_y[i] = (float)matrix[4 + i];
+        constants->row_distance[i] = (float)matrix[8 + i];
+        constants->row_w[i] = (float)matrix[12 + i];
+    }
     constants->technique = (int32_t)settings->technique;
     constants->components = settings->components;
     constants->has_range = map->has_range;

@@ -20738,9 +20738,10 @@ static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z
 }
 
 /* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells. */
-static void spsi_cells_look_task(void *data, int row) {
+static void spsi_cells_look_task(void *data, int row, int worker) {
     const spsi_cell_look *look = (const spsi_cell_look *)data;
     const spsi_cell_grid *grid = look->grid;
+    (void)worker;
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         float harmonic[SPSI_CELL_TERMS], degree[SPSI_CELL_ORDERS];
@@ -20794,11 +20795,12 @@ static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen,
 
 /* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
    of its end is between both. */
-static void spsi_cells_continue_task(void *data, int row) {
+static void spsi_cells_continue_task(void *data, int row, int worker) {
     const spsi_cell_look *look = (const spsi_cell_look *)data;
     const spsi_cell_grid *grid = look->grid;
     const int count = look->frame->matter.material_count * grid->channels;
     int at[3] = {0, row % grid->size[1], row / grid->size[1]};
+    (void)worker;
     for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
         const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
         if (grid->depth[cell] > 0) continue;
@@ -21683,10 +21685,11 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
 }
 
 /* Sends first flights to a row of cubes. */
-static void spsi_flights_light_task(void *data, int index) {
+static void spsi_flights_light_task(void *data, int index, int worker) {
     const spsi_flight_job *job = (const spsi_flight_job *)data;
     const int *size = job->grid->size, rows = (size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
     int first[3] = {0, index % rows * SPSI_FLIGHT_BLOCK, index / rows * SPSI_FLIGHT_BLOCK};
+    (void)worker;
     for (; first[0] < size[0]; first[0] += SPSI_FLIGHT_BLOCK) spsi_flights_light_cube(job, first);
 }
 
@@ -24887,11 +24890,12 @@ static void spsi_cells_add_lamps(const spsi_cell_job *job, const spsi_cell_spot 
 }
 
 /* Lights a row of cells. */
-static void spsi_cells_light_task(void *data, int row) {
+static void spsi_cells_light_task(void *data, int row, int worker) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_spot spot;
+    (void)worker;
     spot.row = (size_t)row * (size_t)grid->pitch;
     for (int n = 0; n < 4; ++n)
         for (int x = 0; x < job->sheets.rays.width; x += SPSI_LANES) {
@@ -25146,12 +25150,13 @@ static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view 
 }
 
 /* Finds and lights the polygons about a row of cells. */
-static void spsi_cells_walls_task(void *data, int row) {
+static void spsi_cells_walls_task(void *data, int row, int worker) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_view view;
     int near_row;
+    (void)worker;
     spsi_cell_view_build(job->faces, grid, grid->size, 1, &view);
     spsi_cell_view_move(&view, 0, y, z);
     near_row = spsi_cell_row_near(&view);
@@ -25417,7 +25422,7 @@ static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
     flight.grid = job->grid;
     flight.moments = job->flown;
     if (job->frame->matter.scatters && job->flights[0].count + job->flights[1].count + job->flights[2].count > 0)
-        spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
+        spsi_parallel(job->context, rows * layers, spsi_flights_light_task, &flight);
     return SPS_OK;
 }
 
@@ -25445,9 +25450,9 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job);
     if (!spsi_cells_shadows(job, part, maps) && (!job->flown || !spsi_cells_fly_to(job))) {
-        spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
+        spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
         if (job->walls.closed)
-            spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
+            spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
     }
     for (int i = 0; i < count; ++i)
         if (!maps[i].waits) spsi_tmap_release(&maps[i]);
@@ -25587,11 +25592,12 @@ typedef struct spsi_cell_closing {
     int scale;
 } spsi_cell_closing;
 
-static void spsi_cells_close_task(void *data, int row) {
+static void spsi_cells_close_task(void *data, int row, int worker) {
     const spsi_cell_closing *closing = (const spsi_cell_closing *)data;
     const spsi_cell_level *level = closing->level;
     const int y = row % level->size[1], z = row / level->size[1];
     spsi_cell_view view;
+    (void)worker;
     spsi_cell_view_build(closing->job->faces, closing->job->grid, level->size, closing->scale, &view);
     spsi_cell_view_move(&view, 0, y, z);
     if (!spsi_cell_row_near(&view)) return;
@@ -25626,7 +25632,7 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
         closing.job = job;
         closing.level = level;
         closing.scale = 1 << n;
-        spsi_parallel_items(job->context, level->size[1] * level->size[2], spsi_cells_close_task, &closing);
+        spsi_parallel(job->context, level->size[1] * level->size[2], spsi_cells_close_task, &closing);
     }
     solver->leaving = memory;
 }
@@ -26026,8 +26032,8 @@ static void spsi_cells_look(sps_context *context, const spsi_frame *frame, spsi_
     spsi_cell_look look;
     look.frame = frame;
     look.grid = grid;
-    spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
-    spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
+    spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
+    spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
 }
 
 /* Finds the light in the cells, unless it is held from the last call, and what the eye sees of it. */

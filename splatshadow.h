@@ -5089,10 +5089,10 @@ static sps_result spsi_check_cone(sps_context *context, const sps_light *light, 
     static const char none[] = "it must be 0: a directional light has no cone";
     const int directional = light->kind == SPS_LIGHT_DIRECTIONAL;
     const double narrower = light->inner_cone < light->outer_cone ? light->inner_cone : 0;
-    const spsi_bounded cones[] = {{"outer_cone", light->outer_cone, 0, directional ? 0 : SPSI_PI * (1 + DBL_EPSILON),
-                                   directional ? none : "it must be 0..pi"},
-                                  {"inner_cone", light->inner_cone, 0, directional ? 0 : narrower,
-                                   directional ? none : "it must be 0, or less than outer_cone"}};
+    const spsi_bounded cones[] = {{"inner_cone", light->inner_cone, 0, directional ? 0 : narrower,
+                                   directional ? none : "it must be 0, or less than outer_cone"},
+                                  {"outer_cone", light->outer_cone, 0, directional ? 0 : SPSI_PI * (1 + DBL_EPSILON),
+                                   directional ? none : "it must be 0..pi"}};
     return spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", cones, sizeof cones / sizeof *cones);
 }
 
@@ -7309,17 +7309,15 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->meshes.count; ++i) {
         const spsi_mesh *mesh = &frame->meshes.list[i];
-        const int textured = mesh->shade_fn != NULL;
+        const int has[3] = {mesh->has_normals, mesh->has_colors, mesh->shade_fn != NULL};
         if (mesh->revision == 0) return 0;
         hash = spsi_fingerprint(hash, &mesh->triangle_count, sizeof mesh->triangle_count);
         hash = spsi_fingerprint(hash, &mesh->read_fn, sizeof mesh->read_fn);
         hash = spsi_fingerprint(hash, &mesh->user, sizeof mesh->user);
         hash = spsi_fingerprint(hash, &mesh->placement, sizeof mesh->placement);
         hash = spsi_fingerprint(hash, mesh->color, sizeof mesh->color);
-        hash = spsi_fingerprint(hash, &mesh->has_normals, sizeof mesh->has_normals);
-        hash = spsi_fingerprint(hash, &mesh->has_colors, sizeof mesh->has_colors);
+        hash = spsi_fingerprint(hash, has, sizeof has);
         hash = spsi_fingerprint(hash, mesh->transmittance, sizeof mesh->transmittance);
-        hash = spsi_fingerprint(hash, &textured, sizeof textured);
         hash = spsi_fingerprint(hash, &mesh->revision, sizeof mesh->revision);
     }
     return hash | 1;
@@ -20151,9 +20149,10 @@ static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z
 }
 
 /* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells. */
-static void spsi_cells_look_task(void *data, int row) {
+static void spsi_cells_look_task(void *data, int row, int worker) {
     const spsi_cell_look *look = (const spsi_cell_look *)data;
     const spsi_cell_grid *grid = look->grid;
+    (void)worker;
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         float harmonic[SPSI_CELL_TERMS], degree[SPSI_CELL_ORDERS];
@@ -20197,11 +20196,12 @@ static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen,
 
 /* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
    of its end is between both. */
-static void spsi_cells_continue_task(void *data, int row) {
+static void spsi_cells_continue_task(void *data, int row, int worker) {
     const spsi_cell_look *look = (const spsi_cell_look *)data;
     const spsi_cell_grid *grid = look->grid;
     const int count = look->frame->matter.material_count * grid->channels;
     int at[3] = {0, row % grid->size[1], row / grid->size[1]};
+    (void)worker;
     for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
         const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
         if (grid->depth[cell] > 0) continue;
@@ -20307,6 +20307,7 @@ typedef struct spsi_cell_sight {
 static int spsi_cell_sight_near(const spsi_cell_sight *sight) {
     const spsi_cell_grid *grid = sight->grid;
     const double *point = sight->surface->point, *start = sight->surface->start;
+    const double begins[1][3] = {{start[0], start[1], start[2]}};
     double below[3], offset[3], farthest = 0;
     spsi_bounds from;
     int near_sides = 0;
@@ -20326,7 +20327,7 @@ static int spsi_cell_sight_near(const spsi_cell_sight *sight) {
         to.low[axis] = to.high[axis] = to.low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
         spsi_shaft_build(sight->faces, &from, &to, &shaft);
         spsi_shaft_add(sight->faces, &from, &from, below, -9e-7 * farthest * spsi_reach_of(below), &shaft);
-        if (!spsi_shaft_is_clear(sight->faces, &shaft, &sight->face, 1, (const double(*)[3])start))
+        if (!spsi_shaft_is_clear(sight->faces, &shaft, &sight->face, 1, begins))
             near_sides |= 1 << (2 * axis + upper);
     }
     return near_sides;
@@ -21048,7 +21049,7 @@ static void spsi_flights_see(const spsi_flights *flights, const double place[3],
     for (int k = 0; k < 3; ++k) toward[k] = place[k] - flights->centre[k] - (double)sum->at[k];
     distance = spsi_length(toward) - reach;
     open->node = node;
-    open->angle = distance > (double)flights->nodes[node].reach ? flights->nodes[node].breadth / distance
+    open->angle = distance > (double)flights->nodes[node].reach ? (double)flights->nodes[node].breadth / distance
                                                                 : 1e3 + (double)sum->radius;
 }
 
@@ -21294,10 +21295,11 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
 }
 
 /* Sends first flights to a row of cubes. */
-static void spsi_flights_light_task(void *data, int index) {
+static void spsi_flights_light_task(void *data, int index, int worker) {
     const spsi_flight_job *job = (const spsi_flight_job *)data;
     const int *size = job->grid->size, rows = (size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
     int first[3] = {0, index % rows * SPSI_FLIGHT_BLOCK, index / rows * SPSI_FLIGHT_BLOCK};
+    (void)worker;
     for (; first[0] < size[0]; first[0] += SPSI_FLIGHT_BLOCK) spsi_flights_light_cube(job, first);
 }
 
@@ -24282,11 +24284,12 @@ static void spsi_cells_add_lamps(const spsi_cell_job *job, const spsi_cell_spot 
 }
 
 /* Lights a row of cells. */
-static void spsi_cells_light_task(void *data, int row) {
+static void spsi_cells_light_task(void *data, int row, int worker) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_spot spot;
+    (void)worker;
     spot.row = (size_t)row * (size_t)grid->pitch;
     for (int n = 0; n < 4; ++n)
         for (int x = 0; x < job->sheets.rays.width; x += SPSI_LANES) {
@@ -24532,12 +24535,13 @@ static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view 
 }
 
 /* Finds and lights the polygons about a row of cells. */
-static void spsi_cells_walls_task(void *data, int row) {
+static void spsi_cells_walls_task(void *data, int row, int worker) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_view view;
     int near_row;
+    (void)worker;
     spsi_cell_view_build(job->faces, grid, grid->size, 1, &view);
     spsi_cell_view_move(&view, 0, y, z);
     near_row = spsi_cell_view_near(&view, grid->size[0]);
@@ -24801,7 +24805,7 @@ static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
     flight.grid = job->grid;
     flight.moments = job->flown;
     if (job->frame->matter.scatters && job->flights[0].count + job->flights[1].count + job->flights[2].count > 0)
-        spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
+        spsi_parallel(job->context, rows * layers, spsi_flights_light_task, &flight);
     return SPS_OK;
 }
 
@@ -24829,9 +24833,9 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
     if (!spsi_cells_shadows(job, part, maps) && (!job->flown || !spsi_cells_fly_to(job))) {
-        spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
+        spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
         if (job->walls.closed)
-            spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
+            spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
     }
     for (int i = 0; i < count; ++i)
         if (!maps[i].waits) spsi_tmap_release(&maps[i]);
@@ -25391,8 +25395,8 @@ static void spsi_cells_look(sps_context *context, const spsi_frame *frame, spsi_
     spsi_cell_look look;
     look.frame = frame;
     look.grid = grid;
-    spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
-    spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
+    spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
+    spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
 }
 
 /* Finds the light in the cells, unless it is held from the last call, and what the eye sees of it. */
@@ -26899,14 +26903,6 @@ static size_t spsi_sight_bytes(const sps_context *context, size_t pixels, int sh
     return counters + pixels * (size_t)shares * sizeof(float);
 }
 
-static void spsi_shadow_start(const spsi_picture *picture, const spsi_sweep *sweep, const spsi_lamp *lamp,
-                              spsi_shadow *shadow) {
-    shadow->lamp = lamp;
-    shadow->soft = sweep->soft && lamp == sweep->lamp;
-    for (int i = 0; i < picture->spreads.count; ++i)
-        if (picture->spreads.list[i].lamp == lamp) shadow->spread = &picture->spreads.list[i];
-}
-
 /* Lists a sweep's lights, and traces the shadow rays from surfaces to them. */
 static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
     const spsi_frame *frame = picture->frame;
@@ -26921,9 +26917,15 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *swe
     memset(shadow, 0, (size_t)count * sizeof *shadow);
     picture->shadows = shadow;
     picture->shadow_count = count;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        if (spsi_sweep_carries(sweep, &frame->lamps.list[i]))
-            spsi_shadow_start(picture, sweep, &frame->lamps.list[i], shadow++);
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        if (!spsi_sweep_carries(sweep, lamp)) continue;
+        shadow->lamp = lamp;
+        shadow->soft = sweep->soft && lamp == sweep->lamp;
+        for (int k = 0; k < picture->spreads.count; ++k)
+            if (picture->spreads.list[k].lamp == lamp) shadow->spread = &picture->spreads.list[k];
+        ++shadow;
+    }
     if (!picture->visible.hits || count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i)
         shares += spsi_sight_floats(frame, picture->shadows[i].lamp, picture->shadows[i].soft);
@@ -30387,25 +30389,11 @@ SPS_API const float *sps_tmap_surfaces(const sps_tmap *map) {
     return map && map->finished ? (const float *)map->data.surfaces.data : NULL;
 }
 
-static int spsi_tmap_has_face(const sps_tmap *map, int face) {
-    return map && map->finished && face >= 0 && face < map->face_count;
-}
-
 SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]) {
-    if (!spsi_tmap_has_face(map, face)) return SPS_ERROR_ARGUMENT;
+    if (!map || !map->finished || face < 0 || face >= map->face_count) return SPS_ERROR_ARGUMENT;
     if (matrix) spsi_rays_matrix(&map->rays[face], matrix);
     if (bias) memcpy(bias, map->bias, sizeof map->bias);
     return SPS_OK;
-}
-
-/* Copies the rows of a matrix, (X, Y, distance, W), to a shader's constants. */
-static void spsi_fill_rows(const double matrix[16], sps_tmap_constants *constants) {
-    for (int i = 0; i < 4; ++i) {
-        constants->row_x[i] = (float)matrix[i];
-        constants->row_y[i] = (float)matrix[4 + i];
-        constants->row_distance[i] = (float)matrix[8 + i];
-        constants->row_w[i] = (float)matrix[12 + i];
-    }
 }
 
 SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tmap_constants *constants) {
@@ -30414,7 +30402,12 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     if (!constants || sps_tmap_get_projection(map, face, matrix, bias) != SPS_OK) return SPS_ERROR_ARGUMENT;
     settings = &map->settings;
     memset(constants, 0, sizeof *constants);
-    spsi_fill_rows(matrix, constants);
+    for (int i = 0; i < 4; ++i) {
+        constants->row_x[i] = (float)matrix[i];
+        constants->row_y[i] = (float)matrix[4 + i];
+        constants->row_distance[i] = (float)matrix[8 + i];
+        constants->row_w[i] = (float)matrix[12 + i];
+    }
     constants->technique = (int32_t)settings->technique;
     constants->components = settings->components;
     constants->has_range = map->has_range;

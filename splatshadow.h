@@ -4791,13 +4791,10 @@ static sps_result spsi_check_vector(sps_context *context, sps_object object, int
     return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, *bad, "it must be within 1e15");
 }
 
-/* Fails if a component of a color is not within 0..most, which is 1 or SPSI_VALUE_MAX. */
+/* The same for what the caller set. */
 static sps_result spsi_check_color(sps_context *context, sps_object object, int index, const char *field,
                                    const float color[3], float most) {
-    const float *bad = spsi_bad_color(color, most);
-    if (!bad) return SPS_OK;
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, (double)*bad,
-                           most > 1 ? "red, green and blue must be 0..1e18" : "red, green and blue must be 0..1");
+    return spsi_check_rgb(context, SPS_ERROR_ARGUMENT, object, index, field, color, most);
 }
 
 /* Checks that a resolved placement is finite, and not flat. */
@@ -8994,7 +8991,9 @@ static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft,
             const int number = faces->tree.order[node->first + i / count], from = own[i % count];
             const spsi_face *begin = &faces->list[from];
             if (number == from || (start && spsi_face_is_translucent(&faces->list[number]))) continue;
-            if (spsi_shaft_meets_face(shaft, faces, number, start ? start : begin->position, start ? 1 : 3)) return 0;
+            if (start ? spsi_shaft_meets_face(shaft, faces, number, start, 1)
+                      : spsi_shaft_meets_face(shaft, faces, number, begin->position, 3))
+                return 0;
         }
         if (node->count > 0) continue;
         stack[top++] = node->first;
@@ -9792,11 +9791,10 @@ static void spsi_panes_row(const spsi_planes_job *job, int y, float *cells) {
 }
 
 /* Fills one row of cells. */
-static void spsi_planes_task(void *data, int index, int worker) {
+static void spsi_planes_task(void *data, int index) {
     const spsi_planes_job *job = (const spsi_planes_job *)data;
     const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
     float *cells = job->map->nearest[job->face] + (size_t)(spsi_depth_map_cells(height) + index) * (size_t)columns;
-    (void)worker;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
     for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
         if (job->panes)
@@ -9821,7 +9819,7 @@ static void spsi_cells_spread(float *nearest, int columns, int rows) {
 /* Fills a face's planes, given what the rasteriser left there, and its cells. */
 static void spsi_planes_fill(sps_context *context, spsi_planes_job *job) {
     const int rows = spsi_depth_map_cells(job->map->rays[job->face].height);
-    spsi_parallel(context, rows, spsi_planes_task, job);
+    spsi_parallel_items(context, rows, spsi_planes_task, job);
     spsi_cells_spread(job->map->nearest[job->face], job->map->cells[job->face], rows);
 }
 
@@ -20025,11 +20023,10 @@ static void spsi_cells_correct_task(void *data, int z) {
 }
 
 /* Ways through the cells of a plane. */
-static void spsi_cells_ways_task(void *data, int z, int worker) {
+static void spsi_cells_ways_task(void *data, int z) {
     static const float ways[SPSI_CELL_LENGTHS] = {1, 1.41421356f, 1.73205081f, 1.10554160f};
     const spsi_cell_level *level = ((const spsi_cell_pass *)data)->level;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
-    (void)worker;
     for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES)
         for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
             const spsi_v depth = spsi_mul(spsi_load(level->depth + at), spsi_set(ways[i]));
@@ -20100,7 +20097,7 @@ static void spsi_cells_levels(const spsi_cell_solver *solver) {
             step.count = solver->orders;
             spsi_parallel_items(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
         }
-        spsi_parallel(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
+        spsi_parallel_items(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
     }
 }
 
@@ -20149,10 +20146,9 @@ static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z
 }
 
 /* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells. */
-static void spsi_cells_look_task(void *data, int row, int worker) {
+static void spsi_cells_look_task(void *data, int row) {
     const spsi_cell_look *look = (const spsi_cell_look *)data;
     const spsi_cell_grid *grid = look->grid;
-    (void)worker;
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         float harmonic[SPSI_CELL_TERMS], degree[SPSI_CELL_ORDERS];
@@ -20196,12 +20192,11 @@ static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen,
 
 /* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
    of its end is between both. */
-static void spsi_cells_continue_task(void *data, int row, int worker) {
+static void spsi_cells_continue_task(void *data, int row) {
     const spsi_cell_look *look = (const spsi_cell_look *)data;
     const spsi_cell_grid *grid = look->grid;
     const int count = look->frame->matter.material_count * grid->channels;
     int at[3] = {0, row % grid->size[1], row / grid->size[1]};
-    (void)worker;
     for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
         const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
         if (grid->depth[cell] > 0) continue;
@@ -21295,11 +21290,10 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
 }
 
 /* Sends first flights to a row of cubes. */
-static void spsi_flights_light_task(void *data, int index, int worker) {
+static void spsi_flights_light_task(void *data, int index) {
     const spsi_flight_job *job = (const spsi_flight_job *)data;
     const int *size = job->grid->size, rows = (size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
     int first[3] = {0, index % rows * SPSI_FLIGHT_BLOCK, index / rows * SPSI_FLIGHT_BLOCK};
-    (void)worker;
     for (; first[0] < size[0]; first[0] += SPSI_FLIGHT_BLOCK) spsi_flights_light_cube(job, first);
 }
 
@@ -24284,12 +24278,11 @@ static void spsi_cells_add_lamps(const spsi_cell_job *job, const spsi_cell_spot 
 }
 
 /* Lights a row of cells. */
-static void spsi_cells_light_task(void *data, int row, int worker) {
+static void spsi_cells_light_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_spot spot;
-    (void)worker;
     spot.row = (size_t)row * (size_t)grid->pitch;
     for (int n = 0; n < 4; ++n)
         for (int x = 0; x < job->sheets.rays.width; x += SPSI_LANES) {
@@ -24535,13 +24528,12 @@ static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view 
 }
 
 /* Finds and lights the polygons about a row of cells. */
-static void spsi_cells_walls_task(void *data, int row, int worker) {
+static void spsi_cells_walls_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_view view;
     int near_row;
-    (void)worker;
     spsi_cell_view_build(job->faces, grid, grid->size, 1, &view);
     spsi_cell_view_move(&view, 0, y, z);
     near_row = spsi_cell_view_near(&view, grid->size[0]);
@@ -24805,7 +24797,7 @@ static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
     flight.grid = job->grid;
     flight.moments = job->flown;
     if (job->frame->matter.scatters && job->flights[0].count + job->flights[1].count + job->flights[2].count > 0)
-        spsi_parallel(job->context, rows * layers, spsi_flights_light_task, &flight);
+        spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
     return SPS_OK;
 }
 
@@ -24833,9 +24825,9 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
     if (!spsi_cells_shadows(job, part, maps) && (!job->flown || !spsi_cells_fly_to(job))) {
-        spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
+        spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
         if (job->walls.closed)
-            spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
+            spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
     }
     for (int i = 0; i < count; ++i)
         if (!maps[i].waits) spsi_tmap_release(&maps[i]);
@@ -24855,12 +24847,11 @@ static void spsi_cells_release(sps_context *context) {
 #define SPSI_CELL_EMITTING 1e-4f
 
 /* Sets what a row of cells keeps and is given. */
-static void spsi_cells_equations_task(void *data, int row, int worker) {
+static void spsi_cells_equations_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const spsi_cell_level *level = &job->solver->levels[0];
     const int c = job->channel;
-    (void)worker;
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         const float emitted = job->emitted[(size_t)c * grid->count + at], whole = grid->depth[at];
@@ -25067,13 +25058,13 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
         memset(solver->leaving, 0, spsi_cell_leaving_floats(grid->size[2]) * sizeof(float));
-        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
+        spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         spsi_cells_levels(solver);
         spsi_cells_reflect(job, job->channel, plain);
     }
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
         each.share *= 0.5;
-        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
+        spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
         spsi_copy(job->context, light, found, moments * sizeof(float));
         each.progress += each.share;
@@ -25395,8 +25386,8 @@ static void spsi_cells_look(sps_context *context, const spsi_frame *frame, spsi_
     spsi_cell_look look;
     look.frame = frame;
     look.grid = grid;
-    spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
-    spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
+    spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
+    spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
 }
 
 /* Finds the light in the cells, unless it is held from the last call, and what the eye sees of it. */
@@ -25523,11 +25514,10 @@ static double spsi_spread_cone(const spsi_lamp *lamp, const spsi_rays *rays, dou
 }
 
 /* Lights a row of the chunk's sheets. */
-static void spsi_spread_light_task(void *data, int y, int worker) {
+static void spsi_spread_light_task(void *data, int y) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
     const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
     const int pitch = job->spread->pitch;
-    (void)worker;
     for (int k = 0; k < job->count; ++k)
         for (int x = 0; x < pitch; x += SPSI_LANES) {
             const double end = near_depth + (job->first + k + 1) * thickness;
@@ -25582,10 +25572,9 @@ static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
 }
 
 /* Carries one channel through the chunk's sheets. */
-static void spsi_spread_carry_task(void *data, int c, int worker) {
+static void spsi_spread_carry_task(void *data, int c) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
     const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
-    (void)worker;
     for (int k = 0; k < job->count; ++k) {
         const size_t at = (size_t)k * job->plane, own = (size_t)c * SPSI_CHUNK * job->plane + at;
         const double begin = near_depth + (job->first + k) * thickness;
@@ -25674,8 +25663,8 @@ static sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const sp
         job->count = spsi_least(SPSI_CHUNK / job->fine, spread->sheet_count - job->first);
         memset(job->depth, 0, (size_t)(1 + 3 * spread->channels) * SPSI_CHUNK * job->plane * sizeof(float));
         spsi_sampling_chunk(&job->sheets, chunk, spsi_spread_add_sample, job);
-        spsi_parallel(context, job->light[0].size[1], spsi_spread_light_task, job);
-        spsi_parallel(context, spread->channels, spsi_spread_carry_task, job);
+        spsi_parallel_items(context, job->light[0].size[1], spsi_spread_light_task, job);
+        spsi_parallel_items(context, spread->channels, spsi_spread_carry_task, job);
     }
     return SPS_OK;
 }
@@ -25958,7 +25947,7 @@ static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, i
 }
 
 /* The range of slab coordinates of the polygons in a tile, and their minimum depth. Opens all patches of the tile. */
-static void spsi_polygon_range_task(void *data, int index, int worker) {
+static void spsi_polygon_range_task(void *data, int index) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
     const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
@@ -25967,7 +25956,6 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
     const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     const uint32_t *layers = run->shader.visible->layers.first;
-    (void)worker;
     for (int y = top; y < y1 && run->shader.hits; ++y)
         for (int x = left; x < x1; x += SPSI_LANES) {
             float lanes[SPSI_LANES], depths[SPSI_LANES];
@@ -26104,7 +26092,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
         spsi_contents_build(context, &run->eye, run->has_sliced ? &run->sliced.target : NULL, &run->contents) ||
         spsi_contents_add_particles(&run->contents))
         return context->result;
-    spsi_parallel(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
+    spsi_parallel_items(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
     for (int i = 0; i < run->region.columns * run->region.rows; ++i) run->region.outside += run->region.open[i] == 0;
     return SPS_OK;
 }
@@ -28340,11 +28328,10 @@ static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher,
 }
 
 /* Finds the next face of each pixel of a row. */
-static void spsi_march_meet_task(void *data, int index, int worker) {
+static void spsi_march_meet_task(void *data, int index) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, width = marcher->frame->content->eye.width;
     const int y = region[1] + index;
-    (void)worker;
     for (int x = region[0]; x < region[0] + region[2]; ++x) {
         spsi_walker *walker = &marcher->walkers[(size_t)index * (size_t)region[2] + (size_t)(x - region[0])];
         if (!walker->ended) spsi_march_meet(marcher, x, y, walker);
@@ -28426,7 +28413,7 @@ static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, 
     const int *region = frame->view.region;
     const size_t pixels = (size_t)region[2] * (size_t)region[3];
     const double share = (marcher->settings->samples > 0 ? SPSI_MARCH_SHARE : 1) / (marcher->side * marcher->side);
-    spsi_parallel(context, region[3], spsi_march_meet_task, marcher);
+    spsi_parallel_items(context, region[3], spsi_march_meet_task, marcher);
     marcher->visible.hits = marcher->hits;
     if (spsi_textures(context, frame, marcher->faces, &marcher->visible)) return context->result;
     if (spsi_march_pixels(context, marcher, share * marcher->sample, share)) return context->result;

@@ -4582,7 +4582,8 @@ typedef struct spsi_emitter {
     float at[3], radius; /* relative to the tree's centre */
     float sent[3];       /* mean radiance times area that leaves it, by channel */
     float axis[3];
-    float clear; /* beyond the radius, cells hold gas of its own, which is not in its way */
+    float leaves[3]; /* fraction of what it sends that `sent` is: the rest is taken by its own gas */
+    float clear;     /* beyond the radius, cells hold gas of its own, which is not in its way */
 } spsi_emitter;
 
 #define SPSI_FLIGHT_WAYS 18 /* directions: toward the faces and edges of a cube */
@@ -20595,7 +20596,7 @@ static float spsi_emitter_reach(const spsi_emitter *emitter) {
     return 0.75f * emitter->radius;
 }
 
-/* Takes away what an emitter hides of itself, as a ball of the gas in the cell about its centre. */
+/* Lets less leave an emitter: it hides itself as a ball of the gas in the cell about its centre. */
 static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];
@@ -20603,26 +20604,30 @@ static void spsi_emitter_hide(const spsi_flights *flights, const double point[3]
         if (!spsi_cell_holding(grid, point, &at)) continue;
         for (int c = 0; c < 3; ++c) {
             const double scale = (double)grid->scale[spsi_least(c, grid->channels - 1)];
-            emitter->sent[c] *= (float)spsi_ball_escape((double)emitter->radius / grid->edge *
-                                                        (double)grid->depth[at] * scale);
+            emitter->leaves[c] *= (float)spsi_ball_escape((double)emitter->radius / grid->edge *
+                                                          (double)grid->depth[at] * scale);
         }
     }
 }
 
-/* Adds an emitter at a point that sends so many times what `like` does, unless it is black. */
-static void spsi_emitters_add(spsi_flights *flights, const double point[3], double amount, const spsi_emitter *like,
-                              spsi_tree_item *items) {
+/* Adds an emitter at a point that sends so many times what `like` does, unless it is black. own: its optical depth along
+   a radius; negative: that of the gas about it. */
+static void spsi_emitters_add(spsi_flights *flights, const double point[3], double amount, double own,
+                              const spsi_emitter *like, spsi_tree_item *items) {
     spsi_emitter *emitter = &flights->emitters[flights->count];
     double low[3], high[3];
     if (!(amount > 0)) return;
     *emitter = *like;
     for (int k = 0; k < 3; ++k) {
-        emitter->sent[k] = (float)fmin(amount * (double)like->sent[k], (double)SPSI_RADIANCE_MAX);
+        emitter->leaves[k] = own < 0 ? 1 : (float)spsi_ball_escape(own);
         emitter->at[k] = (float)(point[k] - flights->centre[k]);
         low[k] = point[k] - (double)like->radius;
         high[k] = point[k] + (double)like->radius;
     }
-    if (!(like->clear > 0)) spsi_emitter_hide(flights, point, emitter);
+    if (own < 0) spsi_emitter_hide(flights, point, emitter);
+    for (int c = 0; c < 3; ++c)
+        emitter->sent[c] =
+            (float)fmin(amount * (double)like->sent[c] * (double)emitter->leaves[c], (double)SPSI_RADIANCE_MAX);
     if (spsi_black(emitter->sent)) return; /* also where the product is too small for a float */
     items[flights->count].number = flights->count;
     spsi_tree_item_add(&items[flights->count++], flights->centre, low, high);
@@ -20679,7 +20684,7 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
         }
         spsi_voxel_position(lattice, at, point);
         like.radius = (float)sqrt(5.0 / 3 * square);
-        spsi_emitters_add(flights, point, sums[n].value * lattice->voxel_volume, &like, items);
+        spsi_emitters_add(flights, point, sums[n].value * lattice->voxel_volume, -1, &like, items);
     }
 }
 
@@ -20717,15 +20722,15 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
         for (; n < content->set_ends[i]; ++n) {
             const sps_particle *particle = &content->particles[n];
             const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
-            const double amount = (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth *
-                                  spsi_ball_escape((set->soft ? 0.375 : 0.5) * depth);
+            const double amount = (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth;
+            const double own = (set->soft ? 0.375 : 0.5) * depth;
             const double point[3] = {(double)particle->position[0], (double)particle->position[1],
                                      (double)particle->position[2]};
             if (!material->emits) continue;
             like.radius = (float)(set->soft ? 0.845 * radius : radius);
             like.clear = (float)(radius + 2 * flights->grids->edge) - spsi_emitter_reach(&like);
-            spsi_emitters_add(flights, point, (1 - flies) * amount, &like, items[SPSI_FLIGHTS_GLOW]);
-            spsi_emitters_add(flights + 1, point, flies * amount, &like, items[SPSI_FLIGHTS_BEAMS]);
+            spsi_emitters_add(flights, point, (1 - flies) * amount, own, &like, items[SPSI_FLIGHTS_GLOW]);
+            spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
     }
 }
@@ -21077,22 +21082,23 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
     }
 }
 
-/* Fraction of what a node sends that leaves it in a vector of directions, for a channel: the polynomial of degree 4 in
-   the cosines through what is known. share: of the reach, at which the receiver is. To the middle of an even ball, ways
-   are 0.36 as long: T^x is close to the mean of T / (T + x (1 - T)) and 1 - x (1 - T). */
-static spsi_v spsi_flight_leaves(const spsi_flight_node *node, int channel, const spsi_v unit[3], spsi_v share) {
+/* Over what an emitter or node sends, the fraction that gets past its own gas in a vector of directions, for a channel.
+   Of a node, it is the polynomial of degree 4 in the cosines through what is known; an emitter sends it already. share:
+   of the radius, at which the receiver is. To the middle of an even ball, ways are 0.36 as long: T^x is close to the mean
+   of T / (T + x (1 - T)) and 1 - x (1 - T). */
+static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const spsi_v unit[3], spsi_v share) {
+    const spsi_flight_node *node = flight->node;
     const spsi_v one = spsi_set(1);
-    spsi_v sum = spsi_set(0), part, low, square[3], toward[3];
+    spsi_v sum = node ? spsi_set(0) : spsi_set(flight->emitter->leaves[channel]), part, low, square[3], toward[3];
     spsi_m ahead[3];
-    if (!node) return one;
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3 && node; ++k) {
         const float *own = &node->leaves[channel][2 * k];
         ahead[k] = spsi_less(spsi_set(0), unit[k]);
         square[k] = spsi_mul(unit[k], unit[k]);
         toward[k] = spsi_select(ahead[k], spsi_set(own[1]), spsi_set(own[0]));
         sum = spsi_fma(square[k], toward[k], sum);
     }
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3 && node; ++k) {
         const int next = (k + 1) % 3;
         const float *own = &node->leaves[channel][6 + 4 * k];
         const spsi_v back = spsi_select(ahead[k], spsi_set(own[1]), spsi_set(own[0]));
@@ -21105,7 +21111,13 @@ static spsi_v spsi_flight_leaves(const spsi_flight_node *node, int channel, cons
     part = spsi_fma(spsi_mul(share, share), spsi_set(0.64f), spsi_set(0.36f));
     sum = spsi_clamp(sum, spsi_set(1e-20f), one);
     low = spsi_div(sum, spsi_fma(part, spsi_sub(one, sum), sum));
-    return spsi_mul(spsi_set(0.5f), spsi_add(low, spsi_fma(part, spsi_sub(sum, one), one)));
+    low = spsi_mul(spsi_set(0.5f), spsi_add(low, spsi_fma(part, spsi_sub(sum, one), one)));
+    return node ? low : spsi_div(low, sum);
+}
+
+/* Radius of the ball that a node or an emitter is. */
+static float spsi_flight_span(const spsi_flight *flight) {
+    return flight->node ? flight->node->reach : flight->emitter->radius;
 }
 
 /* Length from a node's centre up to which what it hides of itself is known. */
@@ -21196,7 +21208,6 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_emitter *node = flight->emitter;
-    const float reach = fmaxf(spsi_flight_reach(flight) / (float)grid->edge, FLT_MIN);
     const spsi_v zero = spsi_set(0), radius = spsi_set(node->radius / (float)grid->edge);
     const spsi_v spread = spsi_fma(spsi_mul(radius, radius), spsi_set(0.2f), spsi_set(1.0f / 12));
     const spsi_v least = spsi_fma(spsi_mul(radius, radius), spsi_set(1.0f / 3), spsi_set(0.13f));
@@ -21209,12 +21220,12 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     }
     square = spsi_dot_v(ways.unit, ways.unit);
     ways.length = spsi_sqrt(square);
-    ways.begin = spsi_min(spsi_set(reach), ways.length);
+    ways.begin = spsi_min(spsi_set(spsi_flight_reach(flight) / (float)grid->edge), ways.length);
     ways.end = spsi_sub(ways.length, spsi_set(0.5f));
     ways.clear = spsi_add(ways.begin, spsi_set(node->clear / (float)grid->edge));
     for (int k = 0; k < 3; ++k) ways.unit[k] = spsi_div(ways.unit[k], spsi_max(ways.length, spsi_set(1e-3f)));
     depth = spsi_ways_depth(grid, &ways);
-    share = spsi_div(ways.length, spsi_set(reach));
+    share = spsi_div(ways.length, spsi_set(fmaxf(spsi_flight_span(flight) / (float)grid->edge, FLT_MIN)));
     spsi_harmonics_v(ways.unit, grid->terms, harmonic);
     even = spsi_div(spsi_set(fraction * (float)(0.25 / (SPSI_PI * grid->edge * grid->edge))),
                     spsi_max(spsi_sub(square, spread), least));
@@ -21232,7 +21243,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
         const spsi_v before = spsi_mul(scale, depth);
         spsi_v light = spsi_mul(spsi_mul(even, spsi_set(node->sent[c])),
                                 spsi_mean_transmittance(before, spsi_fma(scale, cells->depth, before)));
-        light = spsi_mul(light, spsi_flight_leaves(flight->node, c, ways.unit, share));
+        light = spsi_mul(light, spsi_flight_leaves(flight, c, ways.unit, share));
         if (blocked) light = spsi_mul(light, passes[c]);
         light = spsi_min(spsi_max(light, zero), spsi_set(SPSI_RADIANCE_MAX));
         cells->sum[c][0] = spsi_add(cells->sum[c][0], light);
@@ -21351,9 +21362,9 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
             if (some >> i & 1) {
                 const spsi_flight *flight = &list->entry[n + i];
                 const spsi_v unit[3] = {spsi_set(ways.unit[0][i]), spsi_set(ways.unit[1][i]), spsi_set(ways.unit[2][i])};
-                const float part = ways.length[i] / fmaxf(spsi_flight_reach(flight), FLT_MIN);
+                const float part = ways.length[i] / fmaxf(spsi_flight_span(flight), FLT_MIN);
                 float own[SPSI_LANES];
-                spsi_store(own, spsi_flight_leaves(flight->node, c, unit, spsi_set(part)));
+                spsi_store(own, spsi_flight_leaves(flight, c, unit, spsi_set(part)));
                 irradiance[c] += fmin(share[i] * (double)(flights->to_polygons * flight->emitter->sent[c] * own[0] * out[c][i]),
                                       (double)SPSI_RADIANCE_MAX);
             }
@@ -24677,7 +24688,7 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_beam_ray 
         for (int k = 0; k < 3; ++k) /* 4 max(0, cos) has a mean cosine of 2 / 3 */
             like.axis[k] = all > 0 ? (float)(fmin(1.5 * fmax(ahead / all, 0), 1) * beam->direction[k]) : 0;
         like.radius = (float)(0.37 * length);
-        spsi_emitters_add(flights, point, beam->fraction / (4 * SPSI_PI), &like, items);
+        spsi_emitters_add(flights, point, beam->fraction / (4 * SPSI_PI), -1, &like, items);
     }
 }
 
@@ -24716,7 +24727,7 @@ static void spsi_beams_on_polygons(const spsi_cell_job *job, const spsi_shadow *
             like.axis[c] = (float)hits.surface[i].normal[c];
         }
         spsi_along(hits.surface[i].point, hits.surface[i].normal, 1e-3 * job->grid->edge, point);
-        spsi_emitters_add(flights, point, met[i]->fraction * area / (4 * SPSI_PI), &like, items);
+        spsi_emitters_add(flights, point, met[i]->fraction * area / (4 * SPSI_PI), -1, &like, items);
     }
 }
 

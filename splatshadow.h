@@ -4594,7 +4594,8 @@ typedef struct spsi_emitter {
     float at[3], radius; /* relative to the tree's centre */
     float sent[3];       /* mean radiance times area that leaves it, by channel */
     float axis[3];
-    float clear; /* beyond the radius, cells hold gas of its own, which is not in its way */
+    float leaves[3]; /* fraction of what it sends that `sent` is: the rest is taken by its own gas */
+    float clear;     /* beyond the radius, cells hold gas of its own, which is not in its way */
 } spsi_emitter;
 
 #define SPSI_FLIGHT_WAYS 18 /* directions: toward the faces and edges of a cube */
@@ -7294,17 +7295,15 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->meshes.count; ++i) {
         const spsi_mesh *mesh = &frame->meshes.list[i];
-        const int textured = mesh->shade_fn != NULL;
+        const int has[3] = {mesh->has_normals, mesh->has_colors, mesh->shade_fn != NULL};
         if (mesh->revision == 0) return 0;
         hash = spsi_fingerprint(hash, &mesh->triangle_count, sizeof mesh->triangle_count);
         hash = spsi_fingerprint(hash, &mesh->read_fn, sizeof mesh->read_fn);
         hash = spsi_fingerprint(hash, &mesh->user, sizeof mesh->user);
         hash = spsi_fingerprint(hash, &mesh->placement, sizeof mesh->placement);
         hash = spsi_fingerprint(hash, mesh->color, sizeof mesh->color);
-        hash = spsi_fingerprint(hash, &mesh->has_normals, sizeof mesh->has_normals);
-        hash = spsi_fingerprint(hash, &mesh->has_colors, sizeof mesh->has_colors);
+        hash = spsi_fingerprint(hash, has, sizeof has);
         hash = spsi_fingerprint(hash, mesh->transmittance, sizeof mesh->transmittance);
-        hash = spsi_fingerprint(hash, &textured, sizeof textured);
         hash = spsi_fingerprint(hash, &mesh->revision, sizeof mesh->revision);
     }
     return hash | 1;
@@ -8979,7 +8978,9 @@ static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft,
             const int number = faces->tree.order[node->first + i / count], from = own[i % count];
             const spsi_face *begin = &faces->list[from];
             if (number == from || (start && spsi_face_is_translucent(&faces->list[number]))) continue;
-            if (spsi_shaft_meets_face(shaft, faces, number, start ? start : begin->position, start ? 1 : 3)) return 0;
+            if (start ? spsi_shaft_meets_face(shaft, faces, number, start, 1)
+                      : spsi_shaft_meets_face(shaft, faces, number, begin->position, 3))
+                return 0;
         }
         if (node->count > 0) continue;
         stack[top++] = node->first;
@@ -9773,11 +9774,10 @@ static void spsi_panes_row(const spsi_planes_job *job, int y, float *cells) {
 }
 
 /* Fills one row of cells. */
-static void spsi_planes_task(void *data, int index, int worker) {
+static void spsi_planes_task(void *data, int index) {
     const spsi_planes_job *job = (const spsi_planes_job *)data;
     const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
     float *cells = job->map->nearest[job->face] + (size_t)(spsi_depth_map_cells(height) + index) * (size_t)columns;
-    (void)worker;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
     for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
         if (job->panes)
@@ -9802,7 +9802,7 @@ static void spsi_cells_spread(float *nearest, int columns, int rows) {
 /* Fills a face's planes, given what the rasteriser left there, and its cells. */
 static void spsi_planes_fill(sps_context *context, spsi_planes_job *job) {
     const int rows = spsi_depth_map_cells(job->map->rays[job->face].height);
-    spsi_parallel(context, rows, spsi_planes_task, job);
+    spsi_parallel_items(context, rows, spsi_planes_task, job);
     spsi_cells_spread(job->map->nearest[job->face], job->map->cells[job->face], rows);
 }
 
@@ -19628,27 +19628,31 @@ static float spsi_cell_leaving_share(const spsi_cell_direction *direction, int s
     return count == 2 ? 5.0f / 6 : 1;
 }
 
-/* Adds what one direction's light carries through the sides of the grid that a row of cells touches, per area of a
-   cell's face: the mean over all directions of radiance times cosine. */
+/* Adds what light of a direction carries through the sides of the grid that a row of cells touches, per area of a
+   cell's face: the mean over all directions of radiance times cosine. patch: the row's, across x. */
 static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, const spsi_cell_direction *direction,
-                                 const float *out, float *leaving) {
+                                 int patch[3], const float *out, float *leaving) {
     static const int harmonic[3] = {3, 1, 2};
-    const int *step = direction->step, *size = level->size;
-    const int ends[3] = {step[0] < 0 ? 0 : size[0] - 1, step[1] < 0 ? 0 : size[1] - 1, step[2] < 0 ? 0 : size[2] - 1};
-    const int row = (step[1] && y == ends[1] ? 2 : 0) | (step[2] && z == ends[2] ? 4 : 0);
-    int patch[3] = {0, spsi_cell_patch(y, size[1]), spsi_cell_patch(z, size[2])};
-    float way[3];
-    for (int k = 0; k < 3; ++k) way[k] = 0.57735027f * direction->harmonic[harmonic[k]];
-    for (int x = row ? 0 : ends[0]; x < (row ? size[0] : ends[0] + 1); ++x) {
-        const int sides = row | (step[0] && x == ends[0] ? 1 : 0);
-        const float sent = sides ? direction->weight * spsi_cell_leaving_share(direction, sides) * out[x] : 0;
+    const int *step = direction->step, *size = level->size, last = size[0] - 1;
+    const int row = (step[1] && y == (step[1] < 0 ? 0 : size[1] - 1) ? 2 : 0) |
+                    (step[2] && z == (step[2] < 0 ? 0 : size[2] - 1) ? 4 : 0);
+    const int first = !row && step[0] > 0 ? last : 0, end = row ? size[0] : step[0] ? first + 1 : 0;
+    for (int x = first, next; x < end; x = next) {
+        const int sides = row | (step[0] && x == (step[0] < 0 ? 0 : last) ? 1 : 0);
+        float sent = 0;
         patch[0] = spsi_cell_patch(x, size[0]);
+        next = sides & 1 ? x + 1 : spsi_least(spsi_cell_patch_first(patch[0] + 1, size[0]), end - (step[0] > 0));
+        for (int i = x; i < next; ++i) sent += out[i];
+        sent *= direction->weight * spsi_cell_leaving_share(direction, sides) * 0.57735027f;
         for (int k = 0; k < 3; ++k) {
             const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
-            const float flux = sent * fabsf(way[k]);
-            const float means[SPSI_CELL_MEANS] = {flux, flux * fabsf(way[k]), flux * way[low], flux * way[high]};
+            const float cosine = fabsf(direction->harmonic[harmonic[k]]), flux = sent * cosine;
             float *to = leaving + side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
-            for (int i = 0; i < SPSI_CELL_MEANS && sides >> k & 1; ++i) to[i * SPSI_CELL_SHEET] += means[i];
+            if (!(sides >> k & 1)) continue;
+            to[0] += flux;
+            to[SPSI_CELL_SHEET] += flux * 0.57735027f * cosine;
+            to[2 * SPSI_CELL_SHEET] += flux * 0.57735027f * direction->harmonic[harmonic[low]];
+            to[3 * SPSI_CELL_SHEET] += flux * 0.57735027f * direction->harmonic[harmonic[high]];
         }
     }
 }
@@ -19657,11 +19661,11 @@ static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, con
 static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int z, const spsi_cell_beams *beams,
                                 const float *const before[2], float *moments) {
     const spsi_cell_level *level = pass->level;
+    int patch[3] = {0, spsi_cell_patch(y, level->size[1]), spsi_cell_patch(z, level->size[2])};
     spsi_cell_row(level, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, beams, before, moments,
                   pass->solver->terms);
-    if (!pass->leaving) return;
-    for (int i = 0; i < beams->count; ++i)
-        spsi_cell_row_leaves(level, y, z, beams->direction[i], beams->out[i],
+    for (int i = 0; i < beams->count && pass->leaving; ++i)
+        spsi_cell_row_leaves(level, y, z, beams->direction[i], patch, beams->out[i],
                              pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_MEANS * SPSI_CELL_SHEET);
 }
 
@@ -19999,11 +20003,10 @@ static void spsi_cells_correct_task(void *data, int z) {
 }
 
 /* Ways through the cells of a plane. */
-static void spsi_cells_ways_task(void *data, int z, int worker) {
+static void spsi_cells_ways_task(void *data, int z) {
     static const float ways[SPSI_CELL_LENGTHS] = {1, 1.41421356f, 1.73205081f, 1.10554160f};
     const spsi_cell_level *level = ((const spsi_cell_pass *)data)->level;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
-    (void)worker;
     for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES)
         for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
             const spsi_v depth = spsi_mul(spsi_load(level->depth + at), spsi_set(ways[i]));
@@ -20074,7 +20077,7 @@ static void spsi_cells_levels(const spsi_cell_solver *solver) {
             step.count = solver->orders;
             spsi_parallel_items(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
         }
-        spsi_parallel(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
+        spsi_parallel_items(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
     }
 }
 
@@ -20279,6 +20282,7 @@ typedef struct spsi_cell_sight {
 static int spsi_cell_sight_near(const spsi_cell_sight *sight) {
     const spsi_cell_grid *grid = sight->grid;
     const double *point = sight->surface->point, *start = sight->surface->start;
+    const double begins[1][3] = {{start[0], start[1], start[2]}};
     double below[3], offset[3], farthest = 0;
     spsi_bounds from;
     int near_sides = 0;
@@ -20298,7 +20302,7 @@ static int spsi_cell_sight_near(const spsi_cell_sight *sight) {
         to.low[axis] = to.high[axis] = to.low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
         spsi_shaft_build(sight->faces, &from, &to, &shaft);
         spsi_shaft_add(sight->faces, &from, &from, below, -9e-7 * farthest * spsi_reach_of(below), &shaft);
-        if (!spsi_shaft_is_clear(sight->faces, &shaft, &sight->face, 1, (const double(*)[3])start))
+        if (!spsi_shaft_is_clear(sight->faces, &shaft, &sight->face, 1, begins))
             near_sides |= 1 << (2 * axis + upper);
     }
     return near_sides;
@@ -20398,34 +20402,33 @@ static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_S
     return hidden;
 }
 
-/* Radiance that leaves patches in directions of cosine u, times pi: the polynomial of degree 1 that has their means. */
-static spsi_v spsi_cell_patch_sends(const float *sent, spsi_v u, const spsi_v along[2]) {
-    const spsi_v flux = spsi_load(sent), zero = spsi_set(0), mean = spsi_load(sent + SPSI_CELL_SHEET);
-    const spsi_v more = spsi_fma(flux, spsi_set(-2.0f / 3), mean);
-    spsi_v sum = spsi_fma(spsi_mul(spsi_set(18), spsi_sub(u, spsi_set(2.0f / 3))), more, flux);
-    for (int k = 0; k < 2; ++k)
-        sum = spsi_fma(spsi_mul(spsi_set(4), along[k]), spsi_load(sent + (2 + k) * SPSI_CELL_SHEET), sum);
-    return spsi_select(spsi_less(flux, zero), spsi_min(sum, zero), spsi_max(sum, zero));
-}
-
 /* Adds the irradiance of a surface, in `count` channels, by a vector of patches, of which `way` is the way to a part,
    `area` large: a disc, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if
    it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and
-   discs where that is too little. */
+   discs where that is too little. Radiance that leaves patches in directions of cosine u, times pi, is the polynomial
+   of degree 1 that has their means. */
 static void spsi_cell_patches_send(const float *sent, int count, int axis, const spsi_v way[3], const spsi_v normal[3],
                                    spsi_v area, spsi_v sums[3]) {
     const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
     const spsi_v away = spsi_div(spsi_set(-1), spsi_sqrt(square)), nearer = spsi_mul(away, away);
-    const spsi_v along[2] = {spsi_mul(way[axis == 0 ? 1 : 0], away), spsi_mul(way[axis == 2 ? 1 : 2], away)};
     const spsi_v before = spsi_abs(way[axis]), u = spsi_min(spsi_abs(spsi_mul(before, away)), one);
+    const spsi_v aside = spsi_mul(away, spsi_set(4)), zero = spsi_set(0);
+    const spsi_v factor[SPSI_CELL_MEANS] = {
+        spsi_fma(u, spsi_set(-12), spsi_set(9)), spsi_fma(u, spsi_set(18), spsi_set(-12)),
+        spsi_mul(way[axis == 0 ? 1 : 0], aside), spsi_mul(way[axis == 2 ? 1 : 2], aside)};
     const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
     const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
-    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), spsi_set(0)), before);
+    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), zero), before);
     share = spsi_min(spsi_mul(share, nearer), one);
     share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
-    for (int c = 0; c < count; ++c)
-        sums[c] = spsi_fma(
-            share, spsi_cell_patch_sends(sent + (size_t)c * SPSI_CELL_MEANS * SPSI_CELL_SHEET, u, along), sums[c]);
+    for (int c = 0; c < count; ++c, sent += SPSI_CELL_MEANS * SPSI_CELL_SHEET) {
+        const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
+        spsi_v sum = spsi_mul(factor[0], spsi_load(sent));
+        for (int i = 1; i < SPSI_CELL_MEANS; ++i)
+            sum = spsi_fma(factor[i], spsi_load(sent + i * SPSI_CELL_SHEET), sum);
+        sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
+        sums[c] = spsi_fma(share, sum, sums[c]);
+    }
 }
 
 /* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most half their
@@ -20572,7 +20575,7 @@ static float spsi_emitter_reach(const spsi_emitter *emitter) {
     return 0.75f * emitter->radius;
 }
 
-/* Takes away what an emitter hides of itself, as a ball of the gas in the cell about its centre. */
+/* Lets less leave an emitter: it hides itself as a ball of the gas in the cell about its centre. */
 static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];
@@ -20580,26 +20583,30 @@ static void spsi_emitter_hide(const spsi_flights *flights, const double point[3]
         if (!spsi_cell_holding(grid, point, &at)) continue;
         for (int c = 0; c < 3; ++c) {
             const double scale = (double)grid->scale[spsi_least(c, grid->channels - 1)];
-            emitter->sent[c] *= (float)spsi_ball_escape((double)emitter->radius / grid->edge *
-                                                        (double)grid->depth[at] * scale);
+            emitter->leaves[c] *= (float)spsi_ball_escape((double)emitter->radius / grid->edge *
+                                                          (double)grid->depth[at] * scale);
         }
     }
 }
 
-/* Adds an emitter at a point that sends so many times what `like` does, unless it is black. */
-static void spsi_emitters_add(spsi_flights *flights, const double point[3], double amount, const spsi_emitter *like,
-                              spsi_tree_item *items) {
+/* Adds an emitter at a point that sends so many times what `like` does, unless it is black. own: its optical depth along
+   a radius; negative: that of the gas about it. */
+static void spsi_emitters_add(spsi_flights *flights, const double point[3], double amount, double own,
+                              const spsi_emitter *like, spsi_tree_item *items) {
     spsi_emitter *emitter = &flights->emitters[flights->count];
     double low[3], high[3];
     if (!(amount > 0)) return;
     *emitter = *like;
     for (int k = 0; k < 3; ++k) {
-        emitter->sent[k] = (float)fmin(amount * (double)like->sent[k], (double)SPSI_RADIANCE_MAX);
+        emitter->leaves[k] = own < 0 ? 1 : (float)spsi_ball_escape(own);
         emitter->at[k] = (float)(point[k] - flights->centre[k]);
         low[k] = point[k] - (double)like->radius;
         high[k] = point[k] + (double)like->radius;
     }
-    if (!(like->clear > 0)) spsi_emitter_hide(flights, point, emitter);
+    if (own < 0) spsi_emitter_hide(flights, point, emitter);
+    for (int c = 0; c < 3; ++c)
+        emitter->sent[c] =
+            (float)fmin(amount * (double)like->sent[c] * (double)emitter->leaves[c], (double)SPSI_RADIANCE_MAX);
     if (spsi_black(emitter->sent)) return; /* also where the product is too small for a float */
     items[flights->count].number = flights->count;
     spsi_tree_item_add(&items[flights->count++], flights->centre, low, high);
@@ -20656,7 +20663,7 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
         }
         spsi_voxel_position(lattice, at, point);
         like.radius = (float)sqrt(5.0 / 3 * square);
-        spsi_emitters_add(flights, point, sums[n].value * lattice->voxel_volume, &like, items);
+        spsi_emitters_add(flights, point, sums[n].value * lattice->voxel_volume, -1, &like, items);
     }
 }
 
@@ -20694,15 +20701,15 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
         for (; n < content->set_ends[i]; ++n) {
             const sps_particle *particle = &content->particles[n];
             const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
-            const double amount = (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth *
-                                  spsi_ball_escape((set->soft ? 0.375 : 0.5) * depth);
+            const double amount = (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth;
+            const double own = (set->soft ? 0.375 : 0.5) * depth;
             const double point[3] = {(double)particle->position[0], (double)particle->position[1],
                                      (double)particle->position[2]};
             if (!material->emits) continue;
             like.radius = (float)(set->soft ? 0.845 * radius : radius);
             like.clear = (float)(radius + 2 * flights->grids->edge) - spsi_emitter_reach(&like);
-            spsi_emitters_add(flights, point, (1 - flies) * amount, &like, items[SPSI_FLIGHTS_GLOW]);
-            spsi_emitters_add(flights + 1, point, flies * amount, &like, items[SPSI_FLIGHTS_BEAMS]);
+            spsi_emitters_add(flights, point, (1 - flies) * amount, own, &like, items[SPSI_FLIGHTS_GLOW]);
+            spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
     }
 }
@@ -21021,7 +21028,7 @@ static void spsi_flights_see(const spsi_flights *flights, const double place[3],
     for (int k = 0; k < 3; ++k) toward[k] = place[k] - flights->centre[k] - (double)sum->at[k];
     distance = spsi_length(toward) - reach;
     open->node = node;
-    open->angle = distance > (double)flights->nodes[node].reach ? flights->nodes[node].breadth / distance
+    open->angle = distance > (double)flights->nodes[node].reach ? (double)flights->nodes[node].breadth / distance
                                                                 : 1e3 + (double)sum->radius;
 }
 
@@ -21054,22 +21061,23 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
     }
 }
 
-/* Fraction of what a node sends that leaves it in a vector of directions, for a channel: the polynomial of degree 4 in
-   the cosines through what is known. share: of the reach, at which the receiver is. To the middle of an even ball, ways
-   are 0.36 as long: T^x is close to the mean of T / (T + x (1 - T)) and 1 - x (1 - T). */
-static spsi_v spsi_flight_leaves(const spsi_flight_node *node, int channel, const spsi_v unit[3], spsi_v share) {
+/* Over what an emitter or node sends, the fraction that gets past its own gas in a vector of directions, for a channel.
+   Of a node, it is the polynomial of degree 4 in the cosines through what is known; an emitter sends it already. share:
+   of the radius, at which the receiver is. To the middle of an even ball, ways are 0.36 as long: T^x is close to the mean
+   of T / (T + x (1 - T)) and 1 - x (1 - T). */
+static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const spsi_v unit[3], spsi_v share) {
+    const spsi_flight_node *node = flight->node;
     const spsi_v one = spsi_set(1);
-    spsi_v sum = spsi_set(0), part, low, square[3], toward[3];
+    spsi_v sum = node ? spsi_set(0) : spsi_set(flight->emitter->leaves[channel]), part, low, square[3], toward[3];
     spsi_m ahead[3];
-    if (!node) return one;
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3 && node; ++k) {
         const float *own = &node->leaves[channel][2 * k];
         ahead[k] = spsi_less(spsi_set(0), unit[k]);
         square[k] = spsi_mul(unit[k], unit[k]);
         toward[k] = spsi_select(ahead[k], spsi_set(own[1]), spsi_set(own[0]));
         sum = spsi_fma(square[k], toward[k], sum);
     }
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3 && node; ++k) {
         const int next = (k + 1) % 3;
         const float *own = &node->leaves[channel][6 + 4 * k];
         const spsi_v back = spsi_select(ahead[k], spsi_set(own[1]), spsi_set(own[0]));
@@ -21082,7 +21090,13 @@ static spsi_v spsi_flight_leaves(const spsi_flight_node *node, int channel, cons
     part = spsi_fma(spsi_mul(share, share), spsi_set(0.64f), spsi_set(0.36f));
     sum = spsi_clamp(sum, spsi_set(1e-20f), one);
     low = spsi_div(sum, spsi_fma(part, spsi_sub(one, sum), sum));
-    return spsi_mul(spsi_set(0.5f), spsi_add(low, spsi_fma(part, spsi_sub(sum, one), one)));
+    low = spsi_mul(spsi_set(0.5f), spsi_add(low, spsi_fma(part, spsi_sub(sum, one), one)));
+    return node ? low : spsi_div(low, sum);
+}
+
+/* Radius of the ball that a node or an emitter is. */
+static float spsi_flight_span(const spsi_flight *flight) {
+    return flight->node ? flight->node->reach : flight->emitter->radius;
 }
 
 /* Length from a node's centre up to which what it hides of itself is known. */
@@ -21173,7 +21187,6 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_emitter *node = flight->emitter;
-    const float reach = fmaxf(spsi_flight_reach(flight) / (float)grid->edge, FLT_MIN);
     const spsi_v zero = spsi_set(0), radius = spsi_set(node->radius / (float)grid->edge);
     const spsi_v spread = spsi_fma(spsi_mul(radius, radius), spsi_set(0.2f), spsi_set(1.0f / 12));
     const spsi_v least = spsi_fma(spsi_mul(radius, radius), spsi_set(1.0f / 3), spsi_set(0.13f));
@@ -21186,12 +21199,12 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     }
     square = spsi_dot_v(ways.unit, ways.unit);
     ways.length = spsi_sqrt(square);
-    ways.begin = spsi_min(spsi_set(reach), ways.length);
+    ways.begin = spsi_min(spsi_set(spsi_flight_reach(flight) / (float)grid->edge), ways.length);
     ways.end = spsi_sub(ways.length, spsi_set(0.5f));
     ways.clear = spsi_add(ways.begin, spsi_set(node->clear / (float)grid->edge));
     for (int k = 0; k < 3; ++k) ways.unit[k] = spsi_div(ways.unit[k], spsi_max(ways.length, spsi_set(1e-3f)));
     depth = spsi_ways_depth(grid, &ways);
-    share = spsi_div(ways.length, spsi_set(reach));
+    share = spsi_div(ways.length, spsi_set(fmaxf(spsi_flight_span(flight) / (float)grid->edge, FLT_MIN)));
     spsi_harmonics_v(ways.unit, grid->terms, harmonic);
     even = spsi_div(spsi_set(fraction * (float)(0.25 / (SPSI_PI * grid->edge * grid->edge))),
                     spsi_max(spsi_sub(square, spread), least));
@@ -21209,7 +21222,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
         const spsi_v before = spsi_mul(scale, depth);
         spsi_v light = spsi_mul(spsi_mul(even, spsi_set(node->sent[c])),
                                 spsi_mean_transmittance(before, spsi_fma(scale, cells->depth, before)));
-        light = spsi_mul(light, spsi_flight_leaves(flight->node, c, ways.unit, share));
+        light = spsi_mul(light, spsi_flight_leaves(flight, c, ways.unit, share));
         if (blocked) light = spsi_mul(light, passes[c]);
         light = spsi_min(spsi_max(light, zero), spsi_set(SPSI_RADIANCE_MAX));
         cells->sum[c][0] = spsi_add(cells->sum[c][0], light);
@@ -21328,9 +21341,9 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
             if (some >> i & 1) {
                 const spsi_flight *flight = &list->entry[n + i];
                 const spsi_v unit[3] = {spsi_set(ways.unit[0][i]), spsi_set(ways.unit[1][i]), spsi_set(ways.unit[2][i])};
-                const float part = ways.length[i] / fmaxf(spsi_flight_reach(flight), FLT_MIN);
+                const float part = ways.length[i] / fmaxf(spsi_flight_span(flight), FLT_MIN);
                 float own[SPSI_LANES];
-                spsi_store(own, spsi_flight_leaves(flight->node, c, unit, spsi_set(part)));
+                spsi_store(own, spsi_flight_leaves(flight, c, unit, spsi_set(part)));
                 irradiance[c] += fmin(share[i] * (double)(flights->to_polygons * flight->emitter->sent[c] * own[0] * out[c][i]),
                                       (double)SPSI_RADIANCE_MAX);
             }
@@ -23754,7 +23767,6 @@ static void spsi_groups_build(const sps_context *context, const spsi_frame *fram
 static int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, spsi_cell_grid *grid) {
     double longest;
     memset(grid, 0, sizeof *grid);
-    if (spsi_bounds_empty(bounds)) return 0;
     longest = spsi_bounds_longest(bounds);
     if (!(longest > 0)) return 0;
     grid->edge = longest / frame->view.scatter_size;
@@ -24086,14 +24098,14 @@ static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call
     return SPS_OK;
 }
 
-/* A shader whose eye looks along z through the samples. */
-static void spsi_cells_shader(spsi_cell_job *job) {
-    spsi_shader *shader = &job->shader;
-    shader->frame = job->frame;
-    shader->eye = &job->sheets.rays;
-    shader->sweep = &job->sweep;
-    shader->faces = job->faces;
-    spsi_shader_linears(&job->sheets.slabs, shader);
+/* A shader whose eye looks through samples. */
+static void spsi_cells_shader(const spsi_frame *frame, const spsi_faces *faces, const spsi_rays *eye,
+                              const spsi_slabs *slabs, const spsi_sweep *sweep, spsi_shader *shader) {
+    shader->frame = frame;
+    shader->eye = eye;
+    shader->sweep = sweep;
+    shader->faces = faces;
+    spsi_shader_linears(slabs, shader);
 }
 
 /* A vector of samples of one row. */
@@ -24615,7 +24627,7 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_beam_ray 
         for (int k = 0; k < 3; ++k) /* 4 max(0, cos) has a mean cosine of 2 / 3 */
             like.axis[k] = all > 0 ? (float)(fmin(1.5 * fmax(ahead / all, 0), 1) * beam->direction[k]) : 0;
         like.radius = (float)(0.37 * length);
-        spsi_emitters_add(flights, point, beam->fraction / (4 * SPSI_PI), &like, items);
+        spsi_emitters_add(flights, point, beam->fraction / (4 * SPSI_PI), -1, &like, items);
     }
 }
 
@@ -24654,7 +24666,7 @@ static void spsi_beams_on_polygons(const spsi_cell_job *job, const spsi_shadow *
             like.axis[c] = (float)hits.surface[i].normal[c];
         }
         spsi_along(hits.surface[i].point, hits.surface[i].normal, 1e-3 * job->grid->edge, point);
-        spsi_emitters_add(flights, point, met[i]->fraction * area / (4 * SPSI_PI), &like, items);
+        spsi_emitters_add(flights, point, met[i]->fraction * area / (4 * SPSI_PI), -1, &like, items);
     }
 }
 
@@ -24761,7 +24773,7 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     context->cell_tmap_count = count;
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
-    spsi_cells_shader(job);
+    spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
     if (!spsi_cells_shadows(job, part, maps) && (!job->flown || !spsi_cells_fly_to(job))) {
         spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
         if (job->walls.closed)
@@ -24785,12 +24797,11 @@ static void spsi_cells_release(sps_context *context) {
 #define SPSI_CELL_EMITTING 1e-4f
 
 /* Sets what a row of cells keeps and is given. */
-static void spsi_cells_equations_task(void *data, int row, int worker) {
+static void spsi_cells_equations_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const spsi_cell_level *level = &job->solver->levels[0];
     const int c = job->channel;
-    (void)worker;
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         const float emitted = job->emitted[(size_t)c * grid->count + at], whole = grid->depth[at];
@@ -24997,13 +25008,13 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
         memset(solver->leaving, 0, spsi_cell_leaving_floats(grid->size[2]) * sizeof(float));
-        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
+        spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         spsi_cells_levels(solver);
         spsi_cells_reflect(job, job->channel, plain);
     }
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
         each.share *= 0.5;
-        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
+        spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
         spsi_copy(job->context, light, found, moments * sizeof(float));
         each.progress += each.share;
@@ -25453,11 +25464,10 @@ static double spsi_spread_cone(const spsi_lamp *lamp, const spsi_rays *rays, dou
 }
 
 /* Lights a row of the chunk's sheets. */
-static void spsi_spread_light_task(void *data, int y, int worker) {
+static void spsi_spread_light_task(void *data, int y) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
     const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
     const int pitch = job->spread->pitch;
-    (void)worker;
     for (int k = 0; k < job->count; ++k)
         for (int x = 0; x < pitch; x += SPSI_LANES) {
             const double end = near_depth + (job->first + k + 1) * thickness;
@@ -25512,10 +25522,9 @@ static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
 }
 
 /* Carries one channel through the chunk's sheets. */
-static void spsi_spread_carry_task(void *data, int c, int worker) {
+static void spsi_spread_carry_task(void *data, int c) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
     const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
-    (void)worker;
     for (int k = 0; k < job->count; ++k) {
         const size_t at = (size_t)k * job->plane, own = (size_t)c * SPSI_CHUNK * job->plane + at;
         const double begin = near_depth + (job->first + k) * thickness;
@@ -25570,11 +25579,7 @@ static sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory) {
     if (!spsi_spread_aim_fine(spread, job->face, job->fine, &job->sheets.rays, slabs))
         return spsi_fail_that(job->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, job->lamp.index, "position", 0,
                               SPSI_TEXELS_ALIKE);
-    job->shader.frame = frame;
-    job->shader.eye = &job->rays;
-    job->shader.sweep = &job->sweep;
-    job->shader.faces = job->faces;
-    spsi_shader_linears(slabs, &job->shader);
+    spsi_cells_shader(frame, job->faces, &job->rays, slabs, &job->sweep, &job->shader);
     spsi_shadow_aim(&job->rays, &job->shadow);
     job->depth = memory;
     job->scattered = job->depth + all;
@@ -25608,8 +25613,8 @@ static sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const sp
         job->count = spsi_least(SPSI_CHUNK / job->fine, spread->sheet_count - job->first);
         memset(job->depth, 0, (size_t)(1 + 3 * spread->channels) * SPSI_CHUNK * job->plane * sizeof(float));
         spsi_sampling_chunk(&job->sheets, chunk, spsi_spread_add_sample, job);
-        spsi_parallel(context, job->light[0].size[1], spsi_spread_light_task, job);
-        spsi_parallel(context, spread->channels, spsi_spread_carry_task, job);
+        spsi_parallel_items(context, job->light[0].size[1], spsi_spread_light_task, job);
+        spsi_parallel_items(context, spread->channels, spsi_spread_carry_task, job);
     }
     return SPS_OK;
 }
@@ -25892,7 +25897,7 @@ static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, i
 }
 
 /* The range of slab coordinates of the polygons in a tile, and their minimum depth. Opens all patches of the tile. */
-static void spsi_polygon_range_task(void *data, int index, int worker) {
+static void spsi_polygon_range_task(void *data, int index) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
     const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
@@ -25901,7 +25906,6 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
     const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     const uint32_t *layers = run->shader.visible->layers.first;
-    (void)worker;
     for (int y = top; y < y1 && run->shader.hits; ++y)
         for (int x = left; x < x1; x += SPSI_LANES) {
             float lanes[SPSI_LANES], depths[SPSI_LANES];
@@ -26038,7 +26042,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
         spsi_contents_build(context, &run->eye, run->has_sliced ? &run->sliced.target : NULL, &run->contents) ||
         spsi_contents_add_particles(&run->contents))
         return context->result;
-    spsi_parallel(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
+    spsi_parallel_items(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
     for (int i = 0; i < run->region.columns * run->region.rows; ++i) run->region.outside += run->region.open[i] == 0;
     return SPS_OK;
 }
@@ -26837,14 +26841,6 @@ static size_t spsi_sight_bytes(const sps_context *context, size_t pixels, int sh
     return counters + pixels * (size_t)shares * sizeof(float);
 }
 
-static void spsi_shadow_start(const spsi_picture *picture, const spsi_sweep *sweep, const spsi_lamp *lamp,
-                              spsi_shadow *shadow) {
-    shadow->lamp = lamp;
-    shadow->soft = sweep->soft && lamp == sweep->lamp;
-    for (int i = 0; i < picture->spreads.count; ++i)
-        if (picture->spreads.list[i].lamp == lamp) shadow->spread = &picture->spreads.list[i];
-}
-
 /* Lists a sweep's lights, and traces the shadow rays from surfaces to them. */
 static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
     const spsi_frame *frame = picture->frame;
@@ -26859,9 +26855,15 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *swe
     memset(shadow, 0, (size_t)count * sizeof *shadow);
     picture->shadows = shadow;
     picture->shadow_count = count;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        if (spsi_sweep_carries(sweep, &frame->lamps.list[i]))
-            spsi_shadow_start(picture, sweep, &frame->lamps.list[i], shadow++);
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        if (!spsi_sweep_carries(sweep, lamp)) continue;
+        shadow->lamp = lamp;
+        shadow->soft = sweep->soft && lamp == sweep->lamp;
+        for (int k = 0; k < picture->spreads.count; ++k)
+            if (picture->spreads.list[k].lamp == lamp) shadow->spread = &picture->spreads.list[k];
+        ++shadow;
+    }
     if (!picture->visible.hits || count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i)
         shares += spsi_sight_floats(frame, picture->shadows[i].lamp, picture->shadows[i].soft);
@@ -28267,11 +28269,10 @@ static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher,
 }
 
 /* Finds the next face of each pixel of a row. */
-static void spsi_march_meet_task(void *data, int index, int worker) {
+static void spsi_march_meet_task(void *data, int index) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, width = marcher->frame->content->eye.width;
     const int y = region[1] + index;
-    (void)worker;
     for (int x = region[0]; x < region[0] + region[2]; ++x) {
         spsi_walker *walker = &marcher->walkers[(size_t)index * (size_t)region[2] + (size_t)(x - region[0])];
         if (!walker->ended) spsi_march_meet(marcher, x, y, walker);
@@ -28353,7 +28354,7 @@ static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, 
     const int *region = frame->view.region;
     const size_t pixels = (size_t)region[2] * (size_t)region[3];
     const double share = (marcher->settings->samples > 0 ? SPSI_MARCH_SHARE : 1) / (marcher->side * marcher->side);
-    spsi_parallel(context, region[3], spsi_march_meet_task, marcher);
+    spsi_parallel_items(context, region[3], spsi_march_meet_task, marcher);
     marcher->visible.hits = marcher->hits;
     if (spsi_textures(context, frame, marcher->faces, &marcher->visible)) return context->result;
     if (spsi_march_pixels(context, marcher, share * marcher->sample, share)) return context->result;
@@ -30312,25 +30313,11 @@ SPS_API const float *sps_tmap_surfaces(const sps_tmap *map) {
     return map && map->finished ? (const float *)map->data.surfaces.data : NULL;
 }
 
-static int spsi_tmap_has_face(const sps_tmap *map, int face) {
-    return map && map->finished && face >= 0 && face < map->face_count;
-}
-
 SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]) {
-    if (!spsi_tmap_has_face(map, face)) return SPS_ERROR_ARGUMENT;
+    if (!map || !map->finished || face < 0 || face >= map->face_count) return SPS_ERROR_ARGUMENT;
     if (matrix) spsi_rays_matrix(&map->rays[face], matrix);
     if (bias) memcpy(bias, map->bias, sizeof map->bias);
     return SPS_OK;
-}
-
-/* Copies the rows of a matrix, (X, Y, distance, W), to a shader's constants. */
-static void spsi_fill_rows(const double matrix[16], sps_tmap_constants *constants) {
-    for (int i = 0; i < 4; ++i) {
-        constants->row_x[i] = (float)matrix[i];
-        constants->row_y[i] = (float)matrix[4 + i];
-        constants->row_distance[i] = (float)matrix[8 + i];
-        constants->row_w[i] = (float)matrix[12 + i];
-    }
 }
 
 SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tmap_constants *constants) {
@@ -30339,7 +30326,12 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     if (!constants || sps_tmap_get_projection(map, face, matrix, bias) != SPS_OK) return SPS_ERROR_ARGUMENT;
     settings = &map->settings;
     memset(constants, 0, sizeof *constants);
-    spsi_fill_rows(matrix, constants);
+    for (int i = 0; i < 4; ++i) {
+        constants->row_x[i] = (float)matrix[i];
+        constants->row_y[i] = (float)matrix[4 + i];
+        constants->row_distance[i] = (float)matrix[8 + i];
+        constants->row_w[i] = (float)matrix[12 + i];
+    }
     constants->technique = (int32_t)settings->technique;
     constants->components = settings->components;
     constants->has_range = map->has_range;

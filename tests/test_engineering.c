@@ -1451,7 +1451,7 @@ static void test_particles_option(void) {
 /* Every kind of shadow makes a picture of its own, and so does every way to read a map; options for a map must fit the
    kind of map. */
 static void test_shadow_option(void) {
-    enum { KINDS = 18 };
+    enum { KINDS = 15 };
     static const char *const kinds[KINDS] = {"sheets",       "deep",
                                              "compressed",   "depth",
                                              "opacity",      "opacity --map-cubic",

@@ -4873,12 +4873,6 @@ static sps_result spsi_check_gas_colors(const spsi_subject *at, const float albe
     return spsi_check_color(at, "emission", emission, SPSI_VALUE_MAX);
 }
 
-static sps_result spsi_check_gas(const spsi_subject *at, const sps_volume *volume) {
-    if (!(volume->extinction >= 0 && volume->extinction <= SPSI_VALUE_MAX))
-        return spsi_wrong(at, "extinction", (double)volume->extinction, "it must be 0..1e18");
-    return spsi_check_gas_colors(at, volume->albedo, volume->emission);
-}
-
 /* Checks the array behind a volume that is read by sps_grid_read, whose own errors have no names. */
 static sps_result spsi_check_array(const spsi_subject *at, const sps_volume *volume) {
     const spsi_subject part = {at->context, at->object, at->index, "grid."};
@@ -4902,6 +4896,8 @@ static sps_result spsi_check_array(const spsi_subject *at, const sps_volume *vol
 static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
     const spsi_subject at = {context, SPS_OBJECT_VOLUME, i, ""};
     const spsi_bounded looks[] = {
+        {"extinction", volume->transfer ? 0 : (double)volume->extinction, 0, (double)SPSI_VALUE_MAX,
+         "it must be 0..1e18"},
         {"gradient_full", (double)volume->gradient_full, 0, (double)SPSI_VALUE_MAX, "it must be 0 or positive"},
         {"specular", (double)volume->specular, 0, 1, "it must be 0..1"},
         {"shininess", (double)volume->shininess, 0, 1e4, "it must be 0..10000"},
@@ -4922,7 +4918,7 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
     if (spsi_check_bounded(&at, looks, sizeof looks / sizeof *looks) ||
         spsi_check_color(&at, "ambient", volume->ambient, SPSI_VALUE_MAX))
         return context->result;
-    return volume->transfer ? SPS_OK : spsi_check_gas(&at, volume);
+    return volume->transfer ? SPS_OK : spsi_check_gas_colors(&at, volume->albedo, volume->emission);
 }
 
 /* Checks the arrays behind a mesh that is read by sps_indexed_mesh_read, whose own errors have no names. */
@@ -6292,10 +6288,8 @@ static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, sp
     }
     spsi_brick_bound(brick, steps);
     if (at < segment->used) return;
-    memset(segment->x + at, 0, SPSI_PADDING * sizeof(float));
-    memset(segment->y + at, 0, SPSI_PADDING * sizeof(float));
-    memset(segment->z + at, 0, SPSI_PADDING * sizeof(float));
-    memset(segment->value + at, 0, SPSI_PADDING * sizeof(float));
+    for (int i = 0; i < SPSI_PADDING; ++i)
+        segment->x[at + i] = segment->y[at + i] = segment->z[at + i] = segment->value[at + i] = 0;
 }
 
 static void spsi_bricks_fill_task(void *data, int index) {
@@ -11500,13 +11494,7 @@ typedef struct spsi_extent {
 /* The extent along x (axis 0) or y; `side` is 1, or -1 for the mirror image behind the eye. */
 static spsi_extent spsi_near_extent(const spsi_splatter *s, const float q[3], int axis, float side) {
     const float *c = s->near_case.covariance;
-    spsi_extent extent;
-    extent.q = side * q[axis];
-    extent.t = side * q[2];
-    extent.cut = s->cut;
-    extent.qq = c[axis == 0 ? 0 : 3];
-    extent.qt = c[axis == 0 ? 2 : 4];
-    extent.tt = c[5];
+    const spsi_extent extent = {side * q[axis], side * q[2], s->cut, c[axis == 0 ? 0 : 3], c[axis == 0 ? 2 : 4], c[5]};
     return extent;
 }
 
@@ -13758,13 +13746,9 @@ static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int m
                             const spsi_voxel_field *fine, spsi_voxel_field *field) {
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
     const int tasks = (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH;
-    spsi_field_job job;
-    job.context = context;
-    job.bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    job.classifies = material->table ? material : NULL;
-    job.taps = frame->content->fields->taps;
-    job.field = field;
-    job.fine = fine;
+    const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    const spsi_material *classifies = material->table ? material : NULL;
+    spsi_field_job job = {context, bricks, classifies, frame->content->fields->taps, field, fine};
     field->values = stock->values + stock->used * spsi_field_floats(job.taps);
     field->shown = (uint64_t *)(void *)(stock->values + stock->count * spsi_field_floats(job.taps)) +
                    stock->used * SPSI_BRICK;
@@ -22694,17 +22678,14 @@ static int spsi_sight_open(const spsi_sight_job *job, int x0, int y0, int worker
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
     const int channels = spsi_lit_channels(job->frame, job->lamp);
     const size_t pitch = (size_t)job->lamp->point_count;
-    spsi_sight_view view;
-    memset(&view, 0, sizeof view);
-    view.x0 = x0;
-    view.y0 = y0;
-    view.x1 = spsi_least(x0 + SPSI_SIGHT_TILE, width) - 1;
-    view.y1 = spsi_least(y0 + SPSI_SIGHT_TILE, job->frame->content->eye.height) - 1;
+    const int x1 = spsi_least(x0 + SPSI_SIGHT_TILE, width) - 1;
+    const int y1 = spsi_least(y0 + SPSI_SIGHT_TILE, job->frame->content->eye.height) - 1;
+    spsi_sight_view view = {x0, y0, x1, y1, {0}, 0, {0}, 0, 0};
     if (job->lamp->projection.exists || !spsi_sight_list(job, &view)) return 0;
     for (int i = 0; i < job->lamp->point_count && view.count > 0; ++i)
         if (!spsi_sight_is_clear(job, &job->lamp->points[i], &view)) return 0;
-    for (int y = spsi_most(y0, region[1]); y <= spsi_least(view.y1, region[1] + region[3] - 1); ++y)
-        for (int x = spsi_most(x0, region[0]); x <= spsi_least(view.x1, region[0] + region[2] - 1); ++x) {
+    for (int y = spsi_most(y0, region[1]); y <= spsi_least(y1, region[1] + region[3] - 1); ++y)
+        for (int x = spsi_most(x0, region[0]); x <= spsi_least(x1, region[0] + region[2] - 1); ++x) {
             const size_t index = (size_t)y * (size_t)width + (size_t)x;
             const int face = job->visible->hits[index].face;
             const int points = face < 0 ? 0 : view.points[spsi_sight_find(&view, face)];

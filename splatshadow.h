@@ -14774,13 +14774,7 @@ static void spsi_tile_splat_wide(spsi_tile_fill *fill) {
    upper neighbours, and the list of wide ones. Returns 0 if there are none; the sheets are not cleared then. */
 static int spsi_tile_splat(const spsi_target *target, const spsi_contents *contents, int column, int row,
                            spsi_tile *tile) {
-    spsi_tile_fill fill;
-    fill.target = target;
-    fill.contents = contents;
-    fill.tile = tile;
-    fill.column = column;
-    fill.row = row;
-    fill.touched = fill.summed = fill.carried = 0;
+    spsi_tile_fill fill = {target, contents, tile, column, row, 0, 0, 0};
     spsi_tile_splat_bricks(&fill);
     if (contents->particles.current == 0) return fill.touched;
     for (int up = 0; up <= (row > 0); ++up)
@@ -27203,12 +27197,14 @@ static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks 
                                                    "gathered: view.filling asks for it",
                                                    "gathered: samples cost less than footprints would"};
 
-/* How volumes fill the sheets of the eye, or of a sweep's light. */
-static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, int of_light, int *gathered,
-                              const char **why) {
-    const spsi_rays *rays = of_light ? &sweep->rays : &frame->content->eye;
+typedef enum spsi_plan_target { SPSI_PLAN_EYE, SPSI_PLAN_LIGHT, SPSI_PLAN_CELLS } spsi_plan_target;
+
+/* How volumes fill sheets of the eye, of a light, or of cells' samples. `again`: other sheets of the kind are known. */
+static void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
+                              spsi_plan_target target, int again, int *gathered, const char **why) {
+    const int of_light = target == SPSI_PLAN_LIGHT;
     const char *first = NULL;
-    int count = 0, judged = 0;
+    int count = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_medium *medium = &frame->media[i];
         const spsi_material *material = &frame->matter.materials[medium->channel];
@@ -27218,14 +27214,16 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, 
         spsi_splatter splatter;
         spsi_tapper tapper;
         if (of_light && !material->extinguishes) continue;
-        if (!spsi_splatter_build(medium->lattice, rays, &sweep->slabs, 1, cut, &splatter)) continue; /* it is refused */
-        if (!of_light && material->table) spsi_splatter_classified(&splatter);
+        if (!spsi_splatter_build(medium->lattice, rays, slabs, 1, cut, &splatter)) continue; /* it is refused */
+        if (target == SPSI_PLAN_EYE && material->table) spsi_splatter_classified(&splatter);
         if (of_light && material->table) splatter.filter = 0;
-        verdict = spsi_tapper_judge(frame, medium->lattice, rays, &sweep->slabs, &splatter, tapping, &tapper);
-        if (judged++ == 0) first = spsi_filling_reasons[verdict];
+        verdict = target == SPSI_PLAN_CELLS
+                      ? spsi_samples_judge(frame, medium, rays, slabs, &splatter, &tapper)
+                      : spsi_tapper_judge(frame, medium->lattice, rays, slabs, &splatter, tapping, &tapper);
+        if (!first) first = spsi_filling_reasons[verdict];
         count += spsi_gathers(verdict);
     }
-    if (first && (sweep->first || count > *gathered)) *why = first;
+    if (first && (!again || count > *gathered)) *why = first;
     *gathered = spsi_most(*gathered, count);
 }
 
@@ -27247,20 +27245,11 @@ static int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_ray
 
 /* How volumes fill these samples. */
 static sps_result spsi_plan_samples(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
-    int judged = 0;
     spsi_rays rays;
     spsi_slabs slabs;
-    if (!spsi_plan_aim(context, frame, &rays, &slabs)) return context->result;
-    for (int i = 0; i < frame->medium_count; ++i) {
-        spsi_verdict verdict;
-        spsi_splatter splatter;
-        spsi_tapper tapper;
-        if (!spsi_splatter_build(frame->media[i].lattice, &rays, &slabs, 1, frame->accuracy.cut, &splatter)) continue;
-        verdict = spsi_samples_judge(frame, &frame->media[i], &rays, &slabs, &splatter, &tapper);
-        if (judged++ == 0) report->cells_filling = spsi_filling_reasons[verdict];
-        report->cells_gathered += spsi_gathers(verdict);
-    }
-    return SPS_OK;
+    if (spsi_plan_aim(context, frame, &rays, &slabs))
+        spsi_plan_filling(frame, &rays, &slabs, SPSI_PLAN_CELLS, 0, &report->cells_gathered, &report->cells_filling);
+    return context->result;
 }
 
 /* Bytes of the largest sweep's planes, sheets, queues and pixels. */
@@ -27293,9 +27282,11 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
     if (sweep->lamp && sweep->lamp->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report))
         return context->result;
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
-    spsi_plan_filling(frame, sweep, 0, &report->eye_gathered, &report->eye_filling);
+    spsi_plan_filling(frame, &frame->content->eye, &sweep->slabs, SPSI_PLAN_EYE, !sweep->first, &report->eye_gathered,
+                      &report->eye_filling);
     if (!sweep->lamp) return SPS_OK;
-    spsi_plan_filling(frame, sweep, 1, &report->light_gathered, &report->light_filling);
+    spsi_plan_filling(frame, &sweep->rays, &sweep->slabs, SPSI_PLAN_LIGHT, !sweep->first, &report->light_gathered,
+                      &report->light_filling);
     report->shadow_width = spsi_most(report->shadow_width, frame->particles.set_count ? (int)side : sweep->rays.width);
     report->shadow_height =
         spsi_most(report->shadow_height, frame->particles.set_count ? (int)side : sweep->rays.height);

@@ -5295,17 +5295,14 @@ static void spsi_resolve_quality(spsi_frame *frame) {
     static const int cells[] = {48, 24, 48, 64, 96};
     static const double flight_angle[] = {0.3, 0.4, 0.3, 0.25, 0.2};
     const int looks = frame->matter.classifies, quality = (int)frame->view.quality;
-    frame->accuracy.texel_pixels = frame->view.shadow_size > 0 ? 0 : texel_pixels[looks][quality];
-    frame->accuracy.slab_pixels = frame->view.slab > 0 ? 0 : slab_pixels[looks][quality];
+    const double least_texel = frame->view.shadow_size > 0 ? 0 : texel_pixels[looks][quality];
+    const double least_slab = frame->view.slab > 0 ? 0 : slab_pixels[looks][quality];
+    const spsi_accuracy accuracy = {threshold[quality], texels[looks][quality],    least_texel,
+                                    least_slab,         depth_map_texels[quality], cut[quality],
+                                    light_cut[quality], light_points[quality],     flight_angle[quality]};
+    frame->accuracy = accuracy;
     if (!(frame->view.slab > 0)) frame->view.slab = slab[looks][quality];
-    frame->accuracy.shadow_texels = texels[looks][quality];
-    frame->accuracy.threshold = threshold[frame->view.quality];
-    frame->accuracy.cut = cut[frame->view.quality];
-    frame->accuracy.light_cut = light_cut[frame->view.quality];
-    frame->accuracy.depth_map_texels = depth_map_texels[frame->view.quality];
-    frame->accuracy.light_points = light_points[frame->view.quality];
-    frame->accuracy.flight_angle = flight_angle[frame->view.quality];
-    if (frame->view.scatter_size == 0) frame->view.scatter_size = cells[frame->view.quality];
+    if (frame->view.scatter_size == 0) frame->view.scatter_size = cells[quality];
     if (!(frame->view.scatter_tolerance > 0)) frame->view.scatter_tolerance = 0.01f;
 }
 
@@ -26112,23 +26109,19 @@ typedef struct spsi_grade {
     float tolerance;
 } spsi_grade;
 
-/* Classified volumes have no use for thick slabs, nor tolerances: their lowest rungs are one. */
-static const spsi_grade spsi_grades[2][SPSI_GRADES] = {{{SPS_QUALITY_DRAFT, 8, 0.1f},
-                                                        {SPS_QUALITY_DRAFT, 4, 0.1f},
-                                                        {SPS_QUALITY_DRAFT, 0, 0.02f},
-                                                        {SPS_QUALITY_MEDIUM, 0, 0.02f},
-                                                        {SPS_QUALITY_HIGH, 0, 0.005f},
-                                                        {SPS_QUALITY_ULTRA, 0.5, 0.001f},
-                                                        {SPS_QUALITY_ULTRA, 0, 0}},
-                                                       {{SPS_QUALITY_DRAFT, 0, 0},
-                                                        {SPS_QUALITY_DRAFT, 0, 0},
-                                                        {SPS_QUALITY_DRAFT, 0, 0},
-                                                        {SPS_QUALITY_MEDIUM, 0, 0},
-                                                        {SPS_QUALITY_HIGH, 0, 0},
-                                                        {SPS_QUALITY_ULTRA, 0, 0},
-                                                        {SPS_QUALITY_ULTRA, 0, 0}}};
+static const spsi_grade spsi_grades[SPSI_GRADES] = {{SPS_QUALITY_DRAFT, 8, 0.1f},  {SPS_QUALITY_DRAFT, 4, 0.1f},
+                                                    {SPS_QUALITY_DRAFT, 0, 0.02f}, {SPS_QUALITY_MEDIUM, 0, 0.02f},
+                                                    {SPS_QUALITY_HIGH, 0, 0.005f}, {SPS_QUALITY_ULTRA, 0.5, 0.001f},
+                                                    {SPS_QUALITY_ULTRA, 0, 0}};
 static const int spsi_point_grades[SPSI_POINT_GRADES] = {4, 16, 64, 256};
 static const int spsi_cell_grades[SPSI_CELL_GRADES] = {24, 48, 96, 192};
+
+/* Classified volumes have no use for thick slabs, nor tolerances: their lowest rungs are one. */
+static spsi_grade spsi_grade_of(const spsi_frame *frame, int rung) {
+    spsi_grade grade = spsi_grades[rung];
+    if (frame->matter.classifies) grade.slab = 0, grade.tolerance = 0;
+    return grade;
+}
 
 /* Whether a budget chooses the number of a light's points. */
 static int spsi_lamp_is_open(const spsi_lamp *lamp) { return lamp->extent.exists && lamp->samples == 0; }
@@ -26149,13 +26142,13 @@ static void spsi_choices_reopen(spsi_frame *frame) {
 
 /* Applies a setting to the frame. Lights' choices are open then. */
 static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
-    const spsi_grade *grade = &spsi_grades[frame->matter.classifies][setting->gas];
-    frame->view.quality = grade->quality;
+    const spsi_grade grade = spsi_grade_of(frame, setting->gas);
+    frame->view.quality = grade.quality;
     frame->view.slab = 0;
-    frame->view.tolerance = grade->tolerance;
+    frame->view.tolerance = grade.tolerance;
     frame->view.scatter_size = spsi_cell_grades[setting->cells];
     spsi_resolve_quality(frame);
-    if (grade->slab > 0) frame->view.slab = grade->slab, frame->accuracy.slab_pixels = 0;
+    if (grade.slab > 0) frame->view.slab = grade.slab, frame->accuracy.slab_pixels = 0;
     frame->accuracy.light_points = spsi_point_grades[setting->points];
     spsi_choices_reopen(frame);
     return spsi_resolve_points(context, frame);
@@ -26528,7 +26521,7 @@ static void spsi_budget_report(const spsi_frame *frame, const spsi_offer *best, 
     report->seconds = best->seconds;
     report->error = best->error;
     report->quality = frame->view.quality;
-    report->slab = spsi_grades[frame->matter.classifies][setting->gas].slab;
+    report->slab = spsi_grade_of(frame, setting->gas).slab;
     report->tolerance = frame->view.tolerance;
     report->samples = spsi_lamps_are_open(frame) ? frame->accuracy.light_points : 0;
     report->scatter_size = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? frame->view.scatter_size : 0;
@@ -26601,7 +26594,7 @@ static void spsi_pace_part(double seconds[SPSI_STAGE_COUNT]) {
 static int spsi_pace_splats(const sps_stats_report *stats, const spsi_frame *frame, const spsi_setting *setting) {
     const int for_eye = stats->eye_footprints > 0 && stats->eye_samples == 0;
     const int for_lights = stats->light_footprints > 0 && stats->light_samples == 0;
-    return frame->medium_count > 0 && spsi_grades[frame->matter.classifies][setting->gas].slab > 0 &&
+    return frame->medium_count > 0 && spsi_grade_of(frame, setting->gas).slab > 0 &&
            (for_eye || for_lights);
 }
 

@@ -5308,24 +5308,23 @@ static void spsi_resolve_quality(spsi_frame *frame) {
 
 /* The rays of a checked camera; their width and height are already set. */
 static sps_result spsi_rays_build(sps_context *context, sps_object object, const sps_camera *camera, spsi_rays *rays) {
+    const spsi_subject at = {context, object, -1, "camera."};
     double forward[3];
     if (camera->world_to_clip) {
         const int fits = spsi_rays_from_matrix(rays, camera->world_to_clip);
         const int transposed = rays->perspective && spsi_is_transposed(camera->world_to_clip);
         if (fits && !transposed) return SPS_OK;
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera.world_to_clip", 0,
-                              transposed ? "is transposed: it must be row-major; if it is, set its row 2 to 0 0 0 2"
-                                         : "cannot be inverted");
+        return spsi_wrong_that(&at, "camera.world_to_clip", 0,
+                               transposed ? "is transposed: it must be row-major; if it is, set its row 2 to 0 0 0 2"
+                                          : "cannot be inverted");
     }
     if (spsi_rays_from_camera(rays, camera)) return SPS_OK;
     spsi_along(camera->target, camera->position, -1, forward);
     if (!spsi_normalise(forward))
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera.position", 0,
-                              "and camera.target are the same point");
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1,
-                           rays->perspective ? "camera.field_of_view" : "camera.ortho_height",
-                           rays->perspective ? camera->field_of_view : camera->ortho_height,
-                           "pixels of that size cannot be told apart, or do not fit into the world");
+        return spsi_wrong_that(&at, "camera.position", 0, "and camera.target are the same point");
+    return spsi_wrong(&at, rays->perspective ? "field_of_view" : "ortho_height",
+                      rays->perspective ? camera->field_of_view : camera->ortho_height,
+                      "pixels of that size cannot be told apart, or do not fit into the world");
 }
 
 static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
@@ -5487,16 +5486,6 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, 
     return SPS_OK;
 }
 
-static void spsi_particle_set_build(const sps_particles *particles, int index, int channel, spsi_particle_set *set) {
-    set->index = index;
-    set->channel = channel;
-    set->count = particles->count;
-    set->soft = particles->soft != 0;
-    set->is_extinction = particles->is_extinction != 0;
-    set->read_fn = particles->read_fn;
-    set->user = particles->user;
-}
-
 /* Sets of particles are gases whose value is extinction. */
 static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     for (int i = 0; i < scene->particle_set_count; ++i) {
@@ -5516,7 +5505,13 @@ static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame
         spsi_material_lobes(particles->lobes, particles->lobe_count, &material);
         spsi_material_gas(1, particles->albedo, particles->emission, &material);
         spsi_material_ambient(frame, particles->ambient, &material);
-        spsi_particle_set_build(particles, i, spsi_take_material(frame, &material), set);
+        set->index = i;
+        set->channel = spsi_take_material(frame, &material);
+        set->count = particles->count;
+        set->soft = particles->soft != 0;
+        set->is_extinction = particles->is_extinction != 0;
+        set->read_fn = particles->read_fn;
+        set->user = particles->user;
         frame->particles.has_soft |= set->soft;
         frame->particles.set_count += 1;
         frame->matter.light_channel_count = 1;

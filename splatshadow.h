@@ -20545,12 +20545,12 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
    30 First flights: light that comes straight from what is small and bright, to cells and to surfaces. Few directions
    carry light well once it has scattered; from a small source they make a star of rays. So emission is not swept with
    the rest: it goes into a tree of emitters, and a receiver takes
-     irradiance = I T(way) / distance^2
+     irradiance = I E(direction) T(way) / distance^2
    from each node that it sees under a small angle, I being the sum of radiance times area; it opens the others. T is
-   marched through a pyramid of the cells' extinction, in steps that grow with the distance from either end; an
-   even ball of optical radius x lets out (1 - exp(-1.5 x)) / (1.5 x) of its own light, within 3 % up to x = 2. What
-   arrives is given to the cells, which are solved for what scatters afterwards: a first-collision source. Cost: some 10
-   nodes of 10 to 20 steps for a vector of cells; the same and a few rays for a point of a polygon. [Lathrop 1968] */
+   marched through a pyramid of the cells' extinction, in steps that grow with the distance from either end; E is what
+   gets past the node's own gas, marched when the tree is built. What arrives is given to the cells, which are solved for
+   what scatters afterwards: a first-collision source. Cost: some 10 nodes of 10 to 20 steps for a vector of cells; the
+   same and a few rays for a point of a polygon. [Lathrop 1968] */
 
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
 #define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */

@@ -1619,6 +1619,13 @@ static inline void spsi_store_first(float *p, spsi_v a, int count) {
 
 #define SPSI_ALL_LANES ((1 << SPSI_LANES) - 1)
 
+/* The first lane. */
+static inline float spsi_one(spsi_v a) {
+    float lanes[SPSI_LANES];
+    spsi_store(lanes, a);
+    return lanes[0];
+}
+
 /* Long vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row empty.
    spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole rows. */
 #ifdef SPSI_HAS_HALVES
@@ -2908,6 +2915,11 @@ static inline spsi_v spsi_linear_base(const spsi_linear *linear, spsi_v x, float
 
 static inline spsi_v spsi_linear_slope(const spsi_linear *linear, spsi_v x, float y) {
     return spsi_fma(x, spsi_set(linear->slope[1]), spsi_set(linear->slope[0] + y * linear->slope[2]));
+}
+
+/* The quantity at depth d. */
+static inline spsi_v spsi_linear_find(const spsi_linear *linear, spsi_v x, float y, spsi_v d) {
+    return spsi_fma(d, spsi_linear_slope(linear, x, y), spsi_linear_base(linear, x, y));
 }
 
 /* The same for pixels that are not in a row. */
@@ -4766,59 +4778,69 @@ typedef struct spsi_bounded {
     const char *rule;
 } spsi_bounded;
 
-/* As spsi_fail_field, for a member; `prefix` leads to it from the object: "", "grid.". */
-static sps_result spsi_fail_member(sps_context *context, sps_result result, sps_object object, int index,
-                                   const char *prefix, const char *field, double value, const char *rule) {
+/* What is checked: an object, or what a prefix leads to from it: "", "grid.". */
+typedef struct spsi_subject {
+    sps_context *context;
+    sps_object object;
+    int index;
+    const char *prefix;
+} spsi_subject;
+
+/* As spsi_fail_field, for a member. */
+static sps_result spsi_fail_member(const spsi_subject *at, sps_result result, const char *field, double value,
+                                   const char *rule) {
     char member[64];
-    SPS_SNPRINTF(member, sizeof member, "%s%s", prefix, field);
-    return spsi_fail_field(context, result, object, index, member, value, rule);
+    SPS_SNPRINTF(member, sizeof member, "%s%s", at->prefix, field);
+    return spsi_fail_field(at->context, result, at->object, at->index, member, value, rule);
+}
+
+/* Fails with a member that breaks a rule. */
+static sps_result spsi_wrong(const spsi_subject *at, const char *field, double value, const char *rule) {
+    return spsi_fail_member(at, SPS_ERROR_ARGUMENT, field, value, rule);
+}
+
+/* As spsi_fail_that, for an object that breaks a rule. */
+static sps_result spsi_wrong_that(const spsi_subject *at, const char *field, double value, const char *rest) {
+    return spsi_fail_that(at->context, SPS_ERROR_ARGUMENT, at->object, at->index, field, value, rest);
 }
 
 /* Fails with the first of some members that is beyond its bounds, or NaN. */
-static sps_result spsi_check_bounded(sps_context *context, sps_object object, int index, const char *prefix,
-                                     const spsi_bounded *list, size_t count) {
+static sps_result spsi_check_bounded(const spsi_subject *at, const spsi_bounded *list, size_t count) {
     for (size_t i = 0; i < count; ++i)
         if (!(list[i].value >= list[i].low && list[i].value <= list[i].high))
-            return spsi_fail_member(context, SPS_ERROR_ARGUMENT, object, index, prefix, list[i].field, list[i].value,
-                                    list[i].rule);
+            return spsi_wrong(at, list[i].field, list[i].value, list[i].rule);
     return SPS_OK;
 }
 
 /* Fails if a vector of an object is not usable as coordinates. */
-static sps_result spsi_check_vector(sps_context *context, sps_object object, int index, const char *field,
-                                    const double v[3]) {
+static sps_result spsi_check_vector(const spsi_subject *at, const char *field, const double v[3]) {
     const double *bad = spsi_bad_coordinate(v, 3);
-    if (!bad) return SPS_OK;
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, *bad, "it must be within 1e15");
+    return bad ? spsi_wrong(at, field, *bad, "it must be within 1e15") : SPS_OK;
 }
 
-/* The same for what the caller set. */
-static sps_result spsi_check_color(sps_context *context, sps_object object, int index, const char *field,
-                                   const float color[3], float most) {
-    return spsi_check_rgb(context, SPS_ERROR_ARGUMENT, object, index, field, color, most);
+/* Fails if a component of a color is not within 0..most, which is 1 or SPSI_VALUE_MAX. */
+static sps_result spsi_check_color(const spsi_subject *at, const char *field, const float color[3], float most) {
+    return spsi_check_rgb(at->context, SPS_ERROR_ARGUMENT, at->object, at->index, field, color, most);
 }
 
 /* Checks that a resolved placement is finite, and not flat. */
-static sps_result spsi_check_placement(sps_context *context, const sps_placement *placement, sps_object object,
-                                       int index) {
+static sps_result spsi_check_placement(const spsi_subject *at, const sps_placement *placement) {
     const double determinant = spsi_determinant(placement->axis[0], placement->axis[1], placement->axis[2]);
     double room = 1e-14;
     char field[32];
     if (spsi_bad_coordinate(placement->origin, 3)) {
         const double *bad = spsi_bad_coordinate(placement->origin, 3);
         SPS_SNPRINTF(field, sizeof field, "placement.origin[%d]", (int)(bad - placement->origin));
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, *bad, "it must be within 1e15");
+        return spsi_wrong(at, field, *bad, "it must be within 1e15");
     }
     for (int i = 0; i < 9; ++i) {
         SPS_SNPRINTF(field, sizeof field, "placement.axis[%d][%d]", i / 3, i % 3);
         if (spsi_bad_coordinate(&placement->axis[i / 3][i % 3], 1))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, placement->axis[i / 3][i % 3],
-                                   "it must be within 1e15");
+            return spsi_wrong(at, field, placement->axis[i / 3][i % 3], "it must be within 1e15");
     }
     for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* the round-off of a flat one */
     if (!(fabs(determinant) > room) || !(fabs(determinant) <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "placement's determinant", determinant,
-                               "its axes must not lie in a plane");
+        return spsi_wrong(at, "placement's determinant", determinant, "its axes must not lie in a plane");
     return SPS_OK;
 }
 
@@ -4827,158 +4849,139 @@ static int spsi_volume_present(const sps_volume *volume) {
 }
 
 /* Fails if a struct was not zeroed. */
-static sps_result spsi_check_canaries(sps_context *context, sps_object object, int index, const char *prefix,
-                                      uint32_t start, uint32_t end) {
+static sps_result spsi_check_canaries(const spsi_subject *at, uint32_t start, uint32_t end) {
     if (!start && !end) return SPS_OK;
-    return spsi_fail_member(context, SPS_ERROR_ARGUMENT, object, index, prefix, start ? "start_canary" : "end_canary",
-                            (double)(start ? start : end), SPSI_NOT_ZEROED);
+    return spsi_wrong(at, start ? "start_canary" : "end_canary", (double)(start ? start : end), SPSI_NOT_ZEROED);
 }
 
-static sps_result spsi_check_lobes(sps_context *context, sps_object object, int index, const sps_lobe *lobes,
-                                   int count) {
+static sps_result spsi_check_lobes(const spsi_subject *at, const sps_lobe *lobes, int count) {
     if (count < 0 || count > SPSI_LOBES_MAX || (count > 0 && !lobes))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "lobe_count", count,
-                               "it must be 0..8, with lobes set");
+        return spsi_wrong(at, "lobe_count", count, "it must be 0..8, with lobes set");
     for (int k = 0; k < count; ++k) {
         const int bent = !(fabsf(lobes[k].asymmetry) <= 0.99f);
         char field[32];
         if (!bent && lobes[k].weight > 0 && lobes[k].weight <= SPSI_VALUE_MAX) continue;
         SPS_SNPRINTF(field, sizeof field, "lobes[%d].%s", k, bent ? "asymmetry" : "weight");
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field,
-                               (double)(bent ? lobes[k].asymmetry : lobes[k].weight),
-                               bent ? "it must be -0.99..0.99" : "it must be above 0, and 1e18 at most");
+        return spsi_wrong(at, field, (double)(bent ? lobes[k].asymmetry : lobes[k].weight),
+                          bent ? "it must be -0.99..0.99" : "it must be above 0, and 1e18 at most");
     }
     return SPS_OK;
 }
 
-static sps_result spsi_check_gas_colors(sps_context *context, sps_object object, int index, const float albedo[3],
-                                        const float emission[3]) {
-    if (spsi_check_color(context, object, index, "albedo", albedo, 1)) return context->result;
-    return spsi_check_color(context, object, index, "emission", emission, SPSI_VALUE_MAX);
-}
-
-static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume, int i) {
-    if (!(volume->extinction >= 0 && volume->extinction <= SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "extinction",
-                               (double)volume->extinction, "it must be 0..1e18");
-    return spsi_check_gas_colors(context, SPS_OBJECT_VOLUME, i, volume->albedo, volume->emission);
+static sps_result spsi_check_gas_colors(const spsi_subject *at, const float albedo[3], const float emission[3]) {
+    if (spsi_check_color(at, "albedo", albedo, 1)) return at->context->result;
+    return spsi_check_color(at, "emission", emission, SPSI_VALUE_MAX);
 }
 
 /* Checks the array behind a volume that is read by sps_grid_read, whose own errors have no names. */
-static sps_result spsi_check_array(sps_context *context, const sps_volume *volume, int i) {
+static sps_result spsi_check_array(const spsi_subject *at, const sps_volume *volume) {
+    const spsi_subject part = {at->context, at->object, at->index, "grid."};
     const sps_grid *grid = (const sps_grid *)volume->user;
     const char *field = NULL, *rule = "it must be finite";
     double value = 0;
     if (volume->read_fn != sps_grid_read) return SPS_OK;
-    if (!grid)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "user", 0,
-                              "is NULL; with sps_grid_read it must be an sps_grid");
-    if (spsi_check_canaries(context, SPS_OBJECT_VOLUME, i, "grid.", grid->start_canary, grid->end_canary))
-        return context->result;
-    if (!grid->voxels)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "grid.voxels", 0, SPSI_IS_NULL);
+    if (!grid) return spsi_wrong_that(at, "user", 0, "is NULL; with sps_grid_read it must be an sps_grid");
+    if (spsi_check_canaries(&part, grid->start_canary, grid->end_canary)) return at->context->result;
+    if (!grid->voxels) return spsi_wrong_that(at, "grid.voxels", 0, SPSI_IS_NULL);
     for (int k = 0; k < 3; ++k)
         if (grid->size[k] != volume->size[k])
-            field = "grid.size", value = grid->size[k], rule = "it must be the volume's size";
-    if (!(fabsf(grid->scale) <= FLT_MAX)) field = "grid.scale", value = (double)grid->scale;
-    if (!(fabsf(grid->offset) <= FLT_MAX)) field = "grid.offset", value = (double)grid->offset;
+            field = "size", value = grid->size[k], rule = "it must be the volume's size";
+    if (!(fabsf(grid->scale) <= FLT_MAX)) field = "scale", value = (double)grid->scale;
+    if (!(fabsf(grid->offset) <= FLT_MAX)) field = "offset", value = (double)grid->offset;
     if ((int)grid->format < SPS_VOXEL_U8 || grid->format > SPS_VOXEL_F32)
-        field = "grid.format", value = (int)grid->format, rule = "it must be an sps_voxel_format";
-    return field ? spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, field, value, rule) : SPS_OK;
+        field = "format", value = (int)grid->format, rule = "it must be an sps_voxel_format";
+    return field ? spsi_wrong(&part, field, value, rule) : SPS_OK;
 }
 
 static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
+    const spsi_subject at = {context, SPS_OBJECT_VOLUME, i, ""};
     const spsi_bounded looks[] = {
+        {"extinction", volume->transfer ? 0 : (double)volume->extinction, 0, (double)SPSI_VALUE_MAX,
+         "it must be 0..1e18"},
         {"gradient_full", (double)volume->gradient_full, 0, (double)SPSI_VALUE_MAX, "it must be 0 or positive"},
         {"specular", (double)volume->specular, 0, 1, "it must be 0..1"},
         {"shininess", (double)volume->shininess, 0, 1e4, "it must be 0..10000"},
         {"shading", (double)(int)volume->shading, 0, SPS_SHADING_SURFACE, "it must be an sps_shading"}};
     char text[96];
-    if (spsi_check_canaries(context, SPS_OBJECT_VOLUME, i, "", volume->start_canary, volume->end_canary))
-        return context->result;
+    if (spsi_check_canaries(&at, volume->start_canary, volume->end_canary)) return context->result;
     for (int k = 0; k < 3; ++k)
         if (volume->size[k] < 0 || volume->size[k] > 65536)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "size", volume->size[k],
-                                   "it must be 0..65536");
+            return spsi_wrong(&at, "size", volume->size[k], "it must be 0..65536");
     if (!spsi_volume_present(volume)) return SPS_OK;
     if (!volume->read_fn == !volume->eval_fn) {
         SPS_SNPRINTF(text, sizeof text, "and eval_fn are both %s; exactly one must be set",
                      volume->read_fn ? "set" : "NULL");
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "read_fn", 0, text);
+        return spsi_wrong_that(&at, "read_fn", 0, text);
     }
-    if (spsi_check_array(context, volume, i)) return context->result;
-    if (spsi_check_lobes(context, SPS_OBJECT_VOLUME, i, volume->lobes, volume->lobe_count)) return context->result;
-    if (spsi_check_bounded(context, SPS_OBJECT_VOLUME, i, "", looks, sizeof looks / sizeof *looks) ||
-        spsi_check_color(context, SPS_OBJECT_VOLUME, i, "ambient", volume->ambient, SPSI_VALUE_MAX))
+    if (spsi_check_array(&at, volume)) return context->result;
+    if (spsi_check_lobes(&at, volume->lobes, volume->lobe_count)) return context->result;
+    if (spsi_check_bounded(&at, looks, sizeof looks / sizeof *looks) ||
+        spsi_check_color(&at, "ambient", volume->ambient, SPSI_VALUE_MAX))
         return context->result;
-    return volume->transfer ? SPS_OK : spsi_check_gas(context, volume, i);
+    return volume->transfer ? SPS_OK : spsi_check_gas_colors(&at, volume->albedo, volume->emission);
 }
 
 /* Checks the arrays behind a mesh that is read by sps_indexed_mesh_read, whose own errors have no names. */
-static sps_result spsi_check_indexed(sps_context *context, const sps_mesh *mesh, int i) {
+static sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *mesh) {
+    const spsi_subject part = {at->context, at->object, at->index, "arrays."};
     const sps_indexed_mesh *arrays = (const sps_indexed_mesh *)mesh->user;
     const char *field = NULL, *rest = SPSI_IS_NULL;
     if (mesh->triangle_count == 0 || mesh->read_fn != sps_indexed_mesh_read) return SPS_OK;
     if (!arrays)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "user", 0,
-                              "is NULL; with sps_indexed_mesh_read it must be an sps_indexed_mesh");
-    if (spsi_check_canaries(context, SPS_OBJECT_MESH, i, "arrays.", arrays->start_canary, arrays->end_canary))
-        return context->result;
+        return spsi_wrong_that(at, "user", 0, "is NULL; with sps_indexed_mesh_read it must be an sps_indexed_mesh");
+    if (spsi_check_canaries(&part, arrays->start_canary, arrays->end_canary)) return at->context->result;
     if (arrays->triangle_count < mesh->triangle_count)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "arrays.triangle_count",
-                               (double)arrays->triangle_count, "it must be at least the mesh's");
+        return spsi_wrong(at, "arrays.triangle_count", (double)arrays->triangle_count,
+                          "it must be at least the mesh's");
     if (arrays->vertex_count == 0) field = "arrays.vertex_count", rest = "is 0; it must be positive";
     if (arrays->indices_u16 && arrays->indices_u32)
         field = "arrays.indices_u16", rest = "and indices_u32 are both set; at most one must be";
     if (mesh->has_colors && !arrays->colors) field = "arrays.colors", rest = "is NULL; has_colors needs it";
     if (mesh->has_normals && !arrays->normals) field = "arrays.normals", rest = "is NULL; has_normals needs it";
     if (!arrays->positions) field = "arrays.positions", rest = SPSI_IS_NULL;
-    return field ? spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, field, 0, rest) : SPS_OK;
+    return field ? spsi_wrong_that(at, field, 0, rest) : SPS_OK;
 }
 
 static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, int i) {
-    if (spsi_check_canaries(context, SPS_OBJECT_MESH, i, "", mesh->start_canary, mesh->end_canary))
-        return context->result;
+    const spsi_subject at = {context, SPS_OBJECT_MESH, i, ""};
+    if (spsi_check_canaries(&at, mesh->start_canary, mesh->end_canary)) return context->result;
     if (mesh->triangle_count > SPSI_FACES_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "triangle_count",
-                               (double)mesh->triangle_count, "it must be 0..2^29");
+        return spsi_wrong(&at, "triangle_count", (double)mesh->triangle_count, "it must be 0..2^29");
     if (mesh->triangle_count > 0 && !mesh->read_fn)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "read_fn", 0,
-                              "is NULL; it must be set where there are triangles");
-    if (spsi_check_indexed(context, mesh, i)) return context->result;
-    if (spsi_check_color(context, SPS_OBJECT_MESH, i, "color", mesh->color, 1)) return context->result;
-    return spsi_check_color(context, SPS_OBJECT_MESH, i, "transmittance", mesh->transmittance, 1);
+        return spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where there are triangles");
+    if (spsi_check_indexed(&at, mesh)) return context->result;
+    if (spsi_check_color(&at, "color", mesh->color, 1)) return context->result;
+    return spsi_check_color(&at, "transmittance", mesh->transmittance, 1);
 }
 
 static sps_result spsi_check_set(sps_context *context, const sps_particles *set, int i) {
-    if (spsi_check_canaries(context, SPS_OBJECT_PARTICLES, i, "", set->start_canary, set->end_canary))
-        return context->result;
-    if (set->count > SPSI_PARTICLES_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "count", (double)set->count,
-                               "it must be 0..2^29");
+    const spsi_subject at = {context, SPS_OBJECT_PARTICLES, i, ""};
+    if (spsi_check_canaries(&at, set->start_canary, set->end_canary)) return context->result;
+    if (set->count > SPSI_PARTICLES_MAX) return spsi_wrong(&at, "count", (double)set->count, "it must be 0..2^29");
     if (set->count > 0 && !set->read_fn)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "read_fn", 0,
-                              "is NULL; it must be set where count is not 0");
-    if (spsi_check_lobes(context, SPS_OBJECT_PARTICLES, i, set->lobes, set->lobe_count) ||
-        spsi_check_color(context, SPS_OBJECT_PARTICLES, i, "ambient", set->ambient, SPSI_VALUE_MAX))
+        return spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where count is not 0");
+    if (spsi_check_lobes(&at, set->lobes, set->lobe_count) ||
+        spsi_check_color(&at, "ambient", set->ambient, SPSI_VALUE_MAX))
         return context->result;
-    return spsi_check_gas_colors(context, SPS_OBJECT_PARTICLES, i, set->albedo, set->emission);
+    return spsi_check_gas_colors(&at, set->albedo, set->emission);
 }
 
-/* The object that has the settings of a light's shadow_map, or, if `light` is below 0, of a map by itself; and the way
-   from it to a setting. */
-static sps_object spsi_setting_object(int light) { return light < 0 ? SPS_OBJECT_TMAP_SETTINGS : SPS_OBJECT_LIGHT; }
-static const char *spsi_setting_prefix(int light) { return light < 0 ? "" : "shadow_map."; }
+/* The settings of a light's shadow_map, or, if `light` is below 0, of a map by itself. */
+static spsi_subject spsi_settings_of(sps_context *context, int light) {
+    const spsi_subject at = {context, light < 0 ? SPS_OBJECT_TMAP_SETTINGS : SPS_OBJECT_LIGHT, light,
+                             light < 0 ? "" : "shadow_map."};
+    return at;
+}
 
 /* As spsi_fail_field, for these settings. */
 static sps_result spsi_fail_setting(sps_context *context, sps_result result, int light, const char *field, double value,
                                     const char *rule) {
-    return spsi_fail_member(context, result, spsi_setting_object(light), light, spsi_setting_prefix(light), field,
-                            value, rule);
+    const spsi_subject at = spsi_settings_of(context, light);
+    return spsi_fail_member(&at, result, field, value, rule);
 }
 
 /* Checks the number of components, including the range, unless it is left to the technique. */
-static sps_result spsi_check_components(sps_context *context, int light, const sps_tmap_settings *settings) {
+static sps_result spsi_check_components(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     const int least = spsi_components_least(settings), n = settings->components;
     const char *with = technique->range < 0 && settings->texel_range ? " with texel_range" : "";
@@ -4996,64 +4999,60 @@ static sps_result spsi_check_components(sps_context *context, int light, const s
             SPS_SNPRINTF(rule, sizeof rule, "%s%s has %d, %d .. %d", technique->name, with, least,
                          least + technique->step, technique->most);
     }
-    return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "components", n, rule);
+    return spsi_wrong(at, "components", n, rule);
 }
 
 /* Checks the planes of an opacity map. */
-static sps_result spsi_check_planes(sps_context *context, int light, const sps_tmap_settings *settings) {
+static sps_result spsi_check_planes(const spsi_subject *at, const sps_tmap_settings *settings) {
     const float *planes = settings->planes;
     const int count = spsi_settings_planes(settings);
     if (planes && settings->components == 0)
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "components", 0,
-                                 "with planes it must be their number, plus two for a deep opacity map");
+        return spsi_wrong(at, "components", 0, "with planes it must be their number, plus two for a deep opacity map");
     for (int i = 0; i < count; ++i) {
         const float before = i > 0 ? planes[i - 1] : 0, least = i == count - 1 ? 1 : 0;
         char field[32];
         if (planes[i] > before && planes[i] >= least && planes[i] <= 1) continue;
         SPS_SNPRINTF(field, sizeof field, "planes[%d]", i);
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, field, (double)planes[i],
-                                 "they must rise from above 0, and the last must be 1");
+        return spsi_wrong(at, field, (double)planes[i], "they must rise from above 0, and the last must be 1");
     }
     return SPS_OK;
 }
 
 /* Checks all settings of a map except for its depth range. */
-static sps_result spsi_check_settings(sps_context *context, int light, const sps_tmap_settings *settings) {
+static sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_bounded numbers[] = {
         {"technique", (double)(int)settings->technique, 0, SPS_TMAP_TABLE, "it must be an sps_tmap_technique"},
         {"epsilon", (double)settings->epsilon, 0, 0.5, "it must be 0..0.5"},
         {"surface_bias", settings->surface_bias, 0, SPSI_COORDINATE_MAX, "it must be 0..1e15"}};
-    const sps_object object = spsi_setting_object(light);
-    const char *prefix = spsi_setting_prefix(light);
+    const int alone = at->object == SPS_OBJECT_TMAP_SETTINGS;
     sps_tmap_settings resolved;
-    if (spsi_check_canaries(context, object, light, prefix, settings->start_canary, settings->end_canary) ||
-        spsi_check_bounded(context, object, light, prefix, numbers, sizeof numbers / sizeof *numbers))
-        return context->result;
-    if (settings->technique == SPS_TMAP_TABLE && light < 0)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_SETTINGS, -1, "technique", 0,
-                              "is SPS_TMAP_TABLE, which is for sps_light.shadow_map only");
-    resolved = spsi_settings_resolve(settings, light >= 0);
-    if (spsi_check_components(context, light, &resolved)) return context->result;
-    return spsi_check_planes(context, light, &resolved);
+    if (spsi_check_canaries(at, settings->start_canary, settings->end_canary) ||
+        spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers))
+        return at->context->result;
+    if (settings->technique == SPS_TMAP_TABLE && alone)
+        return spsi_wrong_that(at, "technique", 0, "is SPS_TMAP_TABLE, which is for sps_light.shadow_map only");
+    resolved = spsi_settings_resolve(settings, !alone);
+    if (spsi_check_components(at, &resolved)) return at->context->result;
+    return spsi_check_planes(at, &resolved);
 }
 
 /* Checks how a light shades gas: neither sheets nor a table can be meant beside a map of another kind. */
-static sps_result spsi_check_shadow_source(sps_context *context, const sps_light *light, int i) {
+static sps_result spsi_check_shadow_source(const spsi_subject *at, const sps_light *light) {
     const sps_tmap_settings *settings = light->shadow_map;
     if (settings && light->shadow_source == SPS_SHADOW_SHEETS)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_source", SPS_SHADOW_SHEETS,
-                              "is SPS_SHADOW_SHEETS, and shadow_map is set; only one of them can be meant");
+        return spsi_wrong_that(at, "shadow_source", SPS_SHADOW_SHEETS,
+                               "is SPS_SHADOW_SHEETS, and shadow_map is set; only one of them can be meant");
     if (settings && light->shadow_source == SPS_SHADOW_TABLE &&
         spsi_settings_resolve(settings, 1).technique != SPS_TMAP_TABLE)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_source", SPS_SHADOW_TABLE,
-                              "is SPS_SHADOW_TABLE, and shadow_map is of another technique; only one of them can be "
-                              "meant");
+        return spsi_wrong_that(at, "shadow_source", SPS_SHADOW_TABLE,
+                               "is SPS_SHADOW_TABLE, and shadow_map is of another technique; only one of them can be "
+                               "meant");
     return SPS_OK;
 }
 
 /* Checks the map by which a light shades gas. Its depth range is that of the gas, and surfaces have a depth map of
    their own. */
-static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *light, int i) {
+static sps_result spsi_check_shadow_map(const spsi_subject *at, const sps_light *light) {
     const sps_tmap_settings *settings = light->shadow_map;
     const double all_round = light->kind == SPS_LIGHT_DIRECTIONAL ? 0 : HUGE_VAL;
     const spsi_bounded numbers[] = {
@@ -5061,17 +5060,17 @@ static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *l
         {"shadow_map_omnidirectional", (double)light->shadow_map_omnidirectional, -all_round, all_round,
          "a directional light has one direction"},
         {"shadow_source", (double)(int)light->shadow_source, 0, SPS_SHADOW_TABLE, "it must be an sps_shadow_source"}};
-    if (spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", numbers, sizeof numbers / sizeof *numbers) ||
-        spsi_check_shadow_source(context, light, i))
-        return context->result;
+    if (spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers) || spsi_check_shadow_source(at, light))
+        return at->context->result;
     if (settings) {
         const spsi_bounded own[] = {
             {"near_depth", settings->near_depth, 0, 0, "it must be 0: the range is fitted to the gas"},
             {"far_depth", settings->far_depth, 0, 0, "it must be 0: the range is fitted to the gas"},
             {"surface_bias", settings->surface_bias, 0, 0,
              "it must be 0: surfaces shade by rays and a depth map of their own"}};
-        if (spsi_check_settings(context, i, settings)) return context->result;
-        return spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "shadow_map.", own, sizeof own / sizeof *own);
+        const spsi_subject part = spsi_settings_of(at->context, at->index);
+        if (spsi_check_settings(&part, settings)) return at->context->result;
+        return spsi_check_bounded(&part, own, sizeof own / sizeof *own);
     }
     return SPS_OK;
 }
@@ -5083,7 +5082,7 @@ static int spsi_light_extended(const sps_light *light) {
     return spsi_length(light->axes[0]) > 0 || spsi_length(light->axes[1]) > 0;
 }
 
-static sps_result spsi_check_cone(sps_context *context, const sps_light *light, int i) {
+static sps_result spsi_check_cone(const spsi_subject *at, const sps_light *light) {
     static const char none[] = "it must be 0: a directional light has no cone";
     const int directional = light->kind == SPS_LIGHT_DIRECTIONAL;
     const double narrower = light->inner_cone < light->outer_cone ? light->inner_cone : 0;
@@ -5091,17 +5090,16 @@ static sps_result spsi_check_cone(sps_context *context, const sps_light *light, 
                                    directional ? none : "it must be 0, or less than outer_cone"},
                                   {"outer_cone", light->outer_cone, 0, directional ? 0 : SPSI_PI * (1 + DBL_EPSILON),
                                    directional ? none : "it must be 0..pi"}};
-    return spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", cones, sizeof cones / sizeof *cones);
+    return spsi_check_bounded(at, cones, sizeof cones / sizeof *cones);
 }
 
-static sps_result spsi_check_projector(sps_context *context, const sps_light *light, int i) {
+static sps_result spsi_check_projector(const spsi_subject *at, const sps_light *light) {
+    const spsi_subject part = {at->context, at->object, at->index, "projector."};
     const sps_projector *projector = light->projector;
     double direction[3], along[2] = {0, 0}, reach;
     if (!projector) return SPS_OK;
-    if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, "projector.", projector->start_canary, projector->end_canary))
-        return context->result;
-    if (!projector->sample_fn)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "projector.sample_fn", 0, SPSI_IS_NULL);
+    if (spsi_check_canaries(&part, projector->start_canary, projector->end_canary)) return at->context->result;
+    if (!projector->sample_fn) return spsi_wrong_that(at, "projector.sample_fn", 0, SPSI_IS_NULL);
     memcpy(direction, light->direction, sizeof direction);
     spsi_normalise(direction);
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
@@ -5119,66 +5117,62 @@ static sps_result spsi_check_projector(sps_context *context, const sps_light *li
             {"bottom", projector->bottom, -1e15, bottom, "it must be within 1e15, and less than top by 1e-15 or more"},
             {"focus", projector->focus, 0, projector->focus > reach ? 1e15 : 0,
              "it must be 0, or within 1e15 and beyond the extent"}};
-        if (spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "projector.", numbers, sizeof numbers / sizeof *numbers))
-            return context->result;
+        if (spsi_check_bounded(&part, numbers, sizeof numbers / sizeof *numbers)) return at->context->result;
     }
-    return spsi_check_vector(context, SPS_OBJECT_LIGHT, i, "projector.up", projector->up);
+    return spsi_check_vector(at, "projector.up", projector->up);
 }
 
-static sps_result spsi_check_extent(sps_context *context, const sps_light *light, int i) {
-    const spsi_bounded numbers[] = {
-        {"samples", (double)light->samples, 0, SPSI_POINTS_MAX, "it must be 0..256"},
-        {"angular_diameter", light->angular_diameter, 0, 2, "it must be 0..2 radians"}};
-    if (spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", numbers, light->kind == SPS_LIGHT_DIRECTIONAL ? 2 : 1))
-        return context->result;
+static sps_result spsi_check_extent(const spsi_subject *at, const sps_light *light) {
+    const spsi_bounded numbers[] = {{"samples", (double)light->samples, 0, SPSI_POINTS_MAX, "it must be 0..256"},
+                                    {"angular_diameter", light->angular_diameter, 0, 2, "it must be 0..2 radians"}};
+    if (spsi_check_bounded(at, numbers, light->kind == SPS_LIGHT_DIRECTIONAL ? 2 : 1)) return at->context->result;
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
-        if (spsi_check_vector(context, SPS_OBJECT_LIGHT, i, axis ? "axes[1]" : "axes[0]", light->axes[axis]))
-            return context->result;
+        if (spsi_check_vector(at, axis ? "axes[1]" : "axes[0]", light->axes[axis])) return at->context->result;
     if (light->shadow_map && spsi_light_extended(light))
-        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, i, "shadow_map", 0,
+        return spsi_fail_that(at->context, SPS_ERROR_UNSUPPORTED, at->object, at->index, "shadow_map", 0,
                               "holds the shadow of a single point; an extended light has none");
     return SPS_OK;
 }
 
 static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
+    const spsi_subject at = {context, SPS_OBJECT_LIGHT, i, ""};
     const spsi_bounded kinds[] = {
         {"kind", (double)(int)light->kind, 0, SPS_LIGHT_RECTANGLE, "it must be an sps_light_kind"},
         {"falloff", (double)(int)light->falloff, 0, SPS_FALLOFF_NONE, "it must be an sps_falloff"}};
     double direction[3];
-    if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, "", light->start_canary, light->end_canary) ||
-        spsi_check_bounded(context, SPS_OBJECT_LIGHT, i, "", kinds, sizeof kinds / sizeof *kinds) ||
-        spsi_check_color(context, SPS_OBJECT_LIGHT, i, "color", light->color, SPSI_VALUE_MAX))
+    if (spsi_check_canaries(&at, light->start_canary, light->end_canary) ||
+        spsi_check_bounded(&at, kinds, sizeof kinds / sizeof *kinds) ||
+        spsi_check_color(&at, "color", light->color, SPSI_VALUE_MAX))
         return context->result;
     memcpy(direction, light->direction, sizeof direction);
-    if (spsi_check_cone(context, light, i)) return context->result;
+    if (spsi_check_cone(&at, light)) return context->result;
     if ((light->kind == SPS_LIGHT_DIRECTIONAL || light->outer_cone > 0 || light->projector) &&
         !spsi_normalise(direction)) {
         int k = 0; /* the component that is not finite, or the last: all are 0 then */
         while (k < 2 && fabs(direction[k]) <= DBL_MAX) ++k;
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "direction", direction[k],
-                               "it must be finite and have a length");
+        return spsi_wrong(&at, "direction", direction[k], "it must be finite and have a length");
     }
     if ((light->kind != SPS_LIGHT_DIRECTIONAL || light->projector) &&
-        spsi_check_vector(context, SPS_OBJECT_LIGHT, i, "position", light->position))
+        spsi_check_vector(&at, "position", light->position))
         return context->result;
-    if (spsi_check_extent(context, light, i) || spsi_check_projector(context, light, i)) return context->result;
-    return spsi_check_shadow_map(context, light, i);
+    if (spsi_check_extent(&at, light) || spsi_check_projector(&at, light)) return context->result;
+    return spsi_check_shadow_map(&at, light);
 }
 
 static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene) {
-    const spsi_bounded counts[] = {
-        {"volume_count", (double)scene->volume_count, 0, scene->volumes ? HUGE_VAL : 0,
-         "it must be 0, or positive with volumes set"},
-        {"mesh_count", (double)scene->mesh_count, 0, scene->meshes ? HUGE_VAL : 0,
-         "it must be 0, or positive with meshes set"},
-        {"light_count", (double)scene->light_count, 0, scene->lights ? HUGE_VAL : 0,
-         "it must be 0, or positive with lights set"},
-        {"particle_set_count", (double)scene->particle_set_count, 0, scene->particles ? HUGE_VAL : 0,
-         "it must be 0, or positive with particles set"}};
-    if (spsi_check_canaries(context, SPS_OBJECT_SCENE, -1, "", scene->start_canary, scene->end_canary) ||
-        spsi_check_bounded(context, SPS_OBJECT_SCENE, -1, "", counts, sizeof counts / sizeof *counts) ||
-        spsi_check_color(context, SPS_OBJECT_SCENE, -1, "ambient", scene->ambient, SPSI_VALUE_MAX) ||
-        spsi_check_color(context, SPS_OBJECT_SCENE, -1, "background", scene->background, SPSI_VALUE_MAX))
+    const spsi_subject at = {context, SPS_OBJECT_SCENE, -1, ""};
+    const spsi_bounded counts[] = {{"volume_count", (double)scene->volume_count, 0, scene->volumes ? HUGE_VAL : 0,
+                                    "it must be 0, or positive with volumes set"},
+                                   {"mesh_count", (double)scene->mesh_count, 0, scene->meshes ? HUGE_VAL : 0,
+                                    "it must be 0, or positive with meshes set"},
+                                   {"light_count", (double)scene->light_count, 0, scene->lights ? HUGE_VAL : 0,
+                                    "it must be 0, or positive with lights set"},
+                                   {"particle_set_count", (double)scene->particle_set_count, 0,
+                                    scene->particles ? HUGE_VAL : 0, "it must be 0, or positive with particles set"}};
+    if (spsi_check_canaries(&at, scene->start_canary, scene->end_canary) ||
+        spsi_check_bounded(&at, counts, sizeof counts / sizeof *counts) ||
+        spsi_check_color(&at, "ambient", scene->ambient, SPSI_VALUE_MAX) ||
+        spsi_check_color(&at, "background", scene->background, SPSI_VALUE_MAX))
         return context->result;
     for (int i = 0; i < scene->volume_count; ++i)
         if (spsi_check_volume(context, &scene->volumes[i], i)) return context->result;
@@ -5192,49 +5186,48 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
 }
 
 /* Checks that a camera has exactly one kind of projection. */
-static sps_result spsi_check_projection(sps_context *context, sps_object object, const sps_camera *camera) {
+static sps_result spsi_check_projection(const spsi_subject *at, const sps_camera *camera) {
     static const char *const names[3] = {"field_of_view", "ortho_height", "world_to_clip"};
     const int set[3] = {!(fabs(camera->field_of_view) <= 0), !(fabs(camera->ortho_height) <= 0),
                         camera->world_to_clip != NULL};
     char rest[96];
     if (set[0] + set[1] + set[2] == 1) return SPS_OK;
     if (set[0] + set[1] + set[2] == 0)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera", 0,
-                              "has neither field_of_view nor ortho_height nor world_to_clip; one must be set");
+        return spsi_wrong_that(at, "camera", 0,
+                               "has neither field_of_view nor ortho_height nor world_to_clip; one must be set");
     SPS_SNPRINTF(rest, sizeof rest, "has %s and %s; only one may be set", names[!set[0]], names[set[2] ? 2 : 1]);
-    return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera", 0, rest);
+    return spsi_wrong_that(at, "camera", 0, rest);
 }
 
 /* Checks the camera of a view, or of a map's light. */
-static sps_result spsi_check_camera(sps_context *context, sps_object object, const sps_camera *camera) {
+static sps_result spsi_check_camera(const spsi_subject *at, const sps_camera *camera) {
     const spsi_bounded heights[] = {
         {"field_of_view", camera->field_of_view, 0, 3.1, "it must be above 0, up to 3.1 radians"},
         {"ortho_height", camera->ortho_height, 0, DBL_MAX, "it must be above 0"}};
+    const spsi_subject part = {at->context, at->object, at->index, "camera."};
     const double *matrix = camera->world_to_clip;
-    if (spsi_check_projection(context, object, camera)) return context->result;
+    if (spsi_check_projection(at, camera)) return at->context->result;
     if (matrix) {
         const double *bad = spsi_bad_coordinate(matrix, 16);
         char field[32];
         if (!bad) return SPS_OK;
         SPS_SNPRINTF(field, sizeof field, "camera.world_to_clip[%d]", (int)(bad - matrix));
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, field, *bad, "it must be within 1e15");
+        return spsi_wrong(at, field, *bad, "it must be within 1e15");
     }
-    if (spsi_check_vector(context, object, -1, "camera.position", camera->position) ||
-        spsi_check_vector(context, object, -1, "camera.target", camera->target) ||
-        spsi_check_vector(context, object, -1, "camera.up", camera->up))
-        return context->result;
-    return spsi_check_bounded(context, object, -1, "camera.", heights, sizeof heights / sizeof *heights);
+    if (spsi_check_vector(&part, "position", camera->position) || spsi_check_vector(&part, "target", camera->target) ||
+        spsi_check_vector(&part, "up", camera->up))
+        return at->context->result;
+    return spsi_check_bounded(&part, heights, sizeof heights / sizeof *heights);
 }
 
 /* Checks the fields common to a view and a map's light, apart from their cameras. */
-static sps_result spsi_check_sampling(sps_context *context, sps_object object, const int size[2], sps_quality quality,
-                                      double slab) {
+static sps_result spsi_check_sampling(const spsi_subject *at, const int size[2], sps_quality quality, double slab) {
     const spsi_bounded numbers[] = {
         {"width", (double)size[0], 1, SPSI_SIZE_MAX, "it must be 1..16384"},
         {"height", (double)size[1], 1, SPSI_SIZE_MAX, "it must be 1..16384"},
         {"quality", (double)(int)quality, 0, SPS_QUALITY_ULTRA, "it must be an sps_quality"},
         {"slab", slab, 0, DBL_MAX, "it must be 0 or positive"}};
-    return spsi_check_bounded(context, object, -1, "", numbers, sizeof numbers / sizeof *numbers);
+    return spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers);
 }
 
 #define SPSI_COVERAGE_MAX 8 /* along a side of a pixel: samples are bits of 64 */
@@ -5247,7 +5240,7 @@ static int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]
 /* Whether time or error decide a view's settings. */
 static int spsi_has_budget(const sps_view *view) { return view->budget_seconds > 0 || view->budget_error > 0; }
 
-static sps_result spsi_check_budget(sps_context *context, const sps_view *view) {
+static sps_result spsi_check_budget(const spsi_subject *at, const sps_view *view) {
     static const char rule[] = "the budget chooses it: leave it 0";
     const double spare = spsi_has_budget(view) ? 0 : HUGE_VAL;
     const spsi_bounded numbers[] = {
@@ -5259,10 +5252,11 @@ static sps_result spsi_check_budget(sps_context *context, const sps_view *view) 
         {"slab", view->slab, 0, spare, rule},
         {"tolerance", (double)view->tolerance, 0, spare, rule},
         {"scatter_size", (double)view->scatter_size, 0, spare, rule}};
-    return spsi_check_bounded(context, SPS_OBJECT_VIEW, -1, "", numbers, sizeof numbers / sizeof *numbers);
+    return spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers);
 }
 
 static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
+    const spsi_subject at = {context, SPS_OBJECT_VIEW, -1, ""};
     const int *r = view->region, size[2] = {view->width, view->height};
     const spsi_bounded numbers[] = {
         {"shadow_size", (double)view->shadow_size, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
@@ -5273,20 +5267,19 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
         {"scatter_size", (double)view->scatter_size, 0, SPSI_CELL_SIDE_MOST, "it must be 0..256"},
         {"scatter_tolerance", (double)view->scatter_tolerance, 0, 1, "it must be 0..1"},
         {"near_distance", view->near_distance, 0, DBL_MAX, "it must be 0 or positive"}};
-    if (spsi_check_canaries(context, SPS_OBJECT_VIEW, -1, "", view->start_canary, view->end_canary) ||
-        spsi_check_sampling(context, SPS_OBJECT_VIEW, size, view->quality, view->slab))
+    if (spsi_check_canaries(&at, view->start_canary, view->end_canary) ||
+        spsi_check_sampling(&at, size, view->quality, view->slab))
         return context->result;
     if (spsi_has_region(r) && (r[0] < 0 || r[1] < 0 || r[2] < 1 || r[3] < 1 || r[0] >= size[0] || r[1] >= size[1] ||
                                r[2] > size[0] - r[0] || r[3] > size[1] - r[1])) {
         char rest[128];
         SPS_SNPRINTF(rest, sizeof rest, "is %d,%d,%d,%d; it must lie inside %d x %d", r[0], r[1], r[2], r[3], size[0],
                      size[1]);
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "region", 0, rest);
+        return spsi_wrong_that(&at, "region", 0, rest);
     }
-    if (spsi_check_bounded(context, SPS_OBJECT_VIEW, -1, "", numbers, sizeof numbers / sizeof *numbers) ||
-        spsi_check_camera(context, SPS_OBJECT_VIEW, &view->camera))
+    if (spsi_check_bounded(&at, numbers, sizeof numbers / sizeof *numbers) || spsi_check_camera(&at, &view->camera))
         return context->result;
-    return spsi_check_budget(context, view);
+    return spsi_check_budget(&at, view);
 }
 
 static void spsi_resolve_quality(spsi_frame *frame) {
@@ -5431,17 +5424,17 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, con
 
 static sps_result spsi_medium_place(sps_context *context, const sps_volume *volume, const spsi_medium *medium) {
     spsi_lattice *lattice = medium->lattice;
+    const spsi_subject at = {context, SPS_OBJECT_VOLUME, medium->index, ""};
     sps_placement placement;
     spsi_placement_resolve(&volume->placement, &placement);
-    if (spsi_check_placement(context, &placement, SPS_OBJECT_VOLUME, medium->index)) return context->result;
+    if (spsi_check_placement(&at, &placement)) return context->result;
     memcpy(lattice->corner, placement.origin, sizeof lattice->corner);
     for (int axis = 0; axis < 3; ++axis)
         for (int i = 0; i < 3; ++i) lattice->step[axis][i] = placement.axis[axis][i] / medium->size[axis];
     lattice->voxel_volume = fabs(spsi_determinant(lattice->step[0], lattice->step[1], lattice->step[2]));
     if (lattice->voxel_volume > 0) return SPS_OK;
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, medium->index,
-                           "placement's volume of a voxel", lattice->voxel_volume,
-                           "it is too small for the numbers in use");
+    return spsi_wrong(&at, "placement's volume of a voxel", lattice->voxel_volume,
+                      "it is too small for the numbers in use");
 }
 
 static void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice *lattice, spsi_medium *medium) {
@@ -5558,18 +5551,18 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, c
     meshes->list = (spsi_mesh *)spsi_reserve(context, SPSI_BUFFER_MESHES, count, sizeof(spsi_mesh));
     if (!meshes->list) return context->result;
     for (int i = 0; i < scene->mesh_count; ++i) {
+        const spsi_subject at = {context, SPS_OBJECT_MESH, i, ""};
         spsi_mesh mesh;
         spsi_mesh_build(&scene->meshes[i], i, &mesh);
-        if (spsi_check_placement(context, &mesh.placement, SPS_OBJECT_MESH, i)) return context->result;
+        if (spsi_check_placement(&at, &mesh.placement)) return context->result;
         if (mesh.triangle_count == 0) continue;
         /* both are at most SPSI_FACES_MAX, so that the sum fits a size_t of 32 bits */
         meshes->triangle_count += mesh.triangle_count;
         meshes->textured_count += mesh.shade_fn ? mesh.triangle_count : 0;
         for (int c = 0; c < 3; ++c) meshes->translucent |= mesh.transmittance[c] > 0;
         if (meshes->triangle_count > SPSI_FACES_MAX)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i,
-                                   "triangle_count, with those before it,", (double)meshes->triangle_count,
-                                   "all meshes together must have 2^29 at most");
+            return spsi_wrong(&at, "triangle_count, with those before it,", (double)meshes->triangle_count,
+                              "all meshes together must have 2^29 at most");
         meshes->list[meshes->count++] = mesh;
     }
     return SPS_OK;
@@ -6295,10 +6288,8 @@ static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, sp
     }
     spsi_brick_bound(brick, steps);
     if (at < segment->used) return;
-    memset(segment->x + at, 0, SPSI_PADDING * sizeof(float));
-    memset(segment->y + at, 0, SPSI_PADDING * sizeof(float));
-    memset(segment->z + at, 0, SPSI_PADDING * sizeof(float));
-    memset(segment->value + at, 0, SPSI_PADDING * sizeof(float));
+    for (int i = 0; i < SPSI_PADDING; ++i)
+        segment->x[at + i] = segment->y[at + i] = segment->z[at + i] = segment->value[at + i] = 0;
 }
 
 static void spsi_bricks_fill_task(void *data, int index) {
@@ -6408,14 +6399,16 @@ static void spsi_bricks_bounds(const sps_context *context, const spsi_frame *fra
     }
 }
 
-/* Tells the caller of values that were replaced. */
-static void spsi_tell_replaced(const sps_context *context, uint64_t before) {
+/* Tells the caller how many of what it gave were replaced. */
+static void spsi_tell_replaced(const sps_context *context, uint64_t before, const char *what) {
     const double replaced = (double)(context->stats.values_replaced - before);
     char text[96];
     if (!(replaced > 0) || !context->config.message_fn) return;
-    SPS_SNPRINTF(text, sizeof text, "%.0f values of volumes were invalid and count as 0", replaced);
+    SPS_SNPRINTF(text, sizeof text, "%.0f %s", replaced, what);
     context->config.message_fn(context->config.message_user, text);
 }
+
+#define SPSI_VALUES_REPLACED "values of volumes were invalid and count as 0"
 
 /* Reads the relevant voxels of all volumes, unless they are still held from the last call. */
 static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
@@ -6430,7 +6423,7 @@ static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
         for (int i = 0; i < frame->medium_count; ++i)
             if (spsi_gather_medium(context, frame, i, &current)) return context->result;
         context->gathered = fingerprint;
-        spsi_tell_replaced(context, replaced);
+        spsi_tell_replaced(context, replaced, SPSI_VALUES_REPLACED);
     }
     context->stats.bricks = (uint64_t)context->brick_count;
     context->stats.voxels_relevant = context->voxel_count;
@@ -6581,12 +6574,7 @@ static sps_result spsi_gather_particles(sps_context *context, const spsi_frame *
     frame->content->particles = list;
     context->stats.particles = (uint64_t)frame->content->particle_count;
     spsi_measure_particles(frame);
-    if (context->stats.values_replaced > replaced && context->config.message_fn) {
-        char text[96];
-        SPS_SNPRINTF(text, sizeof text, "%.0f particles were invalid and are ignored",
-                     (double)(context->stats.values_replaced - replaced));
-        context->config.message_fn(context->config.message_user, text);
-    }
+    spsi_tell_replaced(context, replaced, "particles were invalid and are ignored");
     return SPS_OK;
 }
 
@@ -6669,10 +6657,10 @@ static float spsi_brick_extinction(const sps_context *context, const spsi_materi
     return extinction;
 }
 
-/* Adds a particle to the cells that it touches, each as dense as where it comes nearest to the centre, but not deeper
-   than the whole particle. */
-static void spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
-                                    const spsi_particle_set *set) {
+/* Adds a particle to the cells that it touches, unless they are more than `touched`, each as dense as where it comes
+   nearest to the centre, but not deeper than the whole particle. Returns whether it was added. */
+static int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
+                                   const spsi_particle_set *set, int touched) {
     const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
     const double depth = spsi_particle_depth(particle, set);
     const double most = depth / fmin(grid->edge[0], fmin(grid->edge[1], grid->edge[2]));
@@ -6680,6 +6668,7 @@ static void spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_parti
     spsi_bounds box;
     spsi_particle_bounds(particle, &box);
     spsi_bound_range(grid, &box, low, high);
+    if ((high[0] - low[0] + 1) * (high[1] - low[1] + 1) * (high[2] - low[2] + 1) > touched) return 0;
     for (at[2] = low[2]; at[2] <= high[2]; ++at[2])
         for (at[1] = low[1]; at[1] <= high[1]; ++at[1])
             for (at[0] = low[0]; at[0] <= high[0]; ++at[0]) {
@@ -6695,6 +6684,7 @@ static void spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_parti
                 grid->all[(at[2] * grid->side + at[1]) * grid->side + at[0]] +=
                     (float)fmin(fmin(density, most), (double)FLT_MAX / 4);
             }
+    return 1;
 }
 
 /* Upper bound of the optical depth on a straight way through the grid. */
@@ -6729,18 +6719,9 @@ static void spsi_bound_add_volumes(const sps_context *context, const spsi_frame 
     }
 }
 
-/* The number of cells that a particle touches. */
-static int spsi_bound_touched(const spsi_bound_grid *grid, const sps_particle *particle) {
-    int low[3], high[3];
-    spsi_bounds box;
-    spsi_particle_bounds(particle, &box);
-    spsi_bound_range(grid, &box, low, high);
-    return (high[0] - low[0] + 1) * (high[1] - low[1] + 1) * (high[2] - low[2] + 1);
-}
-
 /* Adds all particles: where there are many, large ones to a coarse grid. Returns a bound for both grids. */
 static double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound_grid *grid) {
-    const int few = frame->content->particle_count <= SPSI_BOUND_FEW;
+    const int most = frame->content->particle_count <= SPSI_BOUND_FEW ? SPSI_BOUND_CELLS : SPSI_BOUND_MOST;
     spsi_bound_grid coarse = *grid;
     coarse.side = SPSI_BOUND_SIDE / SPSI_BOUND_COARSE;
     coarse.all = grid->own;
@@ -6748,8 +6729,9 @@ static double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound
     memset(coarse.all, 0, SPSI_BOUND_CELLS * sizeof *coarse.all);
     for (int i = 0; i < frame->content->particle_count; ++i) {
         const sps_particle *particle = &frame->content->particles[i];
-        const int fits = few || spsi_bound_touched(grid, particle) <= SPSI_BOUND_MOST;
-        spsi_bound_add_particle(fits ? grid : &coarse, particle, spsi_set_of(frame, i));
+        const spsi_particle_set *set = spsi_set_of(frame, i);
+        if (!spsi_bound_add_particle(grid, particle, set, most))
+            spsi_bound_add_particle(&coarse, particle, set, SPSI_BOUND_CELLS);
     }
     return spsi_bound_depth(grid) + spsi_bound_depth(&coarse);
 }
@@ -8727,11 +8709,9 @@ static inline int spsi_edges_hold(const double a[3], const double b[3], const do
    neither an adjoining face nor a twin in the same plane shades a point, and no adjacency is needed. */
 static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int first) {
     const double *p = face->position[0], *q = face->position[1], *r = face->position[2];
-    double u[3], v[3], n[3], room, stops[SPSI_LANES];
+    double n[3], room, stops[SPSI_LANES];
     int bits = 0;
-    spsi_along(q, p, -1, u);
-    spsi_along(r, p, -1, v);
-    spsi_cross(u, v, n);
+    spsi_face_plane(face, n);
     room = packet->on_faces ? (double)face->rounding + packet->rounding : 0;
     room *= fabs(n[0]) + fabs(n[1]) + fabs(n[2]);
     for (int i = 0; i < SPSI_LANES; ++i) {
@@ -9604,15 +9584,11 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_lamp *lamp, c
                                double rgb[3]) {
     double offset[3], at[3];
     spsi_v place[3], color[3];
-    float lanes[SPSI_LANES];
     spsi_along(point, lamp->position, -1, offset);
     spsi_to_lamp(lamp, offset, at);
     spsi_set3(at, place);
     spsi_projection_lookup(frame, lamp, place, spsi_set((float)pixel), color);
-    for (int c = 0; c < 3; ++c) {
-        spsi_store(lanes, color[c]);
-        rgb[c] = (double)lanes[0];
-    }
+    for (int c = 0; c < 3; ++c) rgb[c] = (double)spsi_one(color[c]);
 }
 
 /* ============================================================================================ >>depthmaps
@@ -11518,13 +11494,7 @@ typedef struct spsi_extent {
 /* The extent along x (axis 0) or y; `side` is 1, or -1 for the mirror image behind the eye. */
 static spsi_extent spsi_near_extent(const spsi_splatter *s, const float q[3], int axis, float side) {
     const float *c = s->near_case.covariance;
-    spsi_extent extent;
-    extent.q = side * q[axis];
-    extent.t = side * q[2];
-    extent.cut = s->cut;
-    extent.qq = c[axis == 0 ? 0 : 3];
-    extent.qt = c[axis == 0 ? 2 : 4];
-    extent.tt = c[5];
+    const spsi_extent extent = {side * q[axis], side * q[2], s->cut, c[axis == 0 ? 0 : 3], c[axis == 0 ? 2 : 4], c[5]};
     return extent;
 }
 
@@ -13776,13 +13746,9 @@ static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int m
                             const spsi_voxel_field *fine, spsi_voxel_field *field) {
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
     const int tasks = (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH;
-    spsi_field_job job;
-    job.context = context;
-    job.bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    job.classifies = material->table ? material : NULL;
-    job.taps = frame->content->fields->taps;
-    job.field = field;
-    job.fine = fine;
+    const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    const spsi_material *classifies = material->table ? material : NULL;
+    spsi_field_job job = {context, bricks, classifies, frame->content->fields->taps, field, fine};
     field->values = stock->values + stock->used * spsi_field_floats(job.taps);
     field->shown = (uint64_t *)(void *)(stock->values + stock->count * spsi_field_floats(job.taps)) +
                    stock->used * SPSI_BRICK;
@@ -16526,36 +16492,33 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
 /* --- making a map --- */
 
 /* Checks the camera of a map's light, or only its position if the light is omnidirectional. */
-static sps_result spsi_check_tmap_camera(sps_context *context, const sps_tmap_light *light) {
+static sps_result spsi_check_tmap_camera(const spsi_subject *at, const sps_tmap_light *light) {
     const sps_camera *camera = &light->camera;
     double forward[3];
-    if (light->omnidirectional)
-        return spsi_check_vector(context, SPS_OBJECT_TMAP_LIGHT, -1, "camera.position", camera->position);
-    if (spsi_check_camera(context, SPS_OBJECT_TMAP_LIGHT, camera)) return context->result;
+    if (light->omnidirectional) return spsi_check_vector(at, "camera.position", camera->position);
+    if (spsi_check_camera(at, camera)) return at->context->result;
     spsi_along(camera->target, camera->position, -1, forward);
     if (camera->world_to_clip || spsi_dot(forward, forward) > 0) return SPS_OK;
-    return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_LIGHT, -1, "camera.position", 0,
-                          "and camera.target are the same point; a map looks from one to the other, or, where "
-                          "light.omnidirectional is 1, all round");
+    return spsi_wrong_that(at, "camera.position", 0,
+                           "and camera.target are the same point; a map looks from one to the other, or, where "
+                           "light.omnidirectional is 1, all round");
 }
 
 static sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light *light,
                                   const sps_tmap_settings *settings) {
+    const spsi_subject at = {context, SPS_OBJECT_TMAP_LIGHT, -1, ""}, own = spsi_settings_of(context, -1);
     const int size[2] = {light->width, light->height};
-    if (spsi_check_settings(context, -1, settings)) return context->result;
+    if (spsi_check_settings(&own, settings)) return context->result;
     if (!(settings->near_depth >= 0 && settings->near_depth <= SPSI_COORDINATE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_SETTINGS, -1, "near_depth",
-                               settings->near_depth, "it must be 0..1e15");
+        return spsi_wrong(&own, "near_depth", settings->near_depth, "it must be 0..1e15");
     if (!(settings->far_depth > settings->near_depth && settings->far_depth <= SPSI_COORDINATE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_SETTINGS, -1, "far_depth",
-                               settings->far_depth, "it must be above near_depth, and within 1e15");
-    if (spsi_check_canaries(context, SPS_OBJECT_TMAP_LIGHT, -1, "", light->start_canary, light->end_canary) ||
-        spsi_check_sampling(context, SPS_OBJECT_TMAP_LIGHT, size, light->quality, light->slab))
+        return spsi_wrong(&own, "far_depth", settings->far_depth, "it must be above near_depth, and within 1e15");
+    if (spsi_check_canaries(&at, light->start_canary, light->end_canary) ||
+        spsi_check_sampling(&at, size, light->quality, light->slab))
         return context->result;
     if (light->omnidirectional && size[0] != size[1])
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_LIGHT, -1, "width", size[0],
-                               "it must equal the height of an omnidirectional light");
-    return spsi_check_tmap_camera(context, light);
+        return spsi_wrong(&at, "width", size[0], "it must equal the height of an omnidirectional light");
+    return spsi_check_tmap_camera(&at, light);
 }
 
 /* Number of planes that make a table's entries as long as they are wide, in the middle of its depths, unless these are
@@ -21528,8 +21491,7 @@ static void spsi_pixels_build(const spsi_shader *shader, int x, int y, spsi_pixe
     at = p->line.at;
     p->length = spsi_ray_lengths(shader->eye, at, fy);
     inverse_length = spsi_div(spsi_set(1), p->length);
-    p->polygon_slab =
-        spsi_fma(p->line.polygon, spsi_linear_slope(&shader->slab, at, fy), spsi_linear_base(&shader->slab, at, fy));
+    p->polygon_slab = spsi_linear_find(&shader->slab, at, fy, p->line.polygon);
     for (int i = 0; i < 3; ++i)
         p->toward[i] = spsi_mul(spsi_linear_slope(&shader->position[i], at, fy), inverse_length);
 }
@@ -21551,9 +21513,7 @@ static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *l
 
 /* World position at depth d, relative to the shader's position origin. */
 static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y, spsi_v d, spsi_v position[3]) {
-    for (int i = 0; i < 3; ++i)
-        position[i] =
-            spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
+    for (int i = 0; i < 3; ++i) position[i] = spsi_linear_find(&shader->position[i], x, y, d);
 }
 
 /* Where a tile's channels hold slab k of a line, counted from the chunk's first. */
@@ -21620,9 +21580,7 @@ static void spsi_samples_gradient(const spsi_shader *shader, const spsi_tapper *
     spsi_v depth, place[3], g[3], size, surface;
     int lanes = spsi_slab_seen(shader, slab, channel, &depth);
     if (!lanes) return;
-    for (int k = 0; k < 3; ++k)
-        place[k] = spsi_fma(depth, spsi_linear_slope(&t->at[k], p->line.at, (float)p->line.y),
-                            spsi_linear_base(&t->at[k], p->line.at, (float)p->line.y));
+    for (int k = 0; k < 3; ++k) place[k] = spsi_linear_find(&t->at[k], p->line.at, (float)p->line.y, depth);
     lanes &= spsi_tap_inside(t->field, place);
     spsi_tap_gradient(t, place, lanes, g);
     for (int c = 0; c < 3; ++c) g[c] = spsi_mul(g[c], spsi_set(unit));
@@ -22143,8 +22101,7 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
     spsi_spread_light_at light;
     spsi_reach reach;
     for (int i = 0; i < 3; ++i)
-        at[i] = spsi_fma(part->middle, spsi_linear_slope(&shadow->spread_along[i], p->line.at, (float)p->line.y),
-                         spsi_linear_base(&shadow->spread_along[i], p->line.at, (float)p->line.y));
+        at[i] = spsi_linear_find(&shadow->spread_along[i], p->line.at, (float)p->line.y, part->middle);
     spsi_spread_find(shadow->spread, at, &place);
     spsi_reach_build(shader, lamp, p, part, &reach);
     spsi_lamp_travel(lamp, p, &reach, travel);
@@ -22394,8 +22351,7 @@ static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *
     place->grid = &content->cells[n];
     for (int i = 0; i < 3; ++i) {
         const spsi_v high = spsi_set((float)place->grid->size[i] - 0.5f);
-        place->at[i] = spsi_fma(part->middle, spsi_linear_slope(&shader->cell[n][i], p->line.at, (float)p->line.y),
-                                spsi_linear_base(&shader->cell[n][i], p->line.at, (float)p->line.y));
+        place->at[i] = spsi_linear_find(&shader->cell[n][i], p->line.at, (float)p->line.y, part->middle);
         inside = spsi_and(inside, spsi_and(spsi_less(low, place->at[i]), spsi_less(place->at[i], high)));
     }
     place->here = n + 1 == content->cell_grid_count ? place->left : inside;
@@ -22722,17 +22678,14 @@ static int spsi_sight_open(const spsi_sight_job *job, int x0, int y0, int worker
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
     const int channels = spsi_lit_channels(job->frame, job->lamp);
     const size_t pitch = (size_t)job->lamp->point_count;
-    spsi_sight_view view;
-    memset(&view, 0, sizeof view);
-    view.x0 = x0;
-    view.y0 = y0;
-    view.x1 = spsi_least(x0 + SPSI_SIGHT_TILE, width) - 1;
-    view.y1 = spsi_least(y0 + SPSI_SIGHT_TILE, job->frame->content->eye.height) - 1;
+    const int x1 = spsi_least(x0 + SPSI_SIGHT_TILE, width) - 1;
+    const int y1 = spsi_least(y0 + SPSI_SIGHT_TILE, job->frame->content->eye.height) - 1;
+    spsi_sight_view view = {x0, y0, x1, y1, {0}, 0, {0}, 0, 0};
     if (job->lamp->projection.exists || !spsi_sight_list(job, &view)) return 0;
     for (int i = 0; i < job->lamp->point_count && view.count > 0; ++i)
         if (!spsi_sight_is_clear(job, &job->lamp->points[i], &view)) return 0;
-    for (int y = spsi_most(y0, region[1]); y <= spsi_least(view.y1, region[1] + region[3] - 1); ++y)
-        for (int x = spsi_most(x0, region[0]); x <= spsi_least(view.x1, region[0] + region[2] - 1); ++x) {
+    for (int y = spsi_most(y0, region[1]); y <= spsi_least(y1, region[1] + region[3] - 1); ++y)
+        for (int x = spsi_most(x0, region[0]); x <= spsi_least(x1, region[0] + region[2] - 1); ++x) {
             const size_t index = (size_t)y * (size_t)width + (size_t)x;
             const int face = job->visible->hits[index].face;
             const int points = face < 0 ? 0 : view.points[spsi_sight_find(&view, face)];
@@ -22766,14 +22719,7 @@ static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi
                        unsigned char *open) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
-    spsi_sight_job job;
-    job.frame = frame;
-    job.faces = faces;
-    job.visible = visible;
-    job.lamp = lamp;
-    job.lit = lit;
-    job.open = open;
-    job.rays = rays;
+    spsi_sight_job job = {frame, faces, visible, lamp, lit, open, rays};
     memset(job.lit, 0, spsi_place_count(frame, visible) * (size_t)spsi_lit_channels(frame, lamp) * sizeof *lit);
     if (open) memset(open, 0, spsi_place_count(frame, visible) * (size_t)lamp->point_count);
     memset(job.rays, 0, (size_t)spsi_worker_count(context) * sizeof *rays);
@@ -22803,15 +22749,9 @@ static double spsi_straight_scale(const spsi_frame *frame, int c) {
 static void spsi_add_grid_irradiance(const spsi_shader *shader, const spsi_cell_grid *grid, const spsi_surface *surface,
                                      const double normal[3], int face, double irradiance[3]) {
     float patches[SPSI_CELL_SHEET];
-    spsi_cell_sight sight;
+    const spsi_cell_sight sight = {grid, shader->faces, surface, normal, face};
+    const int hidden = spsi_cells_sight(&sight, patches);
     double own[3];
-    int hidden;
-    sight.grid = grid;
-    sight.faces = shader->faces;
-    sight.surface = surface;
-    sight.normal = normal;
-    sight.face = face;
-    hidden = spsi_cells_sight(&sight, patches);
     spsi_cells_irradiance(grid, 0, grid->channels, surface->point, normal, hidden ? patches : NULL, own);
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += own[c];
 }
@@ -22826,13 +22766,7 @@ static void spsi_add_flux(const spsi_shader *shader, const spsi_surface *surface
     for (int n = 0; n < content->cell_grid_count; ++n)
         spsi_add_grid_irradiance(shader, &content->cells[n], surface, normal, face, irradiance);
     if (content->flights) {
-        spsi_flight_place place;
-        place.frame = shader->frame;
-        place.faces = shader->faces;
-        place.point = surface->point;
-        place.start = surface->start;
-        place.normal = normal;
-        place.face = face;
+        const spsi_flight_place place = {shader->frame, shader->faces, surface->point, surface->start, normal, face};
         spsi_flights_irradiance(&place, content->flights, irradiance);
     }
     for (int c = 0; c < 3; ++c) {
@@ -22860,9 +22794,8 @@ static void spsi_add_spread_on(const spsi_shadow *shadow, const spsi_surface *su
     spsi_spread_find(spread, at, &place);
     for (int c = 0; c < 3; ++c) {
         const size_t own = (size_t)(spsi_least(c, spread->channels - 1) * (spread->sheet_count + 1)) * spread->plane;
-        float lanes[SPSI_LANES];
-        spsi_store(lanes, spsi_spread_lookup(spread, spread->onward + own, &place));
-        radiance[c] += (float)fmin(color[c] * cosine / SPSI_PI * (double)lanes[0] * (double)lamp->color[c],
+        const double flux = (double)spsi_one(spsi_spread_lookup(spread, spread->onward + own, &place));
+        radiance[c] += (float)fmin(color[c] * cosine / SPSI_PI * flux * (double)lamp->color[c],
                                    (double)SPSI_RADIANCE_MAX);
     }
 }
@@ -23202,8 +23135,7 @@ static void spsi_ahead_pass(const spsi_shader *shader, int lane, spsi_ahead *ahe
 /* Finds the slab coordinates of the next layers. */
 static void spsi_ahead_measure(const spsi_shader *shader, const spsi_pixels *p, spsi_ahead *ahead) {
     const spsi_v d = spsi_load(ahead->depth), at = p->line.at, infinity = spsi_set(SPSI_INFINITY);
-    const float y = (float)p->line.y;
-    ahead->slab = spsi_fma(d, spsi_linear_slope(&shader->slab, at, y), spsi_linear_base(&shader->slab, at, y));
+    ahead->slab = spsi_linear_find(&shader->slab, at, (float)p->line.y, d);
     ahead->slab = spsi_select(spsi_less(d, infinity), ahead->slab, infinity);
 }
 
@@ -23553,8 +23485,8 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
     }
 }
 
-/* Composites slab k of a vector of pixels, or a group from there on, and the polygons in it. Returns 0 if it held
-   nothing. */
+/* Composites slab k of a vector of pixels, or a group from there on, and the polygons in it, which are all that a range
+   without slabs has. Returns 0 if it held nothing else. */
 static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
@@ -23563,7 +23495,7 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const int backwards = shader->sweep->back_to_front;
     int held;
     row->slab.open = backwards ? SPSI_ALL_LANES : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
-    held = spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
+    held = shading->slab_count > 0 && spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
     if (shader->hits && backwards)
         spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
     if (row->has_layers && spsi_ahead_before(&row->ahead, high))
@@ -23573,18 +23505,6 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     if (shader->hits && !backwards)
         spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
     return held;
-}
-
-/* Composites the polygons of a range of slabs that hold nothing else. */
-static void spsi_add_range(const spsi_shading *shading, spsi_row *row) {
-    const spsi_shader *shader = shading->shader;
-    const int backwards = shader->sweep->back_to_front;
-    for (int pass = 0; pass < 2; ++pass) /* surfaces are behind layers */
-        if (pass == !backwards)
-            spsi_add_surfaces(shader, &row->pixels, row->width, shading->low, shading->high, spsi_row_ahead(row),
-                              &row->sum);
-        else if (row->has_layers)
-            spsi_add_layered(shading, 0, shading->high, row);
 }
 
 static void spsi_gathered_load(const spsi_shader *shader, size_t from, spsi_gathered *sum) {
@@ -23657,7 +23577,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
             !spsi_end_rays(shader, &row.pixels, k + group, spsi_row_ahead(&row), &row.sum))
             break;
     }
-    if (shading->slab_count == 0) spsi_add_range(shading, &row);
+    if (shading->slab_count == 0) spsi_add_slab(shading, 0, &row);
     spsi_gathered_store(shader, at, &row.sum);
     return held;
 }
@@ -26514,8 +26434,8 @@ static int spsi_offer_beats(const sps_view *view, const spsi_offer *a, const sps
 /* Whether the light in cells is held that a setting of the frame calls for: that of the frame which made it. */
 static int spsi_cells_are_held(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting) {
     const spsi_pace *pace = &context->pace;
-    return context->cells_held != 0 && pace->scattered != 0 && pace->scattered_by.gas == setting->gas &&
-           pace->scattered_by.points == setting->points && pace->scattered_by.cells == setting->cells &&
+    return context->cells_held != 0 && pace->scattered != 0 &&
+           memcmp(&pace->scattered_by, setting, sizeof *setting) == 0 &&
            pace->scattered == spsi_scattered_fingerprint(context, frame);
 }
 
@@ -27974,14 +27894,10 @@ static int spsi_lamp_ray(const spsi_lamp *lamp, const double point[3], spsi_ray 
    extinction. */
 static double spsi_extinction_at(const spsi_material *material, double f, float appearance[4]) {
     spsi_v out[4];
-    float lanes[SPSI_LANES];
     if (!material->table) return f * (double)material->extinction;
     if (!(f > 0)) return 0;
     spsi_classify(material, spsi_set((float)f), out);
-    for (int c = 0; c < 4; ++c) {
-        spsi_store(lanes, out[c]);
-        appearance[c] = lanes[0];
-    }
+    for (int c = 0; c < 4; ++c) appearance[c] = spsi_one(out[c]);
     return (double)appearance[3];
 }
 
@@ -28124,14 +28040,10 @@ static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *poi
 static void spsi_march_response(const spsi_material *material, const spsi_sample *sample, const double toward[3],
                                 const double travel[3], double response[3]) {
     spsi_v toward_v[3], travel_v[3], all[3];
-    float lanes[SPSI_LANES];
     spsi_set3(toward, toward_v);
     spsi_set3(travel, travel_v);
     spsi_sample_response(material, sample, toward_v, travel_v, all);
-    for (int c = 0; c < 3; ++c) {
-        spsi_store(lanes, all[c]);
-        response[c] = (double)lanes[0];
-    }
+    for (int c = 0; c < 3; ++c) response[c] = (double)spsi_one(all[c]);
 }
 
 /* Radiance per unit of length that a point sends towards the eye. */
@@ -28188,11 +28100,10 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
     memset(source, 0, sizeof *source);
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_part_material(marcher->frame, m);
-        float lanes[SPSI_LANES];
         for (int c = 0; c < 3; ++c) {
-            spsi_store(lanes, point->samples[m].color[c]);
+            const double albedo = (double)spsi_one(point->samples[m].color[c]);
             if (marcher->settings->samples == 0) /* otherwise paths find it */
-                source->once[c] += point->extinction[m] * (double)lanes[0] * (double)material->ambient[c];
+                source->once[c] += point->extinction[m] * albedo * (double)material->ambient[c];
             source->once[c] += point->value[m] * (double)material->emission[c];
         }
     }
@@ -28559,7 +28470,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     for (int i = 0; i < frame->medium_count; ++i)
         for (int k = 0; k < 3; ++k) extent = fmin(extent, spsi_length(frame->media[i].lattice->step[k]));
     if (spsi_march_grids(context, frame, marcher) || spsi_gather_faces(context, frame, faces)) return context->result;
-    spsi_tell_replaced(context, 0);
+    spsi_tell_replaced(context, 0, SPSI_VALUES_REPLACED);
     if (spsi_gather_particles(context, frame) || spsi_gather_images(context, frame)) return context->result;
     if (frame->content->particle_count > 0) extent = fmin(extent, SPSI_PARTICLE_EDGE * frame->content->particle_radius);
     marcher->step = marcher->settings->step * extent;
@@ -29954,17 +29865,16 @@ SPS_API int sps_version(void) { return SPS_VERSION; }
 
 /* Checks a config. `context` is only there to fail. */
 static sps_result spsi_check_config(sps_context *context, const sps_config *config) {
-    const sps_object object = SPS_OBJECT_CONFIG;
-    if (spsi_check_canaries(context, object, -1, "", config->start_canary, config->end_canary)) return context->result;
+    const spsi_subject at = {context, SPS_OBJECT_CONFIG, -1, ""};
+    if (spsi_check_canaries(&at, config->start_canary, config->end_canary)) return context->result;
     if (!config->alloc_fn != !config->free_fn)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, config->alloc_fn ? "free_fn" : "alloc_fn", 0,
-                              "is NULL; alloc_fn and free_fn must both be set, or neither");
+        return spsi_wrong_that(&at, config->alloc_fn ? "free_fn" : "alloc_fn", 0,
+                               "is NULL; alloc_fn and free_fn must both be set, or neither");
     if (config->worker_count < 0 || config->worker_count > SPSI_WORKERS_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "worker_count", config->worker_count,
-                               "it must be 0..1024");
+        return spsi_wrong(&at, "worker_count", config->worker_count, "it must be 0..1024");
     if (config->memory_limit && config->memory_limit < sizeof(sps_context))
-        return spsi_fail_field(context, SPS_ERROR_MEMORY, object, -1, "memory_limit", (double)config->memory_limit,
-                               "a context alone takes more");
+        return spsi_fail_member(&at, SPS_ERROR_MEMORY, "memory_limit", (double)config->memory_limit,
+                                "a context alone takes more");
     return SPS_OK;
 }
 
@@ -30100,27 +30010,24 @@ SPS_API const char *sps_pass_name(sps_pass pass) {
 }
 
 static sps_result spsi_check_reference(sps_context *context, const sps_reference_settings *settings) {
-    const sps_object object = SPS_OBJECT_REFERENCE_SETTINGS;
+    const spsi_subject at = {context, SPS_OBJECT_REFERENCE_SETTINGS, -1, ""};
     if (spsi_require(context, settings, "settings") ||
-        spsi_check_canaries(context, object, -1, "", settings->start_canary, settings->end_canary))
+        spsi_check_canaries(&at, settings->start_canary, settings->end_canary))
         return context->result;
     if (!(settings->step > 0 && settings->step <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "step", settings->step, "it must be above 0");
+        return spsi_wrong(&at, "step", settings->step, "it must be above 0");
     if (settings->samples < 0 || settings->samples > SPSI_PATHS_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "samples", settings->samples,
-                               "it must be 0..1048576");
+        return spsi_wrong(&at, "samples", settings->samples, "it must be 0..1048576");
     if (settings->error && settings->samples < 2)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "samples", settings->samples,
-                               "an estimate of the error needs at least 2");
+        return spsi_wrong(&at, "samples", settings->samples, "an estimate of the error needs at least 2");
     if (!settings->lower != !settings->upper)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, settings->lower ? "upper" : "lower", 0,
-                              "is NULL, and the other bound is not: set both or neither");
+        return spsi_wrong_that(&at, settings->lower ? "upper" : "lower", 0,
+                               "is NULL, and the other bound is not: set both or neither");
     if (settings->lower && settings->lower == settings->upper)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "upper", 0,
-                              "is the memory of lower, too: each bound takes its own");
+        return spsi_wrong_that(&at, "upper", 0, "is the memory of lower, too: each bound takes its own");
     if (settings->lower && settings->samples > 0)
-        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, object, -1, "samples", settings->samples,
-                               "it must be 0 beside lower and upper: random paths have no bounds");
+        return spsi_fail_member(&at, SPS_ERROR_UNSUPPORTED, "samples", settings->samples,
+                                "it must be 0 beside lower and upper: random paths have no bounds");
     return SPS_OK;
 }
 

@@ -108,9 +108,9 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     sheets (0.3 MB per kind of gas or classified volume), two with more than 8192 particles.
     Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its map or table; those of
-    lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, and 4 per
-    entry of 64 rows while one is made or updated, by default up to 256^3 entries per face; if all volumes have a revision, also 8 per
-    patch of 8 x 8 texels, and 8 per brick of 8^3 voxels. A light with an extent adds 64 bytes per texel of its shadow
+    lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, and
+    4 per entry of 64 rows while one is made or updated, by default up to 256^3 entries per face; if all volumes have a
+    revision, also 8 per patch of 8 x 8 texels, and 8 per brick of 8^3 voxels. A light with an extent adds 64 bytes per texel of its shadow
     buffer (320 if there are polygons), 4 per texel and point (8 if there are polygons), 1 per point and pixel of the
     image if there are polygons, and 12 per texel and worker. An image that a light throws
     takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
@@ -534,8 +534,8 @@ typedef enum sps_tmap_technique {
        (SPS_SCATTERING_FORWARD: 64, and steps four times as large). By default entries are as wide as a texel of the
        light's sheets, or wider if more than 256 would be needed on a side. n 8..1024; the default makes entries as long
        as they are wide, but at most 256 planes. At most 2^28 entries. 4 bytes per texel and plane, and 4 more
-       for those of 64 rows while it is made; cheapest of all maps to look up. Held for the next call, and updated there where gas has changed
-       (sps_light.shadow_map). */
+       for those of 64 rows while it is made; cheapest of all maps to look up. Held for the next call, and updated there
+       where gas has changed (sps_light.shadow_map). */
     SPS_TMAP_TABLE
 } sps_tmap_technique;
 
@@ -20494,12 +20494,12 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
    30 First flights: light that comes straight from what is small and bright, to cells and to surfaces. Few directions
    carry light well once it has scattered; from a small source they make a star of rays. So emission is not swept with
    the rest: it goes into a tree of emitters, and a receiver takes
-     irradiance = I T(way) / distance^2
+     irradiance = I E(direction) T(way) / distance^2
    from each node that it sees under a small angle, I being the sum of radiance times area; it opens the others. T is
-   marched through a pyramid of the cells' extinction, in steps that grow with the distance from either end; an
-   even ball of optical radius x lets out (1 - exp(-1.5 x)) / (1.5 x) of its own light, within 3 % up to x = 2. What
-   arrives is given to the cells, which are solved for what scatters afterwards: a first-collision source. Cost: some 10
-   nodes of 10 to 20 steps for a vector of cells; the same and a few rays for a point of a polygon. [Lathrop 1968] */
+   marched through a pyramid of the cells' extinction, in steps that grow with the distance from either end; E is what
+   gets past the node's own gas, marched when the tree is built. What arrives is given to the cells, which are solved
+   for what scatters afterwards: a first-collision source. Cost: some 10 nodes of 10 to 20 steps for a vector of cells;
+   the same and a few rays for a point of a polygon. [Lathrop 1968] */
 
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
 #define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
@@ -20528,8 +20528,8 @@ static int spsi_cell_holding(const spsi_cell_grid *grid, const double point[3], 
     for (int k = 2; k >= 0; --k) {
         const double place = (point[k] - grid->corner[k]) / grid->edge;
         inside &= place >= 0 && place < grid->size[k];
-        *at = *at * (size_t)(k ? grid->size[k] : grid->pitch) +
-              (size_t)fmax(0, fmin(place, (double)(grid->size[k] - 1)));
+        *at =
+            *at * (size_t)(k ? grid->size[k] : grid->pitch) + (size_t)fmax(0, fmin(place, (double)(grid->size[k] - 1)));
     }
     return inside;
 }
@@ -20541,9 +20541,7 @@ static double spsi_ball_escape(double x) {
 }
 
 /* Distance from an emitter's centre at which its way through gas begins: from a ball, it is a quarter shorter. */
-static float spsi_emitter_reach(const spsi_emitter *emitter) {
-    return 0.75f * emitter->radius;
-}
+static float spsi_emitter_reach(const spsi_emitter *emitter) { return 0.75f * emitter->radius; }
 
 /* Lets less leave an emitter: it hides itself as a ball of the gas in the cell about its centre. */
 static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
@@ -20553,14 +20551,14 @@ static void spsi_emitter_hide(const spsi_flights *flights, const double point[3]
         if (!spsi_cell_holding(grid, point, &at)) continue;
         for (int c = 0; c < 3; ++c) {
             const double scale = (double)grid->scale[spsi_least(c, grid->channels - 1)];
-            emitter->leaves[c] *= (float)spsi_ball_escape((double)emitter->radius / grid->edge *
-                                                          (double)grid->depth[at] * scale);
+            emitter->leaves[c] *=
+                (float)spsi_ball_escape((double)emitter->radius / grid->edge * (double)grid->depth[at] * scale);
         }
     }
 }
 
-/* Adds an emitter at a point that sends so many times what `like` does, unless it is black. own: its optical depth along
-   a radius; negative: that of the gas about it. */
+/* Adds an emitter at a point that sends so many times what `like` does, unless it is black. own: its optical depth
+   along a radius; negative: that of the gas about it. */
 static void spsi_emitters_add(spsi_flights *flights, const double point[3], double amount, double own,
                               const spsi_emitter *like, spsi_tree_item *items) {
     spsi_emitter *emitter = &flights->emitters[flights->count];
@@ -20655,9 +20653,9 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* Adds all particles: to `flights` or, as far as they always fly, to the next tree. A soft one has the spread of an even
-   ball of 0.845 of its radius, and lets out what one of 0.75 of its depth does, within 4 % up to a depth of 10. What a
-   particle hides of itself follows from its own depth: its gas in the cells about it is not counted. */
+/* Adds all particles: to `flights` or, as far as they always fly, to the next tree. A soft one has the spread of an
+   even ball of 0.845 of its radius, and lets out what one of 0.75 of its depth does, within 4 % up to a depth of 10.
+   What a particle hides of itself follows from its own depth: its gas in the cells about it is not counted. */
 static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights,
                                         spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_content *content = frame->content;
@@ -20919,8 +20917,8 @@ static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_nod
     for (int i = 0; i < count; ++i) {
         double apart[3];
         for (int k = 0; k < 3; ++k) apart[k] = (double)below[i].at[k] - (double)sum->at[k];
-        reach[i] = spsi_length(apart) + 
-                   (double)(own[i] ? own[i]->reach : spsi_emitter_reach(&below[i]) + below[i].clear);
+        reach[i] =
+            spsi_length(apart) + (double)(own[i] ? own[i]->reach : spsi_emitter_reach(&below[i]) + below[i].clear);
         most = fmax(most, reach[i]);
     }
     for (int i = 0; i < count; ++i) {
@@ -20952,8 +20950,7 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
     sum->reach = spsi_flights_reach(below, own, count, &sum->sum);
     for (int i = 0; i < count; ++i) spsi_flights_leave(flights, &below[i], own[i], sum, leaves);
     for (int c = 0; c < 3; ++c)
-        for (int i = 0; i < SPSI_FLIGHT_WAYS; ++i)
-            sum->leaves[c][i] = leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN);
+        for (int i = 0; i < SPSI_FLIGHT_WAYS; ++i) sum->leaves[c][i] = leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN);
     for (int i = 0; i < 6; ++i) mean += sum->leaves[0][i] / 6;
     sum->breadth = 2 * sum->sum.radius * fminf(1 - logf(fmaxf(mean, FLT_MIN)), 4);
 }
@@ -21033,8 +21030,8 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
 
 /* Over what an emitter or node sends, the fraction that gets past its own gas in a vector of directions, for a channel.
    Of a node, it is the polynomial of degree 4 in the cosines through what is known; an emitter sends it already. share:
-   of the radius, at which the receiver is. To the middle of an even ball, ways are 0.36 as long: T^x is close to the mean
-   of T / (T + x (1 - T)) and 1 - x (1 - T). */
+   of the radius, at which the receiver is. To the middle of an even ball, ways are 0.36 as long: T^x is close to the
+   mean of T / (T + x (1 - T)) and 1 - x (1 - T). */
 static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const spsi_v unit[3], spsi_v share) {
     const spsi_flight_node *node = flight->node;
     const spsi_v one = spsi_set(1);
@@ -21052,8 +21049,8 @@ static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const s
         const float *own = &node->leaves[channel][6 + 4 * k];
         const spsi_v back = spsi_select(ahead[k], spsi_set(own[1]), spsi_set(own[0]));
         const spsi_v front = spsi_select(ahead[k], spsi_set(own[3]), spsi_set(own[2]));
-        const spsi_v bulge = spsi_fma(spsi_set(-0.5f), spsi_add(toward[k], toward[next]),
-                                      spsi_select(ahead[next], front, back));
+        const spsi_v bulge =
+            spsi_fma(spsi_set(-0.5f), spsi_add(toward[k], toward[next]), spsi_select(ahead[next], front, back));
         sum = spsi_fma(spsi_mul(spsi_mul(spsi_set(4), square[k]), square[next]), bulge, sum);
     }
     share = spsi_min(share, one);
@@ -21294,7 +21291,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         share[i] = facing / within / within * spsi_emitter_lobe(node, toward[i], distance);
         some |= (n + i < list->count && facing > 0) << i;
         for (int k = 0; k < 3; ++k) {
-                        ways.from[k][i] = node->at[k];
+            ways.from[k][i] = node->at[k];
             ways.unit[k][i] = (float)(-toward[i][k] / fmax(distance, 1e-60));
             toward[i][k] += place->point[k] - place->start[k];
         }
@@ -21310,12 +21307,14 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         for (int i = 0; i < SPSI_LANES; ++i)
             if (some >> i & 1) {
                 const spsi_flight *flight = &list->entry[n + i];
-                const spsi_v unit[3] = {spsi_set(ways.unit[0][i]), spsi_set(ways.unit[1][i]), spsi_set(ways.unit[2][i])};
+                const spsi_v unit[3] = {spsi_set(ways.unit[0][i]), spsi_set(ways.unit[1][i]),
+                                        spsi_set(ways.unit[2][i])};
                 const float part = ways.length[i] / fmaxf(spsi_flight_span(flight), FLT_MIN);
                 float own[SPSI_LANES];
                 spsi_store(own, spsi_flight_leaves(flight, c, unit, spsi_set(part)));
-                irradiance[c] += fmin(share[i] * (double)(flights->to_polygons * flight->emitter->sent[c] * own[0] * out[c][i]),
-                                      (double)SPSI_RADIANCE_MAX);
+                irradiance[c] +=
+                    fmin(share[i] * (double)(flights->to_polygons * flight->emitter->sent[c] * own[0] * out[c][i]),
+                         (double)SPSI_RADIANCE_MAX);
             }
     }
 }

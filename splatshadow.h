@@ -4717,6 +4717,11 @@ static void spsi_bounds_add(spsi_bounds *bounds, const double point[3]) {
     }
 }
 
+static void spsi_bounds_join(spsi_bounds *bounds, const spsi_bounds *other) {
+    spsi_bounds_add(bounds, other->low);
+    spsi_bounds_add(bounds, other->high);
+}
+
 static void spsi_bounds_corner(const spsi_bounds *bounds, int corner, double point[3]) {
     for (int i = 0; i < 3; ++i) point[i] = corner >> i & 1 ? bounds->high[i] : bounds->low[i];
 }
@@ -6386,8 +6391,7 @@ static void spsi_bricks_bounds(const sps_context *context, const spsi_frame *fra
     for (int i = 0; i < context->brick_count; ++i) {
         spsi_bounds box;
         spsi_brick_bounds(frame, &bricks[i], &box);
-        spsi_bounds_add(bounds, box.low);
-        spsi_bounds_add(bounds, box.high);
+        spsi_bounds_join(bounds, &box);
     }
 }
 
@@ -6543,8 +6547,7 @@ static void spsi_measure_particles(const spsi_frame *frame) {
             sum[i] += apart;
             squares += apart * apart;
         }
-        spsi_bounds_add(&frame->content->bounds, box.low);
-        spsi_bounds_add(&frame->content->bounds, box.high);
+        spsi_bounds_join(&frame->content->bounds, &box);
         logs += log((double)particle->radius);
     }
     frame->content->particle_radius = exp(logs / frame->content->particle_count);
@@ -6741,8 +6744,7 @@ static double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
     for (int i = 0; i < frame->content->particle_count; ++i) {
         spsi_bounds box;
         spsi_particle_bounds(&frame->content->particles[i], &box);
-        spsi_bounds_add(&grid.bounds, box.low);
-        spsi_bounds_add(&grid.bounds, box.high);
+        spsi_bounds_join(&grid.bounds, &box);
     }
     if (spsi_bounds_empty(&grid.bounds)) return 0;
     for (int k = 0; k < 3; ++k)
@@ -10823,8 +10825,7 @@ static double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sw
     const double texel = fmin(spsi_length(sweep->rays.a), spsi_length(sweep->rays.b));
     spsi_bounds all = frame->content->mesh_bounds;
     double near_by = HUGE_VAL, far_off = 0, across[3];
-    spsi_bounds_add(&all, frame->content->bounds.low);
-    spsi_bounds_add(&all, frame->content->bounds.high);
+    spsi_bounds_join(&all, &frame->content->bounds);
     spsi_along(all.high, all.low, -1, across);
     if (!lamp->is_point) return 2 * tan(lamp->extent.radius) * spsi_length(across) / texel;
     for (int corner = 0; corner < 8; ++corner) {
@@ -18812,12 +18813,7 @@ static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     const spsi_bounds tight = content->bounds;
     double room = context->config.memory_limit > 0 ? (double)context->config.memory_limit : HUGE_VAL;
     if (spsi_bounds_empty(&tight)) return;
-    if (frame->medium_count > 0) {
-        spsi_bounds_add(&content->outer, tight.low);
-        spsi_bounds_add(&content->outer, tight.high);
-    } else {
-        content->outer = tight;
-    }
+    spsi_bounds_join(&content->outer, &tight);
     content->bounds = content->outer;
     spsi_lamps_list(&frame->lamps, frame->lamps.whole, frame->lamps.whole_count);
     frame->lamps.sliced_count = 0;
@@ -23670,11 +23666,6 @@ static double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {
         square += gap * gap;
     }
     return sqrt(square) / fmax(fmax(spsi_bounds_longest(a), spsi_bounds_longest(b)), DBL_MIN);
-}
-
-static void spsi_bounds_join(spsi_bounds *bounds, const spsi_bounds *other) {
-    spsi_bounds_add(bounds, other->low);
-    spsi_bounds_add(bounds, other->high);
 }
 
 /* Joins the two groups that are least far apart. Returns 0 if all are farther apart than `far_apart`. */

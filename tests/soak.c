@@ -53,7 +53,8 @@ typedef struct soak {
     outcome worst[WORST];
     int worst_count, show_all, refines; /* refines: 1: before it is asked why a scene fails */
     long compared, refused, dark, hidden, failed, excused;
-    long beside, small; /* pictures of walls and gas beside a light; of them, those with a small, dense source */
+    long beside,
+        small; /* pictures of walls and gas beside a light; of them, those whose source scatters its own light */
 } soak;
 
 static void print_outcome(const soak *s, const outcome *o) {
@@ -471,15 +472,16 @@ static int compare_beside(sps_context *context, const random_scene *x, int show,
     return wrong;
 }
 
-/* A cause: a glowing particle that is dense, and smaller than a cell or nearly so. Cells spread it over one or two of
-   them, so that its own shadow is known on the mean only. A quarter may then be off by a factor of 1.4: the largest of
-   nine such scenes was 1.25. Whether the scene is right with a thin particle as bright. Changes the scene. */
-static int right_if_thin(sps_context *context, random_scene *x) {
-    const float thick = x->crowds[0].list[0].optical_depth, thin = 0.02f;
+/* A cause: what glows scatters its own light. What it sends once more comes from cells as wide as itself or, to walls,
+   from patches of their grid's sides, a few cells away from them. A quarter may then be off by a factor of 1.15: the
+   larger of two was 1.12. Whether the scene is right if the source only absorbs. Changes the scene. */
+static int right_if_absorbing(sps_context *context, random_scene *x, int from) {
     double factor;
-    if (x->s.scene.particle_set_count == 0 || x->s.scene.volume_count == 0 || !(thick > 5 * thin)) return 0;
-    x->crowds[0].list[0].optical_depth = thin;
-    for (int c = 0; c < 3; ++c) x->sets[0].emission[c] *= fminf(1, thick) / thin;
+    if (from > FROM_PARTICLE) return 0;
+    for (int c = 0; c < 3; ++c) {
+        if (from == FROM_FLAME) x->s.volume[x->s.scene.volume_count - 1].albedo[c] = 0;
+        if (from == FROM_PARTICLE) x->sets[0].albedo[c] = 0;
+    }
     return compare_beside(context, x, 0, &factor) == 0;
 }
 
@@ -496,9 +498,9 @@ static void soak_beside(sps_context *context, soak *s, check_random random, long
     build_beside(&x, random, from);
     if (getenv("SOAK_ALL")) printf("    scene %ld, light of a %s on a wall or gas:\n", number, names[from]);
     if (compare_beside(context, &x, getenv("SOAK_ALL") ? 2 : 1, &factor) > 0) {
-        const int may_fail = factor <= 1.4 && right_if_thin(context, &x);
+        const int may_fail = factor <= 1.15 && right_if_absorbing(context, &x, from);
         printf("scene %ld, light of a %s on a wall or gas, %s\n", number, names[from],
-               may_fail ? "may fail: it is dense, and small" : "failed");
+               may_fail ? "may fail: it scatters its own light" : "failed");
         s->small += may_fail;
         CHECK(may_fail);
     }
@@ -607,7 +609,7 @@ static void print_summary(const soak *s) {
     for (int i = 0; i < s->worst_count; ++i) print_outcome(s, &s->worst[i]);
     printf("%ld compared, %ld of them failed, %ld more may fail; %ld refused, %ld dark, %ld too near a lamp\n",
            s->compared, s->failed, s->excused, s->refused, s->dark, s->hidden);
-    printf("%ld beside a light, %ld of them with a dense particle smaller than a cell may fail\n", s->beside, s->small);
+    printf("%ld beside a light, %ld of them may fail, since what glows scatters its own light\n", s->beside, s->small);
 }
 
 int main(int count, char **arguments) {
@@ -627,7 +629,7 @@ int main(int count, char **arguments) {
                "rms of 3 %, or half of it at high: scenes that are not", (double)s.failed, 0,
                "causes are listed in tests/soak.c, with bounds");
     CHECK(s.excused <= (scenes > 0) + s.compared / 20);            /* 2 in 100 fail, none of the quick ones */
-    CHECK(s.small <= (scenes > 0) + s.beside / 10);                /* 7 of 49 do: an error of the renderer */
+    CHECK(s.small <= (scenes > 0) + s.beside / 20);                /* 1 of 100 does: an error of the renderer */
     CHECK(5 * (s.refused + s.dark + s.hidden) <= s.compared + 10); /* most are compared */
     return check_report();
 }

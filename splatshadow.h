@@ -20804,7 +20804,7 @@ static spsi_v spsi_cell_pyramid_at(const spsi_cell_grid *grid, const spsi_v at[3
 typedef struct spsi_ways {
     spsi_v from[3], unit[3], length; /* unit: of direction */
     spsi_v begin, end;               /* lengths between which gas is in the way */
-    spsi_v clear;                    /* up to here, that is the gas found here */
+    spsi_v clear;                    /* up to here, that is the gas found here; nothing if this is beyond the end */
 } spsi_ways;
 
 /* Optical depth on a vector of ways. */
@@ -20825,7 +20825,7 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
         const spsi_v middle = spsi_max(spsi_fma(taken, spsi_set(0.5f), at), ways->clear);
         spsi_v place[3];
         for (int k = 0; k < 3; ++k) place[k] = spsi_fma(middle, ways->unit[k], ways->from[k]);
-        depth = spsi_fma(taken, spsi_cell_pyramid_at(grid, place, step), depth);
+        depth = spsi_fma(spsi_select(spsi_less(end, middle), zero, taken), spsi_cell_pyramid_at(grid, place, step), depth);
         at = spsi_add(at, step);
     }
     return depth;

@@ -474,7 +474,7 @@ static int compare_beside(sps_context *context, const random_scene *x, int show,
 
 /* A cause: what glows scatters its own light. What it sends once more comes from cells as wide as itself or, to walls,
    from patches of their grid's sides, a few cells away from them. A quarter may then be off by a factor of 1.15: the
-   larger of two was 1.12. Whether the scene is right if the source only absorbs. Changes the scene. */
+   only one seen was 1.12. Whether the scene is right if the source only absorbs. Changes the scene. */
 static int right_if_absorbing(sps_context *context, random_scene *x, int from) {
     double factor;
     if (from > FROM_PARTICLE) return 0;

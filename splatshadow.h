@@ -2550,7 +2550,7 @@ static void spsi_parallel_items(sps_context *context, int count, spsi_item_fn it
     spsi_parallel(context, count, spsi_batch_task, &items);
 }
 
-/* The same in batches. */
+/* Calls item_fn likewise, in a task for each SPSI_BATCH items. */
 static void spsi_parallel_batches(sps_context *context, int count, spsi_item_fn item_fn, void *data) {
     spsi_batches batches = {SPSI_BATCH, count, item_fn, data};
     spsi_parallel(context, count / SPSI_BATCH + (count % SPSI_BATCH > 0), spsi_batch_task, &batches);
@@ -4665,7 +4665,7 @@ typedef struct spsi_content {
     const sps_particle *particles; /* of all sets, except for empty ones, >>gather */
     int particle_count;            /* length of `particles`; 0 until they are read */
     int set_ends[SPSI_SETS_MAX];   /* the end of each set in `particles`; the next one begins there */
-    float flies[SPSI_MATERIALS_MAX]; /* by material: fraction of its glow that cells never carry, >>flights */
+    float flies[SPSI_MATERIALS_MAX]; /* by material: fraction of its glow that always flies, >>flights */
     double particle_radius;        /* geometric mean of the radii */
     double particle_spread;        /* root mean square distance of the particles from their mean */
     double particle_extinction;    /* mean of their gas, in a particle or where they overlap, whichever is larger */

@@ -19571,9 +19571,9 @@ static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const 
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
 /* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-/* Of what leaves a patch, the flux, and that times the cosine with the side, and times the direction's parts along the
-   side, the lower axis first. */
-#define SPSI_CELL_MEANS 4
+/* Flux that leaves a patch, and that times 8 products of u, the cosine with the side, and of a and b, the direction's
+   parts along it, the lower axis first: u, a, b, u^2, ua, ub, a^2 - b^2, ab. */
+#define SPSI_CELL_MEANS 9
 
 /* The patch of a side that a cell is part of, and the first cell of a patch. */
 static int spsi_cell_patch(int at, int size) { return at * SPSI_CELL_PATCHES / size; }
@@ -19609,16 +19609,16 @@ static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, con
         patch[0] = spsi_cell_patch(x, size[0]);
         next = sides & 1 ? x + 1 : spsi_least(spsi_cell_patch_first(patch[0] + 1, size[0]), end - (step[0] > 0));
         for (int i = x; i < next; ++i) sent += out[i];
-        sent *= direction->weight * spsi_cell_leaving_share(direction, sides) * 0.57735027f;
+        sent *= direction->weight * spsi_cell_leaving_share(direction, sides);
         for (int k = 0; k < 3; ++k) {
             const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
-            const float cosine = fabsf(direction->harmonic[harmonic[k]]), flux = sent * cosine;
+            const float u = 0.57735027f * fabsf(direction->harmonic[harmonic[k]]);
+            const float a = 0.57735027f * direction->harmonic[harmonic[low]];
+            const float b = 0.57735027f * direction->harmonic[harmonic[high]];
+            const float product[SPSI_CELL_MEANS] = {1, u, a, b, u * u, u * a, u * b, a * a - b * b, a * b};
             float *to = leaving + side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
             if (!(sides >> k & 1)) continue;
-            to[0] += flux;
-            to[SPSI_CELL_SHEET] += flux * 0.57735027f * cosine;
-            to[2 * SPSI_CELL_SHEET] += flux * 0.57735027f * direction->harmonic[harmonic[low]];
-            to[3 * SPSI_CELL_SHEET] += flux * 0.57735027f * direction->harmonic[harmonic[high]];
+            for (int i = 0; i < SPSI_CELL_MEANS; ++i) to[i * SPSI_CELL_SHEET] += sent * u * product[i];
         }
     }
 }
@@ -20371,17 +20371,26 @@ static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_S
 /* Adds the irradiance of a surface, in `count` channels, by a vector of patches, of which `way` is the way to a part,
    `area` large: a disc, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if
    it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and
-   discs where that is too little. Radiance that leaves patches in directions of cosine u, times pi, is the polynomial
-   of degree 1 that has their means. */
+   discs where that is too little. Radiance that leaves patches, times pi, is the polynomial of degree 2 in the
+   direction whose sums over the cells' own directions are theirs: so even light stays even. */
 static void spsi_cell_patches_send(const float *sent, int count, int axis, const spsi_v way[3], const spsi_v normal[3],
                                    spsi_v area, spsi_v sums[3]) {
     const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
     const spsi_v away = spsi_div(spsi_set(-1), spsi_sqrt(square)), nearer = spsi_mul(away, away);
     const spsi_v before = spsi_abs(way[axis]), u = spsi_min(spsi_abs(spsi_mul(before, away)), one);
-    const spsi_v aside = spsi_mul(away, spsi_set(4)), zero = spsi_set(0);
+    const spsi_v a = spsi_mul(way[axis == 0 ? 1 : 0], away), b = spsi_mul(way[axis == 2 ? 1 : 2], away);
+    const spsi_v zero = spsi_set(0), along = spsi_fma(u, spsi_set(-52.475213f), spsi_set(32.797822f));
+    const spsi_v slanted = spsi_fma(u, spsi_set(95.95796f), spsi_set(-52.475213f));
     const spsi_v factor[SPSI_CELL_MEANS] = {
-        spsi_fma(u, spsi_set(-12), spsi_set(9)), spsi_fma(u, spsi_set(18), spsi_set(-12)),
-        spsi_mul(way[axis == 0 ? 1 : 0], aside), spsi_mul(way[axis == 2 ? 1 : 2], aside)};
+        spsi_fma(spsi_fma(u, spsi_set(157.34891f), spsi_set(-210.06374f)), u, spsi_set(63.144528f)),
+        spsi_fma(spsi_fma(u, spsi_set(-583.32915f), spsi_set(748.71948f)), u, spsi_set(-210.06374f)),
+        spsi_mul(a, along),
+        spsi_mul(b, along),
+        spsi_fma(spsi_fma(u, spsi_set(466.94134f), spsi_set(-583.32915f)), u, spsi_set(157.34891f)),
+        spsi_mul(a, slanted),
+        spsi_mul(b, slanted),
+        spsi_mul(spsi_fma(a, a, spsi_mul(b, spsi_sub(zero, b))), spsi_set(5.9951492f)),
+        spsi_mul(spsi_mul(a, b), spsi_set(25.946493f))};
     const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
     const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
     spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), zero), before);

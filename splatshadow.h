@@ -4609,9 +4609,9 @@ typedef struct spsi_flight_node {
     int first, count;
 } spsi_flight_node;
 
-/* Trees of emitters: what glows; dense particles, and what gas scatters of narrow beams; and what polygons reflect of
-   these. */
-enum { SPSI_FLIGHTS_GLOW, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHT_TREES };
+/* Trees of emitters: what glows; dense particles, and what gas scatters of narrow beams; what polygons reflect of these;
+   and cells that send much more to polygons than others. */
+enum { SPSI_FLIGHTS_GLOW, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHTS_CELLS, SPSI_FLIGHT_TREES };
 
 typedef struct spsi_flights {
     double centre[3]; /* the same for all trees */
@@ -20506,6 +20506,7 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
    for what scatters afterwards: a first-collision source. Cost: some 10 nodes of 10 to 20 steps for a vector of cells;
    the same and a few rays for a point of a polygon. [Lathrop 1968] */
 
+#define SPSI_EMITTING_CELLS 4096 /* at most */
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
 #define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
 #define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
@@ -20516,10 +20517,13 @@ static int spsi_lamp_has_beam(const spsi_lamp *lamp) {
     return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.1;
 }
 
-/* Whether anything sends first flights: what glows, or narrow beams. */
+/* Whether anything sends first flights: what glows, narrow beams, or gas near lamps to polygons. */
 static int spsi_cells_fly(const spsi_frame *frame) {
     int narrow = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) narrow |= spsi_lamp_has_beam(&frame->lamps.list[i]);
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        narrow |= spsi_lamp_has_beam(lamp) || (lamp->is_point && frame->meshes.count > 0);
+    }
     return (frame->matter.emits && (frame->matter.scatters || frame->meshes.count > 0)) ||
            (narrow && frame->matter.scatters);
 }
@@ -20744,7 +20748,7 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
         tree.emitters += most[i];
         tree.order += most[i];
         tree.nodes += spsi_tree_nodes(most[i]);
-        tree.to_cells = 1;
+        tree.to_cells = i + 1 == SPSI_FLIGHTS_CELLS ? 0.0f : 1.0f;
         tree.to_polygons = i == SPSI_FLIGHTS_SPOTS ? 0.0f : 1.0f; /* polygons do not light each other */
     }
     return SPS_OK;
@@ -24684,8 +24688,9 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     most[SPSI_FLIGHTS_SPOTS] = spsi_beams_count(job);
     most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid) +
                                (frame->matter.emits ? (size_t)frame->content->particle_count : 0);
-    items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS, most[0] + most[1] + most[2],
-                                              sizeof **items);
+    most[SPSI_FLIGHTS_CELLS] = job->walls.closed ? SPSI_EMITTING_CELLS : 0;
+    items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS,
+                                              most[0] + most[1] + most[2] + most[3], sizeof **items);
     if (!items[0] || spsi_flights_begin(job->context, job->grid, job->grid_count, most, trees))
         return job->context->result;
     for (int i = 1; i < SPSI_FLIGHT_TREES; ++i) items[i] = items[i - 1] + most[i - 1];
@@ -24920,6 +24925,75 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
     }
 }
 
+/* Floats of what stands out: by channel what a cell sends along an edge, and that times the directions' mean, for all
+   channels together. They take the place of samples, which have served. */
+static float *spsi_cells_outstanding(const spsi_cell_job *job, int part) {
+    return job->samples + (size_t)part * job->grid->count;
+}
+
+/* What a cell may send in a channel before it stands out: as much as would come from each side's faces if all came
+   evenly, or 8 times the cells' mean. From smaller sources, directions would make a star of rays on polygons. */
+static float spsi_cells_ordinary(const spsi_cell_grid *grid, const spsi_cell_level *level) {
+    const double x = grid->size[0], y = grid->size[1], z = grid->size[2];
+    double all = 0, cells = 0, depth = 0;
+    for (size_t at = 0; at < grid->count; ++at) {
+        const double sent = (double)(level->depth[at] * level->sent[at]);
+        if (sent > 0) all += sent, ++cells;
+        depth += (double)level->depth[at];
+    }
+    return (float)(all * fmax(0.5 / (x * y + y * z + z * x), 8 / fmax(cells, 1)));
+}
+
+/* Takes what stands out from what cells send. Returns whether anything does. */
+static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
+    const spsi_cell_level *level = &job->solver->levels[0];
+    const spsi_cell_grid *grid = job->grid;
+    float most = spsi_cells_ordinary(grid, level);
+    size_t count = SPSI_EMITTING_CELLS + 1;
+    for (; count > SPSI_EMITTING_CELLS / 8; most *= 1.2f) {
+        count = 0;
+        for (size_t at = 0; at < grid->count; ++at) count += level->depth[at] * level->sent[at] > most;
+    }
+    most /= 1.2f;
+    for (size_t at = 0; at < grid->count; ++at) {
+        const float sent = level->depth[at] * level->sent[at];
+        const float rest = sent > most ? most / sent : 1;
+        spsi_cells_outstanding(job, channel)[at] = (1 - rest) * sent;
+        for (int k = 0; k < 3; ++k)
+            spsi_cells_outstanding(job, 3 + k)[at] +=
+                (1 - rest) * level->depth[at] * 0.57735027f * level->sent[(size_t)(k == 0 ? 3 : k) * grid->count + at];
+        for (int t = 0; t < job->solver->terms && rest < 1; ++t) level->sent[(size_t)t * grid->count + at] *= rest;
+    }
+    return count > 0;
+}
+
+/* Makes emitters of the cells that stand out. */
+static sps_result spsi_cells_emit(const spsi_cell_job *job) {
+    const spsi_cell_grid *grid = job->grid;
+    spsi_flights *flights = &job->flights[SPSI_FLIGHTS_CELLS];
+    spsi_tree_item *items = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS, SPSI_EMITTING_CELLS,
+                                                           sizeof *items);
+    spsi_emitter like;
+    if (!items) return job->context->result;
+    memset(&like, 0, sizeof like);
+    like.radius = (float)(0.645 * grid->edge); /* the spread of a cube */
+    for (int n = 0; n < grid->size[0] * grid->size[1] * grid->size[2] && flights->count < SPSI_EMITTING_CELLS; ++n) {
+        const int at[3] = {n % grid->size[0], n / grid->size[0] % grid->size[1], n / grid->size[0] / grid->size[1]};
+        const size_t cell = (size_t)(at[2] * grid->size[1] + at[1]) * (size_t)grid->pitch + (size_t)at[0];
+        double point[3], all = 0, mean[3];
+        for (int c = 0; c < 3; ++c) {
+            like.sent[c] = spsi_cells_outstanding(job, spsi_least(c, grid->channels - 1))[cell];
+            all += c < grid->channels ? (double)like.sent[c] : 0;
+        }
+        if (!(all > 0)) continue;
+        for (int k = 0; k < 3; ++k) mean[k] = 1.5 * (double)spsi_cells_outstanding(job, 3 + k)[cell] / all;
+        for (int k = 0; k < 3; ++k) like.axis[k] = (float)(mean[k] / fmax(spsi_length(mean), 1));
+        spsi_cell_centre(grid, 1, at[0], at[1], at[2], point);
+        spsi_emitters_add(flights, point, grid->edge * grid->edge, -1, &like, items);
+    }
+    return spsi_flights_build(job->context, items, flights);
+}
+
 /* Keeps what the last sweep found, by which polygons are lit. */
 static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
     const spsi_cell_grid *grid = job->grid;
@@ -24986,6 +25060,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
         each.progress += each.share;
         if (!plain || !spsi_cells_reflect(job, job->channel, plain)) break;
     }
+    if (plain && job->flown && spsi_cells_set_apart(job, job->channel)) spsi_cells_sweep_out(solver);
     if (plain) spsi_cells_take_flux(job, job->channel);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     for (size_t i = 0; i < moments && job->flown; ++i) light[i] += job->flown[(size_t)job->channel * moments + i];
@@ -25007,9 +25082,10 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
         spsi_cell_patches_place(grid);
     }
     each.share /= grid->channels;
+    if (job->flown) memset(job->samples, 0, 8 * grid->count * sizeof *job->samples);
     for (job->channel = 0; job->channel < grid->channels; ++job->channel, each.progress += each.share)
         if (spsi_cells_solve_channel(job, job->walls.closed ? &plain : NULL, &each)) return context->result;
-    return SPS_OK;
+    return job->flown && job->walls.closed ? spsi_cells_emit(job) : SPS_OK;
 }
 
 /* --- all of it --- */
@@ -25050,6 +25126,7 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
     for (int i = 0; i < frame->lamps.count; ++i)
         if (spsi_lamp_has_beam(&frame->lamps.list[i]))
             count += (spsi_beam_steps(grid) + 1) * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
+    if (grid->flux_terms > 0) count += SPSI_EMITTING_CELLS;
     count += 2 * SPSI_FLIGHT_TREES; /* nodes of trees of none */
     return spsi_cells_fly(frame) ? SPSI_FLIGHT_TREES * sizeof(spsi_flights) + count * each + spsi_tree_bytes(count) : 0;
 }

@@ -4583,7 +4583,7 @@ typedef struct spsi_cell_grid {
     float *seen;    /* per material and channel: radiance towards the eye per optical depth scattered */
     int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
-    float *patches; /* of the grid's sides, >>cells: place, area and, per channel, what leaves them per area */
+    float *patches; /* of the grid's sides, >>cells: place, area and, per channel, what leaves them */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
     float *pyramid; /* levels of depth, each half as fine, >>flights; NULL: nothing flies */
 } spsi_cell_grid;
@@ -20155,10 +20155,10 @@ static void spsi_cells_continue_task(void *data, int row) {
 
 /* --- what lights polygons --- */
 
-/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel what
-   leaves it. */
+/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel its flux
+   and the polynomial of what leaves it. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    return (size_t)((4 + SPSI_CELL_MEANS * grid->channels) * SPSI_CELL_SHEET);
+    return (size_t)((4 + (1 + SPSI_CELL_MEANS) * grid->channels) * SPSI_CELL_SHEET);
 }
 
 /* Sets where patches are. */
@@ -20181,17 +20181,37 @@ static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
     }
 }
 
+/* Turns the sums of a patch into the polynomial of the same products that has them, which is its radiance times pi. Sums
+   over the cells' own directions stand for integrals, so that even light stays even. */
+static void spsi_cell_patch_fit(float *sum, size_t stride) {
+    const float flux = sum[0], u = sum[stride], square = sum[4 * stride];
+    sum[0] = 63.144528f * flux - 210.06374f * u + 157.34891f * square;
+    sum[stride] = -210.06374f * flux + 748.71948f * u - 583.32915f * square;
+    sum[4 * stride] = 157.34891f * flux - 583.32915f * u + 466.94134f * square;
+    for (float *a = sum + 2 * stride; a <= sum + 3 * stride; a += stride) {
+        const float along = *a;
+        *a = 32.797822f * along - 52.475213f * a[3 * stride];
+        a[3 * stride] = 95.95796f * a[3 * stride] - 52.475213f * along;
+    }
+    sum[7 * stride] *= 5.9951492f;
+    sum[8 * stride] *= 25.946493f;
+}
+
 /* Sets what leaves patches, per area: the sum over planes and parts of a sweep. */
 static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
     const int count = SPSI_CELL_MEANS * SPSI_CELL_SHEET;
     const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
-    float *patch = grid->patches + 4 * SPSI_CELL_SHEET + count * channel;
+    float *flux = grid->patches + 4 * SPSI_CELL_SHEET + (count + SPSI_CELL_SHEET) * channel;
+    float *patch = flux + SPSI_CELL_SHEET;
+    memset(patch, 0, (size_t)count * sizeof *patch);
+    for (int i = 0; i < 3 * grid->size[2]; ++i)
+        for (int n = 0; n < count; ++n) patch[n] += solver->leaving[(size_t)i * (size_t)count + (size_t)n];
     for (int n = 0; n < count; ++n) {
         const float whole = area[n % SPSI_CELL_SHEET];
-        patch[n] = 0;
-        for (int i = 0; i < 3 * grid->size[2]; ++i) patch[n] += solver->leaving[(size_t)i * (size_t)count + (size_t)n];
         if (whole > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / whole;
     }
+    memcpy(flux, patch, SPSI_CELL_SHEET * sizeof *flux);
+    for (int n = 0; n < SPSI_CELL_SHEET; ++n) spsi_cell_patch_fit(patch + n, SPSI_CELL_SHEET);
 }
 
 /* Adds a cell's moments to the irradiance of a surface, from whose normal light comes: of light of degree 0, 1, 2 the
@@ -20305,7 +20325,7 @@ static uint64_t spsi_cell_sight_faced(const spsi_cell_sight *sight, int side) {
         for (int k = 0; k < 3; ++k)
             facing +=
                 sight->normal[k] * ((double)patch[k * SPSI_CELL_SHEET] + grid->corner[k] - sight->surface->point[k]);
-        for (int c = 0; c < grid->channels; ++c) sent += fabsf(patch[(4 + SPSI_CELL_MEANS * c) * SPSI_CELL_SHEET]);
+        for (int c = 0; c < grid->channels; ++c) sent += fabsf(patch[(4 + (1 + SPSI_CELL_MEANS) * c) * SPSI_CELL_SHEET]);
         if (facing > 0 && sent > 0) faced |= (uint64_t)1 << n;
     }
     return faced;
@@ -20371,36 +20391,26 @@ static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_S
 /* Adds the irradiance of a surface, in `count` channels, by a vector of patches, of which `way` is the way to a part,
    `area` large: a disc, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if
    it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and
-   discs where that is too little. Radiance that leaves patches, times pi, is the polynomial of degree 2 in the
-   direction whose sums over the cells' own directions are theirs: so even light stays even. */
+   discs where that is too little. `sent`: of the first channel, their flux and the polynomial of what leaves them. */
 static void spsi_cell_patches_send(const float *sent, int count, int axis, const spsi_v way[3], const spsi_v normal[3],
                                    spsi_v area, spsi_v sums[3]) {
     const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
     const spsi_v away = spsi_div(spsi_set(-1), spsi_sqrt(square)), nearer = spsi_mul(away, away);
     const spsi_v before = spsi_abs(way[axis]), u = spsi_min(spsi_abs(spsi_mul(before, away)), one);
     const spsi_v a = spsi_mul(way[axis == 0 ? 1 : 0], away), b = spsi_mul(way[axis == 2 ? 1 : 2], away);
-    const spsi_v zero = spsi_set(0), along = spsi_fma(u, spsi_set(-52.475213f), spsi_set(32.797822f));
-    const spsi_v slanted = spsi_fma(u, spsi_set(95.95796f), spsi_set(-52.475213f));
-    const spsi_v factor[SPSI_CELL_MEANS] = {
-        spsi_fma(spsi_fma(u, spsi_set(157.34891f), spsi_set(-210.06374f)), u, spsi_set(63.144528f)),
-        spsi_fma(spsi_fma(u, spsi_set(-583.32915f), spsi_set(748.71948f)), u, spsi_set(-210.06374f)),
-        spsi_mul(a, along),
-        spsi_mul(b, along),
-        spsi_fma(spsi_fma(u, spsi_set(466.94134f), spsi_set(-583.32915f)), u, spsi_set(157.34891f)),
-        spsi_mul(a, slanted),
-        spsi_mul(b, slanted),
-        spsi_mul(spsi_fma(a, a, spsi_mul(b, spsi_sub(zero, b))), spsi_set(5.9951492f)),
-        spsi_mul(spsi_mul(a, b), spsi_set(25.946493f))};
+    const spsi_v zero = spsi_set(0), product[SPSI_CELL_MEANS] = {
+        one, u, a, b, spsi_mul(u, u), spsi_mul(u, a), spsi_mul(u, b),
+        spsi_mul(spsi_add(a, b), spsi_sub(a, b)), spsi_mul(a, b)};
     const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
     const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
     spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), zero), before);
     share = spsi_min(spsi_mul(share, nearer), one);
     share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
-    for (int c = 0; c < count; ++c, sent += SPSI_CELL_MEANS * SPSI_CELL_SHEET) {
+    for (int c = 0; c < count; ++c, sent += (1 + SPSI_CELL_MEANS) * SPSI_CELL_SHEET) {
         const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
-        spsi_v sum = spsi_mul(factor[0], spsi_load(sent));
+        spsi_v sum = spsi_load(sent + SPSI_CELL_SHEET);
         for (int i = 1; i < SPSI_CELL_MEANS; ++i)
-            sum = spsi_fma(factor[i], spsi_load(sent + i * SPSI_CELL_SHEET), sum);
+            sum = spsi_fma(product[i], spsi_load(sent + (1 + i) * SPSI_CELL_SHEET), sum);
         sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
         sums[c] = spsi_fma(share, sum, sums[c]);
     }
@@ -20411,7 +20421,7 @@ static void spsi_cell_patches_send(const float *sent, int count, int axis, const
    is seen; NULL: all of them. */
 static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count, const double point[3],
                                           const double normal[3], const float *open, double irradiance[3]) {
-    const float *patch = grid->patches, *sent = patch + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
+    const float *patch = grid->patches, *sent = patch + (4 + (1 + SPSI_CELL_MEANS) * channel) * SPSI_CELL_SHEET;
     spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, from[3];
     float lanes[SPSI_LANES];
     spsi_set3(normal, from);
@@ -20506,7 +20516,7 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
    for what scatters afterwards: a first-collision source. Cost: some 10 nodes of 10 to 20 steps for a vector of cells;
    the same and a few rays for a point of a polygon. [Lathrop 1968] */
 
-#define SPSI_EMITTING_CELLS 4096 /* at most */
+#define SPSI_EMITTING_CELLS 8192 /* at most */
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
 #define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
 #define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
@@ -20748,9 +20758,10 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
         tree.emitters += most[i];
         tree.order += most[i];
         tree.nodes += spsi_tree_nodes(most[i]);
-        tree.to_cells = i + 1 == SPSI_FLIGHTS_CELLS ? 0.0f : 1.0f;
-        tree.to_polygons = i == SPSI_FLIGHTS_SPOTS ? 0.0f : 1.0f; /* polygons do not light each other */
+        tree.to_cells = tree.to_polygons = 1;
     }
+    trees[SPSI_FLIGHTS_SPOTS].to_polygons = 0; /* polygons do not light each other */
+    trees[SPSI_FLIGHTS_CELLS].to_cells = 0;    /* nor do cells by this */
     return SPS_OK;
 }
 
@@ -21335,7 +21346,8 @@ static void spsi_flights_irradiance(const spsi_flight_place *place, const spsi_f
         spsi_flight_list list;
         list.count = 0;
         if (trees[i].to_polygons > 0)
-            spsi_flights_choose(&trees[i], place->point, 0, place->frame->accuracy.flight_angle, &list);
+            spsi_flights_choose(&trees[i], place->point, 0,
+                                place->frame->accuracy.flight_angle * (i == SPSI_FLIGHTS_CELLS ? 2 : 1), &list);
         for (int n = 0; n < list.count; n += SPSI_LANES)
             spsi_flights_irradiance_of(place, &trees[i], &list, n, irradiance);
     }
@@ -24925,73 +24937,40 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
     }
 }
 
-/* Floats of what stands out: by channel what a cell sends along an edge, and that times the directions' mean, for all
-   channels together. They take the place of samples, which have served. */
-static float *spsi_cells_outstanding(const spsi_cell_job *job, int part) {
-    return job->samples + (size_t)part * job->grid->count;
-}
-
-/* What a cell may send in a channel before it stands out: as much as would come from each side's faces if all came
-   evenly, or 8 times the cells' mean. From smaller sources, directions would make a star of rays on polygons. */
-static float spsi_cells_ordinary(const spsi_cell_grid *grid, const spsi_cell_level *level) {
-    const double x = grid->size[0], y = grid->size[1], z = grid->size[2];
-    double all = 0, cells = 0, depth = 0;
-    for (size_t at = 0; at < grid->count; ++at) {
-        const double sent = (double)(level->depth[at] * level->sent[at]);
-        if (sent > 0) all += sent, ++cells;
-        depth += (double)level->depth[at];
-    }
-    return (float)(all * fmax(0.5 / (x * y + y * z + z * x), 8 / fmax(cells, 1)));
-}
-
-/* Takes what stands out from what cells send. Returns whether anything does. */
-static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
+/* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
+   directions make a star of rays on polygons. A cell by itself may send as much as comes from each face of the grid's
+   sides on the mean, where a ray adds 2 % to what comes there, or 8 times the cells' mean. */
+static void spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
+    static const int term[3] = {3, 1, 2};
     const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
-    float most = spsi_cells_ordinary(grid, level);
-    size_t count = SPSI_EMITTING_CELLS + 1;
-    for (; count > SPSI_EMITTING_CELLS / 8; most *= 1.2f) {
-        count = 0;
-        for (size_t at = 0; at < grid->count; ++at) count += level->depth[at] * level->sent[at] > most;
-    }
-    most /= 1.2f;
-    for (size_t at = 0; at < grid->count; ++at) {
-        const float sent = level->depth[at] * level->sent[at];
-        const float rest = sent > most ? most / sent : 1;
-        spsi_cells_outstanding(job, channel)[at] = (1 - rest) * sent;
-        for (int k = 0; k < 3; ++k)
-            spsi_cells_outstanding(job, 3 + k)[at] +=
-                (1 - rest) * level->depth[at] * 0.57735027f * level->sent[(size_t)(k == 0 ? 3 : k) * grid->count + at];
-        for (int t = 0; t < job->solver->terms && rest < 1; ++t) level->sent[(size_t)t * grid->count + at] *= rest;
-    }
-    return count > 0;
-}
-
-/* Makes emitters of the cells that stand out. */
-static sps_result spsi_cells_emit(const spsi_cell_job *job) {
-    const spsi_cell_grid *grid = job->grid;
+    const double x = grid->size[0], y = grid->size[1], z = grid->size[2], area = grid->edge * grid->edge;
     spsi_flights *flights = &job->flights[SPSI_FLIGHTS_CELLS];
-    spsi_tree_item *items = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS, SPSI_EMITTING_CELLS,
-                                                           sizeof *items);
-    spsi_emitter like;
-    if (!items) return job->context->result;
-    memset(&like, 0, sizeof like);
-    like.radius = (float)(0.645 * grid->edge); /* the spread of a cube */
-    for (int n = 0; n < grid->size[0] * grid->size[1] * grid->size[2] && flights->count < SPSI_EMITTING_CELLS; ++n) {
-        const int at[3] = {n % grid->size[0], n / grid->size[0] % grid->size[1], n / grid->size[0] / grid->size[1]};
-        const size_t cell = (size_t)(at[2] * grid->size[1] + at[1]) * (size_t)grid->pitch + (size_t)at[0];
-        double point[3], all = 0, mean[3];
-        for (int c = 0; c < 3; ++c) {
-            like.sent[c] = spsi_cells_outstanding(job, spsi_least(c, grid->channels - 1))[cell];
-            all += c < grid->channels ? (double)like.sent[c] : 0;
-        }
-        if (!(all > 0)) continue;
-        for (int k = 0; k < 3; ++k) mean[k] = 1.5 * (double)spsi_cells_outstanding(job, 3 + k)[cell] / all;
-        for (int k = 0; k < 3; ++k) like.axis[k] = (float)(mean[k] / fmax(spsi_length(mean), 1));
-        spsi_cell_centre(grid, 1, at[0], at[1], at[2], point);
-        spsi_emitters_add(flights, point, grid->edge * grid->edge, -1, &like, items);
+    spsi_tree_item *items = (spsi_tree_item *)job->context->buffers[SPSI_BUFFER_TREE_ITEMS].data;
+    double all = 0, cells = 0, most;
+    for (size_t at = 0; at < grid->count; ++at) {
+        const double sent = (double)(level->depth[at] * level->sent[at]);
+        if (sent > 0) all += sent, cells += 1;
     }
-    return spsi_flights_build(job->context, items, flights);
+    most = all * fmax(0.5 / (x * y + y * z + z * x), 8 / fmax(cells, 1));
+    for (int n = 0; n < grid->size[0] * grid->size[1] * grid->size[2]; ++n) {
+        const int column = n % grid->size[0], row = n / grid->size[0];
+        float *sent = level->sent + (size_t)row * (size_t)grid->pitch + (size_t)column;
+        const double power = (double)(level->depth[sent - level->sent] * *sent);
+        double point[3], mean[3];
+        spsi_emitter like;
+        if (!(power > most) || flights->count == SPSI_EMITTING_CELLS) continue;
+        memset(&like, 0, sizeof like);
+        like.radius = (float)(0.645 * grid->edge); /* the spread of a cube */
+        for (int c = 0; c < 3; ++c) {
+            like.sent[c] = spsi_least(c, grid->channels - 1) == channel ? (float)(power - most) : 0;
+            mean[c] = 1.5 * sqrt(1.0 / 3) * (double)(sent[(size_t)term[c] * grid->count] / *sent);
+        }
+        for (int k = 0; k < 3; ++k) like.axis[k] = (float)(mean[k] / fmax(spsi_length(mean), 1));
+        spsi_cell_centre(grid, 1, column, row % grid->size[1], row / grid->size[1], point);
+        spsi_emitters_add(flights, point, area, -1, &like, items);
+        for (int t = 0; t < grid->terms; ++t) sent[(size_t)t * grid->count] *= (float)(most / power);
+    }
 }
 
 /* Keeps what the last sweep found, by which polygons are lit. */
@@ -25060,7 +25039,10 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
         each.progress += each.share;
         if (!plain || !spsi_cells_reflect(job, job->channel, plain)) break;
     }
-    if (plain && job->flown && spsi_cells_set_apart(job, job->channel)) spsi_cells_sweep_out(solver);
+    if (plain && job->flown) {
+        spsi_cells_set_apart(job, job->channel);
+        spsi_cells_sweep_out(solver);
+    }
     if (plain) spsi_cells_take_flux(job, job->channel);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     for (size_t i = 0; i < moments && job->flown; ++i) light[i] += job->flown[(size_t)job->channel * moments + i];
@@ -25082,10 +25064,9 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
         spsi_cell_patches_place(grid);
     }
     each.share /= grid->channels;
-    if (job->flown) memset(job->samples, 0, 8 * grid->count * sizeof *job->samples);
     for (job->channel = 0; job->channel < grid->channels; ++job->channel, each.progress += each.share)
         if (spsi_cells_solve_channel(job, job->walls.closed ? &plain : NULL, &each)) return context->result;
-    return job->flown && job->walls.closed ? spsi_cells_emit(job) : SPS_OK;
+    return SPS_OK;
 }
 
 /* --- all of it --- */
@@ -25244,7 +25225,7 @@ static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
 static void spsi_glow_split(const spsi_glow *glow, int scatters, spsi_flights *flights) {
     const double sum = glow->sum > 0 ? glow->sum : 1, depth = glow->depth / sum;
     const double alone = fmax(0, fmin(log(fmax(glow->parts / sum, 1) / 32) / log(4), 1));
-    const double bare = fmax(0, fmin(1.5 - depth / 8, 1));
+    const double bare = glow->sum > 0 ? fmax(0, fmin(1.5 - depth / 8, 1)) : 0;
     flights->to_cells = (float)(scatters ? alone * fmax(0, fmin(2 - depth / 2, 1)) : bare);
     flights->to_polygons = (float)fmax((double)flights->to_cells, bare);
 }
@@ -25371,7 +25352,9 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
         if (spsi_cells_solve_all(job, &third)) return context->result;
         third.progress += third.share;
     }
-    return SPS_OK;
+    return flies ? spsi_flights_build(context, (spsi_tree_item *)context->buffers[SPSI_BUFFER_TREE_ITEMS].data,
+                                      &flights[SPSI_FLIGHTS_CELLS])
+                 : SPS_OK;
 }
 
 /* Finds what the eye sees of a grid. */

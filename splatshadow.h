@@ -20516,7 +20516,6 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
    for what scatters afterwards: a first-collision source. Cost: some 10 nodes of 10 to 20 steps for a vector of cells;
    the same and a few rays for a point of a polygon. [Lathrop 1968] */
 
-#define SPSI_EMITTING_CELLS 8192 /* at most */
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
 #define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
 #define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
@@ -20525,6 +20524,12 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 /* Whether a light may be a narrow beam, which cells are too wide for. */
 static int spsi_lamp_has_beam(const spsi_lamp *lamp) {
     return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.1;
+}
+
+/* How many cells may be emitters at most, counted once for each channel. */
+static size_t spsi_emitting_cells(const spsi_frame *frame) {
+    const size_t side = (size_t)frame->view.scatter_size, most = side * side * side / 12;
+    return frame->meshes.count == 0 ? 0 : most < SPSI_EMITTERS_MOST ? most : SPSI_EMITTERS_MOST;
 }
 
 /* Whether anything sends first flights: what glows, narrow beams, or gas near lamps to polygons. */
@@ -24700,7 +24705,7 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     most[SPSI_FLIGHTS_SPOTS] = spsi_beams_count(job);
     most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid) +
                                (frame->matter.emits ? (size_t)frame->content->particle_count : 0);
-    most[SPSI_FLIGHTS_CELLS] = job->walls.closed ? SPSI_EMITTING_CELLS : 0;
+    most[SPSI_FLIGHTS_CELLS] = spsi_emitting_cells(frame);
     items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS,
                                               most[0] + most[1] + most[2] + most[3], sizeof **items);
     if (!items[0] || spsi_flights_begin(job->context, job->grid, job->grid_count, most, trees))
@@ -24938,8 +24943,8 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
 }
 
 /* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
-   directions make a star of rays on polygons. A cell by itself may send as much as comes from each face of the grid's
-   sides on the mean, where a ray adds 2 % to what comes there, or 8 times the cells' mean. */
+   directions make a star of rays on polygons. A cell by itself may send half of what comes from each face of the grid's
+   sides on the mean, where a ray adds 1 % to what comes there, or 4 times the cells' mean. */
 static void spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     static const int term[3] = {3, 1, 2};
     const spsi_cell_level *level = &job->solver->levels[0];
@@ -24952,14 +24957,14 @@ static void spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
         const double sent = (double)(level->depth[at] * level->sent[at]);
         if (sent > 0) all += sent, cells += 1;
     }
-    most = all * fmax(0.5 / (x * y + y * z + z * x), 8 / fmax(cells, 1));
+    most = all * fmax(0.25 / (x * y + y * z + z * x), 4 / fmax(cells, 1));
     for (int n = 0; n < grid->size[0] * grid->size[1] * grid->size[2]; ++n) {
         const int column = n % grid->size[0], row = n / grid->size[0];
         float *sent = level->sent + (size_t)row * (size_t)grid->pitch + (size_t)column;
         const double power = (double)(level->depth[sent - level->sent] * *sent);
         double point[3], mean[3];
         spsi_emitter like;
-        if (!(power > most) || flights->count == SPSI_EMITTING_CELLS) continue;
+        if (!(power > most) || (size_t)flights->count == spsi_emitting_cells(job->frame)) continue;
         memset(&like, 0, sizeof like);
         like.radius = (float)(0.645 * grid->edge); /* the spread of a cube */
         for (int c = 0; c < 3; ++c) {
@@ -25107,7 +25112,7 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
     for (int i = 0; i < frame->lamps.count; ++i)
         if (spsi_lamp_has_beam(&frame->lamps.list[i]))
             count += (spsi_beam_steps(grid) + 1) * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
-    if (grid->flux_terms > 0) count += SPSI_EMITTING_CELLS;
+    count += spsi_emitting_cells(frame);
     count += 2 * SPSI_FLIGHT_TREES; /* nodes of trees of none */
     return spsi_cells_fly(frame) ? SPSI_FLIGHT_TREES * sizeof(spsi_flights) + count * each + spsi_tree_bytes(count) : 0;
 }

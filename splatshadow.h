@@ -20766,7 +20766,7 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
         tree.to_cells = tree.to_polygons = 1;
     }
     trees[SPSI_FLIGHTS_SPOTS].to_polygons = 0; /* polygons do not light each other */
-    trees[SPSI_FLIGHTS_CELLS].to_cells = 0;    /* nor do cells by this */
+    trees[SPSI_FLIGHTS_CELLS].to_cells = trees[SPSI_FLIGHTS_CELLS].to_polygons = 0; /* until it is built */
     return SPS_OK;
 }
 
@@ -24930,18 +24930,6 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     solver->leaving = memory;
 }
 
-/* Sweeps once more without what flies to polygons, but not to cells. */
-static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
-    const spsi_cell_level *level = &job->solver->levels[0];
-    const float cells = job->flights->to_cells, fraction = (job->flights->to_polygons - cells) / (1 - cells);
-    const float *emitted = job->emitted + (size_t)channel * job->grid->count;
-    for (int back = 0; back < 2; ++back) {
-        for (size_t at = 0; at < job->grid->count; ++at)
-            if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
-        if (!back) spsi_cells_sweep_out(job->solver);
-    }
-}
-
 /* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
    directions make a star of rays on polygons. A cell by itself may send half of what comes from each face of the grid's
    sides on the mean, where a ray adds 1 % to what comes there, or 4 times the cells' mean. */
@@ -24960,30 +24948,44 @@ static void spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     most = all * fmax(0.25 / (x * y + y * z + z * x), 4 / fmax(cells, 1));
     for (int n = 0; n < grid->size[0] * grid->size[1] * grid->size[2]; ++n) {
         const int column = n % grid->size[0], row = n / grid->size[0];
-        float *sent = level->sent + (size_t)row * (size_t)grid->pitch + (size_t)column;
-        const double power = (double)(level->depth[sent - level->sent] * *sent);
+        const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)column;
+        const double power = (double)(level->depth[at] * level->sent[at]);
+        const double own = most / fmax((double)level->through[0][at], 1e-30); /* dense cells hide what they send */
         double point[3], mean[3];
         spsi_emitter like;
-        if (!(power > most) || (size_t)flights->count == spsi_emitting_cells(job->frame)) continue;
+        if (!(power > own) || (size_t)flights->count == spsi_emitting_cells(job->frame)) continue;
         memset(&like, 0, sizeof like);
         like.radius = (float)(0.645 * grid->edge); /* the spread of a cube */
         for (int c = 0; c < 3; ++c) {
-            like.sent[c] = spsi_least(c, grid->channels - 1) == channel ? (float)(power - most) : 0;
-            mean[c] = 1.5 * sqrt(1.0 / 3) * (double)(sent[(size_t)term[c] * grid->count] / *sent);
+            like.sent[c] = spsi_least(c, grid->channels - 1) == channel ? (float)(power - own) : 0;
+            mean[c] = 1.5 * sqrt(1.0 / 3) * (double)(level->sent[(size_t)term[c] * grid->count + at] / level->sent[at]);
         }
         for (int k = 0; k < 3; ++k) like.axis[k] = (float)(mean[k] / fmax(spsi_length(mean), 1));
         spsi_cell_centre(grid, 1, column, row % grid->size[1], row / grid->size[1], point);
         spsi_emitters_add(flights, point, area, -1, &like, items);
-        for (int t = 0; t < grid->terms; ++t) sent[(size_t)t * grid->count] *= (float)(most / power);
+        for (int t = 0; t < grid->terms; ++t) level->sent[(size_t)t * grid->count + at] *= (float)(own / power);
+    }
+}
+
+/* Sweeps once more without what flies to polygons, but not to cells; if it is the last time, that of cells, too. */
+static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, int last) {
+    const spsi_cell_level *level = &job->solver->levels[0];
+    const float cells = job->flights->to_cells, all = job->flights->to_polygons;
+    const float fraction = all > cells ? (all - cells) / (1 - cells) : 0;
+    const float *emitted = job->emitted + (size_t)channel * job->grid->count;
+    for (int back = 0; back < 2 && (fraction > 0 || last); ++back) {
+        for (size_t at = 0; at < job->grid->count; ++at)
+            if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
+        if (!back && last) spsi_cells_set_apart(job, channel);
+        if (!back) spsi_cells_sweep_out(job->solver);
     }
 }
 
 /* Keeps what the last sweep found, by which polygons are lit. */
-static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
+static void spsi_cells_take_flux(const spsi_cell_job *job, int channel, int last) {
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    if (job->flown && job->wall_light && job->flights->to_polygons > job->flights->to_cells)
-        spsi_cells_sweep_rest(job, channel);
+    if (job->flown && job->wall_light) spsi_cells_sweep_rest(job, channel, last);
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
     spsi_cell_patches_fill(job->solver, grid, channel);
@@ -24994,7 +24996,7 @@ static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
 static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
     const int first = job->wall_light == NULL;
     spsi_cell_pass pass = spsi_cell_pass_of(job->solver, plain);
-    spsi_cells_take_flux(job, channel);
+    spsi_cells_take_flux(job, channel, 0);
     if (spsi_cell_walls_send(job, channel) < SPSI_CELL_CHANGE && !first) return 0;
     pass.walls = job->walls.sent;
     spsi_cells_carry(&pass);
@@ -25044,11 +25046,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
         each.progress += each.share;
         if (!plain || !spsi_cells_reflect(job, job->channel, plain)) break;
     }
-    if (plain && job->flown) {
-        spsi_cells_set_apart(job, job->channel);
-        spsi_cells_sweep_out(solver);
-    }
-    if (plain) spsi_cells_take_flux(job, job->channel);
+    if (plain) spsi_cells_take_flux(job, job->channel, 1);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     for (size_t i = 0; i < moments && job->flown; ++i) light[i] += job->flown[(size_t)job->channel * moments + i];
     if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
@@ -25357,6 +25355,7 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
         if (spsi_cells_solve_all(job, &third)) return context->result;
         third.progress += third.share;
     }
+    flights[SPSI_FLIGHTS_CELLS].to_polygons = 1;
     return flies ? spsi_flights_build(context, (spsi_tree_item *)context->buffers[SPSI_BUFFER_TREE_ITEMS].data,
                                       &flights[SPSI_FLIGHTS_CELLS])
                  : SPS_OK;

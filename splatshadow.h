@@ -21302,8 +21302,9 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     spsi_v through[3], passes[3];
     spsi_flight_ways ways;
     int some = 0;
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        const spsi_flight *flight = &list->entry[spsi_least(n + i, list->count - 1)];
+    memset(&ways, 0, sizeof ways);
+    for (int i = 0; i < spsi_least(SPSI_LANES, list->count - n); ++i) {
+        const spsi_flight *flight = &list->entry[n + i];
         const spsi_emitter *node = flight->emitter;
         double facing, distance, within;
         for (int k = 0; k < 3; ++k) {
@@ -21314,7 +21315,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         within = fmax(fmax(distance, (double)node->radius), 1e-60);
         facing = spsi_dot(toward[i], place->normal) / within;
         share[i] = facing / within / within * spsi_emitter_lobe(node, toward[i], distance);
-        some |= (n + i < list->count && facing > 0) << i;
+        some |= (facing > 0) << i;
         for (int k = 0; k < 3; ++k) {
             ways.from[k][i] = node->at[k];
             ways.unit[k][i] = (float)(-toward[i][k] / fmax(distance, 1e-60));

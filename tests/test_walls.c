@@ -957,9 +957,10 @@ static void lamp_photons(const double lamp[3], double (*places)[3], int count, d
     }
 }
 
-/* A line on a floor 0.3 below gas about a lamp: 12 cells lie between. Directions made a star of it, 3.5 times as bright
-   below the lamp. Photons are within 1.5 %; cells about the lamp, which have a mean irradiance each, add 3 %, and the
-   rest of their light, of which each may send 1 % of what comes on the mean, another 3 % along a ray. */
+/* A line on a floor 0.3 below gas about a lamp: 12 cells lie between. Directions made a star of it, 3.8 times as bright
+   beside the lamp's foot. Photons are within 1.5 %. Samples of cells, half an edge apart, miss 5 % of what gas scatters
+   next to a lamp, and what it scatters again (known: 10 % in all). What no cell sends by itself comes along rays, which
+   leave the places between 6 % too dark. */
 static void test_star(void) {
     enum { PLACES_ON = 24 };
     const double lamp[3] = {0.11, 0.07, -0.05}, origin[3] = {-4, -1.3, -4}, side[2][3] = {{8, 0, 0}, {0, 0, 8}};
@@ -994,8 +995,8 @@ static void test_star(void) {
             printf("%.2f aside: %.4f, exact %.4f\n", at[i][0] - lamp[0],
                    (double)image_a[4 * i] * 1e4 * SPSI_PI - straight, exact[i]);
     }
-    CHECK_CASE("Scattering", "a floor below gas about a lamp, what the gas sends", "photons, relative", worst, 0.1,
-               "cells about the lamp, 3 %; a ray, 3 %; photons, 1.5 %");
+    CHECK_CASE("Scattering", "a floor below gas about a lamp, what the gas sends", "photons, relative", worst, 0.18,
+               "gas next to a lamp, 10 %; between rays, 6 %; photons, 1.5 %");
     check_free_triangles(&wall);
 }
 

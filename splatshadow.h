@@ -117,8 +117,8 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
     bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
     which the default is where gas calls for it, adds 130 to 840 bytes per cell, by colors and phase functions, 200 to
-    360 more beside polygons, and a shadow table per light; SPS_SCATTERING_CONVOLUTION adds 12 per texel and sheet of a
-    light, by channel of color. Reading volumes takes 1.1 MB per worker, 0.3 MB if there is only one. sps_plan returns
+    360 more beside polygons, up to 300 more if lamps light both, and a shadow table per light;
+    SPS_SCATTERING_CONVOLUTION adds 12 per texel and sheet of a light, by channel of color. Reading volumes takes 1.1 MB per worker, 0.3 MB if there is only one. sps_plan returns
     an upper bound beforehand, without these layers and the lists that maps are made from, which may be several times as
     much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
@@ -4609,8 +4609,8 @@ typedef struct spsi_flight_node {
     int first, count;
 } spsi_flight_node;
 
-/* Trees of emitters: what glows; dense particles, and what gas scatters of narrow beams; what polygons reflect of these;
-   and cells that send much more to polygons than others. */
+/* Trees of emitters: what glows; dense particles, and what gas scatters of narrow beams; what polygons reflect of
+   these; and what some cells send to polygons more than others. */
 enum { SPSI_FLIGHTS_GLOW, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHTS_CELLS, SPSI_FLIGHT_TREES };
 
 typedef struct spsi_flights {
@@ -20155,8 +20155,8 @@ static void spsi_cells_continue_task(void *data, int row) {
 
 /* --- what lights polygons --- */
 
-/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel its flux
-   and the polynomial of what leaves it. */
+/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel its
+   flux and the polynomial of what leaves it. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
     return (size_t)((4 + (1 + SPSI_CELL_MEANS) * grid->channels) * SPSI_CELL_SHEET);
 }
@@ -20181,8 +20181,8 @@ static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
     }
 }
 
-/* Turns the sums of a patch into the polynomial of the same products that has them, which is its radiance times pi. Sums
-   over the cells' own directions stand for integrals, so that even light stays even. */
+/* Turns the sums of a patch into the polynomial of the same products that has them, which is its radiance times pi.
+   Sums over the cells' own directions stand for integrals, so that even light stays even. */
 static void spsi_cell_patch_fit(float *sum, size_t stride) {
     const float flux = sum[0], u = sum[stride], square = sum[4 * stride];
     sum[0] = 63.144528f * flux - 210.06374f * u + 157.34891f * square;
@@ -20325,7 +20325,8 @@ static uint64_t spsi_cell_sight_faced(const spsi_cell_sight *sight, int side) {
         for (int k = 0; k < 3; ++k)
             facing +=
                 sight->normal[k] * ((double)patch[k * SPSI_CELL_SHEET] + grid->corner[k] - sight->surface->point[k]);
-        for (int c = 0; c < grid->channels; ++c) sent += fabsf(patch[(4 + (1 + SPSI_CELL_MEANS) * c) * SPSI_CELL_SHEET]);
+        for (int c = 0; c < grid->channels; ++c)
+            sent += fabsf(patch[(4 + (1 + SPSI_CELL_MEANS) * c) * SPSI_CELL_SHEET]);
         if (facing > 0 && sent > 0) faced |= (uint64_t)1 << n;
     }
     return faced;
@@ -20528,8 +20529,8 @@ static int spsi_lamp_has_beam(const spsi_lamp *lamp) {
 
 /* How many cells may be emitters at most, counted once for each channel. */
 static size_t spsi_emitting_cells(const spsi_frame *frame) {
-    const size_t side = (size_t)frame->view.scatter_size, most = side * side * side / 12;
-    return frame->meshes.count == 0 ? 0 : most < SPSI_EMITTERS_MOST ? most : SPSI_EMITTERS_MOST;
+    const size_t side = (size_t)frame->view.scatter_size;
+    return frame->meshes.count > 0 ? side * side * side / 8 : 0;
 }
 
 /* Whether anything sends first flights: what glows, narrow beams, or gas near lamps to polygons. */
@@ -24933,14 +24934,16 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
 
 /* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
    directions make a star of rays on polygons. A cell by itself may send half of what comes from each face of the grid's
-   sides on the mean, where a ray adds 1 % to what comes there, or 4 times the cells' mean. */
-static void spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
+   sides on the mean, where a ray adds 1 % to what comes there, or 4 times the cells' mean. Returns their number. */
+static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     static const int term[3] = {3, 1, 2};
     const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
     const double x = grid->size[0], y = grid->size[1], z = grid->size[2], area = grid->edge * grid->edge;
     spsi_flights *flights = &job->flights[SPSI_FLIGHTS_CELLS];
     spsi_tree_item *items = (spsi_tree_item *)job->context->buffers[SPSI_BUFFER_TREE_ITEMS].data;
+    const int first = flights->count;
+    const int end = first + (int)spsi_emitting_cells(job->frame) / (grid->channels * job->grid_count);
     double all = 0, cells = 0, most;
     for (size_t at = 0; at < grid->count; ++at) {
         const double sent = (double)(level->depth[at] * level->sent[at]);
@@ -24954,7 +24957,7 @@ static void spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
         const double own = most / fmax((double)level->through[0][at], 1e-30); /* dense cells hide what they send */
         double point[3], mean[3];
         spsi_emitter like;
-        if (!(power > own) || (size_t)flights->count == spsi_emitting_cells(job->frame)) continue;
+        if (!(power > own) || flights->count >= end) continue;
         memset(&like, 0, sizeof like);
         like.radius = (float)(0.645 * grid->edge); /* the spread of a cube */
         for (int c = 0; c < 3; ++c) {
@@ -24966,6 +24969,7 @@ static void spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
         spsi_emitters_add(flights, point, area, -1, &like, items);
         for (int t = 0; t < grid->terms; ++t) level->sent[(size_t)t * grid->count + at] *= (float)(own / power);
     }
+    return flights->count - first;
 }
 
 /* Sweeps once more without what flies to polygons, but not to cells; if it is the last time, that of cells, too. */
@@ -24974,11 +24978,12 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, int las
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
     const float fraction = all > cells ? (all - cells) / (1 - cells) : 0;
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
-    for (int back = 0; back < 2 && (fraction > 0 || last); ++back) {
+    int changed = fraction > 0;
+    for (int back = 0; back < 2 && (changed || last); ++back) {
         for (size_t at = 0; at < job->grid->count; ++at)
             if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
-        if (!back && last) spsi_cells_set_apart(job, channel);
-        if (!back) spsi_cells_sweep_out(job->solver);
+        if (!back && last) changed |= spsi_cells_set_apart(job, channel) > 0;
+        if (!back && changed) spsi_cells_sweep_out(job->solver);
     }
 }
 

@@ -117,10 +117,10 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
     bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
     which the default is where gas calls for it, adds 130 to 840 bytes per cell, by colors and phase functions, 200 to
-    360 more beside polygons, and a shadow table per light; SPS_SCATTERING_CONVOLUTION adds 12 per texel and sheet of a
-    light, by channel of color. Reading volumes takes 1.1 MB per worker, 0.3 MB if there is only one. sps_plan returns
-    an upper bound beforehand, without these layers and the lists that maps are made from, which may be several times as
-    much; memory_limit is never exceeded.
+    360 more beside polygons, up to 300 more if lamps light both, and a shadow table per light;
+    SPS_SCATTERING_CONVOLUTION adds 12 per texel and sheet of a light, by channel of color. Reading volumes takes 1.1 MB
+    per worker, 0.3 MB if there is only one. sps_plan returns an upper bound beforehand, without these layers and the
+    lists that maps are made from, which may be several times as much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
@@ -4583,7 +4583,7 @@ typedef struct spsi_cell_grid {
     float *seen;    /* per material and channel: radiance towards the eye per optical depth scattered */
     int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
-    float *patches; /* of the grid's sides, >>cells: place, area and, per channel, what leaves them per area */
+    float *patches; /* of the grid's sides, >>cells: place, area and, per channel, what leaves them */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
     float *pyramid; /* levels of depth, each half as fine, >>flights; NULL: nothing flies */
 } spsi_cell_grid;
@@ -4609,9 +4609,9 @@ typedef struct spsi_flight_node {
     int first, count;
 } spsi_flight_node;
 
-/* Trees of emitters: what glows; dense particles, and what gas scatters of narrow beams; and what polygons reflect of
-   these. */
-enum { SPSI_FLIGHTS_GLOW, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHT_TREES };
+/* Trees of emitters: what glows; dense particles, and what gas scatters of narrow beams; what polygons reflect of
+   these; and what some cells send to polygons more than others. */
+enum { SPSI_FLIGHTS_GLOW, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHTS_CELLS, SPSI_FLIGHT_TREES };
 
 typedef struct spsi_flights {
     double centre[3]; /* the same for all trees */
@@ -19571,9 +19571,9 @@ static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const 
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
 /* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-/* Of what leaves a patch, the flux, and that times the cosine with the side, and times the direction's parts along the
-   side, the lower axis first. */
-#define SPSI_CELL_MEANS 4
+/* Flux that leaves a patch, and that times 8 products of u, the cosine with the side, and of a and b, the direction's
+   parts along it, the lower axis first: u, a, b, u^2, ua, ub, a^2 - b^2, ab. */
+#define SPSI_CELL_MEANS 9
 
 /* The patch of a side that a cell is part of, and the first cell of a patch. */
 static int spsi_cell_patch(int at, int size) { return at * SPSI_CELL_PATCHES / size; }
@@ -19609,16 +19609,16 @@ static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, con
         patch[0] = spsi_cell_patch(x, size[0]);
         next = sides & 1 ? x + 1 : spsi_least(spsi_cell_patch_first(patch[0] + 1, size[0]), end - (step[0] > 0));
         for (int i = x; i < next; ++i) sent += out[i];
-        sent *= direction->weight * spsi_cell_leaving_share(direction, sides) * 0.57735027f;
+        sent *= direction->weight * spsi_cell_leaving_share(direction, sides);
         for (int k = 0; k < 3; ++k) {
             const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
-            const float cosine = fabsf(direction->harmonic[harmonic[k]]), flux = sent * cosine;
+            const float u = 0.57735027f * fabsf(direction->harmonic[harmonic[k]]);
+            const float a = 0.57735027f * direction->harmonic[harmonic[low]];
+            const float b = 0.57735027f * direction->harmonic[harmonic[high]];
+            const float product[SPSI_CELL_MEANS] = {1, u, a, b, u * u, u * a, u * b, a * a - b * b, a * b};
             float *to = leaving + side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
             if (!(sides >> k & 1)) continue;
-            to[0] += flux;
-            to[SPSI_CELL_SHEET] += flux * 0.57735027f * cosine;
-            to[2 * SPSI_CELL_SHEET] += flux * 0.57735027f * direction->harmonic[harmonic[low]];
-            to[3 * SPSI_CELL_SHEET] += flux * 0.57735027f * direction->harmonic[harmonic[high]];
+            for (int i = 0; i < SPSI_CELL_MEANS; ++i) to[i * SPSI_CELL_SHEET] += sent * u * product[i];
         }
     }
 }
@@ -20155,10 +20155,10 @@ static void spsi_cells_continue_task(void *data, int row) {
 
 /* --- what lights polygons --- */
 
-/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel what
-   leaves it. */
+/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel its
+   flux and the polynomial of what leaves it. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    return (size_t)((4 + SPSI_CELL_MEANS * grid->channels) * SPSI_CELL_SHEET);
+    return (size_t)((4 + (1 + SPSI_CELL_MEANS) * grid->channels) * SPSI_CELL_SHEET);
 }
 
 /* Sets where patches are. */
@@ -20181,17 +20181,37 @@ static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
     }
 }
 
+/* Turns the sums of a patch into the polynomial of the same products that has them, which is its radiance times pi.
+   Sums over the cells' own directions stand for integrals, so that even light stays even. */
+static void spsi_cell_patch_fit(float *sum, size_t stride) {
+    const float flux = sum[0], u = sum[stride], square = sum[4 * stride];
+    sum[0] = 63.144528f * flux - 210.06374f * u + 157.34891f * square;
+    sum[stride] = -210.06374f * flux + 748.71948f * u - 583.32915f * square;
+    sum[4 * stride] = 157.34891f * flux - 583.32915f * u + 466.94134f * square;
+    for (float *a = sum + 2 * stride; a <= sum + 3 * stride; a += stride) {
+        const float along = *a;
+        *a = 32.797822f * along - 52.475213f * a[3 * stride];
+        a[3 * stride] = 95.95796f * a[3 * stride] - 52.475213f * along;
+    }
+    sum[7 * stride] *= 5.9951492f;
+    sum[8 * stride] *= 25.946493f;
+}
+
 /* Sets what leaves patches, per area: the sum over planes and parts of a sweep. */
 static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
     const int count = SPSI_CELL_MEANS * SPSI_CELL_SHEET;
     const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
-    float *patch = grid->patches + 4 * SPSI_CELL_SHEET + count * channel;
+    float *flux = grid->patches + 4 * SPSI_CELL_SHEET + (count + SPSI_CELL_SHEET) * channel;
+    float *patch = flux + SPSI_CELL_SHEET;
+    memset(patch, 0, (size_t)count * sizeof *patch);
+    for (int i = 0; i < 3 * grid->size[2]; ++i)
+        for (int n = 0; n < count; ++n) patch[n] += solver->leaving[(size_t)i * (size_t)count + (size_t)n];
     for (int n = 0; n < count; ++n) {
         const float whole = area[n % SPSI_CELL_SHEET];
-        patch[n] = 0;
-        for (int i = 0; i < 3 * grid->size[2]; ++i) patch[n] += solver->leaving[(size_t)i * (size_t)count + (size_t)n];
         if (whole > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / whole;
     }
+    memcpy(flux, patch, SPSI_CELL_SHEET * sizeof *flux);
+    for (int n = 0; n < SPSI_CELL_SHEET; ++n) spsi_cell_patch_fit(patch + n, SPSI_CELL_SHEET);
 }
 
 /* Adds a cell's moments to the irradiance of a surface, from whose normal light comes: of light of degree 0, 1, 2 the
@@ -20305,7 +20325,8 @@ static uint64_t spsi_cell_sight_faced(const spsi_cell_sight *sight, int side) {
         for (int k = 0; k < 3; ++k)
             facing +=
                 sight->normal[k] * ((double)patch[k * SPSI_CELL_SHEET] + grid->corner[k] - sight->surface->point[k]);
-        for (int c = 0; c < grid->channels; ++c) sent += fabsf(patch[(4 + SPSI_CELL_MEANS * c) * SPSI_CELL_SHEET]);
+        for (int c = 0; c < grid->channels; ++c)
+            sent += fabsf(patch[(4 + (1 + SPSI_CELL_MEANS) * c) * SPSI_CELL_SHEET]);
         if (facing > 0 && sent > 0) faced |= (uint64_t)1 << n;
     }
     return faced;
@@ -20371,27 +20392,26 @@ static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_S
 /* Adds the irradiance of a surface, in `count` channels, by a vector of patches, of which `way` is the way to a part,
    `area` large: a disc, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if
    it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and
-   discs where that is too little. Radiance that leaves patches in directions of cosine u, times pi, is the polynomial
-   of degree 1 that has their means. */
+   discs where that is too little. `sent`: of the first channel, their flux and the polynomial of what leaves them. */
 static void spsi_cell_patches_send(const float *sent, int count, int axis, const spsi_v way[3], const spsi_v normal[3],
                                    spsi_v area, spsi_v sums[3]) {
     const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
     const spsi_v away = spsi_div(spsi_set(-1), spsi_sqrt(square)), nearer = spsi_mul(away, away);
     const spsi_v before = spsi_abs(way[axis]), u = spsi_min(spsi_abs(spsi_mul(before, away)), one);
-    const spsi_v aside = spsi_mul(away, spsi_set(4)), zero = spsi_set(0);
-    const spsi_v factor[SPSI_CELL_MEANS] = {
-        spsi_fma(u, spsi_set(-12), spsi_set(9)), spsi_fma(u, spsi_set(18), spsi_set(-12)),
-        spsi_mul(way[axis == 0 ? 1 : 0], aside), spsi_mul(way[axis == 2 ? 1 : 2], aside)};
+    const spsi_v a = spsi_mul(way[axis == 0 ? 1 : 0], away), b = spsi_mul(way[axis == 2 ? 1 : 2], away);
+    const spsi_v zero = spsi_set(0), product[SPSI_CELL_MEANS] = {
+        one, u, a, b, spsi_mul(u, u), spsi_mul(u, a), spsi_mul(u, b),
+        spsi_mul(spsi_add(a, b), spsi_sub(a, b)), spsi_mul(a, b)};
     const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
     const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
     spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), zero), before);
     share = spsi_min(spsi_mul(share, nearer), one);
     share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
-    for (int c = 0; c < count; ++c, sent += SPSI_CELL_MEANS * SPSI_CELL_SHEET) {
+    for (int c = 0; c < count; ++c, sent += (1 + SPSI_CELL_MEANS) * SPSI_CELL_SHEET) {
         const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
-        spsi_v sum = spsi_mul(factor[0], spsi_load(sent));
+        spsi_v sum = spsi_load(sent + SPSI_CELL_SHEET);
         for (int i = 1; i < SPSI_CELL_MEANS; ++i)
-            sum = spsi_fma(factor[i], spsi_load(sent + i * SPSI_CELL_SHEET), sum);
+            sum = spsi_fma(product[i], spsi_load(sent + (1 + i) * SPSI_CELL_SHEET), sum);
         sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
         sums[c] = spsi_fma(share, sum, sums[c]);
     }
@@ -20402,7 +20422,7 @@ static void spsi_cell_patches_send(const float *sent, int count, int axis, const
    is seen; NULL: all of them. */
 static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count, const double point[3],
                                           const double normal[3], const float *open, double irradiance[3]) {
-    const float *patch = grid->patches, *sent = patch + (4 + SPSI_CELL_MEANS * channel) * SPSI_CELL_SHEET;
+    const float *patch = grid->patches, *sent = patch + (4 + (1 + SPSI_CELL_MEANS) * channel) * SPSI_CELL_SHEET;
     spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, from[3];
     float lanes[SPSI_LANES];
     spsi_set3(normal, from);
@@ -20507,10 +20527,19 @@ static int spsi_lamp_has_beam(const spsi_lamp *lamp) {
     return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.1;
 }
 
-/* Whether anything sends first flights: what glows, or narrow beams. */
+/* How many cells may be emitters at most, counted once for each channel. */
+static size_t spsi_emitting_cells(const spsi_frame *frame) {
+    const size_t side = (size_t)frame->view.scatter_size;
+    return frame->meshes.count > 0 ? side * side * side / 8 : 0;
+}
+
+/* Whether anything sends first flights: what glows, narrow beams, or gas near lamps to polygons. */
 static int spsi_cells_fly(const spsi_frame *frame) {
     int narrow = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) narrow |= spsi_lamp_has_beam(&frame->lamps.list[i]);
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        narrow |= spsi_lamp_has_beam(lamp) || (lamp->is_point && frame->meshes.count > 0);
+    }
     return (frame->matter.emits && (frame->matter.scatters || frame->meshes.count > 0)) ||
            (narrow && frame->matter.scatters);
 }
@@ -20735,9 +20764,10 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
         tree.emitters += most[i];
         tree.order += most[i];
         tree.nodes += spsi_tree_nodes(most[i]);
-        tree.to_cells = 1;
-        tree.to_polygons = i == SPSI_FLIGHTS_SPOTS ? 0.0f : 1.0f; /* polygons do not light each other */
+        tree.to_cells = tree.to_polygons = 1;
     }
+    trees[SPSI_FLIGHTS_SPOTS].to_polygons = 0; /* polygons do not light each other */
+    trees[SPSI_FLIGHTS_CELLS].to_cells = trees[SPSI_FLIGHTS_CELLS].to_polygons = 0; /* until it is built */
     return SPS_OK;
 }
 
@@ -21273,8 +21303,9 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     spsi_v through[3], passes[3];
     spsi_flight_ways ways;
     int some = 0;
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        const spsi_flight *flight = &list->entry[spsi_least(n + i, list->count - 1)];
+    memset(&ways, 0, sizeof ways);
+    for (int i = 0; i < spsi_least(SPSI_LANES, list->count - n); ++i) {
+        const spsi_flight *flight = &list->entry[n + i];
         const spsi_emitter *node = flight->emitter;
         double facing, distance, within;
         for (int k = 0; k < 3; ++k) {
@@ -21285,7 +21316,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         within = fmax(fmax(distance, (double)node->radius), 1e-60);
         facing = spsi_dot(toward[i], place->normal) / within;
         share[i] = facing / within / within * spsi_emitter_lobe(node, toward[i], distance);
-        some |= (n + i < list->count && facing > 0) << i;
+        some |= (facing > 0) << i;
         for (int k = 0; k < 3; ++k) {
             ways.from[k][i] = node->at[k];
             ways.unit[k][i] = (float)(-toward[i][k] / fmax(distance, 1e-60));
@@ -21322,7 +21353,8 @@ static void spsi_flights_irradiance(const spsi_flight_place *place, const spsi_f
         spsi_flight_list list;
         list.count = 0;
         if (trees[i].to_polygons > 0)
-            spsi_flights_choose(&trees[i], place->point, 0, place->frame->accuracy.flight_angle, &list);
+            spsi_flights_choose(&trees[i], place->point, 0,
+                                place->frame->accuracy.flight_angle * (i == SPSI_FLIGHTS_CELLS ? 2 : 1), &list);
         for (int n = 0; n < list.count; n += SPSI_LANES)
             spsi_flights_irradiance_of(place, &trees[i], &list, n, irradiance);
     }
@@ -24675,8 +24707,9 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     most[SPSI_FLIGHTS_SPOTS] = spsi_beams_count(job);
     most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid) +
                                (frame->matter.emits ? (size_t)frame->content->particle_count : 0);
-    items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS, most[0] + most[1] + most[2],
-                                              sizeof **items);
+    most[SPSI_FLIGHTS_CELLS] = spsi_emitting_cells(frame);
+    items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS,
+                                              most[0] + most[1] + most[2] + most[3], sizeof **items);
     if (!items[0] || spsi_flights_begin(job->context, job->grid, job->grid_count, most, trees))
         return job->context->result;
     for (int i = 1; i < SPSI_FLIGHT_TREES; ++i) items[i] = items[i - 1] + most[i - 1];
@@ -24899,24 +24932,66 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     solver->leaving = memory;
 }
 
-/* Sweeps once more without what flies to polygons, but not to cells. */
-static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
+/* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
+   directions make a star of rays on polygons. A cell by itself may send half of what comes from each face of the grid's
+   sides on the mean, where a ray adds 1 % to what comes there, or 4 times the cells' mean. Returns their number. */
+static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
+    static const int term[3] = {3, 1, 2};
     const spsi_cell_level *level = &job->solver->levels[0];
-    const float cells = job->flights->to_cells, fraction = (job->flights->to_polygons - cells) / (1 - cells);
+    const spsi_cell_grid *grid = job->grid;
+    const double x = grid->size[0], y = grid->size[1], z = grid->size[2], area = grid->edge * grid->edge;
+    spsi_flights *flights = &job->flights[SPSI_FLIGHTS_CELLS];
+    spsi_tree_item *items = (spsi_tree_item *)job->context->buffers[SPSI_BUFFER_TREE_ITEMS].data;
+    const int first = flights->count;
+    const int end = first + (int)spsi_emitting_cells(job->frame) / (grid->channels * job->grid_count);
+    double all = 0, cells = 0, most;
+    for (size_t at = 0; at < grid->count; ++at) {
+        const double sent = (double)(level->depth[at] * level->sent[at]);
+        if (sent > 0) all += sent, cells += 1;
+    }
+    most = all * fmax(0.25 / (x * y + y * z + z * x), 4 / fmax(cells, 1));
+    for (int n = 0; n < grid->size[0] * grid->size[1] * grid->size[2]; ++n) {
+        const int column = n % grid->size[0], row = n / grid->size[0];
+        const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)column;
+        const double power = (double)(level->depth[at] * level->sent[at]);
+        const double own = most / fmax((double)level->through[0][at], 1e-30); /* dense cells hide what they send */
+        double point[3], mean[3];
+        spsi_emitter like;
+        if (!(power > own) || flights->count >= end) continue;
+        memset(&like, 0, sizeof like);
+        like.radius = (float)(0.645 * grid->edge); /* the spread of a cube */
+        for (int c = 0; c < 3; ++c) {
+            like.sent[c] = spsi_least(c, grid->channels - 1) == channel ? (float)(power - own) : 0;
+            mean[c] = 1.5 * sqrt(1.0 / 3) * (double)(level->sent[(size_t)term[c] * grid->count + at] / level->sent[at]);
+        }
+        for (int k = 0; k < 3; ++k) like.axis[k] = (float)(mean[k] / fmax(spsi_length(mean), 1));
+        spsi_cell_centre(grid, 1, column, row % grid->size[1], row / grid->size[1], point);
+        spsi_emitters_add(flights, point, area, -1, &like, items);
+        for (int t = 0; t < grid->terms; ++t) level->sent[(size_t)t * grid->count + at] *= (float)(own / power);
+    }
+    return flights->count - first;
+}
+
+/* Sweeps once more without what flies to polygons, but not to cells; if it is the last time, that of cells, too. */
+static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, int last) {
+    const spsi_cell_level *level = &job->solver->levels[0];
+    const float cells = job->flights->to_cells, all = job->flights->to_polygons;
+    const float fraction = all > cells ? (all - cells) / (1 - cells) : 0;
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
-    for (int back = 0; back < 2; ++back) {
+    int changed = fraction > 0;
+    for (int back = 0; back < 2 && (changed || last); ++back) {
         for (size_t at = 0; at < job->grid->count; ++at)
             if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
-        if (!back) spsi_cells_sweep_out(job->solver);
+        if (!back && last) changed |= spsi_cells_set_apart(job, channel) > 0;
+        if (!back && changed) spsi_cells_sweep_out(job->solver);
     }
 }
 
 /* Keeps what the last sweep found, by which polygons are lit. */
-static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
+static void spsi_cells_take_flux(const spsi_cell_job *job, int channel, int last) {
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    if (job->flown && job->wall_light && job->flights->to_polygons > job->flights->to_cells)
-        spsi_cells_sweep_rest(job, channel);
+    if (job->flown && job->wall_light) spsi_cells_sweep_rest(job, channel, last);
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
     spsi_cell_patches_fill(job->solver, grid, channel);
@@ -24927,7 +25002,7 @@ static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
 static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
     const int first = job->wall_light == NULL;
     spsi_cell_pass pass = spsi_cell_pass_of(job->solver, plain);
-    spsi_cells_take_flux(job, channel);
+    spsi_cells_take_flux(job, channel, 0);
     if (spsi_cell_walls_send(job, channel) < SPSI_CELL_CHANGE && !first) return 0;
     pass.walls = job->walls.sent;
     spsi_cells_carry(&pass);
@@ -24977,7 +25052,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
         each.progress += each.share;
         if (!plain || !spsi_cells_reflect(job, job->channel, plain)) break;
     }
-    if (plain) spsi_cells_take_flux(job, job->channel);
+    if (plain) spsi_cells_take_flux(job, job->channel, 1);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     for (size_t i = 0; i < moments && job->flown; ++i) light[i] += job->flown[(size_t)job->channel * moments + i];
     if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
@@ -25041,6 +25116,7 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
     for (int i = 0; i < frame->lamps.count; ++i)
         if (spsi_lamp_has_beam(&frame->lamps.list[i]))
             count += (spsi_beam_steps(grid) + 1) * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
+    count += spsi_emitting_cells(frame);
     count += 2 * SPSI_FLIGHT_TREES; /* nodes of trees of none */
     return spsi_cells_fly(frame) ? SPSI_FLIGHT_TREES * sizeof(spsi_flights) + count * each + spsi_tree_bytes(count) : 0;
 }
@@ -25158,7 +25234,7 @@ static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
 static void spsi_glow_split(const spsi_glow *glow, int scatters, spsi_flights *flights) {
     const double sum = glow->sum > 0 ? glow->sum : 1, depth = glow->depth / sum;
     const double alone = fmax(0, fmin(log(fmax(glow->parts / sum, 1) / 32) / log(4), 1));
-    const double bare = fmax(0, fmin(1.5 - depth / 8, 1));
+    const double bare = glow->sum > 0 ? fmax(0, fmin(1.5 - depth / 8, 1)) : 0;
     flights->to_cells = (float)(scatters ? alone * fmax(0, fmin(2 - depth / 2, 1)) : bare);
     flights->to_polygons = (float)fmax((double)flights->to_cells, bare);
 }
@@ -25285,7 +25361,10 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
         if (spsi_cells_solve_all(job, &third)) return context->result;
         third.progress += third.share;
     }
-    return SPS_OK;
+    flights[SPSI_FLIGHTS_CELLS].to_polygons = 1;
+    return flies ? spsi_flights_build(context, (spsi_tree_item *)context->buffers[SPSI_BUFFER_TREE_ITEMS].data,
+                                      &flights[SPSI_FLIGHTS_CELLS])
+                 : SPS_OK;
 }
 
 /* Finds what the eye sees of a grid. */

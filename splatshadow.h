@@ -3936,72 +3936,16 @@ static float spsi_compressed_optical_depth(const spsi_node *nodes, uint32_t coun
 
 #define SPSI_ADAPTIVE_EPSILON (1.0f / 1024) /* error of the polyline whose nodes are chosen from */
 
-/* A node (u, T) that an adaptive map is made from. */
-typedef struct spsi_adaptive_node {
-    spsi_node node;
-    double cost;       /* change of the area below the curve if this node is removed */
-    int before, after; /* remaining neighbours */
-    int slot;          /* in the heap */
-} spsi_adaptive_node;
-
-/* The heap holds inner nodes, with the cheapest to remove at its top. */
-typedef struct spsi_adaptive {
-    spsi_adaptive_node *nodes;
-    int *heap;
-    int count, heap_count;
-} spsi_adaptive;
-
 static size_t spsi_adaptive_bytes(int count) {
     const size_t most = (size_t)spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON);
-    return most * (sizeof(spsi_adaptive_node) + sizeof(spsi_node) + sizeof(int));
+    return most * (sizeof(double) + sizeof(spsi_node));
 }
 
-/* Only inner nodes may be removed. */
-static int spsi_adaptive_is_inner(const spsi_adaptive *map, int i) { return i > 0 && i < map->count - 1; }
-
-static void spsi_adaptive_price(spsi_adaptive *map, int i) {
-    spsi_adaptive_node *own = &map->nodes[i];
-    const spsi_node *a = &map->nodes[own->before].node, *b = &own->node, *c = &map->nodes[own->after].node;
-    own->cost = fabs(((double)b->u - (double)a->u) * ((double)c->value - (double)a->value) -
-                     ((double)c->u - (double)a->u) * ((double)b->value - (double)a->value));
-}
-
-static int spsi_adaptive_less(const spsi_adaptive *map, int a, int b) {
-    const double first = map->nodes[a].cost, second = map->nodes[b].cost;
-    return first < second || (!(second < first) && a < b);
-}
-
-static void spsi_adaptive_place(spsi_adaptive *map, int slot, int i) {
-    map->heap[slot] = i;
-    map->nodes[i].slot = slot;
-}
-
-/* Moves node i, whose cost may have changed, up or down in the heap from `slot`. */
-static void spsi_adaptive_sift(spsi_adaptive *map, int slot, int i) {
-    int child;
-    for (; slot > 0 && spsi_adaptive_less(map, i, map->heap[(slot - 1) / 2]); slot = (slot - 1) / 2)
-        spsi_adaptive_place(map, slot, map->heap[(slot - 1) / 2]);
-    for (; (child = 2 * slot + 1) < map->heap_count; slot = child) {
-        if (child + 1 < map->heap_count && spsi_adaptive_less(map, map->heap[child + 1], map->heap[child])) ++child;
-        if (!spsi_adaptive_less(map, map->heap[child], i)) break;
-        spsi_adaptive_place(map, slot, map->heap[child]);
-    }
-    spsi_adaptive_place(map, slot, i);
-}
-
-/* Removes the cheapest node. */
-static void spsi_adaptive_remove(spsi_adaptive *map) {
-    const spsi_adaptive_node *gone = &map->nodes[map->heap[0]];
-    const int sides[2] = {gone->before, gone->after};
-    map->heap_count -= 1;
-    if (map->heap_count > 0) spsi_adaptive_sift(map, 0, map->heap[map->heap_count]);
-    map->nodes[sides[0]].after = sides[1];
-    map->nodes[sides[1]].before = sides[0];
-    for (int k = 0; k < 2; ++k) {
-        if (!spsi_adaptive_is_inner(map, sides[k])) continue;
-        spsi_adaptive_price(map, sides[k]);
-        spsi_adaptive_sift(map, map->nodes[sides[k]].slot, sides[k]);
-    }
+/* Twice the change of the area below the curve if an inner node is removed. */
+static double spsi_adaptive_cost(const spsi_node *node) {
+    const spsi_node *a = node - 1, *c = node + 1;
+    return fabs(((double)node->u - (double)a->u) * ((double)c->value - (double)a->value) -
+                ((double)c->u - (double)a->u) * ((double)node->value - (double)a->value));
 }
 
 /* A compressed curve, whose last node is made exact again: the total transmittance. */
@@ -4017,29 +3961,24 @@ static int spsi_adaptive_begin(const spsi_node *curve, int count, spsi_node *nod
    twice as large.] */
 static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
                               float *texel) {
-    const int most = settings->components / 2, room = spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON);
-    spsi_node *line;
-    spsi_adaptive map;
-    int at = 0;
-    map.nodes = (spsi_adaptive_node *)scratch;
-    line = (spsi_node *)(void *)(map.nodes + room);
-    map.heap = (int *)(void *)(line + room);
-    map.heap_count = 0;
-    map.count = spsi_adaptive_begin(curve, count, line);
-    for (int i = 0; i < map.count; ++i) {
-        map.nodes[i].node = line[i];
-        map.nodes[i].before = i - 1, map.nodes[i].after = i + 1;
+    const int most = settings->components / 2;
+    double *costs = (double *)scratch;
+    spsi_node *line = (spsi_node *)(void *)(costs + spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON));
+    int left = spsi_adaptive_begin(curve, count, line);
+    for (int i = 1; i < left - 1; ++i) costs[i] = spsi_adaptive_cost(&line[i]);
+    for (; left > most; --left) {
+        double lowest = costs[1];
+        int least = 1;
+        for (int i = 2; i < left - 1; ++i)
+            if (costs[i] < lowest) lowest = costs[least = i];
+        memmove(line + least, line + least + 1, (size_t)(left - 1 - least) * sizeof *line);
+        memmove(costs + least, costs + least + 1, (size_t)(left - 1 - least) * sizeof *costs);
+        if (least > 1) costs[least - 1] = spsi_adaptive_cost(&line[least - 1]);
+        if (least < left - 2) costs[least] = spsi_adaptive_cost(&line[least]);
     }
-    for (int i = 1; i < map.count - 1; ++i) {
-        spsi_adaptive_price(&map, i);
-        map.heap_count += 1;
-        spsi_adaptive_sift(&map, map.heap_count - 1, i);
-    }
-    while (map.heap_count + 2 > most && map.heap_count > 0) spsi_adaptive_remove(&map);
     for (int i = 0; i < most; ++i) {
-        texel[2 * i] = map.count > 0 ? map.nodes[at].node.u : 0;
-        texel[2 * i + 1] = map.count > 0 ? map.nodes[at].node.value : 1;
-        at = map.count > 0 ? spsi_least(map.nodes[at].after, map.count - 1) : 0;
+        texel[2 * i] = left > 0 ? line[spsi_least(i, left - 1)].u : 0;
+        texel[2 * i + 1] = left > 0 ? line[spsi_least(i, left - 1)].value : 1;
     }
 }
 

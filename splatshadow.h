@@ -1477,15 +1477,6 @@ static inline __m256i spsi_first(int count) {
 }
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm256_maskload_ps(p, spsi_first(count)); }
 static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm256_maskstore_ps(p, spsi_first(count), a); }
-static inline spsi_v spsi_halves(spsi_v a, spsi_v b) { return _mm256_permute2f128_ps(a, b, 0x20); }
-static inline spsi_v spsi_load_halves(const float *a, const float *b) {
-    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(a)), _mm_loadu_ps(b), 1);
-}
-static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
-    _mm_storeu_ps(a, _mm256_castps256_ps128(v));
-    _mm_storeu_ps(b, _mm256_extractf128_ps(v, 1));
-}
-#define SPSI_HAS_HALVES
 #define SPSI_HAS_FIRST
 static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v bit) {
     const __m256i number = _mm256_cvttps_epi32(bit), entry = _mm256_slli_epi32(_mm256_cvttps_epi32(at), 1);
@@ -1626,7 +1617,7 @@ static inline float spsi_one(spsi_v a) {
     return lanes[0];
 }
 
-/* Long vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row empty.
+/* The longest vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row empty.
    spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole rows. */
 #ifdef SPSI_HAS_HALVES
 #define SPSI_ROWS_MOST 2
@@ -1634,35 +1625,8 @@ static inline float spsi_one(spsi_v a) {
 #define SPSI_ROWS_MOST 1
 static inline spsi_v spsi_halves(spsi_v a, spsi_v b) { return (void)b, a; }
 static inline spsi_v spsi_load_halves(const float *a, const float *b) { return (void)b, spsi_load(a); }
-static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
-    spsi_store(a, v);
-    (void)b;
-}
+static inline void spsi_store_halves(float *a, float *b, spsi_v v) { (void)b, spsi_store(a, v); }
 #endif
-
-/* The pixels of a vector of 1 or 2 rows, from its first: columns, and rows. */
-static inline spsi_v spsi_columns_of(int rows) {
-    return rows == 1 ? spsi_iota() : spsi_halves(spsi_iota(), spsi_iota());
-}
-static inline spsi_v spsi_rows_of(int rows) { return rows == 1 ? spsi_set(0) : spsi_halves(spsi_set(0), spsi_set(1)); }
-
-static inline spsi_v spsi_load_rows(const float *p, size_t pitch, int rows) {
-    return rows == 1 ? spsi_load(p) : spsi_load_halves(p, p + pitch);
-}
-
-static inline void spsi_store_rows(float *p, size_t pitch, spsi_v a, int rows) {
-    if (rows == 1)
-        spsi_store(p, a);
-    else
-        spsi_store_halves(p, p + pitch, a);
-}
-
-/* Whether a box of pixels takes fewer vectors of two rows than of one. */
-static inline int spsi_rows_for(int width, int height) {
-    const int half = SPSI_LANES / SPSI_ROWS_MOST;
-    const int twos = (width + half - 1) / half * ((height + 1) / 2);
-    return SPSI_ROWS_MOST > 1 && twos < (width + SPSI_LANES - 1) / SPSI_LANES * height ? 2 : 1;
-}
 
 #if defined(SPSI_SIMD_SSE2) || SPSI_LANES == 1
 /* Rounds down, for |a| < 2^30. */
@@ -10245,10 +10209,10 @@ static inline void spsi_ball_chord_far(const spsi_rays *rays, const spsi_ball *b
     chord->middle = spsi_fma(spsi_mul(spsi_add(p, q), spsi_set(ball->shift)), spsi_mul(root, root), spsi_set(ball->t));
 }
 
-/* The places of a vector of pixels, of 1 or 2 rows from (x, y) on, from a distant ball's centre. */
-static inline void spsi_ball_offsets(const spsi_ball *ball, int x, int y, int rows, spsi_v *dx, spsi_v *dy) {
-    *dx = spsi_add(spsi_set((float)(x - ball->x0) - ball->x), spsi_columns_of(rows));
-    *dy = spsi_add(spsi_set((float)(y - ball->y0) - ball->y), spsi_rows_of(rows));
+/* The places of a vector of pixels, from (x, y) on, from a distant ball's centre. */
+static inline void spsi_ball_offsets(const spsi_ball *ball, int x, int y, spsi_v *dx, spsi_v *dy) {
+    *dx = spsi_add(spsi_set((float)(x - ball->x0) - ball->x), spsi_iota());
+    *dy = spsi_set((float)(y - ball->y0) - ball->y);
 }
 
 /* The chords of a vector of pixels' rays, from (x, y) on. */
@@ -10258,7 +10222,7 @@ static inline void spsi_ball_chord(const spsi_rays *rays, const spsi_ball *ball,
         spsi_ball_chord_near(rays, ball, x, y, chord);
         return;
     }
-    spsi_ball_offsets(ball, x, y, 1, &dx, &dy);
+    spsi_ball_offsets(ball, x, y, &dx, &dy);
     spsi_ball_chord_far(rays, ball, dx, dy, chord);
 }
 
@@ -11152,13 +11116,8 @@ static inline spsi_v spsi_mass_share(spsi_mass mass, spsi_v v) {
     return spsi_chord_share(mass == SPSI_MASS_SOFT_CHORD, v);
 }
 
-/* Adds weight times share to a vector of 1 or 2 rows of a sheet. */
-static inline void spsi_add_rows(float *sheet, size_t pitch, spsi_v weight, spsi_v share, int rows) {
-    spsi_store_rows(sheet, pitch, spsi_fma(weight, share, spsi_load_rows(sheet, pitch, rows)), rows);
-}
-
 /* Adds to each sheet the weight times the change of share from plane to plane. Each plane's share serves two sheets. */
-static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped, int rows) {
+static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped) {
     float *sheet = s->sheet;
     spsi_v v = s->v, before, after;
     if (s->starts)
@@ -11168,18 +11127,24 @@ static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int
     for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
         v = spsi_add(v, s->per_plane);
         after = spsi_mass_share(mass, clamped ? spsi_clamp(v, s->low, s->high) : v);
-        spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), rows);
+        spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
         before = after;
     }
     if (!s->ends) return;
     after = clamped ? spsi_mass_share(mass, s->high) : spsi_set(1);
-    spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), rows);
+    spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
 }
 
 /* The share of a kernel before planes at v, for rays that have nothing of it before `low` and nothing behind `high`. */
 static inline spsi_v spsi_kernel_share_within(spsi_v v, spsi_v low, spsi_v high) {
     const spsi_v from = spsi_select(spsi_less(v, low), spsi_set(-1), v);
     return spsi_kernel_share(spsi_select(spsi_less(high, v), spsi_set(1), from));
+}
+
+/* Adds weight times share to two rows of a sheet. */
+static inline void spsi_add_pair(const spsi_sections *s, float *sheet, spsi_v share) {
+    float *next = sheet + s->pitch;
+    spsi_store_halves(sheet, next, spsi_fma(s->weight, share, spsi_load_halves(sheet, next)));
 }
 
 /* The same for two rows of a kernel, which may end at different planes. */
@@ -11190,10 +11155,10 @@ static inline void spsi_add_pairs(const spsi_sections *s) {
     for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
         v = spsi_add(v, s->per_plane);
         after = spsi_kernel_share_within(v, s->low, s->high);
-        spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), 2);
+        spsi_add_pair(s, sheet, spsi_sub(after, before));
         before = after;
     }
-    if (s->ends) spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(spsi_set(1), before), 2);
+    if (s->ends) spsi_add_pair(s, sheet, spsi_sub(spsi_set(1), before));
 }
 
 /* Rows of one footprint, a vector of rows at a time: their ranges of pixels and slabs. */
@@ -11299,7 +11264,6 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
     spsi_v column = spsi_mul(spsi_exp(spsi_fma(dx, spsi_set(b * rows->dy[0]), square)), amplitude);
     spsi_sections sections;
     sections.sheet_size = tile->sheet_size;
-    sections.pitch = (size_t)tile->pitch;
     sections.per_plane = spsi_set(f->per_slab[i]);
     sections.low = sections.high = spsi_set(0);
     for (int r = 0; r < count; ++r, row += tile->pitch) {
@@ -11323,7 +11287,7 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
         sections.starts = rows->starts[r];
         sections.ends = rows->ends[r];
         sections.v = spsi_add(v_column, spsi_set(rows->v[r]));
-        spsi_add_sections(&sections, SPSI_MASS_KERNEL, clamped, 1);
+        spsi_add_sections(&sections, SPSI_MASS_KERNEL, clamped);
     }
 }
 
@@ -11353,7 +11317,7 @@ static inline void spsi_splat_pairs(const spsi_print *print, const spsi_rows *ro
     const int i = print->lane;
     const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
     const int slender = spsi_is_slender(a, b, c);
-    const spsi_v at = spsi_add(spsi_set((float)x), spsi_columns_of(2)), dx = spsi_sub(at, spsi_set(f->x[i]));
+    const spsi_v at = spsi_add(spsi_set((float)x), spsi_halves(spsi_iota(), spsi_iota())), dx = spsi_sub(at, spsi_set(f->x[i]));
     const spsi_v square = spsi_mul(spsi_mul(dx, dx), spsi_set(a)), amplitude = spsi_set(f->amplitude[i]);
     const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i])), along = spsi_mul(dx, spsi_set(b));
     const spsi_v turn = b < 0 || b > 0 ? spsi_exp(spsi_add(along, along)) : spsi_set(1);
@@ -11505,11 +11469,10 @@ static inline void spsi_splat_near_row(const spsi_near_print *print, int x, int 
     sections.sheet =
         print->channel + (size_t)k0 * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
     sections.sheet_size = tile->sheet_size;
-    sections.pitch = (size_t)tile->pitch;
     sections.count = k1 - k0;
     sections.starts = k0 == print->first;
     sections.ends = k1 == print->last;
-    spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1, 1);
+    spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1);
 }
 
 /* Whether a kernel, or (side -1) its mirror image behind the eye, meets a tile's rays. */
@@ -11907,17 +11870,16 @@ typedef struct spsi_ball_print {
     int ends;           /* 1: the last slab also receives what it has behind that */
 } spsi_ball_print;
 
-/* Positions along a vector of chords at which the rays cross the slabs of a chunk, in half chords from the middle.
-   `at`: the rays' pixels. */
-static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_chord *chord, const spsi_v at[2], int x,
-                                     int y, int rows, int clamped, spsi_sections *sections) {
+/* Positions along a vector of chords at which the rays cross the slabs of a chunk, in half chords from the middle. */
+static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_chord *chord, int x, int y, int clamped,
+                                     spsi_sections *sections) {
     const spsi_tile *tile = print->tile;
     const spsi_crossing *crossing = print->crossing;
     const spsi_seen *seen = print->seen;
     const spsi_v zero = spsi_set(0);
     const spsi_v slope =
-        spsi_fma(at[0], spsi_set(crossing->slab_x),
-                 spsi_add(spsi_set(crossing->slab_t), spsi_mul(at[1], spsi_set(crossing->slab_y))));
+        spsi_fma(spsi_add(spsi_set((float)x), spsi_iota()), spsi_set(crossing->slab_x),
+                 spsi_add(spsi_set(crossing->slab_t), spsi_mul(spsi_set((float)y), spsi_set(crossing->slab_y))));
     const spsi_v rate = spsi_max(spsi_mul(slope, spsi_set(crossing->sign)), spsi_set(1e-20f));
     spsi_v middle, step;
     if (seen->ball.near_by) {
@@ -11926,7 +11888,7 @@ static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_ch
                           spsi_set(eye_slab));
     } else {
         spsi_v dx, dy;
-        spsi_ball_offsets(&seen->ball, x, y, rows, &dx, &dy);
+        spsi_ball_offsets(&seen->ball, x, y, &dx, &dy);
         middle = spsi_fma(dx, spsi_set(seen->tilt_x),
                           spsi_add(spsi_set(seen->slab), spsi_mul(dy, spsi_set(seen->tilt_y))));
         middle = spsi_fma(spsi_sub(chord->middle, spsi_set(seen->ball.t)), slope, middle);
@@ -11943,50 +11905,39 @@ static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_ch
     sections->high = spsi_clamp(sections->high, spsi_set(-1), spsi_set(1));
 }
 
-/* Splats a vector of 1 or 2 rows of a ball, from (x, y) on, which begin at `sheet` in the first slab. */
-static inline void spsi_splat_ball_at(const spsi_ball_print *print, int x, int y, int rows, int clamped, float *sheet,
+/* Splats a vector of a row of a ball, from (x, y) on, which begins at `sheet` in the first slab. */
+static inline void spsi_splat_ball_at(const spsi_ball_print *print, int x, int y, int clamped, float *sheet,
                                       spsi_sections *sections) {
     const spsi_ball *ball = &print->seen->ball;
-    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f);
-    const spsi_v at[2] = {spsi_add(spsi_set((float)x), spsi_columns_of(rows)),
-                          spsi_add(spsi_set((float)y), spsi_rows_of(rows))};
+    const spsi_v zero = spsi_set(0);
     spsi_chord chord;
     spsi_v weight;
     spsi_m inside;
-    if (rows == 1) {
-        spsi_ball_chord(print->crossing->rays, ball, x, y, &chord);
-    } else {
-        spsi_v dx, dy;
-        spsi_ball_offsets(ball, x, y, rows, &dx, &dy);
-        spsi_ball_chord_far(print->crossing->rays, ball, dx, dy, &chord);
-    }
-    inside = spsi_and(spsi_less(zero, chord.share), spsi_less(at[0], spsi_add(spsi_set((float)print->x1), half)));
-    if (rows == 2) inside = spsi_and(inside, spsi_less(at[1], spsi_add(spsi_set((float)print->y1), half)));
+    spsi_ball_chord(print->crossing->rays, ball, x, y, &chord);
+    inside = spsi_and(spsi_less(zero, chord.share), spsi_less(spsi_iota(), spsi_set((float)(print->x1 - x) + 0.5f)));
     if (!spsi_bits(inside)) return;
-    spsi_print_planes(print, &chord, at, x, y, rows, clamped, sections);
+    spsi_print_planes(print, &chord, x, y, clamped, sections);
     weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->seen->weight));
     if (ball->soft) weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
     sections->weight = spsi_select(inside, weight, zero);
     sections->sheet = sheet;
-    spsi_add_sections(sections, ball->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD, clamped, rows);
+    spsi_add_sections(sections, ball->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD, clamped);
 }
 
-/* Splats a ball, 1 or 2 rows at a time. */
-static inline void spsi_splat_ball(const spsi_ball_print *print, int rows, int clamped) {
+static inline void spsi_splat_ball(const spsi_ball_print *print, int clamped) {
     const spsi_tile *tile = print->tile;
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     float *first = tile->sheets + (size_t)print->seen->channel * tile->channel_size +
                    (size_t)(print->first + margin) * tile->sheet_size;
     spsi_sections sections;
     sections.sheet_size = tile->sheet_size;
-    sections.pitch = (size_t)tile->pitch;
     sections.count = print->last - print->first;
     sections.starts = print->starts;
     sections.ends = print->ends;
-    for (int y = print->y0; y <= print->y1; y += rows)
-        for (int x = print->x0; x <= print->x1; x += SPSI_LANES / rows)
-            spsi_splat_ball_at(print, x, y, rows, clamped,
-                               first + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)), &sections);
+    for (int y = print->y0; y <= print->y1; ++y)
+        for (int x = print->x0; x <= print->x1; x += SPSI_LANES)
+            spsi_splat_ball_at(print, x, y, clamped, first + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)),
+                               &sections);
 }
 
 /* Splats a particle into a tile's slabs of a chunk. `starts`: this chunk is the first; `left`: number of slabs from its
@@ -12012,11 +11963,9 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     tile->visits += 1;
     tile->fragments += (uint64_t)(p.x1 - p.x0 + 1) * (uint64_t)(p.y1 - p.y0 + 1) * (uint64_t)(p.last - p.first);
     if (clamped)
-        spsi_splat_ball(&p, 1, 1);
-    else if (spsi_rows_for(p.x1 - p.x0 + 1, p.y1 - p.y0 + 1) == 2)
-        spsi_splat_ball(&p, 2, 0);
+        spsi_splat_ball(&p, 1);
     else
-        spsi_splat_ball(&p, 1, 0);
+        spsi_splat_ball(&p, 0);
 }
 
 /* ================================================================================================ >>taps
@@ -13100,8 +13049,8 @@ static void spsi_tap_cubic_mean(int i, int count, float weights[4]) {
     for (int k = 0; k < 4; ++k) weights[k] = 0.5f * (one[k] + other[k]);
 }
 
-/* The weights of the cubics' four columns in a vector of pixels of a patch, from column `x` on, in one row or two. */
-static inline void spsi_tap_across(int x, int width, int rows, spsi_v across[4]) {
+/* The weights of the cubics' four columns in a vector of pixels of a patch, from column `x` on. */
+static inline void spsi_tap_across(int x, int width, spsi_v across[4]) {
     float lanes[4][SPSI_LANES];
     memset(lanes, 0, sizeof lanes);
     for (int i = 0; i < spsi_least(SPSI_LANES, width - x); ++i) {
@@ -13109,26 +13058,20 @@ static inline void spsi_tap_across(int x, int width, int rows, spsi_v across[4])
         spsi_tap_cubic(spsi_tap_between(x + i, width), weights);
         for (int k = 0; k < 4; ++k) lanes[k][i] = weights[k];
     }
-    for (int k = 0; k < 4; ++k) across[k] = rows == 1 ? spsi_load(lanes[k]) : spsi_load_halves(lanes[k], lanes[k]);
+    for (int k = 0; k < 4; ++k) across[k] = spsi_load(lanes[k]);
 }
 
 /* Adds a patch's sheet, interpolated between the sums of its rays, to a vector's columns. */
-static inline void spsi_tap_spread(const float *sums, const float down[][4], int height, int rows,
-                                   const spsi_v across[4], float *sheet, size_t pitch) {
-    for (int y = 0; y < height; y += rows, sheet += rows * (ptrdiff_t)pitch) {
-        float columns[SPSI_ROWS_MOST + 1][4];
-        spsi_v value = spsi_load_rows(sheet, pitch, rows), sum = spsi_set(0);
-        for (int r = 0; r < rows; ++r) {
-            spsi_four between = spsi_four_scale(down[y + r][0], spsi_four_load(sums));
-            for (int k = 1; k < 4; ++k)
-                between = spsi_four_add(down[y + r][k], spsi_four_load(sums + 4 * k), between);
-            spsi_four_store(columns[r], between);
-        }
-        for (int k = 0; k < 4; ++k) {
-            const spsi_v here = spsi_set(columns[0][k]);
-            sum = spsi_fma(rows == 1 ? here : spsi_halves(here, spsi_set(columns[rows - 1][k])), across[k], sum);
-        }
-        spsi_store_rows(sheet, pitch, spsi_add(value, spsi_max(sum, spsi_set(0))), rows);
+static inline void spsi_tap_spread(const float *sums, const float down[][4], int height, const spsi_v across[4],
+                                   float *sheet, size_t pitch) {
+    for (int y = 0; y < height; ++y, sheet += pitch) {
+        spsi_four between = spsi_four_scale(down[y][0], spsi_four_load(sums));
+        spsi_v sum = spsi_set(0);
+        float columns[4];
+        for (int k = 1; k < 4; ++k) between = spsi_four_add(down[y][k], spsi_four_load(sums + 4 * k), between);
+        spsi_four_store(columns, between);
+        for (int k = 0; k < 4; ++k) sum = spsi_fma(spsi_set(columns[k]), across[k], sum);
+        spsi_store(sheet, spsi_add(spsi_load(sheet), spsi_max(sum, spsi_set(0))));
     }
 }
 
@@ -13136,20 +13079,19 @@ static inline void spsi_tap_spread(const float *sums, const float down[][4], int
 static void spsi_tap_patch_spread(const spsi_tile *tile, const spsi_tap_patch *patch, const int slabs[2],
                                   const float *sums, float *sheets) {
     const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
-    const int rows = spsi_rows_for(width, height);
-    float down[SPSI_PATCH + 1][4];
+    float down[SPSI_PATCH][4];
     memset(down, 0, sizeof down);
     for (int i = 0; i < height; ++i) spsi_tap_cubic(spsi_tap_between(i, height), down[i]);
     sheets += (patch->y0 - tile->y0) * tile->pitch + patch->x0 - tile->x0;
-    for (int x = 0; x < width; x += SPSI_LANES / rows) {
+    for (int x = 0; x < width; x += SPSI_LANES) {
         spsi_v across[4];
-        spsi_tap_across(x, width, rows, across);
+        spsi_tap_across(x, width, across);
         for (int slab = slabs[0]; slab < slabs[1]; ++slab) {
             int some = 0;
             for (int n = 0; n < 16; n += SPSI_LANES)
                 some |= spsi_bits(spsi_less(spsi_set(0), spsi_load(sums + 16 * slab + n)));
             if (some)
-                spsi_tap_spread(sums + 16 * slab, (const float(*)[4])down, height, rows, across,
+                spsi_tap_spread(sums + 16 * slab, (const float(*)[4])down, height, across,
                                 sheets + (size_t)slab * tile->sheet_size + x, (size_t)tile->pitch);
         }
     }

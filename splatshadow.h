@@ -1617,8 +1617,8 @@ static inline float spsi_one(spsi_v a) {
     return lanes[0];
 }
 
-/* The longest vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row empty.
-   spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole rows. */
+/* The longest vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row
+   empty. spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole rows. */
 #ifdef SPSI_HAS_HALVES
 #define SPSI_ROWS_MOST 2
 #else
@@ -11317,7 +11317,8 @@ static inline void spsi_splat_pairs(const spsi_print *print, const spsi_rows *ro
     const int i = print->lane;
     const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
     const int slender = spsi_is_slender(a, b, c);
-    const spsi_v at = spsi_add(spsi_set((float)x), spsi_halves(spsi_iota(), spsi_iota())), dx = spsi_sub(at, spsi_set(f->x[i]));
+    const spsi_v at = spsi_add(spsi_set((float)x), spsi_halves(spsi_iota(), spsi_iota()));
+    const spsi_v dx = spsi_sub(at, spsi_set(f->x[i]));
     const spsi_v square = spsi_mul(spsi_mul(dx, dx), spsi_set(a)), amplitude = spsi_set(f->amplitude[i]);
     const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i])), along = spsi_mul(dx, spsi_set(b));
     const spsi_v turn = b < 0 || b > 0 ? spsi_exp(spsi_add(along, along)) : spsi_set(1);
@@ -19319,7 +19320,7 @@ static spsi_cell_pass spsi_cell_pass_of(const spsi_cell_solver *solver, const sp
     pass.solver = solver;
     pass.level = level;
     pass.walls = NULL;
-    pass.leaving = NULL;
+    pass.leaving = level == &solver->levels[0] ? solver->leaving : NULL;
     return pass;
 }
 
@@ -19687,22 +19688,14 @@ static void spsi_cells_plane_task(void *data, int z) {
 }
 
 static void spsi_cells_carry(spsi_cell_pass *pass) {
+    if (pass->leaving) memset(pass->leaving, 0, spsi_cell_leaving_floats(pass->level->size[2]) * sizeof *pass->leaving);
     spsi_parallel_items(pass->solver->context, 2, spsi_cells_along_task, pass);
     spsi_parallel_items(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
 }
 
-/* Carries what cells send through all of the grid: its moments. */
+/* Carries what cells send through all of the grid: its moments and, of the finest level, what leaves it. */
 static void spsi_cells_sweep(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
-    spsi_cells_carry(&pass);
-}
-
-/* The same, and what leaves the grid. */
-static void spsi_cells_sweep_out(const spsi_cell_solver *solver) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[0]);
-    pass.leaving = solver->leaving;
-    if (pass.leaving)
-        memset(pass.leaving, 0, spsi_cell_leaving_floats(pass.level->size[2]) * sizeof *pass.leaving);
     spsi_cells_carry(&pass);
 }
 
@@ -19878,13 +19871,10 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
     return sent > 0 ? missing / sent : 0;
 }
 
-/* Sweeps a level, and finds what its cells miss, or mends it; of the finest one also what leaves it. */
+/* Sweeps a level, and finds what its cells miss, or mends it. */
 static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_level *level, spsi_item_fn task) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
-    if (level == &solver->levels[0])
-        spsi_cells_sweep_out(solver);
-    else
-        spsi_cells_sweep(solver, level);
+    spsi_cells_carry(&pass);
     spsi_parallel_items(solver->context, level->size[2], task, &pass);
 }
 
@@ -24788,7 +24778,7 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
     for (int back = 0; back < 2; ++back) {
         for (size_t at = 0; at < job->grid->count; ++at)
             if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
-        if (!back) spsi_cells_sweep_out(job->solver);
+        if (!back) spsi_cells_sweep(job->solver, level);
     }
 }
 

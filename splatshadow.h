@@ -1618,7 +1618,8 @@ static inline float spsi_one(spsi_v a) {
 }
 
 /* The longest vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row
-   empty. spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole rows. */
+   empty. spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole
+   rows. */
 #ifdef SPSI_HAS_HALVES
 #define SPSI_ROWS_MOST 2
 #else
@@ -13856,6 +13857,15 @@ typedef struct spsi_shape {
     int slab_margin; /* slabs before and after a chunk: one for the parabolas of what is classified */
 } spsi_shape;
 
+/* What rays fill, which decides how volumes fill it. */
+typedef enum spsi_target_kind {
+    SPSI_TARGET_EYE,
+    SPSI_TARGET_SAMPLES, /* of cells, or of light that spreads */
+    SPSI_TARGET_MAP,     /* from here on, of lights */
+    SPSI_TARGET_COARSE,  /* a map whose texels are meant to be wider than classified voxels */
+    SPSI_TARGET_SHEETS
+} spsi_target_kind;
+
 typedef struct spsi_target {
     const spsi_frame *frame;
     const spsi_rays *rays;
@@ -13867,6 +13877,7 @@ typedef struct spsi_target {
     spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* whether they are gathered, by `tappers` */
     spsi_tapper tappers[SPSI_VOLUMES_MAX];
     int set_channels[SPSI_SETS_MAX]; /* of each set of particles */
+    spsi_target_kind kind;
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
     spsi_crossing crossing;
     int16_t (*brick_boxes)[4]; /* x0, y0, x1, y1 of each brick, in pixels; x1 < x0: nowhere */
@@ -13951,84 +13962,80 @@ static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
     return shape;
 }
 
+/* `backwards`: rays cross the slabs against their order. */
 static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
-                              spsi_target *target) {
+                              spsi_target_kind kind, int backwards, spsi_target *target) {
     target->frame = frame;
     target->rays = rays;
     target->slabs = slabs;
+    target->kind = kind;
     target->origin_slab = spsi_slab_at(slabs, rays->origin);
     target->columns = spsi_tile_columns(rays);
     target->rows = spsi_tile_rows(rays);
     target->tolerance = 0;
+    spsi_crossing_build(rays, slabs, backwards, &target->crossing);
+    for (int i = 0; i < frame->particles.set_count; ++i)
+        target->set_channels[i] = kind < SPSI_TARGET_MAP ? frame->particles.sets[i].channel : 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         target->channels[i] = -1;
         target->verdicts[i] = SPSI_SPLAT_ASKED;
     }
 }
 
-static sps_result spsi_target_refuse(sps_context *context, const spsi_medium *medium) {
-    return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, medium->index, "placement's voxel edge",
-                           cbrt(medium->lattice->voxel_volume),
-                           "it is too large or too small for the world, or for this view's pixels");
+/* Decides how a volume fills a target. A light's holds the optical depth of gases and the values of classified volumes.
+   In sheets and coarse maps, kernels of these end early, and are not widened to a texel: it would be the look of a
+   mean. In samples, gas keeps its mass: it is deposited if its voxels are small, or gathered on the level on which the
+   eye sees it. Returns 0 if the volume is refused. */
+static int spsi_target_judge(spsi_target *target, int i) {
+    const spsi_frame *frame = target->frame;
+    const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
+    const int looks = target->kind > SPSI_TARGET_MAP && material->table;
+    const int keeps = target->kind == SPSI_TARGET_SAMPLES && !material->table;
+    const float scale = target->kind < SPSI_TARGET_MAP || material->table ? 1 : material->extinction;
+    const double cut = looks ? frame->accuracy.light_cut : frame->accuracy.cut;
+    const spsi_tapping tapping = looks || target->kind == SPSI_TARGET_SHEETS ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS;
+    spsi_splatter *splatter = &target->splatters[i];
+    if (!spsi_splatter_build(&frame->lattices[i], target->rays, target->slabs, scale, cut, splatter)) return 0;
+    splatter->sign = target->crossing.sign;
+    if (target->kind == SPSI_TARGET_EYE && material->table) spsi_splatter_classified(splatter);
+    if (looks) splatter->filter = 0;
+    if (!keeps || frame->content->levels[i] > 0)
+        target->verdicts[i] = spsi_tapper_judge(frame, &frame->lattices[i], target->rays, target->slabs, splatter,
+                                                tapping, &target->tappers[i]);
+    target->tappers[i].scale = scale;
+    if (!keeps || spsi_gathers(target->verdicts[i])) return 1;
+    spsi_splatter_deposits(splatter, target->rays, &frame->content->bounds);
+    target->verdicts[i] = splatter->deposits ? SPSI_DEPOSITED : SPSI_SPLAT_MASS;
+    return 1;
 }
 
-/* The eye as a target; `backwards`: its rays cross the slabs against their order. */
-static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
-                                     int backwards, spsi_target *target) {
-    spsi_target_place(frame, &frame->content->eye, slabs, target);
-    target->tolerance = frame->view.tolerance;
-    spsi_crossing_build(&frame->content->eye, slabs, backwards, &target->crossing);
-    for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
-    for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
-        const spsi_medium *medium = &frame->media[i];
-        const spsi_material *material = &frame->matter.materials[medium->channel];
-        spsi_splatter *splatter = &target->splatters[i];
-        target->channels[i] = medium->channel;
-        if (!spsi_splatter_build(medium->lattice, &frame->content->eye, slabs, 1, frame->accuracy.cut, splatter))
-            return spsi_target_refuse(context, medium);
-        if (backwards) splatter->sign = -1;
-        if (material->table) spsi_splatter_classified(splatter);
-        target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, target->rays, slabs, splatter, SPSI_TAP_PIXELS,
-                                                &target->tappers[i]);
-        target->tappers[i].scale = 1;
+/* Whether a volume fills a target at all: of a light, what has no extinction does not. */
+static int spsi_target_takes(const spsi_target *target, const spsi_medium *medium) {
+    return target->kind < SPSI_TARGET_MAP || target->frame->matter.materials[medium->channel].extinguishes;
+}
+
+/* Decides how all volumes fill a target. */
+static sps_result spsi_target_volumes(sps_context *context, spsi_target *target) {
+    for (int i = 0; i < target->frame->medium_count && context->brick_count > 0; ++i) {
+        const spsi_medium *medium = &target->frame->media[i];
+        if (!spsi_target_takes(target, medium)) continue;
+        target->channels[i] = target->kind < SPSI_TARGET_MAP ? medium->channel : medium->light_channel;
+        if (!spsi_target_judge(target, i))
+            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, medium->index,
+                                   "placement's voxel edge", cbrt(medium->lattice->voxel_volume),
+                                   "it is too large or too small for the world, or for this view's pixels");
     }
-    target->shape = spsi_shape_of(frame, 1);
     return SPS_OK;
 }
 
-/* What a light's rays fill. */
-typedef enum spsi_light_target {
-    SPSI_LIGHT_MAP,
-    SPSI_LIGHT_COARSE, /* a map whose texels are meant to be wider than classified voxels */
-    SPSI_LIGHT_SHEETS
-} spsi_light_target;
-
-/* The rays of a light's sheets or of a map's face as a target, which holds the optical depth of gases and the values of
-   classified volumes. In sheets and coarse maps, kernels of these end early, and are not widened to a texel: it would
-   be the look of a mean. */
-static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                       const spsi_slabs *slabs, spsi_light_target kind, spsi_target *target) {
-    spsi_target_place(frame, rays, slabs, target);
-    target->shape = spsi_shape_of(frame, 0);
-    spsi_crossing_build(rays, slabs, 0, &target->crossing);
-    for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = 0;
-    for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
-        const spsi_medium *medium = &frame->media[i];
-        const spsi_material *material = &frame->matter.materials[medium->channel];
-        const float scale = material->table ? 1 : material->extinction;
-        const int looks = kind != SPSI_LIGHT_MAP && material->table;
-        const double cut = looks ? frame->accuracy.light_cut : frame->accuracy.cut;
-        const spsi_tapping tapping = looks || kind == SPSI_LIGHT_SHEETS ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS;
-        if (!material->extinguishes) continue;
-        target->channels[i] = medium->light_channel;
-        if (!spsi_splatter_build(medium->lattice, rays, slabs, scale, cut, &target->splatters[i]))
-            return spsi_target_refuse(context, medium);
-        if (looks) target->splatters[i].filter = 0;
-        target->verdicts[i] =
-            spsi_tapper_judge(frame, medium->lattice, rays, slabs, &target->splatters[i], tapping, &target->tappers[i]);
-        target->tappers[i].scale = scale;
-    }
-    return SPS_OK;
+/* The eye, or the rays of a light's sheets or of a map's face, as a target. */
+static sps_result spsi_target_build(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
+                                    const spsi_slabs *slabs, spsi_target_kind kind, int backwards,
+                                    spsi_target *target) {
+    spsi_target_place(frame, rays, slabs, kind, backwards, target);
+    if (kind == SPSI_TARGET_EYE) target->tolerance = frame->view.tolerance;
+    target->shape = spsi_shape_of(frame, kind == SPSI_TARGET_EYE);
+    return spsi_target_volumes(context, target);
 }
 
 #define SPSI_SUMMED_MOST 8192 /* particles that are summed in sheets: each may lose half of 8192 roundings, 2.5e-4 */
@@ -16102,12 +16109,12 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
 /* Prepares the splatting of volumes into a face. */
 static sps_result spsi_map_volumes_build(sps_context *context, const spsi_occluders *occluders, const spsi_rays *rays) {
     const spsi_frame *frame = occluders->frame;
-    const spsi_light_target kind = occluders->coarse ? SPSI_LIGHT_COARSE : SPSI_LIGHT_MAP;
+    const spsi_target_kind kind = occluders->coarse ? SPSI_TARGET_COARSE : SPSI_TARGET_MAP;
     spsi_map_volumes *volumes = occluders->volumes;
     spsi_target *target = &volumes->target;
     memset(volumes, 0, sizeof *volumes);
     if (spsi_tmap_slabs(context, frame, rays, &volumes->slabs)) return context->result;
-    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, kind, target)) return context->result;
+    if (spsi_target_build(context, frame, rays, &volumes->slabs, kind, 0, target)) return context->result;
     spsi_light_shader_build(target, &volumes->shader);
     return spsi_contents_build(context, target, NULL, &volumes->contents);
 }
@@ -18300,7 +18307,7 @@ static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *fram
     sliced->is_soft = sweep->soft;
     if (sweep->soft && spsi_penumbra_begin(context, frame, sweep, faces, &sliced->penumbra)) return context->result;
     if (spsi_planes_build(context, frame, &sweep->rays, &sliced->planes)) return context->result;
-    if (spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, SPSI_LIGHT_SHEETS, &sliced->target))
+    if (spsi_target_build(context, frame, &sweep->rays, &sweep->slabs, SPSI_TARGET_SHEETS, 0, &sliced->target))
         return context->result;
     sliced->target.tolerance = frame->view.tolerance;
     spsi_light_shader_build(&sliced->target, &sliced->shader);
@@ -23685,39 +23692,15 @@ static int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays,
     return spsi_rays_complete(rays);
 }
 
-/* How a volume fills samples, whose splatter is built. Gas keeps its mass: it is deposited if its voxels are small, or
-   gathered on the level on which the eye sees it. */
-static spsi_verdict spsi_samples_judge(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *rays,
-                                       const spsi_slabs *slabs, spsi_splatter *splatter, spsi_tapper *tapper) {
-    if (frame->matter.materials[medium->channel].table || frame->content->levels[medium->lattice->medium] > 0) {
-        const spsi_verdict verdict =
-            spsi_tapper_judge(frame, medium->lattice, rays, slabs, splatter, SPSI_TAP_PIXELS, tapper);
-        if (frame->matter.materials[medium->channel].table || spsi_gathers(verdict)) return verdict;
-    }
-    spsi_splatter_deposits(splatter, rays, &frame->content->bounds);
-    return splatter->deposits ? SPSI_DEPOSITED : SPSI_SPLAT_MASS;
-}
-
 /* Begins to sample, with a channel per material. Rays and slabs are set. */
 static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *frame, spsi_sampling *sheets) {
     spsi_target *target = &sheets->target;
     sheets->context = context;
     sheets->frame = frame;
-    spsi_target_place(frame, &sheets->rays, &sheets->slabs, target);
+    spsi_target_place(frame, &sheets->rays, &sheets->slabs, SPSI_TARGET_SAMPLES, 0, target);
     target->shape.channels = frame->matter.material_count;
     target->shape.slab_margin = 0;
-    spsi_crossing_build(&sheets->rays, &sheets->slabs, 0, &target->crossing);
-    for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
-    for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
-        const spsi_medium *medium = &frame->media[i];
-        target->channels[i] = medium->channel;
-        if (!spsi_splatter_build(medium->lattice, &sheets->rays, &sheets->slabs, 1, frame->accuracy.cut,
-                                 &target->splatters[i]))
-            return spsi_target_refuse(context, medium);
-        target->verdicts[i] = spsi_samples_judge(frame, medium, &sheets->rays, &sheets->slabs, &target->splatters[i],
-                                                 &target->tappers[i]);
-        target->tappers[i].scale = 1;
-    }
+    if (spsi_target_volumes(context, target)) return context->result;
     spsi_light_shader_build(target, &sheets->shader);
     if (spsi_contents_build(context, target, NULL, &sheets->contents)) return context->result;
     return spsi_contents_add_particles(&sheets->contents);
@@ -25861,7 +25844,8 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
                          (frame->ambient.exists || frame->matter.emits || frame->content->cells ||
                           frame->lamps.count > frame->lamps.shadow_count);
     shader->end_depth = spsi_eye_end(frame);
-    if (spsi_target_of_eye(context, frame, &sweep->slabs, sweep->back_to_front, &run->eye) ||
+    if (spsi_target_build(context, frame, &frame->content->eye, &sweep->slabs, SPSI_TARGET_EYE, sweep->back_to_front,
+                          &run->eye) ||
         spsi_run_slice(context, run))
         return context->result;
     spsi_shader_linears(&sweep->slabs, shader);
@@ -27046,31 +27030,17 @@ static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks 
                                                    "gathered: view.filling asks for it",
                                                    "gathered: samples cost less than footprints would"};
 
-typedef enum spsi_plan_target { SPSI_PLAN_EYE, SPSI_PLAN_LIGHT, SPSI_PLAN_CELLS } spsi_plan_target;
-
 /* How volumes fill sheets of the eye, of a light, or of cells' samples. `again`: other sheets of the kind are known. */
 static void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
-                              spsi_plan_target target, int again, int *gathered, const char **why) {
-    const int of_light = target == SPSI_PLAN_LIGHT;
+                              spsi_target_kind kind, int again, int *gathered, const char **why) {
     const char *first = NULL;
     int count = 0;
+    spsi_target target;
+    spsi_target_place(frame, rays, slabs, kind, 0, &target);
     for (int i = 0; i < frame->medium_count; ++i) {
-        const spsi_medium *medium = &frame->media[i];
-        const spsi_material *material = &frame->matter.materials[medium->channel];
-        const spsi_tapping tapping = of_light ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS;
-        const double cut = of_light && material->table ? frame->accuracy.light_cut : frame->accuracy.cut;
-        spsi_verdict verdict;
-        spsi_splatter splatter;
-        spsi_tapper tapper;
-        if (of_light && !material->extinguishes) continue;
-        if (!spsi_splatter_build(medium->lattice, rays, slabs, 1, cut, &splatter)) continue; /* it is refused */
-        if (target == SPSI_PLAN_EYE && material->table) spsi_splatter_classified(&splatter);
-        if (of_light && material->table) splatter.filter = 0;
-        verdict = target == SPSI_PLAN_CELLS
-                      ? spsi_samples_judge(frame, medium, rays, slabs, &splatter, &tapper)
-                      : spsi_tapper_judge(frame, medium->lattice, rays, slabs, &splatter, tapping, &tapper);
-        if (!first) first = spsi_filling_reasons[verdict];
-        count += spsi_gathers(verdict);
+        if (!spsi_target_takes(&target, &frame->media[i]) || !spsi_target_judge(&target, i)) continue;
+        if (!first) first = spsi_filling_reasons[target.verdicts[i]];
+        count += spsi_gathers(target.verdicts[i]);
     }
     if (first && (!again || count > *gathered)) *why = first;
     *gathered = spsi_most(*gathered, count);
@@ -27097,7 +27067,8 @@ static sps_result spsi_plan_samples(sps_context *context, const spsi_frame *fram
     spsi_rays rays;
     spsi_slabs slabs;
     if (spsi_plan_aim(context, frame, &rays, &slabs))
-        spsi_plan_filling(frame, &rays, &slabs, SPSI_PLAN_CELLS, 0, &report->cells_gathered, &report->cells_filling);
+        spsi_plan_filling(frame, &rays, &slabs, SPSI_TARGET_SAMPLES, 0, &report->cells_gathered,
+                          &report->cells_filling);
     return context->result;
 }
 
@@ -27131,10 +27102,10 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
     if (sweep->lamp && sweep->lamp->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report))
         return context->result;
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
-    spsi_plan_filling(frame, &frame->content->eye, &sweep->slabs, SPSI_PLAN_EYE, !sweep->first, &report->eye_gathered,
+    spsi_plan_filling(frame, &frame->content->eye, &sweep->slabs, SPSI_TARGET_EYE, !sweep->first, &report->eye_gathered,
                       &report->eye_filling);
     if (!sweep->lamp) return SPS_OK;
-    spsi_plan_filling(frame, &sweep->rays, &sweep->slabs, SPSI_PLAN_LIGHT, !sweep->first, &report->light_gathered,
+    spsi_plan_filling(frame, &sweep->rays, &sweep->slabs, SPSI_TARGET_SHEETS, !sweep->first, &report->light_gathered,
                       &report->light_filling);
     report->shadow_width = spsi_most(report->shadow_width, frame->particles.set_count ? (int)side : sweep->rays.width);
     report->shadow_height =

@@ -1477,15 +1477,6 @@ static inline __m256i spsi_first(int count) {
 }
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm256_maskload_ps(p, spsi_first(count)); }
 static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm256_maskstore_ps(p, spsi_first(count), a); }
-static inline spsi_v spsi_halves(spsi_v a, spsi_v b) { return _mm256_permute2f128_ps(a, b, 0x20); }
-static inline spsi_v spsi_load_halves(const float *a, const float *b) {
-    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(a)), _mm_loadu_ps(b), 1);
-}
-static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
-    _mm_storeu_ps(a, _mm256_castps256_ps128(v));
-    _mm_storeu_ps(b, _mm256_extractf128_ps(v, 1));
-}
-#define SPSI_HAS_HALVES
 #define SPSI_HAS_FIRST
 static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v bit) {
     const __m256i number = _mm256_cvttps_epi32(bit), entry = _mm256_slli_epi32(_mm256_cvttps_epi32(at), 1);
@@ -1626,43 +1617,17 @@ static inline float spsi_one(spsi_v a) {
     return lanes[0];
 }
 
-/* Long vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row empty.
-   spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole rows. */
+/* The longest vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row
+   empty. spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole
+   rows. */
 #ifdef SPSI_HAS_HALVES
 #define SPSI_ROWS_MOST 2
 #else
 #define SPSI_ROWS_MOST 1
 static inline spsi_v spsi_halves(spsi_v a, spsi_v b) { return (void)b, a; }
 static inline spsi_v spsi_load_halves(const float *a, const float *b) { return (void)b, spsi_load(a); }
-static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
-    spsi_store(a, v);
-    (void)b;
-}
+static inline void spsi_store_halves(float *a, float *b, spsi_v v) { (void)b, spsi_store(a, v); }
 #endif
-
-/* The pixels of a vector of 1 or 2 rows, from its first: columns, and rows. */
-static inline spsi_v spsi_columns_of(int rows) {
-    return rows == 1 ? spsi_iota() : spsi_halves(spsi_iota(), spsi_iota());
-}
-static inline spsi_v spsi_rows_of(int rows) { return rows == 1 ? spsi_set(0) : spsi_halves(spsi_set(0), spsi_set(1)); }
-
-static inline spsi_v spsi_load_rows(const float *p, size_t pitch, int rows) {
-    return rows == 1 ? spsi_load(p) : spsi_load_halves(p, p + pitch);
-}
-
-static inline void spsi_store_rows(float *p, size_t pitch, spsi_v a, int rows) {
-    if (rows == 1)
-        spsi_store(p, a);
-    else
-        spsi_store_halves(p, p + pitch, a);
-}
-
-/* Whether a box of pixels takes fewer vectors of two rows than of one. */
-static inline int spsi_rows_for(int width, int height) {
-    const int half = SPSI_LANES / SPSI_ROWS_MOST;
-    const int twos = (width + half - 1) / half * ((height + 1) / 2);
-    return SPSI_ROWS_MOST > 1 && twos < (width + SPSI_LANES - 1) / SPSI_LANES * height ? 2 : 1;
-}
 
 #if defined(SPSI_SIMD_SSE2) || SPSI_LANES == 1
 /* Rounds down, for |a| < 2^30. */
@@ -3936,72 +3901,16 @@ static float spsi_compressed_optical_depth(const spsi_node *nodes, uint32_t coun
 
 #define SPSI_ADAPTIVE_EPSILON (1.0f / 1024) /* error of the polyline whose nodes are chosen from */
 
-/* A node (u, T) that an adaptive map is made from. */
-typedef struct spsi_adaptive_node {
-    spsi_node node;
-    double cost;       /* change of the area below the curve if this node is removed */
-    int before, after; /* remaining neighbours */
-    int slot;          /* in the heap */
-} spsi_adaptive_node;
-
-/* The heap holds inner nodes, with the cheapest to remove at its top. */
-typedef struct spsi_adaptive {
-    spsi_adaptive_node *nodes;
-    int *heap;
-    int count, heap_count;
-} spsi_adaptive;
-
 static size_t spsi_adaptive_bytes(int count) {
     const size_t most = (size_t)spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON);
-    return most * (sizeof(spsi_adaptive_node) + sizeof(spsi_node) + sizeof(int));
+    return most * (sizeof(double) + sizeof(spsi_node));
 }
 
-/* Only inner nodes may be removed. */
-static int spsi_adaptive_is_inner(const spsi_adaptive *map, int i) { return i > 0 && i < map->count - 1; }
-
-static void spsi_adaptive_price(spsi_adaptive *map, int i) {
-    spsi_adaptive_node *own = &map->nodes[i];
-    const spsi_node *a = &map->nodes[own->before].node, *b = &own->node, *c = &map->nodes[own->after].node;
-    own->cost = fabs(((double)b->u - (double)a->u) * ((double)c->value - (double)a->value) -
-                     ((double)c->u - (double)a->u) * ((double)b->value - (double)a->value));
-}
-
-static int spsi_adaptive_less(const spsi_adaptive *map, int a, int b) {
-    const double first = map->nodes[a].cost, second = map->nodes[b].cost;
-    return first < second || (!(second < first) && a < b);
-}
-
-static void spsi_adaptive_place(spsi_adaptive *map, int slot, int i) {
-    map->heap[slot] = i;
-    map->nodes[i].slot = slot;
-}
-
-/* Moves node i, whose cost may have changed, up or down in the heap from `slot`. */
-static void spsi_adaptive_sift(spsi_adaptive *map, int slot, int i) {
-    int child;
-    for (; slot > 0 && spsi_adaptive_less(map, i, map->heap[(slot - 1) / 2]); slot = (slot - 1) / 2)
-        spsi_adaptive_place(map, slot, map->heap[(slot - 1) / 2]);
-    for (; (child = 2 * slot + 1) < map->heap_count; slot = child) {
-        if (child + 1 < map->heap_count && spsi_adaptive_less(map, map->heap[child + 1], map->heap[child])) ++child;
-        if (!spsi_adaptive_less(map, map->heap[child], i)) break;
-        spsi_adaptive_place(map, slot, map->heap[child]);
-    }
-    spsi_adaptive_place(map, slot, i);
-}
-
-/* Removes the cheapest node. */
-static void spsi_adaptive_remove(spsi_adaptive *map) {
-    const spsi_adaptive_node *gone = &map->nodes[map->heap[0]];
-    const int sides[2] = {gone->before, gone->after};
-    map->heap_count -= 1;
-    if (map->heap_count > 0) spsi_adaptive_sift(map, 0, map->heap[map->heap_count]);
-    map->nodes[sides[0]].after = sides[1];
-    map->nodes[sides[1]].before = sides[0];
-    for (int k = 0; k < 2; ++k) {
-        if (!spsi_adaptive_is_inner(map, sides[k])) continue;
-        spsi_adaptive_price(map, sides[k]);
-        spsi_adaptive_sift(map, map->nodes[sides[k]].slot, sides[k]);
-    }
+/* Twice the change of the area below the curve if an inner node is removed. */
+static double spsi_adaptive_cost(const spsi_node *node) {
+    const spsi_node *a = node - 1, *c = node + 1;
+    return fabs(((double)node->u - (double)a->u) * ((double)c->value - (double)a->value) -
+                ((double)c->u - (double)a->u) * ((double)node->value - (double)a->value));
 }
 
 /* A compressed curve, whose last node is made exact again: the total transmittance. */
@@ -4017,29 +3926,24 @@ static int spsi_adaptive_begin(const spsi_node *curve, int count, spsi_node *nod
    twice as large.] */
 static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
                               float *texel) {
-    const int most = settings->components / 2, room = spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON);
-    spsi_node *line;
-    spsi_adaptive map;
-    int at = 0;
-    map.nodes = (spsi_adaptive_node *)scratch;
-    line = (spsi_node *)(void *)(map.nodes + room);
-    map.heap = (int *)(void *)(line + room);
-    map.heap_count = 0;
-    map.count = spsi_adaptive_begin(curve, count, line);
-    for (int i = 0; i < map.count; ++i) {
-        map.nodes[i].node = line[i];
-        map.nodes[i].before = i - 1, map.nodes[i].after = i + 1;
+    const int most = settings->components / 2;
+    double *costs = (double *)scratch;
+    spsi_node *line = (spsi_node *)(void *)(costs + spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON));
+    int left = spsi_adaptive_begin(curve, count, line);
+    for (int i = 1; i < left - 1; ++i) costs[i] = spsi_adaptive_cost(&line[i]);
+    for (; left > most; --left) {
+        double lowest = costs[1];
+        int least = 1;
+        for (int i = 2; i < left - 1; ++i)
+            if (costs[i] < lowest) lowest = costs[least = i];
+        memmove(line + least, line + least + 1, (size_t)(left - 1 - least) * sizeof *line);
+        memmove(costs + least, costs + least + 1, (size_t)(left - 1 - least) * sizeof *costs);
+        if (least > 1) costs[least - 1] = spsi_adaptive_cost(&line[least - 1]);
+        if (least < left - 2) costs[least] = spsi_adaptive_cost(&line[least]);
     }
-    for (int i = 1; i < map.count - 1; ++i) {
-        spsi_adaptive_price(&map, i);
-        map.heap_count += 1;
-        spsi_adaptive_sift(&map, map.heap_count - 1, i);
-    }
-    while (map.heap_count + 2 > most && map.heap_count > 0) spsi_adaptive_remove(&map);
     for (int i = 0; i < most; ++i) {
-        texel[2 * i] = map.count > 0 ? map.nodes[at].node.u : 0;
-        texel[2 * i + 1] = map.count > 0 ? map.nodes[at].node.value : 1;
-        at = map.count > 0 ? spsi_least(map.nodes[at].after, map.count - 1) : 0;
+        texel[2 * i] = left > 0 ? line[spsi_least(i, left - 1)].u : 0;
+        texel[2 * i + 1] = left > 0 ? line[spsi_least(i, left - 1)].value : 1;
     }
 }
 
@@ -10306,10 +10210,10 @@ static inline void spsi_ball_chord_far(const spsi_rays *rays, const spsi_ball *b
     chord->middle = spsi_fma(spsi_mul(spsi_add(p, q), spsi_set(ball->shift)), spsi_mul(root, root), spsi_set(ball->t));
 }
 
-/* The places of a vector of pixels, of 1 or 2 rows from (x, y) on, from a distant ball's centre. */
-static inline void spsi_ball_offsets(const spsi_ball *ball, int x, int y, int rows, spsi_v *dx, spsi_v *dy) {
-    *dx = spsi_add(spsi_set((float)(x - ball->x0) - ball->x), spsi_columns_of(rows));
-    *dy = spsi_add(spsi_set((float)(y - ball->y0) - ball->y), spsi_rows_of(rows));
+/* The places of a vector of pixels, from (x, y) on, from a distant ball's centre. */
+static inline void spsi_ball_offsets(const spsi_ball *ball, int x, int y, spsi_v *dx, spsi_v *dy) {
+    *dx = spsi_add(spsi_set((float)(x - ball->x0) - ball->x), spsi_iota());
+    *dy = spsi_set((float)(y - ball->y0) - ball->y);
 }
 
 /* The chords of a vector of pixels' rays, from (x, y) on. */
@@ -10319,7 +10223,7 @@ static inline void spsi_ball_chord(const spsi_rays *rays, const spsi_ball *ball,
         spsi_ball_chord_near(rays, ball, x, y, chord);
         return;
     }
-    spsi_ball_offsets(ball, x, y, 1, &dx, &dy);
+    spsi_ball_offsets(ball, x, y, &dx, &dy);
     spsi_ball_chord_far(rays, ball, dx, dy, chord);
 }
 
@@ -11213,13 +11117,8 @@ static inline spsi_v spsi_mass_share(spsi_mass mass, spsi_v v) {
     return spsi_chord_share(mass == SPSI_MASS_SOFT_CHORD, v);
 }
 
-/* Adds weight times share to a vector of 1 or 2 rows of a sheet. */
-static inline void spsi_add_rows(float *sheet, size_t pitch, spsi_v weight, spsi_v share, int rows) {
-    spsi_store_rows(sheet, pitch, spsi_fma(weight, share, spsi_load_rows(sheet, pitch, rows)), rows);
-}
-
 /* Adds to each sheet the weight times the change of share from plane to plane. Each plane's share serves two sheets. */
-static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped, int rows) {
+static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped) {
     float *sheet = s->sheet;
     spsi_v v = s->v, before, after;
     if (s->starts)
@@ -11229,18 +11128,24 @@ static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int
     for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
         v = spsi_add(v, s->per_plane);
         after = spsi_mass_share(mass, clamped ? spsi_clamp(v, s->low, s->high) : v);
-        spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), rows);
+        spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
         before = after;
     }
     if (!s->ends) return;
     after = clamped ? spsi_mass_share(mass, s->high) : spsi_set(1);
-    spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), rows);
+    spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
 }
 
 /* The share of a kernel before planes at v, for rays that have nothing of it before `low` and nothing behind `high`. */
 static inline spsi_v spsi_kernel_share_within(spsi_v v, spsi_v low, spsi_v high) {
     const spsi_v from = spsi_select(spsi_less(v, low), spsi_set(-1), v);
     return spsi_kernel_share(spsi_select(spsi_less(high, v), spsi_set(1), from));
+}
+
+/* Adds weight times share to two rows of a sheet. */
+static inline void spsi_add_pair(const spsi_sections *s, float *sheet, spsi_v share) {
+    float *next = sheet + s->pitch;
+    spsi_store_halves(sheet, next, spsi_fma(s->weight, share, spsi_load_halves(sheet, next)));
 }
 
 /* The same for two rows of a kernel, which may end at different planes. */
@@ -11251,10 +11156,10 @@ static inline void spsi_add_pairs(const spsi_sections *s) {
     for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
         v = spsi_add(v, s->per_plane);
         after = spsi_kernel_share_within(v, s->low, s->high);
-        spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), 2);
+        spsi_add_pair(s, sheet, spsi_sub(after, before));
         before = after;
     }
-    if (s->ends) spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(spsi_set(1), before), 2);
+    if (s->ends) spsi_add_pair(s, sheet, spsi_sub(spsi_set(1), before));
 }
 
 /* Rows of one footprint, a vector of rows at a time: their ranges of pixels and slabs. */
@@ -11360,7 +11265,6 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
     spsi_v column = spsi_mul(spsi_exp(spsi_fma(dx, spsi_set(b * rows->dy[0]), square)), amplitude);
     spsi_sections sections;
     sections.sheet_size = tile->sheet_size;
-    sections.pitch = (size_t)tile->pitch;
     sections.per_plane = spsi_set(f->per_slab[i]);
     sections.low = sections.high = spsi_set(0);
     for (int r = 0; r < count; ++r, row += tile->pitch) {
@@ -11384,7 +11288,7 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
         sections.starts = rows->starts[r];
         sections.ends = rows->ends[r];
         sections.v = spsi_add(v_column, spsi_set(rows->v[r]));
-        spsi_add_sections(&sections, SPSI_MASS_KERNEL, clamped, 1);
+        spsi_add_sections(&sections, SPSI_MASS_KERNEL, clamped);
     }
 }
 
@@ -11414,7 +11318,8 @@ static inline void spsi_splat_pairs(const spsi_print *print, const spsi_rows *ro
     const int i = print->lane;
     const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
     const int slender = spsi_is_slender(a, b, c);
-    const spsi_v at = spsi_add(spsi_set((float)x), spsi_columns_of(2)), dx = spsi_sub(at, spsi_set(f->x[i]));
+    const spsi_v at = spsi_add(spsi_set((float)x), spsi_halves(spsi_iota(), spsi_iota()));
+    const spsi_v dx = spsi_sub(at, spsi_set(f->x[i]));
     const spsi_v square = spsi_mul(spsi_mul(dx, dx), spsi_set(a)), amplitude = spsi_set(f->amplitude[i]);
     const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i])), along = spsi_mul(dx, spsi_set(b));
     const spsi_v turn = b < 0 || b > 0 ? spsi_exp(spsi_add(along, along)) : spsi_set(1);
@@ -11566,11 +11471,10 @@ static inline void spsi_splat_near_row(const spsi_near_print *print, int x, int 
     sections.sheet =
         print->channel + (size_t)k0 * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
     sections.sheet_size = tile->sheet_size;
-    sections.pitch = (size_t)tile->pitch;
     sections.count = k1 - k0;
     sections.starts = k0 == print->first;
     sections.ends = k1 == print->last;
-    spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1, 1);
+    spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1);
 }
 
 /* Whether a kernel, or (side -1) its mirror image behind the eye, meets a tile's rays. */
@@ -11968,17 +11872,16 @@ typedef struct spsi_ball_print {
     int ends;           /* 1: the last slab also receives what it has behind that */
 } spsi_ball_print;
 
-/* Positions along a vector of chords at which the rays cross the slabs of a chunk, in half chords from the middle.
-   `at`: the rays' pixels. */
-static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_chord *chord, const spsi_v at[2], int x,
-                                     int y, int rows, int clamped, spsi_sections *sections) {
+/* Positions along a vector of chords at which the rays cross the slabs of a chunk, in half chords from the middle. */
+static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_chord *chord, int x, int y, int clamped,
+                                     spsi_sections *sections) {
     const spsi_tile *tile = print->tile;
     const spsi_crossing *crossing = print->crossing;
     const spsi_seen *seen = print->seen;
     const spsi_v zero = spsi_set(0);
     const spsi_v slope =
-        spsi_fma(at[0], spsi_set(crossing->slab_x),
-                 spsi_add(spsi_set(crossing->slab_t), spsi_mul(at[1], spsi_set(crossing->slab_y))));
+        spsi_fma(spsi_add(spsi_set((float)x), spsi_iota()), spsi_set(crossing->slab_x),
+                 spsi_add(spsi_set(crossing->slab_t), spsi_mul(spsi_set((float)y), spsi_set(crossing->slab_y))));
     const spsi_v rate = spsi_max(spsi_mul(slope, spsi_set(crossing->sign)), spsi_set(1e-20f));
     spsi_v middle, step;
     if (seen->ball.near_by) {
@@ -11987,7 +11890,7 @@ static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_ch
                           spsi_set(eye_slab));
     } else {
         spsi_v dx, dy;
-        spsi_ball_offsets(&seen->ball, x, y, rows, &dx, &dy);
+        spsi_ball_offsets(&seen->ball, x, y, &dx, &dy);
         middle = spsi_fma(dx, spsi_set(seen->tilt_x),
                           spsi_add(spsi_set(seen->slab), spsi_mul(dy, spsi_set(seen->tilt_y))));
         middle = spsi_fma(spsi_sub(chord->middle, spsi_set(seen->ball.t)), slope, middle);
@@ -12004,50 +11907,39 @@ static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_ch
     sections->high = spsi_clamp(sections->high, spsi_set(-1), spsi_set(1));
 }
 
-/* Splats a vector of 1 or 2 rows of a ball, from (x, y) on, which begin at `sheet` in the first slab. */
-static inline void spsi_splat_ball_at(const spsi_ball_print *print, int x, int y, int rows, int clamped, float *sheet,
+/* Splats a vector of a row of a ball, from (x, y) on, which begins at `sheet` in the first slab. */
+static inline void spsi_splat_ball_at(const spsi_ball_print *print, int x, int y, int clamped, float *sheet,
                                       spsi_sections *sections) {
     const spsi_ball *ball = &print->seen->ball;
-    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f);
-    const spsi_v at[2] = {spsi_add(spsi_set((float)x), spsi_columns_of(rows)),
-                          spsi_add(spsi_set((float)y), spsi_rows_of(rows))};
+    const spsi_v zero = spsi_set(0);
     spsi_chord chord;
     spsi_v weight;
     spsi_m inside;
-    if (rows == 1) {
-        spsi_ball_chord(print->crossing->rays, ball, x, y, &chord);
-    } else {
-        spsi_v dx, dy;
-        spsi_ball_offsets(ball, x, y, rows, &dx, &dy);
-        spsi_ball_chord_far(print->crossing->rays, ball, dx, dy, &chord);
-    }
-    inside = spsi_and(spsi_less(zero, chord.share), spsi_less(at[0], spsi_add(spsi_set((float)print->x1), half)));
-    if (rows == 2) inside = spsi_and(inside, spsi_less(at[1], spsi_add(spsi_set((float)print->y1), half)));
+    spsi_ball_chord(print->crossing->rays, ball, x, y, &chord);
+    inside = spsi_and(spsi_less(zero, chord.share), spsi_less(spsi_iota(), spsi_set((float)(print->x1 - x) + 0.5f)));
     if (!spsi_bits(inside)) return;
-    spsi_print_planes(print, &chord, at, x, y, rows, clamped, sections);
+    spsi_print_planes(print, &chord, x, y, clamped, sections);
     weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->seen->weight));
     if (ball->soft) weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
     sections->weight = spsi_select(inside, weight, zero);
     sections->sheet = sheet;
-    spsi_add_sections(sections, ball->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD, clamped, rows);
+    spsi_add_sections(sections, ball->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD, clamped);
 }
 
-/* Splats a ball, 1 or 2 rows at a time. */
-static inline void spsi_splat_ball(const spsi_ball_print *print, int rows, int clamped) {
+static inline void spsi_splat_ball(const spsi_ball_print *print, int clamped) {
     const spsi_tile *tile = print->tile;
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     float *first = tile->sheets + (size_t)print->seen->channel * tile->channel_size +
                    (size_t)(print->first + margin) * tile->sheet_size;
     spsi_sections sections;
     sections.sheet_size = tile->sheet_size;
-    sections.pitch = (size_t)tile->pitch;
     sections.count = print->last - print->first;
     sections.starts = print->starts;
     sections.ends = print->ends;
-    for (int y = print->y0; y <= print->y1; y += rows)
-        for (int x = print->x0; x <= print->x1; x += SPSI_LANES / rows)
-            spsi_splat_ball_at(print, x, y, rows, clamped,
-                               first + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)), &sections);
+    for (int y = print->y0; y <= print->y1; ++y)
+        for (int x = print->x0; x <= print->x1; x += SPSI_LANES)
+            spsi_splat_ball_at(print, x, y, clamped, first + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)),
+                               &sections);
 }
 
 /* Splats a particle into a tile's slabs of a chunk. `starts`: this chunk is the first; `left`: number of slabs from its
@@ -12073,11 +11965,9 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     tile->visits += 1;
     tile->fragments += (uint64_t)(p.x1 - p.x0 + 1) * (uint64_t)(p.y1 - p.y0 + 1) * (uint64_t)(p.last - p.first);
     if (clamped)
-        spsi_splat_ball(&p, 1, 1);
-    else if (spsi_rows_for(p.x1 - p.x0 + 1, p.y1 - p.y0 + 1) == 2)
-        spsi_splat_ball(&p, 2, 0);
+        spsi_splat_ball(&p, 1);
     else
-        spsi_splat_ball(&p, 1, 0);
+        spsi_splat_ball(&p, 0);
 }
 
 /* ================================================================================================ >>taps
@@ -13161,8 +13051,8 @@ static void spsi_tap_cubic_mean(int i, int count, float weights[4]) {
     for (int k = 0; k < 4; ++k) weights[k] = 0.5f * (one[k] + other[k]);
 }
 
-/* The weights of the cubics' four columns in a vector of pixels of a patch, from column `x` on, in one row or two. */
-static inline void spsi_tap_across(int x, int width, int rows, spsi_v across[4]) {
+/* The weights of the cubics' four columns in a vector of pixels of a patch, from column `x` on. */
+static inline void spsi_tap_across(int x, int width, spsi_v across[4]) {
     float lanes[4][SPSI_LANES];
     memset(lanes, 0, sizeof lanes);
     for (int i = 0; i < spsi_least(SPSI_LANES, width - x); ++i) {
@@ -13170,26 +13060,20 @@ static inline void spsi_tap_across(int x, int width, int rows, spsi_v across[4])
         spsi_tap_cubic(spsi_tap_between(x + i, width), weights);
         for (int k = 0; k < 4; ++k) lanes[k][i] = weights[k];
     }
-    for (int k = 0; k < 4; ++k) across[k] = rows == 1 ? spsi_load(lanes[k]) : spsi_load_halves(lanes[k], lanes[k]);
+    for (int k = 0; k < 4; ++k) across[k] = spsi_load(lanes[k]);
 }
 
 /* Adds a patch's sheet, interpolated between the sums of its rays, to a vector's columns. */
-static inline void spsi_tap_spread(const float *sums, const float down[][4], int height, int rows,
-                                   const spsi_v across[4], float *sheet, size_t pitch) {
-    for (int y = 0; y < height; y += rows, sheet += rows * (ptrdiff_t)pitch) {
-        float columns[SPSI_ROWS_MOST + 1][4];
-        spsi_v value = spsi_load_rows(sheet, pitch, rows), sum = spsi_set(0);
-        for (int r = 0; r < rows; ++r) {
-            spsi_four between = spsi_four_scale(down[y + r][0], spsi_four_load(sums));
-            for (int k = 1; k < 4; ++k)
-                between = spsi_four_add(down[y + r][k], spsi_four_load(sums + 4 * k), between);
-            spsi_four_store(columns[r], between);
-        }
-        for (int k = 0; k < 4; ++k) {
-            const spsi_v here = spsi_set(columns[0][k]);
-            sum = spsi_fma(rows == 1 ? here : spsi_halves(here, spsi_set(columns[rows - 1][k])), across[k], sum);
-        }
-        spsi_store_rows(sheet, pitch, spsi_add(value, spsi_max(sum, spsi_set(0))), rows);
+static inline void spsi_tap_spread(const float *sums, const float down[][4], int height, const spsi_v across[4],
+                                   float *sheet, size_t pitch) {
+    for (int y = 0; y < height; ++y, sheet += pitch) {
+        spsi_four between = spsi_four_scale(down[y][0], spsi_four_load(sums));
+        spsi_v sum = spsi_set(0);
+        float columns[4];
+        for (int k = 1; k < 4; ++k) between = spsi_four_add(down[y][k], spsi_four_load(sums + 4 * k), between);
+        spsi_four_store(columns, between);
+        for (int k = 0; k < 4; ++k) sum = spsi_fma(spsi_set(columns[k]), across[k], sum);
+        spsi_store(sheet, spsi_add(spsi_load(sheet), spsi_max(sum, spsi_set(0))));
     }
 }
 
@@ -13197,20 +13081,19 @@ static inline void spsi_tap_spread(const float *sums, const float down[][4], int
 static void spsi_tap_patch_spread(const spsi_tile *tile, const spsi_tap_patch *patch, const int slabs[2],
                                   const float *sums, float *sheets) {
     const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
-    const int rows = spsi_rows_for(width, height);
-    float down[SPSI_PATCH + 1][4];
+    float down[SPSI_PATCH][4];
     memset(down, 0, sizeof down);
     for (int i = 0; i < height; ++i) spsi_tap_cubic(spsi_tap_between(i, height), down[i]);
     sheets += (patch->y0 - tile->y0) * tile->pitch + patch->x0 - tile->x0;
-    for (int x = 0; x < width; x += SPSI_LANES / rows) {
+    for (int x = 0; x < width; x += SPSI_LANES) {
         spsi_v across[4];
-        spsi_tap_across(x, width, rows, across);
+        spsi_tap_across(x, width, across);
         for (int slab = slabs[0]; slab < slabs[1]; ++slab) {
             int some = 0;
             for (int n = 0; n < 16; n += SPSI_LANES)
                 some |= spsi_bits(spsi_less(spsi_set(0), spsi_load(sums + 16 * slab + n)));
             if (some)
-                spsi_tap_spread(sums + 16 * slab, (const float(*)[4])down, height, rows, across,
+                spsi_tap_spread(sums + 16 * slab, (const float(*)[4])down, height, across,
                                 sheets + (size_t)slab * tile->sheet_size + x, (size_t)tile->pitch);
         }
     }
@@ -13974,6 +13857,15 @@ typedef struct spsi_shape {
     int slab_margin; /* slabs before and after a chunk: one for the parabolas of what is classified */
 } spsi_shape;
 
+/* What rays fill, which decides how volumes fill it. */
+typedef enum spsi_target_kind {
+    SPSI_TARGET_EYE,
+    SPSI_TARGET_SAMPLES, /* of cells, or of light that spreads */
+    SPSI_TARGET_MAP,     /* from here on, of lights */
+    SPSI_TARGET_COARSE,  /* a map whose texels are meant to be wider than classified voxels */
+    SPSI_TARGET_SHEETS
+} spsi_target_kind;
+
 typedef struct spsi_target {
     const spsi_frame *frame;
     const spsi_rays *rays;
@@ -13985,6 +13877,7 @@ typedef struct spsi_target {
     spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* whether they are gathered, by `tappers` */
     spsi_tapper tappers[SPSI_VOLUMES_MAX];
     int set_channels[SPSI_SETS_MAX]; /* of each set of particles */
+    spsi_target_kind kind;
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
     spsi_crossing crossing;
     int16_t (*brick_boxes)[4]; /* x0, y0, x1, y1 of each brick, in pixels; x1 < x0: nowhere */
@@ -14069,84 +13962,80 @@ static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
     return shape;
 }
 
+/* `backwards`: rays cross the slabs against their order. */
 static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
-                              spsi_target *target) {
+                              spsi_target_kind kind, int backwards, spsi_target *target) {
     target->frame = frame;
     target->rays = rays;
     target->slabs = slabs;
+    target->kind = kind;
     target->origin_slab = spsi_slab_at(slabs, rays->origin);
     target->columns = spsi_tile_columns(rays);
     target->rows = spsi_tile_rows(rays);
     target->tolerance = 0;
+    spsi_crossing_build(rays, slabs, backwards, &target->crossing);
+    for (int i = 0; i < frame->particles.set_count; ++i)
+        target->set_channels[i] = kind < SPSI_TARGET_MAP ? frame->particles.sets[i].channel : 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         target->channels[i] = -1;
         target->verdicts[i] = SPSI_SPLAT_ASKED;
     }
 }
 
-static sps_result spsi_target_refuse(sps_context *context, const spsi_medium *medium) {
-    return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, medium->index, "placement's voxel edge",
-                           cbrt(medium->lattice->voxel_volume),
-                           "it is too large or too small for the world, or for this view's pixels");
+/* Decides how a volume fills a target. A light's holds the optical depth of gases and the values of classified volumes.
+   In sheets and coarse maps, kernels of these end early, and are not widened to a texel: it would be the look of a
+   mean. In samples, gas keeps its mass: it is deposited if its voxels are small, or gathered on the level on which the
+   eye sees it. Returns 0 if the volume is refused. */
+static int spsi_target_judge(spsi_target *target, int i) {
+    const spsi_frame *frame = target->frame;
+    const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
+    const int looks = target->kind > SPSI_TARGET_MAP && material->table;
+    const int keeps = target->kind == SPSI_TARGET_SAMPLES && !material->table;
+    const float scale = target->kind < SPSI_TARGET_MAP || material->table ? 1 : material->extinction;
+    const double cut = looks ? frame->accuracy.light_cut : frame->accuracy.cut;
+    const spsi_tapping tapping = looks || target->kind == SPSI_TARGET_SHEETS ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS;
+    spsi_splatter *splatter = &target->splatters[i];
+    if (!spsi_splatter_build(&frame->lattices[i], target->rays, target->slabs, scale, cut, splatter)) return 0;
+    splatter->sign = target->crossing.sign;
+    if (target->kind == SPSI_TARGET_EYE && material->table) spsi_splatter_classified(splatter);
+    if (looks) splatter->filter = 0;
+    if (!keeps || frame->content->levels[i] > 0)
+        target->verdicts[i] = spsi_tapper_judge(frame, &frame->lattices[i], target->rays, target->slabs, splatter,
+                                                tapping, &target->tappers[i]);
+    target->tappers[i].scale = scale;
+    if (!keeps || spsi_gathers(target->verdicts[i])) return 1;
+    spsi_splatter_deposits(splatter, target->rays, &frame->content->bounds);
+    target->verdicts[i] = splatter->deposits ? SPSI_DEPOSITED : SPSI_SPLAT_MASS;
+    return 1;
 }
 
-/* The eye as a target; `backwards`: its rays cross the slabs against their order. */
-static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
-                                     int backwards, spsi_target *target) {
-    spsi_target_place(frame, &frame->content->eye, slabs, target);
-    target->tolerance = frame->view.tolerance;
-    spsi_crossing_build(&frame->content->eye, slabs, backwards, &target->crossing);
-    for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
-    for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
-        const spsi_medium *medium = &frame->media[i];
-        const spsi_material *material = &frame->matter.materials[medium->channel];
-        spsi_splatter *splatter = &target->splatters[i];
-        target->channels[i] = medium->channel;
-        if (!spsi_splatter_build(medium->lattice, &frame->content->eye, slabs, 1, frame->accuracy.cut, splatter))
-            return spsi_target_refuse(context, medium);
-        if (backwards) splatter->sign = -1;
-        if (material->table) spsi_splatter_classified(splatter);
-        target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, target->rays, slabs, splatter, SPSI_TAP_PIXELS,
-                                                &target->tappers[i]);
-        target->tappers[i].scale = 1;
+/* Whether a volume fills a target at all: of a light, what has no extinction does not. */
+static int spsi_target_takes(const spsi_target *target, const spsi_medium *medium) {
+    return target->kind < SPSI_TARGET_MAP || target->frame->matter.materials[medium->channel].extinguishes;
+}
+
+/* Decides how all volumes fill a target. */
+static sps_result spsi_target_volumes(sps_context *context, spsi_target *target) {
+    for (int i = 0; i < target->frame->medium_count && context->brick_count > 0; ++i) {
+        const spsi_medium *medium = &target->frame->media[i];
+        if (!spsi_target_takes(target, medium)) continue;
+        target->channels[i] = target->kind < SPSI_TARGET_MAP ? medium->channel : medium->light_channel;
+        if (!spsi_target_judge(target, i))
+            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, medium->index,
+                                   "placement's voxel edge", cbrt(medium->lattice->voxel_volume),
+                                   "it is too large or too small for the world, or for this view's pixels");
     }
-    target->shape = spsi_shape_of(frame, 1);
     return SPS_OK;
 }
 
-/* What a light's rays fill. */
-typedef enum spsi_light_target {
-    SPSI_LIGHT_MAP,
-    SPSI_LIGHT_COARSE, /* a map whose texels are meant to be wider than classified voxels */
-    SPSI_LIGHT_SHEETS
-} spsi_light_target;
-
-/* The rays of a light's sheets or of a map's face as a target, which holds the optical depth of gases and the values of
-   classified volumes. In sheets and coarse maps, kernels of these end early, and are not widened to a texel: it would
-   be the look of a mean. */
-static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                       const spsi_slabs *slabs, spsi_light_target kind, spsi_target *target) {
-    spsi_target_place(frame, rays, slabs, target);
-    target->shape = spsi_shape_of(frame, 0);
-    spsi_crossing_build(rays, slabs, 0, &target->crossing);
-    for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = 0;
-    for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
-        const spsi_medium *medium = &frame->media[i];
-        const spsi_material *material = &frame->matter.materials[medium->channel];
-        const float scale = material->table ? 1 : material->extinction;
-        const int looks = kind != SPSI_LIGHT_MAP && material->table;
-        const double cut = looks ? frame->accuracy.light_cut : frame->accuracy.cut;
-        const spsi_tapping tapping = looks || kind == SPSI_LIGHT_SHEETS ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS;
-        if (!material->extinguishes) continue;
-        target->channels[i] = medium->light_channel;
-        if (!spsi_splatter_build(medium->lattice, rays, slabs, scale, cut, &target->splatters[i]))
-            return spsi_target_refuse(context, medium);
-        if (looks) target->splatters[i].filter = 0;
-        target->verdicts[i] =
-            spsi_tapper_judge(frame, medium->lattice, rays, slabs, &target->splatters[i], tapping, &target->tappers[i]);
-        target->tappers[i].scale = scale;
-    }
-    return SPS_OK;
+/* The eye, or the rays of a light's sheets or of a map's face, as a target. */
+static sps_result spsi_target_build(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
+                                    const spsi_slabs *slabs, spsi_target_kind kind, int backwards,
+                                    spsi_target *target) {
+    spsi_target_place(frame, rays, slabs, kind, backwards, target);
+    if (kind == SPSI_TARGET_EYE) target->tolerance = frame->view.tolerance;
+    target->shape = spsi_shape_of(frame, kind == SPSI_TARGET_EYE);
+    return spsi_target_volumes(context, target);
 }
 
 #define SPSI_SUMMED_MOST 8192 /* particles that are summed in sheets: each may lose half of 8192 roundings, 2.5e-4 */
@@ -16220,12 +16109,12 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
 /* Prepares the splatting of volumes into a face. */
 static sps_result spsi_map_volumes_build(sps_context *context, const spsi_occluders *occluders, const spsi_rays *rays) {
     const spsi_frame *frame = occluders->frame;
-    const spsi_light_target kind = occluders->coarse ? SPSI_LIGHT_COARSE : SPSI_LIGHT_MAP;
+    const spsi_target_kind kind = occluders->coarse ? SPSI_TARGET_COARSE : SPSI_TARGET_MAP;
     spsi_map_volumes *volumes = occluders->volumes;
     spsi_target *target = &volumes->target;
     memset(volumes, 0, sizeof *volumes);
     if (spsi_tmap_slabs(context, frame, rays, &volumes->slabs)) return context->result;
-    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, kind, target)) return context->result;
+    if (spsi_target_build(context, frame, rays, &volumes->slabs, kind, 0, target)) return context->result;
     spsi_light_shader_build(target, &volumes->shader);
     return spsi_contents_build(context, target, NULL, &volumes->contents);
 }
@@ -18418,7 +18307,7 @@ static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *fram
     sliced->is_soft = sweep->soft;
     if (sweep->soft && spsi_penumbra_begin(context, frame, sweep, faces, &sliced->penumbra)) return context->result;
     if (spsi_planes_build(context, frame, &sweep->rays, &sliced->planes)) return context->result;
-    if (spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, SPSI_LIGHT_SHEETS, &sliced->target))
+    if (spsi_target_build(context, frame, &sweep->rays, &sweep->slabs, SPSI_TARGET_SHEETS, 0, &sliced->target))
         return context->result;
     sliced->target.tolerance = frame->view.tolerance;
     spsi_light_shader_build(&sliced->target, &sliced->shader);
@@ -19438,7 +19327,7 @@ static spsi_cell_pass spsi_cell_pass_of(const spsi_cell_solver *solver, const sp
     pass.solver = solver;
     pass.level = level;
     pass.walls = NULL;
-    pass.leaving = NULL;
+    pass.leaving = level == &solver->levels[0] ? solver->leaving : NULL;
     return pass;
 }
 
@@ -19806,22 +19695,14 @@ static void spsi_cells_plane_task(void *data, int z) {
 }
 
 static void spsi_cells_carry(spsi_cell_pass *pass) {
+    if (pass->leaving) memset(pass->leaving, 0, spsi_cell_leaving_floats(pass->level->size[2]) * sizeof *pass->leaving);
     spsi_parallel_items(pass->solver->context, 2, spsi_cells_along_task, pass);
     spsi_parallel_items(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
 }
 
-/* Carries what cells send through all of the grid: its moments. */
+/* Carries what cells send through all of the grid: its moments and, of the finest level, what leaves it. */
 static void spsi_cells_sweep(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
-    spsi_cells_carry(&pass);
-}
-
-/* The same, and what leaves the grid. */
-static void spsi_cells_sweep_out(const spsi_cell_solver *solver) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[0]);
-    pass.leaving = solver->leaving;
-    if (pass.leaving)
-        memset(pass.leaving, 0, spsi_cell_leaving_floats(pass.level->size[2]) * sizeof *pass.leaving);
     spsi_cells_carry(&pass);
 }
 
@@ -19997,13 +19878,10 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
     return sent > 0 ? missing / sent : 0;
 }
 
-/* Sweeps a level, and finds what its cells miss, or mends it; of the finest one also what leaves it. */
+/* Sweeps a level, and finds what its cells miss, or mends it. */
 static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_level *level, spsi_item_fn task) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
-    if (level == &solver->levels[0])
-        spsi_cells_sweep_out(solver);
-    else
-        spsi_cells_sweep(solver, level);
+    spsi_cells_carry(&pass);
     spsi_parallel_items(solver->context, level->size[2], task, &pass);
 }
 
@@ -23846,39 +23724,15 @@ static int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays,
     return spsi_rays_complete(rays);
 }
 
-/* How a volume fills samples, whose splatter is built. Gas keeps its mass: it is deposited if its voxels are small, or
-   gathered on the level on which the eye sees it. */
-static spsi_verdict spsi_samples_judge(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *rays,
-                                       const spsi_slabs *slabs, spsi_splatter *splatter, spsi_tapper *tapper) {
-    if (frame->matter.materials[medium->channel].table || frame->content->levels[medium->lattice->medium] > 0) {
-        const spsi_verdict verdict =
-            spsi_tapper_judge(frame, medium->lattice, rays, slabs, splatter, SPSI_TAP_PIXELS, tapper);
-        if (frame->matter.materials[medium->channel].table || spsi_gathers(verdict)) return verdict;
-    }
-    spsi_splatter_deposits(splatter, rays, &frame->content->bounds);
-    return splatter->deposits ? SPSI_DEPOSITED : SPSI_SPLAT_MASS;
-}
-
 /* Begins to sample, with a channel per material. Rays and slabs are set. */
 static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *frame, spsi_sampling *sheets) {
     spsi_target *target = &sheets->target;
     sheets->context = context;
     sheets->frame = frame;
-    spsi_target_place(frame, &sheets->rays, &sheets->slabs, target);
+    spsi_target_place(frame, &sheets->rays, &sheets->slabs, SPSI_TARGET_SAMPLES, 0, target);
     target->shape.channels = frame->matter.material_count;
     target->shape.slab_margin = 0;
-    spsi_crossing_build(&sheets->rays, &sheets->slabs, 0, &target->crossing);
-    for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
-    for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
-        const spsi_medium *medium = &frame->media[i];
-        target->channels[i] = medium->channel;
-        if (!spsi_splatter_build(medium->lattice, &sheets->rays, &sheets->slabs, 1, frame->accuracy.cut,
-                                 &target->splatters[i]))
-            return spsi_target_refuse(context, medium);
-        target->verdicts[i] = spsi_samples_judge(frame, medium, &sheets->rays, &sheets->slabs, &target->splatters[i],
-                                                 &target->tappers[i]);
-        target->tappers[i].scale = 1;
-    }
+    if (spsi_target_volumes(context, target)) return context->result;
     spsi_light_shader_build(target, &sheets->shader);
     if (spsi_contents_build(context, target, NULL, &sheets->contents)) return context->result;
     return spsi_contents_add_particles(&sheets->contents);
@@ -24983,7 +24837,7 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, int las
         for (size_t at = 0; at < job->grid->count; ++at)
             if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
         if (!back && last) changed |= spsi_cells_set_apart(job, channel) > 0;
-        if (!back && changed) spsi_cells_sweep_out(job->solver);
+        if (!back && changed) spsi_cells_sweep(job->solver, level);
     }
 }
 
@@ -26069,7 +25923,8 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
                          (frame->ambient.exists || frame->matter.emits || frame->content->cells ||
                           frame->lamps.count > frame->lamps.shadow_count);
     shader->end_depth = spsi_eye_end(frame);
-    if (spsi_target_of_eye(context, frame, &sweep->slabs, sweep->back_to_front, &run->eye) ||
+    if (spsi_target_build(context, frame, &frame->content->eye, &sweep->slabs, SPSI_TARGET_EYE, sweep->back_to_front,
+                          &run->eye) ||
         spsi_run_slice(context, run))
         return context->result;
     spsi_shader_linears(&sweep->slabs, shader);
@@ -27254,31 +27109,17 @@ static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks 
                                                    "gathered: view.filling asks for it",
                                                    "gathered: samples cost less than footprints would"};
 
-typedef enum spsi_plan_target { SPSI_PLAN_EYE, SPSI_PLAN_LIGHT, SPSI_PLAN_CELLS } spsi_plan_target;
-
 /* How volumes fill sheets of the eye, of a light, or of cells' samples. `again`: other sheets of the kind are known. */
 static void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
-                              spsi_plan_target target, int again, int *gathered, const char **why) {
-    const int of_light = target == SPSI_PLAN_LIGHT;
+                              spsi_target_kind kind, int again, int *gathered, const char **why) {
     const char *first = NULL;
     int count = 0;
+    spsi_target target;
+    spsi_target_place(frame, rays, slabs, kind, 0, &target);
     for (int i = 0; i < frame->medium_count; ++i) {
-        const spsi_medium *medium = &frame->media[i];
-        const spsi_material *material = &frame->matter.materials[medium->channel];
-        const spsi_tapping tapping = of_light ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS;
-        const double cut = of_light && material->table ? frame->accuracy.light_cut : frame->accuracy.cut;
-        spsi_verdict verdict;
-        spsi_splatter splatter;
-        spsi_tapper tapper;
-        if (of_light && !material->extinguishes) continue;
-        if (!spsi_splatter_build(medium->lattice, rays, slabs, 1, cut, &splatter)) continue; /* it is refused */
-        if (target == SPSI_PLAN_EYE && material->table) spsi_splatter_classified(&splatter);
-        if (of_light && material->table) splatter.filter = 0;
-        verdict = target == SPSI_PLAN_CELLS
-                      ? spsi_samples_judge(frame, medium, rays, slabs, &splatter, &tapper)
-                      : spsi_tapper_judge(frame, medium->lattice, rays, slabs, &splatter, tapping, &tapper);
-        if (!first) first = spsi_filling_reasons[verdict];
-        count += spsi_gathers(verdict);
+        if (!spsi_target_takes(&target, &frame->media[i]) || !spsi_target_judge(&target, i)) continue;
+        if (!first) first = spsi_filling_reasons[target.verdicts[i]];
+        count += spsi_gathers(target.verdicts[i]);
     }
     if (first && (!again || count > *gathered)) *why = first;
     *gathered = spsi_most(*gathered, count);
@@ -27305,7 +27146,8 @@ static sps_result spsi_plan_samples(sps_context *context, const spsi_frame *fram
     spsi_rays rays;
     spsi_slabs slabs;
     if (spsi_plan_aim(context, frame, &rays, &slabs))
-        spsi_plan_filling(frame, &rays, &slabs, SPSI_PLAN_CELLS, 0, &report->cells_gathered, &report->cells_filling);
+        spsi_plan_filling(frame, &rays, &slabs, SPSI_TARGET_SAMPLES, 0, &report->cells_gathered,
+                          &report->cells_filling);
     return context->result;
 }
 
@@ -27339,10 +27181,10 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
     if (sweep->lamp && sweep->lamp->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report))
         return context->result;
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
-    spsi_plan_filling(frame, &frame->content->eye, &sweep->slabs, SPSI_PLAN_EYE, !sweep->first, &report->eye_gathered,
+    spsi_plan_filling(frame, &frame->content->eye, &sweep->slabs, SPSI_TARGET_EYE, !sweep->first, &report->eye_gathered,
                       &report->eye_filling);
     if (!sweep->lamp) return SPS_OK;
-    spsi_plan_filling(frame, &sweep->rays, &sweep->slabs, SPSI_PLAN_LIGHT, !sweep->first, &report->light_gathered,
+    spsi_plan_filling(frame, &sweep->rays, &sweep->slabs, SPSI_TARGET_SHEETS, !sweep->first, &report->light_gathered,
                       &report->light_filling);
     report->shadow_width = spsi_most(report->shadow_width, frame->particles.set_count ? (int)side : sweep->rays.width);
     report->shadow_height =

@@ -51,7 +51,7 @@ typedef struct outcome {
 typedef struct soak {
     uint64_t seed;
     outcome worst[WORST];
-    int worst_count, show_all, refines; /* refines: 1: before it is asked why a scene fails */
+    int worst_count, show_all;
     long compared, refused, dark, hidden, failed, excused;
     long beside,
         small; /* pictures of walls and gas beside a light; of them, those whose source scatters its own light */
@@ -59,11 +59,11 @@ typedef struct soak {
 
 static void print_outcome(const soak *s, const outcome *o) {
     const scene_report *r = &o->report;
-    printf("%6.2f %% %6.2f %%  bias %6.2f %% %6.2f %%  coverage %.4f  depth %.4f  mean %.2g  own %.2f %%  %d images  "
+    printf("%6.2f %% %6.2f %%  bias %6.2f %% %6.2f %%  coverage %.4f  depth %.4f  mean %.2g  own %.2f %%  %d refined  %d images  "
            "%d cones  %d panes  %.1f s  "
            "make soak SEED=%llu FIRST=%ld COUNT=1\n            ",
            100 * r->medium.light, 100 * r->high.light, 100 * r->medium.bias, 100 * r->high.bias, r->medium.coverage,
-           r->medium.depth, r->high.mean, 100 * r->own, o->images, o->cones, o->panes, o->seconds,
+           r->medium.depth, r->high.mean, 100 * r->own, r->refined, o->images, o->cones, o->panes, o->seconds,
            (unsigned long long)s->seed, o->number);
     print_levels(o->levels);
     fflush(stdout);
@@ -92,7 +92,8 @@ static void take_away(const random_scene *from, int causes, random_scene *x) {
 }
 
 static int light_is_right(const scene_report *r) {
-    return r->result == SPS_OK && (r->medium.light <= SCENE_BOUND || r->high.light <= 0.5 * r->medium.light);
+    return r->result == SPS_OK &&
+           (r->medium.light - r->own <= SCENE_BOUND || r->high.light - r->own <= 0.5 * r->medium.light);
 }
 
 /* Why a scene that fails may do so; NULL if nothing explains it, or if it is further off than its causes may be. */
@@ -103,14 +104,14 @@ static const char *excuse(sps_context *context, const random_scene *from, const 
     if (r->medium.coverage > SCENE_COVERAGE || r->medium.edges > CUT) return NULL;
     if (r->medium.depth > SCENE_COVERAGE && r->high.depth > 0.5 * r->medium.depth) return NULL;
     take_away(from, NORMALS | SHADOWS, &x);
-    rest = measure_scene(context, &x, REFINE_NOT);
+    rest = measure_scene(context, &x, 0);
     scale = rest.result == SPS_OK ? rest.high.rms : 0;
     for (size_t i = 0; i < sizeof reasons / sizeof *reasons; ++i) {
         if (reasons[i].within && from->levels[LIGHT] != LIGHT_WITHIN) continue;
         if (r->medium.light * r->medium.mean > reasons[i].medium * scale) continue;
         if (r->high.light * r->high.mean > reasons[i].high * scale) continue;
         take_away(from, reasons[i].causes, &x);
-        rest = measure_scene(context, &x, REFINE_FINER);
+        rest = measure_scene(context, &x, 1);
         if (!light_is_right(&rest)) continue;
         printf("%.3f at medium and %.3f at high quality, of at most %.3f and %.3f:\n",
                r->medium.light * r->medium.mean / scale, r->high.light * r->high.mean / scale, reasons[i].medium,
@@ -563,8 +564,6 @@ static void soak_specks(sps_context *context, check_random random, long number) 
 
 static void soak_scene(sps_context *context, soak *s, long number) {
     static random_scene x;
-    /* The exact reference of an area light may take a quarter of an hour. */
-    const int last = getenv("SOAK_EXACT") ? REFINE_EXACT : REFINE_FINER;
     check_random random;
     int voxels, pixels;
     clock_t start;
@@ -581,11 +580,8 @@ static void soak_scene(sps_context *context, soak *s, long number) {
     o.cones = narrow_cones(&x, random.state);
     o.panes = draw_panes(&x, random.state);
     start = clock();
-    for (int refine = s->refines ? last : REFINE_FINER; refine <= last && !o.reason; ++refine) {
-        o.report = measure_scene(context, &x, refine);
-        if (!scene_shown(&o.report) || scene_good(&o.report)) break;
-        o.reason = excuse(context, &x, &o.report);
-    }
+    o.report = measure_scene(context, &x, 1);
+    if (scene_shown(&o.report) && !scene_good(&o.report)) o.reason = excuse(context, &x, &o.report);
     o.seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
     if (o.report.result != SPS_OK) {
         const int area = o.levels[LIGHT] >= LIGHT_WIDE_SUN && strstr(sps_error(context), "light[0]");
@@ -621,7 +617,6 @@ int main(int count, char **arguments) {
     ex_session session;
     s.seed = count > 1 ? strtoul(arguments[1], NULL, 10) : 1;
     s.show_all = getenv("SOAK_ALL") != NULL;
-    s.refines = scenes == 0;
     ex_session_measure(&session, "soak", 0);
     for (long i = first; i < first + scenes; ++i) soak_scene(session.context, &s, i);
     for (int i = 0; i < QUICK && scenes == 0; ++i) soak_scene(session.context, &s, quick[i]);

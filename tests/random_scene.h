@@ -1087,9 +1087,10 @@ static inline void set_points(random_scene *x, int count) {
     for (int i = 0; i < x->s.scene.light_count; ++i) x->s.light[i].samples = count;
 }
 
-/* A reference of tiles. If a scene fails, it may be the reference that is off: its midpoints err by half a step wherever
-   a shadow, a polygon or a particle begins, and few points stand for a light. Each tile is refined on its own, since a
-   refined picture would take up to 64 times as long as the coarse one, or 256 times with more points per light. */
+/* A reference of tiles. If a scene fails, it may be the reference that is off: its midpoints err by half a step
+   wherever a shadow, a polygon or a particle begins, and few points stand for a light. Each tile is refined on its own,
+   since a refined picture would take up to 64 times as long as the coarse one, or 256 times with more points per light.
+ */
 enum { TILE_WIDTH = 16, TILE_HEIGHT = 4, TILES_MAX = 64 / TILE_WIDTH * (64 / TILE_HEIGHT) };
 
 #define SCENE_STEP 0.7 /* of the coarse reference */
@@ -1205,8 +1206,8 @@ static inline scene_tile *worst_tile(scene_tiles *tiles) {
     return worst;
 }
 
-/* How the pictures differ from the reference, in all and in its tiles. Whether the scene is good. Where it may become so
-   by a better reference, tiles are refined until that changes them by a tenth of the error, otherwise by a third. */
+/* How the pictures differ from the reference, in all and in its tiles. Whether the scene is good. Where it may become
+   so by a better reference, tiles are refined until that changes them by a tenth of the error, otherwise by a third. */
 static inline int compare_tiles(const random_scene *x, const scene_picture *medium, const scene_picture *high,
                                 scene_tiles *tiles, scene_report *report) {
     double changes = 0, change, enough;

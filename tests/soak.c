@@ -59,14 +59,14 @@ typedef struct soak {
 
 static void print_outcome(const soak *s, const outcome *o) {
     const scene_report *r = &o->report;
-    printf("%6.2f %% %6.2f %%  bias %6.2f %% %6.2f %%  coverage %.4f  depth %.4f  mean %.2g  own %.2f %%  %d refined  %d images  "
+    printf("%6.2f %% %6.2f %%  bias %6.2f %% %6.2f %%  coverage %.4f  depth %.4f  mean %.2g  own %.2f %%  %d refined  "
+           "%d images  "
            "%d cones  %d panes  %.1f s  "
            "make soak SEED=%llu FIRST=%ld COUNT=1\n            ",
            100 * r->medium.light, 100 * r->high.light, 100 * r->medium.bias, 100 * r->high.bias, r->medium.coverage,
            r->medium.depth, r->high.mean, 100 * r->own, r->refined, o->images, o->cones, o->panes, o->seconds,
            (unsigned long long)s->seed, o->number);
     print_levels(o->levels);
-    fflush(stdout);
 }
 
 /* Keeps the worst scenes, worst first. */
@@ -610,17 +610,69 @@ static void print_summary(const soak *s) {
     printf("%ld beside a light, %ld of them may fail, since what glows scatters its own light\n", s->beside, s->small);
 }
 
+/* What a process has counted. */
+typedef struct soak_count {
+    soak s; /* the reasons that it points to are at the same place in all processes */
+    int passed, failed;
+} soak_count;
+
+/* Adds what another process has counted to this one's. */
+static void add_count(soak *s, const soak_count *other) {
+    const soak *t = &other->s;
+    s->compared += t->compared, s->refused += t->refused, s->dark += t->dark, s->hidden += t->hidden;
+    s->failed += t->failed, s->excused += t->excused, s->beside += t->beside, s->small += t->small;
+    for (int i = 0; i < t->worst_count; ++i) rank(s, &t->worst[i]);
+    check_passed += other->passed, check_failed += other->failed;
+}
+
+/* Every n-th scene from `first` on, one after the other; the chosen ones if n is 0. */
+static void soak_every(soak *s, long first, long end, long n, int workers) {
+    ex_session session;
+    ex_session_measure(&session, "soak", workers);
+    for (int i = 0; i < QUICK && n == 0; ++i) soak_scene(session.context, s, quick[i]);
+    for (long i = first; i < end && n > 0; i += n) {
+        soak_scene(session.context, s, i);
+        fflush(stdout); /* the lines of a scene stay together */
+    }
+    ex_session_end(&session);
+}
+
+/* The scenes are shared by as many processes as there are processors: much of the work has a single thread, or waits
+   for its slowest. Results do not depend on it. */
+static void soak_together(soak *s, long first, long scenes) {
+    enum { MOST = 64 };
+    const int most = scenes < 2 * MOST ? (int)scenes / 2 : MOST;
+    const int processors = most < 1 ? 1 : ex_processor_count() < most ? ex_processor_count() : most;
+    int pipes[MOST][2];
+    static soak_count other;
+    fflush(stdout);
+    for (int k = 1; k < processors; ++k) {
+        if (!CHECK(pipe(pipes[k]) == 0)) return;
+        if (fork() != 0) continue;
+        soak_every(s, first + k, first + scenes, processors, 1);
+        other.s = *s, other.passed = check_passed, other.failed = check_failed;
+        exit(write(pipes[k][1], &other, sizeof other) != sizeof other);
+    }
+    soak_every(s, first, first + scenes, processors, processors > 1 ? 1 : 0);
+    for (int k = 1; k < processors; ++k) {
+        close(pipes[k][1]);
+        FILE *from = fdopen(pipes[k][0], "rb");
+        if (!CHECK(from != NULL)) return;
+        if (CHECK(fread(&other, sizeof other, 1, from) == 1)) add_count(s, &other);
+        fclose(from);
+    }
+}
+
 int main(int count, char **arguments) {
     static soak s;
     const long scenes = count > 2 ? strtol(arguments[2], NULL, 10) : check_long() ? 20L : 0L;
     const long first = count > 3 ? strtol(arguments[3], NULL, 10) : 0;
-    ex_session session;
     s.seed = count > 1 ? strtoul(arguments[1], NULL, 10) : 1;
     s.show_all = getenv("SOAK_ALL") != NULL;
-    ex_session_measure(&session, "soak", 0);
-    for (long i = first; i < first + scenes; ++i) soak_scene(session.context, &s, i);
-    for (int i = 0; i < QUICK && scenes == 0; ++i) soak_scene(session.context, &s, quick[i]);
-    ex_session_end(&session);
+    if (scenes > 0)
+        soak_together(&s, first, scenes);
+    else
+        soak_every(&s, 0, 0, 0, 0);
     print_summary(&s);
     CHECK_CASE("Found in review", "random scenes against brute force, medium and high quality",
                "rms of 3 %, or half of it at high: scenes that are not", (double)s.failed, 0,

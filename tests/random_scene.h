@@ -1094,6 +1094,7 @@ static inline void set_points(random_scene *x, int count) {
 enum { TILE_WIDTH = 16, TILE_HEIGHT = 4, TILES_MAX = 64 / TILE_WIDTH * (64 / TILE_HEIGHT) };
 
 #define SCENE_STEP 0.7 /* of the coarse reference */
+#define AREA_WORK  16  /* coarse pictures; a scene whose tiles would need more has too large an error, not too small */
 
 /* Sums of squared errors, in units of what a good scene may have, are those of the picture at medium and high quality
    and the change of the reference when the tile was last refined. */
@@ -1108,11 +1109,22 @@ typedef struct scene_tiles {
     int count;
     scene_picture coarse, points, exact; /* all tiles at the coarse step; with more points per light; as refined */
     unsigned char judged[SCENE_PIXELS];
+    double work; /* spent on refining, in coarse pictures */
 } scene_tiles;
 
-static inline void cut_tiles(const random_scene *x, scene_tiles *tiles) {
+/* Of the coarse reference. Particles smaller than voxels make a reference's steps shorter, which an area light's many
+   points make dear: then steps are those of voxels again, up to 1.5 radii. */
+static inline double coarse_step(const random_scene *x) {
+    double logs = 0, count = 0;
+    for (int n = 0; n < x->s.scene.particle_set_count; ++n)
+        for (size_t i = 0; i < x->sets[n].count; ++i, ++count) logs += log((double)x->crowds[n].list[i].radius);
+    if (!(count > 0) || x->levels[LIGHT] < LIGHT_WIDE_SUN) return SCENE_STEP;
+    return SCENE_STEP * fmin(3, fmax(1, step_length(x, 1) / (0.7 * exp(logs / count))));
+}
+
+static inline void cut_tiles(const random_scene *x, double step, scene_tiles *tiles) {
     const int width = scene_width(x), height = scene_height(x);
-    tiles->count = 0;
+    tiles->count = 0, tiles->work = 0;
     for (int y = 0; y < height; y += TILE_HEIGHT)
         for (int left = 0; left < width; left += TILE_WIDTH) {
             scene_tile *tile = &tiles->list[tiles->count++];
@@ -1120,7 +1132,7 @@ static inline void cut_tiles(const random_scene *x, scene_tiles *tiles) {
             tile->region[0] = left, tile->region[1] = y;
             tile->region[2] = left + TILE_WIDTH < width ? TILE_WIDTH : width - left;
             tile->region[3] = y + TILE_HEIGHT < height ? TILE_HEIGHT : height - y;
-            tile->step = SCENE_STEP;
+            tile->step = step;
         }
 }
 
@@ -1173,7 +1185,7 @@ static inline int render_tile(sps_context *context, random_scene *x, const scene
 static inline int refine_tile(sps_context *context, random_scene *x, scene_tiles *tiles, scene_tile *tile,
                               double mean) {
     static scene_picture before;
-    if (tile->step == SCENE_STEP && x->levels[LIGHT] >= LIGHT_WIDE_SUN)
+    if (tile->change == 0 && x->levels[LIGHT] >= LIGHT_WIDE_SUN)
         if (!render_tile(context, x, tile, SCENE_POINTS_EXACT, &tiles->points)) return 0;
     tile->step *= 0.5;
     before = tiles->exact;
@@ -1183,6 +1195,8 @@ static inline int refine_tile(sps_context *context, random_scene *x, scene_tiles
             const int at = 4 * tile_pixel(x, tile, i) + c;
             tiles->exact.rgba[at] += tiles->points.rgba[at] - tiles->coarse.rgba[at];
         }
+    tiles->work +=
+        square(coarse_step(x) / tile->step) * tile->region[2] * tile->region[3] / (scene_width(x) * scene_height(x));
     tile->change = tile_error(x, tiles, tile, &before, mean);
     return 1;
 }
@@ -1222,8 +1236,7 @@ static inline int compare_tiles(const random_scene *x, const scene_picture *medi
         scene_tile *tile = &tiles->list[i];
         tile->errors[0] = tile_error(x, tiles, tile, medium, report->medium.mean);
         tile->errors[1] = tile_error(x, tiles, tile, high, report->medium.mean);
-        tile->ended = tile->step < (is_near ? 0.05 : 0.1) ||
-                      (tile->step < SCENE_STEP && tile->change < enough * enough * tile->errors[1]);
+        tile->ended = tile->step < 0.1 || (tile->change > 0 && tile->change < enough * enough * tile->errors[1]);
     }
     report->own = change / sqrt(5);
     return scene_good(report);
@@ -1233,16 +1246,18 @@ static inline int compare_tiles(const random_scene *x, const scene_picture *medi
 static inline void compare_with_reference(sps_context *context, random_scene *x, const scene_picture *medium,
                                           const scene_picture *high, int refine, scene_report *report) {
     static scene_tiles tiles;
+    const double step = coarse_step(x), most = x->levels[LIGHT] < LIGHT_WIDE_SUN ? HUGE_VAL : AREA_WORK;
     scene_tile *worst;
     set_points(x, SCENE_POINTS);
-    cut_tiles(x, &tiles);
-    CHECK_OK(context, judge_pixels(context, x, SCENE_STEP, tiles.judged, &report->medium));
+    cut_tiles(x, step, &tiles);
+    CHECK_OK(context, judge_pixels(context, x, step, tiles.judged, &report->medium));
     report->high = report->medium;
-    CHECK_OK(context, scene_render(context, x, SCENE_STEP, &tiles.coarse));
+    CHECK_OK(context, scene_render(context, x, step, &tiles.coarse));
     tiles.exact = tiles.points = tiles.coarse;
-    while (!compare_tiles(x, medium, high, &tiles, report) && refine && (worst = worst_tile(&tiles)))
+    while (!compare_tiles(x, medium, high, &tiles, report) && refine && tiles.work < most &&
+           (worst = worst_tile(&tiles)))
         if (!refine_tile(context, x, &tiles, worst, report->medium.mean)) break;
-    for (int i = 0; i < tiles.count; ++i) report->refined += tiles.list[i].step < SCENE_STEP;
+    for (int i = 0; i < tiles.count; ++i) report->refined += tiles.list[i].step < step;
     report->ended = 1;
 }
 

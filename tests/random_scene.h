@@ -1074,11 +1074,14 @@ static inline int scene_shown(const scene_report *r) {
     return r->result == SPS_OK && r->high.mean >= SCENE_DARK && 4 * r->high.lamps <= r->high.pixels;
 }
 
-/* The reference has the benefit of the doubt. */
+/* Whether light is right, as far as the refined reference tells: it has the benefit of the doubt, up to 0.5 %. */
+static inline int scene_light_good(const scene_report *r) {
+    const double own = r->ended ? fmin(r->own, SCENE_BOUND / 6) : 0;
+    return r->medium.light - own <= SCENE_BOUND || r->high.light - own <= 0.5 * r->medium.light;
+}
+
 static inline int scene_good(const scene_report *r) {
-    const double own = r->ended ? r->own : 0;
-    return (r->medium.light - own <= SCENE_BOUND || r->high.light - own <= 0.5 * r->medium.light) &&
-           r->medium.coverage <= SCENE_COVERAGE &&
+    return scene_light_good(r) && r->medium.coverage <= SCENE_COVERAGE &&
            (r->medium.depth <= SCENE_COVERAGE || r->high.depth <= 0.5 * r->medium.depth);
 }
 

@@ -95,10 +95,7 @@ static void take_away(const random_scene *from, int causes, random_scene *x) {
         if (x->s.light[i].kind != SPS_LIGHT_DIRECTIONAL) x->s.light[i].falloff = SPS_FALLOFF_NONE;
 }
 
-static int light_is_right(const scene_report *r) {
-    return r->result == SPS_OK &&
-           (r->medium.light - r->own <= SCENE_BOUND || r->high.light - r->own <= 0.5 * r->medium.light);
-}
+static int light_is_right(const scene_report *r) { return r->result == SPS_OK && scene_light_good(r); }
 
 /* Why a scene that fails may do so; NULL if nothing explains it, or if it is further off than its causes may be. */
 static const char *excuse(sps_context *context, const random_scene *from, const scene_report *r) {

@@ -568,7 +568,7 @@ fuzz-scenes: tests/fuzz.c $(HEADERS) $(wildcard tests/*.h) | build
 # make soak SEED=7 COUNT=1000: random scenes against the reference; FIRST is the number of the first of them
 .PHONY: soak
 soak: tests/soak.c $(HEADERS) $(wildcard tests/*.h) | build
-	$(COMPILE_native) -Wall $(INCLUDES) -Iexamples -Itests $< -o build/soak $(LIBRARIES)
+	$(COMPILE_native) -O2 -Wall $(INCLUDES) -Iexamples -Itests $< -o build/soak $(LIBRARIES)
 	build/soak $(or $(SEED),1) $(or $(COUNT),200) $(or $(FIRST),0)
 
 # -------------------------------------------------------------------------------------------------- installing

@@ -158,7 +158,7 @@ static inline void draw_color(check_random *random, double low, double high, flo
 /* Points that stand for a light with an extent: at medium and at high quality, whose errors fall by a factor of 2.3
    with them (points^-0.6, which test_penumbrae measures at edges), and in a reference that is refined. Otherwise a
    reference has as few as medium quality, since they are a factor of its time. */
-enum { SCENE_POINTS = 16, SCENE_POINTS_HIGH = 64, SCENE_POINTS_EXACT = 256 };
+enum { SCENE_POINTS = 16, SCENE_POINTS_HIGH = 64, SCENE_POINTS_EXACT = 64 };
 enum { SCENE_VOLUMES = 3, SCENE_LIGHTS = 4, SCENE_SETS = 2, SCENE_PARTICLES = 128, SCENE_PIXELS = 64 * 64 };
 
 /* The values of a volume, as a formula of the world position; half a world unit wide at scale 1. */
@@ -1054,7 +1054,9 @@ static inline void compare_pictures(const random_scene *x, const scene_picture *
 typedef struct scene_report {
     sps_result result; /* of rendering; the fields below are valid if it is SPS_OK */
     scene_error medium, high;
-    double step, own; /* of the reference; change of its error when the step was last halved, 0 if it was not */
+    double own;  /* error of the refined reference, relative to its mean: see compare_tiles; 0 if it is not refined */
+    int refined; /* tiles */
+    int ended;   /* 1: the reference is as good as it becomes */
 } scene_report;
 
 /* Light: 3 % of the reference's mean at medium, or an error that halves from medium to high and so converges. Coverage:
@@ -1072,9 +1074,14 @@ static inline int scene_shown(const scene_report *r) {
     return r->result == SPS_OK && r->high.mean >= SCENE_DARK && 4 * r->high.lamps <= r->high.pixels;
 }
 
+/* Whether light is right, as far as the refined reference tells: it has the benefit of the doubt, up to 0.5 %. */
+static inline int scene_light_good(const scene_report *r) {
+    const double own = r->ended ? fmin(r->own, SCENE_BOUND / 6) : 0;
+    return r->medium.light - own <= SCENE_BOUND || r->high.light - own <= 0.5 * r->medium.light;
+}
+
 static inline int scene_good(const scene_report *r) {
-    return (r->medium.light <= SCENE_BOUND || r->high.light <= 0.5 * r->medium.light) &&
-           r->medium.coverage <= SCENE_COVERAGE &&
+    return scene_light_good(r) && r->medium.coverage <= SCENE_COVERAGE &&
            (r->medium.depth <= SCENE_COVERAGE || r->high.depth <= 0.5 * r->medium.depth);
 }
 
@@ -1083,39 +1090,179 @@ static inline void set_points(random_scene *x, int count) {
     for (int i = 0; i < x->s.scene.light_count; ++i) x->s.light[i].samples = count;
 }
 
-/* How a reference is refined if a scene fails, since it may be the reference that is off: its midpoints err by half a
-   step wherever a shadow, a polygon or a particle begins. FINER: its step is halved until that changes it by less than
-   a third of the error at high quality, three times at most. EXACT: it also has more points per light, and steps are
-   halved until that changes it by less than a tenth, which takes up to a hundred times as long. */
-enum { REFINE_NOT, REFINE_FINER, REFINE_EXACT };
+/* A reference of tiles. If a scene fails, it may be the reference that is off: its midpoints err by half a step
+   wherever a shadow, a polygon or a particle begins, and few points stand for a light. Each tile is refined on its own,
+   since a refined picture would take up to 64 times as long as the coarse one. */
+enum { TILE_WIDTH = 16, TILE_HEIGHT = 4, TILES_MAX = 64 / TILE_WIDTH * (64 / TILE_HEIGHT) };
 
-/* Compares both pictures with the reference. */
+#define SCENE_STEP 0.7 /* of the coarse reference */
+#define AREA_WORK  16  /* coarse pictures; a scene whose tiles would need more has too large an error, not too small */
+
+/* Sums of squared errors, in units of what a good scene may have, are those of the picture at medium and high quality
+   and the change of the reference when the tile was last refined. */
+typedef struct scene_tile {
+    int region[4]; /* in the picture, as sps_view.region */
+    int ended;     /* refining it any further would change little */
+    double step, errors[2], change;
+} scene_tile;
+
+typedef struct scene_tiles {
+    scene_tile list[TILES_MAX];
+    int count;
+    scene_picture coarse, points, exact; /* all tiles at the coarse step; with more points per light; as refined */
+    unsigned char judged[SCENE_PIXELS];
+    double work; /* spent on refining, in coarse pictures */
+} scene_tiles;
+
+/* Of the coarse reference. Particles smaller than voxels make a reference's steps shorter, which an area light's many
+   points make dear: then steps are those of voxels again, up to 1.5 radii. */
+static inline double coarse_step(const random_scene *x) {
+    double logs = 0, count = 0;
+    for (int n = 0; n < x->s.scene.particle_set_count; ++n)
+        for (size_t i = 0; i < x->sets[n].count; ++i, ++count) logs += log((double)x->crowds[n].list[i].radius);
+    if (!(count > 0) || x->levels[LIGHT] < LIGHT_WIDE_SUN) return SCENE_STEP;
+    return SCENE_STEP * fmin(3, fmax(1, step_length(x, 1) / (0.7 * exp(logs / count))));
+}
+
+static inline void cut_tiles(const random_scene *x, double step, scene_tiles *tiles) {
+    const int width = scene_width(x), height = scene_height(x);
+    tiles->count = 0, tiles->work = 0;
+    for (int y = 0; y < height; y += TILE_HEIGHT)
+        for (int left = 0; left < width; left += TILE_WIDTH) {
+            scene_tile *tile = &tiles->list[tiles->count++];
+            memset(tile, 0, sizeof *tile);
+            tile->region[0] = left, tile->region[1] = y;
+            tile->region[2] = left + TILE_WIDTH < width ? TILE_WIDTH : width - left;
+            tile->region[3] = y + TILE_HEIGHT < height ? TILE_HEIGHT : height - y;
+            tile->step = step;
+        }
+}
+
+/* Index in the picture of a tile's n-th pixel. */
+static inline int tile_pixel(const random_scene *x, const scene_tile *tile, int n) {
+    const int *region = tile->region;
+    return (region[1] + n / region[2]) * scene_width(x) + region[0] + n % region[2];
+}
+
+/* Sum over a tile of squared errors of light, coverage and depth, each in units of its bound. */
+static inline double tile_error(const random_scene *x, const scene_tiles *tiles, const scene_tile *tile,
+                                const scene_picture *picture, double mean) {
+    const scene_picture *exact = &tiles->exact;
+    double sum = 0;
+    for (int i = 0; i < tile->region[2] * tile->region[3]; ++i) {
+        const int at = tile_pixel(x, tile, i);
+        const double away = (double)exact->depth[at], covered = (double)exact->rgba[4 * at + 3];
+        if (!tiles->judged[at]) continue;
+        for (int c = 0; c < 3; ++c)
+            sum += square((double)(picture->rgba[4 * at + c] - exact->rgba[4 * at + c]) / (SCENE_BOUND * mean)) / 3;
+        sum += square(((double)picture->rgba[4 * at + 3] - covered) / SCENE_COVERAGE);
+        if (away > 0 && covered > 0.01 && away < HUGE_VAL)
+            sum += square(covered * ((double)picture->depth[at] - away) / (away * SCENE_COVERAGE));
+    }
+    return sum;
+}
+
+/* Renders a tile of the reference into its place in a picture. */
+static inline int render_tile(sps_context *context, random_scene *x, const scene_tile *tile, int points,
+                              scene_picture *picture) {
+    static scene_picture part;
+    int region[4];
+    sps_result result;
+    memcpy(region, x->s.view.region, sizeof region);
+    memcpy(x->s.view.region, tile->region, sizeof region);
+    for (int k = 0; k < 2; ++k) x->s.view.region[k] += region[2] ? region[k] : 0;
+    set_points(x, points);
+    result = scene_render(context, x, tile->step, &part);
+    memcpy(x->s.view.region, region, sizeof region);
+    for (int i = 0; i < tile->region[2] * tile->region[3]; ++i) {
+        const int to = tile_pixel(x, tile, i);
+        memcpy(picture->rgba + 4 * to, part.rgba + 4 * i, 4 * sizeof(float));
+        picture->depth[to] = part.depth[i];
+    }
+    return CHECK_OK(context, result);
+}
+
+/* Halves a tile's step. What more points of an area light change is found once, at the coarse step, and added to all
+   that are finer: at surfaces it is the same; in gas, a ray has the more points, the finer its steps are. */
+static inline int refine_tile(sps_context *context, random_scene *x, scene_tiles *tiles, scene_tile *tile,
+                              double mean) {
+    static scene_picture before;
+    if (tile->change == 0 && x->levels[LIGHT] >= LIGHT_WIDE_SUN)
+        if (!render_tile(context, x, tile, SCENE_POINTS_EXACT, &tiles->points)) return 0;
+    tile->step *= 0.5;
+    before = tiles->exact;
+    if (!render_tile(context, x, tile, SCENE_POINTS, &tiles->exact)) return 0;
+    for (int i = 0; i < tile->region[2] * tile->region[3]; ++i)
+        for (int c = 0; c < 4; ++c) {
+            const int at = 4 * tile_pixel(x, tile, i) + c;
+            tiles->exact.rgba[at] += tiles->points.rgba[at] - tiles->coarse.rgba[at];
+        }
+    tiles->work +=
+        square(coarse_step(x) / tile->step) * tile->region[2] * tile->region[3] / (scene_width(x) * scene_height(x));
+    tile->change = tile_error(x, tiles, tile, &before, mean);
+    return 1;
+}
+
+/* The tile with most of the error at one of both qualities; NULL if all that may be refined have less than a tenth of
+   it, so that the root of it, the picture's error, is known to 5 %. */
+static inline scene_tile *worst_tile(scene_tiles *tiles) {
+    double sums[2] = {0, 0}, left[2] = {0, 0}, most = 0;
+    scene_tile *worst = NULL;
+    for (int i = 0; i < tiles->count; ++i)
+        for (int q = 0; q < 2; ++q) {
+            sums[q] += tiles->list[i].errors[q];
+            if (!tiles->list[i].ended) left[q] += tiles->list[i].errors[q];
+        }
+    if (left[0] <= 0.1 * sums[0] && left[1] <= 0.1 * sums[1]) return NULL;
+    for (int i = 0; i < tiles->count; ++i)
+        for (int q = 0; q < 2; ++q) {
+            const double part = tiles->list[i].errors[q] / fmax(sums[q], DBL_MIN);
+            if (!tiles->list[i].ended && part > most) most = part, worst = &tiles->list[i];
+        }
+    return worst;
+}
+
+/* How the pictures differ from the reference, in all and in its tiles. Whether the scene is good. Where it may become
+   so by a better reference, tiles are refined until that changes them by a tenth of the error, otherwise by a third.
+   Errors of midpoints at edges are proportional to the step and, from step to step, independent: if the finer one's
+   rms is e, the change has an rms of sqrt(4 + 1) e. */
+static inline int compare_tiles(const random_scene *x, const scene_picture *medium, const scene_picture *high,
+                                scene_tiles *tiles, scene_report *report) {
+    double changes = 0, change, enough;
+    int is_near;
+    compare_pictures(x, medium, &tiles->exact, tiles->judged, &report->medium);
+    compare_pictures(x, high, &tiles->exact, tiles->judged, &report->high);
+    for (int i = 0; i < tiles->count; ++i) changes += tiles->list[i].change;
+    change = SCENE_BOUND * sqrt(changes / fmax(1, report->medium.pixels));
+    is_near = report->medium.light - change <= SCENE_BOUND || report->high.light - change <= 0.5 * report->medium.light;
+    enough = is_near ? 0.1 : 1 / 3.0;
+    for (int i = 0; i < tiles->count; ++i) {
+        scene_tile *tile = &tiles->list[i];
+        tile->errors[0] = tile_error(x, tiles, tile, medium, report->medium.mean);
+        tile->errors[1] = tile_error(x, tiles, tile, high, report->medium.mean);
+        tile->ended = tile->step < 0.1 || (tile->change > 0 && tile->change < enough * enough * tile->errors[1]);
+    }
+    report->own = change / sqrt(5);
+    return scene_good(report);
+}
+
+/* Compares both pictures with the reference, which is refined where it has to be. */
 static inline void compare_with_reference(sps_context *context, random_scene *x, const scene_picture *medium,
                                           const scene_picture *high, int refine, scene_report *report) {
-    static scene_picture exact, coarser;
-    static unsigned char judged[SCENE_PIXELS];
-    scene_error change;
-    const double finest = refine == REFINE_EXACT ? 0.05 : refine == REFINE_FINER ? 0.1 : 1;
-    const double enough = refine == REFINE_EXACT ? 0.1 : 1 / 3.0;
-    int more_points = refine == REFINE_EXACT && x->levels[LIGHT] >= LIGHT_WIDE_SUN;
-    report->step = 0.7;
+    static scene_tiles tiles;
+    const double step = coarse_step(x), most = x->levels[LIGHT] < LIGHT_WIDE_SUN ? HUGE_VAL : AREA_WORK;
+    scene_tile *worst;
     set_points(x, SCENE_POINTS);
-    CHECK_OK(context, judge_pixels(context, x, report->step, judged, &report->medium));
-    report->high = change = report->medium;
-    CHECK_OK(context, scene_render(context, x, report->step, &exact));
-    for (;;) {
-        compare_pictures(x, medium, &exact, judged, &report->medium);
-        compare_pictures(x, high, &exact, judged, &report->high);
-        if (scene_good(report) || report->step < finest) return;
-        if (report->own > 0 && report->own < enough * report->high.light) return;
-        coarser = exact;
-        report->step *= more_points ? 1 : 0.5;
-        if (refine == REFINE_EXACT) set_points(x, SCENE_POINTS_EXACT);
-        if (!CHECK_OK(context, scene_render(context, x, report->step, &exact))) return;
-        compare_pictures(x, &coarser, &exact, judged, &change);
-        report->own = more_points ? 0 : change.light;
-        more_points = 0;
-    }
+    cut_tiles(x, step, &tiles);
+    CHECK_OK(context, judge_pixels(context, x, step, tiles.judged, &report->medium));
+    report->high = report->medium;
+    CHECK_OK(context, scene_render(context, x, step, &tiles.coarse));
+    tiles.exact = tiles.points = tiles.coarse;
+    while (!compare_tiles(x, medium, high, &tiles, report) && refine && tiles.work < most &&
+           (worst = worst_tile(&tiles)))
+        if (!refine_tile(context, x, &tiles, worst, report->medium.mean)) break;
+    for (int i = 0; i < tiles.count; ++i) report->refined += tiles.list[i].step < step;
+    report->ended = 1;
 }
 
 static inline scene_report measure_scene(sps_context *context, random_scene *x, int refine) {

@@ -131,8 +131,8 @@ static scene_report measure_quickly(sps_context *context, random_scene *x) {
     report.result = scene_render(context, x, 0, &medium);
     if (report.result != SPS_OK) return report;
     x->s.view.quality = SPS_QUALITY_HIGH; /* of the reference */
-    compare_with_reference(context, x, &medium, &medium, REFINE_NOT, &report);
-    return scene_good(&report) ? report : measure_scene(context, x, REFINE_EXACT);
+    compare_with_reference(context, x, &medium, &medium, 0, &report);
+    return scene_good(&report) ? report : measure_scene(context, x, 1);
 }
 
 /* Whether the scene could be judged. */
@@ -141,7 +141,7 @@ static int look(pairs *p, sps_context *context, const int levels[FEATURES]) {
     scene_report r;
     int seen = 0;
     build_scene(&x, levels, p->random.state, VOXELS, pixels());
-    r = check_long() ? measure_scene(context, &x, REFINE_EXACT) : measure_quickly(context, &x);
+    r = check_long() ? measure_scene(context, &x, 1) : measure_quickly(context, &x);
     if (r.result == SPS_ERROR_UNSUPPORTED)
         ++p->refused;
     else if (CHECK_OK(context, r.result)) {

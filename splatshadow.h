@@ -110,9 +110,9 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its map or table; those of
     lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, and
     4 per entry of 64 rows while one is made or updated, by default up to 256^3 entries per face; if all volumes have a
-    revision, also 8 per patch of 8 x 8 texels, and 8 per brick of 8^3 voxels. A light with an extent adds 64 bytes per texel of its shadow
-    buffer (320 if there are polygons), 4 per texel and point (8 if there are polygons), 1 per point and pixel of the
-    image if there are polygons, and 12 per texel and worker. An image that a light throws
+    revision, also 8 per patch of 8 x 8 texels, and 8 per brick of 8^3 voxels. A light with an extent adds 64 bytes per
+    texel of its shadow buffer (320 if there are polygons), 4 per texel and point (8 if there are polygons), 1 per point
+    and pixel of the image if there are polygons, and 12 per texel and worker. An image that a light throws
     takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
     bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
@@ -4482,8 +4482,10 @@ typedef struct spsi_cell_grid {
     int orders, terms, channels;        /* of moments, and of color */
     float lobes[SPSI_MATERIALS_MAX][4]; /* per material: its moments of degree 0 to 3, less its peak */
     float peak[SPSI_MATERIALS_MAX];     /* share of what is scattered that goes straight on */
+    float swept[SPSI_MATERIALS_MAX];    /* share of what glows that does not fly, >>flights */
     float *depth;                       /* optical depth along an edge */
     float *moments;                     /* per channel and term: what the light in a cell is, without ambient light */
+    float *flown;   /* the same of first flights, which are in no other moments; NULL: there are none, >>flights */
     float *seen;    /* per material and channel: radiance towards the eye per optical depth scattered */
     int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
@@ -19954,19 +19956,38 @@ typedef struct spsi_cell_look {
     spsi_cell_grid *grid;
 } spsi_cell_look;
 
-/* The direction from a cell's centre to the eye, as harmonics. Nearer than the cell is wide, it is not one direction:
-   only degree 0 counts. */
-static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z, float harmonic[SPSI_CELL_TERMS]) {
+/* The direction from a cell's centre to the eye, also as harmonics. Nearer than the cell is wide, it is not one
+   direction but 0: only degree 0 counts. */
+static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z, double toward[3],
+                                 float harmonic[SPSI_CELL_TERMS]) {
     const spsi_rays *eye = &look->frame->content->eye;
     const double at[3] = {x + 0.5, y + 0.5, z + 0.5};
-    double toward[3], distance;
+    double distance;
     for (int k = 0; k < 3; ++k)
         toward[k] = eye->perspective ? eye->origin[k] - (look->grid->corner[k] + look->grid->edge * at[k]) : -eye->c[k];
     distance = spsi_length(toward);
     if (!spsi_normalise(toward)) toward[2] = 1;
     spsi_harmonics(toward, harmonic);
-    if (eye->perspective && distance < look->grid->edge)
-        for (int t = 1; t < SPSI_CELL_TERMS; ++t) harmonic[t] = 0;
+    if (!eye->perspective || distance >= look->grid->edge) return;
+    memset(harmonic + 1, 0, (SPSI_CELL_TERMS - 1) * sizeof *harmonic);
+    memset(toward, 0, 3 * sizeof *toward);
+}
+
+/* First flights that a material sends towards the eye, by their moments in a cell: `each` floats apart. If the light is
+   a lobe of mean cosine b about one direction, a lobe g makes one of b g of it. */
+static float spsi_cell_flown(const spsi_material *material, const double toward[3], const float *flown, int terms,
+                             size_t each) {
+    double mean[3] = {0, 0, 0}, sum = 0, length;
+    if (!(flown[0] > 0)) return 0;
+    for (int k = 0; k < 3 && terms > 1 && spsi_dot(toward, toward) > 0; ++k) /* y, z and x */
+        mean[k] = (double)flown[(size_t)(k ? k : 3) * each] / (sqrt(3) * (double)flown[0]);
+    length = fmin(spsi_length(mean), 1);
+    for (int i = 0; i < material->lobe_count; ++i) {
+        sps_lobe lobe = material->lobes[i];
+        lobe.asymmetry *= (float)length;
+        sum += spsi_lobe_at(&lobe, spsi_dot(mean, toward) / fmax(length, DBL_MIN));
+    }
+    return (float)(4 * SPSI_PI * sum) * flown[0];
 }
 
 /* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells. */
@@ -19976,7 +19997,8 @@ static void spsi_cells_look_task(void *data, int row) {
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         float harmonic[SPSI_CELL_TERMS], degree[SPSI_CELL_ORDERS];
-        spsi_cell_toward_eye(look, x, row % grid->size[1], row / grid->size[1], harmonic);
+        double toward[3];
+        spsi_cell_toward_eye(look, x, row % grid->size[1], row / grid->size[1], toward, harmonic);
         for (int c = 0; c < grid->channels; ++c) {
             const float *moments = grid->moments + (size_t)(c * grid->terms) * grid->count + at;
             memset(degree, 0, sizeof degree);
@@ -19986,6 +20008,10 @@ static void spsi_cells_look_task(void *data, int row) {
             for (int m = 0; m < look->frame->matter.material_count; ++m) {
                 float sum = 0;
                 for (int l = 0; l < grid->orders; ++l) sum += grid->lobes[m][l] * degree[l];
+                if (grid->flown)
+                    sum += spsi_cell_flown(&look->frame->matter.materials[m], toward,
+                                           grid->flown + (size_t)(c * grid->terms) * grid->count + at, grid->terms,
+                                           grid->count);
                 grid->seen[(size_t)(m * grid->channels + c) * grid->count + at] = spsi_higher(sum, 0);
             }
         }
@@ -20443,8 +20469,23 @@ static double spsi_ball_escape(double x) {
     return x > 0.01 ? 0.75 / x * (1 - half + (1 / x + half) * exp(-2 * x)) : 1 - 0.75 * x;
 }
 
-/* Distance from an emitter's centre at which its way through gas begins: from a ball, it is a quarter shorter. */
-static float spsi_emitter_reach(const spsi_emitter *emitter) { return 0.75f * emitter->radius; }
+/* Length from an emitter's centre up to which it knows what gas hides. */
+static float spsi_emitter_reach(const spsi_emitter *emitter) { return fmaxf(0.75f * emitter->radius, emitter->clear); }
+
+/* By how many radii the way from an even ball is shorter than that from its middle, which is u radii: the mean of ways
+   from all of it, weighted by 1 / way^2, is half a radius anywhere within, two thirds at its rim. */
+static spsi_v spsi_ball_nearer(spsi_v u) {
+    const spsi_v part = spsi_div(spsi_set(1), u), third = spsi_set(2.0f / 15), fifth = spsi_set(0.2f);
+    return spsi_min(spsi_mul(part, spsi_fma(spsi_mul(part, part), third, fifth)), spsi_add(u, spsi_set(-0.5f)));
+}
+
+/* Length from an emitter's centre at which ways of some lengths through gas begin. What a particle hides of itself does
+   not include other gas within it. */
+static spsi_v spsi_emitter_begin(const spsi_emitter *emitter, spsi_v length) {
+    const spsi_v radius = spsi_set(fmaxf(emitter->radius, FLT_MIN));
+    if (emitter->clear > 0) return spsi_mul(radius, spsi_ball_nearer(spsi_div(length, radius)));
+    return spsi_min(spsi_set(0.75f * emitter->radius), length);
+}
 
 /* Lets less leave an emitter: it hides itself as a ball of the gas in the cell about its centre. */
 static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
@@ -20539,9 +20580,10 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
 }
 
 /* Sets which fraction of each set's glow always flies: cells do not resolve how particles of a depth of 0.5 to 1.5 or
-   more hide themselves. */
+   more hide themselves, and up to 64 of them are seen one by one. */
 static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
+    const double few = fmax(0, fmin(2 - (double)content->particle_count / 32, 1));
     memset(content->flies, 0, sizeof content->flies);
     for (int i = 0, n = 0; i < frame->particles.set_count && spsi_cells_fly(frame); ++i) {
         const spsi_particle_set *set = &frame->particles.sets[i];
@@ -20552,7 +20594,7 @@ static void spsi_particles_fly(const spsi_frame *frame) {
             dense += amount * fmax(0, fmin(depth - 0.5, 1));
             all += amount;
         }
-        if (all > 0) content->flies[set->channel] = (float)(dense / all);
+        if (all > 0) content->flies[set->channel] = (float)fmax(dense / all, few);
     }
 }
 
@@ -20578,7 +20620,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
                                      (double)particle->position[2]};
             if (!material->emits) continue;
             like.radius = (float)(set->soft ? 0.845 * radius : radius);
-            like.clear = (float)(radius + 2 * flights->grids->edge) - spsi_emitter_reach(&like);
+            like.clear = (float)(radius + 2 * flights->grids->edge);
             spsi_emitters_add(flights, point, (1 - flies) * amount, own, &like, items[SPSI_FLIGHTS_GLOW]);
             spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
@@ -20712,28 +20754,30 @@ static spsi_v spsi_cell_pyramid_at(const spsi_cell_grid *grid, const spsi_v at[3
 typedef struct spsi_ways {
     spsi_v from[3], unit[3], length; /* unit: of direction */
     spsi_v begin, end;               /* lengths between which gas is in the way */
-    spsi_v clear;                    /* up to here, that is the gas found here; nothing if this is beyond the end */
+    spsi_v clear;                    /* up to here, that is the gas found here; nothing if this is outside the grid */
 } spsi_ways;
 
 /* Optical depth on a vector of ways. */
 static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0);
-    spsi_v at = ways->begin, end = ways->end, depth = zero;
+    spsi_v at = ways->begin, rim = spsi_set(SPSI_INFINITY), end, depth = zero;
     for (int k = 0; k < 3; ++k) { /* cut to the grid; a direction has at least 1e-9 along each axis */
         const spsi_v size = spsi_set((float)grid->size[k]), tiny = spsi_set(1e-9f);
         const spsi_v along = spsi_select(spsi_less(spsi_abs(ways->unit[k]), tiny), tiny, ways->unit[k]);
         const spsi_v a = spsi_div(spsi_sub(zero, ways->from[k]), along);
         const spsi_v b = spsi_div(spsi_sub(size, ways->from[k]), along);
         at = spsi_max(at, spsi_min(a, b));
-        end = spsi_min(end, spsi_max(a, b));
+        rim = spsi_min(rim, spsi_max(a, b));
     }
+    end = spsi_min(ways->end, rim);
     while (spsi_bits(spsi_less(at, end))) {
         const spsi_v nearer = spsi_min(at, spsi_sub(ways->length, at)), left = spsi_max(spsi_sub(end, at), zero);
         const spsi_v step = spsi_max(spsi_mul(nearer, spsi_set(SPSI_FLIGHT_STEP)), one), taken = spsi_min(step, left);
         const spsi_v middle = spsi_max(spsi_fma(taken, spsi_set(0.5f), at), ways->clear);
         spsi_v place[3];
         for (int k = 0; k < 3; ++k) place[k] = spsi_fma(middle, ways->unit[k], ways->from[k]);
-        depth = spsi_fma(spsi_select(spsi_less(end, middle), zero, taken), spsi_cell_pyramid_at(grid, place, step), depth);
+        const spsi_v within = spsi_select(spsi_less(rim, middle), zero, taken);
+        depth = spsi_fma(within, spsi_cell_pyramid_at(grid, place, step), depth);
         at = spsi_add(at, step);
     }
     return depth;
@@ -20761,7 +20805,7 @@ static void spsi_flight_ways_pass(const spsi_flights *flights, const spsi_flight
         ways.length = spsi_mul(spsi_load(world->length), per_edge);
         ways.begin = spsi_mul(spsi_load(world->begin), per_edge);
         ways.end = spsi_mul(spsi_load(world->end), per_edge);
-        ways.clear = spsi_fma(spsi_load(world->clear), per_edge, ways.begin);
+        ways.clear = spsi_mul(spsi_load(world->clear), per_edge);
         depth = spsi_ways_depth(grid, &ways);
         for (int c = 0; c < grid->channels; ++c)
             through[c] = spsi_mul(through[c], spsi_exp(spsi_mul(depth, spsi_set(-grid->scale[c]))));
@@ -20799,7 +20843,7 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
                 ways.unit[k][i] = unit[k];
                 ways.end[i] -= unit[k] * (child->at[k] - node->sum.at[k]);
             }
-            ways.begin[i] = own ? own->reach : spsi_emitter_reach(child);
+            ways.begin[i] = own ? own->reach : child->clear > 0 ? 0 : spsi_emitter_reach(child);
             ways.end[i] = fmaxf(ways.end[i], ways.begin[i]);
             ways.length[i] = 2 * ways.end[i];
             ways.clear[i] = child->clear;
@@ -20821,8 +20865,7 @@ static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_nod
     for (int i = 0; i < count; ++i) {
         double apart[3];
         for (int k = 0; k < 3; ++k) apart[k] = (double)below[i].at[k] - (double)sum->at[k];
-        reach[i] =
-            spsi_length(apart) + (double)(own[i] ? own[i]->reach : spsi_emitter_reach(&below[i]) + below[i].clear);
+        reach[i] = spsi_length(apart) + (double)(own[i] ? own[i]->reach : spsi_emitter_reach(&below[i]));
         most = fmax(most, reach[i]);
     }
     for (int i = 0; i < count; ++i) {
@@ -20933,13 +20976,12 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
 }
 
 /* Over what an emitter or node sends, the fraction that gets past its own gas in a vector of directions, for a channel.
-   Of a node, it is the polynomial of degree 4 in the cosines through what is known; an emitter sends it already. share:
-   of the radius, at which the receiver is. To the middle of an even ball, ways are 0.36 as long: T^x is close to the
-   mean of T / (T + x (1 - T)) and 1 - x (1 - T). */
-static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const spsi_v unit[3], spsi_v share) {
+   Of a node, it is the polynomial of degree 4 in the cosines through what is known; an emitter sends it already. On
+   `part` of the way that these stand for it is T^part, near the mean of T / (T + part (1 - T)) and 1 - part (1 - T). */
+static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const spsi_v unit[3], spsi_v part) {
     const spsi_flight_node *node = flight->node;
     const spsi_v one = spsi_set(1);
-    spsi_v sum = node ? spsi_set(0) : spsi_set(flight->emitter->leaves[channel]), part, low, square[3], toward[3];
+    spsi_v sum = node ? spsi_set(0) : spsi_set(flight->emitter->leaves[channel]), low, square[3], toward[3];
     spsi_m ahead[3];
     for (int k = 0; k < 3 && node; ++k) {
         const float *own = &node->leaves[channel][2 * k];
@@ -20957,22 +20999,28 @@ static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const s
             spsi_fma(spsi_set(-0.5f), spsi_add(toward[k], toward[next]), spsi_select(ahead[next], front, back));
         sum = spsi_fma(spsi_mul(spsi_mul(spsi_set(4), square[k]), square[next]), bulge, sum);
     }
-    share = spsi_min(share, one);
-    part = spsi_fma(spsi_mul(share, share), spsi_set(0.64f), spsi_set(0.36f));
     sum = spsi_clamp(sum, spsi_set(1e-20f), one);
     low = spsi_div(sum, spsi_fma(part, spsi_sub(one, sum), sum));
     low = spsi_mul(spsi_set(0.5f), spsi_add(low, spsi_fma(part, spsi_sub(sum, one), one)));
     return node ? low : spsi_div(low, sum);
 }
 
-/* Radius of the ball that a node or an emitter is. */
-static float spsi_flight_span(const spsi_flight *flight) {
-    return flight->node ? flight->node->reach : flight->emitter->radius;
+/* Which part of the way that a node's or emitter's own gas stands for is on ways of a vector of lengths. Over an even
+   ball in even gas they are as above; if gas ends with it, they grow from 0.5 radii to 0.75. */
+static spsi_v spsi_flight_part(const spsi_flight *flight, spsi_v length) {
+    const float known = flight->node ? flight->node->reach : 0;
+    const float radius = fmaxf(fmaxf(flight->emitter->radius, 1e-3f * known), FLT_MIN);
+    const float own = flight->node ? known / radius : 0.75f;
+    const spsi_v u = spsi_mul(length, spsi_set(fminf(1 / radius, FLT_MAX)));
+    const spsi_v ends = spsi_max(spsi_fma(u, spsi_set(-1.0f / 6), spsi_set(0.25f)), spsi_set(0));
+    if (flight->emitter->clear > 0) return spsi_fma(ends, spsi_set(-4.0f / 3), spsi_set(1));
+    return spsi_mul(spsi_sub(spsi_min(u, spsi_set(own)), spsi_ball_nearer(u)), spsi_set(1 / own));
 }
 
-/* Length from a node's centre up to which what it hides of itself is known. */
-static float spsi_flight_reach(const spsi_flight *flight) {
-    return flight->node ? flight->node->reach : spsi_emitter_reach(flight->emitter);
+/* Length from its centre at which ways of some lengths through gas begin. */
+static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
+    return flight->node ? spsi_min(spsi_set(flight->node->reach), length)
+                        : spsi_emitter_begin(flight->emitter, length);
 }
 
 /* --- what arrives --- */
@@ -21050,18 +21098,28 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
     spsi_flights_unblocked(job->faces, -1, cells->lanes, origin, toward, passes);
 }
 
-/* Adds a fraction of what a node sends to a vector of cells. The mean over a cell and over an even ball of 1 /
-   distance^2 is 1 / (distance^2 - s), to the second order, s being a fifth of the radius squared and a twelfth of the
-   edge squared; about the centre of a cell it is 7.7. Directions from a ball near by differ: so higher degrees are less
-   by as much. */
+/* The square of the distance whose inverse is the mean of 1 / distance^2 over a cell of edge 1 and over an even ball of
+   a radius r, given those of the distance d between their centres and of r. To the second order it is d^2 - r^2 / 5 - 1
+   / 12; within, from r^2 / 3 on; about the centre of a cell, 0.13. */
+static spsi_v spsi_ball_square(spsi_v square, spsi_v radius) {
+    const spsi_v u = spsi_max(spsi_div(square, spsi_max(radius, spsi_set(FLT_MIN))), spsi_set(0.1f));
+    const spsi_v most = spsi_min(u, spsi_set(1)), cube = spsi_mul(u, spsi_mul(u, u));
+    const spsi_v rim = spsi_fma(radius, spsi_add(spsi_div(spsi_set(0.13f), cube), spsi_set(0.2f)), spsi_set(1.0f / 12));
+    spsi_v within = spsi_fma(spsi_mul(most, most), spsi_set(0.06f), spsi_set(0.14f));
+    within = spsi_fma(radius, spsi_fma(most, within, spsi_set(1.0f / 3)), spsi_set(0.13f));
+    return spsi_max(spsi_sub(square, rim), within);
+}
+
+/* Adds a fraction of what a node sends to a vector of cells. What crosses a plane is 1 / distance^2, within a ball as
+   much as its inner part sends [Newton's shells]: their ratio is the mean cosine of a lobe about the direction to the
+   centre. */
 static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight *flight, float fraction, int blocked,
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_emitter *node = flight->emitter;
-    const spsi_v zero = spsi_set(0), radius = spsi_set(node->radius / (float)grid->edge);
-    const spsi_v spread = spsi_fma(spsi_mul(radius, radius), spsi_set(0.2f), spsi_set(1.0f / 12));
-    const spsi_v least = spsi_fma(spsi_mul(radius, radius), spsi_set(1.0f / 3), spsi_set(0.13f));
-    spsi_v square, harmonic[SPSI_CELL_TERMS], depth, share, passes[3], even, bent;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), radius = spsi_set(node->radius / (float)grid->edge);
+    const spsi_v rim = spsi_sqrt(spsi_fma(radius, radius, spsi_set(0.38f))), half = spsi_set(0.5f);
+    spsi_v square, harmonic[SPSI_CELL_TERMS], depth, part, passes[3], even, bent, length;
     spsi_ways ways;
     for (int k = 0; k < 3; ++k) {
         ways.from[k] =
@@ -21070,16 +21128,21 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     }
     square = spsi_dot_v(ways.unit, ways.unit);
     ways.length = spsi_sqrt(square);
-    ways.begin = spsi_min(spsi_set(spsi_flight_reach(flight) / (float)grid->edge), ways.length);
-    ways.end = spsi_sub(ways.length, spsi_set(0.5f));
-    ways.clear = spsi_add(ways.begin, spsi_set(node->clear / (float)grid->edge));
+    length = spsi_mul(ways.length, spsi_set((float)grid->edge));
+    ways.begin = spsi_mul(spsi_flight_begin(flight, length), spsi_set((float)(1 / grid->edge)));
+    ways.end = spsi_sub(ways.length, half);
+    ways.clear = spsi_set(node->clear / (float)grid->edge);
     for (int k = 0; k < 3; ++k) ways.unit[k] = spsi_div(ways.unit[k], spsi_max(ways.length, spsi_set(1e-3f)));
-    depth = spsi_ways_depth(grid, &ways);
-    share = spsi_div(ways.length, spsi_set(fmaxf(spsi_flight_span(flight) / (float)grid->edge, FLT_MIN)));
+    /* what is counted twice if the way begins in the cell: half of it, less what its extent adds to the mean way */
+    depth = spsi_clamp(spsi_sub(node->clear > 0 ? radius : ways.begin, ways.end), zero, half);
+    depth = spsi_mul(depth, spsi_sub(spsi_sub(rim, radius), one));
+    depth = spsi_fma(depth, cells->depth, spsi_ways_depth(grid, &ways));
+    part = spsi_flight_part(flight, length);
     spsi_harmonics_v(ways.unit, grid->terms, harmonic);
-    even = spsi_div(spsi_set(fraction * (float)(0.25 / (SPSI_PI * grid->edge * grid->edge))),
-                    spsi_max(spsi_sub(square, spread), least));
-    bent = spsi_div(square, spsi_add(square, spread));
+    square = spsi_ball_square(square, spsi_mul(radius, radius));
+    even = spsi_div(spsi_set(fraction * (float)(0.25 / (SPSI_PI * grid->edge * grid->edge))), square);
+    bent = spsi_max(ways.length, rim);
+    bent = spsi_div(spsi_mul(ways.length, square), spsi_mul(bent, spsi_mul(bent, bent)));
     if (node->axis[0] != 0 || node->axis[1] != 0 || node->axis[2] != 0) {
         const double axis[3] = {(double)node->axis[0], (double)node->axis[1], (double)node->axis[2]};
         spsi_v along[3];
@@ -21093,12 +21156,14 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
         const spsi_v before = spsi_mul(scale, depth);
         spsi_v light = spsi_mul(spsi_mul(even, spsi_set(node->sent[c])),
                                 spsi_mean_transmittance(before, spsi_fma(scale, cells->depth, before)));
-        light = spsi_mul(light, spsi_flight_leaves(flight, c, ways.unit, share));
+        light = spsi_mul(light, spsi_flight_leaves(flight, c, ways.unit, part));
         if (blocked) light = spsi_mul(light, passes[c]);
         light = spsi_min(spsi_max(light, zero), spsi_set(SPSI_RADIANCE_MAX));
         cells->sum[c][0] = spsi_add(cells->sum[c][0], light);
-        light = spsi_mul(light, bent);
-        for (int t = 1; t < grid->terms; ++t) cells->sum[c][t] = spsi_fma(light, harmonic[t], cells->sum[c][t]);
+        for (int t = 1; t < grid->terms; ++t) {
+            if (t == 1 || t == 4 || t == 9) light = spsi_mul(light, bent); /* of the next degree */
+            cells->sum[c][t] = spsi_fma(light, harmonic[t], cells->sum[c][t]);
+        }
     }
 }
 
@@ -21177,7 +21242,7 @@ static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3]
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights,
                                        const spsi_flight_list *list, int n, double irradiance[3]) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
-    float out[3][SPSI_LANES];
+    float out[3][SPSI_LANES], begin[SPSI_LANES];
     spsi_v through[3], passes[3];
     spsi_flight_ways ways;
     int some = 0;
@@ -21201,7 +21266,8 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
             toward[i][k] += place->point[k] - place->start[k];
         }
         ways.length[i] = ways.end[i] = (float)distance;
-        ways.begin[i] = fminf(spsi_flight_reach(flight), (float)distance);
+        spsi_store(begin, spsi_flight_begin(flight, spsi_set((float)distance)));
+        ways.begin[i] = begin[0];
         ways.clear[i] = node->clear;
     }
     if (!some) return;
@@ -21214,9 +21280,9 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
                 const spsi_flight *flight = &list->entry[n + i];
                 const spsi_v unit[3] = {spsi_set(ways.unit[0][i]), spsi_set(ways.unit[1][i]),
                                         spsi_set(ways.unit[2][i])};
-                const float part = ways.length[i] / fmaxf(spsi_flight_span(flight), FLT_MIN);
+                const spsi_v part = spsi_flight_part(flight, spsi_set(ways.length[i]));
                 float own[SPSI_LANES];
-                spsi_store(own, spsi_flight_leaves(flight, c, unit, spsi_set(part)));
+                spsi_store(own, spsi_flight_leaves(flight, c, unit, part));
                 irradiance[c] +=
                     fmin(share[i] * (double)(flights->to_polygons * flight->emitter->sent[c] * own[0] * out[c][i]),
                          (double)SPSI_RADIANCE_MAX);
@@ -22225,7 +22291,8 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
         if (peak > 0) {
             const spsi_v emitted = spsi_mul(sample->value_length, spsi_set(material->emission[c]));
             sent = spsi_fma(spsi_mul(gas, behind), spsi_sub(straight, spsi_mul(scale, seen)), sent);
-            sent = spsi_fma(spsi_min(emitted, spsi_set(SPSI_RADIANCE_MAX)), spsi_sub(seen, straight), sent);
+            const spsi_v more = spsi_mul(spsi_set(grid->swept[m]), spsi_sub(seen, straight));
+            sent = spsi_fma(spsi_min(emitted, spsi_set(SPSI_RADIANCE_MAX)), more, sent);
         }
         sent = spsi_select(place->here, spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), zero);
         into->again[c] = spsi_add(into->again[c], sent);
@@ -23536,7 +23603,6 @@ typedef struct spsi_cell_job {
     float *emitted;       /* per channel: radiance added along an edge */
     float *incoming;      /* per channel and term: moments of the lights' radiance */
     float *passed_on;     /* the same of what peaks pass on from lights without shadows; NULL: nothing */
-    float *flown;         /* per channel and term: moments of first flights; NULL: there are none */
     spsi_flights *flights; /* all trees */
     int grid_count;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
@@ -23690,7 +23756,7 @@ static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp) 
 
 /* Floats per cell while it is filled and lit. */
 static size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid *grid) {
-    const int lights = 1 + spsi_cells_pass_on(frame, grid) + spsi_cells_fly(frame);
+    const int lights = 1 + spsi_cells_pass_on(frame, grid);
     return (size_t)(8 + (frame->matter.material_count + 1 + lights * grid->terms) * grid->channels);
 }
 
@@ -24023,22 +24089,35 @@ static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spo
                            spsi_mul(amount, harmonic[t]));
 }
 
+/* The mean of 1 / r^2 over the cubes of samples, over that along a ray through them. By the latter, cells about a lamp
+   receive 5 % less than it sends. */
+static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_cell_spot *spot) {
+    const float edge = (float)job->sheets.slabs.thickness;
+    const spsi_v scale = spsi_set(1 / (edge * edge));
+    spsi_v square;
+    spsi_reach reach;
+    spsi_reach_build(&job->shader, lamp, &spot->pixels, &spot->part, &reach);
+    square = spsi_ball_square(spsi_mul(spsi_dot_v(reach.middle, reach.middle), scale), spsi_set(0));
+    return spsi_div(scale, spsi_mul(square, spsi_lamp_falloff(&spot->pixels, &reach)));
+}
+
 /* Adds what one light sends to a vector of samples, weighted by their optical depth. `table`: NULL if it has none. */
 static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *table,
                                 const spsi_cell_spot *spot) {
     const int channels = job->grid->channels, passes_on = table && !lamp->shadows;
     const float fraction = (float)(1 - spsi_cells_beams(job, lamp));
     const spsi_v one = spsi_set(1);
-    spsi_v passes[3] = {one, one, one}, passed_on[3], harmonic[SPSI_CELL_TERMS];
+    spsi_v passes[3] = {one, one, one}, passed_on[3], harmonic[SPSI_CELL_TERMS], cubes = one;
     spsi_incident incident;
     spsi_lamp_at(&job->shader, lamp, &spot->pixels, &spot->part, spsi_set(0), &incident);
+    if (lamp->falls_off && lamp->few_count == 1) cubes = spsi_cell_spot_near(job, lamp, spot);
     if (lamp->shadows) spsi_cell_spot_passes(job, table, spot, passes);
     if (passes_on) spsi_cell_spot_passed_on(table, spot, channels, passed_on);
     spsi_harmonics_v(incident.travel, job->grid->terms, harmonic);
     for (int c = 0; c < channels; ++c) {
         const spsi_v color = spsi_set(lamp->color[c] * (float)(0.25 / SPSI_PI));
         spsi_v amount = spsi_min(spsi_mul(incident.irradiance[c], color), spsi_set(SPSI_RADIANCE_MAX));
-        amount = spsi_mul(amount, spsi_mul(spot->depth, spsi_set(fraction)));
+        amount = spsi_mul(spsi_mul(amount, cubes), spsi_mul(spot->depth, spsi_set(fraction)));
         spsi_cells_add_moments(job, spot, c, spsi_mul(amount, passes[c]), harmonic, job->incoming);
         if (!passes_on) continue;
         amount = spsi_mul(amount, passed_on[c]);
@@ -24282,7 +24361,7 @@ static void spsi_cell_walls_set(const spsi_cell_job *job, const spsi_cell_hits *
             walls->normal[k * count + at] += (float)(share * hits->surface[i].normal[k]);
         }
     }
-    if (job->flown) spsi_cell_walls_fly(job, at);
+    if (job->grid->flown) spsi_cell_walls_fly(job, at);
 }
 
 /* Bits of the closed links between a cell and its neighbours; `hits`: where they end, or NULL. */
@@ -24589,7 +24668,7 @@ static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
     flight.flights = job->flights;
     flight.faces = job->faces;
     flight.grid = job->grid;
-    flight.moments = job->flown;
+    flight.moments = job->grid->flown;
     if (job->frame->matter.scatters && job->flights[0].count + job->flights[1].count + job->flights[2].count > 0)
         spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
     return SPS_OK;
@@ -24604,7 +24683,7 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     sps_tmap *maps;
     spsi_cell_directions(job->directions);
     if (spsi_cell_walls_begin(job)) return context->result;
-    if (job->frame->lamps.count == 0 && !job->walls.closed) return job->flown ? spsi_cells_fly_to(job) : SPS_OK;
+    if (job->frame->lamps.count == 0 && !job->walls.closed) return job->grid->flown ? spsi_cells_fly_to(job) : SPS_OK;
     job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
     if (!job->shadows || !maps) return context->result;
@@ -24618,7 +24697,7 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
-    if (!spsi_cells_shadows(job, part, maps) && (!job->flown || !spsi_cells_fly_to(job))) {
+    if (!spsi_cells_shadows(job, part, maps) && (!job->grid->flown || !spsi_cells_fly_to(job))) {
         spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
         if (job->walls.closed)
             spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
@@ -24664,7 +24743,7 @@ static void spsi_cells_equations_task(void *data, int row) {
         for (int t = 0; t < grid->terms; ++t) {
             const float light = job->incoming[(size_t)(c * grid->terms + t) * grid->count + at];
             const float wall = job->wall_light ? job->wall_light[(size_t)t * grid->count + at] : 0;
-            const float flown = job->flown ? job->flown[(size_t)(c * grid->terms + t) * grid->count + at] : 0;
+            const float flown = grid->flown ? grid->flown[(size_t)(c * grid->terms + t) * grid->count + at] : 0;
             level->given[(size_t)t * grid->count + at] =
                 whole > 0 ? keep[spsi_term_degree(t)] * (light / (4 * whole) + wall + flown) : 0;
         }
@@ -24845,7 +24924,7 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, int las
 static void spsi_cells_take_flux(const spsi_cell_job *job, int channel, int last) {
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    if (job->flown && job->wall_light) spsi_cells_sweep_rest(job, channel, last);
+    if (grid->flown && job->wall_light) spsi_cells_sweep_rest(job, channel, last);
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
     spsi_cell_patches_fill(job->solver, grid, channel);
@@ -24908,7 +24987,6 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
     }
     if (plain) spsi_cells_take_flux(job, job->channel, 1);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
-    for (size_t i = 0; i < moments && job->flown; ++i) light[i] += job->flown[(size_t)job->channel * moments + i];
     if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
     return SPS_OK;
 }
@@ -24949,11 +25027,12 @@ static size_t spsi_cells_flux_floats(const spsi_cell_grid *grid) {
     return (flux > 0 ? flux + spsi_cell_patch_floats(grid) : 0) + 3;
 }
 
-/* Floats of a grid that is held: moments, depth, and what polygons receive; and of what is seen of it. */
+/* Floats of a grid that is held: moments, depth, what polygons receive, first flights; and of what is seen of it. */
 static size_t spsi_cell_grid_floats(const spsi_frame *frame, const spsi_cell_grid *grid, size_t *seen) {
-    const size_t pyramid = spsi_cells_fly(frame) ? spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch : 0;
+    const size_t moments = (size_t)(grid->channels * grid->terms) * grid->count;
+    const size_t flown = moments + spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch;
     *seen = (size_t)(frame->matter.material_count * grid->channels) * grid->count;
-    return (size_t)(1 + grid->channels * grid->terms) * grid->count + spsi_cells_flux_floats(grid) + pyramid;
+    return grid->count + moments + spsi_cells_flux_floats(grid) + (spsi_cells_fly(frame) ? flown : 0);
 }
 
 /* Upper bound of the bytes for first flights. */
@@ -25057,39 +25136,36 @@ static int spsi_scattered_take(sps_context *context, uint64_t key) {
     return held;
 }
 
-/* Sums over the cells of all grids, by which what glows is shared out; the last two are weighted by it. */
+/* Sums over the cells of all grids, by which what glows is shared out: what they send; times `parts`, by how many times
+   a grid's cells are more than those that glow; times the depth across what glows. */
 typedef struct spsi_glow {
     double sum, parts, depth;
 } spsi_glow;
 
-/* Adds a grid's. parts: by how many times its cells are more than those that glow; depth: across what glows, or across
-   the grid if that is more. */
 static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
     const spsi_cell_grid *grid = job->grid;
     const double cells = (double)grid->size[0] * grid->size[1] * grid->size[2];
-    double sum = 0, squares = 0, depth = 0, all = 0;
+    double sum = 0, squares = 0, depth = 0;
     for (size_t at = 0; at < grid->count; ++at) {
         double own = 0;
         for (size_t c = 0; c < (size_t)grid->channels; ++c) own += (double)job->emitted[c * grid->count + at];
         sum += own;
         squares += own * own;
         depth += own * (double)grid->depth[at];
-        all += (double)grid->depth[at];
     }
     if (!(sum > 0 && squares > 0)) return;
     glow->sum += sum;
     glow->parts += cells * squares / sum;
-    glow->depth += fmax(depth * sum / cbrt(squares * sum), sum * all / cells * cbrt(cells));
+    glow->depth += depth * cbrt(sum * sum / squares);
 }
 
-/* Chooses which fractions of what glows fly: to cells, all of it where it fills less than a hundredth of the grid and
-   gas is thin, since directions serve wide sources well, and dense gas hides their rays; to polygons, all of it up to a
-   depth of 4, and nothing from 12 on: there, nodes are 15 % too dark. */
+/* Chooses which fractions of what glows fly: to cells, all of it where it fills less than a hundredth of the grid,
+   since directions serve wide sources well, and for less time; to polygons, all of it up to a depth of 4, and from 20/3
+   on two thirds: there, nodes are 10 % too dark and cells 20 % too bright. */
 static void spsi_glow_split(const spsi_glow *glow, int scatters, spsi_flights *flights) {
-    const double sum = glow->sum > 0 ? glow->sum : 1, depth = glow->depth / sum;
-    const double alone = fmax(0, fmin(log(fmax(glow->parts / sum, 1) / 32) / log(4), 1));
-    const double bare = glow->sum > 0 ? fmax(0, fmin(1.5 - depth / 8, 1)) : 0;
-    flights->to_cells = (float)(scatters ? alone * fmax(0, fmin(2 - depth / 2, 1)) : bare);
+    const double sum = glow->sum > 0 ? glow->sum : 1, alone = log(fmax(glow->parts / sum, 1) / 32) / log(4);
+    const double bare = glow->sum > 0 ? fmin(fmax(1.5 - glow->depth / sum / 8, 2.0 / 3), 1) : 0;
+    flights->to_cells = (float)(scatters ? fmax(0, fmin(alone, 1)) : bare);
     flights->to_polygons = (float)fmax((double)flights->to_cells, bare);
 }
 
@@ -25121,10 +25197,10 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
         job->passed_on = memory;
         memory += moments;
     }
-    if (spsi_cells_fly(frame)) job->flown = memory;
+    if (grid->flown) memset(grid->flown, 0, moments * sizeof *grid->flown);
     if (spsi_cells_fill(job, part)) return context->result;
     spsi_cells_mean_scale(job);
-    if (job->flown) spsi_cell_pyramid_fill(grid);
+    if (grid->flown) spsi_cell_pyramid_fill(grid);
     return SPS_OK;
 }
 
@@ -25151,7 +25227,10 @@ static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *fra
         grid->scale = grid->depth + grid->count;
         grid->flux = grid->scale + 3;
         grid->patches = grid->flux + channels * (size_t)grid->flux_terms * grid->count;
-        if (spsi_cells_fly(frame)) grid->pyramid = memory - spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch;
+        grid->flown = grid->pyramid = NULL;
+        if (!spsi_cells_fly(frame)) continue;
+        grid->pyramid = memory - spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch;
+        grid->flown = grid->pyramid - channels * (size_t)grid->terms * grid->count;
     }
     return SPS_OK;
 }
@@ -25194,7 +25273,6 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     spsi_glow glow = {0, 0, 0};
     spsi_cell_job *job;
     memset(flights, 0, SPSI_FLIGHT_TREES * sizeof *flights);
-    spsi_particles_fly(frame);
     third.share /= 3 * count;
     for (int n = 0; n < count && count > 1 && flies; ++n) {
         if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
@@ -25222,10 +25300,13 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
 }
 
 /* Finds what the eye sees of a grid. */
-static void spsi_cells_look(sps_context *context, const spsi_frame *frame, spsi_cell_grid *grid) {
+static void spsi_cells_look(sps_context *context, const spsi_frame *frame, const spsi_flights *flights,
+                            spsi_cell_grid *grid) {
     spsi_cell_look look;
     look.frame = frame;
     look.grid = grid;
+    for (int m = 0; m < frame->matter.material_count; ++m)
+        grid->swept[m] = (1 - flights->to_cells) * (1 - frame->content->flies[m]);
     spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
     spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
 }
@@ -25249,12 +25330,13 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     key = spsi_cells_fingerprint(context, frame, grids, count);
     held = spsi_scattered_take(context, key);
     if (spsi_cells_reserve(context, frame, grids, count)) return context->result;
+    spsi_particles_fly(frame);
     if (!held && spsi_cells_make(context, frame, faces, &groups, part, grids, count, flights)) return context->result;
     for (int n = 0; n < count && !held; ++n)
         context->stats.cells += (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];
     if (!held) spsi_cells_share_scale(grids, count);
     context->cells_held = key;
-    for (int n = 0; n < count; ++n) spsi_cells_look(context, frame, &grids[n]);
+    for (int n = 0; n < count; ++n) spsi_cells_look(context, frame, flights, &grids[n]);
     frame->content->cells = grids;
     frame->content->cell_grid_count = count;
     if (spsi_cells_fly(frame)) frame->content->flights = flights;

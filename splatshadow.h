@@ -479,9 +479,9 @@ typedef struct sps_particles {
 } sps_particles;
 
 /* How a transmittance map stores optical depth along the ray of each texel. u runs from 0 at near_depth to 1 at
-   far_depth. The order in which occluders are added does not matter except for round-off. Deep, compressed, depth
-   and adaptive maps are made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. n stands for
-   `components`; docs/shadow_maps.md helps to choose. */
+   far_depth. The order in which occluders are added does not matter except for round-off. Deep and compressed maps are
+   made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. n stands for `components`;
+   docs/shadow_maps.md helps to choose. */
 typedef enum sps_tmap_technique {
     /* SPS_TMAP_DEEP_OPACITY with `cubic`: small errors on most gases for few floats. As a light's shadow_map:
        SPS_TMAP_TABLE, less than half the error in less time, but more memory. */
@@ -494,11 +494,11 @@ typedef enum sps_tmap_technique {
     SPS_TMAP_DEEP,
     /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance that is nowhere more than `epsilon` off along
        a texel's own ray; the one technique whose error the caller sets. (Between four texels, the mean of their optical
-       depths may be farther off where some of them are nearly black.) 8 bytes per node and 4 per texel; a query
-       searches. No components. */
+       depths may be farther off where some of them are nearly black.) Or, if n is 4, 6 .. 64, at most n / 2 nodes: that
+       whose removal changes the area least is removed until so few are left [after Salvi et al. 2010]. There is no
+       error bound then; the rms error is 1.3 to 1.5 times that of the best nodes. 8 bytes per node and 4 per texel; a
+       query searches. Default: no components. */
     SPS_TMAP_COMPRESSED,
-    /* Where transmittance falls to one half; 1 before, 0 behind. Right for opaque occluders only. 1 component. */
-    SPS_TMAP_DEPTH,
     /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]. Exact there; in between, the
        neighbouring planes bracket the true value. n 1..65, default 8. Insertion costs the planes that an interval
        passes through, a query 2 lookups (cubic: 4), and a comparison with each plane if `planes` is set. */
@@ -519,10 +519,6 @@ typedef enum sps_tmap_technique {
        u = 1. n 5 or 7, default 5; insertion costs n; a query solves a small matrix and finds the roots of a polynomial,
        ten times the cost of others. */
     SPS_TMAP_MOMENT,
-    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the transmittance curve as n / 2 nodes, u T u T .. . The node
-       whose removal changes the area least is removed until n / 2 are left. There is no error bound; the rms error is
-       1.3 to 1.5 times that of the best nodes. n 4, 6 .. 64, default 16; made from lists; a query searches. */
-    SPS_TMAP_ADAPTIVE,
     /* Beer shadow map, as engines have it: u where gas begins, optical depth per u from there on, and the total, at
        which it is capped. Exact for a single uniform interval, and behind everything; gas in several clumps is spread
        over the gaps between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106
@@ -536,7 +532,11 @@ typedef enum sps_tmap_technique {
        as they are wide, but at most 256 planes. At most 2^28 entries. 4 bytes per texel and plane, and 4 more
        for those of 64 rows while it is made; cheapest of all maps to look up. Held for the next call, and updated there
        where gas has changed (sps_light.shadow_map). */
-    SPS_TMAP_TABLE
+    SPS_TMAP_TABLE,
+    /* Shadow map [Williams 1978]: only the depth of the first opaque surface, which the other maps hold beside their
+       texels (sps_tmap_surfaces). Gas and surfaces that let light pass do not count, so sps_light.shadow_map cannot be
+       one. No components. */
+    SPS_TMAP_DEPTH
 } sps_tmap_technique;
 
 /* Zero is valid for all but far_depth: deep opacity, cubic, with 8 components. For sps_light.shadow_map all of it may
@@ -557,7 +557,9 @@ typedef struct sps_tmap_settings {
     const float *planes;
     int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
     int texel_range;        /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
-    float epsilon; /* compressed: maximum error of T, up to 0.5; 0 means 0.01; kept to 1e-6 (soft particles: 0.001) */
+    /* Compressed: maximum error of T, up to 0.5; 0 means 0.01; kept to 1e-6 (soft particles: 0.001). With components,
+       that of the line whose nodes are removed; 0 means 1 / 1024. */
+    float epsilon;
     double surface_bias; /* world units behind an opaque surface at which its shadow begins; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_settings;
@@ -742,7 +744,7 @@ typedef enum sps_scattering {
        a closed form in the optical depth of that way and the angle where it bends, with the gas's own phase function
        and albedo. Right where gas scatters forward and light has not lost its direction; what comes back after many
        turns is mostly left out. Lights and rays are followed to an optical depth of 64, the whole way, where this light
-       ends; a shadow_map that holds transmittance (compressed, adaptive) knows less far, and gas behind is lit
+       ends; a shadow_map that holds transmittance (compressed) knows less far, and gas behind is lit
        as if it were there. Lights without shadows are not scattered again, and polygons receive none of it. Cost: a
        table per gas, and a lookup of it beside each one of a shadow. */
     SPS_SCATTERING_FORWARD,
@@ -3165,13 +3167,11 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
      Fourier series of extinction              [Jansen & Bavoil 2010], a_k = 2 sum t cos(2 pi k u), b_k with the sine
      power moments of extinction               [Muenstermann et al. 2018; Peters & Klein 2015]
      first, last and total                     (Beer shadow maps)
-   Fits use the whole curve of a ray:
-     u where T falls to one half, nodes by least area [Salvi et al. 2010], and straight lines of T within epsilon
-                                               [Lokovic & Veach 2000]
+   Lists use the whole curve of a ray:
+     straight lines of T within epsilon        [Lokovic & Veach 2000], thinned by least area [Salvi et al. 2010]
 
-   Cost: insertion takes time for the planes that an interval passes through, or for all components; a fit (nodes of the
-   curve) x (components), but n log n for an adaptive or a compressed map; the cost of a query stands at its function. T
-   is short for transmittance, exp(-optical depth). */
+   Cost: insertion takes time for the planes that an interval passes through, or for all components; a list
+   n log n; the cost of a query stands at its function. T is short for transmittance, exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* maximum floats per texel */
 #define SPSI_SOFT_PIECES     8      /* uniform pieces for a soft interval in a curve: 1.2 % of its depth off */
@@ -3211,9 +3211,8 @@ typedef struct spsi_texels {
 
 typedef struct spsi_technique {
     const char *name;             /* with its article, for error sentences */
-    int least, most, step, usual; /* components: minimum, maximum, step from the minimum, default; all 0 for lists */
-    int lists;                    /* 1: a list per texel, whose length depends on its ray */
-    int sums;                     /* 1: insert and finish, in any order; 0: fit, from the curve of a texel's ray */
+    int least, most, step, usual; /* components: minimum, maximum, step from the minimum, default */
+    int lists;                    /* 1: a list per texel, whose length depends on its ray; 0: insert and finish */
     /* 1: insert has no closed form for a soft interval that is cut, which is inserted as points. 0: accepts intervals
        whose ends lie outside 0..1. */
     int points;
@@ -3221,14 +3220,10 @@ typedef struct spsi_technique {
        functions below see only the components after these, and the remapped u. -1: settings->texel_range decides
        (Fourier). */
     int range;
-    /* Adds intervals to sums: component k of the vector's texels is at sums + k * stride. */
+    /* Adds intervals to sums: component k of the vector's texels is at sums + k * stride. NULL: they do not count. */
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_intervals *intervals);
     /* Turns the sums of one texel (packed) into the stored components, in place. NULL: they are the same. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
-    /* Makes a texel from its ray's curve. */
-    void (*fit)(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch, float *texel);
-    /* Size of the scratch memory that `fit` needs for a curve of `count` nodes. NULL: none. */
-    size_t (*fit_bytes)(int count);
     /* Writes the initial sums of `count` texels. NULL: these are 0. */
     void (*clear)(float *sums, size_t stride, size_t count, int components);
     /* Optical depth before u in 0..1 for a vector of texels. NULL: see `optical_depth`. */
@@ -3746,28 +3741,6 @@ static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, f
     return (double)nodes[low - 1].value + t * ((double)nodes[low].value - (double)nodes[low - 1].value);
 }
 
-/* ---- depth maps ---- */
-
-/* u where T falls to one half; 2 if it never does. */
-static void spsi_depth_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
-                           float *texel) {
-    const double half = 0.69314718055994531;
-    (void)settings;
-    (void)scratch;
-    texel[0] = 2;
-    for (int i = 0; i < count; ++i) {
-        const spsi_piece piece = spsi_curve_piece(curve, i);
-        if (!(piece.t1 >= half)) continue;
-        texel[0] = (float)(piece.u0 + (half - piece.t0) / (piece.t1 - piece.t0) * (piece.u1 - piece.u0));
-        return;
-    }
-}
-
-static spsi_v spsi_depth_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
-    (void)settings;
-    return spsi_select(spsi_less(u, spsi_texels_at(texels, spsi_set(0))), spsi_set(0), spsi_set(SPSI_DEPTH_MAX));
-}
-
 /* ---- transmittance as a polyline ---- */
 
 /* Cuts a piece so that straight lines of T between the cuts stay within step^2 of the exponential: in even steps of
@@ -3897,59 +3870,31 @@ static float spsi_compressed_optical_depth(const spsi_node *nodes, uint32_t coun
     return spsi_optical_depth_of(spsi_nodes_transmittance(nodes, count, u));
 }
 
-/* ---- adaptive maps ---- */
-
-#define SPSI_ADAPTIVE_EPSILON (1.0f / 1024) /* error of the polyline whose nodes are chosen from */
-
-static size_t spsi_adaptive_bytes(int count) {
-    const size_t most = (size_t)spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON);
-    return most * (sizeof(double) + sizeof(spsi_node));
-}
+#define SPSI_THIN_EPSILON (1.0f / 1024) /* usual error of the line whose nodes are removed */
 
 /* Twice the change of the area below the curve if an inner node is removed. */
-static double spsi_adaptive_cost(const spsi_node *node) {
+static inline double spsi_node_cost(const spsi_node *node) {
     const spsi_node *a = node - 1, *c = node + 1;
     return fabs(((double)node->u - (double)a->u) * ((double)c->value - (double)a->value) -
                 ((double)c->u - (double)a->u) * ((double)node->value - (double)a->value));
 }
 
-/* A compressed curve, whose last node is made exact again: the total transmittance. */
-static int spsi_adaptive_begin(const spsi_node *curve, int count, spsi_node *nodes) {
-    const int made = spsi_curve_compress(curve, count, SPSI_ADAPTIVE_EPSILON, nodes);
-    const float last = made > 0 ? (float)exp(-(double)spsi_lower(curve[count - 1].value, SPSI_DEPTH_MAX)) : 1;
-    for (int i = made - 1; i >= 0 && (i == made - 1 || nodes[i].value < last); --i) nodes[i].value = last;
-    return made;
-}
-
-/* Compresses the curve to few lines first; then the node whose removal changes the area least is removed until there
-   are few enough. [Salvi et al. 2010 do so during insertion, with few nodes known at a time: with 4 nodes the error is
-   twice as large.] */
-static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
-                              float *texel) {
-    const int most = settings->components / 2;
-    double *costs = (double *)scratch;
-    spsi_node *line = (spsi_node *)(void *)(costs + spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON));
-    int left = spsi_adaptive_begin(curve, count, line);
-    for (int i = 1; i < left - 1; ++i) costs[i] = spsi_adaptive_cost(&line[i]);
-    for (; left > most; --left) {
-        double lowest = costs[1];
+/* Makes the last node of a compressed curve exact: the total transmittance. Then the node whose removal changes the
+   area least is removed until `most` are left, whose number is returned. [Salvi et al. 2010 do so during insertion,
+   with few nodes known at a time: with 4 nodes the error is twice as large.] */
+static int spsi_nodes_thin(spsi_node *line, int count, int most, float total) {
+    const float last = (float)exp(-(double)spsi_lower(total, SPSI_DEPTH_MAX));
+    for (int i = count - 1; i >= 0 && (i == count - 1 || line[i].value < last); --i) line[i].value = last;
+    for (; count > most; --count) {
+        double lowest = spsi_node_cost(&line[1]);
         int least = 1;
-        for (int i = 2; i < left - 1; ++i)
-            if (costs[i] < lowest) lowest = costs[least = i];
-        memmove(line + least, line + least + 1, (size_t)(left - 1 - least) * sizeof *line);
-        memmove(costs + least, costs + least + 1, (size_t)(left - 1 - least) * sizeof *costs);
-        if (least > 1) costs[least - 1] = spsi_adaptive_cost(&line[least - 1]);
-        if (least < left - 2) costs[least] = spsi_adaptive_cost(&line[least]);
+        for (int i = 2; i < count - 1; ++i) {
+            const double cost = spsi_node_cost(&line[i]);
+            if (cost < lowest) lowest = cost, least = i;
+        }
+        memmove(line + least, line + least + 1, (size_t)(count - 1 - least) * sizeof *line);
     }
-    for (int i = 0; i < most; ++i) {
-        texel[2 * i] = left > 0 ? line[spsi_least(i, left - 1)].u : 0;
-        texel[2 * i + 1] = left > 0 ? line[spsi_least(i, left - 1)].value : 1;
-    }
-}
-
-static float spsi_adaptive_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    const uint32_t count = (uint32_t)(settings->components / 2);
-    return spsi_compressed_optical_depth((const spsi_node *)(const void *)texel, count, u);
+    return count;
 }
 
 /* ---- moments ---- */
@@ -4216,25 +4161,21 @@ static spsi_v spsi_beer_optical_depths(const sps_tmap_settings *settings, const 
 
 /* By sps_tmap_technique; the default is resolved before (spsi_settings_resolve). */
 static const spsi_technique spsi_techniques[] = {
-    {"no map", 0, 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a deep map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a compressed map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a depth map", 1, 1, 1, 1, 0, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, NULL, spsi_depth_optical_depths, NULL,
-     NULL},
-    {"an opacity map", 1, 65, 1, 8, 0, 1, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
+    {"no map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"a deep map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"a compressed map", 4, 64, 2, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"an opacity map", 1, 65, 1, 8, 0, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL,
      spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
-    {"a deep opacity map", 3, 65, 1, 8, 0, 1, 0, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
+    {"a deep opacity map", 3, 65, 1, 8, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, NULL,
      spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
-    {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, NULL, NULL, NULL, NULL,
-     spsi_fourier_optical_depths, NULL, NULL},
-    {"a moment map", 5, 7, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, NULL,
+    {"a Fourier map", 3, 65, 2, 7, 0, 1, -1, spsi_fourier_insert, NULL, NULL, spsi_fourier_optical_depths, NULL, NULL},
+    {"a moment map", 5, 7, 2, 5, 0, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL,
      spsi_moment_optical_depth, spsi_moment_bracket},
-    {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, spsi_adaptive_bytes, NULL, NULL,
-     spsi_adaptive_optical_depth, NULL},
-    {"a Beer map", 3, 3, 1, 3, 0, 1, 0, 0, spsi_beer_insert, spsi_beer_finish, NULL, NULL, spsi_beer_clear,
-     spsi_beer_optical_depths, NULL, NULL},
-    {"a shadow table", 8, 1024, 1, 256, 0, 1, 0, 0, spsi_opacity_insert, NULL, NULL, NULL, NULL,
-     spsi_opacity_optical_depths, NULL, NULL},
+    {"a Beer map", 3, 3, 1, 3, 0, 0, 0, spsi_beer_insert, spsi_beer_finish, spsi_beer_clear, spsi_beer_optical_depths,
+     NULL, NULL},
+    {"a shadow table", 8, 1024, 1, 256, 0, 0, 0, spsi_opacity_insert, NULL, NULL, spsi_opacity_optical_depths, NULL,
+     NULL},
+    {"a depth map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL},
 };
 
 /* Settings with SPS_TMAP_DEFAULT replaced by the technique that it stands for, and without planes that are not meant
@@ -4895,19 +4836,14 @@ static sps_result spsi_check_components(const spsi_subject *at, const sps_tmap_s
     const int least = spsi_components_least(settings), n = settings->components;
     const char *with = technique->range < 0 && settings->texel_range ? " with texel_range" : "";
     char rule[96];
-    if (n == 0) return SPS_OK;
-    if (technique->lists) {
-        SPS_SNPRINTF(rule, sizeof rule, "%s sets it from its rays: it must be 0", technique->name);
-    } else {
-        if (n >= least && n <= technique->most && (n - least) % technique->step == 0) return SPS_OK;
-        if (least == technique->most)
-            SPS_SNPRINTF(rule, sizeof rule, "%s has %d", technique->name, least);
-        else if (least + technique->step == technique->most)
-            SPS_SNPRINTF(rule, sizeof rule, "%s has %d or %d", technique->name, least, technique->most);
-        else
-            SPS_SNPRINTF(rule, sizeof rule, "%s%s has %d, %d .. %d", technique->name, with, least,
-                         least + technique->step, technique->most);
-    }
+    if (n == 0 || (n >= least && n <= technique->most && (n - least) % technique->step == 0)) return SPS_OK;
+    if (least == technique->most)
+        SPS_SNPRINTF(rule, sizeof rule, "%s has %d", technique->name, least);
+    else if (least + technique->step == technique->most)
+        SPS_SNPRINTF(rule, sizeof rule, "%s has %d or %d", technique->name, least, technique->most);
+    else
+        SPS_SNPRINTF(rule, sizeof rule, "%s%s has %d, %d .. %d", technique->name, with, least, least + technique->step,
+                     technique->most);
     return spsi_wrong(at, "components", n, rule);
 }
 
@@ -4930,7 +4866,7 @@ static sps_result spsi_check_planes(const spsi_subject *at, const sps_tmap_setti
 /* Checks all settings of a map except for its depth range. */
 static sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_bounded numbers[] = {
-        {"technique", (double)(int)settings->technique, 0, SPS_TMAP_TABLE, "it must be an sps_tmap_technique"},
+        {"technique", (double)(int)settings->technique, 0, SPS_TMAP_DEPTH, "it must be an sps_tmap_technique"},
         {"epsilon", (double)settings->epsilon, 0, 0.5, "it must be 0..0.5"},
         {"surface_bias", settings->surface_bias, 0, SPSI_COORDINATE_MAX, "it must be 0..1e15"}};
     const int alone = at->object == SPS_OBJECT_TMAP_SETTINGS;
@@ -4940,6 +4876,8 @@ static sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_set
         return at->context->result;
     if (settings->technique == SPS_TMAP_TABLE && alone)
         return spsi_wrong_that(at, "technique", 0, "is SPS_TMAP_TABLE, which is for sps_light.shadow_map only");
+    if (settings->technique == SPS_TMAP_DEPTH && !alone)
+        return spsi_wrong(at, "technique", SPS_TMAP_DEPTH, "SPS_TMAP_DEPTH holds no gas");
     resolved = spsi_settings_resolve(settings, !alone);
     if (spsi_check_components(at, &resolved)) return at->context->result;
     return spsi_check_planes(at, &resolved);
@@ -14915,6 +14853,7 @@ static spsi_v spsi_tmap_texels_depths(const sps_tmap *map, const spsi_texels *te
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     spsi_texels inner = *texels;
     spsi_v first, length, within;
+    if (!map->technique->optical_depths) return zero; /* it holds no gas */
     if (!map->has_range) return map->technique->optical_depths(&map->inner, texels, u);
     first = spsi_texels_at(texels, zero);
     length = spsi_sub(spsi_texels_at(texels, one), first);
@@ -14946,7 +14885,7 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
     bounds[1] = SPSI_DEPTH_MAX;
     if (map->settings.technique == SPS_TMAP_DEEP) {
         bounds[0] = bounds[1] = spsi_tmap_optical_depth(map, index, u);
-    } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
+    } else if (map->settings.technique == SPS_TMAP_COMPRESSED && map->settings.components == 0) {
         const float through = expf(-spsi_tmap_optical_depth(map, index, u)), epsilon = map->inner.epsilon;
         bounds[0] = spsi_higher(-logf(spsi_lower(through + epsilon, 1)), 0);
         bounds[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
@@ -15391,7 +15330,8 @@ static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_inte
         spsi_insert_range(into, at, intervals);
     } else if (filling->visit == SPSI_VISIT_SUMS) {
         if (filling->map->has_range) spsi_intervals_within(into, at, &within);
-        filling->map->technique->insert(&filling->map->inner, into->sums + at, into->stride, &within);
+        if (filling->map->technique->insert)
+            filling->map->technique->insert(&filling->map->inner, into->sums + at, into->stride, &within);
     } else {
         spsi_insert_list(into, x, y, intervals);
     }
@@ -15775,7 +15715,7 @@ static sps_result spsi_fill_lists(spsi_filling *filling) {
     return spsi_fill_band(filling, SPSI_VISIT_LIST);
 }
 
-/* A worker's memory for fitting: intervals, a curve, and compressed nodes or whatever a technique needs. */
+/* A worker's memory for fitting: intervals, a curve, and compressed nodes. */
 typedef struct spsi_fitting {
     const spsi_filling *filling;
     spsi_interval *intervals;
@@ -15800,7 +15740,6 @@ static uint64_t spsi_fitting_bytes(const spsi_filling *filling) {
     if (filling->map->settings.technique == SPS_TMAP_COMPRESSED)
         nodes += (size_t)spsi_compressed_most((int)nodes, filling->epsilon);
     bytes = (uint64_t)spsi_fitting_intervals(filling) * sizeof(spsi_interval) + (uint64_t)nodes * sizeof(spsi_node);
-    if (filling->map->technique->fit_bytes) bytes += filling->map->technique->fit_bytes((int)nodes);
     return (bytes / sizeof(spsi_interval) + 1) * sizeof(spsi_interval);
 }
 
@@ -15814,11 +15753,14 @@ static void spsi_fitting_place(const spsi_filling *filling, int worker, spsi_fit
 /* Computes the nodes of a compressed map's texel, whose list is sorted; returns their number. */
 static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_interval *list, uint32_t count) {
     const spsi_filling *filling = fitting->filling;
-    const int pieces = spsi_soft_pieces(list, (int)count, filling->map->settings.epsilon);
-    int bends;
+    const int most = filling->map->settings.components / 2;
+    const int pieces = most > 0 ? filling->pieces : spsi_soft_pieces(list, (int)count, filling->map->settings.epsilon);
+    int bends, nodes;
     SPS_ASSERT(filling->pieces == 1 || pieces <= filling->pieces); /* there is room; 1: nothing is soft */
     bends = spsi_curve_build(list, (int)count, pieces, fitting->intervals, fitting->curve);
-    return (uint32_t)spsi_curve_compress(fitting->curve, bends, filling->epsilon, fitting->nodes);
+    nodes = spsi_curve_compress(fitting->curve, bends, filling->epsilon, fitting->nodes);
+    if (nodes > 0 && most > 0) nodes = spsi_nodes_thin(fitting->nodes, nodes, most, fitting->curve[bends - 1].value);
+    return (uint32_t)nodes;
 }
 
 /* Number of nodes that fit into the memory of a texel's intervals. */
@@ -15826,25 +15768,18 @@ static uint32_t spsi_nodes_in_place(uint32_t intervals) {
     return intervals * (uint32_t)(sizeof(spsi_interval) / sizeof(spsi_node));
 }
 
-/* Sorts a texel's list, and turns it into what the technique keeps: floats or, where that is a list too, the number of
-   its items, in `cursors`. */
+/* Sorts a texel's list, and turns it into what the technique keeps, the number of whose items is in `cursors`. */
 static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
-    const sps_tmap *map = filling->map;
     const size_t in_band = texel - filling->band.first_texel;
     const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band];
     spsi_interval *list = filling->band.intervals + filling->band.starts[in_band];
     spsi_intervals_sort(list, count, fitting->intervals);
-    if (map->technique->fit) {
-        const int nodes = spsi_curve_build(list, (int)count, SPSI_SOFT_PIECES, fitting->intervals, fitting->curve);
-        map->technique->fit(&map->inner, fitting->curve, nodes, fitting->nodes,
-                            (float *)map->data.texels.data + texel * (size_t)map->settings.components);
-    } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
+    filling->band.cursors[in_band] = count;
+    if (filling->map->settings.technique == SPS_TMAP_COMPRESSED) {
         const uint32_t nodes = spsi_fit_compressed(fitting, list, count);
         if (nodes <= spsi_nodes_in_place(count)) memcpy((void *)list, fitting->nodes, nodes * sizeof(spsi_node));
         filling->band.cursors[in_band] = nodes;
-    } else {
-        filling->band.cursors[in_band] = count;
     }
 }
 
@@ -15915,12 +15850,11 @@ static sps_result spsi_append_band(spsi_filling *filling) {
 static sps_result spsi_fill_fits(spsi_filling *filling) {
     sps_context *context = filling->context;
     const sps_tmap *map = filling->map;
-    const spsi_technique *technique = map->technique;
     const int has_soft = filling->occluders->frame->particles.has_soft;
     uint64_t bytes;
     int tasks;
     if (spsi_fill_lists(filling)) return context->result;
-    filling->pieces = has_soft ? technique->fit ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
+    filling->pieces = has_soft ? map->settings.components > 0 ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
     filling->epsilon = map->settings.epsilon * (has_soft ? 0.75f : 1); /* the rest is for soft pieces */
     /* the error that brackets allow for */
     filling->map->inner.epsilon = spsi_higher(map->settings.epsilon, has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
@@ -15938,8 +15872,7 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     filling->has_sizes = 0;
     tasks = filling->band.tiles_x * spsi_filling_height(filling);
     spsi_parallel(context, tasks, spsi_fit_task, filling);
-    if (spsi_progress(context, filling->progress) || !technique->lists) return context->result;
-    if (spsi_append_band(filling)) return context->result;
+    if (spsi_progress(context, filling->progress) || spsi_append_band(filling)) return context->result;
     filling->has_sizes = 1;
     if (map->settings.technique == SPS_TMAP_COMPRESSED) spsi_parallel(context, tasks, spsi_fit_task, filling);
     return spsi_progress(context, filling->progress);
@@ -16060,7 +15993,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     job.frame = occluders->frame;
     job.near_depth = map->settings.near_depth;
     job.steps_per_depth = SPSI_DEPTH_STEPS * map->per_depth;
-    if (!map->technique->sums && spsi_balls_order(context, &job)) return context->result;
+    if (map->technique->lists && spsi_balls_order(context, &job)) return context->result;
     job.balls = (spsi_ball *)spsi_reserve(context, SPSI_BUFFER_BALLS, count, sizeof(spsi_ball));
     starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_STARTS, tiles + 1, sizeof *starts);
     if (!job.balls || !starts) return context->result;
@@ -16273,7 +16206,7 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
         filling->band.first_texel =
             ((size_t)filling->band.face * (size_t)rays->height + (size_t)filling->band.row * SPSI_TILE_HEIGHT) *
             (size_t)rays->width;
-        if (map->technique->sums ? spsi_fill_sums(filling) : spsi_fill_fits(filling)) return filling->context->result;
+        if (map->technique->lists ? spsi_fill_fits(filling) : spsi_fill_sums(filling)) return filling->context->result;
     }
     return SPS_OK;
 }
@@ -16304,8 +16237,8 @@ static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
         const size_t size = SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t);
         if (!map->updates && !spsi_buffer_reserve(map->context, &map->data.table, planes, size))
             return map->context->result;
-    } else if (!spsi_buffer_reserve(map->context, &map->data.texels, texels,
-                                    (size_t)map->settings.components * sizeof(float)))
+    } else if (!spsi_buffer_reserve(map->context, &map->data.texels, map->settings.components > 0 ? texels : 0,
+                                    (size_t)spsi_most(map->settings.components, 1) * sizeof(float)))
         return map->context->result;
     if (!has_surfaces) return SPS_OK;
     surfaces = (float *)spsi_buffer_reserve(map->context, &map->data.surfaces, texels, sizeof(float));
@@ -16422,7 +16355,7 @@ static sps_result spsi_tmap_resolve(sps_tmap *map) {
     while (!is_set && budget && spsi_tmap_bytes(map) + surfaces > budget && technique->step > 0 &&
            settings->components - technique->step >= spsi_components_least(settings))
         settings->components -= technique->step;
-    if (!(settings->epsilon > 0)) settings->epsilon = 0.01f;
+    if (!(settings->epsilon > 0)) settings->epsilon = is_set ? SPSI_THIN_EPSILON : 0.01f;
     map->inner = *settings;
     map->inner.components -= 2 * map->has_range;
     /* lookups index by int */
@@ -16821,7 +16754,7 @@ static void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
-    if (!spsi_techniques[lamp->map.technique].sums) *filling += spsi_balls_order_bytes(frame->particles.count);
+    if (spsi_techniques[lamp->map.technique].lists) *filling += spsi_balls_order_bytes(frame->particles.count);
     *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
 }
 

@@ -125,10 +125,6 @@ static int curve_build_of(const column *c, int pieces) {
     return count;
 }
 
-/* Aligned for the types placed in it. */
-static double fit_memory[(SPSI_CURVE_NODES(MOST, SPSI_SOFT_PIECES) + 200) * 12];
-static char *const fit_scratch = (char *)fit_memory;
-
 static int curve_build(const column *c) { return curve_build_of(c, SPSI_SOFT_PIECES); }
 
 static sps_tmap_settings settings_of(sps_tmap_technique technique, int components) {
@@ -164,19 +160,12 @@ static void pick(const sps_tmap_settings *settings, const float *sums, int lane,
     if (spsi_techniques[settings->technique].finish) spsi_techniques[settings->technique].finish(settings, texel);
 }
 
-/* A column's finished texel, of any technique that has texels. */
+/* A column's finished texel, of any technique that has texels and gas in them. */
 static void build(const sps_tmap_settings *settings, const column *c, float *texel) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     static float sums[STRIDE * SPSI_TMAP_COMPONENTS];
     const int lane = SPSI_LANES / 2;
     int untouched = 1;
-    if (!technique->sums) {
-        const int nodes = curve_build(c);
-        fit_scratch[spsi_adaptive_bytes(nodes)] = 0x5a;
-        technique->fit(settings, curve, nodes, fit_scratch, texel);
-        CHECK(fit_scratch[spsi_adaptive_bytes(nodes)] == 0x5a);
-        return;
-    }
     sums_clear(settings, sums);
     for (int i = 0; i < c->count; ++i) {
         const spsi_intervals v = spread(&c->list[i], lane);
@@ -331,8 +320,7 @@ static void test_curve(void) {
 static void test_cut(void) {
     for (int n = 0; n < 200; ++n) {
         const sps_tmap_settings planes = settings_of(SPS_TMAP_OPACITY, 7), beer = settings_of(SPS_TMAP_BEER, 3);
-        const sps_tmap_settings depth = settings_of(SPS_TMAP_DEPTH, 1);
-        float texel[7], half;
+        float texel[7];
         double whole;
         column c;
         int count, good = 1;
@@ -367,8 +355,6 @@ static void test_cut(void) {
         build(&beer, &c, texel);
         CHECK(texel[0] >= 0 && texel[0] <= 1);
         CHECK_NEAR(ask(&beer, texel, 1), whole, 40 * half_ulp * whole);
-        build(&depth, &c, &half);
-        CHECK(half >= 0);
     }
 }
 
@@ -865,59 +851,44 @@ static void test_moment_uniform(void) {
     }
 }
 
-/* -------------------------------------------------------------------------------------------- depth, adaptive, Beer */
+/* -------------------------------------------------------------------------------------------- few nodes, Beer */
 
-static void test_depth(void) {
-    for (int n = 0; n < COLUMNS; ++n) {
-        const sps_tmap_settings settings = settings_of(SPS_TMAP_DEPTH, 1);
-        float texel[1];
-        build(&settings, &columns[n], texel);
-        if (exact_depth(&columns[n], 1) < log(2)) {
-            CHECK_NEAR((double)texel[0], 2, 0);
-            CHECK_NEAR(ask(&settings, texel, 1), 0, 0);
-            continue;
-        }
-        /* soft pieces are 0.0118 of their depth off at most; u a half unit, where slopes are up to 30 */
-        CHECK(exact_depth(&columns[n], (double)texel[0] + 1e-7) >= log(2) - 3e-6 - soft_error(&columns[n]));
-        CHECK(exact_depth(&columns[n], (double)texel[0] - 1e-7) <= log(2) + 3e-6 + soft_error(&columns[n]));
-        CHECK_NEAR(ask(&settings, texel, (double)texel[0]), 1e15, 1e8);
-        CHECK_NEAR(ask(&settings, texel, (double)nextafterf(texel[0], 0)), 0, 0);
-    }
+/* The nodes that a compressed map of at most `most` keeps of a column, in `compressed`; returns their number. */
+static int thin(const column *c, int most) {
+    const int count = curve_build(c), made = spsi_curve_compress(curve, count, SPSI_THIN_EPSILON, compressed);
+    return made > 0 ? spsi_nodes_thin(compressed, made, most, curve[count - 1].value) : 0;
 }
 
-static double through_error(const sps_tmap_settings *settings, const float *texel, const column *c) {
-    double worst = 0;
-    for (int i = 0; i <= SAMPLES; ++i) {
-        const double u = (double)sample(i);
-        worst = fmax(worst, fabs(exp(-ask(settings, texel, u)) - exp(-exact_depth(c, u))));
-    }
-    return worst;
+static double thin_through(int nodes, double u) {
+    return exp(-(double)spsi_compressed_optical_depth(compressed, (uint32_t)nodes, (float)u));
 }
 
-static void test_adaptive(void) {
-    for (int components = 4; components <= 64; components += 4)
+static void test_few_nodes(void) {
+    for (int most = 2; most <= 32; most += 2)
         for (int n = 0; n < COLUMNS; ++n) {
-            const sps_tmap_settings settings = settings_of(SPS_TMAP_ADAPTIVE, components);
-            float texel[SPSI_TMAP_COMPONENTS];
-            double worst;
-            int good = 1;
-            build(&settings, &columns[n], texel);
-            worst = through_error(&settings, texel, &columns[n]);
-            for (int i = 2; i < components; i += 2)
-                good &= texel[i] >= texel[i - 2] && texel[i + 1] <= texel[i - 1] && texel[i + 1] >= 0;
-            if (!CHECK(good && texel[1] >= 1)) printf("    %s: nodes out of order\n", columns[n].name);
+            const int nodes = thin(&columns[n], most);
+            double worst = 0;
+            int good = nodes <= most && (nodes == 0 || compressed[0].value >= 1);
+            for (int i = 0; i <= SAMPLES; ++i) {
+                const double u = (double)sample(i);
+                worst = fmax(worst, fabs(thin_through(nodes, u) - exp(-exact_depth(&columns[n], u))));
+            }
+            for (int i = 1; i < nodes; ++i)
+                good &= compressed[i].u >= compressed[i - 1].u && compressed[i].value <= compressed[i - 1].value &&
+                        compressed[i].value >= 0;
+            if (!CHECK(good)) printf("    %s: nodes out of order\n", columns[n].name);
             /* both ends are kept: exact behind everything, to a float T; half a unit of 1 */
-            CHECK_NEAR(exp(-ask(&settings, texel, 1)), exp(-exact_depth(&columns[n], 1)), 1e-7);
+            CHECK_NEAR(thin_through(nodes, 1), exp(-exact_depth(&columns[n], 1)), 1e-7);
             /* one jump needs three nodes, the cap's slab and jump 2 + 1 and cuts of it: then only the error of cuts,
                1/4096, remains; eight jumps need 17 */
-            if (n == 2 && components >= 8) CHECK_NEAR(worst, 0, 1e-7);
-            if (n == 4 && components >= 36) CHECK_NEAR(worst, 0, 2e-7);
+            if (n == 2 && most >= 4) CHECK_NEAR(worst, 0, 1e-7);
+            if (n == 4 && most >= 18) CHECK_NEAR(worst, 0, 2e-7);
             /* k even steps of the root of T over all of it would be (1 / k)^2 / 2 off, for one slab; leaving out what
                costs least keeps areas, not errors, alike: where steps are uneven by 2, errors are by 4; two slabs have
                two ends more */
-            if (n <= 1 && components >= 12)
-                if (!CHECK(worst <= 4 * 0.5 / pow(components / 2 - 1 - 2 * n - 1, 2) + 1.0 / 4096))
-                    printf("    %s: %g off with %d\n", columns[n].name, worst, components);
+            if (n <= 1 && most >= 6)
+                if (!CHECK(worst <= 4 * 0.5 / pow(most - 1 - 2 * n - 1, 2) + 1.0 / 4096))
+                    printf("    %s: %g off with %d\n", columns[n].name, worst, most);
         }
 }
 
@@ -947,33 +918,32 @@ static double optimal_squares(const double *through, int most) {
 /* Least area is not least squares, but comes close: over 40 columns like those of a puff of smoke the map's rms error
    is at most 1.5 times that of the best nodes, for 4, 6, 8 or 16 of them. There is no theorem; the test guards against
    the error of removing nodes during insertion, which was 2.5 times with 4. */
-static void test_adaptive_is_near_the_best(void) {
-    static const int components[4] = {8, 12, 16, 32};
+static void test_few_nodes_are_near_the_best(void) {
+    static const int most[4] = {4, 6, 8, 16};
     for (int t = 0; t < 4; ++t) {
-        const sps_tmap_settings settings = settings_of(SPS_TMAP_ADAPTIVE, components[t]);
         check_random random = {2024};
         double made = 0, best = 0;
         for (int n = 0; n < 40; ++n) {
-            float texel[SPSI_TMAP_COMPONENTS];
             double through[GRID + 1];
             column c;
+            int nodes;
             c.name = "puff", c.count = 0;
             for (int i = 0; i < 12 + n; ++i) {
                 const double u = 0.1 + 0.7 * check_next(&random), gap = u > 0.35 && u < 0.5 && n % 2 ? 0.2 : 0;
                 column_add(&c, u + gap, u + gap + 0.03 + 0.05 * check_next(&random), 0.3 * check_next(&random), 0);
             }
-            build(&settings, &c, texel);
+            nodes = thin(&c, most[t]);
             for (int i = 0; i <= GRID; ++i) {
-                const double first = (double)curve[0].u, last = (double)texel[components[t] - 2];
+                const double first = (double)curve[0].u, last = (double)compressed[nodes - 1].u;
                 const double u = first + (last - first) * i / GRID;
                 through[i] = exp(-exact_depth(&c, u));
-                made += pow(exp(-ask(&settings, texel, u)) - through[i], 2);
+                made += pow(thin_through(nodes, u) - through[i], 2);
             }
-            best += optimal_squares(through, components[t] / 2);
+            best += optimal_squares(through, most[t]);
         }
-        if (!CHECK_CASE("Found in review", "adaptive maps of 4 to 16 nodes", "rms / that of the best nodes",
+        if (!CHECK_CASE("Found in review", "compressed maps of 4 to 16 nodes", "rms / that of the best nodes",
                         sqrt(made / best), 1.5, "no theorem; nodes dropped as they come had 2.5"))
-            printf("    %d nodes: rms %g, of the best nodes %g\n", components[t] / 2, sqrt(made / (40 * (GRID + 1))),
+            printf("    %d nodes: rms %g, of the best nodes %g\n", most[t], sqrt(made / (40 * (GRID + 1))),
                    sqrt(best / (40 * (GRID + 1))));
     }
 }
@@ -1093,7 +1063,7 @@ static void check_answers(const sps_tmap_settings *settings, const column *c, co
 }
 
 static void check_all_techniques(const column *c, const char *what) {
-    for (int t = SPS_TMAP_DEPTH; t <= SPS_TMAP_BEER; ++t) {
+    for (int t = SPS_TMAP_OPACITY; t <= SPS_TMAP_BEER; ++t) {
         const spsi_technique *technique = &spsi_techniques[t];
         for (int variant = 0; variant < 3; ++variant) {
             const int components = variant == 0 ? technique->usual : variant == 1 ? technique->least : technique->most;
@@ -1141,24 +1111,22 @@ static void test_extremes(void) {
 
 /* As documented at the public types. */
 static void test_table(void) {
-    static const char *names[] = {"no map",  "deep",   "compressed", "depth", "opacity",     "deep opacity",
-                                  "Fourier", "moment", "adaptive",   "Beer",  "shadow table"};
-    static const int ranges[][4] = {{0, 0, 0, 0},   {0, 0, 0, 0},  {0, 0, 0, 0},     {1, 1, 1, 0},
-                                    {1, 65, 8, 0},  {3, 65, 8, 1}, {3, 65, 7, -1},   {5, 7, 5, 0},
-                                    {4, 64, 16, 0}, {3, 3, 3, 0},  {8, 1024, 256, 0}};
+    static const char *names[] = {"no map",  "deep",   "compressed", "opacity",      "deep opacity",
+                                  "Fourier", "moment", "Beer",       "shadow table", "depth"};
+    static const int ranges[][4] = {{0, 0, 0, 0},  {0, 0, 0, 0}, {4, 64, 0, 0}, {1, 65, 8, 0},     {3, 65, 8, 1},
+                                    {3, 65, 7, -1}, {5, 7, 5, 0}, {3, 3, 3, 0},  {8, 1024, 256, 0}, {0, 0, 0, 0}};
     const int count = (int)(sizeof spsi_techniques / sizeof *spsi_techniques);
-    CHECK(count == SPS_TMAP_TABLE + 1);
+    CHECK(count == SPS_TMAP_DEPTH + 1);
     for (int t = SPS_TMAP_DEEP; t < count; ++t) {
         const spsi_technique *p = &spsi_techniques[t];
         CHECK(p->name && strstr(p->name, names[t]));
         CHECK(p->least == ranges[t][0] && p->most == ranges[t][1] && p->usual == ranges[t][2] &&
               p->range == ranges[t][3]);
-        CHECK(p->lists == (t <= SPS_TMAP_COMPRESSED) &&
-              (p->optical_depth != NULL) + (p->optical_depths != NULL) == !p->lists);
-        CHECK(p->sums == (p->insert != NULL) && (p->fit != NULL) == (!p->sums && !p->lists));
-        CHECK(p->lists || (p->usual >= p->least && p->usual <= p->most && (p->usual - p->least) % p->step == 0));
-        CHECK(p->lists ||
-              ((p->most - p->least) % p->step == 0 && (p->most <= SPSI_TMAP_COMPONENTS || t == SPS_TMAP_TABLE)));
+        CHECK(p->lists == (t <= SPS_TMAP_COMPRESSED));
+        if (p->lists || t == SPS_TMAP_DEPTH) continue;
+        CHECK(p->insert && (p->optical_depth != NULL) + (p->optical_depths != NULL) == 1);
+        CHECK(p->usual >= p->least && p->usual <= p->most && (p->usual - p->least) % p->step == 0);
+        CHECK((p->most - p->least) % p->step == 0 && (p->most <= SPSI_TMAP_COMPONENTS || t == SPS_TMAP_TABLE));
     }
 }
 
@@ -1222,9 +1190,8 @@ int main(void) {
     RUN(test_moment_step);
     RUN(test_moment_points);
     RUN(test_moment_uniform);
-    RUN(test_depth);
-    RUN(test_adaptive);
-    RUN(test_adaptive_is_near_the_best);
+    RUN(test_few_nodes);
+    RUN(test_few_nodes_are_near_the_best);
     RUN(test_beer);
     RUN(test_lanes);
     RUN(test_order);

@@ -519,9 +519,9 @@ typedef enum sps_tmap_technique {
        u = 1. n 5 or 7, default 5; insertion costs n; a query solves a small matrix and finds the roots of a polynomial,
        ten times the cost of others. */
     SPS_TMAP_MOMENT,
-    /* Beer shadow map, as engines have it: u where gas begins, optical depth per u from there on, and the total, at
-       which it is capped. Exact for a single uniform interval, and behind everything; gas in several clumps is spread
-       over the gaps between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106
+    /* Beer shadow map, as engines have it: a deep opacity map of one plane, u where gas begins, u where it ends, and the
+       total. Exact for a single uniform interval, and behind everything; gas in several clumps is spread over the gaps
+       between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106
        against 0.170, worse in the other five scenes of docs/maps.md. The three numbers are read in the same way.)
        3 components; insertion and query cost least of all. */
     SPS_TMAP_BEER,
@@ -3166,8 +3166,7 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
      opacity planes, deep opacity planes       [Kim & Neumann 2001; Yuksel & Keyser 2008; cubics: Steffen 1990]
      Fourier series of extinction              [Jansen & Bavoil 2010], a_k = 2 sum t cos(2 pi k u), b_k with the sine
      power moments of extinction               [Muenstermann et al. 2018; Peters & Klein 2015]
-     first, last and total                     (Beer shadow maps)
-   Lists use the whole curve of a ray:
+    Lists use the whole curve of a ray:
      straight lines of T within epsilon        [Lokovic & Veach 2000], thinned by least area [Salvi et al. 2010]
 
    Cost: insertion takes time for the planes that an interval passes through, or for all components; a list
@@ -3177,7 +3176,6 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
 #define SPSI_SOFT_PIECES     8      /* uniform pieces for a soft interval in a curve: 1.2 % of its depth off */
 #define SPSI_SOFT_MOST       256    /* maximum of such pieces, where an error is to be kept */
 #define SPSI_SOFT_EPSILON    0.001f /* minimum error that these keep */
-#define SPSI_BEER_LENGTH     1e-6f  /* minimum length of a Beer map's gas, so that its density stays finite */
 
 /* An interval of a ray from u0 to u1, of optical depth `depth`: uniform (soft 0), or with density 1 - s^2, where s runs
    from -1 to 1 (soft 1), as in a particle. If the light is inside a particle, s begins at 1 - 2 soft: the interval is
@@ -3224,8 +3222,6 @@ typedef struct spsi_technique {
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_intervals *intervals);
     /* Turns the sums of one texel (packed) into the stored components, in place. NULL: they are the same. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
-    /* Writes the initial sums of `count` texels. NULL: these are 0. */
-    void (*clear)(float *sums, size_t stride, size_t count, int components);
     /* Optical depth before u in 0..1 for a vector of texels. NULL: see `optical_depth`. */
     spsi_v (*optical_depths)(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u);
     /* The same for one texel, where that takes a search or more precision than floats have. NULL: see `optical_depths`.
@@ -3524,7 +3520,8 @@ static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, 
     spsi_v before = spsi_set(0);
     float first, end;
     int last;
-    if (!spsi_intervals_extent(intervals, &first, &end)) return;
+    if (settings->components == 1) spsi_accumulate(sums, depth); /* all lies before the only plane */
+    if (settings->components == 1 || !spsi_intervals_extent(intervals, &first, &end)) return;
     last = spsi_plane_from(settings, end);
     for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
         spsi_v share = spsi_set(1); /* what lies behind 1 counts at the last plane */
@@ -4123,59 +4120,22 @@ static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *
     bracket[1] = (float)(share < 1 ? fmax(fmin(bounds[1] / (1 - share), 1) * whole, answer) : whole);
 }
 
-/* ---- Beer ---- */
-
-static void spsi_beer_clear(float *sums, size_t stride, size_t count, int components) {
-    for (int k = 0; k < components; ++k)
-        for (size_t i = 0; i < count; ++i) sums[(size_t)k * stride + i] = k == 0; /* nothing begins before the end */
-}
-
-/* Until the map is finished: where gas begins, where it ends, and the total. */
-static void spsi_beer_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
-                             const spsi_intervals *intervals) {
-    const spsi_v depth = spsi_intervals_capped(intervals), first = spsi_load(sums), last = spsi_load(sums + stride);
-    const spsi_m there = spsi_less(spsi_set(0), depth);
-    (void)settings;
-    spsi_store(sums, spsi_select(there, spsi_min(first, intervals->u0), first));
-    spsi_store(sums + stride, spsi_select(there, spsi_max(last, intervals->u1), last));
-    spsi_accumulate(sums + 2 * stride, depth);
-}
-
-/* Replaces the end of gas by its density. Gas without length is extended towards the light, so that all of it counts
-   where it is, and at u = 1. */
-static void spsi_beer_finish(const sps_tmap_settings *settings, float *texel) {
-    const float last = spsi_higher(spsi_lower(texel[1], 1), 0);
-    (void)settings;
-    texel[1] = 0;
-    if (!(texel[2] > 0)) return;
-    texel[2] = spsi_lower(texel[2], SPSI_DEPTH_MAX);
-    texel[0] = spsi_higher(spsi_lower(texel[0], last - SPSI_BEER_LENGTH), 0);
-    texel[1] = texel[2] / spsi_higher(last - texel[0], SPSI_BEER_LENGTH);
-}
-
-static spsi_v spsi_beer_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
-    const spsi_v behind = spsi_max(spsi_sub(u, spsi_texels_at(texels, spsi_set(0))), spsi_set(0));
-    (void)settings;
-    return spsi_min(spsi_mul(behind, spsi_texels_at(texels, spsi_set(1))), spsi_texels_at(texels, spsi_set(2)));
-}
-
 /* By sps_tmap_technique; the default is resolved before (spsi_settings_resolve). */
 static const spsi_technique spsi_techniques[] = {
-    {"no map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a deep map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a compressed map", 4, 64, 2, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"an opacity map", 1, 65, 1, 8, 0, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL,
-     spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
-    {"a deep opacity map", 3, 65, 1, 8, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, NULL,
-     spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
-    {"a Fourier map", 3, 65, 2, 7, 0, 1, -1, spsi_fourier_insert, NULL, NULL, spsi_fourier_optical_depths, NULL, NULL},
-    {"a moment map", 5, 7, 2, 5, 0, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL,
-     spsi_moment_optical_depth, spsi_moment_bracket},
-    {"a Beer map", 3, 3, 1, 3, 0, 0, 0, spsi_beer_insert, spsi_beer_finish, spsi_beer_clear, spsi_beer_optical_depths,
-     NULL, NULL},
-    {"a shadow table", 8, 1024, 1, 256, 0, 0, 0, spsi_opacity_insert, NULL, NULL, spsi_opacity_optical_depths, NULL,
-     NULL},
-    {"a depth map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"no map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL},
+    {"a deep map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL},
+    {"a compressed map", 4, 64, 2, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL},
+    {"an opacity map", 1, 65, 1, 8, 0, 0, 0, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths,
+     NULL, spsi_opacity_bracket},
+    {"a deep opacity map", 3, 65, 1, 8, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths,
+     NULL, spsi_opacity_bracket},
+    {"a Fourier map", 3, 65, 2, 7, 0, 1, -1, spsi_fourier_insert, NULL, spsi_fourier_optical_depths, NULL, NULL},
+    {"a moment map", 5, 7, 2, 5, 0, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, spsi_moment_optical_depth,
+     spsi_moment_bracket},
+    {"a Beer map", 3, 3, 1, 3, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths, NULL,
+     spsi_opacity_bracket},
+    {"a shadow table", 8, 1024, 1, 256, 0, 0, 0, spsi_opacity_insert, NULL, spsi_opacity_optical_depths, NULL, NULL},
+    {"a depth map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL},
 };
 
 /* Settings with SPS_TMAP_DEFAULT replaced by the technique that it stands for, and without planes that are not meant
@@ -15321,18 +15281,23 @@ static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi
     }
 }
 
+/* Whether a visit finds the texels' ranges. A single plane, behind all, needs none before, and saves a visit. */
+static int spsi_finds_ranges(const spsi_filling *filling) {
+    return filling->visit == SPSI_VISIT_RANGE || (filling->map->has_range && filling->map->inner.components == 1);
+}
+
 /* Inserts intervals into a tile's texels from (x, y) on; in texels beyond its edge, depth must be 0. */
 static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_intervals *intervals) {
     const spsi_filling *filling = into->filling;
     const size_t at = (size_t)((y - into->y0) * into->width + (x - into->x0));
+    const int finds_ranges = spsi_finds_ranges(filling);
     spsi_intervals within = *intervals;
-    if (filling->visit == SPSI_VISIT_RANGE) {
-        spsi_insert_range(into, at, intervals);
-    } else if (filling->visit == SPSI_VISIT_SUMS) {
-        if (filling->map->has_range) spsi_intervals_within(into, at, &within);
+    if (finds_ranges) spsi_insert_range(into, at, intervals);
+    if (filling->visit == SPSI_VISIT_SUMS) {
+        if (filling->map->has_range && !finds_ranges) spsi_intervals_within(into, at, &within);
         if (filling->map->technique->insert)
             filling->map->technique->insert(&filling->map->inner, into->sums + at, into->stride, &within);
-    } else {
+    } else if (filling->visit != SPSI_VISIT_RANGE) {
         spsi_insert_list(into, x, y, intervals);
     }
 }
@@ -15611,12 +15576,10 @@ static void spsi_clear_task(void *data, int index) {
     const sps_tmap *map = filling->map;
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
-    if (filling->visit == SPSI_VISIT_RANGE)
+    if (spsi_finds_ranges(filling))
         for (size_t i = 0; i < into.stride; ++i) into.ranges[i] = 1, into.ranges[into.stride + i] = 0;
     if (filling->visit != SPSI_VISIT_SUMS) return;
     memset(into.sums, 0, (size_t)map->inner.components * into.stride * sizeof(float));
-    if (map->technique->clear) /* in parentheses: curses.h has a macro clear() */
-        (map->technique->clear)(into.sums, into.stride, into.stride, map->inner.components);
 }
 
 /* Writes the planes of a texel of a shadow table; `y` counts rows of all faces. Plane k of its sums is at sums[k *
@@ -15679,7 +15642,8 @@ static sps_result spsi_fill_sums(spsi_filling *filling) {
     filling->band.ranges = (float *)spsi_reserve(filling->context, SPSI_BUFFER_BAND, floats, sizeof(float));
     if (!filling->band.ranges) return filling->context->result;
     filling->band.sums = filling->band.ranges + (map->has_range ? spsi_band_floats(map, 2) : 0);
-    if (map->has_range && spsi_fill_band(filling, SPSI_VISIT_RANGE)) return filling->context->result;
+    if (map->has_range && map->inner.components > 1 && spsi_fill_band(filling, SPSI_VISIT_RANGE))
+        return filling->context->result;
     if (spsi_fill_band(filling, SPSI_VISIT_SUMS)) return filling->context->result;
     spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_store_task, filling);
     return SPS_OK;

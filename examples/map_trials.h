@@ -56,7 +56,7 @@ static const kind kinds[KINDS] = {
     [FOURIER] = {"Fourier", SPS_TMAP_FOURIER, 0, 0, EX_MARK_DISC, 0xd7191c},
     [FOURIER_TEXEL_RANGE] = {"Fourier, texel range", SPS_TMAP_FOURIER, 0, 1, EX_MARK_RHOMB, 0xf08030},
     [MOMENT] = {"moment", SPS_TMAP_MOMENT, 0, 0, EX_MARK_SQUARE, 0x000000},
-    [FEW_NODES] = {"compressed, nodes", SPS_TMAP_COMPRESSED, 0, 0, EX_MARK_RHOMB, 0x00a0a0},
+    [FEW_NODES] = {"adaptive", SPS_TMAP_COMPRESSED, 0, 0, EX_MARK_RHOMB, 0x00a0a0},
     [BEER] = {"Beer", SPS_TMAP_BEER, 0, 0, EX_MARK_SQUARE, 0x808080},
     [COMPRESSED] = {"compressed", SPS_TMAP_COMPRESSED, 0, 0, EX_MARK_RHOMB, 0xc08a00},
 };

@@ -766,8 +766,8 @@ static void test_opaque(void) {
     sps_destroy(context);
 }
 
-/* A depth map holds a float per texel, the first opaque surface, and no gas: what lies between light and surface, gas or
-   a sheet that lets light pass, does not count. Without opaque surfaces it holds nothing. */
+/* A depth map holds a float per texel, the first opaque surface, and no gas: what lies between light and surface, gas
+   or a sheet that lets light pass, does not count. Without opaque surfaces it holds nothing. */
 static void test_depth_maps(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int opaque = 0; opaque < 2; ++opaque) {
@@ -1395,6 +1395,53 @@ static void test_empty_soft_set(void) {
     sps_destroy(context);
 }
 
+/* A Beer map has where a texel's gas begins, where it ends, and all of its depth; it is a deep opacity map of one
+   plane: the same bits. One even particle is exact anywhere; two sheets at the ends of the range, and one alone, count
+   where they are. */
+static void test_beer(void) {
+    sps_context *context = sps_create(NULL, NULL);
+    for (int n = 0; n < 4; ++n) {
+        fixture f;
+        sps_tmap *maps[2];
+        for (int i = 0; i < 2; ++i) {
+            begin_mixed(&f, i ? SPS_TMAP_DEEP_OPACITY : SPS_TMAP_BEER);
+            if (n % 2) see(&f, ROUND, SIDE);
+            if (n >= 2) f.s.scene.mesh_count = f.s.scene.volume_count = 0, f.crowds[1].count = 0;
+            if (n >= 2) f.crowds[0].count = 1, f.crowds[0].list[0].radius = 2.5f;
+            f.settings.components = 3;
+            maps[i] = must_build(&f, context);
+        }
+        CHECK(maps[0] && maps[1] && same_map(maps[0], maps[1]));
+        for (int i = 0; i < SIDE * SIDE && maps[0] && n >= 2; ++i)
+            for (int k = 0; k <= 20; ++k) {
+                double point[3];
+                answer exact;
+                on_ray(maps[0], n % 2 ? i % 6 : 0, i % SIDE, i / SIDE, 20 * k / 20.0, point);
+                exact = exact_particles(&f, point);
+                CHECK_CASE("Found in review", "Beer maps of one even particle", "its optical depth",
+                           fabs(query_at(maps[0], point) - exact.depth), exact.slack + 1e-5 * exact.depth,
+                           "chords to 1e-3 at rims, as everywhere");
+            }
+        for (int i = 0; i < 2; ++i) sps_tmap_destroy(maps[i]);
+        end(&f);
+    }
+    for (int n = 0; n < 3; ++n) { /* sheets: at z 0, alone; at 9.9 and at 9.9 and -9.9 */
+        fixture f;
+        sps_tmap *map;
+        begin(&f, SPS_TMAP_BEER);
+        add_square(&f, 0, -30, 30, 30, n ? 9.9 : 0);
+        if (n == 2) add_square(&f, 0, -30, 30, 30, -9.9);
+        add_mesh(&f, 0, 0.5);
+        map = must_build(&f, context);
+        CHECK_NEAR(query(map, 0, 0, n ? 9.95 : 0.05), 0, 0);
+        CHECK_NEAR(query(map, 0, 0, -9.95), (n < 2 ? 1 : 2) * log(2), 1e-6);
+        if (n < 2) CHECK_NEAR(query(map, 0, 0, n ? 9.85 : -0.05), log(2), 1e-6);
+        sps_tmap_destroy(map);
+        end(&f);
+    }
+    sps_destroy(context);
+}
+
 /* Shuffled particles: the same bits from lists, which are sorted, and the same up to the round-off of sums of 25
    floats. */
 static void test_shuffled(void) {
@@ -1619,8 +1666,7 @@ static void test_bytes_of_half_empty_maps(void) {
 /* A budget reduces a default number of components step by step, down to the technique's minimum, and reserves room for
    surfaces, which are not known yet, if possible; an explicit number is not changed. */
 static void test_budget_of_components(void) {
-    static const int least[TECHNIQUES + 1] = {0, 0, 0, 1, 3, 3, 5, 3},
-                                        step[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 2, 2, 1};
+    static const int least[TECHNIQUES + 1] = {0, 0, 0, 1, 3, 3, 5, 3}, step[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 2, 2, 1};
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_OPACITY; technique <= TECHNIQUES; ++technique)
         for (int ranged = 0; ranged < (technique == SPS_TMAP_FOURIER ? 2 : 1); ++ranged) {
@@ -3740,6 +3786,7 @@ int main(void) {
     RUN(test_opaque);
     RUN(test_depth_maps);
     RUN(test_few_nodes);
+    RUN(test_beer);
     RUN(test_bias_of_oblong_texels);
     RUN(test_behind_the_light);
     RUN(test_surfaces_at_the_ends);

@@ -138,9 +138,8 @@ static sps_tmap_settings settings_of(sps_tmap_technique technique, int component
 /* Sums of one lane beside others: neighbours get other intervals, or none. Component k of a lane is at
    sums[k * STRIDE + lane]. */
 static void sums_clear(const sps_tmap_settings *settings, float *sums) {
-    const spsi_technique *technique = &spsi_techniques[settings->technique];
+    (void)settings;
     for (int i = 0; i < STRIDE * SPSI_TMAP_COMPONENTS; ++i) sums[i] = 0;
-    if (technique->clear) technique->clear(sums, STRIDE, SPSI_LANES, settings->components);
 }
 
 static spsi_intervals spread(const spsi_interval *s, int lane) {
@@ -314,12 +313,11 @@ static void test_curve(void) {
     }
 }
 
-/* Intervals cut by 0, by 1 or by the light make a curve that is exact at its ends, planes have their shares exactly,
-   and a Beer map's range ends where the interval does. A share is off by at most 24 half units (test_before), a sum by
-   one more for each interval. */
+/* Intervals cut by 0, by 1 or by the light make a curve that is exact at its ends, and planes have their shares
+   exactly. A share is off by at most 24 half units (test_before), a sum by one more for each interval. */
 static void test_cut(void) {
     for (int n = 0; n < 200; ++n) {
-        const sps_tmap_settings planes = settings_of(SPS_TMAP_OPACITY, 7), beer = settings_of(SPS_TMAP_BEER, 3);
+        const sps_tmap_settings planes = settings_of(SPS_TMAP_OPACITY, 7);
         float texel[7];
         double whole;
         column c;
@@ -352,9 +350,6 @@ static void test_cut(void) {
         build(&planes, &c, texel);
         for (int i = 0; i < 7; ++i)
             CHECK_NEAR((double)texel[i], exact_depth(&c, (double)((float)(i + 1) / 7)), 40 * half_ulp * whole);
-        build(&beer, &c, texel);
-        CHECK(texel[0] >= 0 && texel[0] <= 1);
-        CHECK_NEAR(ask(&beer, texel, 1), whole, 40 * half_ulp * whole);
     }
 }
 
@@ -851,7 +846,7 @@ static void test_moment_uniform(void) {
     }
 }
 
-/* -------------------------------------------------------------------------------------------- few nodes, Beer */
+/* -------------------------------------------------------------------------------------------- few nodes */
 
 /* The nodes that a compressed map of at most `most` keeps of a column, in `compressed`; returns their number. */
 static int thin(const column *c, int most) {
@@ -948,40 +943,14 @@ static void test_few_nodes_are_near_the_best(void) {
     }
 }
 
-static void test_beer(void) {
-    static const int exact[] = {0, 2, 6, 7};
-    const sps_tmap_settings settings = settings_of(SPS_TMAP_BEER, 3);
-    float texel[3];
-    for (int n = 0; n < COLUMNS; ++n) {
-        build(&settings, &columns[n], texel);
-        CHECK_CASE("Found in review", "Beer maps of any column", "all of its depth, at its end",
-                   fabs(ask(&settings, texel, 1) - exact_depth(&columns[n], 1)),
-                   sum_rounding(&columns[n], exact_depth(&columns[n], 1)), "a sum of floats");
-        CHECK_NEAR(ask(&settings, texel, 0), 0, 0);
-    }
-    for (int k = 0; k < 4; ++k) {
-        build(&settings, &columns[exact[k]], texel);
-        for (int i = 0; i <= SAMPLES; ++i) /* slopes of 8 at most, by half a unit of u; the product's rounding */
-            CHECK_NEAR(ask(&settings, texel, (double)sample(i)), exact_depth(&columns[exact[k]], (double)sample(i)),
-                       8 * half_ulp + 3 * 3 * half_ulp);
-    }
-    for (int end = 0; end < 2; ++end) { /* a sheet at either end of the range */
-        column c;
-        c.count = 0;
-        column_add(&c, end, end, 2, 0);
-        build(&settings, &c, texel);
-        CHECK_NEAR(ask(&settings, texel, 1), 2, 2 * 2 * half_ulp);
-    }
-}
-
 /* -------------------------------------------------------------------------------------------------------- insertion */
 
 /* Every lane gets its own intervals; each lane must have the same result as alone. */
 static void test_lanes(void) {
-    static const sps_tmap_technique sums[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT, SPS_TMAP_BEER};
+    static const sps_tmap_technique sums[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT};
     static float together[STRIDE * SPSI_TMAP_COMPONENTS];
-    for (int t = 0; t < 4; ++t) {
-        const sps_tmap_settings settings = settings_of(sums[t], t == 0 ? 65 : t == 1 ? 65 : t == 2 ? 7 : 3);
+    for (int t = 0; t < 3; ++t) {
+        const sps_tmap_settings settings = settings_of(sums[t], t < 2 ? 65 : 7);
         column lanes[SPSI_LANES];
         sums_clear(&settings, together);
         for (int lane = 0; lane < SPSI_LANES; ++lane) lanes[lane].name = "lane", lanes[lane].count = 0;
@@ -1003,12 +972,6 @@ static void test_lanes(void) {
             float texel[SPSI_TMAP_COMPONENTS], alone[SPSI_TMAP_COMPONENTS];
             pick(&settings, together, lane, texel);
             build(&settings, &lanes[lane], alone);
-            if (settings.technique == SPS_TMAP_BEER) { /* where it begins, from the intervals inserted */
-                float first = 1;
-                for (int i = 0; i < 20; ++i)
-                    if (lanes[lane].list[i].depth > 0) first = fminf(first, lanes[lane].list[i].u0);
-                CHECK_NEAR((double)texel[0], (double)first, 0);
-            }
             /* the same roundings, except for differences of planes, which begin elsewhere with other lanes' extents */
             for (int k = 0; k < settings.components; ++k)
                 if (!CHECK_NEAR((double)texel[k], (double)alone[k], 20 * half_ulp * (1 + fabs((double)alone[k]))))
@@ -1019,15 +982,15 @@ static void test_lanes(void) {
 
 /* The same in any order, except for roundings of sums: one each, of the total. */
 static void test_order(void) {
-    static const sps_tmap_technique sums[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT, SPS_TMAP_BEER};
+    static const sps_tmap_technique sums[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT};
     column shuffled = columns[10];
     for (int i = 0; i < shuffled.count; ++i) {
         const int k = (int)between(i, shuffled.count);
         const spsi_interval taken = shuffled.list[i];
         shuffled.list[i] = shuffled.list[k], shuffled.list[k] = taken;
     }
-    for (int t = 0; t < 4; ++t) {
-        const sps_tmap_settings settings = settings_of(sums[t], t == 0 ? 8 : t == 1 ? 15 : t == 2 ? 7 : 3);
+    for (int t = 0; t < 3; ++t) {
+        const sps_tmap_settings settings = settings_of(sums[t], t == 0 ? 8 : t == 1 ? 15 : 7);
         float texel[SPSI_TMAP_COMPONENTS], other[SPSI_TMAP_COMPONENTS];
         const double most = 2 * exact_depth(&shuffled, 1) + 1;
         build(&settings, &columns[10], texel);
@@ -1096,11 +1059,11 @@ static void test_extremes(void) {
                 CHECK((double)spsi_intervals_optical_depth(c.list, 3, 1) <= 1e15 * (1 + half_ulp));
             }
     { /* faint gas keeps its depth in maps that store depth: relative roundings */
-        static const sps_tmap_technique faint[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT, SPS_TMAP_BEER};
+        static const sps_tmap_technique faint[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT};
         column c;
         c.count = 0;
         column_add(&c, 0.2, 0.4, 1e-8, 1);
-        for (int t = 0; t < 4; ++t) {
+        for (int t = 0; t < 3; ++t) {
             const sps_tmap_settings settings = settings_of(faint[t], spsi_techniques[faint[t]].usual);
             float texel[SPSI_TMAP_COMPONENTS];
             build(&settings, &c, texel);
@@ -1113,8 +1076,8 @@ static void test_extremes(void) {
 static void test_table(void) {
     static const char *names[] = {"no map",  "deep",   "compressed", "opacity",      "deep opacity",
                                   "Fourier", "moment", "Beer",       "shadow table", "depth"};
-    static const int ranges[][4] = {{0, 0, 0, 0},  {0, 0, 0, 0}, {4, 64, 0, 0}, {1, 65, 8, 0},     {3, 65, 8, 1},
-                                    {3, 65, 7, -1}, {5, 7, 5, 0}, {3, 3, 3, 0},  {8, 1024, 256, 0}, {0, 0, 0, 0}};
+    static const int ranges[][4] = {{0, 0, 0, 0},   {0, 0, 0, 0}, {4, 64, 0, 0}, {1, 65, 8, 0},     {3, 65, 8, 1},
+                                    {3, 65, 7, -1}, {5, 7, 5, 0}, {3, 3, 3, 1},  {8, 1024, 256, 0}, {0, 0, 0, 0}};
     const int count = (int)(sizeof spsi_techniques / sizeof *spsi_techniques);
     CHECK(count == SPS_TMAP_DEPTH + 1);
     for (int t = SPS_TMAP_DEEP; t < count; ++t) {
@@ -1192,7 +1155,6 @@ int main(void) {
     RUN(test_moment_uniform);
     RUN(test_few_nodes);
     RUN(test_few_nodes_are_near_the_best);
-    RUN(test_beer);
     RUN(test_lanes);
     RUN(test_order);
     RUN(test_extremes);

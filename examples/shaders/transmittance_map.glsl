@@ -61,7 +61,7 @@ precision highp int;
 struct tmap {
     tmap_vec4 row_x, row_y, row_w, row_distance; /* of sps_tmap_get_projection's matrix; a cube map needs none */
     int technique_id, components;
-    int has_range;  /* 1: a deep opacity map, or texel_range is set */
+    int has_range;  /* 1: a deep opacity or Beer map, or texel_range is set */
     int has_planes; /* 1: planes is not NULL */
     int cubic;
     int has_surfaces;  /* 1: sps_tmap_surfaces is not NULL */
@@ -159,11 +159,6 @@ TMAP_FUNCTION float tmap_fourier_depth(tmap map, int first, int n, float u) {
         sum += (a * sinf(w * u) + b * (1.0f - cosf(w * u))) / w;
     }
     return tmap_clamp(sum, 0.0f, whole);
-}
-
-/* Beer: where gas begins, optical depth per u from there on, optical depth of all. */
-TMAP_FUNCTION float tmap_beer_depth(tmap map, int first, float u) {
-    return fminf(fmaxf(u - TMAP_TEXEL(map, first), 0.0f) * TMAP_TEXEL(map, first + 1), TMAP_TEXEL(map, first + 2));
 }
 
 /* Nodes of u and transmittance, straight lines of transmittance between them: 1 before the first node, constant behind
@@ -348,7 +343,6 @@ TMAP_FUNCTION float tmap_gas_depth(tmap map, int texel, float u) {
     if (map.technique_id == TMAP_COMPRESSED) return tmap_compressed_depth(map, texel, u);
     if (map.technique_id == TMAP_DEPTH) return 0.0f; /* it holds no gas */
     if (map.technique_id == TMAP_MOMENT) return tmap_moment_depth(map, first, n, u);
-    if (map.technique_id == TMAP_BEER) return tmap_beer_depth(map, first, u);
     if (map.has_range != 0) { /* from the texel's first occluder to its last */
         float begin = TMAP_TEXEL(map, first), end = TMAP_TEXEL(map, first + 1);
         if (u < begin) return 0.0f;

@@ -14735,8 +14735,8 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 
 /* The occluders of a map, as they were added. */
 typedef struct spsi_added {
-    spsi_buffer volumes, meshes, particles;
-    int volume_count, mesh_count, particle_set_count;
+    spsi_buffer lists[3]; /* of volumes, meshes, and sets of particles */
+    int counts[3];
 } spsi_added;
 
 typedef struct spsi_tmap_data {
@@ -15182,10 +15182,9 @@ typedef struct spsi_filling {
     spsi_visit visit;
     int pieces;    /* maximum number that a soft particle is cut into */
     float epsilon; /* of a compressed map, except for what soft pieces use up */
-    int has_sizes; /* 1: the number of nodes of each texel of a compressed map is known; the nodes replace its intervals
-                      where they fit */
-    char *scratch; /* scratch_size per worker: a curve and what is made of it */
-    size_t scratch_size;
+    int has_sizes; /* 1: the number of items of each texel is known; nodes replace its intervals where they fit */
+    char *scratch; /* scratch_size per worker: intervals to sort, a curve, and the nodes made of it */
+    size_t scratch_size, scratch_intervals, scratch_curve;
     double slab_u, u_per_slab; /* u of the plane before slab k: slab_u + k u_per_slab */
     double light_u;            /* of the light's own position, or -infinity */
     double progress;
@@ -15686,32 +15685,23 @@ typedef struct spsi_fitting {
     spsi_node *curve, *nodes;
 } spsi_fitting;
 
-static size_t spsi_fitting_intervals(const spsi_filling *filling) {
-    const size_t most = filling->band.most;
-    if (filling->map->settings.technique == SPS_TMAP_DEEP) return most / 2; /* they are only sorted, not fitted */
-    return SPSI_CURVE_SCRATCH(most, (size_t)filling->pieces);
-}
-
-static size_t spsi_fitting_curve(const spsi_filling *filling) {
-    const int curve = filling->map->settings.technique != SPS_TMAP_DEEP;
-    return curve ? SPSI_CURVE_NODES((size_t)filling->band.most, (size_t)filling->pieces) : 0;
-}
-
-/* In 64 bits: a size_t may have fewer. Rounded up to whole intervals, so that the next worker's are aligned. */
-static uint64_t spsi_fitting_bytes(const spsi_filling *filling) {
-    size_t nodes = spsi_fitting_curve(filling);
-    uint64_t bytes;
-    if (filling->map->settings.technique == SPS_TMAP_COMPRESSED)
-        nodes += (size_t)spsi_compressed_most((int)nodes, filling->epsilon);
-    bytes = (uint64_t)spsi_fitting_intervals(filling) * sizeof(spsi_interval) + (uint64_t)nodes * sizeof(spsi_node);
-    return (bytes / sizeof(spsi_interval) + 1) * sizeof(spsi_interval);
+/* Sizes of a worker's memory. Returns its bytes, in 64 bits, as a size_t may have fewer, and rounded up to whole
+   intervals, so that the next worker's is aligned. A deep map's lists are only sorted. */
+static uint64_t spsi_fitting_measure(spsi_filling *filling) {
+    const int sorts_only = filling->map->settings.technique == SPS_TMAP_DEEP;
+    const size_t most = filling->band.most, pieces = (size_t)filling->pieces;
+    uint64_t nodes;
+    filling->scratch_intervals = sorts_only ? most / 2 : SPSI_CURVE_SCRATCH(most, pieces);
+    filling->scratch_curve = sorts_only ? 0 : SPSI_CURVE_NODES(most, pieces);
+    nodes = filling->scratch_curve + (uint64_t)spsi_compressed_most((int)filling->scratch_curve, filling->epsilon);
+    return (filling->scratch_intervals + nodes * sizeof(spsi_node) / sizeof(spsi_interval) + 1) * sizeof(spsi_interval);
 }
 
 static void spsi_fitting_place(const spsi_filling *filling, int worker, spsi_fitting *fitting) {
     fitting->filling = filling;
     fitting->intervals = (spsi_interval *)(void *)(filling->scratch + (size_t)worker * filling->scratch_size);
-    fitting->curve = (spsi_node *)(void *)(fitting->intervals + spsi_fitting_intervals(filling));
-    fitting->nodes = fitting->curve + spsi_fitting_curve(filling);
+    fitting->curve = (spsi_node *)(void *)(fitting->intervals + filling->scratch_intervals);
+    fitting->nodes = fitting->curve + filling->scratch_curve;
 }
 
 /* Computes the nodes of a compressed map's texel, whose list is sorted; returns their number. */
@@ -15727,11 +15717,6 @@ static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_inte
     return (uint32_t)nodes;
 }
 
-/* Number of nodes that fit into the memory of a texel's intervals. */
-static uint32_t spsi_nodes_in_place(uint32_t intervals) {
-    return intervals * (uint32_t)(sizeof(spsi_interval) / sizeof(spsi_node));
-}
-
 /* Sorts a texel's list, and turns it into what the technique keeps, the number of whose items is in `cursors`. */
 static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
@@ -15742,23 +15727,24 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     filling->band.cursors[in_band] = count;
     if (filling->map->settings.technique == SPS_TMAP_COMPRESSED) {
         const uint32_t nodes = spsi_fit_compressed(fitting, list, count);
-        if (nodes <= spsi_nodes_in_place(count)) memcpy((void *)list, fitting->nodes, nodes * sizeof(spsi_node));
+        if (nodes * sizeof(spsi_node) <= count * sizeof *list)
+            memcpy((void *)list, fitting->nodes, nodes * sizeof(spsi_node));
         filling->band.cursors[in_band] = nodes;
     }
 }
 
-/* Writes the nodes of a compressed map's texel to their final place. */
+/* Writes the items of a texel to their final place: those that have not fitted into its list are made again. */
 static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
-    const size_t in_band = texel - filling->band.first_texel;
+    const size_t in_band = texel - filling->band.first_texel, item = spsi_tmap_item_bytes(filling->map);
     const uint32_t *starts = (const uint32_t *)filling->map->data.starts.data + texel;
-    const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band],
-                   nodes = starts[1] - starts[0];
+    const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band];
     const spsi_interval *list = filling->band.intervals + filling->band.starts[in_band];
-    const int in_place = nodes <= spsi_nodes_in_place(count);
+    const size_t bytes = (starts[1] - starts[0]) * item;
+    const int in_place = bytes <= count * sizeof *list;
     if (!in_place) spsi_fit_compressed(fitting, list, count);
-    memcpy((spsi_node *)filling->map->data.texels.data + starts[0], in_place ? (const void *)list : fitting->nodes,
-           nodes * sizeof(spsi_node));
+    memcpy((char *)filling->map->data.texels.data + starts[0] * item, in_place ? (const void *)list : fitting->nodes,
+           bytes);
 }
 
 /* Fits the texels of one row of a tile: a whole tile would take too long where lists are long. */
@@ -15785,7 +15771,7 @@ static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
                              (double)map->settings.byte_budget, rule);
 }
 
-/* Makes room for the items of a band, whose numbers are in `cursors`, and copies those of a deep map. */
+/* Makes room for the items of a band, whose numbers are in `cursors`. */
 static sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
@@ -15805,9 +15791,6 @@ static sps_result spsi_append_band(spsi_filling *filling) {
         return spsi_tmap_refuse_budget(map, (double)sum * (double)item);
     if (!spsi_buffer_extend(filling->context, &map->data.texels, held, (size_t)sum, item))
         return filling->context->result;
-    if (map->settings.technique == SPS_TMAP_DEEP)
-        spsi_copy(filling->context, (spsi_interval *)map->data.texels.data + held, filling->band.intervals,
-                  ((size_t)sum - held) * item);
     return SPS_OK;
 }
 
@@ -15825,7 +15808,7 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     if (filling->band.most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in a texel",
                                (double)filling->band.most, "2 million can be fitted");
-    bytes = spsi_fitting_bytes(filling);
+    bytes = spsi_fitting_measure(filling);
     if (bytes > SIZE_MAX)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "bytes to fit a texel", (double)bytes,
                                "they are more than memory can have");
@@ -15838,7 +15821,7 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     spsi_parallel(context, tasks, spsi_fit_task, filling);
     if (spsi_progress(context, filling->progress) || spsi_append_band(filling)) return context->result;
     filling->has_sizes = 1;
-    if (map->settings.technique == SPS_TMAP_COMPRESSED) spsi_parallel(context, tasks, spsi_fit_task, filling);
+    spsi_parallel(context, tasks, spsi_fit_task, filling);
     return spsi_progress(context, filling->progress);
 }
 
@@ -16175,35 +16158,32 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
     return SPS_OK;
 }
 
+/* Number of floats or indices, or pairs of planes, that a map is known to hold before it is filled. */
+static size_t spsi_tmap_known_items(const sps_tmap *map) {
+    if (map->technique->lists) return spsi_tmap_texel_count(map) + 1;
+    if (map->settings.technique == SPS_TMAP_TABLE)
+        return (size_t)(spsi_shadow_table_blocks(map) * SPSI_SHADOW_TABLE_TEXELS * map->settings.components);
+    return spsi_tmap_texel_count(map) * (size_t)map->settings.components;
+}
+
 /* Bytes that the map holds; before it is finished, what it will hold, as far as that is known. */
 static size_t spsi_tmap_bytes(const sps_tmap *map) {
-    const size_t texels = spsi_tmap_texel_count(map);
     const size_t fixed = sizeof *map + map->planes.size;
     if (map->finished)
         return fixed + map->data.texels.size + map->data.starts.size + map->data.table.size + map->data.surfaces.size;
-    if (map->technique->lists) return fixed + (texels + 1) * sizeof(uint32_t);
-    if (map->settings.technique == SPS_TMAP_TABLE)
-        return fixed + (size_t)(spsi_shadow_table_blocks(map) * SPSI_SHADOW_TABLE_TEXELS * map->settings.components) *
-                           sizeof(float);
-    return fixed + texels * (size_t)map->settings.components * sizeof(float);
+    return fixed + spsi_tmap_known_items(map) * sizeof(float);
 }
 
 /* Reserves what the map will hold, as far as that is known. */
 static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     const size_t texels = spsi_tmap_texel_count(map);
+    spsi_buffer *known = map->technique->lists                       ? &map->data.starts
+                         : map->settings.technique == SPS_TMAP_TABLE ? &map->data.table
+                                                                     : &map->data.texels;
     float *surfaces = NULL;
-    if (map->technique->lists) {
-        if (!spsi_buffer_reserve(map->context, &map->data.starts, texels + 1, sizeof(uint32_t)))
-            return map->context->result;
-        memset(map->data.starts.data, 0, (texels + 1) * sizeof(uint32_t));
-    } else if (map->settings.technique == SPS_TMAP_TABLE) {
-        const size_t planes = (size_t)(spsi_shadow_table_blocks(map) * map->settings.components);
-        const size_t size = SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t);
-        if (!map->updates && !spsi_buffer_reserve(map->context, &map->data.table, planes, size))
-            return map->context->result;
-    } else if (!spsi_buffer_reserve(map->context, &map->data.texels, map->settings.components > 0 ? texels : 0,
-                                    (size_t)spsi_most(map->settings.components, 1) * sizeof(float)))
+    if (!map->updates && !spsi_buffer_reserve(map->context, known, spsi_tmap_known_items(map), sizeof(float)))
         return map->context->result;
+    if (map->technique->lists) memset(known->data, 0, (texels + 1) * sizeof(uint32_t));
     if (!has_surfaces) return SPS_OK;
     surfaces = (float *)spsi_buffer_reserve(map->context, &map->data.surfaces, texels, sizeof(float));
     for (size_t i = 0; i < texels && surfaces; ++i) surfaces[i] = SPSI_NO_SURFACE;
@@ -16389,33 +16369,25 @@ static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, co
     return spsi_tmap_take_planes(map);
 }
 
-/* Appends structs to those already added to a map. */
-static sps_result spsi_tmap_append(sps_tmap *map, spsi_buffer *buffer, int *held, const void *more, int count,
-                                   size_t size) {
-    const size_t kept = (size_t)*held, all = kept + (size_t)count;
-    if (count == 0) return SPS_OK;
-    if (count > INT32_MAX - *held)
-        return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "number of structs", (double)all,
-                               "2^31 - 1 of a kind can be added");
-    if (!spsi_buffer_extend(map->context, buffer, kept, all, size)) return map->context->result;
-    memcpy((char *)buffer->data + kept * size, more, (size_t)count * size);
-    *held += count;
-    return SPS_OK;
-}
-
-/* Adds all of a scene or nothing, so that a failed call can be repeated. */
+/* Adds all of a scene or nothing, so that a failed call can be repeated: first room is made for all. */
 static sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
-    const int volumes = map->added.volume_count, meshes = map->added.mesh_count;
+    const void *more[3] = {scene->volumes, scene->meshes, scene->particles};
+    const int counts[3] = {scene->volume_count, scene->mesh_count, scene->particle_set_count};
+    static const size_t sizes[3] = {sizeof(sps_volume), sizeof(sps_mesh), sizeof(sps_particles)};
+    spsi_added *added = &map->added;
     if (spsi_check_scene(map->context, scene)) return map->context->result;
-    if (spsi_tmap_append(map, &map->added.volumes, &map->added.volume_count, scene->volumes, scene->volume_count,
-                         sizeof(sps_volume)) ||
-        spsi_tmap_append(map, &map->added.meshes, &map->added.mesh_count, scene->meshes, scene->mesh_count,
-                         sizeof(sps_mesh)) ||
-        spsi_tmap_append(map, &map->added.particles, &map->added.particle_set_count, scene->particles,
-                         scene->particle_set_count, sizeof(sps_particles))) {
-        map->added.volume_count = volumes;
-        map->added.mesh_count = meshes;
-        return map->context->result;
+    for (int k = 0; k < 3; ++k) {
+        const size_t kept = (size_t)added->counts[k], all = kept + (size_t)counts[k];
+        if (counts[k] > INT32_MAX - added->counts[k])
+            return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "number of structs",
+                                   (double)all, "2^31 - 1 of a kind can be added");
+        if (counts[k] > 0 && !spsi_buffer_extend(map->context, &added->lists[k], kept, all, sizes[k]))
+            return map->context->result;
+    }
+    for (int k = 0; k < 3; ++k) {
+        if (counts[k] == 0) continue;
+        memcpy((char *)added->lists[k].data + (size_t)added->counts[k] * sizes[k], more[k], (size_t)counts[k] * sizes[k]);
+        added->counts[k] += counts[k];
     }
     map->replace_invalid |= scene->replace_invalid;
     return SPS_OK;
@@ -16433,10 +16405,8 @@ static void spsi_tmap_release(sps_tmap *map) {
 
 /* Releases the occluders that were added, once they have been read. */
 static void spsi_tmap_forget(sps_tmap *map) {
-    spsi_buffer_release(map->context, &map->added.volumes);
-    spsi_buffer_release(map->context, &map->added.meshes);
-    spsi_buffer_release(map->context, &map->added.particles);
-    map->added.volume_count = map->added.mesh_count = map->added.particle_set_count = 0;
+    for (int k = 0; k < 3; ++k) spsi_buffer_release(map->context, &map->added.lists[k]);
+    memset(map->added.counts, 0, sizeof map->added.counts);
 }
 
 /* Builds the frame of all that was added, as the light's first face sees it; NULL if that fails. */
@@ -16444,12 +16414,12 @@ static spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     spsi_frame *frame;
     sps_scene scene;
     memset(&scene, 0, sizeof scene);
-    scene.volumes = (const sps_volume *)map->added.volumes.data;
-    scene.volume_count = map->added.volume_count;
-    scene.meshes = (const sps_mesh *)map->added.meshes.data;
-    scene.mesh_count = map->added.mesh_count;
-    scene.particles = (const sps_particles *)map->added.particles.data;
-    scene.particle_set_count = map->added.particle_set_count;
+    scene.volumes = (const sps_volume *)map->added.lists[0].data;
+    scene.volume_count = map->added.counts[0];
+    scene.meshes = (const sps_mesh *)map->added.lists[1].data;
+    scene.mesh_count = map->added.counts[1];
+    scene.particles = (const sps_particles *)map->added.lists[2].data;
+    scene.particle_set_count = map->added.counts[2];
     scene.replace_invalid = map->replace_invalid;
     frame = spsi_frame_build(map->context, &scene, NULL, 0);
     if (!frame) return NULL;

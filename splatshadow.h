@@ -2317,6 +2317,13 @@ static void spsi_copy(sps_context *context, void *to, const void *from, size_t b
     }
 }
 
+/* Turns counts into running sums, each with all before it; returns the last one. */
+static uint64_t spsi_running_sums(uint32_t *counts, size_t count) {
+    uint64_t sum = 0;
+    for (size_t i = 0; i < count; ++i) counts[i] = (uint32_t)(sum += counts[i]);
+    return sum;
+}
+
 static void spsi_buffer_release(sps_context *context, spsi_buffer *buffer) {
     spsi_release(context, buffer->data);
     buffer->data = NULL;
@@ -8091,12 +8098,9 @@ static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int 
 
 /* Counts the fragments of all pixels. Their number may be SIZE_MAX, which cannot be reserved. */
 static size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job) {
-    uint64_t sum = 0;
+    uint64_t sum;
     spsi_fragments_pass(context, job, 0);
-    for (size_t i = 2; i < spsi_ray_count(job->rays) + 2; ++i) {
-        sum += job->first[i];
-        job->first[i] = (uint32_t)sum;
-    }
+    sum = spsi_running_sums(job->first + 2, spsi_ray_count(job->rays));
     return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
 }
 
@@ -15654,21 +15658,19 @@ static sps_result spsi_fill_sums(spsi_filling *filling) {
 static sps_result spsi_fill_lists(spsi_filling *filling) {
     sps_context *context = filling->context;
     const size_t texels = (size_t)filling->map->rays[0].width * (size_t)spsi_filling_height(filling);
-    uint64_t sum = 0;
+    uint64_t sum;
     filling->band.starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_CURSORS, 2 * texels + 1, sizeof(uint32_t));
     if (!filling->band.starts) return context->result;
     filling->band.cursors = filling->band.starts + texels + 1;
     memset(filling->band.cursors, 0, texels * sizeof *filling->band.cursors);
     if (spsi_fill_band(filling, SPSI_VISIT_COUNT)) return context->result;
     filling->band.most = 0;
-    for (size_t i = 0; i < texels; ++i) {
-        filling->band.most =
-            filling->band.cursors[i] > filling->band.most ? filling->band.cursors[i] : filling->band.most;
-        filling->band.starts[i] = (uint32_t)sum;
-        sum += filling->band.cursors[i];
-        filling->band.cursors[i] = filling->band.starts[i];
-    }
-    filling->band.starts[texels] = (uint32_t)sum;
+    for (size_t i = 0; i < texels; ++i)
+        if (filling->band.cursors[i] > filling->band.most) filling->band.most = filling->band.cursors[i];
+    filling->band.starts[0] = 0;
+    memcpy(filling->band.starts + 1, filling->band.cursors, texels * sizeof(uint32_t));
+    sum = spsi_running_sums(filling->band.starts, texels + 1);
+    memcpy(filling->band.cursors, filling->band.starts, texels * sizeof(uint32_t));
     if (sum > INT32_MAX)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in 64 rows", (double)sum,
                                "2^31 - 1 are held at most");
@@ -15778,15 +15780,12 @@ static sps_result spsi_append_band(spsi_filling *filling) {
     const size_t item = spsi_tmap_item_bytes(map);
     uint32_t *starts = (uint32_t *)map->data.starts.data + filling->band.first_texel;
     const size_t held = starts[0];
-    uint64_t sum = held;
-    for (size_t i = 0; i < texels; ++i) {
-        starts[i] = (uint32_t)sum;
-        sum += filling->band.cursors[i];
-    }
+    uint64_t sum;
+    memcpy(starts + 1, filling->band.cursors, texels * sizeof *starts);
+    sum = spsi_running_sums(starts, texels + 1);
     if (sum > UINT32_MAX)
         return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "items", (double)sum,
                                "2^32 - 1 are held at most");
-    starts[texels] = (uint32_t)sum;
     if (map->settings.byte_budget && (double)sum * (double)item > (double)map->settings.byte_budget)
         return spsi_tmap_refuse_budget(map, (double)sum * (double)item);
     if (!spsi_buffer_extend(filling->context, &map->data.texels, held, (size_t)sum, item))
@@ -15851,26 +15850,22 @@ static void spsi_ball_steps_task(void *data, int i) {
 }
 
 static size_t spsi_balls_order_bytes(size_t particles) {
-    return SPSI_DEPTH_STEPS * sizeof(uint32_t) + particles * (sizeof(uint32_t) + sizeof(uint16_t));
+    return (SPSI_DEPTH_STEPS + 1) * sizeof(uint32_t) + particles * (sizeof(uint32_t) + sizeof(uint16_t));
 }
 
 /* Sorts particles into the order in which light meets them (a counting sort), so that the lists of all texels are
    nearly sorted already. */
 static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     const int count = job->frame->content->particle_count;
-    uint32_t *starts, sum = 0;
+    uint32_t *starts;
     job->order = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_ORDER, 1, spsi_balls_order_bytes((size_t)count));
     if (!job->order) return context->result;
     starts = job->order + count;
-    job->steps = (uint16_t *)(void *)(starts + SPSI_DEPTH_STEPS);
+    job->steps = (uint16_t *)(void *)(starts + SPSI_DEPTH_STEPS + 1);
     spsi_parallel_batches(context, count, spsi_ball_steps_task, job);
-    memset(starts, 0, SPSI_DEPTH_STEPS * sizeof *starts);
-    for (int i = 0; i < count; ++i) starts[job->steps[i]] += 1;
-    for (int step = 0; step < SPSI_DEPTH_STEPS; ++step) {
-        const uint32_t here = starts[step];
-        starts[step] = sum;
-        sum += here;
-    }
+    memset(starts, 0, (SPSI_DEPTH_STEPS + 1) * sizeof *starts);
+    for (int i = 0; i < count; ++i) starts[job->steps[i] + 1] += 1;
+    spsi_running_sums(starts, SPSI_DEPTH_STEPS + 1);
     for (int i = 0; i < count; ++i) job->order[starts[job->steps[i]]++] = (uint32_t)i;
     return SPS_OK;
 }
@@ -15931,7 +15926,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     const size_t tiles = (size_t)tiles_x * (size_t)spsi_tile_rows(rays);
     const size_t count = (size_t)occluders->frame->content->particle_count;
     uint32_t *starts, *list;
-    uint64_t sum = 0;
+    uint64_t sum;
     spsi_ball_job job;
     if (count == 0) return SPS_OK;
     memset(&job, 0, sizeof job);
@@ -15948,10 +15943,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     spsi_balls_outside(map, rays, job.balls, count);
     memset(starts, 0, (tiles + 1) * sizeof *starts);
     spsi_balls_into_tiles(job.balls, count, tiles_x, starts + 1, NULL);
-    for (size_t i = 0; i <= tiles; ++i) {
-        sum += starts[i];
-        starts[i] = (uint32_t)sum;
-    }
+    sum = spsi_running_sums(starts, tiles + 1);
     occluders->balls = job.balls;
     occluders->tile_balls = NULL;
     if (sum > SPSI_BALL_TILES * (uint64_t)(count + tiles) || sum > UINT32_MAX) return SPS_OK;

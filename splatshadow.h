@@ -15779,7 +15779,6 @@ static sps_result spsi_append_band(spsi_filling *filling) {
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
     const size_t item = spsi_tmap_item_bytes(map);
     uint32_t *starts = (uint32_t *)map->data.starts.data + filling->band.first_texel;
-    const size_t held = starts[0];
     uint64_t sum;
     memcpy(starts + 1, filling->band.cursors, texels * sizeof *starts);
     sum = spsi_running_sums(starts, texels + 1);
@@ -15788,7 +15787,7 @@ static sps_result spsi_append_band(spsi_filling *filling) {
                                "2^32 - 1 are held at most");
     if (map->settings.byte_budget && (double)sum * (double)item > (double)map->settings.byte_budget)
         return spsi_tmap_refuse_budget(map, (double)sum * (double)item);
-    if (!spsi_buffer_extend(filling->context, &map->data.texels, held, (size_t)sum, item))
+    if (!spsi_buffer_extend(filling->context, &map->data.texels, starts[0], (size_t)sum, item))
         return filling->context->result;
     return SPS_OK;
 }
@@ -16331,10 +16330,8 @@ static sps_result spsi_tmap_aim(sps_tmap *map) {
         const double per_length = spsi_length(map->rays[0].inverse[2]);
         const double texel = fmax(spsi_length(map->rays[0].a), spsi_length(map->rays[0].b));
         const int own = map->settings.surface_bias > 0;
-        map->bias[0] = own                        ? map->settings.surface_bias * per_length
-                       : map->rays[0].perspective ? 0
-                                                  : 2 * texel * per_length;
-        map->bias[1] = own || !map->rays[0].perspective ? 0 : 2 * texel * per_length;
+        const double bias = (own ? map->settings.surface_bias : 2 * texel) * per_length;
+        map->bias[!own && map->rays[0].perspective] = bias; /* texels grow with the distance */
     }
     return SPS_OK;
 }

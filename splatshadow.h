@@ -1202,11 +1202,11 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
                                          float *optical_depths, float *transmittances);
 
 /* Writes bounds of the true optical depth along the rays of the texels, certain except for round-off: for deep,
-   compressed, opacity, deep opacity and moment maps. 0 and 1e15 for the others, which have no bounds. Of volumes they
-   bound the field of the kernels as `quality` cuts them, slab by slab. It differs from f(p) itself by what lies beyond
-   the cut: at medium up to 0.9 % of the optical depth through the fullest voxels near the ray and 0.5 % of its own
-   (draft 3 and 2 %, high and ultra 0.2 and 0.1 %). No bracket includes that: choose a higher quality. least or most may
-   be NULL. Threads and errors as for sps_tmap_query. */
+   opacity, deep opacity, moment and Beer maps, and for compressed ones without components. 0 and 1e15 for the others,
+   which have no bounds. Of volumes they bound the field of the kernels as `quality` cuts them, slab by slab. It differs
+   from f(p) itself by what lies beyond the cut: at medium up to 0.9 % of the optical depth through the fullest voxels
+   near the ray and 0.5 % of its own (draft 3 and 2 %, high and ultra 0.2 and 0.1 %). No bracket includes that: choose a
+   higher quality. least or most may be NULL. Threads and errors as for sps_tmap_query. */
 SPS_API sps_result sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most);
 

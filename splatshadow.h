@@ -521,9 +521,8 @@ typedef enum sps_tmap_technique {
     SPS_TMAP_MOMENT,
     /* Beer shadow map, as engines have it: a deep opacity map of one plane, u where gas begins, u where it ends, and the
        total. Exact for a single uniform interval, and behind everything; gas in several clumps is spread over the gaps
-       between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106
-       against 0.170, worse in the other five scenes of docs/maps.md. The three numbers are read in the same way.)
-       3 components; insertion and query cost least of all. */
+       between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106 against 0.170,
+       worse in the other five scenes of docs/maps.md.) 3 components; insertion and query cost least of all. */
     SPS_TMAP_BEER,
     /* For sps_light.shadow_map only. A shadow table, after [Ebert & Parent 1990]: optical depth at n even planes and
        interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark
@@ -3173,7 +3172,7 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
      opacity planes, deep opacity planes       [Kim & Neumann 2001; Yuksel & Keyser 2008; cubics: Steffen 1990]
      Fourier series of extinction              [Jansen & Bavoil 2010], a_k = 2 sum t cos(2 pi k u), b_k with the sine
      power moments of extinction               [Muenstermann et al. 2018; Peters & Klein 2015]
-    Lists use the whole curve of a ray:
+   Lists use the whole curve of a ray:
      straight lines of T within epsilon        [Lokovic & Veach 2000], thinned by least area [Salvi et al. 2010]
 
    Cost: insertion takes time for the planes that an interval passes through, or for all components; a list
@@ -16361,22 +16360,22 @@ static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, co
 /* Adds all of a scene or nothing, so that a failed call can be repeated: first room is made for all. */
 static sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
     const void *more[3] = {scene->volumes, scene->meshes, scene->particles};
-    const int counts[3] = {scene->volume_count, scene->mesh_count, scene->particle_set_count};
+    const size_t count[3] = {(size_t)scene->volume_count, (size_t)scene->mesh_count, (size_t)scene->particle_set_count};
     static const size_t sizes[3] = {sizeof(sps_volume), sizeof(sps_mesh), sizeof(sps_particles)};
     spsi_added *added = &map->added;
     if (spsi_check_scene(map->context, scene)) return map->context->result;
     for (int k = 0; k < 3; ++k) {
-        const size_t kept = (size_t)added->counts[k], all = kept + (size_t)counts[k];
-        if (counts[k] > INT32_MAX - added->counts[k])
+        const size_t kept = (size_t)added->counts[k], all = kept + count[k];
+        if (all > INT32_MAX)
             return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "number of structs",
                                    (double)all, "2^31 - 1 of a kind can be added");
-        if (counts[k] > 0 && !spsi_buffer_extend(map->context, &added->lists[k], kept, all, sizes[k]))
+        if (count[k] > 0 && !spsi_buffer_extend(map->context, &added->lists[k], kept, all, sizes[k]))
             return map->context->result;
     }
     for (int k = 0; k < 3; ++k) {
-        if (counts[k] == 0) continue;
-        memcpy((char *)added->lists[k].data + (size_t)added->counts[k] * sizes[k], more[k], (size_t)counts[k] * sizes[k]);
-        added->counts[k] += counts[k];
+        if (count[k] == 0) continue;
+        memcpy((char *)added->lists[k].data + (size_t)added->counts[k] * sizes[k], more[k], count[k] * sizes[k]);
+        added->counts[k] += (int)count[k];
     }
     map->replace_invalid |= scene->replace_invalid;
     return SPS_OK;

@@ -519,10 +519,10 @@ typedef enum sps_tmap_technique {
        u = 1. n 5 or 7, default 5; insertion costs n; a query solves a small matrix and finds the roots of a polynomial,
        ten times the cost of others. */
     SPS_TMAP_MOMENT,
-    /* Beer shadow map, as engines have it: a deep opacity map of one plane, u where gas begins, u where it ends, and the
-       total. Exact for a single uniform interval, and behind everything; gas in several clumps is spread over the gaps
-       between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106 against 0.170,
-       worse in the other five scenes of docs/maps.md.) 3 components; insertion and query cost least of all. */
+    /* Beer shadow map, as engines have it: a deep opacity map of one plane, u where gas begins, u where it ends, and
+       the total. Exact for a single uniform interval, and behind everything; gas in several clumps is spread over the
+       gaps between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106 against
+       0.170, worse in the other five scenes of docs/maps.md.) 3 components; insertion costs least of all. */
     SPS_TMAP_BEER,
     /* For sps_light.shadow_map only. A shadow table, after [Ebert & Parent 1990]: optical depth at n even planes and
        interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark

@@ -479,9 +479,9 @@ typedef struct sps_particles {
 } sps_particles;
 
 /* How a transmittance map stores optical depth along the ray of each texel. u runs from 0 at near_depth to 1 at
-   far_depth. The order in which occluders are added does not matter except for round-off. Deep, compressed, depth
-   and adaptive maps are made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. n stands for
-   `components`; docs/shadow_maps.md helps to choose. */
+   far_depth. The order in which occluders are added does not matter except for round-off. Deep and compressed maps are
+   made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. n stands for `components`;
+   docs/shadow_maps.md helps to choose. */
 typedef enum sps_tmap_technique {
     /* SPS_TMAP_DEEP_OPACITY with `cubic`: small errors on most gases for few floats. As a light's shadow_map:
        SPS_TMAP_TABLE, less than half the error in less time, but more memory. */
@@ -494,11 +494,11 @@ typedef enum sps_tmap_technique {
     SPS_TMAP_DEEP,
     /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance that is nowhere more than `epsilon` off along
        a texel's own ray; the one technique whose error the caller sets. (Between four texels, the mean of their optical
-       depths may be farther off where some of them are nearly black.) 8 bytes per node and 4 per texel; a query
-       searches. No components. */
+       depths may be farther off where some of them are nearly black.) Or, if n is 4, 6 .. 64, at most n / 2 nodes: that
+       whose removal changes the area least is removed until so few are left [after Salvi et al. 2010]. There is no
+       error bound then; the rms error is 1.3 to 1.5 times that of the best nodes. 8 bytes per node and 4 per texel; a
+       query searches. Default: no components. */
     SPS_TMAP_COMPRESSED,
-    /* Where transmittance falls to one half; 1 before, 0 behind. Right for opaque occluders only. 1 component. */
-    SPS_TMAP_DEPTH,
     /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]. Exact there; in between, the
        neighbouring planes bracket the true value. n 1..65, default 8. Insertion costs the planes that an interval
        passes through, a query 2 lookups (cubic: 4), and a comparison with each plane if `planes` is set. */
@@ -519,15 +519,10 @@ typedef enum sps_tmap_technique {
        u = 1. n 5 or 7, default 5; insertion costs n; a query solves a small matrix and finds the roots of a polynomial,
        ten times the cost of others. */
     SPS_TMAP_MOMENT,
-    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the transmittance curve as n / 2 nodes, u T u T .. . The node
-       whose removal changes the area least is removed until n / 2 are left. There is no error bound; the rms error is
-       1.3 to 1.5 times that of the best nodes. n 4, 6 .. 64, default 16; made from lists; a query searches. */
-    SPS_TMAP_ADAPTIVE,
-    /* Beer shadow map, as engines have it: u where gas begins, optical depth per u from there on, and the total, at
-       which it is capped. Exact for a single uniform interval, and behind everything; gas in several clumps is spread
-       over the gaps between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106
-       against 0.170, worse in the other five scenes of docs/maps.md. The three numbers are read in the same way.)
-       3 components; insertion and query cost least of all. */
+    /* Beer shadow map, as engines have it: a deep opacity map of one plane, u where gas begins, u where it ends, and
+       the total. Exact for a single uniform interval, and behind everything; gas in several clumps is spread over the
+       gaps between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106 against
+       0.170, worse in the other five scenes of docs/maps.md.) 3 components; insertion costs least of all. */
     SPS_TMAP_BEER,
     /* For sps_light.shadow_map only. A shadow table, after [Ebert & Parent 1990]: optical depth at n even planes and
        interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark
@@ -536,7 +531,11 @@ typedef enum sps_tmap_technique {
        as they are wide, but at most 256 planes. At most 2^28 entries. 4 bytes per texel and plane, and 4 more
        for those of 64 rows while it is made; cheapest of all maps to look up. Held for the next call, and updated there
        where gas has changed (sps_light.shadow_map). */
-    SPS_TMAP_TABLE
+    SPS_TMAP_TABLE,
+    /* Shadow map [Williams 1978]: only the depth of the first opaque surface, which the other maps hold beside their
+       texels (sps_tmap_surfaces). Gas and surfaces that let light pass do not count, so sps_light.shadow_map cannot be
+       one. No components. */
+    SPS_TMAP_DEPTH
 } sps_tmap_technique;
 
 /* Zero is valid for all but far_depth: deep opacity, cubic, with 8 components. For sps_light.shadow_map all of it may
@@ -557,7 +556,9 @@ typedef struct sps_tmap_settings {
     const float *planes;
     int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
     int texel_range;        /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
-    float epsilon; /* compressed: maximum error of T, up to 0.5; 0 means 0.01; kept to 1e-6 (soft particles: 0.001) */
+    /* Compressed: maximum error of T, up to 0.5; 0 means 0.01; kept to 1e-6 (soft particles: 0.001). With components,
+       that of the line whose nodes are removed; 0 means 1 / 1024. */
+    float epsilon;
     double surface_bias; /* world units behind an opaque surface at which its shadow begins; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_settings;
@@ -742,7 +743,7 @@ typedef enum sps_scattering {
        a closed form in the optical depth of that way and the angle where it bends, with the gas's own phase function
        and albedo. Right where gas scatters forward and light has not lost its direction; what comes back after many
        turns is mostly left out. Lights and rays are followed to an optical depth of 64, the whole way, where this light
-       ends; a shadow_map that holds transmittance (compressed, adaptive) knows less far, and gas behind is lit
+       ends; a shadow_map that holds transmittance (compressed) knows less far, and gas behind is lit
        as if it were there. Lights without shadows are not scattered again, and polygons receive none of it. Cost: a
        table per gas, and a lookup of it beside each one of a shadow. */
     SPS_SCATTERING_FORWARD,
@@ -1200,11 +1201,11 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
                                          float *optical_depths, float *transmittances);
 
 /* Writes bounds of the true optical depth along the rays of the texels, certain except for round-off: for deep,
-   compressed, opacity, deep opacity and moment maps. 0 and 1e15 for the others, which have no bounds. Of volumes they
-   bound the field of the kernels as `quality` cuts them, slab by slab. It differs from f(p) itself by what lies beyond
-   the cut: at medium up to 0.9 % of the optical depth through the fullest voxels near the ray and 0.5 % of its own
-   (draft 3 and 2 %, high and ultra 0.2 and 0.1 %). No bracket includes that: choose a higher quality. least or most may
-   be NULL. Threads and errors as for sps_tmap_query. */
+   opacity, deep opacity, moment and Beer maps, and for compressed ones without components. 0 and 1e15 for the others,
+   which have no bounds. Of volumes they bound the field of the kernels as `quality` cuts them, slab by slab. It differs
+   from f(p) itself by what lies beyond the cut: at medium up to 0.9 % of the optical depth through the fullest voxels
+   near the ray and 0.5 % of its own (draft 3 and 2 %, high and ultra 0.2 and 0.1 %). No bracket includes that: choose a
+   higher quality. least or most may be NULL. Threads and errors as for sps_tmap_query. */
 SPS_API sps_result sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most);
 
@@ -2315,6 +2316,13 @@ static void spsi_copy(sps_context *context, void *to, const void *from, size_t b
     }
 }
 
+/* Turns counts into running sums, each with all before it; returns the last one. */
+static uint64_t spsi_running_sums(uint32_t *counts, size_t count) {
+    uint64_t sum = 0;
+    for (size_t i = 0; i < count; ++i) counts[i] = (uint32_t)(sum += counts[i]);
+    return sum;
+}
+
 static void spsi_buffer_release(sps_context *context, spsi_buffer *buffer) {
     spsi_release(context, buffer->data);
     buffer->data = NULL;
@@ -3164,20 +3172,16 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
      opacity planes, deep opacity planes       [Kim & Neumann 2001; Yuksel & Keyser 2008; cubics: Steffen 1990]
      Fourier series of extinction              [Jansen & Bavoil 2010], a_k = 2 sum t cos(2 pi k u), b_k with the sine
      power moments of extinction               [Muenstermann et al. 2018; Peters & Klein 2015]
-     first, last and total                     (Beer shadow maps)
-   Fits use the whole curve of a ray:
-     u where T falls to one half, nodes by least area [Salvi et al. 2010], and straight lines of T within epsilon
-                                               [Lokovic & Veach 2000]
+   Lists use the whole curve of a ray:
+     straight lines of T within epsilon        [Lokovic & Veach 2000], thinned by least area [Salvi et al. 2010]
 
-   Cost: insertion takes time for the planes that an interval passes through, or for all components; a fit (nodes of the
-   curve) x (components), but n log n for an adaptive or a compressed map; the cost of a query stands at its function. T
-   is short for transmittance, exp(-optical depth). */
+   Cost: insertion takes time for the planes that an interval passes through, or for all components; a list
+   n log n; the cost of a query stands at its function. T is short for transmittance, exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* maximum floats per texel */
 #define SPSI_SOFT_PIECES     8      /* uniform pieces for a soft interval in a curve: 1.2 % of its depth off */
 #define SPSI_SOFT_MOST       256    /* maximum of such pieces, where an error is to be kept */
 #define SPSI_SOFT_EPSILON    0.001f /* minimum error that these keep */
-#define SPSI_BEER_LENGTH     1e-6f  /* minimum length of a Beer map's gas, so that its density stays finite */
 
 /* An interval of a ray from u0 to u1, of optical depth `depth`: uniform (soft 0), or with density 1 - s^2, where s runs
    from -1 to 1 (soft 1), as in a particle. If the light is inside a particle, s begins at 1 - 2 soft: the interval is
@@ -3211,9 +3215,8 @@ typedef struct spsi_texels {
 
 typedef struct spsi_technique {
     const char *name;             /* with its article, for error sentences */
-    int least, most, step, usual; /* components: minimum, maximum, step from the minimum, default; all 0 for lists */
-    int lists;                    /* 1: a list per texel, whose length depends on its ray */
-    int sums;                     /* 1: insert and finish, in any order; 0: fit, from the curve of a texel's ray */
+    int least, most, step, usual; /* components: minimum, maximum, step from the minimum, default */
+    int lists;                    /* 1: a list per texel, whose length depends on its ray; 0: insert and finish */
     /* 1: insert has no closed form for a soft interval that is cut, which is inserted as points. 0: accepts intervals
        whose ends lie outside 0..1. */
     int points;
@@ -3221,16 +3224,10 @@ typedef struct spsi_technique {
        functions below see only the components after these, and the remapped u. -1: settings->texel_range decides
        (Fourier). */
     int range;
-    /* Adds intervals to sums: component k of the vector's texels is at sums + k * stride. */
+    /* Adds intervals to sums: component k of the vector's texels is at sums + k * stride. NULL: they do not count. */
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_intervals *intervals);
     /* Turns the sums of one texel (packed) into the stored components, in place. NULL: they are the same. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
-    /* Makes a texel from its ray's curve. */
-    void (*fit)(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch, float *texel);
-    /* Size of the scratch memory that `fit` needs for a curve of `count` nodes. NULL: none. */
-    size_t (*fit_bytes)(int count);
-    /* Writes the initial sums of `count` texels. NULL: these are 0. */
-    void (*clear)(float *sums, size_t stride, size_t count, int components);
     /* Optical depth before u in 0..1 for a vector of texels. NULL: see `optical_depth`. */
     spsi_v (*optical_depths)(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u);
     /* The same for one texel, where that takes a search or more precision than floats have. NULL: see `optical_depths`.
@@ -3529,7 +3526,8 @@ static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, 
     spsi_v before = spsi_set(0);
     float first, end;
     int last;
-    if (!spsi_intervals_extent(intervals, &first, &end)) return;
+    if (settings->components == 1) spsi_accumulate(sums, depth); /* all lies before the only plane */
+    if (settings->components == 1 || !spsi_intervals_extent(intervals, &first, &end)) return;
     last = spsi_plane_from(settings, end);
     for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
         spsi_v share = spsi_set(1); /* what lies behind 1 counts at the last plane */
@@ -3746,28 +3744,6 @@ static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, f
     return (double)nodes[low - 1].value + t * ((double)nodes[low].value - (double)nodes[low - 1].value);
 }
 
-/* ---- depth maps ---- */
-
-/* u where T falls to one half; 2 if it never does. */
-static void spsi_depth_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
-                           float *texel) {
-    const double half = 0.69314718055994531;
-    (void)settings;
-    (void)scratch;
-    texel[0] = 2;
-    for (int i = 0; i < count; ++i) {
-        const spsi_piece piece = spsi_curve_piece(curve, i);
-        if (!(piece.t1 >= half)) continue;
-        texel[0] = (float)(piece.u0 + (half - piece.t0) / (piece.t1 - piece.t0) * (piece.u1 - piece.u0));
-        return;
-    }
-}
-
-static spsi_v spsi_depth_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
-    (void)settings;
-    return spsi_select(spsi_less(u, spsi_texels_at(texels, spsi_set(0))), spsi_set(0), spsi_set(SPSI_DEPTH_MAX));
-}
-
 /* ---- transmittance as a polyline ---- */
 
 /* Cuts a piece so that straight lines of T between the cuts stay within step^2 of the exponential: in even steps of
@@ -3897,59 +3873,31 @@ static float spsi_compressed_optical_depth(const spsi_node *nodes, uint32_t coun
     return spsi_optical_depth_of(spsi_nodes_transmittance(nodes, count, u));
 }
 
-/* ---- adaptive maps ---- */
-
-#define SPSI_ADAPTIVE_EPSILON (1.0f / 1024) /* error of the polyline whose nodes are chosen from */
-
-static size_t spsi_adaptive_bytes(int count) {
-    const size_t most = (size_t)spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON);
-    return most * (sizeof(double) + sizeof(spsi_node));
-}
+#define SPSI_THIN_EPSILON (1.0f / 1024) /* usual error of the line whose nodes are removed */
 
 /* Twice the change of the area below the curve if an inner node is removed. */
-static double spsi_adaptive_cost(const spsi_node *node) {
+static inline double spsi_node_cost(const spsi_node *node) {
     const spsi_node *a = node - 1, *c = node + 1;
     return fabs(((double)node->u - (double)a->u) * ((double)c->value - (double)a->value) -
                 ((double)c->u - (double)a->u) * ((double)node->value - (double)a->value));
 }
 
-/* A compressed curve, whose last node is made exact again: the total transmittance. */
-static int spsi_adaptive_begin(const spsi_node *curve, int count, spsi_node *nodes) {
-    const int made = spsi_curve_compress(curve, count, SPSI_ADAPTIVE_EPSILON, nodes);
-    const float last = made > 0 ? (float)exp(-(double)spsi_lower(curve[count - 1].value, SPSI_DEPTH_MAX)) : 1;
-    for (int i = made - 1; i >= 0 && (i == made - 1 || nodes[i].value < last); --i) nodes[i].value = last;
-    return made;
-}
-
-/* Compresses the curve to few lines first; then the node whose removal changes the area least is removed until there
-   are few enough. [Salvi et al. 2010 do so during insertion, with few nodes known at a time: with 4 nodes the error is
-   twice as large.] */
-static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
-                              float *texel) {
-    const int most = settings->components / 2;
-    double *costs = (double *)scratch;
-    spsi_node *line = (spsi_node *)(void *)(costs + spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON));
-    int left = spsi_adaptive_begin(curve, count, line);
-    for (int i = 1; i < left - 1; ++i) costs[i] = spsi_adaptive_cost(&line[i]);
-    for (; left > most; --left) {
-        double lowest = costs[1];
+/* Makes the last node of a compressed curve exact: the total transmittance. Then the node whose removal changes the
+   area least is removed until `most` are left, whose number is returned. [Salvi et al. 2010 do so during insertion,
+   with few nodes known at a time: with 4 nodes the error is twice as large.] */
+static int spsi_nodes_thin(spsi_node *line, int count, int most, float total) {
+    const float last = (float)exp(-(double)spsi_lower(total, SPSI_DEPTH_MAX));
+    for (int i = count - 1; i >= 0 && (i == count - 1 || line[i].value < last); --i) line[i].value = last;
+    for (; count > most; --count) {
+        double lowest = spsi_node_cost(&line[1]);
         int least = 1;
-        for (int i = 2; i < left - 1; ++i)
-            if (costs[i] < lowest) lowest = costs[least = i];
-        memmove(line + least, line + least + 1, (size_t)(left - 1 - least) * sizeof *line);
-        memmove(costs + least, costs + least + 1, (size_t)(left - 1 - least) * sizeof *costs);
-        if (least > 1) costs[least - 1] = spsi_adaptive_cost(&line[least - 1]);
-        if (least < left - 2) costs[least] = spsi_adaptive_cost(&line[least]);
+        for (int i = 2; i < count - 1; ++i) {
+            const double cost = spsi_node_cost(&line[i]);
+            if (cost < lowest) lowest = cost, least = i;
+        }
+        memmove(line + least, line + least + 1, (size_t)(count - 1 - least) * sizeof *line);
     }
-    for (int i = 0; i < most; ++i) {
-        texel[2 * i] = left > 0 ? line[spsi_least(i, left - 1)].u : 0;
-        texel[2 * i + 1] = left > 0 ? line[spsi_least(i, left - 1)].value : 1;
-    }
-}
-
-static float spsi_adaptive_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    const uint32_t count = (uint32_t)(settings->components / 2);
-    return spsi_compressed_optical_depth((const spsi_node *)(const void *)texel, count, u);
+    return count;
 }
 
 /* ---- moments ---- */
@@ -4178,63 +4126,22 @@ static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *
     bracket[1] = (float)(share < 1 ? fmax(fmin(bounds[1] / (1 - share), 1) * whole, answer) : whole);
 }
 
-/* ---- Beer ---- */
-
-static void spsi_beer_clear(float *sums, size_t stride, size_t count, int components) {
-    for (int k = 0; k < components; ++k)
-        for (size_t i = 0; i < count; ++i) sums[(size_t)k * stride + i] = k == 0; /* nothing begins before the end */
-}
-
-/* Until the map is finished: where gas begins, where it ends, and the total. */
-static void spsi_beer_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
-                             const spsi_intervals *intervals) {
-    const spsi_v depth = spsi_intervals_capped(intervals), first = spsi_load(sums), last = spsi_load(sums + stride);
-    const spsi_m there = spsi_less(spsi_set(0), depth);
-    (void)settings;
-    spsi_store(sums, spsi_select(there, spsi_min(first, intervals->u0), first));
-    spsi_store(sums + stride, spsi_select(there, spsi_max(last, intervals->u1), last));
-    spsi_accumulate(sums + 2 * stride, depth);
-}
-
-/* Replaces the end of gas by its density. Gas without length is extended towards the light, so that all of it counts
-   where it is, and at u = 1. */
-static void spsi_beer_finish(const sps_tmap_settings *settings, float *texel) {
-    const float last = spsi_higher(spsi_lower(texel[1], 1), 0);
-    (void)settings;
-    texel[1] = 0;
-    if (!(texel[2] > 0)) return;
-    texel[2] = spsi_lower(texel[2], SPSI_DEPTH_MAX);
-    texel[0] = spsi_higher(spsi_lower(texel[0], last - SPSI_BEER_LENGTH), 0);
-    texel[1] = texel[2] / spsi_higher(last - texel[0], SPSI_BEER_LENGTH);
-}
-
-static spsi_v spsi_beer_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
-    const spsi_v behind = spsi_max(spsi_sub(u, spsi_texels_at(texels, spsi_set(0))), spsi_set(0));
-    (void)settings;
-    return spsi_min(spsi_mul(behind, spsi_texels_at(texels, spsi_set(1))), spsi_texels_at(texels, spsi_set(2)));
-}
-
 /* By sps_tmap_technique; the default is resolved before (spsi_settings_resolve). */
 static const spsi_technique spsi_techniques[] = {
-    {"no map", 0, 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a deep map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a compressed map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a depth map", 1, 1, 1, 1, 0, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, NULL, spsi_depth_optical_depths, NULL,
-     NULL},
-    {"an opacity map", 1, 65, 1, 8, 0, 1, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
-     spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
-    {"a deep opacity map", 3, 65, 1, 8, 0, 1, 0, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
-     spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
-    {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, NULL, NULL, NULL, NULL,
-     spsi_fourier_optical_depths, NULL, NULL},
-    {"a moment map", 5, 7, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, NULL,
-     spsi_moment_optical_depth, spsi_moment_bracket},
-    {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, spsi_adaptive_bytes, NULL, NULL,
-     spsi_adaptive_optical_depth, NULL},
-    {"a Beer map", 3, 3, 1, 3, 0, 1, 0, 0, spsi_beer_insert, spsi_beer_finish, NULL, NULL, spsi_beer_clear,
-     spsi_beer_optical_depths, NULL, NULL},
-    {"a shadow table", 8, 1024, 1, 256, 0, 1, 0, 0, spsi_opacity_insert, NULL, NULL, NULL, NULL,
-     spsi_opacity_optical_depths, NULL, NULL},
+    {"no map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL},
+    {"a deep map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL},
+    {"a compressed map", 4, 64, 2, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL},
+    {"an opacity map", 1, 65, 1, 8, 0, 0, 0, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths,
+     NULL, spsi_opacity_bracket},
+    {"a deep opacity map", 3, 65, 1, 8, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths,
+     NULL, spsi_opacity_bracket},
+    {"a Fourier map", 3, 65, 2, 7, 0, 1, -1, spsi_fourier_insert, NULL, spsi_fourier_optical_depths, NULL, NULL},
+    {"a moment map", 5, 7, 2, 5, 0, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, spsi_moment_optical_depth,
+     spsi_moment_bracket},
+    {"a Beer map", 3, 3, 1, 3, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths, NULL,
+     spsi_opacity_bracket},
+    {"a shadow table", 8, 1024, 1, 256, 0, 0, 0, spsi_opacity_insert, NULL, spsi_opacity_optical_depths, NULL, NULL},
+    {"a depth map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL},
 };
 
 /* Settings with SPS_TMAP_DEFAULT replaced by the technique that it stands for, and without planes that are not meant
@@ -4897,19 +4804,14 @@ static sps_result spsi_check_components(const spsi_subject *at, const sps_tmap_s
     const int least = spsi_components_least(settings), n = settings->components;
     const char *with = technique->range < 0 && settings->texel_range ? " with texel_range" : "";
     char rule[96];
-    if (n == 0) return SPS_OK;
-    if (technique->lists) {
-        SPS_SNPRINTF(rule, sizeof rule, "%s sets it from its rays: it must be 0", technique->name);
-    } else {
-        if (n >= least && n <= technique->most && (n - least) % technique->step == 0) return SPS_OK;
-        if (least == technique->most)
-            SPS_SNPRINTF(rule, sizeof rule, "%s has %d", technique->name, least);
-        else if (least + technique->step == technique->most)
-            SPS_SNPRINTF(rule, sizeof rule, "%s has %d or %d", technique->name, least, technique->most);
-        else
-            SPS_SNPRINTF(rule, sizeof rule, "%s%s has %d, %d .. %d", technique->name, with, least,
-                         least + technique->step, technique->most);
-    }
+    if (n == 0 || (n >= least && n <= technique->most && (n - least) % technique->step == 0)) return SPS_OK;
+    if (least == technique->most)
+        SPS_SNPRINTF(rule, sizeof rule, "%s has %d", technique->name, least);
+    else if (least + technique->step == technique->most)
+        SPS_SNPRINTF(rule, sizeof rule, "%s has %d or %d", technique->name, least, technique->most);
+    else
+        SPS_SNPRINTF(rule, sizeof rule, "%s%s has %d, %d .. %d", technique->name, with, least, least + technique->step,
+                     technique->most);
     return spsi_wrong(at, "components", n, rule);
 }
 
@@ -4932,7 +4834,7 @@ static sps_result spsi_check_planes(const spsi_subject *at, const sps_tmap_setti
 /* Checks all settings of a map except for its depth range. */
 static sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_bounded numbers[] = {
-        {"technique", (double)(int)settings->technique, 0, SPS_TMAP_TABLE, "it must be an sps_tmap_technique"},
+        {"technique", (double)(int)settings->technique, 0, SPS_TMAP_DEPTH, "it must be an sps_tmap_technique"},
         {"epsilon", (double)settings->epsilon, 0, 0.5, "it must be 0..0.5"},
         {"surface_bias", settings->surface_bias, 0, SPSI_COORDINATE_MAX, "it must be 0..1e15"}};
     const int alone = at->object == SPS_OBJECT_TMAP_SETTINGS;
@@ -4942,6 +4844,8 @@ static sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_set
         return at->context->result;
     if (settings->technique == SPS_TMAP_TABLE && alone)
         return spsi_wrong_that(at, "technique", 0, "is SPS_TMAP_TABLE, which is for sps_light.shadow_map only");
+    if (settings->technique == SPS_TMAP_DEPTH && !alone)
+        return spsi_wrong(at, "technique", SPS_TMAP_DEPTH, "SPS_TMAP_DEPTH holds no gas");
     resolved = spsi_settings_resolve(settings, !alone);
     if (spsi_check_components(at, &resolved)) return at->context->result;
     return spsi_check_planes(at, &resolved);
@@ -8195,12 +8099,9 @@ static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int 
 
 /* Counts the fragments of all pixels. Their number may be SIZE_MAX, which cannot be reserved. */
 static size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job) {
-    uint64_t sum = 0;
+    uint64_t sum;
     spsi_fragments_pass(context, job, 0);
-    for (size_t i = 2; i < spsi_ray_count(job->rays) + 2; ++i) {
-        sum += job->first[i];
-        job->first[i] = (uint32_t)sum;
-    }
+    sum = spsi_running_sums(job->first + 2, spsi_ray_count(job->rays));
     return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
 }
 
@@ -14839,8 +14740,8 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 
 /* The occluders of a map, as they were added. */
 typedef struct spsi_added {
-    spsi_buffer volumes, meshes, particles;
-    int volume_count, mesh_count, particle_set_count;
+    spsi_buffer lists[3]; /* of volumes, meshes, and sets of particles */
+    int counts[3];
 } spsi_added;
 
 typedef struct spsi_tmap_data {
@@ -14917,6 +14818,7 @@ static spsi_v spsi_tmap_texels_depths(const sps_tmap *map, const spsi_texels *te
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     spsi_texels inner = *texels;
     spsi_v first, length, within;
+    if (!map->technique->optical_depths) return zero; /* it holds no gas */
     if (!map->has_range) return map->technique->optical_depths(&map->inner, texels, u);
     first = spsi_texels_at(texels, zero);
     length = spsi_sub(spsi_texels_at(texels, one), first);
@@ -14948,7 +14850,7 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
     bounds[1] = SPSI_DEPTH_MAX;
     if (map->settings.technique == SPS_TMAP_DEEP) {
         bounds[0] = bounds[1] = spsi_tmap_optical_depth(map, index, u);
-    } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
+    } else if (map->settings.technique == SPS_TMAP_COMPRESSED && map->settings.components == 0) {
         const float through = expf(-spsi_tmap_optical_depth(map, index, u)), epsilon = map->inner.epsilon;
         bounds[0] = spsi_higher(-logf(spsi_lower(through + epsilon, 1)), 0);
         bounds[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
@@ -15285,10 +15187,9 @@ typedef struct spsi_filling {
     spsi_visit visit;
     int pieces;    /* maximum number that a soft particle is cut into */
     float epsilon; /* of a compressed map, except for what soft pieces use up */
-    int has_sizes; /* 1: the number of nodes of each texel of a compressed map is known; the nodes replace its intervals
-                      where they fit */
-    char *scratch; /* scratch_size per worker: a curve and what is made of it */
-    size_t scratch_size;
+    int has_sizes; /* 1: the number of items of each texel is known; nodes replace its intervals where they fit */
+    char *scratch; /* scratch_size per worker: intervals to sort, a curve, and the nodes made of it */
+    size_t scratch_size, scratch_intervals, scratch_curve;
     double slab_u, u_per_slab; /* u of the plane before slab k: slab_u + k u_per_slab */
     double light_u;            /* of the light's own position, or -infinity */
     double progress;
@@ -15384,17 +15285,23 @@ static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi
     }
 }
 
+/* Whether a visit finds the texels' ranges. A single plane, behind all, needs none before, and saves a visit. */
+static int spsi_finds_ranges(const spsi_filling *filling) {
+    return filling->visit == SPSI_VISIT_RANGE || (filling->map->has_range && filling->map->inner.components == 1);
+}
+
 /* Inserts intervals into a tile's texels from (x, y) on; in texels beyond its edge, depth must be 0. */
 static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_intervals *intervals) {
     const spsi_filling *filling = into->filling;
     const size_t at = (size_t)((y - into->y0) * into->width + (x - into->x0));
+    const int finds_ranges = spsi_finds_ranges(filling);
     spsi_intervals within = *intervals;
-    if (filling->visit == SPSI_VISIT_RANGE) {
-        spsi_insert_range(into, at, intervals);
-    } else if (filling->visit == SPSI_VISIT_SUMS) {
-        if (filling->map->has_range) spsi_intervals_within(into, at, &within);
-        filling->map->technique->insert(&filling->map->inner, into->sums + at, into->stride, &within);
-    } else {
+    if (finds_ranges) spsi_insert_range(into, at, intervals);
+    if (filling->visit == SPSI_VISIT_SUMS) {
+        if (filling->map->has_range && !finds_ranges) spsi_intervals_within(into, at, &within);
+        if (filling->map->technique->insert)
+            filling->map->technique->insert(&filling->map->inner, into->sums + at, into->stride, &within);
+    } else if (filling->visit != SPSI_VISIT_RANGE) {
         spsi_insert_list(into, x, y, intervals);
     }
 }
@@ -15673,12 +15580,10 @@ static void spsi_clear_task(void *data, int index) {
     const sps_tmap *map = filling->map;
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
-    if (filling->visit == SPSI_VISIT_RANGE)
+    if (spsi_finds_ranges(filling))
         for (size_t i = 0; i < into.stride; ++i) into.ranges[i] = 1, into.ranges[into.stride + i] = 0;
     if (filling->visit != SPSI_VISIT_SUMS) return;
     memset(into.sums, 0, (size_t)map->inner.components * into.stride * sizeof(float));
-    if (map->technique->clear) /* in parentheses: curses.h has a macro clear() */
-        (map->technique->clear)(into.sums, into.stride, into.stride, map->inner.components);
 }
 
 /* Writes the planes of a texel of a shadow table; `y` counts rows of all faces. Plane k of its sums is at sums[k *
@@ -15741,7 +15646,8 @@ static sps_result spsi_fill_sums(spsi_filling *filling) {
     filling->band.ranges = (float *)spsi_reserve(filling->context, SPSI_BUFFER_BAND, floats, sizeof(float));
     if (!filling->band.ranges) return filling->context->result;
     filling->band.sums = filling->band.ranges + (map->has_range ? spsi_band_floats(map, 2) : 0);
-    if (map->has_range && spsi_fill_band(filling, SPSI_VISIT_RANGE)) return filling->context->result;
+    if (map->has_range && map->inner.components > 1 && spsi_fill_band(filling, SPSI_VISIT_RANGE))
+        return filling->context->result;
     if (spsi_fill_band(filling, SPSI_VISIT_SUMS)) return filling->context->result;
     spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_store_task, filling);
     return SPS_OK;
@@ -15753,21 +15659,19 @@ static sps_result spsi_fill_sums(spsi_filling *filling) {
 static sps_result spsi_fill_lists(spsi_filling *filling) {
     sps_context *context = filling->context;
     const size_t texels = (size_t)filling->map->rays[0].width * (size_t)spsi_filling_height(filling);
-    uint64_t sum = 0;
+    uint64_t sum;
     filling->band.starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_CURSORS, 2 * texels + 1, sizeof(uint32_t));
     if (!filling->band.starts) return context->result;
     filling->band.cursors = filling->band.starts + texels + 1;
     memset(filling->band.cursors, 0, texels * sizeof *filling->band.cursors);
     if (spsi_fill_band(filling, SPSI_VISIT_COUNT)) return context->result;
     filling->band.most = 0;
-    for (size_t i = 0; i < texels; ++i) {
-        filling->band.most =
-            filling->band.cursors[i] > filling->band.most ? filling->band.cursors[i] : filling->band.most;
-        filling->band.starts[i] = (uint32_t)sum;
-        sum += filling->band.cursors[i];
-        filling->band.cursors[i] = filling->band.starts[i];
-    }
-    filling->band.starts[texels] = (uint32_t)sum;
+    for (size_t i = 0; i < texels; ++i)
+        if (filling->band.cursors[i] > filling->band.most) filling->band.most = filling->band.cursors[i];
+    filling->band.starts[0] = 0;
+    memcpy(filling->band.starts + 1, filling->band.cursors, texels * sizeof(uint32_t));
+    sum = spsi_running_sums(filling->band.starts, texels + 1);
+    memcpy(filling->band.cursors, filling->band.starts, texels * sizeof(uint32_t));
     if (sum > INT32_MAX)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in 64 rows", (double)sum,
                                "2^31 - 1 are held at most");
@@ -15777,91 +15681,73 @@ static sps_result spsi_fill_lists(spsi_filling *filling) {
     return spsi_fill_band(filling, SPSI_VISIT_LIST);
 }
 
-/* A worker's memory for fitting: intervals, a curve, and compressed nodes or whatever a technique needs. */
+/* A worker's memory for fitting: intervals, a curve, and compressed nodes. */
 typedef struct spsi_fitting {
     const spsi_filling *filling;
     spsi_interval *intervals;
     spsi_node *curve, *nodes;
 } spsi_fitting;
 
-static size_t spsi_fitting_intervals(const spsi_filling *filling) {
-    const size_t most = filling->band.most;
-    if (filling->map->settings.technique == SPS_TMAP_DEEP) return most / 2; /* they are only sorted, not fitted */
-    return SPSI_CURVE_SCRATCH(most, (size_t)filling->pieces);
-}
-
-static size_t spsi_fitting_curve(const spsi_filling *filling) {
-    const int curve = filling->map->settings.technique != SPS_TMAP_DEEP;
-    return curve ? SPSI_CURVE_NODES((size_t)filling->band.most, (size_t)filling->pieces) : 0;
-}
-
-/* In 64 bits: a size_t may have fewer. Rounded up to whole intervals, so that the next worker's are aligned. */
-static uint64_t spsi_fitting_bytes(const spsi_filling *filling) {
-    size_t nodes = spsi_fitting_curve(filling);
-    uint64_t bytes;
-    if (filling->map->settings.technique == SPS_TMAP_COMPRESSED)
-        nodes += (size_t)spsi_compressed_most((int)nodes, filling->epsilon);
-    bytes = (uint64_t)spsi_fitting_intervals(filling) * sizeof(spsi_interval) + (uint64_t)nodes * sizeof(spsi_node);
-    if (filling->map->technique->fit_bytes) bytes += filling->map->technique->fit_bytes((int)nodes);
-    return (bytes / sizeof(spsi_interval) + 1) * sizeof(spsi_interval);
+/* Sizes of a worker's memory. Returns its bytes, in 64 bits, as a size_t may have fewer, and rounded up to whole
+   intervals, so that the next worker's is aligned. A deep map's lists are only sorted. */
+static uint64_t spsi_fitting_measure(spsi_filling *filling) {
+    const int sorts_only = filling->map->settings.technique == SPS_TMAP_DEEP;
+    const size_t most = filling->band.most, pieces = (size_t)filling->pieces;
+    uint64_t nodes;
+    filling->scratch_intervals = sorts_only ? most / 2 : SPSI_CURVE_SCRATCH(most, pieces);
+    filling->scratch_curve = sorts_only ? 0 : SPSI_CURVE_NODES(most, pieces);
+    nodes = filling->scratch_curve + (uint64_t)spsi_compressed_most((int)filling->scratch_curve, filling->epsilon);
+    return (filling->scratch_intervals + nodes * sizeof(spsi_node) / sizeof(spsi_interval) + 1) * sizeof(spsi_interval);
 }
 
 static void spsi_fitting_place(const spsi_filling *filling, int worker, spsi_fitting *fitting) {
     fitting->filling = filling;
     fitting->intervals = (spsi_interval *)(void *)(filling->scratch + (size_t)worker * filling->scratch_size);
-    fitting->curve = (spsi_node *)(void *)(fitting->intervals + spsi_fitting_intervals(filling));
-    fitting->nodes = fitting->curve + spsi_fitting_curve(filling);
+    fitting->curve = (spsi_node *)(void *)(fitting->intervals + filling->scratch_intervals);
+    fitting->nodes = fitting->curve + filling->scratch_curve;
 }
 
 /* Computes the nodes of a compressed map's texel, whose list is sorted; returns their number. */
 static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_interval *list, uint32_t count) {
     const spsi_filling *filling = fitting->filling;
-    const int pieces = spsi_soft_pieces(list, (int)count, filling->map->settings.epsilon);
-    int bends;
+    const int most = filling->map->settings.components / 2;
+    const int pieces = most > 0 ? filling->pieces : spsi_soft_pieces(list, (int)count, filling->map->settings.epsilon);
+    int bends, nodes;
     SPS_ASSERT(filling->pieces == 1 || pieces <= filling->pieces); /* there is room; 1: nothing is soft */
     bends = spsi_curve_build(list, (int)count, pieces, fitting->intervals, fitting->curve);
-    return (uint32_t)spsi_curve_compress(fitting->curve, bends, filling->epsilon, fitting->nodes);
+    nodes = spsi_curve_compress(fitting->curve, bends, filling->epsilon, fitting->nodes);
+    if (nodes > 0 && most > 0) nodes = spsi_nodes_thin(fitting->nodes, nodes, most, fitting->curve[bends - 1].value);
+    return (uint32_t)nodes;
 }
 
-/* Number of nodes that fit into the memory of a texel's intervals. */
-static uint32_t spsi_nodes_in_place(uint32_t intervals) {
-    return intervals * (uint32_t)(sizeof(spsi_interval) / sizeof(spsi_node));
-}
-
-/* Sorts a texel's list, and turns it into what the technique keeps: floats or, where that is a list too, the number of
-   its items, in `cursors`. */
+/* Sorts a texel's list, and turns it into what the technique keeps, the number of whose items is in `cursors`. */
 static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
-    const sps_tmap *map = filling->map;
     const size_t in_band = texel - filling->band.first_texel;
     const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band];
     spsi_interval *list = filling->band.intervals + filling->band.starts[in_band];
     spsi_intervals_sort(list, count, fitting->intervals);
-    if (map->technique->fit) {
-        const int nodes = spsi_curve_build(list, (int)count, SPSI_SOFT_PIECES, fitting->intervals, fitting->curve);
-        map->technique->fit(&map->inner, fitting->curve, nodes, fitting->nodes,
-                            (float *)map->data.texels.data + texel * (size_t)map->settings.components);
-    } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
+    filling->band.cursors[in_band] = count;
+    if (filling->map->settings.technique == SPS_TMAP_COMPRESSED) {
         const uint32_t nodes = spsi_fit_compressed(fitting, list, count);
-        if (nodes <= spsi_nodes_in_place(count)) memcpy((void *)list, fitting->nodes, nodes * sizeof(spsi_node));
+        if (nodes * sizeof(spsi_node) <= count * sizeof *list)
+            memcpy((void *)list, fitting->nodes, nodes * sizeof(spsi_node));
         filling->band.cursors[in_band] = nodes;
-    } else {
-        filling->band.cursors[in_band] = count;
     }
 }
 
-/* Writes the nodes of a compressed map's texel to their final place. */
+/* Writes the items of a texel to their final place: those that have not fitted into its list are made again. */
 static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
-    const size_t in_band = texel - filling->band.first_texel;
+    const size_t in_band = texel - filling->band.first_texel, item = spsi_tmap_item_bytes(filling->map);
     const uint32_t *starts = (const uint32_t *)filling->map->data.starts.data + texel;
-    const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band],
-                   nodes = starts[1] - starts[0];
+    const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band];
     const spsi_interval *list = filling->band.intervals + filling->band.starts[in_band];
-    const int in_place = nodes <= spsi_nodes_in_place(count);
+    const size_t bytes = (starts[1] - starts[0]) * item;
+    const int in_place = bytes <= count * sizeof *list;
     if (!in_place) spsi_fit_compressed(fitting, list, count);
-    memcpy((spsi_node *)filling->map->data.texels.data + starts[0], in_place ? (const void *)list : fitting->nodes,
-           nodes * sizeof(spsi_node));
+    memcpy((char *)filling->map->data.texels.data + starts[0] * item, in_place ? (const void *)list : fitting->nodes,
+           bytes);
 }
 
 /* Fits the texels of one row of a tile: a whole tile would take too long where lists are long. */
@@ -15888,48 +15774,40 @@ static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
                              (double)map->settings.byte_budget, rule);
 }
 
-/* Makes room for the items of a band, whose numbers are in `cursors`, and copies those of a deep map. */
+/* Makes room for the items of a band, whose numbers are in `cursors`. */
 static sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
     const size_t item = spsi_tmap_item_bytes(map);
     uint32_t *starts = (uint32_t *)map->data.starts.data + filling->band.first_texel;
-    const size_t held = starts[0];
-    uint64_t sum = held;
-    for (size_t i = 0; i < texels; ++i) {
-        starts[i] = (uint32_t)sum;
-        sum += filling->band.cursors[i];
-    }
+    uint64_t sum;
+    memcpy(starts + 1, filling->band.cursors, texels * sizeof *starts);
+    sum = spsi_running_sums(starts, texels + 1);
     if (sum > UINT32_MAX)
         return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "items", (double)sum,
                                "2^32 - 1 are held at most");
-    starts[texels] = (uint32_t)sum;
     if (map->settings.byte_budget && (double)sum * (double)item > (double)map->settings.byte_budget)
         return spsi_tmap_refuse_budget(map, (double)sum * (double)item);
-    if (!spsi_buffer_extend(filling->context, &map->data.texels, held, (size_t)sum, item))
+    if (!spsi_buffer_extend(filling->context, &map->data.texels, starts[0], (size_t)sum, item))
         return filling->context->result;
-    if (map->settings.technique == SPS_TMAP_DEEP)
-        spsi_copy(filling->context, (spsi_interval *)map->data.texels.data + held, filling->band.intervals,
-                  ((size_t)sum - held) * item);
     return SPS_OK;
 }
 
 static sps_result spsi_fill_fits(spsi_filling *filling) {
     sps_context *context = filling->context;
     const sps_tmap *map = filling->map;
-    const spsi_technique *technique = map->technique;
     const int has_soft = filling->occluders->frame->particles.has_soft;
     uint64_t bytes;
     int tasks;
     if (spsi_fill_lists(filling)) return context->result;
-    filling->pieces = has_soft ? technique->fit ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
+    filling->pieces = has_soft ? map->settings.components > 0 ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
     filling->epsilon = map->settings.epsilon * (has_soft ? 0.75f : 1); /* the rest is for soft pieces */
     /* the error that brackets allow for */
     filling->map->inner.epsilon = spsi_higher(map->settings.epsilon, has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
     if (filling->band.most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in a texel",
                                (double)filling->band.most, "2 million can be fitted");
-    bytes = spsi_fitting_bytes(filling);
+    bytes = spsi_fitting_measure(filling);
     if (bytes > SIZE_MAX)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "bytes to fit a texel", (double)bytes,
                                "they are more than memory can have");
@@ -15940,10 +15818,9 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     filling->has_sizes = 0;
     tasks = filling->band.tiles_x * spsi_filling_height(filling);
     spsi_parallel(context, tasks, spsi_fit_task, filling);
-    if (spsi_progress(context, filling->progress) || !technique->lists) return context->result;
-    if (spsi_append_band(filling)) return context->result;
+    if (spsi_progress(context, filling->progress) || spsi_append_band(filling)) return context->result;
     filling->has_sizes = 1;
-    if (map->settings.technique == SPS_TMAP_COMPRESSED) spsi_parallel(context, tasks, spsi_fit_task, filling);
+    spsi_parallel(context, tasks, spsi_fit_task, filling);
     return spsi_progress(context, filling->progress);
 }
 
@@ -15973,26 +15850,22 @@ static void spsi_ball_steps_task(void *data, int i) {
 }
 
 static size_t spsi_balls_order_bytes(size_t particles) {
-    return SPSI_DEPTH_STEPS * sizeof(uint32_t) + particles * (sizeof(uint32_t) + sizeof(uint16_t));
+    return (SPSI_DEPTH_STEPS + 1) * sizeof(uint32_t) + particles * (sizeof(uint32_t) + sizeof(uint16_t));
 }
 
 /* Sorts particles into the order in which light meets them (a counting sort), so that the lists of all texels are
    nearly sorted already. */
 static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     const int count = job->frame->content->particle_count;
-    uint32_t *starts, sum = 0;
+    uint32_t *starts;
     job->order = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_ORDER, 1, spsi_balls_order_bytes((size_t)count));
     if (!job->order) return context->result;
     starts = job->order + count;
-    job->steps = (uint16_t *)(void *)(starts + SPSI_DEPTH_STEPS);
+    job->steps = (uint16_t *)(void *)(starts + SPSI_DEPTH_STEPS + 1);
     spsi_parallel_batches(context, count, spsi_ball_steps_task, job);
-    memset(starts, 0, SPSI_DEPTH_STEPS * sizeof *starts);
-    for (int i = 0; i < count; ++i) starts[job->steps[i]] += 1;
-    for (int step = 0; step < SPSI_DEPTH_STEPS; ++step) {
-        const uint32_t here = starts[step];
-        starts[step] = sum;
-        sum += here;
-    }
+    memset(starts, 0, (SPSI_DEPTH_STEPS + 1) * sizeof *starts);
+    for (int i = 0; i < count; ++i) starts[job->steps[i] + 1] += 1;
+    spsi_running_sums(starts, SPSI_DEPTH_STEPS + 1);
     for (int i = 0; i < count; ++i) job->order[starts[job->steps[i]]++] = (uint32_t)i;
     return SPS_OK;
 }
@@ -16053,7 +15926,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     const size_t tiles = (size_t)tiles_x * (size_t)spsi_tile_rows(rays);
     const size_t count = (size_t)occluders->frame->content->particle_count;
     uint32_t *starts, *list;
-    uint64_t sum = 0;
+    uint64_t sum;
     spsi_ball_job job;
     if (count == 0) return SPS_OK;
     memset(&job, 0, sizeof job);
@@ -16062,7 +15935,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     job.frame = occluders->frame;
     job.near_depth = map->settings.near_depth;
     job.steps_per_depth = SPSI_DEPTH_STEPS * map->per_depth;
-    if (!map->technique->sums && spsi_balls_order(context, &job)) return context->result;
+    if (map->technique->lists && spsi_balls_order(context, &job)) return context->result;
     job.balls = (spsi_ball *)spsi_reserve(context, SPSI_BUFFER_BALLS, count, sizeof(spsi_ball));
     starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_STARTS, tiles + 1, sizeof *starts);
     if (!job.balls || !starts) return context->result;
@@ -16070,10 +15943,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     spsi_balls_outside(map, rays, job.balls, count);
     memset(starts, 0, (tiles + 1) * sizeof *starts);
     spsi_balls_into_tiles(job.balls, count, tiles_x, starts + 1, NULL);
-    for (size_t i = 0; i <= tiles; ++i) {
-        sum += starts[i];
-        starts[i] = (uint32_t)sum;
-    }
+    sum = spsi_running_sums(starts, tiles + 1);
     occluders->balls = job.balls;
     occluders->tile_balls = NULL;
     if (sum > SPSI_BALL_TILES * (uint64_t)(count + tiles) || sum > UINT32_MAX) return SPS_OK;
@@ -16275,40 +16145,37 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
         filling->band.first_texel =
             ((size_t)filling->band.face * (size_t)rays->height + (size_t)filling->band.row * SPSI_TILE_HEIGHT) *
             (size_t)rays->width;
-        if (map->technique->sums ? spsi_fill_sums(filling) : spsi_fill_fits(filling)) return filling->context->result;
+        if (map->technique->lists ? spsi_fill_fits(filling) : spsi_fill_sums(filling)) return filling->context->result;
     }
     return SPS_OK;
 }
 
+/* Number of floats or indices, or pairs of planes, that a map is known to hold before it is filled. */
+static size_t spsi_tmap_known_items(const sps_tmap *map) {
+    if (map->technique->lists) return spsi_tmap_texel_count(map) + 1;
+    if (map->settings.technique == SPS_TMAP_TABLE)
+        return (size_t)(spsi_shadow_table_blocks(map) * SPSI_SHADOW_TABLE_TEXELS * map->settings.components);
+    return spsi_tmap_texel_count(map) * (size_t)map->settings.components;
+}
+
 /* Bytes that the map holds; before it is finished, what it will hold, as far as that is known. */
 static size_t spsi_tmap_bytes(const sps_tmap *map) {
-    const size_t texels = spsi_tmap_texel_count(map);
     const size_t fixed = sizeof *map + map->planes.size;
     if (map->finished)
         return fixed + map->data.texels.size + map->data.starts.size + map->data.table.size + map->data.surfaces.size;
-    if (map->technique->lists) return fixed + (texels + 1) * sizeof(uint32_t);
-    if (map->settings.technique == SPS_TMAP_TABLE)
-        return fixed + (size_t)(spsi_shadow_table_blocks(map) * SPSI_SHADOW_TABLE_TEXELS * map->settings.components) *
-                           sizeof(float);
-    return fixed + texels * (size_t)map->settings.components * sizeof(float);
+    return fixed + spsi_tmap_known_items(map) * sizeof(float);
 }
 
 /* Reserves what the map will hold, as far as that is known. */
 static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     const size_t texels = spsi_tmap_texel_count(map);
+    spsi_buffer *known = map->technique->lists                       ? &map->data.starts
+                         : map->settings.technique == SPS_TMAP_TABLE ? &map->data.table
+                                                                     : &map->data.texels;
     float *surfaces = NULL;
-    if (map->technique->lists) {
-        if (!spsi_buffer_reserve(map->context, &map->data.starts, texels + 1, sizeof(uint32_t)))
-            return map->context->result;
-        memset(map->data.starts.data, 0, (texels + 1) * sizeof(uint32_t));
-    } else if (map->settings.technique == SPS_TMAP_TABLE) {
-        const size_t planes = (size_t)(spsi_shadow_table_blocks(map) * map->settings.components);
-        const size_t size = SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t);
-        if (!map->updates && !spsi_buffer_reserve(map->context, &map->data.table, planes, size))
-            return map->context->result;
-    } else if (!spsi_buffer_reserve(map->context, &map->data.texels, texels,
-                                    (size_t)map->settings.components * sizeof(float)))
+    if (!map->updates && !spsi_buffer_reserve(map->context, known, spsi_tmap_known_items(map), sizeof(float)))
         return map->context->result;
+    if (map->technique->lists) memset(known->data, 0, (texels + 1) * sizeof(uint32_t));
     if (!has_surfaces) return SPS_OK;
     surfaces = (float *)spsi_buffer_reserve(map->context, &map->data.surfaces, texels, sizeof(float));
     for (size_t i = 0; i < texels && surfaces; ++i) surfaces[i] = SPSI_NO_SURFACE;
@@ -16424,7 +16291,7 @@ static sps_result spsi_tmap_resolve(sps_tmap *map) {
     while (!is_set && budget && spsi_tmap_bytes(map) + surfaces > budget && technique->step > 0 &&
            settings->components - technique->step >= spsi_components_least(settings))
         settings->components -= technique->step;
-    if (!(settings->epsilon > 0)) settings->epsilon = 0.01f;
+    if (!(settings->epsilon > 0)) settings->epsilon = is_set ? SPSI_THIN_EPSILON : 0.01f;
     map->inner = *settings;
     map->inner.components -= 2 * map->has_range;
     /* lookups index by int */
@@ -16464,10 +16331,8 @@ static sps_result spsi_tmap_aim(sps_tmap *map) {
         const double per_length = spsi_length(map->rays[0].inverse[2]);
         const double texel = fmax(spsi_length(map->rays[0].a), spsi_length(map->rays[0].b));
         const int own = map->settings.surface_bias > 0;
-        map->bias[0] = own                        ? map->settings.surface_bias * per_length
-                       : map->rays[0].perspective ? 0
-                                                  : 2 * texel * per_length;
-        map->bias[1] = own || !map->rays[0].perspective ? 0 : 2 * texel * per_length;
+        const double bias = (own ? map->settings.surface_bias : 2 * texel) * per_length;
+        map->bias[!own && map->rays[0].perspective] = bias; /* texels grow with the distance */
     }
     return SPS_OK;
 }
@@ -16494,33 +16359,25 @@ static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, co
     return spsi_tmap_take_planes(map);
 }
 
-/* Appends structs to those already added to a map. */
-static sps_result spsi_tmap_append(sps_tmap *map, spsi_buffer *buffer, int *held, const void *more, int count,
-                                   size_t size) {
-    const size_t kept = (size_t)*held, all = kept + (size_t)count;
-    if (count == 0) return SPS_OK;
-    if (count > INT32_MAX - *held)
-        return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "number of structs", (double)all,
-                               "2^31 - 1 of a kind can be added");
-    if (!spsi_buffer_extend(map->context, buffer, kept, all, size)) return map->context->result;
-    memcpy((char *)buffer->data + kept * size, more, (size_t)count * size);
-    *held += count;
-    return SPS_OK;
-}
-
-/* Adds all of a scene or nothing, so that a failed call can be repeated. */
+/* Adds all of a scene or nothing, so that a failed call can be repeated: first room is made for all. */
 static sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
-    const int volumes = map->added.volume_count, meshes = map->added.mesh_count;
+    const void *more[3] = {scene->volumes, scene->meshes, scene->particles};
+    const size_t count[3] = {(size_t)scene->volume_count, (size_t)scene->mesh_count, (size_t)scene->particle_set_count};
+    static const size_t sizes[3] = {sizeof(sps_volume), sizeof(sps_mesh), sizeof(sps_particles)};
+    spsi_added *added = &map->added;
     if (spsi_check_scene(map->context, scene)) return map->context->result;
-    if (spsi_tmap_append(map, &map->added.volumes, &map->added.volume_count, scene->volumes, scene->volume_count,
-                         sizeof(sps_volume)) ||
-        spsi_tmap_append(map, &map->added.meshes, &map->added.mesh_count, scene->meshes, scene->mesh_count,
-                         sizeof(sps_mesh)) ||
-        spsi_tmap_append(map, &map->added.particles, &map->added.particle_set_count, scene->particles,
-                         scene->particle_set_count, sizeof(sps_particles))) {
-        map->added.volume_count = volumes;
-        map->added.mesh_count = meshes;
-        return map->context->result;
+    for (int k = 0; k < 3; ++k) {
+        const size_t kept = (size_t)added->counts[k], all = kept + count[k];
+        if (all > INT32_MAX)
+            return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "number of structs",
+                                   (double)all, "2^31 - 1 of a kind can be added");
+        if (count[k] > 0 && !spsi_buffer_extend(map->context, &added->lists[k], kept, all, sizes[k]))
+            return map->context->result;
+    }
+    for (int k = 0; k < 3; ++k) {
+        if (count[k] == 0) continue;
+        memcpy((char *)added->lists[k].data + (size_t)added->counts[k] * sizes[k], more[k], count[k] * sizes[k]);
+        added->counts[k] += (int)count[k];
     }
     map->replace_invalid |= scene->replace_invalid;
     return SPS_OK;
@@ -16538,10 +16395,8 @@ static void spsi_tmap_release(sps_tmap *map) {
 
 /* Releases the occluders that were added, once they have been read. */
 static void spsi_tmap_forget(sps_tmap *map) {
-    spsi_buffer_release(map->context, &map->added.volumes);
-    spsi_buffer_release(map->context, &map->added.meshes);
-    spsi_buffer_release(map->context, &map->added.particles);
-    map->added.volume_count = map->added.mesh_count = map->added.particle_set_count = 0;
+    for (int k = 0; k < 3; ++k) spsi_buffer_release(map->context, &map->added.lists[k]);
+    memset(map->added.counts, 0, sizeof map->added.counts);
 }
 
 /* Builds the frame of all that was added, as the light's first face sees it; NULL if that fails. */
@@ -16549,12 +16404,12 @@ static spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     spsi_frame *frame;
     sps_scene scene;
     memset(&scene, 0, sizeof scene);
-    scene.volumes = (const sps_volume *)map->added.volumes.data;
-    scene.volume_count = map->added.volume_count;
-    scene.meshes = (const sps_mesh *)map->added.meshes.data;
-    scene.mesh_count = map->added.mesh_count;
-    scene.particles = (const sps_particles *)map->added.particles.data;
-    scene.particle_set_count = map->added.particle_set_count;
+    scene.volumes = (const sps_volume *)map->added.lists[0].data;
+    scene.volume_count = map->added.counts[0];
+    scene.meshes = (const sps_mesh *)map->added.lists[1].data;
+    scene.mesh_count = map->added.counts[1];
+    scene.particles = (const sps_particles *)map->added.lists[2].data;
+    scene.particle_set_count = map->added.counts[2];
     scene.replace_invalid = map->replace_invalid;
     frame = spsi_frame_build(map->context, &scene, NULL, 0);
     if (!frame) return NULL;
@@ -16823,7 +16678,7 @@ static void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
-    if (!spsi_techniques[lamp->map.technique].sums) *filling += spsi_balls_order_bytes(frame->particles.count);
+    if (spsi_techniques[lamp->map.technique].lists) *filling += spsi_balls_order_bytes(frame->particles.count);
     *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
 }
 

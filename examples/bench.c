@@ -320,7 +320,6 @@ typedef struct map_row {
 } map_row;
 
 static const map_row map_rows[] = {
-    {"depth", .settings = {.technique = SPS_TMAP_DEPTH}},
     {"opacity, 8 planes", .settings = {.technique = SPS_TMAP_OPACITY, .components = 8}},
     {"the same, cubic", .settings = {.technique = SPS_TMAP_OPACITY, .components = 8, .cubic = 1}},
     {"deep opacity, 8", .settings = {.technique = SPS_TMAP_DEEP_OPACITY, .components = 8}},
@@ -328,8 +327,8 @@ static const map_row map_rows[] = {
     {"the same, texel_range", .settings = {.technique = SPS_TMAP_FOURIER, .components = 9, .texel_range = 1}},
     {"4 moments", .settings = {.technique = SPS_TMAP_MOMENT, .components = 5}},
     {"6 moments", .settings = {.technique = SPS_TMAP_MOMENT, .components = 7}},
-    {"adaptive, 8 nodes", .settings = {.technique = SPS_TMAP_ADAPTIVE, .components = 16}},
     {"Beer", .settings = {.technique = SPS_TMAP_BEER, .components = 3}},
+    {"compressed, 8 nodes", .settings = {.technique = SPS_TMAP_COMPRESSED, .components = 16}},
     {"compressed to 0.01", .settings = {.technique = SPS_TMAP_COMPRESSED, .epsilon = 0.01f}},
     {"deep, exact", .settings = {.technique = SPS_TMAP_DEEP}},
 };

@@ -42,9 +42,8 @@ enum {
     FOURIER,
     FOURIER_TEXEL_RANGE,
     MOMENT,
-    ADAPTIVE,
+    FEW_NODES,
     BEER,
-    DEPTH,
     COMPRESSED,
     KINDS
 };
@@ -57,17 +56,15 @@ static const kind kinds[KINDS] = {
     [FOURIER] = {"Fourier", SPS_TMAP_FOURIER, 0, 0, EX_MARK_DISC, 0xd7191c},
     [FOURIER_TEXEL_RANGE] = {"Fourier, texel range", SPS_TMAP_FOURIER, 0, 1, EX_MARK_RHOMB, 0xf08030},
     [MOMENT] = {"moment", SPS_TMAP_MOMENT, 0, 0, EX_MARK_SQUARE, 0x000000},
-    [ADAPTIVE] = {"adaptive", SPS_TMAP_ADAPTIVE, 0, 0, EX_MARK_RHOMB, 0x00a0a0},
+    [FEW_NODES] = {"adaptive", SPS_TMAP_COMPRESSED, 0, 0, EX_MARK_RHOMB, 0x00a0a0},
     [BEER] = {"Beer", SPS_TMAP_BEER, 0, 0, EX_MARK_SQUARE, 0x808080},
-    [DEPTH] = {"depth", SPS_TMAP_DEPTH, 0, 0, EX_MARK_CROSS, 0x808080},
     [COMPRESSED] = {"compressed", SPS_TMAP_COMPRESSED, 0, 0, EX_MARK_RHOMB, 0xc08a00},
 };
 
 /* The nearest number of components that a technique can have, not above `wanted` except where there is none below. */
-static int components_of(sps_tmap_technique technique, int wanted) {
-    switch (technique) {
-    case SPS_TMAP_COMPRESSED: return 0;
-    case SPS_TMAP_DEPTH: return 1;
+static int components_of(const kind *k, int wanted) {
+    if (k == &kinds[COMPRESSED]) return 0;
+    switch (k->technique) {
     case SPS_TMAP_BEER: return 3;
     case SPS_TMAP_FOURIER: return (wanted - 1) | 1;
     case SPS_TMAP_MOMENT: return wanted > 6 ? 7 : 5;
@@ -96,8 +93,8 @@ typedef struct trials {
 
 /* Whether this number of components yields the same map as the one before it. */
 static int is_repeated(const kind *k, int which) {
-    return which > 0 && k->technique != SPS_TMAP_COMPRESSED &&
-           components_of(k->technique, counts[which]) == components_of(k->technique, counts[which - 1]);
+    return which > 0 && k != &kinds[COMPRESSED] &&
+           components_of(k, counts[which]) == components_of(k, counts[which - 1]);
 }
 
 static void trials_list(trials *all, const sps_tmap_settings *range) {
@@ -109,10 +106,10 @@ static void trials_list(trials *all, const sps_tmap_settings *range) {
 
             t->kind = &kinds[k], t->wanted = counts[which], t->settings = *range;
             t->settings.technique = kinds[k].technique;
-            t->settings.components = components_of(kinds[k].technique, counts[which]);
+            t->settings.components = components_of(&kinds[k], counts[which]);
             t->settings.cubic = kinds[k].cubic;
             t->settings.texel_range = kinds[k].texel_range;
-            t->settings.epsilon = kinds[k].technique == SPS_TMAP_COMPRESSED ? epsilons[which] : 0;
+            t->settings.epsilon = k == COMPRESSED ? epsilons[which] : 0;
             ++all->count;
         }
 }
@@ -126,7 +123,7 @@ static const trial *trial_of(const trials *all, int kind_index, int wanted) {
 
 /* "Fourier, Lanczos 7" */
 static const char *trial_name(const trial *t, char text[48]) {
-    if (t->kind->technique == SPS_TMAP_COMPRESSED)
+    if (t->kind == &kinds[COMPRESSED])
         snprintf(text, 48, "%s %g", t->kind->name, (double)t->settings.epsilon);
     else
         snprintf(text, 48, "%s %d", t->kind->name, t->settings.components);

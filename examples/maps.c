@@ -334,7 +334,7 @@ static void print_errors(const set_up *s) {
         const trial *t = &s->trials.list[i];
         char wanted[16], has[16];
         snprintf(wanted, sizeof wanted, "%d", t->wanted), snprintf(has, sizeof has, "%d", t->settings.components);
-        if (t->kind->technique == SPS_TMAP_COMPRESSED)
+        if (t->kind == &kinds[COMPRESSED])
             snprintf(wanted, sizeof wanted, "%g", (double)t->settings.epsilon), strcpy(has, "-");
         printf("%-25s %5s %4s %6.1f | %.4f %.4f %.4f  %.4f | %.4f %.4f ", t->kind->name, wanted, has, 1e-6 * t->bytes,
                t->gas.rms, t->gas.high, t->gas.largest, t->own, t->ground.rms, t->ground.largest);
@@ -354,8 +354,7 @@ static void print_times(const set_up *s) {
         const trial *t = &s->trials.list[i];
         char wanted[16];
         snprintf(wanted, sizeof wanted, "%d", t->wanted);
-        if (t->kind->technique == SPS_TMAP_COMPRESSED)
-            snprintf(wanted, sizeof wanted, "%g", (double)t->settings.epsilon);
+        if (t->kind == &kinds[COMPRESSED]) snprintf(wanted, sizeof wanted, "%g", (double)t->settings.epsilon);
         char whole[16] = "-";
         if (t->render > 0) snprintf(whole, sizeof whole, "%.1f", 1e3 * t->render);
         printf("%-25s %5s  %6.1f  %6.1f %6.1f  %6s          %.4f\n", t->kind->name, wanted, 1e3 * t->build,
@@ -741,10 +740,7 @@ static void print_controls(set_up *const *scenes) {
 /* ==================================================================================================== main */
 
 /* Whether this one stands for its technique where not all of its pictures are rendered: that of 8. */
-static int is_picture_sample(const trial *t) {
-    const int only = t->kind->technique == SPS_TMAP_BEER || t->kind->technique == SPS_TMAP_DEPTH;
-    return only || t->wanted == 8;
-}
+static int is_picture_sample(const trial *t) { return t->kind->technique == SPS_TMAP_BEER || t->wanted == 8; }
 
 /* All of one scene but the times. Pictures of every trial are made where the thesis has one, else of those of 8. */
 static void run_scene(ex_session *session, set_up *s, int every, const char *folder, ex_canvas *sheet) {

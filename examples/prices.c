@@ -70,7 +70,7 @@ static void turn_map(frame *f, int value) {
                                              {.technique = SPS_TMAP_OPACITY, .components = 64},
                                              {.technique = SPS_TMAP_DEEP_OPACITY, .components = 16},
                                              {.technique = SPS_TMAP_FOURIER, .components = 16},
-                                             {.technique = SPS_TMAP_ADAPTIVE, .components = 32},
+                                             {.technique = SPS_TMAP_COMPRESSED, .components = 32},
                                              {.technique = SPS_TMAP_COMPRESSED, .epsilon = 0.003f},
                                              {.technique = SPS_TMAP_DEEP}};
     f->light.shadow_map = &maps[value]; /* beside a table the library refuses it, so that no trial has both */
@@ -97,7 +97,7 @@ static const knob knobs[] = {
      has_maps,
      turn_map,
      7,
-     {"opacity 16", "opacity 64", "deep opacity 16", "Fourier 16", "adaptive 32", "compressed 0.003", "deep"}},
+     {"opacity 16", "opacity 64", "deep opacity 16", "Fourier 16", "compressed 32", "compressed 0.003", "deep"}},
     {"scattering", is_scattering, turn_scattering, 4, {"off", "forward", "convolution", "auto"}},
     {"scatter_size", is_scattering, turn_scatter_size, 4, {"16", "32", "64", "128"}},
 };

@@ -130,9 +130,8 @@ static const char *const filling_names[] = {"auto", "splat", "gather", NULL};
 /* sps_scattering */
 static const char *const scattering_names[] = {"auto", "off", "ambient", "forward", "convolution", "full", NULL};
 /* sps_tmap_technique, after sheets; and what is not one. */
-static const char *const shadow_names[] = {"sheets",       "deep",    "compressed", "depth",    "opacity",
-                                           "deep-opacity", "fourier", "moment",     "adaptive", "beer",
-                                           "table",        "auto",    "samples",    "none",     NULL};
+static const char *const shadow_names[] = {"sheets",  "deep", "compressed", "opacity", "deep-opacity", "fourier", "moment",
+                                           "beer",    "table", "auto", "samples", "none", NULL};
 static const char *const falloff_names[] = {"inverse-square", "none", NULL}; /* in the order of sps_falloff */
 
 /* ================================================================================================ handlers */
@@ -447,7 +446,7 @@ static const option_rule options[] = {
     {"--coverage", "N", "N x N samples of polygons' edges per pixel, up to 8; default 0: one, at its centre", set_integers, OF_SCENE(coverage), 1, 0, 8, NULL},
     {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
     {"--shadow-size", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
-    {"--shadow", "auto|sheets|deep|compressed|depth|opacity|deep-opacity|fourier|moment|adaptive|beer|table|samples|none", "what gas shades by; auto, the default: sheets or a table; samples: as --reference", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
+    {"--shadow", "auto|sheets|deep|compressed|opacity|deep-opacity|fourier|moment|beer|table|samples|none", "what gas shades by; auto, the default: sheets or a table; samples: as --reference", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
     {"--map-components", "N", "floats a texel of that map, planes of a table; default by --shadow", set_integers, OF_SCENE(map.components), 1, 1, 1024, NULL},
     {"--map-size", "N", "texels along the map's longer side; default as --shadow-size, or by --quality", set_integers, OF_SCENE(map_size), 1, 1, 16384, NULL},
     {"--table-size", "N", "the same for tables (--shadow table, auto); default by --quality, up to 256", set_integers, OF_SCENE(table_size), 1, 1, 16384, NULL},

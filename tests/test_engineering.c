@@ -1451,15 +1451,14 @@ static void test_particles_option(void) {
 /* Every kind of shadow makes a picture of its own, and so does every way to read a map; options for a map must fit the
    kind of map. */
 static void test_shadow_option(void) {
-    enum { KINDS = 15 };
+    enum { KINDS = 14 };
     static const char *const kinds[KINDS] = {"sheets",       "deep",
-                                             "compressed",   "depth",
+                                             "compressed",   "compressed --map-components 16",
                                              "opacity",      "opacity --map-cubic",
                                              "deep-opacity", "deep-opacity --map-cubic",
                                              "fourier",      "fourier --map-texel-range",
-                                             "moment",       "adaptive",
-                                             "beer",         "table",
-                                             "none"};
+                                             "moment",       "beer",
+                                             "table",        "none"};
     static const complaint all[] = {
         {VOLUME "--shadow fourier --map-components 4 " SMALL "--light directional,0,0,-1,1,1,1 --out a.png", 2,
          "--map-components: light[0].shadow_map.components is 4; a Fourier map has 3, 5 .. 65"},
@@ -2056,8 +2055,8 @@ static void test_help(void) {
                                         "--coverage N",
                                         "--slab VOXELS",
                                         "--shadow-size N",
-                                        "--shadow auto|sheets|deep|compressed|depth|opacity|deep-opacity|fourier|"
-                                        "moment|adaptive|beer|table|samples|none",
+                                        "--shadow auto|sheets|deep|compressed|opacity|deep-opacity|fourier|"
+                                        "moment|beer|table|samples|none",
                                         "--map-components N",
                                         "--map-size N",
                                         "--table-size N",

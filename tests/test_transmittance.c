@@ -125,10 +125,6 @@ static int curve_build_of(const column *c, int pieces) {
     return count;
 }
 
-/* Aligned for the types placed in it. */
-static double fit_memory[(SPSI_CURVE_NODES(MOST, SPSI_SOFT_PIECES) + 200) * 12];
-static char *const fit_scratch = (char *)fit_memory;
-
 static int curve_build(const column *c) { return curve_build_of(c, SPSI_SOFT_PIECES); }
 
 static sps_tmap_settings settings_of(sps_tmap_technique technique, int components) {
@@ -142,9 +138,8 @@ static sps_tmap_settings settings_of(sps_tmap_technique technique, int component
 /* Sums of one lane beside others: neighbours get other intervals, or none. Component k of a lane is at
    sums[k * STRIDE + lane]. */
 static void sums_clear(const sps_tmap_settings *settings, float *sums) {
-    const spsi_technique *technique = &spsi_techniques[settings->technique];
+    (void)settings;
     for (int i = 0; i < STRIDE * SPSI_TMAP_COMPONENTS; ++i) sums[i] = 0;
-    if (technique->clear) technique->clear(sums, STRIDE, SPSI_LANES, settings->components);
 }
 
 static spsi_intervals spread(const spsi_interval *s, int lane) {
@@ -164,19 +159,12 @@ static void pick(const sps_tmap_settings *settings, const float *sums, int lane,
     if (spsi_techniques[settings->technique].finish) spsi_techniques[settings->technique].finish(settings, texel);
 }
 
-/* A column's finished texel, of any technique that has texels. */
+/* A column's finished texel, of any technique that has texels and gas in them. */
 static void build(const sps_tmap_settings *settings, const column *c, float *texel) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     static float sums[STRIDE * SPSI_TMAP_COMPONENTS];
     const int lane = SPSI_LANES / 2;
     int untouched = 1;
-    if (!technique->sums) {
-        const int nodes = curve_build(c);
-        fit_scratch[spsi_adaptive_bytes(nodes)] = 0x5a;
-        technique->fit(settings, curve, nodes, fit_scratch, texel);
-        CHECK(fit_scratch[spsi_adaptive_bytes(nodes)] == 0x5a);
-        return;
-    }
     sums_clear(settings, sums);
     for (int i = 0; i < c->count; ++i) {
         const spsi_intervals v = spread(&c->list[i], lane);
@@ -325,14 +313,12 @@ static void test_curve(void) {
     }
 }
 
-/* Intervals cut by 0, by 1 or by the light make a curve that is exact at its ends, planes have their shares exactly,
-   and a Beer map's range ends where the interval does. A share is off by at most 24 half units (test_before), a sum by
-   one more for each interval. */
+/* Intervals cut by 0, by 1 or by the light make a curve that is exact at its ends, and planes have their shares
+   exactly. A share is off by at most 24 half units (test_before), a sum by one more for each interval. */
 static void test_cut(void) {
     for (int n = 0; n < 200; ++n) {
-        const sps_tmap_settings planes = settings_of(SPS_TMAP_OPACITY, 7), beer = settings_of(SPS_TMAP_BEER, 3);
-        const sps_tmap_settings depth = settings_of(SPS_TMAP_DEPTH, 1);
-        float texel[7], half;
+        const sps_tmap_settings planes = settings_of(SPS_TMAP_OPACITY, 7);
+        float texel[7];
         double whole;
         column c;
         int count, good = 1;
@@ -364,11 +350,6 @@ static void test_cut(void) {
         build(&planes, &c, texel);
         for (int i = 0; i < 7; ++i)
             CHECK_NEAR((double)texel[i], exact_depth(&c, (double)((float)(i + 1) / 7)), 40 * half_ulp * whole);
-        build(&beer, &c, texel);
-        CHECK(texel[0] >= 0 && texel[0] <= 1);
-        CHECK_NEAR(ask(&beer, texel, 1), whole, 40 * half_ulp * whole);
-        build(&depth, &c, &half);
-        CHECK(half >= 0);
     }
 }
 
@@ -865,59 +846,44 @@ static void test_moment_uniform(void) {
     }
 }
 
-/* -------------------------------------------------------------------------------------------- depth, adaptive, Beer */
+/* -------------------------------------------------------------------------------------------- few nodes */
 
-static void test_depth(void) {
-    for (int n = 0; n < COLUMNS; ++n) {
-        const sps_tmap_settings settings = settings_of(SPS_TMAP_DEPTH, 1);
-        float texel[1];
-        build(&settings, &columns[n], texel);
-        if (exact_depth(&columns[n], 1) < log(2)) {
-            CHECK_NEAR((double)texel[0], 2, 0);
-            CHECK_NEAR(ask(&settings, texel, 1), 0, 0);
-            continue;
-        }
-        /* soft pieces are 0.0118 of their depth off at most; u a half unit, where slopes are up to 30 */
-        CHECK(exact_depth(&columns[n], (double)texel[0] + 1e-7) >= log(2) - 3e-6 - soft_error(&columns[n]));
-        CHECK(exact_depth(&columns[n], (double)texel[0] - 1e-7) <= log(2) + 3e-6 + soft_error(&columns[n]));
-        CHECK_NEAR(ask(&settings, texel, (double)texel[0]), 1e15, 1e8);
-        CHECK_NEAR(ask(&settings, texel, (double)nextafterf(texel[0], 0)), 0, 0);
-    }
+/* The nodes that a compressed map of at most `most` keeps of a column, in `compressed`; returns their number. */
+static int thin(const column *c, int most) {
+    const int count = curve_build(c), made = spsi_curve_compress(curve, count, SPSI_THIN_EPSILON, compressed);
+    return made > 0 ? spsi_nodes_thin(compressed, made, most, curve[count - 1].value) : 0;
 }
 
-static double through_error(const sps_tmap_settings *settings, const float *texel, const column *c) {
-    double worst = 0;
-    for (int i = 0; i <= SAMPLES; ++i) {
-        const double u = (double)sample(i);
-        worst = fmax(worst, fabs(exp(-ask(settings, texel, u)) - exp(-exact_depth(c, u))));
-    }
-    return worst;
+static double thin_through(int nodes, double u) {
+    return exp(-(double)spsi_compressed_optical_depth(compressed, (uint32_t)nodes, (float)u));
 }
 
-static void test_adaptive(void) {
-    for (int components = 4; components <= 64; components += 4)
+static void test_few_nodes(void) {
+    for (int most = 2; most <= 32; most += 2)
         for (int n = 0; n < COLUMNS; ++n) {
-            const sps_tmap_settings settings = settings_of(SPS_TMAP_ADAPTIVE, components);
-            float texel[SPSI_TMAP_COMPONENTS];
-            double worst;
-            int good = 1;
-            build(&settings, &columns[n], texel);
-            worst = through_error(&settings, texel, &columns[n]);
-            for (int i = 2; i < components; i += 2)
-                good &= texel[i] >= texel[i - 2] && texel[i + 1] <= texel[i - 1] && texel[i + 1] >= 0;
-            if (!CHECK(good && texel[1] >= 1)) printf("    %s: nodes out of order\n", columns[n].name);
+            const int nodes = thin(&columns[n], most);
+            double worst = 0;
+            int good = nodes <= most && (nodes == 0 || compressed[0].value >= 1);
+            for (int i = 0; i <= SAMPLES; ++i) {
+                const double u = (double)sample(i);
+                worst = fmax(worst, fabs(thin_through(nodes, u) - exp(-exact_depth(&columns[n], u))));
+            }
+            for (int i = 1; i < nodes; ++i)
+                good &= compressed[i].u >= compressed[i - 1].u && compressed[i].value <= compressed[i - 1].value &&
+                        compressed[i].value >= 0;
+            if (!CHECK(good)) printf("    %s: nodes out of order\n", columns[n].name);
             /* both ends are kept: exact behind everything, to a float T; half a unit of 1 */
-            CHECK_NEAR(exp(-ask(&settings, texel, 1)), exp(-exact_depth(&columns[n], 1)), 1e-7);
+            CHECK_NEAR(thin_through(nodes, 1), exp(-exact_depth(&columns[n], 1)), 1e-7);
             /* one jump needs three nodes, the cap's slab and jump 2 + 1 and cuts of it: then only the error of cuts,
                1/4096, remains; eight jumps need 17 */
-            if (n == 2 && components >= 8) CHECK_NEAR(worst, 0, 1e-7);
-            if (n == 4 && components >= 36) CHECK_NEAR(worst, 0, 2e-7);
+            if (n == 2 && most >= 4) CHECK_NEAR(worst, 0, 1e-7);
+            if (n == 4 && most >= 18) CHECK_NEAR(worst, 0, 2e-7);
             /* k even steps of the root of T over all of it would be (1 / k)^2 / 2 off, for one slab; leaving out what
                costs least keeps areas, not errors, alike: where steps are uneven by 2, errors are by 4; two slabs have
                two ends more */
-            if (n <= 1 && components >= 12)
-                if (!CHECK(worst <= 4 * 0.5 / pow(components / 2 - 1 - 2 * n - 1, 2) + 1.0 / 4096))
-                    printf("    %s: %g off with %d\n", columns[n].name, worst, components);
+            if (n <= 1 && most >= 6)
+                if (!CHECK(worst <= 4 * 0.5 / pow(most - 1 - 2 * n - 1, 2) + 1.0 / 4096))
+                    printf("    %s: %g off with %d\n", columns[n].name, worst, most);
         }
 }
 
@@ -947,60 +913,33 @@ static double optimal_squares(const double *through, int most) {
 /* Least area is not least squares, but comes close: over 40 columns like those of a puff of smoke the map's rms error
    is at most 1.5 times that of the best nodes, for 4, 6, 8 or 16 of them. There is no theorem; the test guards against
    the error of removing nodes during insertion, which was 2.5 times with 4. */
-static void test_adaptive_is_near_the_best(void) {
-    static const int components[4] = {8, 12, 16, 32};
+static void test_few_nodes_are_near_the_best(void) {
+    static const int most[4] = {4, 6, 8, 16};
     for (int t = 0; t < 4; ++t) {
-        const sps_tmap_settings settings = settings_of(SPS_TMAP_ADAPTIVE, components[t]);
         check_random random = {2024};
         double made = 0, best = 0;
         for (int n = 0; n < 40; ++n) {
-            float texel[SPSI_TMAP_COMPONENTS];
             double through[GRID + 1];
             column c;
+            int nodes;
             c.name = "puff", c.count = 0;
             for (int i = 0; i < 12 + n; ++i) {
                 const double u = 0.1 + 0.7 * check_next(&random), gap = u > 0.35 && u < 0.5 && n % 2 ? 0.2 : 0;
                 column_add(&c, u + gap, u + gap + 0.03 + 0.05 * check_next(&random), 0.3 * check_next(&random), 0);
             }
-            build(&settings, &c, texel);
+            nodes = thin(&c, most[t]);
             for (int i = 0; i <= GRID; ++i) {
-                const double first = (double)curve[0].u, last = (double)texel[components[t] - 2];
+                const double first = (double)curve[0].u, last = (double)compressed[nodes - 1].u;
                 const double u = first + (last - first) * i / GRID;
                 through[i] = exp(-exact_depth(&c, u));
-                made += pow(exp(-ask(&settings, texel, u)) - through[i], 2);
+                made += pow(thin_through(nodes, u) - through[i], 2);
             }
-            best += optimal_squares(through, components[t] / 2);
+            best += optimal_squares(through, most[t]);
         }
-        if (!CHECK_CASE("Found in review", "adaptive maps of 4 to 16 nodes", "rms / that of the best nodes",
+        if (!CHECK_CASE("Found in review", "compressed maps of 4 to 16 nodes", "rms / that of the best nodes",
                         sqrt(made / best), 1.5, "no theorem; nodes dropped as they come had 2.5"))
-            printf("    %d nodes: rms %g, of the best nodes %g\n", components[t] / 2, sqrt(made / (40 * (GRID + 1))),
+            printf("    %d nodes: rms %g, of the best nodes %g\n", most[t], sqrt(made / (40 * (GRID + 1))),
                    sqrt(best / (40 * (GRID + 1))));
-    }
-}
-
-static void test_beer(void) {
-    static const int exact[] = {0, 2, 6, 7};
-    const sps_tmap_settings settings = settings_of(SPS_TMAP_BEER, 3);
-    float texel[3];
-    for (int n = 0; n < COLUMNS; ++n) {
-        build(&settings, &columns[n], texel);
-        CHECK_CASE("Found in review", "Beer maps of any column", "all of its depth, at its end",
-                   fabs(ask(&settings, texel, 1) - exact_depth(&columns[n], 1)),
-                   sum_rounding(&columns[n], exact_depth(&columns[n], 1)), "a sum of floats");
-        CHECK_NEAR(ask(&settings, texel, 0), 0, 0);
-    }
-    for (int k = 0; k < 4; ++k) {
-        build(&settings, &columns[exact[k]], texel);
-        for (int i = 0; i <= SAMPLES; ++i) /* slopes of 8 at most, by half a unit of u; the product's rounding */
-            CHECK_NEAR(ask(&settings, texel, (double)sample(i)), exact_depth(&columns[exact[k]], (double)sample(i)),
-                       8 * half_ulp + 3 * 3 * half_ulp);
-    }
-    for (int end = 0; end < 2; ++end) { /* a sheet at either end of the range */
-        column c;
-        c.count = 0;
-        column_add(&c, end, end, 2, 0);
-        build(&settings, &c, texel);
-        CHECK_NEAR(ask(&settings, texel, 1), 2, 2 * 2 * half_ulp);
     }
 }
 
@@ -1008,10 +947,10 @@ static void test_beer(void) {
 
 /* Every lane gets its own intervals; each lane must have the same result as alone. */
 static void test_lanes(void) {
-    static const sps_tmap_technique sums[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT, SPS_TMAP_BEER};
+    static const sps_tmap_technique sums[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT};
     static float together[STRIDE * SPSI_TMAP_COMPONENTS];
-    for (int t = 0; t < 4; ++t) {
-        const sps_tmap_settings settings = settings_of(sums[t], t == 0 ? 65 : t == 1 ? 65 : t == 2 ? 7 : 3);
+    for (int t = 0; t < 3; ++t) {
+        const sps_tmap_settings settings = settings_of(sums[t], t < 2 ? 65 : 7);
         column lanes[SPSI_LANES];
         sums_clear(&settings, together);
         for (int lane = 0; lane < SPSI_LANES; ++lane) lanes[lane].name = "lane", lanes[lane].count = 0;
@@ -1033,12 +972,6 @@ static void test_lanes(void) {
             float texel[SPSI_TMAP_COMPONENTS], alone[SPSI_TMAP_COMPONENTS];
             pick(&settings, together, lane, texel);
             build(&settings, &lanes[lane], alone);
-            if (settings.technique == SPS_TMAP_BEER) { /* where it begins, from the intervals inserted */
-                float first = 1;
-                for (int i = 0; i < 20; ++i)
-                    if (lanes[lane].list[i].depth > 0) first = fminf(first, lanes[lane].list[i].u0);
-                CHECK_NEAR((double)texel[0], (double)first, 0);
-            }
             /* the same roundings, except for differences of planes, which begin elsewhere with other lanes' extents */
             for (int k = 0; k < settings.components; ++k)
                 if (!CHECK_NEAR((double)texel[k], (double)alone[k], 20 * half_ulp * (1 + fabs((double)alone[k]))))
@@ -1049,15 +982,15 @@ static void test_lanes(void) {
 
 /* The same in any order, except for roundings of sums: one each, of the total. */
 static void test_order(void) {
-    static const sps_tmap_technique sums[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT, SPS_TMAP_BEER};
+    static const sps_tmap_technique sums[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT};
     column shuffled = columns[10];
     for (int i = 0; i < shuffled.count; ++i) {
         const int k = (int)between(i, shuffled.count);
         const spsi_interval taken = shuffled.list[i];
         shuffled.list[i] = shuffled.list[k], shuffled.list[k] = taken;
     }
-    for (int t = 0; t < 4; ++t) {
-        const sps_tmap_settings settings = settings_of(sums[t], t == 0 ? 8 : t == 1 ? 15 : t == 2 ? 7 : 3);
+    for (int t = 0; t < 3; ++t) {
+        const sps_tmap_settings settings = settings_of(sums[t], t == 0 ? 8 : t == 1 ? 15 : 7);
         float texel[SPSI_TMAP_COMPONENTS], other[SPSI_TMAP_COMPONENTS];
         const double most = 2 * exact_depth(&shuffled, 1) + 1;
         build(&settings, &columns[10], texel);
@@ -1093,7 +1026,7 @@ static void check_answers(const sps_tmap_settings *settings, const column *c, co
 }
 
 static void check_all_techniques(const column *c, const char *what) {
-    for (int t = SPS_TMAP_DEPTH; t <= SPS_TMAP_BEER; ++t) {
+    for (int t = SPS_TMAP_OPACITY; t <= SPS_TMAP_BEER; ++t) {
         const spsi_technique *technique = &spsi_techniques[t];
         for (int variant = 0; variant < 3; ++variant) {
             const int components = variant == 0 ? technique->usual : variant == 1 ? technique->least : technique->most;
@@ -1126,11 +1059,11 @@ static void test_extremes(void) {
                 CHECK((double)spsi_intervals_optical_depth(c.list, 3, 1) <= 1e15 * (1 + half_ulp));
             }
     { /* faint gas keeps its depth in maps that store depth: relative roundings */
-        static const sps_tmap_technique faint[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT, SPS_TMAP_BEER};
+        static const sps_tmap_technique faint[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT};
         column c;
         c.count = 0;
         column_add(&c, 0.2, 0.4, 1e-8, 1);
-        for (int t = 0; t < 4; ++t) {
+        for (int t = 0; t < 3; ++t) {
             const sps_tmap_settings settings = settings_of(faint[t], spsi_techniques[faint[t]].usual);
             float texel[SPSI_TMAP_COMPONENTS];
             build(&settings, &c, texel);
@@ -1141,24 +1074,22 @@ static void test_extremes(void) {
 
 /* As documented at the public types. */
 static void test_table(void) {
-    static const char *names[] = {"no map",  "deep",   "compressed", "depth", "opacity",     "deep opacity",
-                                  "Fourier", "moment", "adaptive",   "Beer",  "shadow table"};
-    static const int ranges[][4] = {{0, 0, 0, 0},   {0, 0, 0, 0},  {0, 0, 0, 0},     {1, 1, 1, 0},
-                                    {1, 65, 8, 0},  {3, 65, 8, 1}, {3, 65, 7, -1},   {5, 7, 5, 0},
-                                    {4, 64, 16, 0}, {3, 3, 3, 0},  {8, 1024, 256, 0}};
+    static const char *names[] = {"no map",  "deep",   "compressed", "opacity",      "deep opacity",
+                                  "Fourier", "moment", "Beer",       "shadow table", "depth"};
+    static const int ranges[][4] = {{0, 0, 0, 0},   {0, 0, 0, 0}, {4, 64, 0, 0}, {1, 65, 8, 0},     {3, 65, 8, 1},
+                                    {3, 65, 7, -1}, {5, 7, 5, 0}, {3, 3, 3, 1},  {8, 1024, 256, 0}, {0, 0, 0, 0}};
     const int count = (int)(sizeof spsi_techniques / sizeof *spsi_techniques);
-    CHECK(count == SPS_TMAP_TABLE + 1);
+    CHECK(count == SPS_TMAP_DEPTH + 1);
     for (int t = SPS_TMAP_DEEP; t < count; ++t) {
         const spsi_technique *p = &spsi_techniques[t];
         CHECK(p->name && strstr(p->name, names[t]));
         CHECK(p->least == ranges[t][0] && p->most == ranges[t][1] && p->usual == ranges[t][2] &&
               p->range == ranges[t][3]);
-        CHECK(p->lists == (t <= SPS_TMAP_COMPRESSED) &&
-              (p->optical_depth != NULL) + (p->optical_depths != NULL) == !p->lists);
-        CHECK(p->sums == (p->insert != NULL) && (p->fit != NULL) == (!p->sums && !p->lists));
-        CHECK(p->lists || (p->usual >= p->least && p->usual <= p->most && (p->usual - p->least) % p->step == 0));
-        CHECK(p->lists ||
-              ((p->most - p->least) % p->step == 0 && (p->most <= SPSI_TMAP_COMPONENTS || t == SPS_TMAP_TABLE)));
+        CHECK(p->lists == (t <= SPS_TMAP_COMPRESSED));
+        if (p->lists || t == SPS_TMAP_DEPTH) continue;
+        CHECK(p->insert && (p->optical_depth != NULL) + (p->optical_depths != NULL) == 1);
+        CHECK(p->usual >= p->least && p->usual <= p->most && (p->usual - p->least) % p->step == 0);
+        CHECK((p->most - p->least) % p->step == 0 && (p->most <= SPSI_TMAP_COMPONENTS || t == SPS_TMAP_TABLE));
     }
 }
 
@@ -1222,10 +1153,8 @@ int main(void) {
     RUN(test_moment_step);
     RUN(test_moment_points);
     RUN(test_moment_uniform);
-    RUN(test_depth);
-    RUN(test_adaptive);
-    RUN(test_adaptive_is_near_the_best);
-    RUN(test_beer);
+    RUN(test_few_nodes);
+    RUN(test_few_nodes_are_near_the_best);
     RUN(test_lanes);
     RUN(test_order);
     RUN(test_extremes);

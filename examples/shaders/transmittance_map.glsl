@@ -49,20 +49,19 @@ precision highp int;
 /* The numbers of sps_tmap_technique. */
 #define TMAP_DEEP         1
 #define TMAP_COMPRESSED   2
-#define TMAP_DEPTH        3
-#define TMAP_OPACITY      4
-#define TMAP_DEEP_OPACITY 5
-#define TMAP_FOURIER      6
-#define TMAP_MOMENT       7
-#define TMAP_ADAPTIVE     8
-#define TMAP_BEER         9
+#define TMAP_OPACITY      3
+#define TMAP_DEEP_OPACITY 4
+#define TMAP_FOURIER      5
+#define TMAP_MOMENT       6
+#define TMAP_BEER         7
+#define TMAP_DEPTH        9
 
 /* What has to be known about a map, in the layout of a std140 block and of a constant buffer: sps_tmap_get_constants
    fills the same 128 bytes. */
 struct tmap {
     tmap_vec4 row_x, row_y, row_w, row_distance; /* of sps_tmap_get_projection's matrix; a cube map needs none */
     int technique_id, components;
-    int has_range;  /* 1: a deep opacity map, or texel_range is set */
+    int has_range;  /* 1: a deep opacity or Beer map, or texel_range is set */
     int has_planes; /* 1: planes is not NULL */
     int cubic;
     int has_surfaces;  /* 1: sps_tmap_surfaces is not NULL */
@@ -162,14 +161,6 @@ TMAP_FUNCTION float tmap_fourier_depth(tmap map, int first, int n, float u) {
     return tmap_clamp(sum, 0.0f, whole);
 }
 
-/* Beer: where gas begins, optical depth per u from there on, optical depth of all. */
-TMAP_FUNCTION float tmap_beer_depth(tmap map, int first, float u) {
-    return fminf(fmaxf(u - TMAP_TEXEL(map, first), 0.0f) * TMAP_TEXEL(map, first + 1), TMAP_TEXEL(map, first + 2));
-}
-
-/* Depth map: all or nothing. */
-TMAP_FUNCTION float tmap_step_depth(tmap map, int first, float u) { return u < TMAP_TEXEL(map, first) ? 0.0f : 1e15f; }
-
 /* Nodes of u and transmittance, straight lines of transmittance between them: 1 before the first node, constant behind
    the last. */
 TMAP_FUNCTION float tmap_nodes_depth(tmap map, int first, int count, float u) {
@@ -186,10 +177,6 @@ TMAP_FUNCTION float tmap_nodes_depth(tmap map, int first, int count, float u) {
     float t = low < count ? (u - TMAP_TEXEL(map, before)) / (TMAP_TEXEL(map, after) - TMAP_TEXEL(map, before)) : 0.0f;
     float through = tmap_mix(TMAP_TEXEL(map, before + 1), TMAP_TEXEL(map, after + 1), t);
     return through > 0.0f ? -logf(fminf(through, 1.0f)) : 1e15f;
-}
-
-TMAP_FUNCTION float tmap_adaptive_depth(tmap map, int first, int n, float u) {
-    return tmap_nodes_depth(map, first, n / 2, u);
 }
 
 TMAP_FUNCTION float tmap_compressed_depth(tmap map, int texel, float u) {
@@ -354,10 +341,8 @@ TMAP_FUNCTION float tmap_gas_depth(tmap map, int texel, float u) {
     int first = texel * map.components, n = map.components;
     if (map.technique_id == TMAP_DEEP) return tmap_deep_depth(map, texel, u);
     if (map.technique_id == TMAP_COMPRESSED) return tmap_compressed_depth(map, texel, u);
-    if (map.technique_id == TMAP_DEPTH) return tmap_step_depth(map, first, u);
+    if (map.technique_id == TMAP_DEPTH) return 0.0f; /* it holds no gas */
     if (map.technique_id == TMAP_MOMENT) return tmap_moment_depth(map, first, n, u);
-    if (map.technique_id == TMAP_ADAPTIVE) return tmap_adaptive_depth(map, first, n, u);
-    if (map.technique_id == TMAP_BEER) return tmap_beer_depth(map, first, u);
     if (map.has_range != 0) { /* from the texel's first occluder to its last */
         float begin = TMAP_TEXEL(map, first), end = TMAP_TEXEL(map, first + 1);
         if (u < begin) return 0.0f;

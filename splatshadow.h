@@ -15671,7 +15671,7 @@ static sps_result spsi_fill_lists(spsi_filling *filling) {
     filling->band.starts[0] = 0;
     memcpy(filling->band.starts + 1, filling->band.cursors, texels * sizeof(uint32_t));
     sum = spsi_running_sums(filling->band.starts, texels + 1);
-    memcpy(filling->band.cursors, filling->band.starts, texels * sizeof(uint32_t));
+    spsi_copy(context, filling->band.cursors, filling->band.starts, texels * sizeof(uint32_t));
     if (sum > INT32_MAX)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in 64 rows", (double)sum,
                                "2^31 - 1 are held at most");
@@ -20279,7 +20279,7 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
 #define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
 #define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
-#define SPSI_FLIGHT_STEP   0.5f  /* length of a step per distance from the nearer end; at least a cell's edge */
+#define SPSI_FLIGHT_STEP   0.15f /* length of a step per distance from the nearer end; at least a cell's edge */
 
 /* Whether a light may be a narrow beam, which cells are too wide for. */
 static int spsi_lamp_has_beam(const spsi_lamp *lamp) {

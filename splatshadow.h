@@ -4396,7 +4396,7 @@ typedef struct spsi_cell_grid {
     float *seen;    /* per material and channel: radiance towards the eye per optical depth scattered */
     int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
-    float *patches; /* of the grid's sides, >>cells: place, area and, per channel, what leaves them */
+    float *patches; /* the grid's sides in parts, >>cells: place, area and, per channel, what leaves each */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
     float *pyramid; /* levels of depth, each half as fine, >>flights; NULL: nothing flies */
 } spsi_cell_grid;
@@ -4478,7 +4478,7 @@ typedef struct spsi_content {
     const sps_particle *particles; /* of all sets, except for empty ones, >>gather */
     int particle_count;            /* length of `particles`; 0 until they are read */
     int set_ends[SPSI_SETS_MAX];   /* the end of each set in `particles`; the next one begins there */
-    float flies[SPSI_MATERIALS_MAX]; /* by material: fraction of its glow that always flies, >>flights */
+    float flies[SPSI_MATERIALS_MAX]; /* per material: fraction of its glow that always flies, >>flights */
     double particle_radius;        /* geometric mean of the radii */
     double particle_spread;        /* root mean square distance of the particles from their mean */
     double particle_extinction;    /* mean of their gas, in a particle or where they overlap, whichever is larger */
@@ -13763,7 +13763,7 @@ typedef struct spsi_shape {
 /* What rays fill, which decides how volumes fill it. */
 typedef enum spsi_target_kind {
     SPSI_TARGET_EYE,
-    SPSI_TARGET_SAMPLES, /* of cells, or of light that spreads */
+    SPSI_TARGET_SAMPLES, /* samples for cells, or for light that spreads */
     SPSI_TARGET_MAP,     /* from here on, of lights */
     SPSI_TARGET_COARSE,  /* a map whose texels are meant to be wider than classified voxels */
     SPSI_TARGET_SHEETS
@@ -14740,7 +14740,7 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 
 /* The occluders of a map, as they were added. */
 typedef struct spsi_added {
-    spsi_buffer lists[3]; /* of volumes, meshes, and sets of particles */
+    spsi_buffer lists[3]; /* volumes, meshes, and sets of particles */
     int counts[3];
 } spsi_added;
 
@@ -15736,7 +15736,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     }
 }
 
-/* Writes the items of a texel to their final place: those that have not fitted into its list are made again. */
+/* Makes a texel's items once more, at their final place: they did not fit into its list. */
 static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const size_t in_band = texel - filling->band.first_texel, item = spsi_tmap_item_bytes(filling->map);
@@ -20273,7 +20273,7 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
    from each node that it sees under a small angle, I being the sum of radiance times area; it opens the others. T is
    marched through a pyramid of the cells' extinction, in steps that grow with the distance from either end; E is what
    gets past the node's own gas, marched when the tree is built. What arrives is given to the cells, which are solved
-   for what scatters afterwards: a first-collision source. Cost: some 10 nodes of 10 to 20 steps for a vector of cells;
+   for what scatters afterwards: a first-collision source. Cost: some 10 nodes of 10 to 30 steps for a vector of cells;
    the same and a few rays for a point of a polygon. [Lathrop 1968] */
 
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
@@ -20292,15 +20292,19 @@ static size_t spsi_emitting_cells(const spsi_frame *frame) {
     return frame->meshes.count > 0 ? side * side * side / 8 : 0;
 }
 
-/* Whether anything sends first flights: what glows, narrow beams, or gas near lamps to polygons. */
-static int spsi_cells_fly(const spsi_frame *frame) {
+/* Whether first flights reach cells: from what glows, or narrow beams. */
+static int spsi_flies_to_cells(const spsi_frame *frame) {
     int narrow = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
-        narrow |= spsi_lamp_has_beam(lamp) || (lamp->is_point && frame->meshes.count > 0);
-    }
-    return (frame->matter.emits && (frame->matter.scatters || frame->meshes.count > 0)) ||
-           (narrow && frame->matter.scatters);
+    for (int i = 0; i < frame->lamps.count; ++i) narrow |= spsi_lamp_has_beam(&frame->lamps.list[i]);
+    return frame->matter.scatters && (frame->matter.emits || narrow);
+}
+
+/* Whether they reach anything: polygons, too, from what glows and from gas near lamps. */
+static int spsi_cells_fly(const spsi_frame *frame) {
+    int lamps = 0;
+    for (int i = 0; i < frame->lamps.count; ++i) lamps |= frame->lamps.list[i].is_point;
+    return spsi_flies_to_cells(frame) ||
+           (frame->meshes.count > 0 && (frame->matter.emits || (frame->matter.scatters && lamps)));
 }
 
 /* --- emitters --- */
@@ -20435,7 +20439,7 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
 }
 
 /* Sets which fraction of each set's glow always flies: cells do not resolve how particles of a depth of 0.5 to 1.5 or
-   more hide themselves, and up to 64 of them are seen one by one. */
+   more hide themselves; up to 32 of any depth are seen one by one, as a part is of up to 64. */
 static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     const double few = fmax(0, fmin(2 - (double)content->particle_count / 32, 1));
@@ -24216,7 +24220,7 @@ static void spsi_cell_walls_set(const spsi_cell_job *job, const spsi_cell_hits *
             walls->normal[k * count + at] += (float)(share * hits->surface[i].normal[k]);
         }
     }
-    if (job->grid->flown) spsi_cell_walls_fly(job, at);
+    if (job->grid->pyramid) spsi_cell_walls_fly(job, at);
 }
 
 /* Bits of the closed links between a cell and its neighbours; `hits`: where they end, or NULL. */
@@ -24538,7 +24542,7 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     sps_tmap *maps;
     spsi_cell_directions(job->directions);
     if (spsi_cell_walls_begin(job)) return context->result;
-    if (job->frame->lamps.count == 0 && !job->walls.closed) return job->grid->flown ? spsi_cells_fly_to(job) : SPS_OK;
+    if (job->frame->lamps.count == 0 && !job->walls.closed) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
     job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
     if (!job->shadows || !maps) return context->result;
@@ -24552,7 +24556,7 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
-    if (!spsi_cells_shadows(job, part, maps) && (!job->grid->flown || !spsi_cells_fly_to(job))) {
+    if (!spsi_cells_shadows(job, part, maps) && (!job->grid->pyramid || !spsi_cells_fly_to(job))) {
         spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
         if (job->walls.closed)
             spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
@@ -24779,7 +24783,7 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, int las
 static void spsi_cells_take_flux(const spsi_cell_job *job, int channel, int last) {
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    if (grid->flown && job->wall_light) spsi_cells_sweep_rest(job, channel, last);
+    if (grid->pyramid && job->wall_light) spsi_cells_sweep_rest(job, channel, last);
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
     spsi_cell_patches_fill(job->solver, grid, channel);
@@ -24885,9 +24889,9 @@ static size_t spsi_cells_flux_floats(const spsi_cell_grid *grid) {
 /* Floats of a grid that is held: moments, depth, what polygons receive, first flights; and of what is seen of it. */
 static size_t spsi_cell_grid_floats(const spsi_frame *frame, const spsi_cell_grid *grid, size_t *seen) {
     const size_t moments = (size_t)(grid->channels * grid->terms) * grid->count;
-    const size_t flown = moments + spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch;
+    const size_t pyramid = spsi_cells_fly(frame) ? spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch : 0;
     *seen = (size_t)(frame->matter.material_count * grid->channels) * grid->count;
-    return grid->count + moments + spsi_cells_flux_floats(grid) + (spsi_cells_fly(frame) ? flown : 0);
+    return grid->count + moments + spsi_cells_flux_floats(grid) + (spsi_flies_to_cells(frame) ? moments : 0) + pyramid;
 }
 
 /* Upper bound of the bytes for first flights. */
@@ -25055,7 +25059,7 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
     if (grid->flown) memset(grid->flown, 0, moments * sizeof *grid->flown);
     if (spsi_cells_fill(job, part)) return context->result;
     spsi_cells_mean_scale(job);
-    if (grid->flown) spsi_cell_pyramid_fill(grid);
+    if (grid->pyramid) spsi_cell_pyramid_fill(grid);
     return SPS_OK;
 }
 
@@ -25085,7 +25089,7 @@ static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *fra
         grid->flown = grid->pyramid = NULL;
         if (!spsi_cells_fly(frame)) continue;
         grid->pyramid = memory - spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch;
-        grid->flown = grid->pyramid - channels * (size_t)grid->terms * grid->count;
+        if (spsi_flies_to_cells(frame)) grid->flown = grid->pyramid - channels * (size_t)grid->terms * grid->count;
     }
     return SPS_OK;
 }

@@ -227,40 +227,48 @@ static double ball_sends(int soft, double depth) {
     return sum;
 }
 
+/* Adds a single glowing ball. It and its set must live as long as the scene. */
+static void add_ball(check_scene *s, double radius, double depth, const double at[3], sps_particle *ball,
+                     sps_particles *set) {
+    memset(ball, 0, sizeof *ball);
+    memset(set, 0, sizeof *set);
+    ball->radius = (float)radius, ball->optical_depth = (float)depth;
+    for (int k = 0; k < 3; ++k) ball->position[k] = (float)at[k], set->emission[k] = 1;
+    set->count = 1, set->read_fn = check_read_particles, set->user = ball;
+    s->scene.particles = set, s->scene.particle_set_count = 1;
+}
+
 /* Irradiance of a floor by a single ball in gas from -0.5 to 0.5, whose cells are wider than the ball or much narrower.
  */
 static double ball_irradiance(int soft, double radius, double depth, double across, const check_field *gas,
                               float extinction) {
     static const double origin[3] = {-4, -0.45, -4}, along[3] = {0, 0, 8}, side[3] = {8, 0, 0};
+    static const double at[3] = {0.013, 0.021, -0.017};
     check_scene s;
     check_triangles floor;
     sps_particle ball;
     sps_particles set;
     sps_image image;
     memset(&floor, 0, sizeof floor);
-    memset(&ball, 0, sizeof ball);
-    memset(&set, 0, sizeof set);
     memset(&image, 0, sizeof image);
     check_clear(&s, 1, 1);
+    add_ball(&s, radius, depth, at, &ball, &set);
+    set.soft = soft;
     check_set3(s.view.camera.position, across, 0.55, 6);
     check_set3(s.view.camera.target, across, -0.45, 0);
     s.view.camera.ortho_height = 1e-3;
     s.view.scattering = SPS_SCATTERING_FULL;
     s.view.scatter_size = 24;
-    s.scene.volume_count = s.scene.mesh_count = s.scene.particle_set_count = 1;
+    s.scene.volume_count = s.scene.mesh_count = 1;
     s.volume[0].eval_fn = check_eval_field, s.volume[0].user = (void *)(size_t)gas;
     s.volume[0].extinction = extinction;
     for (int k = 0; k < 3; ++k) {
         s.volume[0].size[k] = extinction < 1 ? 8 : 32;
         s.volume[0].placement.axis[k][k] = 1, s.volume[0].placement.origin[k] = -0.5;
-        s.volume[0].albedo[k] = extinction < 1 ? 0.5f : 0, s.mesh[0].color[k] = 1, set.emission[k] = 1;
+        s.volume[0].albedo[k] = extinction < 1 ? 0.5f : 0, s.mesh[0].color[k] = 1;
     }
     check_add_quad(&floor, origin, along, side);
     s.mesh[0].triangle_count = floor.count, s.mesh[0].read_fn = check_read_triangles, s.mesh[0].user = &floor;
-    ball.radius = (float)radius, ball.optical_depth = (float)depth;
-    ball.position[0] = 0.013f, ball.position[1] = 0.021f, ball.position[2] = -0.017f;
-    set.count = 1, set.soft = soft, set.read_fn = check_read_particles, set.user = &ball;
-    s.scene.particles = &set;
     image.rgba = picture;
     CHECK_OK(context, sps_render(context, &s.scene, &s.view, &image));
     check_free_triangles(&floor);
@@ -354,26 +362,21 @@ static int render_halo(double depth, double g, double albedo, double radius, con
     sps_lobe lobe;
     sps_particle ball;
     sps_particles set;
-    memset(&ball, 0, sizeof ball);
-    memset(&set, 0, sizeof set);
     check_clear(&s, HALO_PIXELS, HALO_PIXELS);
+    add_ball(&s, radius, 1e-4, at, &ball, &set);
     check_set3(s.view.camera.position, 0, 0, 5);
     check_orthographic(&s.view.camera, 2.4);
     s.view.scattering = SPS_SCATTERING_FULL;
-    s.scene.volume_count = s.scene.particle_set_count = 1;
+    s.scene.volume_count = 1;
     s.volume[0].eval_fn = check_eval_constant, s.volume[0].user = &thin;
     s.volume[0].extinction = (float)(depth / 2);
     for (int k = 0; k < 3; ++k) {
         s.volume[0].size[k] = 32;
         s.volume[0].placement.axis[k][k] = 2, s.volume[0].placement.origin[k] = -1;
         s.volume[0].albedo[k] = (float)albedo, set.emission[k] = 1e4f;
-        ball.position[k] = (float)at[k];
     }
     lobe.asymmetry = (float)g, lobe.weight = 1;
     s.volume[0].lobes = &lobe, s.volume[0].lobe_count = 1;
-    ball.radius = (float)radius, ball.optical_depth = 1e-4f;
-    set.count = 1, set.read_fn = check_read_particles, set.user = &ball;
-    s.scene.particles = &set;
     return check_render(context, &s, picture);
 }
 

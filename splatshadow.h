@@ -20403,43 +20403,79 @@ static int spsi_emitter_blocks(const sps_context *context, const spsi_frame *fra
     }
 }
 
-/* Sums of a block of voxels: value, value times place, and times its square, from the brick's base. */
+/* Sums over voxels: value, value times place, and times its square, in the volume's grid. */
 typedef struct spsi_emitter_sum {
     double value, place[3], square[3];
 } spsi_emitter_sum;
 
-/* Adds the blocks of a brick, as even balls of the same spread. A voxel has that of its kernel. */
-static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame *frame, const spsi_brick *brick,
-                                    int edge, spsi_flights *flights, spsi_tree_item *items) {
-    const spsi_lattice *lattice = &frame->lattices[brick->lattice];
-    const spsi_material *material = &frame->matter.materials[frame->media[lattice->medium].channel];
+/* Adds a brick's voxels to the sums of its blocks. */
+static void spsi_emitter_sum_brick(const sps_context *context, const spsi_brick *brick, int edge,
+                                   spsi_emitter_sum *sums) {
     const spsi_segment *segment = ((spsi_segment *const *)context->buffers[SPSI_BUFFER_SEGMENTS].data)[brick->segment];
     const int side = SPSI_BRICK / edge;
-    spsi_emitter_sum sums[SPSI_BRICK * SPSI_BRICK * SPSI_BRICK];
-    spsi_emitter like;
-    memset(&like, 0, sizeof like);
-    memcpy(like.sent, material->emission, sizeof like.sent);
-    memset(sums, 0, (size_t)(side * side * side) * sizeof *sums);
     for (int i = brick->first; i < brick->first + brick->count; ++i) {
         const double step[3] = {(double)segment->x[i], (double)segment->y[i], (double)segment->z[i]};
         const double value = (double)segment->value[i];
-        const int block = ((int)step[2] / edge * side + (int)step[1] / edge) * side + (int)step[0] / edge;
-        sums[block].value += value;
-        for (int k = 0; k < 3; ++k) sums[block].place[k] += value * step[k];
-        for (int k = 0; k < 3; ++k) sums[block].square[k] += value * step[k] * step[k];
-    }
-    for (int n = 0; n < side * side * side; ++n) {
-        double at[3], point[3], square = 0;
-        if (!(sums[n].value > 0)) continue;
+        spsi_emitter_sum *sum = &sums[((int)step[2] / edge * side + (int)step[1] / edge) * side + (int)step[0] / edge];
+        sum->value += value;
         for (int k = 0; k < 3; ++k) {
-            const double mean = sums[n].place[k] / sums[n].value, spread = sums[n].square[k] / sums[n].value;
-            at[k] = brick->base[k] + mean + 0.5;
-            square += (fmax(spread - mean * mean, 0) + SPSI_SIGMA * SPSI_SIGMA) *
-                      spsi_dot(lattice->step[k], lattice->step[k]);
+            const double place = brick->base[k] + step[k];
+            sum->place[k] += value * place;
+            sum->square[k] += value * place * place;
         }
-        spsi_voxel_position(lattice, at, point);
-        like.radius = (float)sqrt(5.0 / 3 * square);
-        spsi_emitters_add(flights, point, sums[n].value * lattice->voxel_volume, -1, &like, items);
+    }
+}
+
+/* Finds the centre of voxels in the world, and the radius of an even ball of their spread. A voxel has that of its
+   kernel. */
+static void spsi_emitter_sum_ball(const spsi_lattice *lattice, const spsi_emitter_sum *sum, double point[3],
+                                  spsi_emitter *like) {
+    double at[3], square = 0;
+    for (int k = 0; k < 3; ++k) {
+        const double mean = sum->place[k] / sum->value, spread = sum->square[k] / sum->value;
+        at[k] = mean + 0.5;
+        square += (fmax(spread - mean * mean, 0) + SPSI_SIGMA * SPSI_SIGMA) *
+                  spsi_dot(lattice->step[k], lattice->step[k]);
+    }
+    spsi_voxel_position(lattice, at, point);
+    like->radius = (float)sqrt(5.0 / 3 * square);
+}
+
+/* Adds the blocks of a brick, as even balls of the same spread, unless all of its glow always flies. */
+static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame *frame, const spsi_brick *brick,
+                                    int edge, spsi_flights *flights, spsi_tree_item *items) {
+    const spsi_lattice *lattice = &frame->lattices[brick->lattice];
+    const int m = frame->media[lattice->medium].channel;
+    const double amount = lattice->voxel_volume * (1 - (double)frame->content->flies[m]);
+    const int count = (SPSI_BRICK / edge) * (SPSI_BRICK / edge) * (SPSI_BRICK / edge);
+    spsi_emitter_sum sums[SPSI_BRICK * SPSI_BRICK * SPSI_BRICK];
+    spsi_emitter like;
+    memset(&like, 0, sizeof like);
+    memcpy(like.sent, frame->matter.materials[m].emission, sizeof like.sent);
+    memset(sums, 0, (size_t)count * sizeof *sums);
+    spsi_emitter_sum_brick(context, brick, edge, sums);
+    for (int n = 0; n < count && amount > 0; ++n) {
+        double point[3];
+        if (!(sums[n].value > 0)) continue;
+        spsi_emitter_sum_ball(lattice, &sums[n], point, &like);
+        spsi_emitters_add(flights, point, sums[n].value * amount, -1, &like, items);
+    }
+}
+
+/* Makes an emitter of what a particle sends of its own gas, whose optical depth along a radius is x, and whose light
+   seems as even. A fraction p of what is sent leaves at once. Of what scatters, some less leaves at once, and the rest
+   scatters again, which is within 2 % up to an x of 10. Lobes count as even ones of less gas. */
+static void spsi_emitter_trap(const spsi_material *material, double x, double gas, spsi_emitter *emitter) {
+    emitter->gas = (float)gas;
+    for (int c = 0; c < 3; ++c) {
+        const double emission = (double)material->emission[c], albedo = (double)material->albedo[c];
+        const double ahead = albedo * spsi_phase_moment(material, 1), again = (albedo - ahead) / (1 - ahead);
+        const double p = spsi_ball_escape(x * (1 - ahead)), q = (1 - p) * (1 - p) / p;
+        const double later = p / (1 + 0.083 * q / (1 + (1 - again) * q / 3));
+        const double leaves = p + again * (1 - p) * later / (1 - again * (1 - later));
+        const double sent = fmin(emission * leaves / spsi_ball_escape(x), (double)SPSI_RADIANCE_MAX);
+        emitter->sent[c] = (float)sent;
+        emitter->trapped[c] = albedo > 0 ? (float)fmin((sent - emission) / albedo, (double)SPSI_RADIANCE_MAX) : 0;
     }
 }
 
@@ -20462,20 +20498,33 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* Makes an emitter of what a particle sends of its own gas, whose optical depth along a radius is x, and whose light
-   seems as even. A fraction p of what is sent leaves at once. Of what scatters, some less leaves at once, and the rest
-   scatters again, which is within 2 % up to an x of 10. Lobes count as even ones of less gas. */
-static void spsi_emitter_trap(const spsi_material *material, double x, double gas, spsi_emitter *emitter) {
-    emitter->gas = (float)gas;
-    for (int c = 0; c < 3; ++c) {
-        const double emission = (double)material->emission[c], albedo = (double)material->albedo[c];
-        const double ahead = albedo * spsi_phase_moment(material, 1), again = (albedo - ahead) / (1 - ahead);
-        const double p = spsi_ball_escape(x * (1 - ahead)), q = (1 - p) * (1 - p) / p;
-        const double later = p / (1 + 0.083 * q / (1 + (1 - again) * q / 3));
-        const double leaves = p + again * (1 - p) * later / (1 - again * (1 - later));
-        const double sent = fmin(emission * leaves / spsi_ball_escape(x), (double)SPSI_RADIANCE_MAX);
-        emitter->sent[c] = (float)sent;
-        emitter->trapped[c] = albedo > 0 ? (float)fmin((sent - emission) / albedo, (double)SPSI_RADIANCE_MAX) : 0;
+/* Sets which fraction of each volume's glow always flies: of those of up to 4 or in part 8 cells' width, cells do not
+   resolve how they hide themselves, either. */
+static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
+    const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    double low[SPSI_VOLUMES_MAX][3], high[SPSI_VOLUMES_MAX][3], most[SPSI_VOLUMES_MAX] = {0};
+    float *flies = frame->content->flies;
+    for (int n = 0; n < context->brick_count; ++n) {
+        const int i = bricks[n].lattice, first = !(most[i] > 0);
+        most[i] = fmax(most[i], (double)bricks[n].most);
+        for (int k = 0; k < 3; ++k) {
+            const double begin = bricks[n].base[k] + bricks[n].low[k], end = bricks[n].base[k] + bricks[n].high[k] + 1;
+            low[i][k] = first ? begin : fmin(low[i][k], begin);
+            high[i][k] = first ? end : fmax(high[i][k], end);
+        }
+    }
+    for (int i = 0; i < frame->medium_count; ++i) flies[frame->media[i].channel] = 1;
+    for (int i = 0; i < frame->medium_count; ++i) {
+        const int m = frame->media[i].channel;
+        double longest = 0, shortest = HUGE_VAL, fly;
+        for (int k = 0; k < 3 && most[i] > 0; ++k) {
+            const double width = (high[i][k] - low[i][k]) * spsi_length(frame->lattices[i].step[k]);
+            longest = fmax(longest, width);
+            shortest = fmin(shortest, width);
+        }
+        fly = most[i] > 0 ? most[i] * (double)frame->matter.materials[m].extinction * shortest - 0.5 : 0;
+        fly = fmax(0, fmin(fly, 1)) * fmax(0, fmin(2 - longest / (4 * edge), 1));
+        flies[m] = frame->matter.materials[m].emits && spsi_cells_fly(frame) ? fminf(flies[m], (float)fly) : 0;
     }
 }
 
@@ -20534,14 +20583,40 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     sum->clear = sum->gas = 0;
 }
 
+/* Adds the glow of a volume that always flies, as a ball that knows its own gas. */
+static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
+                                     spsi_flights *flights, spsi_tree_item *items) {
+    const int m = frame->media[lattice->medium].channel;
+    const spsi_material *material = &frame->matter.materials[m];
+    const double amount = sum->value * lattice->voxel_volume, gas = amount * (double)material->extinction;
+    double point[3], own;
+    spsi_emitter like;
+    if (!(sum->value > 0)) return;
+    memset(&like, 0, sizeof like);
+    spsi_emitter_sum_ball(lattice, sum, point, &like);
+    own = 0.75 / SPSI_PI * gas / ((double)like.radius * (double)like.radius);
+    spsi_emitter_trap(material, own, gas, &like);
+    for (int c = 0; c < 3; ++c) like.trapped[c] /= fmaxf(material->extinction, FLT_MIN);
+    like.clear = (float)((double)like.radius + 2 * flights->grids->edge);
+    spsi_emitters_add(flights, point, amount * (double)frame->content->flies[m], own, &like, items);
+}
+
 /* Lists all that glows. */
 static void spsi_emitters_list(const sps_context *context, const spsi_frame *frame, int blocks, spsi_flights *flights,
                                spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    spsi_emitter_sum whole;
+    memset(&whole, 0, sizeof whole);
     for (int i = 0; i < context->brick_count; ++i) {
-        const spsi_medium *medium = &frame->media[frame->lattices[bricks[i].lattice].medium];
-        if (frame->matter.materials[medium->channel].emits)
-            spsi_emitters_add_brick(context, frame, &bricks[i], blocks, flights, items[SPSI_FLIGHTS_GLOW]);
+        const spsi_lattice *lattice = &frame->lattices[bricks[i].lattice];
+        const int m = frame->media[lattice->medium].channel;
+        if (!frame->matter.materials[m].emits) continue;
+        spsi_emitters_add_brick(context, frame, &bricks[i], blocks, flights, items[SPSI_FLIGHTS_GLOW]);
+        if (!(frame->content->flies[m] > 0)) continue;
+        spsi_emitter_sum_brick(context, &bricks[i], SPSI_BRICK, &whole);
+        if (i + 1 < context->brick_count && bricks[i + 1].lattice == bricks[i].lattice) continue;
+        spsi_emitters_add_volume(frame, lattice, &whole, flights + 1, items[SPSI_FLIGHTS_BEAMS]);
+        memset(&whole, 0, sizeof whole);
     }
     spsi_emitters_add_particles(frame, flights, items);
 }
@@ -24552,7 +24627,7 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     most[SPSI_FLIGHTS_GLOW] += frame->matter.emits ? (size_t)frame->content->particle_count : 0;
     most[SPSI_FLIGHTS_SPOTS] = spsi_beams_count(job);
     most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid) +
-                               (frame->matter.emits ? (size_t)frame->content->particle_count : 0);
+                               (frame->matter.emits ? (size_t)frame->content->particle_count : 0) + SPSI_VOLUMES_MAX;
     most[SPSI_FLIGHTS_CELLS] = spsi_emitting_cells(frame);
     items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS,
                                               most[0] + most[1] + most[2] + most[3], sizeof **items);
@@ -25248,6 +25323,7 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     held = spsi_scattered_take(context, key);
     if (spsi_cells_reserve(context, frame, grids, count)) return context->result;
     spsi_particles_fly(frame);
+    spsi_volumes_fly(context, frame, grids->edge);
     if (!held && spsi_cells_make(context, frame, faces, &groups, part, grids, count, flights)) return context->result;
     for (int n = 0; n < count && !held; ++n)
         context->stats.cells += (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];

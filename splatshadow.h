@@ -20500,31 +20500,16 @@ static void spsi_particles_fly(const spsi_frame *frame) {
 
 /* Sets which fraction of each volume's glow always flies: of those of up to 4 or in part 8 cells' width, cells do not
    resolve how they hide themselves, either. */
-static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
-    const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    double low[SPSI_VOLUMES_MAX][3], high[SPSI_VOLUMES_MAX][3], most[SPSI_VOLUMES_MAX] = {0};
+static void spsi_volumes_fly(const spsi_frame *frame, double edge) {
     float *flies = frame->content->flies;
-    for (int n = 0; n < context->brick_count; ++n) {
-        const int i = bricks[n].lattice, first = !(most[i] > 0);
-        most[i] = fmax(most[i], (double)bricks[n].most);
-        for (int k = 0; k < 3; ++k) {
-            const double begin = bricks[n].base[k] + bricks[n].low[k], end = bricks[n].base[k] + bricks[n].high[k] + 1;
-            low[i][k] = first ? begin : fmin(low[i][k], begin);
-            high[i][k] = first ? end : fmax(high[i][k], end);
-        }
-    }
     for (int i = 0; i < frame->medium_count; ++i) flies[frame->media[i].channel] = 1;
     for (int i = 0; i < frame->medium_count; ++i) {
         const int m = frame->media[i].channel;
-        double longest = 0, shortest = HUGE_VAL, fly;
-        for (int k = 0; k < 3 && most[i] > 0; ++k) {
-            const double width = (high[i][k] - low[i][k]) * spsi_length(frame->lattices[i].step[k]);
-            longest = fmax(longest, width);
-            shortest = fmin(shortest, width);
-        }
-        fly = most[i] > 0 ? most[i] * (double)frame->matter.materials[m].extinction * shortest - 0.5 : 0;
-        fly = fmax(0, fmin(fly, 1)) * fmax(0, fmin(2 - longest / (4 * edge), 1));
-        flies[m] = frame->matter.materials[m].emits && spsi_cells_fly(frame) ? fminf(flies[m], (float)fly) : 0;
+        double longest = 0;
+        for (int k = 0; k < 3; ++k)
+            longest = fmax(longest, frame->media[i].size[k] * spsi_length(frame->lattices[i].step[k]));
+        if (!frame->matter.materials[m].emits || !spsi_cells_fly(frame)) longest = HUGE_VAL;
+        flies[m] = fminf(flies[m], (float)fmax(0, 2 - longest / (4 * edge)));
     }
 }
 
@@ -25323,7 +25308,7 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     held = spsi_scattered_take(context, key);
     if (spsi_cells_reserve(context, frame, grids, count)) return context->result;
     spsi_particles_fly(frame);
-    spsi_volumes_fly(context, frame, grids->edge);
+    spsi_volumes_fly(frame, grids->edge);
     if (!held && spsi_cells_make(context, frame, faces, &groups, part, grids, count, flights)) return context->result;
     for (int n = 0; n < count && !held; ++n)
         context->stats.cells += (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];

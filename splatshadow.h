@@ -20462,11 +20462,11 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
     }
 }
 
-/* Makes an emitter of what a particle sends of its own gas, whose optical depth along a radius is x, and whose light
-   seems as even. A fraction p of what is sent leaves at once. Of what scatters, some less leaves at once, and the rest
-   scatters again, which is within 2 % up to an x of 10. Lobes count as even ones of less gas. */
-static void spsi_emitter_trap(const spsi_material *material, double x, double gas, spsi_emitter *emitter) {
-    emitter->gas = (float)gas;
+/* Sets what leaves a ball of gas that sends `emission` in an even way, and times `part`, what of its light is scattered
+   in it: x is its optical depth along a radius. A fraction p of what is sent leaves at once. Of what scatters, some less
+   leaves at once, and the rest scatters again, which is within 2 % up to an x of 10. Lobes count as even ones of less
+   gas. */
+static void spsi_emitter_trap(const spsi_material *material, double x, double part, spsi_emitter *like) {
     for (int c = 0; c < 3; ++c) {
         const double emission = (double)material->emission[c], albedo = (double)material->albedo[c];
         const double ahead = albedo * spsi_phase_moment(material, 1), again = (albedo - ahead) / (1 - ahead);
@@ -20474,19 +20474,37 @@ static void spsi_emitter_trap(const spsi_material *material, double x, double ga
         const double later = p / (1 + 0.083 * q / (1 + (1 - again) * q / 3));
         const double leaves = p + again * (1 - p) * later / (1 - again * (1 - later));
         const double sent = fmin(emission * leaves / spsi_ball_escape(x), (double)SPSI_RADIANCE_MAX);
-        emitter->sent[c] = (float)sent;
-        emitter->trapped[c] = albedo > 0 ? (float)fmin((sent - emission) / albedo, (double)SPSI_RADIANCE_MAX) : 0;
+        const double trapped = albedo > 0 ? part * (sent - emission) / albedo : 0;
+        like->sent[c] = (float)sent;
+        like->trapped[c] = (float)fmin(trapped, (double)SPSI_RADIANCE_MAX);
     }
 }
 
+/* Over the room that particles are in, the volume of all but one of them. */
+static double spsi_particles_crowd(const sps_particle *list, int count) {
+    double low[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, high[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
+    double volume = 0, radius = 0, room = 1;
+    for (int n = 0; n < count; ++n) {
+        const double own = (double)list[n].radius;
+        radius += own / count;
+        volume += 4 * SPSI_PI / 3 * own * own * own;
+        for (int k = 0; k < 3; ++k) low[k] = fmin(low[k], (double)list[n].position[k]);
+        for (int k = 0; k < 3; ++k) high[k] = fmax(high[k], (double)list[n].position[k]);
+    }
+    for (int k = 0; k < 3; ++k) room *= high[k] - low[k] + 1.6 * radius;
+    return volume * (count - 1) / fmax(count * room, DBL_MIN);
+}
+
 /* Sets which fraction of each set's glow always flies: cells do not resolve how particles of a depth of 0.5 to 1.5 or
-   more hide themselves; up to 32 of any depth are seen one by one, as a part is of up to 64. */
+   more hide themselves; up to 32 of any depth are seen one by one, as a part is of up to 64. Those that overlap hide
+   each other, as cells know. */
 static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     const double few = fmax(0, fmin(2 - (double)content->particle_count / 32, 1));
     memset(content->flies, 0, sizeof content->flies);
     for (int i = 0, n = 0; i < frame->particles.set_count && spsi_cells_fly(frame); ++i) {
         const spsi_particle_set *set = &frame->particles.sets[i];
+        const double apart = 1 - 2 * spsi_particles_crowd(&content->particles[n], content->set_ends[i] - n);
         double dense = 0, all = 0;
         for (; n < content->set_ends[i]; ++n) {
             const double depth = spsi_particle_depth(&content->particles[n], set);
@@ -20494,7 +20512,7 @@ static void spsi_particles_fly(const spsi_frame *frame) {
             dense += amount * fmax(0, fmin(depth - 0.5, 1));
             all += amount;
         }
-        if (all > 0) content->flies[set->channel] = (float)fmax(dense / all, few);
+        if (all > 0) content->flies[set->channel] = (float)(fmax(dense / all, few) * fmax(0, apart));
     }
 }
 
@@ -20538,7 +20556,8 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             like.gas = 0;
             memcpy(like.sent, material->emission, sizeof like.sent);
             spsi_emitters_add(flights, point, (1 - flies) * amount, own, &like, items[SPSI_FLIGHTS_GLOW]);
-            spsi_emitter_trap(material, own, amount, &like);
+            like.gas = (float)amount;
+            spsi_emitter_trap(material, own, flies, &like);
             spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
     }
@@ -20573,17 +20592,18 @@ static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice
                                      spsi_flights *flights, spsi_tree_item *items) {
     const int m = frame->media[lattice->medium].channel;
     const spsi_material *material = &frame->matter.materials[m];
-    const double amount = sum->value * lattice->voxel_volume, gas = amount * (double)material->extinction;
+    const double flies = (double)frame->content->flies[m], extinction = (double)material->extinction;
+    const double amount = sum->value * lattice->voxel_volume;
     double point[3], own;
     spsi_emitter like;
     if (!(sum->value > 0)) return;
     memset(&like, 0, sizeof like);
     spsi_emitter_sum_ball(lattice, sum, point, &like);
-    own = 0.75 / SPSI_PI * gas / ((double)like.radius * (double)like.radius);
-    spsi_emitter_trap(material, own, gas, &like);
-    for (int c = 0; c < 3; ++c) like.trapped[c] /= fmaxf(material->extinction, FLT_MIN);
+    like.gas = (float)(amount * extinction);
+    own = 0.75 / SPSI_PI * amount * extinction / ((double)like.radius * (double)like.radius);
+    spsi_emitter_trap(material, own, flies / fmax(extinction, (double)FLT_MIN), &like);
     like.clear = (float)((double)like.radius + 2 * flights->grids->edge);
-    spsi_emitters_add(flights, point, amount * (double)frame->content->flies[m], own, &like, items);
+    spsi_emitters_add(flights, point, flies * amount, own, &like, items);
 }
 
 /* Lists all that glows. */

@@ -21283,18 +21283,21 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
 }
 
-/* Adds the irradiance of a point of a polygon by first flights. */
-static void spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights trees[SPSI_FLIGHT_TREES],
-                                    double irradiance[3]) {
+/* Adds the irradiance of a point of a polygon by first flights. Where cells serve, too, nodes may be wider. Returns the
+   number of nodes. */
+static int spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights trees[SPSI_FLIGHT_TREES],
+                                   double irradiance[3]) {
+    int count = 0;
     for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
+        const double angle = place->frame->accuracy.flight_angle * (2 - (double)trees[i].to_cells);
         spsi_flight_list list;
         list.count = 0;
-        if (trees[i].to_polygons > 0)
-            spsi_flights_choose(&trees[i], place->point, 0,
-                                place->frame->accuracy.flight_angle * (i == SPSI_FLIGHTS_CELLS ? 2 : 1), &list);
+        if (trees[i].to_polygons > 0) spsi_flights_choose(&trees[i], place->point, 0, angle, &list);
         for (int n = 0; n < list.count; n += SPSI_LANES)
             spsi_flights_irradiance_of(place, &trees[i], &list, n, irradiance);
+        count += list.count;
     }
+    return count;
 }
 
 /* ============================================================================================== >>shading
@@ -22698,28 +22701,72 @@ static double spsi_straight_scale(const spsi_frame *frame, int c) {
 
 /* Adds what cells of a grid send to a surface, by channel. */
 static void spsi_add_grid_irradiance(const spsi_shader *shader, const spsi_cell_grid *grid, const spsi_surface *surface,
-                                     const double normal[3], int face, double irradiance[3]) {
+                                     int face, double irradiance[3]) {
     float patches[SPSI_CELL_SHEET];
-    const spsi_cell_sight sight = {grid, shader->faces, surface, normal, face};
+    const spsi_cell_sight sight = {grid, shader->faces, surface, surface->normal, face};
     const int hidden = spsi_cells_sight(&sight, patches);
     double own[3];
-    spsi_cells_irradiance(grid, 0, grid->channels, surface->point, normal, hidden ? patches : NULL, own);
+    spsi_cells_irradiance(grid, 0, grid->channels, surface->point, surface->normal, hidden ? patches : NULL, own);
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += own[c];
 }
 
-/* Adds what a surface reflects of the light that cells send; of ambient light they lack some. */
-static void spsi_add_flux(const spsi_shader *shader, const spsi_surface *surface, int face, const double color[3],
-                          float radiance[3]) {
+#define SPSI_WIDE_NODES 12 /* of a source that is wide */
+
+/* What a face's plane receives at a pixel of a row: from cells, and by first flights. */
+typedef struct spsi_received {
+    int face, x, known, nodes; /* known: bit mask of the two that are known; nodes: of first flights */
+    double irradiance[2][3];
+} spsi_received;
+
+static void spsi_receive(const spsi_shader *shader, const spsi_place *place, int x, int flown, spsi_received *at) {
     const spsi_content *content = shader->frame->content;
-    double normal[3], irradiance[3] = {0, 0, 0};
-    memcpy(normal, surface->normal, sizeof normal);
-    if (!spsi_normalise(normal)) return;
-    for (int n = 0; n < content->cell_grid_count; ++n)
-        spsi_add_grid_irradiance(shader, &content->cells[n], surface, normal, face, irradiance);
-    if (content->flights) {
-        const spsi_flight_place place = {shader->frame, shader->faces, surface->point, surface->start, normal, face};
-        spsi_flights_irradiance(&place, content->flights, irradiance);
+    spsi_surface surface;
+    const spsi_flight_place point = {shader->frame,  shader->faces,  surface.point,
+                                     surface.start, surface.normal, place->hit->face};
+    if (at->face != place->hit->face || at->x != x) at->known = at->nodes = 0;
+    if (at->known >> flown & 1) return;
+    at->face = place->hit->face;
+    at->x = x;
+    at->known |= 1 << flown;
+    memset(at->irradiance[flown], 0, sizeof at->irradiance[flown]);
+    spsi_surface_at(shader->eye, shader->faces, place->hit, x + place->at[0] - place->x, place->at[1], &surface);
+    if (!spsi_normalise(surface.normal)) return;
+    for (int n = 0; n < content->cell_grid_count && !flown; ++n)
+        spsi_add_grid_irradiance(shader, &content->cells[n], &surface, at->face, at->irradiance[0]);
+    if (flown) at->nodes = spsi_flights_irradiance(&point, content->flights, at->irradiance[1]);
+}
+
+/* Adds what a place receives of either. Wide sources light flat faces smoothly: there, every fourth pixel of a row
+   stands for those between, unless one has less than 0.9 of what the next one has. */
+static void spsi_add_received(const spsi_shader *shader, const spsi_place *place, int flown, spsi_received near_by[2],
+                              double irradiance[3]) {
+    const int x = place->x & ~3, whole = place->at[0] == place->x && place->at[1] == place->y;
+    const double part = 0.25 * (place->x - x);
+    int smooth = whole && spsi_face_is_flat(&shader->faces->list[place->hit->face]);
+    spsi_received own;
+    memset(&own, 0, sizeof own);
+    if (smooth) {
+        if (near_by[1].known && near_by[1].face == place->hit->face && near_by[1].x == x) near_by[0] = near_by[1];
+        spsi_receive(shader, place, x, flown, &near_by[0]);
+        smooth = part == 0 || !flown || near_by[0].nodes >= SPSI_WIDE_NODES;
+        if (smooth && part > 0) spsi_receive(shader, place, x + 4, flown, &near_by[1]);
     }
+    for (int c = 0; c < 3 && smooth; ++c) {
+        const double a = near_by[0].irradiance[flown][c], b = part > 0 ? near_by[1].irradiance[flown][c] : a;
+        smooth = fmin(a, b) >= 0.9 * fmax(a, b);
+        own.irradiance[flown][c] = a + part * (b - a);
+    }
+    if (!smooth) spsi_receive(shader, place, place->x, flown, &own);
+    for (int c = 0; c < 3; ++c) irradiance[c] += own.irradiance[flown][c];
+}
+
+/* Adds what a place reflects of the light that cells send; of ambient light they lack some. */
+static void spsi_add_flux(const spsi_shader *shader, const spsi_place *place, const double color[3],
+                          spsi_received near_by[2], float radiance[3]) {
+    const spsi_content *content = shader->frame->content;
+    double irradiance[3] = {0, 0, 0};
+    for (int flown = 0; flown < (content->flights ? 2 : 1); ++flown)
+        spsi_add_received(shader, place, flown, near_by, irradiance);
     for (int c = 0; c < 3; ++c) {
         const double received = irradiance[spsi_least(c, content->cells->channels - 1)];
         radiance[c] = spsi_higher(radiance[c] + (float)(color[c] * received / SPSI_PI), 0);
@@ -22773,11 +22820,13 @@ typedef struct spsi_surfaces {
     float normal[3][SPSI_LANES], turn[SPSI_LANES]; /* of unit length; turn: as a facet's, before they face the eye */
     float color[3][SPSI_LANES], emission[3][SPSI_LANES];
     float radiance[3][SPSI_LANES]; /* that they send towards the eye; 0 in other lanes */
+    spsi_received received[2];     /* at pixels of the row */
 } spsi_surfaces;
 
 static void spsi_surfaces_begin(spsi_surfaces *list) {
     list->meetings.lanes = 0;
     list->facet.number = -1;
+    memset(list->received, 0, sizeof list->received);
     memset(list->normal, 0, sizeof list->normal);
     memset(list->turn, 0, sizeof list->turn);
     memset(list->color, 0, sizeof list->color);
@@ -23020,7 +23069,7 @@ static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_sh
         if (shadow)
             spsi_add_spread_on(shadow, &surface, color, radiance);
         else
-            spsi_add_flux(shader, &surface, place->hit->face, color, radiance);
+            spsi_add_flux(shader, place, color, list->received, radiance);
         for (int c = 0; c < 3; ++c) list->radiance[c][n] = radiance[c];
     }
 }

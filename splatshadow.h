@@ -4195,44 +4195,25 @@ typedef struct spsi_lattice {
 
 /* A volume that holds voxels. */
 typedef struct spsi_medium {
+    sps_volume given;      /* also concurrent where the library's own functions read it */
     int index;             /* in the scene's array, for error sentences */
-    int size[3];           /* voxels along x, y, z */
     spsi_lattice *lattice; /* its volume's grid */
     int channel;           /* channel of the eye's sheets, and index of its material */
     int light_channel;     /* channel of a light's sheets: gases share number 0 */
-    int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);            /* NULL: eval_fn is set */
-    int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]); /* NULL: all are read */
-    int (*eval_fn)(void *user, size_t count, const double *positions, float *out);         /* NULL: read_fn is set */
-    void *user;                                                                            /* of the three callbacks */
-    int concurrent;    /* 1: workers may call them */
-    uint64_t revision; /* of the values; 0: they are read in every call */
 } spsi_medium;
 
 /* A set of particles that is not empty. */
 typedef struct spsi_particle_set {
-    int index;         /* in the scene's array, for error sentences */
-    int channel;       /* channel of the eye's sheets, and index of its material; in a light's sheets it is number 0 */
-    size_t count;      /* particles to be read */
-    int soft;          /* 1: density falls to nothing at the rim, 0: it is uniform */
-    int is_extinction; /* 1: the optical depth that is read is extinction, if soft at the centre */
-    int (*read_fn)(void *user, size_t first, size_t count, sps_particle *out); /* as in sps_particles */
-    void *user;                                                                /* of read_fn */
+    sps_particles given;
+    int index;   /* in the scene's array, for error sentences */
+    int channel; /* channel of the eye's sheets, and index of its material; in a light's sheets it is number 0 */
+    int soft;    /* 1: density falls to nothing at the rim, 0: it is uniform */
 } spsi_particle_set;
 
 /* A mesh that has triangles. */
 typedef struct spsi_mesh {
-    int index;               /* in the scene's array, for error sentences */
-    size_t triangle_count;   /* triangles to be read */
-    sps_placement placement; /* with the identity in place of all-zero axes */
-    float color[3];          /* reflectance, unless has_colors */
-    float transmittance[3];  /* all 0: opaque */
-    int has_normals;         /* 1: corners have normals */
-    int has_colors;          /* 1: corners have colors */
-    int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);                    /* as in sps_mesh */
-    void *user;                                                                                   /* of read_fn */
-    int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out); /* NULL: `color` */
-    void *shade_user;                                                                             /* of shade_fn */
-    uint64_t revision; /* of the triangles; 0: they are read in every call */
+    sps_mesh given; /* with the identity in place of all-zero axes */
+    int index;      /* in the scene's array, for error sentences */
 } spsi_mesh;
 
 /* The extent of a light. Places in it are (x, y), within the unit disc or within the square from -1 to 1. */
@@ -5209,8 +5190,8 @@ static int spsi_take_material(spsi_frame *frame, const spsi_material *material) 
     return channel;
 }
 
-static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, const sps_volume *volume,
-                                    spsi_medium *medium, spsi_table *table) {
+static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, spsi_medium *medium, spsi_table *table) {
+    const sps_volume *volume = &medium->given;
     spsi_material material;
     memset(&material, 0, sizeof material);
     spsi_material_lobes(volume->lobes, volume->lobe_count, &material);
@@ -5241,7 +5222,7 @@ static sps_result spsi_medium_place(sps_context *context, const sps_volume *volu
     if (spsi_check_placement(&at, &placement)) return context->result;
     memcpy(lattice->corner, placement.origin, sizeof lattice->corner);
     for (int axis = 0; axis < 3; ++axis)
-        for (int i = 0; i < 3; ++i) lattice->step[axis][i] = placement.axis[axis][i] / medium->size[axis];
+        for (int i = 0; i < 3; ++i) lattice->step[axis][i] = placement.axis[axis][i] / medium->given.size[axis];
     lattice->voxel_volume = fabs(spsi_determinant(lattice->step[0], lattice->step[1], lattice->step[2]));
     if (lattice->voxel_volume > 0) return SPS_OK;
     return spsi_wrong(&at, "placement's volume of a voxel", lattice->voxel_volume,
@@ -5249,23 +5230,18 @@ static sps_result spsi_medium_place(sps_context *context, const sps_volume *volu
 }
 
 static void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice *lattice, spsi_medium *medium) {
+    medium->given = *volume;
     medium->index = index;
-    memcpy(medium->size, volume->size, sizeof medium->size);
     medium->lattice = lattice;
-    medium->read_fn = volume->read_fn;
-    medium->range_fn = volume->range_fn;
-    medium->eval_fn = volume->eval_fn;
-    medium->user = volume->user;
-    medium->concurrent = volume->concurrent || (volume->read_fn == sps_grid_read &&
-                                                (!volume->range_fn || volume->range_fn == sps_grid_range));
-    medium->revision = volume->revision;
+    if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range))
+        medium->given.concurrent = 1;
 }
 
 /* Grows bounds to hold a volume, with a margin in voxels. */
 static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3];
-        for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->size[k] + margin : -margin;
+        for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->given.size[k] + margin : -margin;
         spsi_voxel_position(medium->lattice, at, point);
         spsi_bounds_add(bounds, point);
     }
@@ -5293,9 +5269,8 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, 
     if (!table) return context->result;
     for (int i = 0; i < frame->medium_count; ++i) {
         spsi_medium *medium = &frame->media[i];
-        const sps_volume *volume = &scene->volumes[medium->index];
-        if (spsi_add_material(context, frame, volume, medium, table)) return context->result;
-        table += volume->transfer != NULL;
+        if (spsi_add_material(context, frame, medium, table)) return context->result;
+        table += medium->given.transfer != NULL;
         spsi_medium_bounds(medium, SPSI_REACH, &frame->volume_bounds);
     }
     return SPS_OK;
@@ -5320,13 +5295,10 @@ static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame
         spsi_material_lobes(particles->lobes, particles->lobe_count, &material);
         spsi_material_gas(1, particles->albedo, particles->emission, &material);
         spsi_material_ambient(frame, particles->ambient, &material);
+        set->given = *particles;
         set->index = i;
         set->channel = spsi_take_material(frame, &material);
-        set->count = particles->count;
         set->soft = particles->soft != 0;
-        set->is_extinction = particles->is_extinction != 0;
-        set->read_fn = particles->read_fn;
-        set->user = particles->user;
         frame->particles.has_soft |= set->soft;
         frame->particles.set_count += 1;
         frame->matter.light_channel_count = 1;
@@ -5335,19 +5307,11 @@ static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame
 }
 
 static void spsi_mesh_build(const sps_mesh *from, int index, spsi_mesh *mesh) {
+    mesh->given = *from;
     mesh->index = index;
-    mesh->triangle_count = from->triangle_count;
-    spsi_placement_resolve(&from->placement, &mesh->placement);
-    memcpy(mesh->color, from->color, sizeof mesh->color);
+    spsi_placement_resolve(&from->placement, &mesh->given.placement);
     for (int c = 0; c < 3; ++c)
-        mesh->transmittance[c] = from->transmittance[c] < SPSI_VALUE_MIN ? 0 : from->transmittance[c];
-    mesh->has_normals = from->has_normals != 0;
-    mesh->has_colors = from->has_colors != 0;
-    mesh->read_fn = from->read_fn;
-    mesh->user = from->user;
-    mesh->shade_fn = from->shade_fn;
-    mesh->shade_user = from->shade_user;
-    mesh->revision = from->revision;
+        if (from->transmittance[c] < SPSI_VALUE_MIN) mesh->given.transmittance[c] = 0;
 }
 
 /* Lists the meshes that have triangles. */
@@ -5361,12 +5325,12 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, c
         const spsi_subject at = {context, SPS_OBJECT_MESH, i, ""};
         spsi_mesh mesh;
         spsi_mesh_build(&scene->meshes[i], i, &mesh);
-        if (spsi_check_placement(&at, &mesh.placement)) return context->result;
-        if (mesh.triangle_count == 0) continue;
+        if (spsi_check_placement(&at, &mesh.given.placement)) return context->result;
+        if (mesh.given.triangle_count == 0) continue;
         /* both are at most SPSI_FACES_MAX, so that the sum fits a size_t of 32 bits */
-        meshes->triangle_count += mesh.triangle_count;
-        meshes->textured_count += mesh.shade_fn ? mesh.triangle_count : 0;
-        for (int c = 0; c < 3; ++c) meshes->translucent |= mesh.transmittance[c] > 0;
+        meshes->triangle_count += mesh.given.triangle_count;
+        meshes->textured_count += mesh.given.shade_fn ? mesh.given.triangle_count : 0;
+        for (int c = 0; c < 3; ++c) meshes->translucent |= mesh.given.transmittance[c] > 0;
         if (meshes->triangle_count > SPSI_FACES_MAX)
             return spsi_wrong(&at, "triangle_count, with those before it,", (double)meshes->triangle_count,
                               "all meshes together must have 2^29 at most");
@@ -5601,8 +5565,8 @@ static int spsi_count_channels(const spsi_frame *frame) {
     for (int i = 0; i < frame->lamps.count; ++i)
         grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
     for (int i = 0; i < frame->meshes.count; ++i)
-        grey &= !frame->meshes.list[i].has_colors && !frame->meshes.list[i].shade_fn &&
-                spsi_grey(frame->meshes.list[i].color) && spsi_grey(frame->meshes.list[i].transmittance);
+        grey &= !frame->meshes.list[i].given.has_colors && !frame->meshes.list[i].given.shade_fn &&
+                spsi_grey(frame->meshes.list[i].given.color) && spsi_grey(frame->meshes.list[i].given.transmittance);
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         grey &= spsi_grey(material->albedo) && spsi_grey(material->emission) && spsi_grey(material->ambient);
@@ -5723,7 +5687,7 @@ static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const
     block->medium = medium;
     block->material = material;
     for (int i = 0; i < 3; ++i) {
-        const int size = medium->size[i], count = (size + SPSI_BLOCK - 1) / SPSI_BLOCK;
+        const int size = medium->given.size[i], count = (size + SPSI_BLOCK - 1) / SPSI_BLOCK;
         block->core_low[i] = (int)(index % count) * SPSI_BLOCK;
         block->core_high[i] = spsi_least(size, block->core_low[i] + SPSI_BLOCK);
         block->low[i] = spsi_most(0, block->core_low[i] - margin);
@@ -5734,7 +5698,7 @@ static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const
 
 static int64_t spsi_block_count(const spsi_medium *medium) {
     int64_t count = 1;
-    for (int i = 0; i < 3; ++i) count *= (medium->size[i] + SPSI_BLOCK - 1) / SPSI_BLOCK;
+    for (int i = 0; i < 3; ++i) count *= (medium->given.size[i] + SPSI_BLOCK - 1) / SPSI_BLOCK;
     return count;
 }
 
@@ -5754,11 +5718,11 @@ static int spsi_block_called(spsi_block *block, const char *callback, int return
 
 /* Finds out if range_fn shows that nothing in the block can be relevant. */
 static void spsi_block_range(spsi_block *block) {
-    const spsi_medium *medium = block->medium;
+    const sps_volume *volume = &block->medium->given;
     float range[2] = {0, 0};
-    if (!medium->range_fn) return;
+    if (!volume->range_fn) return;
     block->range_calls += 1;
-    if (spsi_block_called(block, "range_fn", medium->range_fn(medium->user, block->low, block->size, range))) return;
+    if (spsi_block_called(block, "range_fn", volume->range_fn(volume->user, block->low, block->size, range))) return;
     if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return; /* reading reports the error */
     if (block->material->table)
         block->empty = !spsi_transfer_shows(block->material, 0, range[1]);
@@ -5768,7 +5732,7 @@ static void spsi_block_range(spsi_block *block) {
 
 static void spsi_block_evaluate(spsi_voxels *voxels) {
     spsi_block *block = &voxels->block;
-    const spsi_medium *medium = block->medium;
+    const sps_volume *volume = &block->medium->given;
     const size_t layer = (size_t)block->size[0] * (size_t)block->size[1];
     for (int z = 0; z < block->size[2] && block->result == SPS_OK; ++z) {
         double *position = voxels->positions;
@@ -5776,26 +5740,26 @@ static void spsi_block_evaluate(spsi_voxels *voxels) {
         for (int y = 0; y < block->size[1]; ++y)
             for (int x = 0; x < block->size[0]; ++x, position += 3) {
                 const double at[3] = {block->low[0] + x + 0.5, block->low[1] + y + 0.5, block->low[2] + z + 0.5};
-                spsi_voxel_position(medium->lattice, at, position);
+                spsi_voxel_position(block->medium->lattice, at, position);
             }
         block->calls += 1;
-        spsi_block_called(block, "eval_fn", medium->eval_fn(medium->user, layer, voxels->positions, values));
+        spsi_block_called(block, "eval_fn", volume->eval_fn(volume->user, layer, voxels->positions, values));
     }
 }
 
 /* Reads a block, unless range_fn, which is called first if `asks`, shows that it is empty. */
 static void spsi_block_read(spsi_voxels *voxels, int asks) {
     spsi_block *block = &voxels->block;
-    const spsi_medium *medium = block->medium;
+    const sps_volume *volume = &block->medium->given;
     const int count = block->size[0] * block->size[1] * block->size[2];
     if (asks) spsi_block_range(block);
     if (block->result != SPS_OK || block->empty) return;
     memset(voxels->values, 0, (size_t)count * sizeof(float));
-    if (medium->eval_fn) {
+    if (volume->eval_fn) {
         spsi_block_evaluate(voxels);
     } else {
         block->calls += 1;
-        spsi_block_called(block, "read_fn", medium->read_fn(medium->user, block->low, block->size, voxels->values));
+        spsi_block_called(block, "read_fn", volume->read_fn(volume->user, block->low, block->size, voxels->values));
     }
     if (block->result == SPS_OK) block->voxels_read = count;
 }
@@ -5843,7 +5807,7 @@ static sps_result spsi_block_check(sps_context *context, const spsi_block *block
 
 /* Adds what was done for a block to the statistics. */
 static void spsi_block_count_up(sps_stats_report *stats, const spsi_block *block) {
-    uint64_t *calls = block->medium->eval_fn ? &stats->eval_calls : &stats->read_calls;
+    uint64_t *calls = block->medium->given.eval_fn ? &stats->eval_calls : &stats->read_calls;
     *calls += (uint64_t)block->calls;
     stats->range_calls += (uint64_t)block->range_calls;
     stats->blocks_skipped += (uint64_t)block->empty;
@@ -5886,7 +5850,7 @@ static sps_result spsi_reader_open(sps_context *context, spsi_reader *reader) {
 /* A block of the list, read and valid; NULL if there is nothing to be done with it. */
 static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
     spsi_voxels *voxels = &reader->list[index];
-    if (reader->medium->concurrent) spsi_block_read(voxels, reader->asks);
+    if (reader->medium->given.concurrent) spsi_block_read(voxels, reader->asks);
     if (voxels->block.voxels_read > 0) spsi_block_validate(voxels, reader->replace);
     return voxels->block.voxels_read > 0 && voxels->block.result == SPS_OK ? voxels : NULL;
 }
@@ -5896,7 +5860,7 @@ static sps_result spsi_reader_read(sps_context *context, spsi_reader *reader, in
     for (int i = 0; i < reader->count; ++i) {
         const double done = (double)(first + i) / (double)reader->block_count;
         if (spsi_progress(context, spsi_part_done(&reader->part, done))) return context->result;
-        if (reader->medium->concurrent) break;
+        if (reader->medium->given.concurrent) break;
         spsi_block_read(&reader->list[i], reader->asks);
         if (reader->list[i].block.result != SPS_OK) reader->count = i + 1;
     }
@@ -6135,14 +6099,14 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
         const spsi_material *material = &frame->matter.materials[medium->channel];
         const spsi_lattice *lattice = medium->lattice;
         const spsi_table *table = material->table;
-        if (medium->revision == 0) return 0;
-        hash = spsi_fingerprint(hash, medium->size, sizeof medium->size);
-        hash = spsi_fingerprint(hash, &medium->user, sizeof medium->user);
-        hash = spsi_fingerprint(hash, &medium->read_fn, sizeof medium->read_fn);
-        hash = spsi_fingerprint(hash, &medium->eval_fn, sizeof medium->eval_fn);
-        hash = spsi_fingerprint(hash, &medium->revision, sizeof medium->revision);
-        if (medium->eval_fn) hash = spsi_fingerprint(hash, lattice->step, sizeof lattice->step);
-        if (medium->eval_fn) hash = spsi_fingerprint(hash, lattice->corner, sizeof lattice->corner);
+        if (medium->given.revision == 0) return 0;
+        hash = spsi_fingerprint(hash, medium->given.size, sizeof medium->given.size);
+        hash = spsi_fingerprint(hash, &medium->given.user, sizeof medium->given.user);
+        hash = spsi_fingerprint(hash, &medium->given.read_fn, sizeof medium->given.read_fn);
+        hash = spsi_fingerprint(hash, &medium->given.eval_fn, sizeof medium->given.eval_fn);
+        hash = spsi_fingerprint(hash, &medium->given.revision, sizeof medium->given.revision);
+        if (medium->given.eval_fn) hash = spsi_fingerprint(hash, lattice->step, sizeof lattice->step);
+        if (medium->given.eval_fn) hash = spsi_fingerprint(hash, lattice->corner, sizeof lattice->corner);
         if (table) hash = spsi_fingerprint(hash, table->shown, sizeof table->shown);
         if (table) hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
     }
@@ -6287,15 +6251,15 @@ static int spsi_particles_keep(sps_particle *batch, size_t count) {
 
 static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
                                   size_t *read, sps_particle *list) {
-    for (size_t first = 0; first < set->count; first += SPSI_PARTICLE_BATCH) {
-        const size_t left = set->count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
+    for (size_t first = 0; first < set->given.count; first += SPSI_PARTICLE_BATCH) {
+        const size_t left = set->given.count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
         sps_particle *batch = list + frame->content->particle_count; /* there is room: no more were kept than read */
         if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*read / (double)frame->particles.count))
             return context->result;
         memset(batch, 0, count * sizeof *batch);
         context->stats.particle_calls += 1;
         if (spsi_check_call(context, SPS_OBJECT_PARTICLES, set->index, "read_fn",
-                            set->read_fn(set->user, first, count, batch)) ||
+                            set->given.read_fn(set->given.user, first, count, batch)) ||
             spsi_particles_validate(context, set, batch, first, count, frame->replace_invalid))
             return context->result;
         frame->content->particle_count += spsi_particles_keep(batch, count);
@@ -6308,7 +6272,7 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
 /* Optical depth along a particle's diameter. */
 static double spsi_particle_depth(const sps_particle *particle, const spsi_particle_set *set) {
     const double shape = set->soft ? 4.0 / 3 : 2;
-    return (double)particle->optical_depth * (set->is_extinction ? shape * (double)particle->radius : 1);
+    return (double)particle->optical_depth * (set->given.is_extinction ? shape * (double)particle->radius : 1);
 }
 
 static void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *bounds) {
@@ -6981,11 +6945,11 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
     for (int i = 0; i < 9 && wrong < 0; ++i) {
         const float local[3] = {t->position[i / 3][i % 3], t->normal[i / 3][i % 3], t->color[i / 3][i % 3]};
         if (spsi_bad_coordinate(&world[i / 3][i % 3], 1)) wrong = 0;
-        if (mesh->has_normals && !(fabsf(local[1]) <= FLT_MAX)) wrong = 1;
-        if (mesh->has_colors && !(local[2] >= 0 && local[2] <= 1)) wrong = 2;
+        if (mesh->given.has_normals && !(fabsf(local[1]) <= FLT_MAX)) wrong = 1;
+        if (mesh->given.has_colors && !(local[2] >= 0 && local[2] <= 1)) wrong = 2;
         if (wrong >= 0) value = wrong == 0 ? world[i / 3][i % 3] : (double)local[wrong];
     }
-    for (int i = 0; i < 6 && mesh->shade_fn && wrong < 0; ++i)
+    for (int i = 0; i < 6 && mesh->given.shade_fn && wrong < 0; ++i)
         if (!(fabsf(t->uv[i / 2][i % 2]) <= FLT_MAX)) wrong = 3, value = (double)t->uv[i / 2][i % 2];
     if (wrong < 0) return SPS_OK;
     for (int i = 0; i < 9 && wrong == 0; ++i) /* a NaN spreads to other components on its way into the world */
@@ -7005,12 +6969,12 @@ static void spsi_to_world(const sps_placement *placement, const float local[3], 
    stay perpendicular to the surface under any affine map. */
 static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangle, const double own[3],
                               spsi_face *face) {
-    const sps_placement *placement = &mesh->placement;
+    const sps_placement *placement = &mesh->given.placement;
     double cofactors[3][3];
     for (int i = 0; i < 3; ++i) spsi_cross(placement->axis[(i + 1) % 3], placement->axis[(i + 2) % 3], cofactors[i]);
     for (int corner = 0; corner < 3; ++corner) {
         double n[3] = {0, 0, 0};
-        for (int i = 0; i < 3 && mesh->has_normals; ++i)
+        for (int i = 0; i < 3 && mesh->given.has_normals; ++i)
             spsi_along(n, cofactors[i], (double)triangle->normal[corner][i], n);
         if (!spsi_normalise(n)) memcpy(n, own, sizeof n);
         for (int i = 0; i < 3; ++i) face->normal[corner][i] = (float)n[i];
@@ -7052,15 +7016,15 @@ static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const 
     for (int corner = 0; corner < 3; ++corner) {
         spsi_bounds_add(&frame->content->mesh_bounds, world[corner]);
         for (int i = 0; i < 3; ++i) {
-            face->color[corner][i] = mesh->has_colors ? triangle->color[corner][i] : mesh->color[i];
-            reach = fmax(reach, fabs(world[corner][i] - mesh->placement.origin[i]));
+            face->color[corner][i] = mesh->given.has_colors ? triangle->color[corner][i] : mesh->given.color[i];
+            reach = fmax(reach, fabs(world[corner][i] - mesh->given.placement.origin[i]));
         }
     }
-    memcpy(face->transmittance, mesh->transmittance, sizeof face->transmittance);
+    memcpy(face->transmittance, mesh->given.transmittance, sizeof face->transmittance);
     face->rounding = (float)(reach * (double)FLT_EPSILON);
     spsi_face_normals(mesh, triangle, own, face);
     lists->face_count += 1;
-    if (!mesh->shade_fn) return;
+    if (!mesh->given.shade_fn) return;
     memcpy(lists->textures[lists->texture_count].uv, triangle->uv, sizeof triangle->uv);
     lists->textures[lists->texture_count++].number = (uint32_t)number;
 }
@@ -7070,17 +7034,17 @@ static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame
     sps_triangle *triangles =
         (sps_triangle *)spsi_reserve(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
     if (!triangles) return context->result;
-    for (size_t first = 0; first < mesh->triangle_count; first += SPSI_TRIANGLE_BATCH) {
-        const size_t left = mesh->triangle_count - first,
+    for (size_t first = 0; first < mesh->given.triangle_count; first += SPSI_TRIANGLE_BATCH) {
+        const size_t left = mesh->given.triangle_count - first,
                      count = left < SPSI_TRIANGLE_BATCH ? left : SPSI_TRIANGLE_BATCH;
         memset(triangles, 0, count * sizeof(sps_triangle));
         context->stats.triangle_calls += 1;
         if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "read_fn",
-                            mesh->read_fn(mesh->user, first, count, triangles)))
+                            mesh->given.read_fn(mesh->given.user, first, count, triangles)))
             return context->result;
         for (size_t i = 0; i < count; ++i) {
             double world[3][3];
-            for (int k = 0; k < 3; ++k) spsi_to_world(&mesh->placement, triangles[i].position[k], world[k]);
+            for (int k = 0; k < 3; ++k) spsi_to_world(&mesh->given.placement, triangles[i].position[k], world[k]);
             if (spsi_triangle_check(context, &triangles[i], mesh, first + i, world)) return context->result;
             spsi_face_add(frame, mesh, &triangles[i], first + i, world, lists);
         }
@@ -7093,16 +7057,16 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->meshes.count; ++i) {
         const spsi_mesh *mesh = &frame->meshes.list[i];
-        const int has[3] = {mesh->has_normals, mesh->has_colors, mesh->shade_fn != NULL};
-        if (mesh->revision == 0) return 0;
-        hash = spsi_fingerprint(hash, &mesh->triangle_count, sizeof mesh->triangle_count);
-        hash = spsi_fingerprint(hash, &mesh->read_fn, sizeof mesh->read_fn);
-        hash = spsi_fingerprint(hash, &mesh->user, sizeof mesh->user);
-        hash = spsi_fingerprint(hash, &mesh->placement, sizeof mesh->placement);
-        hash = spsi_fingerprint(hash, mesh->color, sizeof mesh->color);
+        const int has[3] = {mesh->given.has_normals, mesh->given.has_colors, mesh->given.shade_fn != NULL};
+        if (mesh->given.revision == 0) return 0;
+        hash = spsi_fingerprint(hash, &mesh->given.triangle_count, sizeof mesh->given.triangle_count);
+        hash = spsi_fingerprint(hash, &mesh->given.read_fn, sizeof mesh->given.read_fn);
+        hash = spsi_fingerprint(hash, &mesh->given.user, sizeof mesh->given.user);
+        hash = spsi_fingerprint(hash, &mesh->given.placement, sizeof mesh->given.placement);
+        hash = spsi_fingerprint(hash, mesh->given.color, sizeof mesh->given.color);
         hash = spsi_fingerprint(hash, has, sizeof has);
-        hash = spsi_fingerprint(hash, mesh->transmittance, sizeof mesh->transmittance);
-        hash = spsi_fingerprint(hash, &mesh->revision, sizeof mesh->revision);
+        hash = spsi_fingerprint(hash, mesh->given.transmittance, sizeof mesh->given.transmittance);
+        hash = spsi_fingerprint(hash, &mesh->given.revision, sizeof mesh->given.revision);
     }
     return hash | 1;
 }
@@ -8338,7 +8302,7 @@ static int spsi_surface_batch_fill(spsi_surface_batch *batch) {
                 if (batch->shown_count == SPSI_SURFACE_BATCH) return 1;
                 shown->place = place;
                 shown->mesh = spsi_mesh_of(batch->frame, batch->faces, place.hit->face);
-                batch->shown_count += batch->frame->meshes.list[shown->mesh].shade_fn != NULL;
+                batch->shown_count += batch->frame->meshes.list[shown->mesh].given.shade_fn != NULL;
             }
     return batch->shown_count > 0;
 }
@@ -8361,7 +8325,7 @@ static sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_ba
     context->stats.shade_calls += 1;
     context->stats.surface_points += (uint64_t)batch->count;
     if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "shade_fn",
-                        mesh->shade_fn(mesh->shade_user, (size_t)batch->count, batch->points, batch->out)))
+                        mesh->given.shade_fn(mesh->given.shade_user, (size_t)batch->count, batch->points, batch->out)))
         return context->result;
     for (int i = 0; i < batch->count; ++i)
         if (spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's color",
@@ -13401,7 +13365,7 @@ static void spsi_levels_place(spsi_fields *fields, int medium) {
 static void spsi_field_whole(const spsi_medium *medium, spsi_voxel_field *field) {
     for (int k = 0; k < 3; ++k) {
         field->low[k] = -1;
-        field->size[k] = (medium->size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
+        field->size[k] = (medium->given.size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
     }
 }
 
@@ -16008,7 +15972,7 @@ static uint64_t spsi_medium_fingerprint(const spsi_frame *frame, int i) {
 /* A hash of how particles of a set become balls. */
 static uint64_t spsi_set_fingerprint(uint64_t hash, const spsi_particle_set *set) {
     hash = spsi_fingerprint(hash, &set->soft, sizeof set->soft);
-    return spsi_fingerprint(hash, &set->is_extinction, sizeof set->is_extinction);
+    return spsi_fingerprint(hash, &set->given.is_extinction, sizeof set->given.is_extinction);
 }
 
 typedef struct spsi_print_job {
@@ -18418,7 +18382,7 @@ static double spsi_bytes_without_tables(const sps_context *context, const spsi_f
     const double triangles = (double)frame->meshes.triangle_count;
     double bytes = (double)spsi_worker_count(context) * 3e5 * (frame->matter.material_count + 1);
     for (int i = 0; i < frame->medium_count; ++i)
-        bytes += 20.0 * frame->media[i].size[0] * frame->media[i].size[1] * frame->media[i].size[2];
+        bytes += 20.0 * frame->media[i].given.size[0] * frame->media[i].given.size[1] * frame->media[i].given.size[2];
     bytes += (32 + 264) * (double)frame->particles.count + (176 + 68) * triangles;
     bytes += 60 * pixels + 68.0 * sheets->rays.width * sheets->rays.height;
     return bytes + (triangles > 0 ? lights * (18 * map * map + 4 * pixels) : 0);
@@ -24899,7 +24863,7 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
     const size_t each = sizeof(spsi_emitter) + sizeof(spsi_flight_node) + sizeof(int);
     size_t bricks = 0, count = frame->matter.emits ? 2 * frame->particles.count : 0;
     for (int i = 0; i < frame->medium_count; ++i) {
-        const int *size = frame->media[i].size;
+        const int *size = frame->media[i].given.size;
         const size_t across = (size_t)(size[0] / SPSI_BRICK + 1), up = (size_t)(size[1] / SPSI_BRICK + 1);
         if (frame->matter.materials[frame->media[i].channel].emits)
             bricks += across * up * (size_t)(size[2] / SPSI_BRICK + 1);
@@ -26849,7 +26813,7 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
             reading->bricks_of[medium] += bricks;
             reading->voxels_of[medium] += kept;
             report->voxels_read += voxels;
-            if (block.medium->eval_fn)
+            if (block.medium->given.eval_fn)
                 report->eval_calls += (uint64_t)block.size[2];
             else
                 report->read_calls += 1;
@@ -26875,7 +26839,7 @@ static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame
         const double bricks = (double)reading->bricks_of[m], most = pow(SPSI_BRICK + fields->taps, 3);
         double volume = 1;
         spsi_field_whole(&frame->media[m], field);
-        for (int k = 0; k < 3; ++k) volume *= frame->media[m].size[k] + fields->taps;
+        for (int k = 0; k < 3; ++k) volume *= frame->media[m].given.size[k] + fields->taps;
         spsi_levels_place(fields, m);
         field->count = spsi_field_cells(field) <= spsi_field_cells_most(frame, (size_t)reading->bricks_of[m]);
         field->volume = spsi_minimum(volume, most * bricks);
@@ -27381,9 +27345,10 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
     spsi_plan_tmaps(frame, bricks, report);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_held(context, frame); ++i)
         report->triangle_calls +=
-            (frame->meshes.list[i].triangle_count + SPSI_TRIANGLE_BATCH - 1) / SPSI_TRIANGLE_BATCH;
+            (frame->meshes.list[i].given.triangle_count + SPSI_TRIANGLE_BATCH - 1) / SPSI_TRIANGLE_BATCH;
     for (int i = 0; i < frame->particles.set_count; ++i)
-        report->particle_calls += (frame->particles.sets[i].count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
+        report->particle_calls +=
+            (frame->particles.sets[i].given.count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
     for (int i = 0; i < frame->lamps.count; ++i)
         report->projector_calls += (uint64_t)frame->lamps.list[i].projection.height;
     report->sweep_count = spsi_plan_sweep_count(frame);
@@ -28187,7 +28152,7 @@ typedef struct spsi_dense_job {
 static void spsi_dense_task(void *data, int index, int worker) {
     const spsi_dense_job *job = (const spsi_dense_job *)data;
     const spsi_voxels *voxels = spsi_reader_values(&job->reader, index);
-    const int *size = job->reader.medium->size;
+    const int *size = job->reader.medium->given.size;
     (void)worker;
     if (!voxels) return;
     for (int z = voxels->block.core_low[2]; z < voxels->block.core_high[2]; ++z)
@@ -28239,7 +28204,7 @@ static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame
         spsi_dense *grid = &marcher->grids[i];
         uint64_t b = 1, v = 1;
         for (int k = 0; k < 3; ++k) {
-            grid->size[k] = frame->media[i].size[k];
+            grid->size[k] = frame->media[i].given.size[k];
             grid->bricks[k] = (grid->size[k] + SPSI_BRICK - 1) / SPSI_BRICK;
             v *= (uint64_t)grid->size[k];
             b *= (uint64_t)grid->bricks[k];

@@ -14949,19 +14949,6 @@ static inline spsi_v spsi_shadow_table_step(const sps_tmap *map) {
     return spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST);
 }
 
-/* Optical depth of gas at a vector of points, from a shadow table. */
-static spsi_v spsi_shadow_table_lookup(const sps_tmap *map, const spsi_tmap_quads *quads) {
-    spsi_shadow_table_place x[2], y[2];
-    spsi_v sum = spsi_set(0);
-    for (int i = 0; i < 2; ++i) {
-        x[i] = spsi_shadow_table_place_of(quads->column[i], 1);
-        y[i] = spsi_shadow_table_place_of(quads->row[i], SPSI_SHADOW_TABLE_SIDE);
-    }
-    for (int i = 0; i < 4; ++i)
-        sum = spsi_fma(quads->weight[i], spsi_shadow_table_at(map, &x[i & 1], &y[i >> 1], quads->u), sum);
-    return spsi_mul(sum, spsi_shadow_table_step(map));
-}
-
 /* Optical depth of gas before u in a vector of texels of any map. */
 static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     const float components = (float)map->settings.components;
@@ -15083,7 +15070,7 @@ static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
         spsi_tmap_see(map, q, &seen);
     spsi_quads_build(map, &seen, &quads);
     quads.u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), spsi_set(0), spsi_set(1));
-    return map->data.table.data ? spsi_shadow_table_lookup(map, &quads) : spsi_tmap_optical_depths(map, &quads);
+    return spsi_tmap_optical_depths(map, &quads);
 }
 
 /* Optical depth, surfaces included, from that of gas and the share that surfaces let through. */

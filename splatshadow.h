@@ -4235,13 +4235,11 @@ typedef struct spsi_cone {
        (across . offset) / (forward . offset) + add,   directional: across . offset + add */
 typedef struct spsi_projection {
     int exists;
-    int width, height; /* of the image */
+    sps_projector given;
     double across[2][3], add[2], forward[3];
     double edge[2]; /* of a texel at distance 1, or in the world */
     double focus;   /* 1 / distance of the plane in focus; 0: infinity */
     int image;      /* in the content's list */
-    int (*sample_fn)(void *user, size_t count, const float *uv, float *out_rgb);
-    void *user; /* of sample_fn */
 } spsi_projection;
 
 /* Why a light shades gas by sheets or by a map. */
@@ -4342,13 +4340,6 @@ typedef struct spsi_ambient {
     float radiance[3];
     int exists; /* 1: it is not black */
 } spsi_ambient;
-
-/* Radiance behind everything. */
-typedef struct spsi_background {
-    float color[3];                                                                     /* without a callback */
-    int (*color_fn)(void *user, size_t count, const float *directions, float *out_rgb); /* NULL: `color` everywhere */
-    void *user;                                                                         /* of color_fn */
-} spsi_background;
 
 #define SPSI_IMAGE_LEVELS 25 /* of an image of 4096 texels on a side, if one side is halved before the other */
 
@@ -4476,6 +4467,7 @@ typedef struct spsi_content {
    are chosen, >>shadows. */
 typedef struct spsi_frame {
     spsi_content *content;
+    sps_scene given; /* its arrays are read while the frame is built */
     sps_view view;     /* all fields resolved, including the region; a shadow_size of 0: fitted to the gas */
     sps_object viewer; /* the struct that errors about the view name: a view, or a map's light */
     int has_matrix;    /* 1: its camera was given as a matrix, which only `eye` has now */
@@ -4490,8 +4482,6 @@ typedef struct spsi_frame {
     spsi_meshes meshes;
     spsi_lamps lamps;
     spsi_ambient ambient;
-    spsi_background background;
-    int replace_invalid; /* 1: invalid values become 0 instead of an error */
     int has_gradients; /* 1: some volume is shaded as a surface; its field has the gradients */
     int channels;    /* channels of radiance: 1 if every color is grey, otherwise 3 */
     int wants_depth; /* 1: the image has depths */
@@ -5364,10 +5354,7 @@ static void spsi_projection_build(const sps_light *light, const double direction
     const double down = projector->height / (projector->top - projector->bottom);
     memset(projection, 0, sizeof *projection);
     projection->exists = 1;
-    projection->width = projector->width;
-    projection->height = projector->height;
-    projection->sample_fn = projector->sample_fn;
-    projection->user = projector->user;
+    projection->given = *projector;
     memcpy(projection->forward, direction, sizeof projection->forward);
     spsi_axes_across(direction, projector->up, projection->across[0], projection->across[1]);
     for (int i = 0; i < 3; ++i) projection->across[0][i] *= across, projection->across[1][i] *= down;
@@ -5561,7 +5548,7 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
 static int spsi_count_channels(const spsi_frame *frame) {
-    int grey = spsi_grey(frame->ambient.radiance) && spsi_grey(frame->background.color) && !frame->background.color_fn;
+    int grey = spsi_grey(frame->ambient.radiance) && spsi_grey(frame->given.background) && !frame->given.background_fn;
     for (int i = 0; i < frame->lamps.count; ++i)
         grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
     for (int i = 0; i < frame->meshes.count; ++i)
@@ -5593,10 +5580,6 @@ static void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
         frame->ambient.exists |= !spsi_black(material->ambient);
         for (int c = 0; c < 3; ++c) material->ambient[c] += scene->ambient[c];
     }
-    memcpy(frame->background.color, scene->background, sizeof frame->background.color);
-    frame->background.color_fn = scene->background_fn;
-    frame->background.user = scene->background_user;
-    frame->replace_invalid = scene->replace_invalid != 0;
     frame->channels = spsi_count_channels(frame);
     spsi_resolve_orders(frame);
 }
@@ -5610,6 +5593,7 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     if (!frame || !content) return NULL;
     if (spsi_check_scene(context, scene) || (view && spsi_check_view(context, view))) return NULL;
     memset(frame, 0, sizeof *frame);
+    frame->given = *scene;
     if (view) frame->view = *view;
     frame->viewer = SPS_OBJECT_VIEW;
     frame->wants_depth = wants_depth;
@@ -6077,7 +6061,7 @@ static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *fra
     reader.medium = &frame->media[medium];
     reader.material = &frame->matter.materials[reader.medium->channel];
     reader.asks = 1;
-    reader.replace = frame->replace_invalid;
+    reader.replace = frame->given.replace_invalid;
     reader.part.share = SPSI_PROGRESS_GATHER / frame->medium_count;
     reader.part.progress = reader.part.share * medium;
     if (spsi_reader_open(context, &reader)) return context->result;
@@ -6093,7 +6077,7 @@ static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *fra
 
 /* A hash of everything that decides which voxels are held; 0 if a volume has no revision. */
 static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
-    uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->replace_invalid, sizeof(int));
+    uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->given.replace_invalid, sizeof(int));
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_medium *medium = &frame->media[i];
         const spsi_material *material = &frame->matter.materials[medium->channel];
@@ -6260,7 +6244,7 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
         context->stats.particle_calls += 1;
         if (spsi_check_call(context, SPS_OBJECT_PARTICLES, set->index, "read_fn",
                             set->given.read_fn(set->given.user, first, count, batch)) ||
-            spsi_particles_validate(context, set, batch, first, count, frame->replace_invalid))
+            spsi_particles_validate(context, set, batch, first, count, frame->given.replace_invalid))
             return context->result;
         frame->content->particle_count += spsi_particles_keep(batch, count);
         *read += count;
@@ -6416,12 +6400,10 @@ static void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *box
 }
 
 /* The largest extinction of any value up to the largest in a brick, whose kernels stay below it. */
-static float spsi_brick_extinction(const sps_context *context, const spsi_material *material, const spsi_brick *brick) {
-    const spsi_segment *segment = spsi_segment_at(context, brick->segment);
-    float most = 0, extinction = 0;
-    for (int i = 0; i < brick->count; ++i) most = spsi_higher(most, segment->value[brick->first + i]);
-    if (!material->table) return most * material->extinction;
-    for (int i = 0; i <= SPSI_TABLE_SIZE && (float)(i - 1) <= most * material->table_scale; ++i)
+static float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick) {
+    float extinction = 0;
+    if (!material->table) return brick->most * material->extinction;
+    for (int i = 0; i <= SPSI_TABLE_SIZE && (float)(i - 1) <= brick->most * material->table_scale; ++i)
         extinction = spsi_higher(extinction, material->table->entry[i][3]);
     return extinction;
 }
@@ -6482,7 +6464,7 @@ static void spsi_bound_add_volumes(const sps_context *context, const spsi_frame 
         for (; i < context->brick_count && bricks[i].lattice == medium; ++i) {
             spsi_bounds box;
             spsi_brick_bounds(frame, &bricks[i], &box);
-            spsi_bound_raise(grid, &box, spsi_brick_extinction(context, material, &bricks[i]));
+            spsi_bound_raise(grid, &box, spsi_brick_extinction(material, &bricks[i]));
         }
         for (int cell = 0; cell < SPSI_BOUND_CELLS; ++cell) grid->all[cell] += grid->own[cell];
     }
@@ -6514,12 +6496,7 @@ static double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
     grid.all = memory;
     grid.own = memory + SPSI_BOUND_CELLS;
     grid.side = SPSI_BOUND_SIDE;
-    spsi_bricks_bounds(context, frame, &grid.bounds);
-    for (int i = 0; i < frame->content->particle_count; ++i) {
-        spsi_bounds box;
-        spsi_particle_bounds(&frame->content->particles[i], &box);
-        spsi_bounds_join(&grid.bounds, &box);
-    }
+    grid.bounds = frame->content->bounds;
     if (spsi_bounds_empty(&grid.bounds)) return 0;
     for (int k = 0; k < 3; ++k)
         grid.edge[k] = fmax((grid.bounds.high[k] - grid.bounds.low[k]) / SPSI_BOUND_SIDE, DBL_MIN);
@@ -9144,7 +9121,7 @@ static size_t spsi_image_level_floats(const spsi_image *image, int level) {
 /* Sets the sizes of an image's levels. From one to the next, the sides whose texels are the shorter ones are halved, or
    both if texels are about square. Returns the number of floats of all. */
 static size_t spsi_image_size(const spsi_projection *projection, spsi_image *image) {
-    int size[2] = {projection->width, projection->height}, level = 0;
+    int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = fmin(edge[0], edge[1]);
     const double unit = shortest;
     size_t floats = 0;
@@ -9169,7 +9146,7 @@ static size_t spsi_images_bytes(const spsi_frame *frame) {
     uint64_t bytes = (uint64_t)frame->lamps.image_count * sizeof(spsi_image), row = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_projection *projection = &frame->lamps.list[i].projection;
-        const size_t width = (size_t)projection->width;
+        const size_t width = (size_t)projection->given.width;
         spsi_image image;
         if (!projection->exists) continue;
         bytes += (uint64_t)spsi_image_size(projection, &image) * sizeof(float);
@@ -9181,7 +9158,7 @@ static size_t spsi_images_bytes(const spsi_frame *frame) {
 /* Fails on an invalid color of a texel, or makes it black. */
 static sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                       float *rgb) {
-    if (!frame->replace_invalid)
+    if (!frame->given.replace_invalid)
         return spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn's color",
                               rgb, SPSI_VALUE_MAX);
     if (!spsi_bad_color(rgb, SPSI_VALUE_MAX)) return SPS_OK;
@@ -9194,19 +9171,19 @@ static sps_result spsi_texel_validate(sps_context *context, const spsi_frame *fr
 static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp, float *row,
                                   const spsi_image *image) {
     const spsi_projection *projection = &lamp->projection;
-    const size_t width = (size_t)projection->width, pitch = (size_t)image->width[0];
+    const size_t width = (size_t)projection->given.width, pitch = (size_t)image->width[0];
     const size_t plane = pitch * (size_t)image->height[0];
     float *rgb = row + 2 * width;
-    for (int y = 0; y < projection->height; ++y) {
+    for (int y = 0; y < projection->given.height; ++y) {
         if (spsi_progress(context, 0)) return context->result;
         for (size_t x = 0; x < width; ++x) {
-            row[2 * x] = (float)(((double)x + 0.5) / projection->width);
-            row[2 * x + 1] = (float)((y + 0.5) / projection->height);
+            row[2 * x] = (float)(((double)x + 0.5) / projection->given.width);
+            row[2 * x + 1] = (float)((y + 0.5) / projection->given.height);
         }
         memset(rgb, 0, 3 * width * sizeof *rgb);
         context->stats.projector_calls += 1;
         if (spsi_check_call(context, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn",
-                            projection->sample_fn(projection->user, width, row, rgb)))
+                            projection->given.sample_fn(projection->given.user, width, row, rgb)))
             return context->result;
         for (size_t x = 0; x < width; ++x) {
             float *to = image->texels[0] + (size_t)(y + 1) * pitch + x + 1;
@@ -16512,11 +16489,11 @@ static void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
     spsi_shadow_table_count(map, 1);
 }
 
-/* Releases all shadow tables that are held. */
-static void spsi_shadow_tables_drop(sps_context *context) {
-    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    for (int i = 0; i < context->shadow_table_count; ++i) spsi_tmap_release(&held[i]);
-    context->shadow_table_count = 0;
+/* Releases all maps that a buffer holds. */
+static void spsi_tmaps_drop(sps_context *context, spsi_buffer_id id, int *count) {
+    sps_tmap *held = (sps_tmap *)context->buffers[id].data;
+    for (int i = 0; i < *count; ++i) spsi_tmap_release(&held[i]);
+    *count = 0;
 }
 
 /* Releases a map, or, unless the call has failed, holds its table for the next one, where there is room for the tables
@@ -18659,7 +18636,7 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
             return context->result;
         ++next;
     }
-    spsi_shadow_tables_drop(context); /* what no light has taken */
+    spsi_tmaps_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* what no light has taken */
     if (!spsi_reserve(context, SPSI_BUFFER_SHADOW_TABLES, (size_t)mapped, sizeof *maps)) return context->result;
     next = maps;
     for (int i = 0; i < count; ++i) {
@@ -24517,13 +24494,6 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     return context->result;
 }
 
-/* Releases the maps that no sweep has taken, after a failure. */
-static void spsi_cells_release(sps_context *context) {
-    sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
-    for (int i = 0; i < context->cell_tmap_count; ++i) spsi_tmap_release(&maps[i]);
-    context->cell_tmap_count = 0;
-}
-
 /* --- the equations of a channel --- */
 
 /* Cells that emit have at least this optical depth, so that what they emit has a source that can be divided by it. */
@@ -26451,21 +26421,21 @@ static size_t spsi_total_floats(const spsi_frame *frame) { return (size_t)(4 + f
 /* Fills `rgb` with the background's radiance for one row of the region, three floats per pixel. Directions are kept
    behind it. */
 static sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
-    const spsi_background *background = &frame->background;
+    const sps_scene *scene = &frame->given;
     const int *region = frame->view.region;
     float *directions = rgb + 3 * (size_t)region[2];
     for (int x = 0; x < region[2]; ++x) {
         double ray[3];
-        memcpy(rgb + 3 * x, background->color, sizeof background->color);
-        if (!background->color_fn) continue;
+        memcpy(rgb + 3 * x, scene->background, sizeof scene->background);
+        if (!scene->background_fn) continue;
         spsi_ray_direction(&frame->content->eye, region[0] + x, region[1] + y, ray);
         spsi_normalise(ray);
         for (int i = 0; i < 3; ++i) directions[3 * x + i] = (float)ray[i];
     }
-    if (!background->color_fn) return SPS_OK;
+    if (!scene->background_fn) return SPS_OK;
     context->stats.background_calls += 1;
     if (spsi_check_call(context, SPS_OBJECT_SCENE, -1, "background_fn",
-                        background->color_fn(background->user, (size_t)region[2], directions, rgb)))
+                        scene->background_fn(scene->background_user, (size_t)region[2], directions, rgb)))
         return context->result;
     for (int i = 0; i < region[2] && !context->result; ++i)
         spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "background_fn's color", rgb + 3 * i,
@@ -26725,7 +26695,8 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     if (spsi_fields_place(context, frame)) return context->result;
     spsi_levels_choose(frame);
     spsi_choose_shadows(context, frame);
-    if (!spsi_has_shadow_tables(frame)) spsi_shadow_tables_drop(context);
+    if (!spsi_has_shadow_tables(frame))
+        spsi_tmaps_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count);
     gathered = spsi_clock(context);
     context->stats.seconds_gather = gathered - start;
     spsi_eye_reference(frame);
@@ -26776,6 +26747,7 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
                                     spsi_reading *reading) {
     memset(reading, 0, sizeof *reading);
     reading->held = context->gathered != 0 && context->gathered == spsi_volumes_fingerprint(frame);
+    if (reading->held) spsi_bricks_bounds(context, frame, &frame->content->bounds);
     if (reading->held) return SPS_OK;
     for (int medium = 0; medium < frame->medium_count; ++medium) {
         const int64_t count = spsi_block_count(&frame->media[medium]);
@@ -27337,7 +27309,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
         report->particle_calls +=
             (frame->particles.sets[i].given.count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
     for (int i = 0; i < frame->lamps.count; ++i)
-        report->projector_calls += (uint64_t)frame->lamps.list[i].projection.height;
+        report->projector_calls += (uint64_t)frame->lamps.list[i].projection.given.height;
     report->sweep_count = spsi_plan_sweep_count(frame);
     report->color_channels = frame->channels;
     report->sheet_channels = frame->matter.material_count;
@@ -28161,7 +28133,7 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
     job.values = values;
     job.reader.medium = &frame->media[medium];
     job.reader.material = &plain;
-    job.reader.replace = frame->replace_invalid;
+    job.reader.replace = frame->given.replace_invalid;
     if (spsi_reader_open(context, &job.reader)) return context->result;
     for (int64_t i = 0; i < job.reader.block_count; i += job.reader.at_once)
         if (spsi_reader_next(context, &job.reader, i, spsi_dense_task, &job)) return context->result;
@@ -29764,7 +29736,7 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
     if (!context) return SPS_ERROR_ARGUMENT;
     if (frame) spsi_render_frame(context, frame, image);
-    spsi_cells_release(context);
+    spsi_tmaps_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count); /* there are some after a failure */
     return spsi_end(context);
 }
 

@@ -1852,6 +1852,10 @@ static inline spsi_v spsi_exp(spsi_v x) {
    3  Vectors and matrices in double precision: all placement is done with these, relative to the camera or to the first
    slab, before anything becomes a float. */
 
+/* Gauss's three points between 0 and 1, 1/2 +- sqrt(3/20), and their weights: exact for polynomials of degree 5. */
+static const double spsi_gauss_places[3] = {0.11270166537925831, 0.5, 0.88729833462074169};
+static const double spsi_gauss_weights[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
+
 static double spsi_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static double spsi_length(const double a[3]) { return sqrt(spsi_dot(a, a)); }
 
@@ -15262,27 +15266,17 @@ static double spsi_cut_chord_share(const spsi_cut_chord *chord, double u) {
     return chord->soft ? s * s * (3 - 2 * s) : s;
 }
 
-/* Six-point Gauss-Legendre rule on -1..1: exact for a soft chord's density (degree 2) times powers of u up to 9. */
-#define SPSI_GAUSS_POINTS 6
-static const double spsi_gauss_nodes[SPSI_GAUSS_POINTS] = {-0.9324695142031521, -0.6612093864662645,
-                                                           -0.2386191860831969, 0.2386191860831969,
-                                                           0.6612093864662645,  0.9324695142031521};
-static const double spsi_gauss_weights[SPSI_GAUSS_POINTS] = {0.1713244923791704, 0.3607615730481386,
-                                                             0.4679139345726910, 0.4679139345726910,
-                                                             0.3607615730481386, 0.1713244923791704};
-
-/* Inserts the part of a soft chord between two positions as points: exact for moments, and good to 1e-6 for Fourier
-   series, since no part is longer than a wave. */
+/* Inserts the part of a soft chord between two positions as points: good to 1e-6 for moments and Fourier series, since
+   no part is longer than a sixth of a wave. */
 static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const spsi_cut_chord *chord, double from,
                                double to) {
     const sps_tmap *map = into->filling->map;
     const int waves = map->inner.components / 2;
-    const int parts = map->has_range ? waves : spsi_most((int)ceil(waves * (to - from)), 1);
-    const double half = 0.5 * (to - from) / parts, length = chord->u1 - chord->u0;
-    for (int i = 0; i < parts * SPSI_GAUSS_POINTS; ++i) {
-        const int part = i / SPSI_GAUSS_POINTS, k = i % SPSI_GAUSS_POINTS;
-        const double u = from + half * (2 * part + 1 + spsi_gauss_nodes[k]), s = (u - chord->u0) / length;
-        const double depth = chord->depth * half / length * spsi_gauss_weights[k] * 6 * s * (1 - s);
+    const int parts = 6 * (map->has_range ? waves : spsi_most((int)ceil(waves * (to - from)), 1));
+    const double way = (to - from) / parts, length = chord->u1 - chord->u0;
+    for (int i = 0; i < 3 * parts; ++i) {
+        const double u = from + way * (i / 3 + spsi_gauss_places[i % 3]), s = (u - chord->u0) / length;
+        const double depth = chord->depth * way / length * spsi_gauss_weights[i % 3] * 6 * s * (1 - s);
         const spsi_interval point = {(float)u, (float)u, (float)depth, 0};
         spsi_insert_one(into, x, y, &point);
     }
@@ -21569,17 +21563,17 @@ static spsi_v spsi_swing_share(const spsi_swing *g, spsi_v u, spsi_v *across) {
 /* Integral of a cone's light from u = a to b over half of phi, or where light does not fall off, over the share of the
    segment. [Gauss and Legendre] */
 static spsi_v spsi_swing_sum(const spsi_swing *g, const spsi_lamp *lamp, spsi_v a, spsi_v b) {
-    static const float at[3] = {0.112701665f, 0.5f, 0.887298335f}, weights[3] = {5.0f / 18, 8.0f / 18, 5.0f / 18};
     const spsi_v way = spsi_sub(b, a), one = spsi_set(1);
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 3; ++i) {
-        const spsi_v u = spsi_fma(way, spsi_set(at[i]), a), square = spsi_mul(u, u), q = spsi_add(one, square);
+        const spsi_v u = spsi_fma(way, spsi_set((float)spsi_gauss_places[i]), a);
+        const spsi_v square = spsi_mul(u, u), q = spsi_add(one, square);
         const spsi_v more = spsi_div(spsi_mul(g->axial, spsi_add(square, square)), q);
         const spsi_v light = spsi_cone_share(&lamp->cone, spsi_add(g->versine, more));
         spsi_v across, speed = spsi_div(one, q);
         spsi_swing_share(g, u, &across);
         if (!lamp->falls_off) speed = spsi_div(spsi_div(spsi_mul(spsi_add(g->area, g->area), q), across), across);
-        sum = spsi_fma(spsi_mul(light, spsi_set(weights[i])), spsi_min(speed, spsi_set(1e30f)), sum);
+        sum = spsi_fma(spsi_mul(light, spsi_set((float)spsi_gauss_weights[i])), spsi_min(speed, spsi_set(1e30f)), sum);
     }
     return spsi_mul(way, sum);
 }
@@ -28274,8 +28268,6 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 #define SPSI_BRACKET_DARK     27.6  /* optical depth beyond which shadows are not followed: 1e-12 passes */
 #define SPSI_BRACKET_ROOM     1e-9  /* relative: of a shadow's edge */
 
-static const double spsi_bracket_places[3] = {0.11270166537925831, 0.5, 0.88729833462074169}; /* 1/2 +- sqrt(3/20) */
-static const double spsi_bracket_weights[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
 
 /* Upper bounds for the derivatives of order k along a unit vector, in voxels: the sum of all kernels' absolute values;
    that of kernels alone, of which all but order 0 should vanish; and the sum of absolute values beyond the taps about a
@@ -28405,9 +28397,9 @@ static int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *
     gas->tail = SPSI_BRACKET_TAIL * most;
     for (int j = 0; j < 3; ++j) {
         double point[3];
-        spsi_along(step->origin, step->direction, step->low + spsi_bracket_places[j] * h, point);
+        spsi_along(step->origin, step->direction, step->low + spsi_gauss_places[j] * h, point);
         any |= spsi_vicinity_at(grid, point, &gas->value[j], j == 1 ? gas : NULL);
-        sum += h * spsi_bracket_weights[j] * gas->value[j];
+        sum += h * spsi_gauss_weights[j] * gas->value[j];
     }
     memset(&series, 0, sizeof series);
     if (any) spsi_series_add_field(1, speed, gas->half, gas->middle, most, &series);
@@ -28520,7 +28512,7 @@ static void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sp
     memset(&extinction, 0, sizeof extinction);
     for (int i = 0; i < 2; ++i) spsi_along(ray->origin, ray->direction, i ? ray->high : ray->low, step->ends[i]);
     for (int j = 0; j < 3; ++j)
-        spsi_along(ray->origin, ray->direction, ray->low + spsi_bracket_places[j] * h, step->points[j]);
+        spsi_along(ray->origin, ray->direction, ray->low + spsi_gauss_places[j] * h, step->points[j]);
     for (int m = 0; m < frame->medium_count; ++m) {
         const double scale = (double)spsi_part_material(frame, m)->extinction, most = marcher->grids[m].all_most;
         const double speed = spsi_vicinity_speed(&marcher->grids[m], ray->direction);
@@ -28563,7 +28555,7 @@ static spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_s
     result.high *= coming->passes.high * coming->range.high;
     if (!step->smooth || !coming->smooth) return result;
     for (int j = 0; j < 3; ++j) {
-        const double weight = h * spsi_bracket_weights[j] * coming->falls[j];
+        const double weight = h * spsi_gauss_weights[j] * coming->falls[j];
         const double low = step->before.low + step->within[j].low + coming->depth[j].low;
         const double high = step->before.high + step->within[j].high + coming->depth[j].high;
         points.low += weight * gas->value[j] * exp(-high);
@@ -28613,7 +28605,7 @@ static void spsi_coming_fall(const spsi_marcher *marcher, const spsi_step *step,
     coming->range.low = 1 / (farthest * farthest + fmax(beside[0], beside[1]) * fmax(beside[0], beside[1]));
     coming->smooth &= !(beside[0] < beside[1] || beside[1] < beside[0]);
     for (int j = 0; j < 3; ++j) {
-        const double t = along - (spsi_bracket_places[j] - 0.5) * h;
+        const double t = along - (spsi_gauss_places[j] - 0.5) * h;
         coming->falls[j] = 1 / (t * t + beside[0] * beside[0]);
     }
     for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k)

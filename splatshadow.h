@@ -26824,14 +26824,6 @@ static size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sw
     return (size_t)spsi_most(2, frame->view.shadow_size > 0 ? frame->view.shadow_size : spsi_light_texels_most(frame));
 }
 
-/* Bytes of a target's lists of particles: a chunk may hold all of them. */
-static size_t spsi_plan_lists_bytes(const spsi_frame *frame, int width, int height) {
-    spsi_rays rays;
-    rays.width = width;
-    rays.height = height;
-    return spsi_lists_bytes(&rays, frame->particles.count);
-}
-
 /* Bytes of the queues. Once read, volumes may be cut into other slabs than their boxes, but not into many more; with
    particles there is no bound but the maximum. */
 static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *slabs, size_t bricks) {
@@ -26839,20 +26831,6 @@ static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *
     const size_t chunks = frame->particles.set_count > 0 ? most : 2 * (size_t)spsi_chunk_count(slabs) + 1;
     return spsi_queue_bytes(bricks, chunks) + bricks * 2 * sizeof(int16_t[4]) +
            (frame->particles.set_count > 0 ? spsi_queue_bytes(frame->particles.count, chunks) : 0);
-}
-
-/* Bytes of what is used of a tolerance by the eye's rays and, if it has sheets, by a light's. */
-static size_t spsi_plan_spent_bytes(const spsi_frame *frame, size_t side) {
-    const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    if (!spsi_may_interpolate(frame)) return 0;
-    return spsi_spent_bytes(&frame->content->eye) + 64 * sizeof(float) * tiles * tiles;
-}
-
-/* Floats of a worker's sheets, for any target. */
-static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
-    const spsi_shape eye = spsi_shape_of(frame, 1), light = spsi_shape_of(frame, 0);
-    const size_t shadow = frame->lamps.shadow_count > 0 ? spsi_shape_floats(&light) : 0;
-    return spsi_sheet_tiles(frame) * (shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye));
 }
 
 /* Bytes by which a sweep's light casts penumbrae. Particles and polygons have not been read: whether penumbrae are wide
@@ -27016,32 +26994,32 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
     const size_t workers = (size_t)spsi_worker_count(context);
     const size_t side = spsi_plan_light_side(frame, sweep);
     const int shadows = spsi_most(1, spsi_plan_shadow_count(frame, n));
-    size_t eye = workers * (spsi_plan_sheet_floats(frame) * sizeof(float) + 48) +
+    const spsi_shape shape = spsi_shape_of(frame, 1); /* lights' sheets have no more channels */
+    size_t eye = workers * (spsi_sheet_tiles(frame) * spsi_shape_floats(&shape) * sizeof(float) + 48) +
                  spsi_plan_queues_bytes(frame, &sweep->slabs, (size_t)bricks) + 64;
+    size_t light;
     const size_t floats = spsi_pixel_floats(frame) + (spsi_sweep_measures(frame, sweep) ? spsi_again_floats(frame) : 0);
+    spsi_rays square; /* as many texels as the light may have */
     spsi_region region;
     spsi_region_place(frame, &region);
+    square.width = square.height = (int)side;
     eye += spsi_region_tiles(&region) * SPSI_REGION_TILE_BYTES;
     eye += spsi_region_tiles(&region) * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT * floats * sizeof(float);
     eye += width * height * spsi_total_floats(frame) * sizeof(float) + width * SPSI_ROW_FLOATS * sizeof(float);
     eye += spsi_run_bytes(context) + (size_t)shadows * sizeof(spsi_shadow) +
-           spsi_vectors_bytes(context, frame->matter.material_count * SPSI_PARTS, sizeof(spsi_sample)) +
+           spsi_vectors_bytes(context, spsi_scratch_samples(frame), sizeof(spsi_sample)) +
            spsi_vectors_bytes(context, shadows, sizeof(spsi_arrival));
-    eye += spsi_plan_lists_bytes(frame, frame->content->eye.width, frame->content->eye.height);
-    eye += spsi_plan_spent_bytes(frame, sweep->lamp ? side : 0);
+    eye += spsi_lists_bytes(&frame->content->eye, frame->particles.count);
+    if (spsi_may_interpolate(frame)) eye += spsi_spent_bytes(&frame->content->eye) + spsi_spent_bytes(&square);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
-    if (sweep->lamp) {
-        const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
-        const size_t light =
-            (side * side + tiles) * SPSI_PLANES_TEXEL_BYTES + spsi_plan_lists_bytes(frame, (int)side, (int)side);
-        if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
-    }
-    if (sweep->lamp && sweep->lamp->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report))
-        return context->result;
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
     spsi_plan_filling(frame, &frame->content->eye, &sweep->slabs, SPSI_TARGET_EYE, !sweep->first, &report->eye_gathered,
                       &report->eye_filling);
     if (!sweep->lamp) return SPS_OK;
+    light = (side * side + spsi_list_starts(&square)) * SPSI_PLANES_TEXEL_BYTES;
+    light += spsi_lists_bytes(&square, frame->particles.count);
+    if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
+    if (sweep->lamp->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report)) return context->result;
     spsi_plan_filling(frame, &sweep->rays, &sweep->slabs, SPSI_TARGET_SHEETS, !sweep->first, &report->light_gathered,
                       &report->light_filling);
     report->shadow_width = spsi_most(report->shadow_width, frame->particles.set_count ? (int)side : sweep->rays.width);

@@ -13350,24 +13350,6 @@ static void spsi_field_whole(const spsi_medium *medium, spsi_voxel_field *field)
     }
 }
 
-/* Upper bound of the bytes of a volume's coarser levels. A brick of voxels is within reach of 3^3 bricks on each: those
-   of the finer level and one about them are up to five in a row. A side of less than three bricks may grow to three. */
-static size_t spsi_levels_bytes(const spsi_frame *frame, int medium, size_t bricks) {
-    const size_t most = 9 * spsi_field_cells_most(frame, bricks);
-    const size_t each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
-    spsi_voxel_field levels[2];
-    size_t bytes = 0;
-    spsi_field_whole(&frame->media[medium], &levels[0]);
-    for (int n = 0; n < spsi_levels_wanted(frame, medium); ++n) {
-        size_t cells;
-        spsi_level_place(&levels[n % 2], &levels[1 - n % 2]);
-        cells = spsi_field_cells(&levels[1 - n % 2]);
-        cells = cells < most ? cells : most;
-        bytes += spsi_field_grid_bytes(cells) + (27 * bricks < cells ? 27 * bricks : cells) * each;
-    }
-    return bytes;
-}
-
 /* Whether a volume may use a tolerance: neither what is classified nor what emits does. */
 static int spsi_may_interpolate(const spsi_frame *frame) {
     for (int m = 0; m < frame->medium_count && frame->view.tolerance > 0; ++m) {
@@ -13377,20 +13359,25 @@ static int spsi_may_interpolate(const spsi_frame *frame) {
     return 0;
 }
 
-/* Upper bound of the bytes of all fields, for a number of bricks that may be read. */
-static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
-    const size_t most = spsi_field_cells_most(frame, bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
-    size_t all = 0, bytes = sizeof(spsi_fields);
+/* Upper bound of the bytes of all fields and their coarser levels, for numbers of bricks that may be read, by volume. A
+   brick of voxels is within reach of 3^3 bricks on each: those of the finer level and one about them are up to five in
+   a row. A side of less than three bricks may grow to three. */
+static size_t spsi_fields_bytes(const spsi_frame *frame, const uint64_t *bricks) {
+    const size_t each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
+    size_t bytes = sizeof(spsi_fields);
     for (int m = 0; m < frame->medium_count; ++m) {
-        spsi_voxel_field field;
-        size_t cells;
-        spsi_field_whole(&frame->media[m], &field);
-        cells = spsi_field_cells(&field);
-        all += cells < most ? cells : most;
-        bytes += spsi_levels_bytes(frame, m, bricks);
+        const size_t reached = 27 * (size_t)bricks[m], most = spsi_field_cells_most(frame, (size_t)bricks[m]);
+        spsi_voxel_field levels[2];
+        spsi_field_whole(&frame->media[m], &levels[0]);
+        for (int n = 0; n <= spsi_levels_wanted(frame, m); ++n) {
+            size_t cells = spsi_field_cells(&levels[n % 2]);
+            cells = cells < (n ? 9 : 1) * most ? cells : (n ? 9 : 1) * most;
+            bytes += spsi_field_grid_bytes(cells) + (reached < cells ? reached : cells) * each;
+            if (n == 0 && spsi_may_interpolate(frame)) bytes += spsi_bends_bytes(cells);
+            spsi_level_place(&levels[n % 2], &levels[1 - n % 2]);
+        }
     }
-    if (spsi_may_interpolate(frame)) bytes += spsi_bends_bytes(all);
-    return bytes + spsi_field_grid_bytes(all) + (27 * bricks < all ? 27 * bricks : all) * each;
+    return bytes;
 }
 
 /* Places a field for each volume. Returns the number of bricks in all grids. */
@@ -26812,7 +26799,7 @@ static size_t spsi_plan_gather_bytes(const sps_context *context, const spsi_fram
     for (int i = 0; i < frame->medium_count; ++i)
         at_once = spsi_most(at_once, spsi_blocks_at_once(context, &frame->media[i]));
     bytes += (uint64_t)at_once * sizeof(spsi_voxels);
-    if (spsi_fields_wanted(frame)) bytes += spsi_fields_bytes(frame, (size_t)reading->bricks);
+    if (spsi_fields_wanted(frame)) bytes += spsi_fields_bytes(frame, reading->bricks_of);
     return (size_t)bytes;
 }
 

@@ -2053,8 +2053,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_CELL_TMAPS,        /* lights' tables for them */
     SPSI_BUFFER_CELL_SOLVER,       /* levels of cells, and radiance */
     SPSI_BUFFER_CELL_WALLS,        /* polygons about the cells */
-    SPSI_BUFFER_CELL_MOMENTS,      /* the light in the cells */
-    SPSI_BUFFER_CELL_SEEN,         /* what the eye sees of it */
+    SPSI_BUFFER_CELL_MOMENTS,      /* the light in the cells, and what the eye sees of it */
     SPSI_BUFFER_FLIGHTS,           /* the tree of emitters, >>flights */
     SPSI_BUFFER_EMITTERS,
     SPSI_BUFFER_FLIGHT_NODES, /* sums of its nodes */
@@ -2361,6 +2360,13 @@ static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_
 /* As spsi_buffer_reserve, for the context's numbered buffers. */
 static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
     return spsi_buffer_reserve(context, &context->buffers[id], count, size);
+}
+
+/* The next floats of memory that is laid out, of which some are laid. Without memory they are only counted. */
+static float *spsi_lay(float *memory, size_t *laid, size_t floats) {
+    float *own = memory ? memory + *laid : NULL;
+    *laid += floats;
+    return own;
 }
 
 static int spsi_worker_count(const sps_context *context) {
@@ -9366,38 +9372,26 @@ static int spsi_depth_map_size(const spsi_frame *frame) {
 /* Number of cells on a side of a map of `size` texels. */
 static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
-/* Number of floats of a depth map, or of what a map of panes has per texel and cell. */
-static size_t spsi_depth_map_floats(const spsi_depth_map *map, int has_panes) {
-    size_t floats = 0;
-    for (int face = 0; face < map->face_count; ++face) {
-        const spsi_rays *rays = &map->rays[face];
-        floats += has_panes ? spsi_ray_count(rays) + 2 : 3 * spsi_ray_count(rays);
-        floats += 2 * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
-    }
-    return floats;
-}
-
 /* Its maximum for a map of `size` texels on a side, or six of half that size. */
 static size_t spsi_depth_map_floats_most(size_t size) {
     const size_t cells = size / SPSI_CELL + 2, texels = size * size / 2 * 3 + SPSI_CUBE_FACES * 64;
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
 }
 
-/* Lays out a depth map in memory, and returns the memory after it. `first`: where a map of panes lists what begins
-   where; NULL: it is none. */
-static float *spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
+/* Lays out a depth map in memory, or counts only, and returns its floats. `first`: where a map of panes lists what
+   begins where; NULL: it is none. */
+static size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
+    size_t laid = 0;
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
-        const size_t texels = spsi_ray_count(rays);
-        map->depths[face] = memory;
-        map->slopes[face][0] = memory + texels;
-        map->slopes[face][1] = memory + 2 * texels;
-        if (first) first[face] = (uint32_t *)(void *)memory;
-        map->nearest[face] = memory + (first ? texels + 2 : 3 * texels);
+        const size_t texels = first ? 0 : spsi_ray_count(rays), rows = (size_t)spsi_depth_map_cells(rays->height);
+        if (first) first[face] = (uint32_t *)(void *)spsi_lay(memory, &laid, spsi_ray_count(rays) + 2);
+        map->depths[face] = spsi_lay(memory, &laid, texels);
+        for (int i = 0; i < 2; ++i) map->slopes[face][i] = spsi_lay(memory, &laid, texels);
         map->cells[face] = spsi_depth_map_cells(rays->width);
-        memory = map->nearest[face] + 2 * (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(rays->height);
+        map->nearest[face] = spsi_lay(memory, &laid, 2 * (size_t)map->cells[face] * rows);
     }
-    return memory;
+    return laid;
 }
 
 /* Aims a light's depth map: a single face fitted to the gas, however far the polygons reach, whose texels need not be
@@ -18498,12 +18492,12 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
         if (shadows[i].soft) continue;
         spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), texel, &shadows[i].depth_map);
         if (!spsi_depth_map_met(faces, &shadows[i].depth_map)) shadows[i].depth_map.face_count = 0;
-        more = spsi_depth_map_floats(&shadows[i].depth_map, 0);
+        more = spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, NULL);
         floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
     }
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
     if (!memory) return context->result;
-    for (int i = 0; i < count; ++i) memory = spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, memory);
+    for (int i = 0; i < count; ++i) memory += spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, memory);
     for (int i = 0; i < count; ++i)
         if (!shadows[i].soft) spsi_depth_map_fill(context, faces, &shadows[i].depth_map);
     return SPS_OK;
@@ -18525,12 +18519,12 @@ static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame 
             memset(next, 0, sizeof *next);
             spsi_depth_map_aim(frame, shadows[i].soft ? &lamp->points[k] : lamp,
                                spsi_most(8, (int)(share * spsi_depth_map_size(frame))), 0, &next->grid);
-            floats += spsi_depth_map_floats(&next->grid, 1);
+            floats += spsi_depth_map_lay_out(&next->grid, next->first, NULL);
         }
     }
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_PANE_TEXELS, floats, sizeof(float));
     for (spsi_pane_map *map = maps; memory && map < next; ++map)
-        memory = spsi_depth_map_lay_out(&map->grid, map->first, memory);
+        memory += spsi_depth_map_lay_out(&map->grid, map->first, memory);
     return context->result;
 }
 
@@ -24512,25 +24506,20 @@ static void spsi_cells_equations_task(void *data, int row) {
     }
 }
 
-/* Floats of a solver's levels. */
-static size_t spsi_cell_level_floats(const spsi_cell_level *level, int orders) {
-    return (size_t)(1 + 2 * SPSI_CELL_LENGTHS + orders + 4 * orders * orders) * level->count;
-}
-
-static float *spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
-    const size_t terms = (size_t)(orders * orders);
-    level->depth = memory;
-    memory += level->count;
-    for (int i = 0; i < SPSI_CELL_LENGTHS; ++i, memory += 2 * level->count) {
-        level->through[i] = memory;
-        level->average[i] = memory + level->count;
+/* Lays out a level of a solver in memory, or counts only, and returns its floats. */
+static size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
+    const size_t terms = (size_t)(orders * orders) * level->count;
+    size_t laid = 0;
+    level->depth = spsi_lay(memory, &laid, level->count);
+    for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
+        level->through[i] = spsi_lay(memory, &laid, level->count);
+        level->average[i] = spsi_lay(memory, &laid, level->count);
     }
-    for (int l = 0; l < orders; ++l, memory += level->count) level->keep[l] = memory;
-    level->given = memory;
-    level->sent = level->given + terms * level->count;
-    level->moments[0] = level->sent + terms * level->count;
-    level->moments[1] = level->moments[0] + terms * level->count;
-    return level->moments[1] + terms * level->count;
+    for (int l = 0; l < orders; ++l) level->keep[l] = spsi_lay(memory, &laid, level->count);
+    level->given = spsi_lay(memory, &laid, terms);
+    level->sent = spsi_lay(memory, &laid, terms);
+    for (int i = 0; i < 2; ++i) level->moments[i] = spsi_lay(memory, &laid, terms);
+    return laid;
 }
 
 /* Floats for light of polygons: moments and a source of none, links and rows of coarse levels, and what leaves. */
@@ -24557,7 +24546,7 @@ static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver
         level->pitch = spsi_cell_pitch(level->size[0]);
         level->count = spsi_cell_stride((size_t)level->pitch * (size_t)(level->size[1] * level->size[2]));
         if (n == 0) level->count = grid->count;
-        floats += spsi_cell_level_floats(level, grid->orders);
+        floats += spsi_cell_level_lay_out(level, grid->orders, NULL);
         if (longest <= 4) break;
     }
     floats += spsi_cell_scratch_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
@@ -24576,7 +24565,7 @@ static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_g
     solver->balance = (double *)(void *)memory;
     memory += 4 * grid->size[2];
     for (int n = 0; n < solver->level_count; ++n)
-        memory = spsi_cell_level_lay_out(&solver->levels[n], grid->orders, memory);
+        memory += spsi_cell_level_lay_out(&solver->levels[n], grid->orders, memory);
     solver->scratch = memory;
     return SPS_OK;
 }
@@ -24728,8 +24717,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
     const float *found = solver->levels[0].moments[0];
     float *light = grid->moments + (size_t)job->channel * moments;
     spsi_part_of_call each = *part;
-    for (int n = 0; n < solver->level_count; ++n)
-        memset(solver->levels[n].depth, 0, spsi_cell_level_floats(&solver->levels[n], grid->orders) * sizeof(float));
+    memset(solver->levels[0].depth, 0, (size_t)(solver->scratch - solver->levels[0].depth) * sizeof(float));
     job->wall_light = NULL;
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
@@ -24782,18 +24770,21 @@ static size_t spsi_cells_map_bytes(const spsi_frame *frame, const spsi_lamp *lam
     return held + filling;
 }
 
-/* Floats of what polygons receive, and of the scales of extinction. */
-static size_t spsi_cells_flux_floats(const spsi_cell_grid *grid) {
-    const size_t flux = (size_t)(grid->channels * grid->flux_terms) * grid->count;
-    return (flux > 0 ? flux + spsi_cell_patch_floats(grid) : 0) + 3;
-}
-
-/* Floats of a grid that is held: moments, depth, what polygons receive, first flights; and of what is seen of it. */
-static size_t spsi_cell_grid_floats(const spsi_frame *frame, const spsi_cell_grid *grid, size_t *seen) {
-    const size_t moments = (size_t)(grid->channels * grid->terms) * grid->count;
-    const size_t pyramid = spsi_cells_fly(frame) ? spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch : 0;
-    *seen = (size_t)(frame->matter.material_count * grid->channels) * grid->count;
-    return grid->count + moments + spsi_cells_flux_floats(grid) + (spsi_flies_to_cells(frame) ? moments : 0) + pyramid;
+/* Lays out a grid that is held in memory, or counts only, and returns its floats: moments, depth, the scales of
+   extinction, what polygons receive, first flights, and what is seen of it. */
+static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *grid, float *memory) {
+    const size_t each = (size_t)grid->channels * grid->count, moments = each * (size_t)grid->terms;
+    const int flies = spsi_cells_fly(frame), flies_to_cells = flies && spsi_flies_to_cells(frame);
+    size_t laid = 0;
+    grid->moments = spsi_lay(memory, &laid, moments);
+    grid->depth = spsi_lay(memory, &laid, grid->count);
+    grid->scale = spsi_lay(memory, &laid, 3);
+    grid->flux = spsi_lay(memory, &laid, each * (size_t)grid->flux_terms);
+    grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? spsi_cell_patch_floats(grid) : 0);
+    grid->flown = flies_to_cells ? spsi_lay(memory, &laid, moments) : NULL;
+    grid->pyramid = flies ? spsi_lay(memory, &laid, spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch) : NULL;
+    grid->seen = spsi_lay(memory, &laid, (size_t)frame->matter.material_count * each);
+    return laid;
 }
 
 /* Upper bound of the bytes for first flights. */
@@ -24818,15 +24809,15 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
 /* Upper bound of the bytes for all cells: those of cubes, one after the other. */
 static size_t spsi_cells_bytes(const spsi_frame *frame) {
     const int side = frame->view.scatter_size;
-    size_t floats, bytes = sizeof(spsi_cell_job) + SPSI_CELL_GRIDS * sizeof(spsi_cell_grid), seen;
+    size_t floats, bytes = sizeof(spsi_cell_job) + SPSI_CELL_GRIDS * sizeof(spsi_cell_grid);
     spsi_cell_grid grid;
     spsi_cell_solver solver;
     memset(&grid, 0, sizeof grid);
     grid.size[0] = grid.size[1] = grid.size[2] = side;
     spsi_cells_lay_out(frame, &grid);
     floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
-    floats += SPSI_CELL_GRIDS * spsi_cell_grid_floats(frame, &grid, &seen);
-    floats += SPSI_CELL_GRIDS * seen + (grid.flux_terms > 0 ? spsi_cell_walls_floats(&grid) : 0);
+    floats += SPSI_CELL_GRIDS * spsi_cell_grid_lay_out(frame, &grid, NULL);
+    floats += grid.flux_terms > 0 ? spsi_cell_walls_floats(&grid) : 0;
     for (int i = 0; i < frame->lamps.count; ++i)
         if ((frame->lamps.list[i].shadows || spsi_cells_pass_on(frame, &grid)) &&
             !spsi_has_shadow_table(&frame->lamps.list[i]))
@@ -24942,7 +24933,7 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
     if (!job || !memory) return context->result;
     memset(job, 0, sizeof *job);
     memset(memory, 0, floats * sizeof *memory);
-    memset(grid->depth, 0, (grid->count + spsi_cells_flux_floats(grid)) * sizeof *grid->depth);
+    memset(grid->depth, 0, (size_t)(grid->seen - grid->depth) * sizeof *grid->depth);
     job->context = context;
     job->frame = frame;
     job->faces = faces;
@@ -24958,7 +24949,6 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
         job->passed_on = memory;
         memory += moments;
     }
-    if (grid->flown) memset(grid->flown, 0, moments * sizeof *grid->flown);
     if (spsi_cells_fill(job, part)) return context->result;
     spsi_cells_mean_scale(job);
     if (grid->pyramid) spsi_cell_pyramid_fill(grid);
@@ -24967,31 +24957,14 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
 
 /* Reserves the memory of all grids. */
 static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *frame, spsi_cell_grid *grids, int count) {
-    size_t held = 0, seen = 0, own_seen;
-    float *memory, *look;
+    size_t floats = 0;
+    float *memory;
+    for (int n = 0; n < count; ++n) floats += spsi_cell_grid_lay_out(frame, &grids[n], NULL);
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, floats, sizeof(float));
+    if (!memory) return context->result;
     for (int n = 0; n < count; ++n) {
-        held += spsi_cell_grid_floats(frame, &grids[n], &own_seen);
-        seen += own_seen;
-    }
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, held, sizeof(float));
-    look = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SEEN, seen, sizeof(float));
-    if (!memory || !look) return context->result;
-    memset(look, 0, seen * sizeof *look);
-    for (int n = 0; n < count; ++n) {
-        spsi_cell_grid *grid = &grids[n];
-        const size_t channels = (size_t)grid->channels;
-        grid->moments = memory;
-        grid->seen = look;
-        memory += spsi_cell_grid_floats(frame, grid, &own_seen);
-        look += own_seen;
-        grid->depth = grid->moments + channels * (size_t)grid->terms * grid->count;
-        grid->scale = grid->depth + grid->count;
-        grid->flux = grid->scale + 3;
-        grid->patches = grid->flux + channels * (size_t)grid->flux_terms * grid->count;
-        grid->flown = grid->pyramid = NULL;
-        if (!spsi_cells_fly(frame)) continue;
-        grid->pyramid = memory - spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch;
-        if (spsi_flies_to_cells(frame)) grid->flown = grid->pyramid - channels * (size_t)grid->terms * grid->count;
+        memory += spsi_cell_grid_lay_out(frame, &grids[n], memory);
+        memset(grids[n].seen, 0, (size_t)(memory - grids[n].seen) * sizeof *memory);
     }
     return SPS_OK;
 }

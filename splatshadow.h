@@ -1852,6 +1852,10 @@ static inline spsi_v spsi_exp(spsi_v x) {
    3  Vectors and matrices in double precision: all placement is done with these, relative to the camera or to the first
    slab, before anything becomes a float. */
 
+/* Gauss's three points between 0 and 1, 1/2 +- sqrt(3/20), and their weights: exact for polynomials of degree 5. */
+static const double spsi_gauss_places[3] = {0.11270166537925831, 0.5, 0.88729833462074169};
+static const double spsi_gauss_weights[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
+
 static double spsi_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static double spsi_length(const double a[3]) { return sqrt(spsi_dot(a, a)); }
 
@@ -2049,8 +2053,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_CELL_TMAPS,        /* lights' tables for them */
     SPSI_BUFFER_CELL_SOLVER,       /* levels of cells, and radiance */
     SPSI_BUFFER_CELL_WALLS,        /* polygons about the cells */
-    SPSI_BUFFER_CELL_MOMENTS,      /* the light in the cells */
-    SPSI_BUFFER_CELL_SEEN,         /* what the eye sees of it */
+    SPSI_BUFFER_CELL_MOMENTS,      /* the light in the cells, and what the eye sees of it */
     SPSI_BUFFER_FLIGHTS,           /* the tree of emitters, >>flights */
     SPSI_BUFFER_EMITTERS,
     SPSI_BUFFER_FLIGHT_NODES, /* sums of its nodes */
@@ -2357,6 +2360,13 @@ static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_
 /* As spsi_buffer_reserve, for the context's numbered buffers. */
 static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
     return spsi_buffer_reserve(context, &context->buffers[id], count, size);
+}
+
+/* The next floats of memory that is laid out, of which some are laid. Without memory they are only counted. */
+static float *spsi_lay(float *memory, size_t *laid, size_t floats) {
+    float *own = memory ? memory + *laid : NULL;
+    *laid += floats;
+    return own;
 }
 
 static int spsi_worker_count(const sps_context *context) {
@@ -4195,44 +4205,25 @@ typedef struct spsi_lattice {
 
 /* A volume that holds voxels. */
 typedef struct spsi_medium {
+    sps_volume given;      /* also concurrent where the library's own functions read it */
     int index;             /* in the scene's array, for error sentences */
-    int size[3];           /* voxels along x, y, z */
     spsi_lattice *lattice; /* its volume's grid */
     int channel;           /* channel of the eye's sheets, and index of its material */
     int light_channel;     /* channel of a light's sheets: gases share number 0 */
-    int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);            /* NULL: eval_fn is set */
-    int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]); /* NULL: all are read */
-    int (*eval_fn)(void *user, size_t count, const double *positions, float *out);         /* NULL: read_fn is set */
-    void *user;                                                                            /* of the three callbacks */
-    int concurrent;    /* 1: workers may call them */
-    uint64_t revision; /* of the values; 0: they are read in every call */
 } spsi_medium;
 
 /* A set of particles that is not empty. */
 typedef struct spsi_particle_set {
-    int index;         /* in the scene's array, for error sentences */
-    int channel;       /* channel of the eye's sheets, and index of its material; in a light's sheets it is number 0 */
-    size_t count;      /* particles to be read */
-    int soft;          /* 1: density falls to nothing at the rim, 0: it is uniform */
-    int is_extinction; /* 1: the optical depth that is read is extinction, if soft at the centre */
-    int (*read_fn)(void *user, size_t first, size_t count, sps_particle *out); /* as in sps_particles */
-    void *user;                                                                /* of read_fn */
+    sps_particles given;
+    int index;   /* in the scene's array, for error sentences */
+    int channel; /* channel of the eye's sheets, and index of its material; in a light's sheets it is number 0 */
+    int soft;    /* 1: density falls to nothing at the rim, 0: it is uniform */
 } spsi_particle_set;
 
 /* A mesh that has triangles. */
 typedef struct spsi_mesh {
-    int index;               /* in the scene's array, for error sentences */
-    size_t triangle_count;   /* triangles to be read */
-    sps_placement placement; /* with the identity in place of all-zero axes */
-    float color[3];          /* reflectance, unless has_colors */
-    float transmittance[3];  /* all 0: opaque */
-    int has_normals;         /* 1: corners have normals */
-    int has_colors;          /* 1: corners have colors */
-    int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);                    /* as in sps_mesh */
-    void *user;                                                                                   /* of read_fn */
-    int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out); /* NULL: `color` */
-    void *shade_user;                                                                             /* of shade_fn */
-    uint64_t revision; /* of the triangles; 0: they are read in every call */
+    sps_mesh given; /* with the identity in place of all-zero axes */
+    int index;      /* in the scene's array, for error sentences */
 } spsi_mesh;
 
 /* The extent of a light. Places in it are (x, y), within the unit disc or within the square from -1 to 1. */
@@ -4254,13 +4245,11 @@ typedef struct spsi_cone {
        (across . offset) / (forward . offset) + add,   directional: across . offset + add */
 typedef struct spsi_projection {
     int exists;
-    int width, height; /* of the image */
+    sps_projector given;
     double across[2][3], add[2], forward[3];
     double edge[2]; /* of a texel at distance 1, or in the world */
     double focus;   /* 1 / distance of the plane in focus; 0: infinity */
     int image;      /* in the content's list */
-    int (*sample_fn)(void *user, size_t count, const float *uv, float *out_rgb);
-    void *user; /* of sample_fn */
 } spsi_projection;
 
 /* Why a light shades gas by sheets or by a map. */
@@ -4361,13 +4350,6 @@ typedef struct spsi_ambient {
     float radiance[3];
     int exists; /* 1: it is not black */
 } spsi_ambient;
-
-/* Radiance behind everything. */
-typedef struct spsi_background {
-    float color[3];                                                                     /* without a callback */
-    int (*color_fn)(void *user, size_t count, const float *directions, float *out_rgb); /* NULL: `color` everywhere */
-    void *user;                                                                         /* of color_fn */
-} spsi_background;
 
 #define SPSI_IMAGE_LEVELS 25 /* of an image of 4096 texels on a side, if one side is halved before the other */
 
@@ -4498,6 +4480,7 @@ typedef struct spsi_content {
    are chosen, >>shadows. */
 typedef struct spsi_frame {
     spsi_content *content;
+    sps_scene given; /* its arrays are read while the frame is built */
     sps_view view;     /* all fields resolved, including the region; a shadow_size of 0: fitted to the gas */
     sps_object viewer; /* the struct that errors about the view name: a view, or a map's light */
     int has_matrix;    /* 1: its camera was given as a matrix, which only `eye` has now */
@@ -4512,8 +4495,6 @@ typedef struct spsi_frame {
     spsi_meshes meshes;
     spsi_lamps lamps;
     spsi_ambient ambient;
-    spsi_background background;
-    int replace_invalid; /* 1: invalid values become 0 instead of an error */
     int has_gradients; /* 1: some volume is shaded as a surface; its field has the gradients */
     int channels;    /* channels of radiance: 1 if every color is grey, otherwise 3 */
     int wants_depth; /* 1: the image has depths */
@@ -5212,8 +5193,8 @@ static int spsi_take_material(spsi_frame *frame, const spsi_material *material) 
     return channel;
 }
 
-static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, const sps_volume *volume,
-                                    spsi_medium *medium, spsi_table *table) {
+static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, spsi_medium *medium, spsi_table *table) {
+    const sps_volume *volume = &medium->given;
     spsi_material material;
     memset(&material, 0, sizeof material);
     spsi_material_lobes(volume->lobes, volume->lobe_count, &material);
@@ -5244,7 +5225,7 @@ static sps_result spsi_medium_place(sps_context *context, const sps_volume *volu
     if (spsi_check_placement(&at, &placement)) return context->result;
     memcpy(lattice->corner, placement.origin, sizeof lattice->corner);
     for (int axis = 0; axis < 3; ++axis)
-        for (int i = 0; i < 3; ++i) lattice->step[axis][i] = placement.axis[axis][i] / medium->size[axis];
+        for (int i = 0; i < 3; ++i) lattice->step[axis][i] = placement.axis[axis][i] / medium->given.size[axis];
     lattice->voxel_volume = fabs(spsi_determinant(lattice->step[0], lattice->step[1], lattice->step[2]));
     if (lattice->voxel_volume > 0) return SPS_OK;
     return spsi_wrong(&at, "placement's volume of a voxel", lattice->voxel_volume,
@@ -5252,23 +5233,18 @@ static sps_result spsi_medium_place(sps_context *context, const sps_volume *volu
 }
 
 static void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice *lattice, spsi_medium *medium) {
+    medium->given = *volume;
     medium->index = index;
-    memcpy(medium->size, volume->size, sizeof medium->size);
     medium->lattice = lattice;
-    medium->read_fn = volume->read_fn;
-    medium->range_fn = volume->range_fn;
-    medium->eval_fn = volume->eval_fn;
-    medium->user = volume->user;
-    medium->concurrent = volume->concurrent || (volume->read_fn == sps_grid_read &&
-                                                (!volume->range_fn || volume->range_fn == sps_grid_range));
-    medium->revision = volume->revision;
+    if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range))
+        medium->given.concurrent = 1;
 }
 
 /* Grows bounds to hold a volume, with a margin in voxels. */
 static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3];
-        for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->size[k] + margin : -margin;
+        for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->given.size[k] + margin : -margin;
         spsi_voxel_position(medium->lattice, at, point);
         spsi_bounds_add(bounds, point);
     }
@@ -5296,9 +5272,8 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, 
     if (!table) return context->result;
     for (int i = 0; i < frame->medium_count; ++i) {
         spsi_medium *medium = &frame->media[i];
-        const sps_volume *volume = &scene->volumes[medium->index];
-        if (spsi_add_material(context, frame, volume, medium, table)) return context->result;
-        table += volume->transfer != NULL;
+        if (spsi_add_material(context, frame, medium, table)) return context->result;
+        table += medium->given.transfer != NULL;
         spsi_medium_bounds(medium, SPSI_REACH, &frame->volume_bounds);
     }
     return SPS_OK;
@@ -5323,13 +5298,10 @@ static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame
         spsi_material_lobes(particles->lobes, particles->lobe_count, &material);
         spsi_material_gas(1, particles->albedo, particles->emission, &material);
         spsi_material_ambient(frame, particles->ambient, &material);
+        set->given = *particles;
         set->index = i;
         set->channel = spsi_take_material(frame, &material);
-        set->count = particles->count;
         set->soft = particles->soft != 0;
-        set->is_extinction = particles->is_extinction != 0;
-        set->read_fn = particles->read_fn;
-        set->user = particles->user;
         frame->particles.has_soft |= set->soft;
         frame->particles.set_count += 1;
         frame->matter.light_channel_count = 1;
@@ -5338,19 +5310,11 @@ static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame
 }
 
 static void spsi_mesh_build(const sps_mesh *from, int index, spsi_mesh *mesh) {
+    mesh->given = *from;
     mesh->index = index;
-    mesh->triangle_count = from->triangle_count;
-    spsi_placement_resolve(&from->placement, &mesh->placement);
-    memcpy(mesh->color, from->color, sizeof mesh->color);
+    spsi_placement_resolve(&from->placement, &mesh->given.placement);
     for (int c = 0; c < 3; ++c)
-        mesh->transmittance[c] = from->transmittance[c] < SPSI_VALUE_MIN ? 0 : from->transmittance[c];
-    mesh->has_normals = from->has_normals != 0;
-    mesh->has_colors = from->has_colors != 0;
-    mesh->read_fn = from->read_fn;
-    mesh->user = from->user;
-    mesh->shade_fn = from->shade_fn;
-    mesh->shade_user = from->shade_user;
-    mesh->revision = from->revision;
+        if (from->transmittance[c] < SPSI_VALUE_MIN) mesh->given.transmittance[c] = 0;
 }
 
 /* Lists the meshes that have triangles. */
@@ -5364,12 +5328,12 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, c
         const spsi_subject at = {context, SPS_OBJECT_MESH, i, ""};
         spsi_mesh mesh;
         spsi_mesh_build(&scene->meshes[i], i, &mesh);
-        if (spsi_check_placement(&at, &mesh.placement)) return context->result;
-        if (mesh.triangle_count == 0) continue;
+        if (spsi_check_placement(&at, &mesh.given.placement)) return context->result;
+        if (mesh.given.triangle_count == 0) continue;
         /* both are at most SPSI_FACES_MAX, so that the sum fits a size_t of 32 bits */
-        meshes->triangle_count += mesh.triangle_count;
-        meshes->textured_count += mesh.shade_fn ? mesh.triangle_count : 0;
-        for (int c = 0; c < 3; ++c) meshes->translucent |= mesh.transmittance[c] > 0;
+        meshes->triangle_count += mesh.given.triangle_count;
+        meshes->textured_count += mesh.given.shade_fn ? mesh.given.triangle_count : 0;
+        for (int c = 0; c < 3; ++c) meshes->translucent |= mesh.given.transmittance[c] > 0;
         if (meshes->triangle_count > SPSI_FACES_MAX)
             return spsi_wrong(&at, "triangle_count, with those before it,", (double)meshes->triangle_count,
                               "all meshes together must have 2^29 at most");
@@ -5403,10 +5367,7 @@ static void spsi_projection_build(const sps_light *light, const double direction
     const double down = projector->height / (projector->top - projector->bottom);
     memset(projection, 0, sizeof *projection);
     projection->exists = 1;
-    projection->width = projector->width;
-    projection->height = projector->height;
-    projection->sample_fn = projector->sample_fn;
-    projection->user = projector->user;
+    projection->given = *projector;
     memcpy(projection->forward, direction, sizeof projection->forward);
     spsi_axes_across(direction, projector->up, projection->across[0], projection->across[1]);
     for (int i = 0; i < 3; ++i) projection->across[0][i] *= across, projection->across[1][i] *= down;
@@ -5600,12 +5561,12 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
 static int spsi_count_channels(const spsi_frame *frame) {
-    int grey = spsi_grey(frame->ambient.radiance) && spsi_grey(frame->background.color) && !frame->background.color_fn;
+    int grey = spsi_grey(frame->ambient.radiance) && spsi_grey(frame->given.background) && !frame->given.background_fn;
     for (int i = 0; i < frame->lamps.count; ++i)
         grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
     for (int i = 0; i < frame->meshes.count; ++i)
-        grey &= !frame->meshes.list[i].has_colors && !frame->meshes.list[i].shade_fn &&
-                spsi_grey(frame->meshes.list[i].color) && spsi_grey(frame->meshes.list[i].transmittance);
+        grey &= !frame->meshes.list[i].given.has_colors && !frame->meshes.list[i].given.shade_fn &&
+                spsi_grey(frame->meshes.list[i].given.color) && spsi_grey(frame->meshes.list[i].given.transmittance);
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         grey &= spsi_grey(material->albedo) && spsi_grey(material->emission) && spsi_grey(material->ambient);
@@ -5632,10 +5593,6 @@ static void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
         frame->ambient.exists |= !spsi_black(material->ambient);
         for (int c = 0; c < 3; ++c) material->ambient[c] += scene->ambient[c];
     }
-    memcpy(frame->background.color, scene->background, sizeof frame->background.color);
-    frame->background.color_fn = scene->background_fn;
-    frame->background.user = scene->background_user;
-    frame->replace_invalid = scene->replace_invalid != 0;
     frame->channels = spsi_count_channels(frame);
     spsi_resolve_orders(frame);
 }
@@ -5649,6 +5606,7 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     if (!frame || !content) return NULL;
     if (spsi_check_scene(context, scene) || (view && spsi_check_view(context, view))) return NULL;
     memset(frame, 0, sizeof *frame);
+    frame->given = *scene;
     if (view) frame->view = *view;
     frame->viewer = SPS_OBJECT_VIEW;
     frame->wants_depth = wants_depth;
@@ -5726,7 +5684,7 @@ static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const
     block->medium = medium;
     block->material = material;
     for (int i = 0; i < 3; ++i) {
-        const int size = medium->size[i], count = (size + SPSI_BLOCK - 1) / SPSI_BLOCK;
+        const int size = medium->given.size[i], count = (size + SPSI_BLOCK - 1) / SPSI_BLOCK;
         block->core_low[i] = (int)(index % count) * SPSI_BLOCK;
         block->core_high[i] = spsi_least(size, block->core_low[i] + SPSI_BLOCK);
         block->low[i] = spsi_most(0, block->core_low[i] - margin);
@@ -5737,7 +5695,7 @@ static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const
 
 static int64_t spsi_block_count(const spsi_medium *medium) {
     int64_t count = 1;
-    for (int i = 0; i < 3; ++i) count *= (medium->size[i] + SPSI_BLOCK - 1) / SPSI_BLOCK;
+    for (int i = 0; i < 3; ++i) count *= (medium->given.size[i] + SPSI_BLOCK - 1) / SPSI_BLOCK;
     return count;
 }
 
@@ -5757,11 +5715,11 @@ static int spsi_block_called(spsi_block *block, const char *callback, int return
 
 /* Finds out if range_fn shows that nothing in the block can be relevant. */
 static void spsi_block_range(spsi_block *block) {
-    const spsi_medium *medium = block->medium;
+    const sps_volume *volume = &block->medium->given;
     float range[2] = {0, 0};
-    if (!medium->range_fn) return;
+    if (!volume->range_fn) return;
     block->range_calls += 1;
-    if (spsi_block_called(block, "range_fn", medium->range_fn(medium->user, block->low, block->size, range))) return;
+    if (spsi_block_called(block, "range_fn", volume->range_fn(volume->user, block->low, block->size, range))) return;
     if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return; /* reading reports the error */
     if (block->material->table)
         block->empty = !spsi_transfer_shows(block->material, 0, range[1]);
@@ -5771,7 +5729,7 @@ static void spsi_block_range(spsi_block *block) {
 
 static void spsi_block_evaluate(spsi_voxels *voxels) {
     spsi_block *block = &voxels->block;
-    const spsi_medium *medium = block->medium;
+    const sps_volume *volume = &block->medium->given;
     const size_t layer = (size_t)block->size[0] * (size_t)block->size[1];
     for (int z = 0; z < block->size[2] && block->result == SPS_OK; ++z) {
         double *position = voxels->positions;
@@ -5779,26 +5737,26 @@ static void spsi_block_evaluate(spsi_voxels *voxels) {
         for (int y = 0; y < block->size[1]; ++y)
             for (int x = 0; x < block->size[0]; ++x, position += 3) {
                 const double at[3] = {block->low[0] + x + 0.5, block->low[1] + y + 0.5, block->low[2] + z + 0.5};
-                spsi_voxel_position(medium->lattice, at, position);
+                spsi_voxel_position(block->medium->lattice, at, position);
             }
         block->calls += 1;
-        spsi_block_called(block, "eval_fn", medium->eval_fn(medium->user, layer, voxels->positions, values));
+        spsi_block_called(block, "eval_fn", volume->eval_fn(volume->user, layer, voxels->positions, values));
     }
 }
 
 /* Reads a block, unless range_fn, which is called first if `asks`, shows that it is empty. */
 static void spsi_block_read(spsi_voxels *voxels, int asks) {
     spsi_block *block = &voxels->block;
-    const spsi_medium *medium = block->medium;
+    const sps_volume *volume = &block->medium->given;
     const int count = block->size[0] * block->size[1] * block->size[2];
     if (asks) spsi_block_range(block);
     if (block->result != SPS_OK || block->empty) return;
     memset(voxels->values, 0, (size_t)count * sizeof(float));
-    if (medium->eval_fn) {
+    if (volume->eval_fn) {
         spsi_block_evaluate(voxels);
     } else {
         block->calls += 1;
-        spsi_block_called(block, "read_fn", medium->read_fn(medium->user, block->low, block->size, voxels->values));
+        spsi_block_called(block, "read_fn", volume->read_fn(volume->user, block->low, block->size, voxels->values));
     }
     if (block->result == SPS_OK) block->voxels_read = count;
 }
@@ -5846,7 +5804,7 @@ static sps_result spsi_block_check(sps_context *context, const spsi_block *block
 
 /* Adds what was done for a block to the statistics. */
 static void spsi_block_count_up(sps_stats_report *stats, const spsi_block *block) {
-    uint64_t *calls = block->medium->eval_fn ? &stats->eval_calls : &stats->read_calls;
+    uint64_t *calls = block->medium->given.eval_fn ? &stats->eval_calls : &stats->read_calls;
     *calls += (uint64_t)block->calls;
     stats->range_calls += (uint64_t)block->range_calls;
     stats->blocks_skipped += (uint64_t)block->empty;
@@ -5889,7 +5847,7 @@ static sps_result spsi_reader_open(sps_context *context, spsi_reader *reader) {
 /* A block of the list, read and valid; NULL if there is nothing to be done with it. */
 static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
     spsi_voxels *voxels = &reader->list[index];
-    if (reader->medium->concurrent) spsi_block_read(voxels, reader->asks);
+    if (reader->medium->given.concurrent) spsi_block_read(voxels, reader->asks);
     if (voxels->block.voxels_read > 0) spsi_block_validate(voxels, reader->replace);
     return voxels->block.voxels_read > 0 && voxels->block.result == SPS_OK ? voxels : NULL;
 }
@@ -5899,7 +5857,7 @@ static sps_result spsi_reader_read(sps_context *context, spsi_reader *reader, in
     for (int i = 0; i < reader->count; ++i) {
         const double done = (double)(first + i) / (double)reader->block_count;
         if (spsi_progress(context, spsi_part_done(&reader->part, done))) return context->result;
-        if (reader->medium->concurrent) break;
+        if (reader->medium->given.concurrent) break;
         spsi_block_read(&reader->list[i], reader->asks);
         if (reader->list[i].block.result != SPS_OK) reader->count = i + 1;
     }
@@ -6116,7 +6074,7 @@ static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *fra
     reader.medium = &frame->media[medium];
     reader.material = &frame->matter.materials[reader.medium->channel];
     reader.asks = 1;
-    reader.replace = frame->replace_invalid;
+    reader.replace = frame->given.replace_invalid;
     reader.part.share = SPSI_PROGRESS_GATHER / frame->medium_count;
     reader.part.progress = reader.part.share * medium;
     if (spsi_reader_open(context, &reader)) return context->result;
@@ -6132,20 +6090,20 @@ static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *fra
 
 /* A hash of everything that decides which voxels are held; 0 if a volume has no revision. */
 static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
-    uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->replace_invalid, sizeof(int));
+    uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->given.replace_invalid, sizeof(int));
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_medium *medium = &frame->media[i];
         const spsi_material *material = &frame->matter.materials[medium->channel];
         const spsi_lattice *lattice = medium->lattice;
         const spsi_table *table = material->table;
-        if (medium->revision == 0) return 0;
-        hash = spsi_fingerprint(hash, medium->size, sizeof medium->size);
-        hash = spsi_fingerprint(hash, &medium->user, sizeof medium->user);
-        hash = spsi_fingerprint(hash, &medium->read_fn, sizeof medium->read_fn);
-        hash = spsi_fingerprint(hash, &medium->eval_fn, sizeof medium->eval_fn);
-        hash = spsi_fingerprint(hash, &medium->revision, sizeof medium->revision);
-        if (medium->eval_fn) hash = spsi_fingerprint(hash, lattice->step, sizeof lattice->step);
-        if (medium->eval_fn) hash = spsi_fingerprint(hash, lattice->corner, sizeof lattice->corner);
+        if (medium->given.revision == 0) return 0;
+        hash = spsi_fingerprint(hash, medium->given.size, sizeof medium->given.size);
+        hash = spsi_fingerprint(hash, &medium->given.user, sizeof medium->given.user);
+        hash = spsi_fingerprint(hash, &medium->given.read_fn, sizeof medium->given.read_fn);
+        hash = spsi_fingerprint(hash, &medium->given.eval_fn, sizeof medium->given.eval_fn);
+        hash = spsi_fingerprint(hash, &medium->given.revision, sizeof medium->given.revision);
+        if (medium->given.eval_fn) hash = spsi_fingerprint(hash, lattice->step, sizeof lattice->step);
+        if (medium->given.eval_fn) hash = spsi_fingerprint(hash, lattice->corner, sizeof lattice->corner);
         if (table) hash = spsi_fingerprint(hash, table->shown, sizeof table->shown);
         if (table) hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
     }
@@ -6290,16 +6248,16 @@ static int spsi_particles_keep(sps_particle *batch, size_t count) {
 
 static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
                                   size_t *read, sps_particle *list) {
-    for (size_t first = 0; first < set->count; first += SPSI_PARTICLE_BATCH) {
-        const size_t left = set->count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
+    for (size_t first = 0; first < set->given.count; first += SPSI_PARTICLE_BATCH) {
+        const size_t left = set->given.count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
         sps_particle *batch = list + frame->content->particle_count; /* there is room: no more were kept than read */
         if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*read / (double)frame->particles.count))
             return context->result;
         memset(batch, 0, count * sizeof *batch);
         context->stats.particle_calls += 1;
         if (spsi_check_call(context, SPS_OBJECT_PARTICLES, set->index, "read_fn",
-                            set->read_fn(set->user, first, count, batch)) ||
-            spsi_particles_validate(context, set, batch, first, count, frame->replace_invalid))
+                            set->given.read_fn(set->given.user, first, count, batch)) ||
+            spsi_particles_validate(context, set, batch, first, count, frame->given.replace_invalid))
             return context->result;
         frame->content->particle_count += spsi_particles_keep(batch, count);
         *read += count;
@@ -6311,7 +6269,7 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
 /* Optical depth along a particle's diameter. */
 static double spsi_particle_depth(const sps_particle *particle, const spsi_particle_set *set) {
     const double shape = set->soft ? 4.0 / 3 : 2;
-    return (double)particle->optical_depth * (set->is_extinction ? shape * (double)particle->radius : 1);
+    return (double)particle->optical_depth * (set->given.is_extinction ? shape * (double)particle->radius : 1);
 }
 
 static void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *bounds) {
@@ -6455,12 +6413,10 @@ static void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *box
 }
 
 /* The largest extinction of any value up to the largest in a brick, whose kernels stay below it. */
-static float spsi_brick_extinction(const sps_context *context, const spsi_material *material, const spsi_brick *brick) {
-    const spsi_segment *segment = spsi_segment_at(context, brick->segment);
-    float most = 0, extinction = 0;
-    for (int i = 0; i < brick->count; ++i) most = spsi_higher(most, segment->value[brick->first + i]);
-    if (!material->table) return most * material->extinction;
-    for (int i = 0; i <= SPSI_TABLE_SIZE && (float)(i - 1) <= most * material->table_scale; ++i)
+static float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick) {
+    float extinction = 0;
+    if (!material->table) return brick->most * material->extinction;
+    for (int i = 0; i <= SPSI_TABLE_SIZE && (float)(i - 1) <= brick->most * material->table_scale; ++i)
         extinction = spsi_higher(extinction, material->table->entry[i][3]);
     return extinction;
 }
@@ -6521,7 +6477,7 @@ static void spsi_bound_add_volumes(const sps_context *context, const spsi_frame 
         for (; i < context->brick_count && bricks[i].lattice == medium; ++i) {
             spsi_bounds box;
             spsi_brick_bounds(frame, &bricks[i], &box);
-            spsi_bound_raise(grid, &box, spsi_brick_extinction(context, material, &bricks[i]));
+            spsi_bound_raise(grid, &box, spsi_brick_extinction(material, &bricks[i]));
         }
         for (int cell = 0; cell < SPSI_BOUND_CELLS; ++cell) grid->all[cell] += grid->own[cell];
     }
@@ -6553,12 +6509,7 @@ static double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
     grid.all = memory;
     grid.own = memory + SPSI_BOUND_CELLS;
     grid.side = SPSI_BOUND_SIDE;
-    spsi_bricks_bounds(context, frame, &grid.bounds);
-    for (int i = 0; i < frame->content->particle_count; ++i) {
-        spsi_bounds box;
-        spsi_particle_bounds(&frame->content->particles[i], &box);
-        spsi_bounds_join(&grid.bounds, &box);
-    }
+    grid.bounds = frame->content->bounds;
     if (spsi_bounds_empty(&grid.bounds)) return 0;
     for (int k = 0; k < 3; ++k)
         grid.edge[k] = fmax((grid.bounds.high[k] - grid.bounds.low[k]) / SPSI_BOUND_SIDE, DBL_MIN);
@@ -6984,11 +6935,11 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
     for (int i = 0; i < 9 && wrong < 0; ++i) {
         const float local[3] = {t->position[i / 3][i % 3], t->normal[i / 3][i % 3], t->color[i / 3][i % 3]};
         if (spsi_bad_coordinate(&world[i / 3][i % 3], 1)) wrong = 0;
-        if (mesh->has_normals && !(fabsf(local[1]) <= FLT_MAX)) wrong = 1;
-        if (mesh->has_colors && !(local[2] >= 0 && local[2] <= 1)) wrong = 2;
+        if (mesh->given.has_normals && !(fabsf(local[1]) <= FLT_MAX)) wrong = 1;
+        if (mesh->given.has_colors && !(local[2] >= 0 && local[2] <= 1)) wrong = 2;
         if (wrong >= 0) value = wrong == 0 ? world[i / 3][i % 3] : (double)local[wrong];
     }
-    for (int i = 0; i < 6 && mesh->shade_fn && wrong < 0; ++i)
+    for (int i = 0; i < 6 && mesh->given.shade_fn && wrong < 0; ++i)
         if (!(fabsf(t->uv[i / 2][i % 2]) <= FLT_MAX)) wrong = 3, value = (double)t->uv[i / 2][i % 2];
     if (wrong < 0) return SPS_OK;
     for (int i = 0; i < 9 && wrong == 0; ++i) /* a NaN spreads to other components on its way into the world */
@@ -7008,12 +6959,12 @@ static void spsi_to_world(const sps_placement *placement, const float local[3], 
    stay perpendicular to the surface under any affine map. */
 static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangle, const double own[3],
                               spsi_face *face) {
-    const sps_placement *placement = &mesh->placement;
+    const sps_placement *placement = &mesh->given.placement;
     double cofactors[3][3];
     for (int i = 0; i < 3; ++i) spsi_cross(placement->axis[(i + 1) % 3], placement->axis[(i + 2) % 3], cofactors[i]);
     for (int corner = 0; corner < 3; ++corner) {
         double n[3] = {0, 0, 0};
-        for (int i = 0; i < 3 && mesh->has_normals; ++i)
+        for (int i = 0; i < 3 && mesh->given.has_normals; ++i)
             spsi_along(n, cofactors[i], (double)triangle->normal[corner][i], n);
         if (!spsi_normalise(n)) memcpy(n, own, sizeof n);
         for (int i = 0; i < 3; ++i) face->normal[corner][i] = (float)n[i];
@@ -7055,15 +7006,15 @@ static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const 
     for (int corner = 0; corner < 3; ++corner) {
         spsi_bounds_add(&frame->content->mesh_bounds, world[corner]);
         for (int i = 0; i < 3; ++i) {
-            face->color[corner][i] = mesh->has_colors ? triangle->color[corner][i] : mesh->color[i];
-            reach = fmax(reach, fabs(world[corner][i] - mesh->placement.origin[i]));
+            face->color[corner][i] = mesh->given.has_colors ? triangle->color[corner][i] : mesh->given.color[i];
+            reach = fmax(reach, fabs(world[corner][i] - mesh->given.placement.origin[i]));
         }
     }
-    memcpy(face->transmittance, mesh->transmittance, sizeof face->transmittance);
+    memcpy(face->transmittance, mesh->given.transmittance, sizeof face->transmittance);
     face->rounding = (float)(reach * (double)FLT_EPSILON);
     spsi_face_normals(mesh, triangle, own, face);
     lists->face_count += 1;
-    if (!mesh->shade_fn) return;
+    if (!mesh->given.shade_fn) return;
     memcpy(lists->textures[lists->texture_count].uv, triangle->uv, sizeof triangle->uv);
     lists->textures[lists->texture_count++].number = (uint32_t)number;
 }
@@ -7073,17 +7024,17 @@ static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame
     sps_triangle *triangles =
         (sps_triangle *)spsi_reserve(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
     if (!triangles) return context->result;
-    for (size_t first = 0; first < mesh->triangle_count; first += SPSI_TRIANGLE_BATCH) {
-        const size_t left = mesh->triangle_count - first,
+    for (size_t first = 0; first < mesh->given.triangle_count; first += SPSI_TRIANGLE_BATCH) {
+        const size_t left = mesh->given.triangle_count - first,
                      count = left < SPSI_TRIANGLE_BATCH ? left : SPSI_TRIANGLE_BATCH;
         memset(triangles, 0, count * sizeof(sps_triangle));
         context->stats.triangle_calls += 1;
         if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "read_fn",
-                            mesh->read_fn(mesh->user, first, count, triangles)))
+                            mesh->given.read_fn(mesh->given.user, first, count, triangles)))
             return context->result;
         for (size_t i = 0; i < count; ++i) {
             double world[3][3];
-            for (int k = 0; k < 3; ++k) spsi_to_world(&mesh->placement, triangles[i].position[k], world[k]);
+            for (int k = 0; k < 3; ++k) spsi_to_world(&mesh->given.placement, triangles[i].position[k], world[k]);
             if (spsi_triangle_check(context, &triangles[i], mesh, first + i, world)) return context->result;
             spsi_face_add(frame, mesh, &triangles[i], first + i, world, lists);
         }
@@ -7096,16 +7047,16 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->meshes.count; ++i) {
         const spsi_mesh *mesh = &frame->meshes.list[i];
-        const int has[3] = {mesh->has_normals, mesh->has_colors, mesh->shade_fn != NULL};
-        if (mesh->revision == 0) return 0;
-        hash = spsi_fingerprint(hash, &mesh->triangle_count, sizeof mesh->triangle_count);
-        hash = spsi_fingerprint(hash, &mesh->read_fn, sizeof mesh->read_fn);
-        hash = spsi_fingerprint(hash, &mesh->user, sizeof mesh->user);
-        hash = spsi_fingerprint(hash, &mesh->placement, sizeof mesh->placement);
-        hash = spsi_fingerprint(hash, mesh->color, sizeof mesh->color);
+        const int has[3] = {mesh->given.has_normals, mesh->given.has_colors, mesh->given.shade_fn != NULL};
+        if (mesh->given.revision == 0) return 0;
+        hash = spsi_fingerprint(hash, &mesh->given.triangle_count, sizeof mesh->given.triangle_count);
+        hash = spsi_fingerprint(hash, &mesh->given.read_fn, sizeof mesh->given.read_fn);
+        hash = spsi_fingerprint(hash, &mesh->given.user, sizeof mesh->given.user);
+        hash = spsi_fingerprint(hash, &mesh->given.placement, sizeof mesh->given.placement);
+        hash = spsi_fingerprint(hash, mesh->given.color, sizeof mesh->given.color);
         hash = spsi_fingerprint(hash, has, sizeof has);
-        hash = spsi_fingerprint(hash, mesh->transmittance, sizeof mesh->transmittance);
-        hash = spsi_fingerprint(hash, &mesh->revision, sizeof mesh->revision);
+        hash = spsi_fingerprint(hash, mesh->given.transmittance, sizeof mesh->given.transmittance);
+        hash = spsi_fingerprint(hash, &mesh->given.revision, sizeof mesh->given.revision);
     }
     return hash | 1;
 }
@@ -8341,7 +8292,7 @@ static int spsi_surface_batch_fill(spsi_surface_batch *batch) {
                 if (batch->shown_count == SPSI_SURFACE_BATCH) return 1;
                 shown->place = place;
                 shown->mesh = spsi_mesh_of(batch->frame, batch->faces, place.hit->face);
-                batch->shown_count += batch->frame->meshes.list[shown->mesh].shade_fn != NULL;
+                batch->shown_count += batch->frame->meshes.list[shown->mesh].given.shade_fn != NULL;
             }
     return batch->shown_count > 0;
 }
@@ -8364,7 +8315,7 @@ static sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_ba
     context->stats.shade_calls += 1;
     context->stats.surface_points += (uint64_t)batch->count;
     if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "shade_fn",
-                        mesh->shade_fn(mesh->shade_user, (size_t)batch->count, batch->points, batch->out)))
+                        mesh->given.shade_fn(mesh->given.shade_user, (size_t)batch->count, batch->points, batch->out)))
         return context->result;
     for (int i = 0; i < batch->count; ++i)
         if (spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's color",
@@ -9183,7 +9134,7 @@ static size_t spsi_image_level_floats(const spsi_image *image, int level) {
 /* Sets the sizes of an image's levels. From one to the next, the sides whose texels are the shorter ones are halved, or
    both if texels are about square. Returns the number of floats of all. */
 static size_t spsi_image_size(const spsi_projection *projection, spsi_image *image) {
-    int size[2] = {projection->width, projection->height}, level = 0;
+    int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = fmin(edge[0], edge[1]);
     const double unit = shortest;
     size_t floats = 0;
@@ -9208,7 +9159,7 @@ static size_t spsi_images_bytes(const spsi_frame *frame) {
     uint64_t bytes = (uint64_t)frame->lamps.image_count * sizeof(spsi_image), row = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_projection *projection = &frame->lamps.list[i].projection;
-        const size_t width = (size_t)projection->width;
+        const size_t width = (size_t)projection->given.width;
         spsi_image image;
         if (!projection->exists) continue;
         bytes += (uint64_t)spsi_image_size(projection, &image) * sizeof(float);
@@ -9220,7 +9171,7 @@ static size_t spsi_images_bytes(const spsi_frame *frame) {
 /* Fails on an invalid color of a texel, or makes it black. */
 static sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                       float *rgb) {
-    if (!frame->replace_invalid)
+    if (!frame->given.replace_invalid)
         return spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn's color",
                               rgb, SPSI_VALUE_MAX);
     if (!spsi_bad_color(rgb, SPSI_VALUE_MAX)) return SPS_OK;
@@ -9233,19 +9184,19 @@ static sps_result spsi_texel_validate(sps_context *context, const spsi_frame *fr
 static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp, float *row,
                                   const spsi_image *image) {
     const spsi_projection *projection = &lamp->projection;
-    const size_t width = (size_t)projection->width, pitch = (size_t)image->width[0];
+    const size_t width = (size_t)projection->given.width, pitch = (size_t)image->width[0];
     const size_t plane = pitch * (size_t)image->height[0];
     float *rgb = row + 2 * width;
-    for (int y = 0; y < projection->height; ++y) {
+    for (int y = 0; y < projection->given.height; ++y) {
         if (spsi_progress(context, 0)) return context->result;
         for (size_t x = 0; x < width; ++x) {
-            row[2 * x] = (float)(((double)x + 0.5) / projection->width);
-            row[2 * x + 1] = (float)((y + 0.5) / projection->height);
+            row[2 * x] = (float)(((double)x + 0.5) / projection->given.width);
+            row[2 * x + 1] = (float)((y + 0.5) / projection->given.height);
         }
         memset(rgb, 0, 3 * width * sizeof *rgb);
         context->stats.projector_calls += 1;
         if (spsi_check_call(context, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn",
-                            projection->sample_fn(projection->user, width, row, rgb)))
+                            projection->given.sample_fn(projection->given.user, width, row, rgb)))
             return context->result;
         for (size_t x = 0; x < width; ++x) {
             float *to = image->texels[0] + (size_t)(y + 1) * pitch + x + 1;
@@ -9424,38 +9375,26 @@ static int spsi_depth_map_size(const spsi_frame *frame) {
 /* Number of cells on a side of a map of `size` texels. */
 static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
-/* Number of floats of a depth map, or of what a map of panes has per texel and cell. */
-static size_t spsi_depth_map_floats(const spsi_depth_map *map, int has_panes) {
-    size_t floats = 0;
-    for (int face = 0; face < map->face_count; ++face) {
-        const spsi_rays *rays = &map->rays[face];
-        floats += has_panes ? spsi_ray_count(rays) + 2 : 3 * spsi_ray_count(rays);
-        floats += 2 * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
-    }
-    return floats;
-}
-
 /* Its maximum for a map of `size` texels on a side, or six of half that size. */
 static size_t spsi_depth_map_floats_most(size_t size) {
     const size_t cells = size / SPSI_CELL + 2, texels = size * size / 2 * 3 + SPSI_CUBE_FACES * 64;
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
 }
 
-/* Lays out a depth map in memory, and returns the memory after it. `first`: where a map of panes lists what begins
-   where; NULL: it is none. */
-static float *spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
+/* Lays out a depth map in memory, or counts only, and returns its floats. `first`: where a map of panes lists what
+   begins where; NULL: it is none. */
+static size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
+    size_t laid = 0;
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
-        const size_t texels = spsi_ray_count(rays);
-        map->depths[face] = memory;
-        map->slopes[face][0] = memory + texels;
-        map->slopes[face][1] = memory + 2 * texels;
-        if (first) first[face] = (uint32_t *)(void *)memory;
-        map->nearest[face] = memory + (first ? texels + 2 : 3 * texels);
+        const size_t texels = first ? 0 : spsi_ray_count(rays), rows = (size_t)spsi_depth_map_cells(rays->height);
+        if (first) first[face] = (uint32_t *)(void *)spsi_lay(memory, &laid, spsi_ray_count(rays) + 2);
+        map->depths[face] = spsi_lay(memory, &laid, texels);
+        for (int i = 0; i < 2; ++i) map->slopes[face][i] = spsi_lay(memory, &laid, texels);
         map->cells[face] = spsi_depth_map_cells(rays->width);
-        memory = map->nearest[face] + 2 * (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(rays->height);
+        map->nearest[face] = spsi_lay(memory, &laid, 2 * (size_t)map->cells[face] * rows);
     }
-    return memory;
+    return laid;
 }
 
 /* Aims a light's depth map: a single face fitted to the gas, however far the polygons reach, whose texels need not be
@@ -13404,26 +13343,8 @@ static void spsi_levels_place(spsi_fields *fields, int medium) {
 static void spsi_field_whole(const spsi_medium *medium, spsi_voxel_field *field) {
     for (int k = 0; k < 3; ++k) {
         field->low[k] = -1;
-        field->size[k] = (medium->size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
+        field->size[k] = (medium->given.size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
     }
-}
-
-/* Upper bound of the bytes of a volume's coarser levels. A brick of voxels is within reach of 3^3 bricks on each: those
-   of the finer level and one about them are up to five in a row. A side of less than three bricks may grow to three. */
-static size_t spsi_levels_bytes(const spsi_frame *frame, int medium, size_t bricks) {
-    const size_t most = 9 * spsi_field_cells_most(frame, bricks);
-    const size_t each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
-    spsi_voxel_field levels[2];
-    size_t bytes = 0;
-    spsi_field_whole(&frame->media[medium], &levels[0]);
-    for (int n = 0; n < spsi_levels_wanted(frame, medium); ++n) {
-        size_t cells;
-        spsi_level_place(&levels[n % 2], &levels[1 - n % 2]);
-        cells = spsi_field_cells(&levels[1 - n % 2]);
-        cells = cells < most ? cells : most;
-        bytes += spsi_field_grid_bytes(cells) + (27 * bricks < cells ? 27 * bricks : cells) * each;
-    }
-    return bytes;
 }
 
 /* Whether a volume may use a tolerance: neither what is classified nor what emits does. */
@@ -13435,20 +13356,25 @@ static int spsi_may_interpolate(const spsi_frame *frame) {
     return 0;
 }
 
-/* Upper bound of the bytes of all fields, for a number of bricks that may be read. */
-static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
-    const size_t most = spsi_field_cells_most(frame, bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
-    size_t all = 0, bytes = sizeof(spsi_fields);
+/* Upper bound of the bytes of all fields and their coarser levels, for numbers of bricks that may be read, by volume. A
+   brick of voxels is within reach of 3^3 bricks on each: those of the finer level and one about them are up to five in
+   a row. A side of less than three bricks may grow to three. */
+static size_t spsi_fields_bytes(const spsi_frame *frame, const uint64_t *bricks) {
+    const size_t each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
+    size_t bytes = sizeof(spsi_fields);
     for (int m = 0; m < frame->medium_count; ++m) {
-        spsi_voxel_field field;
-        size_t cells;
-        spsi_field_whole(&frame->media[m], &field);
-        cells = spsi_field_cells(&field);
-        all += cells < most ? cells : most;
-        bytes += spsi_levels_bytes(frame, m, bricks);
+        const size_t reached = 27 * (size_t)bricks[m], most = spsi_field_cells_most(frame, (size_t)bricks[m]);
+        spsi_voxel_field levels[2];
+        spsi_field_whole(&frame->media[m], &levels[0]);
+        for (int n = 0; n <= spsi_levels_wanted(frame, m); ++n) {
+            size_t cells = spsi_field_cells(&levels[n % 2]);
+            cells = cells < (n ? 9 : 1) * most ? cells : (n ? 9 : 1) * most;
+            bytes += spsi_field_grid_bytes(cells) + (reached < cells ? reached : cells) * each;
+            if (n == 0 && spsi_may_interpolate(frame)) bytes += spsi_bends_bytes(cells);
+            spsi_level_place(&levels[n % 2], &levels[1 - n % 2]);
+        }
     }
-    if (spsi_may_interpolate(frame)) bytes += spsi_bends_bytes(all);
-    return bytes + spsi_field_grid_bytes(all) + (27 * bricks < all ? 27 * bricks : all) * each;
+    return bytes;
 }
 
 /* Places a field for each volume. Returns the number of bricks in all grids. */
@@ -14988,19 +14914,6 @@ static inline spsi_v spsi_shadow_table_step(const sps_tmap *map) {
     return spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST);
 }
 
-/* Optical depth of gas at a vector of points, from a shadow table. */
-static spsi_v spsi_shadow_table_lookup(const sps_tmap *map, const spsi_tmap_quads *quads) {
-    spsi_shadow_table_place x[2], y[2];
-    spsi_v sum = spsi_set(0);
-    for (int i = 0; i < 2; ++i) {
-        x[i] = spsi_shadow_table_place_of(quads->column[i], 1);
-        y[i] = spsi_shadow_table_place_of(quads->row[i], SPSI_SHADOW_TABLE_SIDE);
-    }
-    for (int i = 0; i < 4; ++i)
-        sum = spsi_fma(quads->weight[i], spsi_shadow_table_at(map, &x[i & 1], &y[i >> 1], quads->u), sum);
-    return spsi_mul(sum, spsi_shadow_table_step(map));
-}
-
 /* Optical depth of gas before u in a vector of texels of any map. */
 static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     const float components = (float)map->settings.components;
@@ -15122,7 +15035,7 @@ static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
         spsi_tmap_see(map, q, &seen);
     spsi_quads_build(map, &seen, &quads);
     quads.u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), spsi_set(0), spsi_set(1));
-    return map->data.table.data ? spsi_shadow_table_lookup(map, &quads) : spsi_tmap_optical_depths(map, &quads);
+    return spsi_tmap_optical_depths(map, &quads);
 }
 
 /* Optical depth, surfaces included, from that of gas and the share that surfaces let through. */
@@ -15337,27 +15250,17 @@ static double spsi_cut_chord_share(const spsi_cut_chord *chord, double u) {
     return chord->soft ? s * s * (3 - 2 * s) : s;
 }
 
-/* Six-point Gauss-Legendre rule on -1..1: exact for a soft chord's density (degree 2) times powers of u up to 9. */
-#define SPSI_GAUSS_POINTS 6
-static const double spsi_gauss_nodes[SPSI_GAUSS_POINTS] = {-0.9324695142031521, -0.6612093864662645,
-                                                           -0.2386191860831969, 0.2386191860831969,
-                                                           0.6612093864662645,  0.9324695142031521};
-static const double spsi_gauss_weights[SPSI_GAUSS_POINTS] = {0.1713244923791704, 0.3607615730481386,
-                                                             0.4679139345726910, 0.4679139345726910,
-                                                             0.3607615730481386, 0.1713244923791704};
-
-/* Inserts the part of a soft chord between two positions as points: exact for moments, and good to 1e-6 for Fourier
-   series, since no part is longer than a wave. */
+/* Inserts the part of a soft chord between two positions as points: good to 1e-6 for moments and Fourier series, since
+   no part is longer than a sixth of a wave. */
 static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const spsi_cut_chord *chord, double from,
                                double to) {
     const sps_tmap *map = into->filling->map;
     const int waves = map->inner.components / 2;
-    const int parts = map->has_range ? waves : spsi_most((int)ceil(waves * (to - from)), 1);
-    const double half = 0.5 * (to - from) / parts, length = chord->u1 - chord->u0;
-    for (int i = 0; i < parts * SPSI_GAUSS_POINTS; ++i) {
-        const int part = i / SPSI_GAUSS_POINTS, k = i % SPSI_GAUSS_POINTS;
-        const double u = from + half * (2 * part + 1 + spsi_gauss_nodes[k]), s = (u - chord->u0) / length;
-        const double depth = chord->depth * half / length * spsi_gauss_weights[k] * 6 * s * (1 - s);
+    const int parts = 6 * (map->has_range ? waves : spsi_most((int)ceil(waves * (to - from)), 1));
+    const double way = (to - from) / parts, length = chord->u1 - chord->u0;
+    for (int i = 0; i < 3 * parts; ++i) {
+        const double u = from + way * (i / 3 + spsi_gauss_places[i % 3]), s = (u - chord->u0) / length;
+        const double depth = chord->depth * way / length * spsi_gauss_weights[i % 3] * 6 * s * (1 - s);
         const spsi_interval point = {(float)u, (float)u, (float)depth, 0};
         spsi_insert_one(into, x, y, &point);
     }
@@ -16011,7 +15914,7 @@ static uint64_t spsi_medium_fingerprint(const spsi_frame *frame, int i) {
 /* A hash of how particles of a set become balls. */
 static uint64_t spsi_set_fingerprint(uint64_t hash, const spsi_particle_set *set) {
     hash = spsi_fingerprint(hash, &set->soft, sizeof set->soft);
-    return spsi_fingerprint(hash, &set->is_extinction, sizeof set->is_extinction);
+    return spsi_fingerprint(hash, &set->given.is_extinction, sizeof set->given.is_extinction);
 }
 
 typedef struct spsi_print_job {
@@ -16564,11 +16467,11 @@ static void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
     spsi_shadow_table_count(map, 1);
 }
 
-/* Releases all shadow tables that are held. */
-static void spsi_shadow_tables_drop(sps_context *context) {
-    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    for (int i = 0; i < context->shadow_table_count; ++i) spsi_tmap_release(&held[i]);
-    context->shadow_table_count = 0;
+/* Releases all maps that a buffer holds. */
+static void spsi_tmaps_drop(sps_context *context, spsi_buffer_id id, int *count) {
+    sps_tmap *held = (sps_tmap *)context->buffers[id].data;
+    for (int i = 0; i < *count; ++i) spsi_tmap_release(&held[i]);
+    *count = 0;
 }
 
 /* Releases a map, or, unless the call has failed, holds its table for the next one, where there is room for the tables
@@ -18421,7 +18324,7 @@ static double spsi_bytes_without_tables(const sps_context *context, const spsi_f
     const double triangles = (double)frame->meshes.triangle_count;
     double bytes = (double)spsi_worker_count(context) * 3e5 * (frame->matter.material_count + 1);
     for (int i = 0; i < frame->medium_count; ++i)
-        bytes += 20.0 * frame->media[i].size[0] * frame->media[i].size[1] * frame->media[i].size[2];
+        bytes += 20.0 * frame->media[i].given.size[0] * frame->media[i].given.size[1] * frame->media[i].given.size[2];
     bytes += (32 + 264) * (double)frame->particles.count + (176 + 68) * triangles;
     bytes += 60 * pixels + 68.0 * sheets->rays.width * sheets->rays.height;
     return bytes + (triangles > 0 ? lights * (18 * map * map + 4 * pixels) : 0);
@@ -18592,12 +18495,12 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
         if (shadows[i].soft) continue;
         spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), texel, &shadows[i].depth_map);
         if (!spsi_depth_map_met(faces, &shadows[i].depth_map)) shadows[i].depth_map.face_count = 0;
-        more = spsi_depth_map_floats(&shadows[i].depth_map, 0);
+        more = spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, NULL);
         floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
     }
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
     if (!memory) return context->result;
-    for (int i = 0; i < count; ++i) memory = spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, memory);
+    for (int i = 0; i < count; ++i) memory += spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, memory);
     for (int i = 0; i < count; ++i)
         if (!shadows[i].soft) spsi_depth_map_fill(context, faces, &shadows[i].depth_map);
     return SPS_OK;
@@ -18619,12 +18522,12 @@ static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame 
             memset(next, 0, sizeof *next);
             spsi_depth_map_aim(frame, shadows[i].soft ? &lamp->points[k] : lamp,
                                spsi_most(8, (int)(share * spsi_depth_map_size(frame))), 0, &next->grid);
-            floats += spsi_depth_map_floats(&next->grid, 1);
+            floats += spsi_depth_map_lay_out(&next->grid, next->first, NULL);
         }
     }
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_PANE_TEXELS, floats, sizeof(float));
     for (spsi_pane_map *map = maps; memory && map < next; ++map)
-        memory = spsi_depth_map_lay_out(&map->grid, map->first, memory);
+        memory += spsi_depth_map_lay_out(&map->grid, map->first, memory);
     return context->result;
 }
 
@@ -18711,7 +18614,7 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
             return context->result;
         ++next;
     }
-    spsi_shadow_tables_drop(context); /* what no light has taken */
+    spsi_tmaps_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* what no light has taken */
     if (!spsi_reserve(context, SPSI_BUFFER_SHADOW_TABLES, (size_t)mapped, sizeof *maps)) return context->result;
     next = maps;
     for (int i = 0; i < count; ++i) {
@@ -20525,7 +20428,7 @@ static void spsi_volumes_fly(const spsi_frame *frame, double edge) {
         const int m = frame->media[i].channel;
         double longest = 0;
         for (int k = 0; k < 3; ++k)
-            longest = fmax(longest, frame->media[i].size[k] * spsi_length(frame->lattices[i].step[k]));
+            longest = fmax(longest, frame->media[i].given.size[k] * spsi_length(frame->lattices[i].step[k]));
         if (!frame->matter.materials[m].emits || !spsi_cells_fly(frame)) longest = HUGE_VAL;
         flies[m] = fminf(flies[m], (float)fmax(0, 2 - longest / (4 * edge)));
     }
@@ -21778,17 +21681,17 @@ static spsi_v spsi_swing_share(const spsi_swing *g, spsi_v u, spsi_v *across) {
 /* Integral of a cone's light from u = a to b over half of phi, or where light does not fall off, over the share of the
    segment. [Gauss and Legendre] */
 static spsi_v spsi_swing_sum(const spsi_swing *g, const spsi_lamp *lamp, spsi_v a, spsi_v b) {
-    static const float at[3] = {0.112701665f, 0.5f, 0.887298335f}, weights[3] = {5.0f / 18, 8.0f / 18, 5.0f / 18};
     const spsi_v way = spsi_sub(b, a), one = spsi_set(1);
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 3; ++i) {
-        const spsi_v u = spsi_fma(way, spsi_set(at[i]), a), square = spsi_mul(u, u), q = spsi_add(one, square);
+        const spsi_v u = spsi_fma(way, spsi_set((float)spsi_gauss_places[i]), a);
+        const spsi_v square = spsi_mul(u, u), q = spsi_add(one, square);
         const spsi_v more = spsi_div(spsi_mul(g->axial, spsi_add(square, square)), q);
         const spsi_v light = spsi_cone_share(&lamp->cone, spsi_add(g->versine, more));
         spsi_v across, speed = spsi_div(one, q);
         spsi_swing_share(g, u, &across);
         if (!lamp->falls_off) speed = spsi_div(spsi_div(spsi_mul(spsi_add(g->area, g->area), q), across), across);
-        sum = spsi_fma(spsi_mul(light, spsi_set(weights[i])), spsi_min(speed, spsi_set(1e30f)), sum);
+        sum = spsi_fma(spsi_mul(light, spsi_set((float)spsi_gauss_weights[i])), spsi_min(speed, spsi_set(1e30f)), sum);
     }
     return spsi_mul(way, sum);
 }
@@ -24750,13 +24653,6 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     return context->result;
 }
 
-/* Releases the maps that no sweep has taken, after a failure. */
-static void spsi_cells_release(sps_context *context) {
-    sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
-    for (int i = 0; i < context->cell_tmap_count; ++i) spsi_tmap_release(&maps[i]);
-    context->cell_tmap_count = 0;
-}
-
 /* --- the equations of a channel --- */
 
 /* Cells that emit have at least this optical depth, so that what they emit has a source that can be divided by it. */
@@ -24794,25 +24690,20 @@ static void spsi_cells_equations_task(void *data, int row) {
     }
 }
 
-/* Floats of a solver's levels. */
-static size_t spsi_cell_level_floats(const spsi_cell_level *level, int orders) {
-    return (size_t)(1 + 2 * SPSI_CELL_LENGTHS + orders + 4 * orders * orders) * level->count;
-}
-
-static float *spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
-    const size_t terms = (size_t)(orders * orders);
-    level->depth = memory;
-    memory += level->count;
-    for (int i = 0; i < SPSI_CELL_LENGTHS; ++i, memory += 2 * level->count) {
-        level->through[i] = memory;
-        level->average[i] = memory + level->count;
+/* Lays out a level of a solver in memory, or counts only, and returns its floats. */
+static size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
+    const size_t terms = (size_t)(orders * orders) * level->count;
+    size_t laid = 0;
+    level->depth = spsi_lay(memory, &laid, level->count);
+    for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
+        level->through[i] = spsi_lay(memory, &laid, level->count);
+        level->average[i] = spsi_lay(memory, &laid, level->count);
     }
-    for (int l = 0; l < orders; ++l, memory += level->count) level->keep[l] = memory;
-    level->given = memory;
-    level->sent = level->given + terms * level->count;
-    level->moments[0] = level->sent + terms * level->count;
-    level->moments[1] = level->moments[0] + terms * level->count;
-    return level->moments[1] + terms * level->count;
+    for (int l = 0; l < orders; ++l) level->keep[l] = spsi_lay(memory, &laid, level->count);
+    level->given = spsi_lay(memory, &laid, terms);
+    level->sent = spsi_lay(memory, &laid, terms);
+    for (int i = 0; i < 2; ++i) level->moments[i] = spsi_lay(memory, &laid, terms);
+    return laid;
 }
 
 /* Floats for light of polygons: moments and a source of none, links and rows of coarse levels, and what leaves. */
@@ -24839,7 +24730,7 @@ static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver
         level->pitch = spsi_cell_pitch(level->size[0]);
         level->count = spsi_cell_stride((size_t)level->pitch * (size_t)(level->size[1] * level->size[2]));
         if (n == 0) level->count = grid->count;
-        floats += spsi_cell_level_floats(level, grid->orders);
+        floats += spsi_cell_level_lay_out(level, grid->orders, NULL);
         if (longest <= 4) break;
     }
     floats += spsi_cell_scratch_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
@@ -24858,7 +24749,7 @@ static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_g
     solver->balance = (double *)(void *)memory;
     memory += 4 * grid->size[2];
     for (int n = 0; n < solver->level_count; ++n)
-        memory = spsi_cell_level_lay_out(&solver->levels[n], grid->orders, memory);
+        memory += spsi_cell_level_lay_out(&solver->levels[n], grid->orders, memory);
     solver->scratch = memory;
     return SPS_OK;
 }
@@ -25010,8 +24901,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
     const float *found = solver->levels[0].moments[0];
     float *light = grid->moments + (size_t)job->channel * moments;
     spsi_part_of_call each = *part;
-    for (int n = 0; n < solver->level_count; ++n)
-        memset(solver->levels[n].depth, 0, spsi_cell_level_floats(&solver->levels[n], grid->orders) * sizeof(float));
+    memset(solver->levels[0].depth, 0, (size_t)(solver->scratch - solver->levels[0].depth) * sizeof(float));
     job->wall_light = NULL;
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
@@ -25064,19 +24954,22 @@ static size_t spsi_cells_map_bytes(const spsi_frame *frame, const spsi_lamp *lam
     return held + filling;
 }
 
-/* Floats of what polygons receive, and of the scales of extinction. */
-static size_t spsi_cells_flux_floats(const spsi_cell_grid *grid) {
-    const size_t flux = (size_t)(grid->channels * grid->flux_terms) * grid->count;
-    return (flux > 0 ? flux + spsi_cell_patch_floats(grid) : 0) + 3;
-}
-
-/* Floats of a grid that is held: moments, depth, what polygons receive, first flights; and of what is seen of it. */
-static size_t spsi_cell_grid_floats(const spsi_frame *frame, const spsi_cell_grid *grid, size_t *seen) {
-    const size_t moments = (size_t)(grid->channels * grid->terms) * grid->count;
-    const size_t pyramid = spsi_cells_fly(frame) ? spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch : 0;
-    *seen = (size_t)(frame->matter.material_count * grid->channels) * grid->count;
-    const size_t flown = spsi_flies_to_cells(frame) ? moments + (size_t)grid->channels * grid->count : 0;
-    return grid->count + moments + spsi_cells_flux_floats(grid) + flown + pyramid;
+/* Lays out a grid that is held in memory, or counts only, and returns its floats: moments, depth, the scales of
+   extinction, what polygons receive, first flights, and what is seen of it. */
+static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *grid, float *memory) {
+    const size_t each = (size_t)grid->channels * grid->count, moments = each * (size_t)grid->terms;
+    const int flies = spsi_cells_fly(frame), flies_to_cells = flies && spsi_flies_to_cells(frame);
+    size_t laid = 0;
+    grid->moments = spsi_lay(memory, &laid, moments);
+    grid->depth = spsi_lay(memory, &laid, grid->count);
+    grid->scale = spsi_lay(memory, &laid, 3);
+    grid->flux = spsi_lay(memory, &laid, each * (size_t)grid->flux_terms);
+    grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? spsi_cell_patch_floats(grid) : 0);
+    grid->flown = flies_to_cells ? spsi_lay(memory, &laid, moments) : NULL;
+    grid->trapped = flies_to_cells ? spsi_lay(memory, &laid, each) : NULL;
+    grid->pyramid = flies ? spsi_lay(memory, &laid, spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch) : NULL;
+    grid->seen = spsi_lay(memory, &laid, (size_t)frame->matter.material_count * each);
+    return laid;
 }
 
 /* Upper bound of the bytes for first flights. */
@@ -25084,7 +24977,7 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
     const size_t each = sizeof(spsi_emitter) + sizeof(spsi_flight_node) + sizeof(int);
     size_t bricks = 0, count = frame->matter.emits ? 2 * frame->particles.count : 0;
     for (int i = 0; i < frame->medium_count; ++i) {
-        const int *size = frame->media[i].size;
+        const int *size = frame->media[i].given.size;
         const size_t across = (size_t)(size[0] / SPSI_BRICK + 1), up = (size_t)(size[1] / SPSI_BRICK + 1);
         if (frame->matter.materials[frame->media[i].channel].emits)
             bricks += across * up * (size_t)(size[2] / SPSI_BRICK + 1);
@@ -25101,15 +24994,15 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
 /* Upper bound of the bytes for all cells: those of cubes, one after the other. */
 static size_t spsi_cells_bytes(const spsi_frame *frame) {
     const int side = frame->view.scatter_size;
-    size_t floats, bytes = sizeof(spsi_cell_job) + SPSI_CELL_GRIDS * sizeof(spsi_cell_grid), seen;
+    size_t floats, bytes = sizeof(spsi_cell_job) + SPSI_CELL_GRIDS * sizeof(spsi_cell_grid);
     spsi_cell_grid grid;
     spsi_cell_solver solver;
     memset(&grid, 0, sizeof grid);
     grid.size[0] = grid.size[1] = grid.size[2] = side;
     spsi_cells_lay_out(frame, &grid);
     floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
-    floats += SPSI_CELL_GRIDS * spsi_cell_grid_floats(frame, &grid, &seen);
-    floats += SPSI_CELL_GRIDS * seen + (grid.flux_terms > 0 ? spsi_cell_walls_floats(&grid) : 0);
+    floats += SPSI_CELL_GRIDS * spsi_cell_grid_lay_out(frame, &grid, NULL);
+    floats += grid.flux_terms > 0 ? spsi_cell_walls_floats(&grid) : 0;
     for (int i = 0; i < frame->lamps.count; ++i)
         if ((frame->lamps.list[i].shadows || spsi_cells_pass_on(frame, &grid)) &&
             !spsi_has_shadow_table(&frame->lamps.list[i]))
@@ -25225,7 +25118,7 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
     if (!job || !memory) return context->result;
     memset(job, 0, sizeof *job);
     memset(memory, 0, floats * sizeof *memory);
-    memset(grid->depth, 0, (grid->count + spsi_cells_flux_floats(grid)) * sizeof *grid->depth);
+    memset(grid->depth, 0, (size_t)(grid->seen - grid->depth) * sizeof *grid->depth);
     job->context = context;
     job->frame = frame;
     job->faces = faces;
@@ -25241,7 +25134,6 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
         job->passed_on = memory;
         memory += moments;
     }
-    if (grid->flown) memset(grid->flown, 0, (moments + channels * grid->count) * sizeof *grid->flown);
     if (spsi_cells_fill(job, part)) return context->result;
     spsi_cells_mean_scale(job);
     if (grid->pyramid) spsi_cell_pyramid_fill(grid);
@@ -25250,33 +25142,14 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
 
 /* Reserves the memory of all grids. */
 static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *frame, spsi_cell_grid *grids, int count) {
-    size_t held = 0, seen = 0, own_seen;
-    float *memory, *look;
+    size_t floats = 0;
+    float *memory;
+    for (int n = 0; n < count; ++n) floats += spsi_cell_grid_lay_out(frame, &grids[n], NULL);
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, floats, sizeof(float));
+    if (!memory) return context->result;
     for (int n = 0; n < count; ++n) {
-        held += spsi_cell_grid_floats(frame, &grids[n], &own_seen);
-        seen += own_seen;
-    }
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, held, sizeof(float));
-    look = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SEEN, seen, sizeof(float));
-    if (!memory || !look) return context->result;
-    memset(look, 0, seen * sizeof *look);
-    for (int n = 0; n < count; ++n) {
-        spsi_cell_grid *grid = &grids[n];
-        const size_t channels = (size_t)grid->channels;
-        grid->moments = memory;
-        grid->seen = look;
-        memory += spsi_cell_grid_floats(frame, grid, &own_seen);
-        look += own_seen;
-        grid->depth = grid->moments + channels * (size_t)grid->terms * grid->count;
-        grid->scale = grid->depth + grid->count;
-        grid->flux = grid->scale + 3;
-        grid->patches = grid->flux + channels * (size_t)grid->flux_terms * grid->count;
-        grid->flown = grid->trapped = grid->pyramid = NULL;
-        if (!spsi_cells_fly(frame)) continue;
-        grid->pyramid = memory - spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch;
-        if (!spsi_flies_to_cells(frame)) continue;
-        grid->trapped = grid->pyramid - channels * grid->count;
-        grid->flown = grid->trapped - channels * (size_t)grid->terms * grid->count;
+        memory += spsi_cell_grid_lay_out(frame, &grids[n], memory);
+        memset(grids[n].seen, 0, (size_t)(memory - grids[n].seen) * sizeof *memory);
     }
     return SPS_OK;
 }
@@ -26688,21 +26561,21 @@ static size_t spsi_total_floats(const spsi_frame *frame) { return (size_t)(4 + f
 /* Fills `rgb` with the background's radiance for one row of the region, three floats per pixel. Directions are kept
    behind it. */
 static sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
-    const spsi_background *background = &frame->background;
+    const sps_scene *scene = &frame->given;
     const int *region = frame->view.region;
     float *directions = rgb + 3 * (size_t)region[2];
     for (int x = 0; x < region[2]; ++x) {
         double ray[3];
-        memcpy(rgb + 3 * x, background->color, sizeof background->color);
-        if (!background->color_fn) continue;
+        memcpy(rgb + 3 * x, scene->background, sizeof scene->background);
+        if (!scene->background_fn) continue;
         spsi_ray_direction(&frame->content->eye, region[0] + x, region[1] + y, ray);
         spsi_normalise(ray);
         for (int i = 0; i < 3; ++i) directions[3 * x + i] = (float)ray[i];
     }
-    if (!background->color_fn) return SPS_OK;
+    if (!scene->background_fn) return SPS_OK;
     context->stats.background_calls += 1;
     if (spsi_check_call(context, SPS_OBJECT_SCENE, -1, "background_fn",
-                        background->color_fn(background->user, (size_t)region[2], directions, rgb)))
+                        scene->background_fn(scene->background_user, (size_t)region[2], directions, rgb)))
         return context->result;
     for (int i = 0; i < region[2] && !context->result; ++i)
         spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "background_fn's color", rgb + 3 * i,
@@ -26962,7 +26835,8 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     if (spsi_fields_place(context, frame)) return context->result;
     spsi_levels_choose(frame);
     spsi_choose_shadows(context, frame);
-    if (!spsi_has_shadow_tables(frame)) spsi_shadow_tables_drop(context);
+    if (!spsi_has_shadow_tables(frame))
+        spsi_tmaps_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count);
     gathered = spsi_clock(context);
     context->stats.seconds_gather = gathered - start;
     spsi_eye_reference(frame);
@@ -27013,6 +26887,7 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
                                     spsi_reading *reading) {
     memset(reading, 0, sizeof *reading);
     reading->held = context->gathered != 0 && context->gathered == spsi_volumes_fingerprint(frame);
+    if (reading->held) spsi_bricks_bounds(context, frame, &frame->content->bounds);
     if (reading->held) return SPS_OK;
     for (int medium = 0; medium < frame->medium_count; ++medium) {
         const int64_t count = spsi_block_count(&frame->media[medium]);
@@ -27037,7 +26912,7 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
             reading->bricks_of[medium] += bricks;
             reading->voxels_of[medium] += kept;
             report->voxels_read += voxels;
-            if (block.medium->eval_fn)
+            if (block.medium->given.eval_fn)
                 report->eval_calls += (uint64_t)block.size[2];
             else
                 report->read_calls += 1;
@@ -27063,7 +26938,7 @@ static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame
         const double bricks = (double)reading->bricks_of[m], most = pow(SPSI_BRICK + fields->taps, 3);
         double volume = 1;
         spsi_field_whole(&frame->media[m], field);
-        for (int k = 0; k < 3; ++k) volume *= frame->media[m].size[k] + fields->taps;
+        for (int k = 0; k < 3; ++k) volume *= frame->media[m].given.size[k] + fields->taps;
         spsi_levels_place(fields, m);
         field->count = spsi_field_cells(field) <= spsi_field_cells_most(frame, (size_t)reading->bricks_of[m]);
         field->volume = spsi_minimum(volume, most * bricks);
@@ -27083,7 +26958,7 @@ static size_t spsi_plan_gather_bytes(const sps_context *context, const spsi_fram
     for (int i = 0; i < frame->medium_count; ++i)
         at_once = spsi_most(at_once, spsi_blocks_at_once(context, &frame->media[i]));
     bytes += (uint64_t)at_once * sizeof(spsi_voxels);
-    if (spsi_fields_wanted(frame)) bytes += spsi_fields_bytes(frame, (size_t)reading->bricks);
+    if (spsi_fields_wanted(frame)) bytes += spsi_fields_bytes(frame, reading->bricks_of);
     return (size_t)bytes;
 }
 
@@ -27095,14 +26970,6 @@ static size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sw
     return (size_t)spsi_most(2, frame->view.shadow_size > 0 ? frame->view.shadow_size : spsi_light_texels_most(frame));
 }
 
-/* Bytes of a target's lists of particles: a chunk may hold all of them. */
-static size_t spsi_plan_lists_bytes(const spsi_frame *frame, int width, int height) {
-    spsi_rays rays;
-    rays.width = width;
-    rays.height = height;
-    return spsi_lists_bytes(&rays, frame->particles.count);
-}
-
 /* Bytes of the queues. Once read, volumes may be cut into other slabs than their boxes, but not into many more; with
    particles there is no bound but the maximum. */
 static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *slabs, size_t bricks) {
@@ -27110,20 +26977,6 @@ static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *
     const size_t chunks = frame->particles.set_count > 0 ? most : 2 * (size_t)spsi_chunk_count(slabs) + 1;
     return spsi_queue_bytes(bricks, chunks) + bricks * 2 * sizeof(int16_t[4]) +
            (frame->particles.set_count > 0 ? spsi_queue_bytes(frame->particles.count, chunks) : 0);
-}
-
-/* Bytes of what is used of a tolerance by the eye's rays and, if it has sheets, by a light's. */
-static size_t spsi_plan_spent_bytes(const spsi_frame *frame, size_t side) {
-    const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    if (!spsi_may_interpolate(frame)) return 0;
-    return spsi_spent_bytes(&frame->content->eye) + 64 * sizeof(float) * tiles * tiles;
-}
-
-/* Floats of a worker's sheets, for any target. */
-static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
-    const spsi_shape eye = spsi_shape_of(frame, 1), light = spsi_shape_of(frame, 0);
-    const size_t shadow = frame->lamps.shadow_count > 0 ? spsi_shape_floats(&light) : 0;
-    return spsi_sheet_tiles(frame) * (shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye));
 }
 
 /* Bytes by which a sweep's light casts penumbrae. Particles and polygons have not been read: whether penumbrae are wide
@@ -27287,32 +27140,32 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
     const size_t workers = (size_t)spsi_worker_count(context);
     const size_t side = spsi_plan_light_side(frame, sweep);
     const int shadows = spsi_most(1, spsi_plan_shadow_count(frame, n));
-    size_t eye = workers * (spsi_plan_sheet_floats(frame) * sizeof(float) + 48) +
+    const spsi_shape shape = spsi_shape_of(frame, 1); /* lights' sheets have no more channels */
+    size_t eye = workers * (spsi_sheet_tiles(frame) * spsi_shape_floats(&shape) * sizeof(float) + 48) +
                  spsi_plan_queues_bytes(frame, &sweep->slabs, (size_t)bricks) + 64;
+    size_t light;
     const size_t floats = spsi_pixel_floats(frame) + (spsi_sweep_measures(frame, sweep) ? spsi_again_floats(frame) : 0);
+    spsi_rays square; /* as many texels as the light may have */
     spsi_region region;
     spsi_region_place(frame, &region);
+    square.width = square.height = (int)side;
     eye += spsi_region_tiles(&region) * SPSI_REGION_TILE_BYTES;
     eye += spsi_region_tiles(&region) * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT * floats * sizeof(float);
     eye += width * height * spsi_total_floats(frame) * sizeof(float) + width * SPSI_ROW_FLOATS * sizeof(float);
     eye += spsi_run_bytes(context) + (size_t)shadows * sizeof(spsi_shadow) +
-           spsi_vectors_bytes(context, frame->matter.material_count * SPSI_PARTS, sizeof(spsi_sample)) +
+           spsi_vectors_bytes(context, spsi_scratch_samples(frame), sizeof(spsi_sample)) +
            spsi_vectors_bytes(context, shadows, sizeof(spsi_arrival));
-    eye += spsi_plan_lists_bytes(frame, frame->content->eye.width, frame->content->eye.height);
-    eye += spsi_plan_spent_bytes(frame, sweep->lamp ? side : 0);
+    eye += spsi_lists_bytes(&frame->content->eye, frame->particles.count);
+    if (spsi_may_interpolate(frame)) eye += spsi_spent_bytes(&frame->content->eye) + spsi_spent_bytes(&square);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
-    if (sweep->lamp) {
-        const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
-        const size_t light =
-            (side * side + tiles) * SPSI_PLANES_TEXEL_BYTES + spsi_plan_lists_bytes(frame, (int)side, (int)side);
-        if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
-    }
-    if (sweep->lamp && sweep->lamp->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report))
-        return context->result;
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
     spsi_plan_filling(frame, &frame->content->eye, &sweep->slabs, SPSI_TARGET_EYE, !sweep->first, &report->eye_gathered,
                       &report->eye_filling);
     if (!sweep->lamp) return SPS_OK;
+    light = (side * side + spsi_list_starts(&square)) * SPSI_PLANES_TEXEL_BYTES;
+    light += spsi_lists_bytes(&square, frame->particles.count);
+    if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
+    if (sweep->lamp->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report)) return context->result;
     spsi_plan_filling(frame, &sweep->rays, &sweep->slabs, SPSI_TARGET_SHEETS, !sweep->first, &report->light_gathered,
                       &report->light_filling);
     report->shadow_width = spsi_most(report->shadow_width, frame->particles.set_count ? (int)side : sweep->rays.width);
@@ -27569,11 +27422,12 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
     spsi_plan_tmaps(frame, bricks, report);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_held(context, frame); ++i)
         report->triangle_calls +=
-            (frame->meshes.list[i].triangle_count + SPSI_TRIANGLE_BATCH - 1) / SPSI_TRIANGLE_BATCH;
+            (frame->meshes.list[i].given.triangle_count + SPSI_TRIANGLE_BATCH - 1) / SPSI_TRIANGLE_BATCH;
     for (int i = 0; i < frame->particles.set_count; ++i)
-        report->particle_calls += (frame->particles.sets[i].count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
+        report->particle_calls +=
+            (frame->particles.sets[i].given.count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
     for (int i = 0; i < frame->lamps.count; ++i)
-        report->projector_calls += (uint64_t)frame->lamps.list[i].projection.height;
+        report->projector_calls += (uint64_t)frame->lamps.list[i].projection.given.height;
     report->sweep_count = spsi_plan_sweep_count(frame);
     report->color_channels = frame->channels;
     report->sheet_channels = frame->matter.material_count;
@@ -28375,7 +28229,7 @@ typedef struct spsi_dense_job {
 static void spsi_dense_task(void *data, int index, int worker) {
     const spsi_dense_job *job = (const spsi_dense_job *)data;
     const spsi_voxels *voxels = spsi_reader_values(&job->reader, index);
-    const int *size = job->reader.medium->size;
+    const int *size = job->reader.medium->given.size;
     (void)worker;
     if (!voxels) return;
     for (int z = voxels->block.core_low[2]; z < voxels->block.core_high[2]; ++z)
@@ -28397,7 +28251,7 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
     job.values = values;
     job.reader.medium = &frame->media[medium];
     job.reader.material = &plain;
-    job.reader.replace = frame->replace_invalid;
+    job.reader.replace = frame->given.replace_invalid;
     if (spsi_reader_open(context, &job.reader)) return context->result;
     for (int64_t i = 0; i < job.reader.block_count; i += job.reader.at_once)
         if (spsi_reader_next(context, &job.reader, i, spsi_dense_task, &job)) return context->result;
@@ -28427,7 +28281,7 @@ static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame
         spsi_dense *grid = &marcher->grids[i];
         uint64_t b = 1, v = 1;
         for (int k = 0; k < 3; ++k) {
-            grid->size[k] = frame->media[i].size[k];
+            grid->size[k] = frame->media[i].given.size[k];
             grid->bricks[k] = (grid->size[k] + SPSI_BRICK - 1) / SPSI_BRICK;
             v *= (uint64_t)grid->size[k];
             b *= (uint64_t)grid->bricks[k];
@@ -28538,8 +28392,6 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 #define SPSI_BRACKET_DARK     27.6  /* optical depth beyond which shadows are not followed: 1e-12 passes */
 #define SPSI_BRACKET_ROOM     1e-9  /* relative: of a shadow's edge */
 
-static const double spsi_bracket_places[3] = {0.11270166537925831, 0.5, 0.88729833462074169}; /* 1/2 +- sqrt(3/20) */
-static const double spsi_bracket_weights[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
 
 /* Upper bounds for the derivatives of order k along a unit vector, in voxels: the sum of all kernels' absolute values;
    that of kernels alone, of which all but order 0 should vanish; and the sum of absolute values beyond the taps about a
@@ -28669,9 +28521,9 @@ static int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *
     gas->tail = SPSI_BRACKET_TAIL * most;
     for (int j = 0; j < 3; ++j) {
         double point[3];
-        spsi_along(step->origin, step->direction, step->low + spsi_bracket_places[j] * h, point);
+        spsi_along(step->origin, step->direction, step->low + spsi_gauss_places[j] * h, point);
         any |= spsi_vicinity_at(grid, point, &gas->value[j], j == 1 ? gas : NULL);
-        sum += h * spsi_bracket_weights[j] * gas->value[j];
+        sum += h * spsi_gauss_weights[j] * gas->value[j];
     }
     memset(&series, 0, sizeof series);
     if (any) spsi_series_add_field(1, speed, gas->half, gas->middle, most, &series);
@@ -28784,7 +28636,7 @@ static void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sp
     memset(&extinction, 0, sizeof extinction);
     for (int i = 0; i < 2; ++i) spsi_along(ray->origin, ray->direction, i ? ray->high : ray->low, step->ends[i]);
     for (int j = 0; j < 3; ++j)
-        spsi_along(ray->origin, ray->direction, ray->low + spsi_bracket_places[j] * h, step->points[j]);
+        spsi_along(ray->origin, ray->direction, ray->low + spsi_gauss_places[j] * h, step->points[j]);
     for (int m = 0; m < frame->medium_count; ++m) {
         const double scale = (double)spsi_part_material(frame, m)->extinction, most = marcher->grids[m].all_most;
         const double speed = spsi_vicinity_speed(&marcher->grids[m], ray->direction);
@@ -28827,7 +28679,7 @@ static spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_s
     result.high *= coming->passes.high * coming->range.high;
     if (!step->smooth || !coming->smooth) return result;
     for (int j = 0; j < 3; ++j) {
-        const double weight = h * spsi_bracket_weights[j] * coming->falls[j];
+        const double weight = h * spsi_gauss_weights[j] * coming->falls[j];
         const double low = step->before.low + step->within[j].low + coming->depth[j].low;
         const double high = step->before.high + step->within[j].high + coming->depth[j].high;
         points.low += weight * gas->value[j] * exp(-high);
@@ -28877,7 +28729,7 @@ static void spsi_coming_fall(const spsi_marcher *marcher, const spsi_step *step,
     coming->range.low = 1 / (farthest * farthest + fmax(beside[0], beside[1]) * fmax(beside[0], beside[1]));
     coming->smooth &= !(beside[0] < beside[1] || beside[1] < beside[0]);
     for (int j = 0; j < 3; ++j) {
-        const double t = along - (spsi_bracket_places[j] - 0.5) * h;
+        const double t = along - (spsi_gauss_places[j] - 0.5) * h;
         coming->falls[j] = 1 / (t * t + beside[0] * beside[0]);
     }
     for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k)
@@ -30000,7 +29852,7 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
     if (!context) return SPS_ERROR_ARGUMENT;
     if (frame) spsi_render_frame(context, frame, image);
-    spsi_cells_release(context);
+    spsi_tmaps_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count); /* there are some after a failure */
     return spsi_end(context);
 }
 

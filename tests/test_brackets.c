@@ -229,7 +229,7 @@ static void test_series(void) {
     power = spsi_series_lobe(&lobe, 0.25, &two); /* (0.25 - 0.2 t)^(-3/2) */
     for (int n = 1; n <= 4; ++n) coefficient *= (n + 0.5) / n * 0.8;
     CHECK_NEAR(power.term[4], coefficient * 2 * 0.75 / (4 * PI * 0.125), 1e-7);
-    for (int j = 0; j < 3; ++j) missed -= h * spsi_bracket_weights[j] * pow((spsi_bracket_places[j] - 0.5) * h, 6);
+    for (int j = 0; j < 3; ++j) missed -= h * spsi_gauss_weights[j] * pow((spsi_gauss_places[j] - 0.5) * h, 6);
     CHECK_NEAR(spsi_gauss_error(h, 1), missed, 1e-9 * h);
 }
 

@@ -824,9 +824,8 @@ static void test_failures(void) {
 /* What cells and polygons about them take is planned; a tree is planned where only the sky lights them, too. */
 static void test_plan(void) {
     for (int n = 0; n < 2; ++n) {
-        static const int own[] = {SPSI_BUFFER_CELL_GRID,   SPSI_BUFFER_CELL_JOB,  SPSI_BUFFER_CELLS,
-                                  SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_SEEN, SPSI_BUFFER_CELL_MOMENTS,
-                                  SPSI_BUFFER_CELL_WALLS};
+        static const int own[] = {SPSI_BUFFER_CELL_GRID,   SPSI_BUFFER_CELL_JOB,     SPSI_BUFFER_CELLS,
+                                  SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_MOMENTS, SPSI_BUFFER_CELL_WALLS};
         sps_context *by = check_context(NULL);
         sps_plan_report report;
         size_t bytes = 0;
@@ -838,8 +837,8 @@ static void test_plan(void) {
         CHECK(report.pass[SPS_PASS_TRIANGLE_TREE].runs == !n);
         CHECK((report.pass[SPS_PASS_TRIANGLE_TREE].bytes > 0) == !n);
         check_render(by, &s, image_a);
-        for (int i = 0; i < 7; ++i) /* what is seen and held of cells is planned for all grids that there may be */
-            bytes += (i == 4 || i == 5 ? SPSI_CELL_GRIDS : 1) * by->buffers[own[i]].size;
+        for (int i = 0; i < 6; ++i) /* what is seen and held of cells is planned for all grids that there may be */
+            bytes += (i == 4 ? SPSI_CELL_GRIDS : 1) * by->buffers[own[i]].size;
         if (figures()) printf("plan: %zu of %zu bytes\n", bytes, report.pass[SPS_PASS_CELLS].bytes);
         CHECK(bytes <= report.pass[SPS_PASS_CELLS].bytes && bytes > report.pass[SPS_PASS_CELLS].bytes / 10 * 8);
         sps_destroy(by);

@@ -441,7 +441,7 @@ static void sum_quarters(const photons_scene *p, const float *found,
 /* Light from cell to cell has few directions [Lathrop 1968]: where a wall far from gas has no other light, which is
    where a sun shines along it, it may be off by tens of per cent of nearly nothing. Returns how much a pixel may be off
    for it, as a sum of colors: relative to what the sun would give the wall if it shone onto it. */
-#define BESIDE_RAYS 0.0025
+#define BESIDE_RAYS 0.0073
 
 static double beside_rays(const random_scene *x) {
     const sps_light *sun = x->s.light;

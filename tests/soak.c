@@ -24,10 +24,9 @@ static const struct {
     const char *reason;
 } reasons[] = {
     {BALLS, ANYWHERE, 0.046, 0.032, "balls of a few pixels keep their mass, which the reference's rays do not"},
-    /* 0.0505 and 0.0356, the most of four among 400 scenes with surfaces and no area light. Where normals turn within
-       two voxels, at the crest of a shell, halving slabs takes a third off: 8.3, 5.9, 2.8 % at medium, high, ultra */
+    /* the most of five among 930 scenes: 0.0505 and 0.0356; around a lamp within a surface, 0.024. Where normals turn
+       within two voxels, at the crest of a shell, error falls with slabs: 8.3, 5.9, 2.8 % at medium, high and ultra */
     {NORMALS, ANYWHERE, 0.056, 0.039, "normals where values are even: kernels ripple, those of the reference too"},
-    {NORMALS, WITHIN, 0.12, 0.075, "normals around a lamp within a surface"},
     {SHADOWS, ANYWHERE, 0.043, 0.039, "edges of shadows: halving texels takes a root of 2 off, not 2"},
     {LAMPS, WITHIN, 0.046, 0.026, "noise around a lamp: its rays share the errors of the first slabs"},
     /* 512 texels, instead of some 30 for 9 voxels, take errors of 15 and 11 % to 3.0 and 2.2 % */
@@ -35,8 +34,8 @@ static const struct {
     /* one scene of 9 voxels, as above: 12 and 9.6 %; 2.9 and 2.8 % without normals and by 512 texels */
     {NORMALS | TEXELS, AREA_SURFACES, 0.063, 0.051, "shadows of surfaces as wide as the voxels, and normals"},
     {NORMALS | SHADOWS, ANYWHERE, 0.022, 0.016, "edges of shadows, and normals"},
-    /* one scene: a surface and balls around a lamp, of which only what all three leave is right */
-    {NORMALS | SHADOWS | BALLS, WITHIN, 0.014, 0.016, "edges of shadows, normals, and balls of a few pixels"},
+    /* two scenes: a surface and balls around a lamp */
+    {NORMALS | SHADOWS | BALLS, WITHIN, 0.018, 0.016, "edges of shadows, normals, and balls of a few pixels"},
 };
 
 enum { WORST = 10, CUT = 4, QUICK = 8 }; /* CUT: pixels at polygons' edges that may be left out */
@@ -445,9 +444,9 @@ static void sum_quarters(const photons_scene *p, const float *found,
 }
 
 /* Light from cell to cell has few directions [Lathrop 1968]: where a wall far from gas has no other light, which is
-   where a sun shines along it, it may be off by tens of per cent of little: by more than 5 % in half of 114 scenes, by
-   0.72 % at most, relative to what the sun would give the wall if it shone onto it, and a tenth more. Returns that for
-   a pixel's sum of colors. */
+   where a sun shines along it, it may be off by tens of per cent of little. Returns how much a pixel's sum of colors
+   may be, relative to what the sun would give the wall if it shone onto it: 0.72 %, the most of 131 scenes, 53 of which
+   are off by more than 5 % of what they are, and a tenth more. */
 #define BESIDE_RAYS 0.008
 
 static double beside_rays(const random_scene *x) {

@@ -28,6 +28,7 @@ typedef struct photons_scene {
     photons_medium media[PHOTONS_MEDIA];
     int count;
     double forward[3], right[3], up[3], pixel;
+    double reach;                         /* radius, around the scene's middle, of all that suns shine on */
     unsigned char judged[PHOTONS_PIXELS]; /* not those at the wall's edges */
     check_random random;
 } photons_scene;
@@ -258,6 +259,36 @@ static inline void photons_intensity(const photons_medium *m, double out[3]) {
     for (int c = 0; c < 3; ++c) out[c] = extent * m->emission[c];
 }
 
+/* Suns shine on volumes, and on the wall unless they shine along it. */
+static inline double photons_reach(const random_scene *x) {
+    const sps_triangle *t = x->triangles.list;
+    double square = 0;
+    for (int n = 0; n < 8 * x->s.scene.volume_count; ++n) {
+        const sps_volume *v = &x->s.volume[n / 8];
+        double offset[3];
+        for (int k = 0; k < 3; ++k) offset[k] = v->placement.origin[k] - x->offset[k];
+        for (int i = 0; i < 3; ++i) {
+            const double reach = (PHOTONS_REACH - 0.5) / v->size[i], at = n >> i & 1 ? 1 + reach : -reach;
+            for (int k = 0; k < 3; ++k) offset[k] += at * v->placement.axis[i][k];
+        }
+        square = fmax(square, spsi_dot(offset, offset));
+    }
+    for (size_t n = 0; n < 3 * x->triangles.count; ++n) {
+        double b[3], c[3], normal[3], corner[3];
+        int lit = 0;
+        for (int k = 0; k < 3; ++k) {
+            const float(*at)[3] = t[n / 3].position;
+            corner[k] = x->scale * (double)at[n % 3][k];
+            b[k] = (double)at[1][k] - (double)at[0][k], c[k] = (double)at[2][k] - (double)at[0][k];
+        }
+        spsi_cross(b, c, normal);
+        for (int i = 0; i < x->s.scene.light_count; ++i)
+            lit |= fabs(spsi_dot(normal, x->s.light[i].direction)) > 1e-6 * spsi_length(normal);
+        if (lit) square = fmax(square, spsi_dot(corner, corner));
+    }
+    return sqrt(square);
+}
+
 static inline int photons_begin(photons_scene *p, const random_scene *x) {
     static const int zero[3] = {0, 0, 0};
     const sps_camera *camera = &x->s.view.camera;
@@ -294,7 +325,7 @@ static inline int photons_begin(photons_scene *p, const random_scene *x) {
     spsi_cross(p->forward, camera->up, p->right);
     spsi_normalise(p->right);
     spsi_cross(p->right, p->forward, p->up);
-    p->pixel = camera->ortho_height / PHOTONS_SIDE;
+    p->pixel = camera->ortho_height / PHOTONS_SIDE, p->reach = photons_reach(x);
     for (int i = 0; i < PHOTONS_PIXELS; ++i) { /* all corners show the wall, or none does */
         int hits = 0;
         for (int corner = 0; corner < 4; ++corner) {
@@ -329,7 +360,7 @@ static inline void photons_send(photons_scene *p, double share, double *picture)
     }
     for (int i = 0; i < p->x->s.scene.light_count; ++i) {
         const sps_light *light = &p->x->s.light[i];
-        const double radius = 3.5 * p->x->scale, r = radius * sqrt(check_next(&p->random));
+        const double radius = p->reach, r = radius * sqrt(check_next(&p->random));
         const int is_lamp = light->kind == SPS_LIGHT_POINT;
         for (int c = 0; c < 3; ++c)
             power[c] = share * (double)light->color[c] * (is_lamp ? 4 * SCENE_PI : SCENE_PI * radius * radius);
@@ -341,7 +372,7 @@ static inline void photons_send(photons_scene *p, double share, double *picture)
             memcpy(way, light->direction, sizeof way);
             spsi_normalise(way);
             photons_about(p, way, 0, across);
-            for (int k = 0; k < 3; ++k) from[k] = r * across[k] - 5 * p->x->scale * way[k];
+            for (int k = 0; k < 3; ++k) from[k] = r * across[k] - 2 * radius * way[k];
         }
         photons_follow(p, from, way, power, picture);
     }

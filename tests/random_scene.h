@@ -1156,8 +1156,8 @@ static inline double tile_error(const random_scene *x, const scene_tiles *tiles,
         for (int c = 0; c < 3; ++c)
             sum += square((double)(picture->rgba[4 * at + c] - exact->rgba[4 * at + c]) / (SCENE_BOUND * mean)) / 3;
         sum += square(((double)picture->rgba[4 * at + 3] - covered) / SCENE_COVERAGE);
-        if (away > 0 && covered > 0.01 && away < HUGE_VAL)
-            sum += square(covered * ((double)picture->depth[at] - away) / (away * SCENE_COVERAGE));
+        if (away > 0 && covered > 0.01 && away < HUGE_VAL) /* a coarser reference may have missed what is here */
+            sum += square(covered * fmin(1, ((double)picture->depth[at] - away) / away) / SCENE_COVERAGE);
     }
     return sum;
 }
@@ -1283,7 +1283,7 @@ static inline scene_report measure_scene(sps_context *context, random_scene *x, 
 /* The scene in even light, without particles and classified volumes, whose edges may be as sharp as those of polygons,
    with samples of the latter. What the renderer takes once per pixel, gas and the light of a triangle, is then nearly
    what the reference takes at each sample. */
-static inline sps_result measure_edges(sps_context *context, const random_scene *from, int samples,
+static inline sps_result measure_edges(sps_context *context, const random_scene *from, int samples, double step,
                                        scene_error *error) {
     static random_scene even;
     static scene_picture mine, exact;
@@ -1302,7 +1302,7 @@ static inline sps_result measure_edges(sps_context *context, const random_scene 
     memset(judged, 1, sizeof judged);
     memset(error, 0, sizeof *error);
     result = scene_render(context, &even, 0, &mine);
-    if (result == SPS_OK) result = scene_render(context, &even, 0.7, &exact);
+    if (result == SPS_OK) result = scene_render(context, &even, step, &exact);
     if (result == SPS_OK) compare_pictures(&even, &mine, &exact, judged, error);
     return result;
 }

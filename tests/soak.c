@@ -16,23 +16,26 @@
    could be, the rms of the picture without shadows and with surfaces as gas: what shadows leave may be nearly nothing.
  */
 enum { NORMALS = 1, SHADOWS = 2, LAMPS = 4, BALLS = 8, TEXELS = 16 };
-enum { ANYWHERE, WITHIN, AREA };
+enum { ANYWHERE, WITHIN, AREA, AREA_SURFACES };
 
 static const struct {
-    int causes, where; /* ANYWHERE; WITHIN: a lamp is amid the gas; AREA: an area light and polygons */
+    int causes, where; /* WITHIN: a lamp is amid the gas; AREA: an area light and polygons, or surfaces of gas */
     double medium, high;
     const char *reason;
 } reasons[] = {
     {BALLS, ANYWHERE, 0.046, 0.032, "balls of a few pixels keep their mass, which the reference's rays do not"},
-    {NORMALS, ANYWHERE, 0.046, 0.026, "normals where values are even: kernels ripple, those of the reference too"},
-    {NORMALS, WITHIN, 0.12, 0.075, "normals around a lamp within a surface"},
+    /* the most of five among 930 scenes: 0.0505 and 0.0356; around a lamp within a surface, 0.024. Where normals turn
+       within two voxels, at the crest of a shell, error falls with slabs: 8.3, 5.9, 2.8 % at medium, high and ultra */
+    {NORMALS, ANYWHERE, 0.056, 0.039, "normals where values are even: kernels ripple, those of the reference too"},
     {SHADOWS, ANYWHERE, 0.043, 0.039, "edges of shadows: halving texels takes a root of 2 off, not 2"},
     {LAMPS, WITHIN, 0.046, 0.026, "noise around a lamp: its rays share the errors of the first slabs"},
     /* 512 texels, instead of some 30 for 9 voxels, take errors of 15 and 11 % to 3.0 and 2.2 % */
     {TEXELS, AREA, 0.07, 0.052, "shadows of polygons in gas are as wide as the texels of an area light, or its voxels"},
+    /* one scene of 9 voxels, as above: 12 and 9.6 %; 2.9 and 2.8 % without normals and by 512 texels */
+    {NORMALS | TEXELS, AREA_SURFACES, 0.063, 0.051, "shadows of surfaces as wide as the voxels, and normals"},
     {NORMALS | SHADOWS, ANYWHERE, 0.022, 0.016, "edges of shadows, and normals"},
-    /* one scene: a surface and balls around a lamp, of which only what all three leave is right */
-    {NORMALS | SHADOWS | BALLS, WITHIN, 0.014, 0.016, "edges of shadows, normals, and balls of a few pixels"},
+    /* two scenes: a surface and balls around a lamp */
+    {NORMALS | SHADOWS | BALLS, WITHIN, 0.018, 0.016, "edges of shadows, normals, and balls of a few pixels"},
 };
 
 enum { WORST = 10, CUT = 4, QUICK = 8 }; /* CUT: pixels at polygons' edges that may be left out */
@@ -56,7 +59,7 @@ typedef struct soak {
     outcome worst[WORST];
     int worst_count, show_all;
     long compared, refused, dark, hidden, failed, excused;
-    long beside; /* pictures of walls and gas beside a light */
+    long beside, beside_excused; /* pictures of walls and gas beside a light; that may fail */
 } soak;
 
 static void print_outcome(const soak *s, const outcome *o) {
@@ -96,7 +99,8 @@ static void take_away(const random_scene *from, int causes, random_scene *x) {
 
 static int light_is_right(const scene_report *r) { return r->result == SPS_OK && scene_light_good(r); }
 
-/* Why a scene that fails may do so; NULL if nothing explains it, or if it is further off than its causes may be. */
+/* Why a scene that fails may do so; NULL if nothing explains it, or if it is further off than its causes may be. What
+   leaves nothing to see explains it, too: balls alone in the dark. */
 static const char *excuse(sps_context *context, const random_scene *from, const scene_report *r) {
     static random_scene x;
     scene_report rest;
@@ -108,12 +112,14 @@ static const char *excuse(sps_context *context, const random_scene *from, const 
     scale = rest.result == SPS_OK ? rest.high.rms : 0;
     for (size_t i = 0; i < sizeof reasons / sizeof *reasons; ++i) {
         if (reasons[i].where == WITHIN && from->levels[LIGHT] != LIGHT_WITHIN) continue;
-        if (reasons[i].where == AREA && (from->levels[LIGHT] < LIGHT_WIDE_SUN || !from->s.scene.mesh_count)) continue;
+        if (reasons[i].where >= AREA && from->levels[LIGHT] < LIGHT_WIDE_SUN) continue;
+        if (reasons[i].where == AREA && !from->s.scene.mesh_count) continue;
+        if (reasons[i].where == AREA_SURFACES && !has_surfaces(from->levels)) continue;
         if (r->medium.light * r->medium.mean > reasons[i].medium * scale) continue;
         if (r->high.light * r->high.mean > reasons[i].high * scale) continue;
         take_away(from, reasons[i].causes, &x);
         rest = measure_scene(context, &x, 1);
-        if (!light_is_right(&rest)) continue;
+        if (rest.result != SPS_OK || (rest.high.mean >= SCENE_DARK && !light_is_right(&rest))) continue;
         printf("%.3f at medium and %.3f at high quality, of at most %.3f and %.3f:\n",
                r->medium.light * r->medium.mean / scale, r->high.light * r->high.mean / scale, reasons[i].medium,
                reasons[i].high);
@@ -191,12 +197,17 @@ static void judge(soak *s, const outcome *o) {
     print_outcome(s, o);
 }
 
+/* A near plane or an edge that ends gas costs the reference half a step of it, so failures are measured again. */
 static void soak_edges(sps_context *context, const random_scene *x, long number) {
     const int samples = 2 + (int)(number / 2 % 4);
     scene_error error;
+    int good = 0;
     if (x->s.scene.mesh_count == 0 || number % 2 == 1) return;
-    if (!CHECK_OK(context, measure_edges(context, x, samples, &error))) return;
-    if (!CHECK(error.mean < SCENE_DARK || (error.light <= SCENE_BOUND && error.coverage <= SCENE_COVERAGE)))
+    for (double step = SCENE_STEP; step > 0.1 && !good; step *= 0.25) {
+        if (!CHECK_OK(context, measure_edges(context, x, samples, step, &error))) return;
+        good = error.mean < SCENE_DARK || (error.light <= SCENE_BOUND && error.coverage <= SCENE_COVERAGE);
+    }
+    if (!CHECK(good))
         printf("    scene %ld with %d x %d samples: %.2f %%, coverage %.4f\n", number, samples, samples,
                100 * error.light, error.coverage);
 }
@@ -432,14 +443,30 @@ static void sum_quarters(const photons_scene *p, const float *found,
     sums->mean /= fmax(1, 3 * pixels);
 }
 
-/* Whether each quarter's sum is that of photons within so many standard errors, 5 % of it and 1 % of the picture's
-   mean. Returns how many are not; unless `show` is 0, prints these, or all. */
-static int compare_quarters(const beside_sums *s, double errors, int show) {
+/* Light from cell to cell has few directions [Lathrop 1968]: where a wall far from gas has no other light, which is
+   where a sun shines along it, it may be off by tens of per cent of little. Returns how much a pixel's sum of colors
+   may be, relative to what the sun would give the wall if it shone onto it: 0.72 %, the most of 131 scenes, 53 of which
+   are off by more than 5 % of what they are, and a tenth more. */
+#define BESIDE_RAYS 0.008
+
+static double beside_rays(const random_scene *x) {
+    const sps_light *sun = x->s.light;
+    double toward[3], sum = 0;
+    if (x->s.scene.light_count == 0 || sun->kind != SPS_LIGHT_DIRECTIONAL) return 0;
+    spsi_along(x->s.view.camera.target, x->s.view.camera.position, -1, toward);
+    if (fabs(spsi_dot(toward, sun->direction)) > 1e-6 * spsi_length(toward)) return 0;
+    for (int c = 0; c < 3; ++c) sum += (double)sun->color[c] * (double)x->s.mesh[0].color[c] / SCENE_PI;
+    return BESIDE_RAYS * sum;
+}
+
+/* Whether each quarter's sum is that of photons within so many standard errors, 5 % of it, 1 % of the picture's mean,
+   and `rays` a pixel. Returns how many are not; unless `show` is 0, prints these, or all. */
+static int compare_quarters(const beside_sums *s, double errors, double rays, int show) {
     int wrong = 0;
     if (s->mean < SCENE_DARK) return 0;
     for (int q = 0; q < 4; ++q) {
-        const double off = s->found[q] - s->exact[q];
-        const int good = fabs(off) <= errors * s->error[q] + 0.05 * s->exact[q] + 0.01 * s->mean * 3 * s->pixels[q];
+        const double off = s->found[q] - s->exact[q], few = (0.01 * s->mean * 3 + rays) * s->pixels[q];
+        const int good = fabs(off) <= errors * s->error[q] + 0.05 * s->exact[q] + few;
         wrong += !good;
         if (show > 1 || (show && !good))
             printf("    quarter %d: %.4g, photons %.4g +- %.2f %%, %+.2f %%%s\n", q, s->found[q], s->exact[q],
@@ -448,23 +475,33 @@ static int compare_quarters(const beside_sums *s, double errors, int show) {
     return wrong;
 }
 
-/* Renders with default settings, and returns how many quarters are not right: by some photons within two
-   standard errors, and if not, by ten times as many within five, which are 4 % or less near small sources: paths from
-   the eye had 3 to 50 %. */
-static int compare_beside(sps_context *context, const random_scene *x, int show) {
+/* Whether a quarter is known so badly that its noise might hide what is wrong. */
+static int quarters_are_noisy(const beside_sums *s) {
+    int noisy = 0;
+    for (int q = 0; q < 4; ++q) noisy |= s->mean >= SCENE_DARK && s->error[q] > 0.04 * s->exact[q];
+    return noisy;
+}
+
+/* Renders with default settings, and returns how many quarters are not right: by some photons, of little noise, within
+   two standard errors, and if not, by ten times as many within three, and at last by a hundred times within five, which
+   are 7 % or less, and below 2 % near small sources. excused: set to 1 if they are right but for few directions. */
+static int compare_beside(sps_context *context, const random_scene *x, int show, int *excused) {
     static float found[4 * PHOTONS_PIXELS];
     static double batches[PHOTONS_BATCHES][3 * PHOTONS_PIXELS];
     static photons_scene p;
+    static const double errors[3] = {2, 3, 5};
+    const double rays = beside_rays(x);
     beside_sums sums;
-    int wrong = 1;
+    int wrong = 1, count = BESIDE_PHOTONS;
     if (!check_render(context, &x->s, found) || !CHECK(photons_begin(&p, x))) return 4;
-    for (int count = BESIDE_PHOTONS; count <= BESIDE_MORE * BESIDE_PHOTONS && wrong; count *= BESIDE_MORE) {
+    for (int n = 0; n < 3 && wrong; ++n, count *= BESIDE_MORE) {
         memset(batches, 0, sizeof batches);
         for (int b = 0; b < PHOTONS_BATCHES; ++b)
             for (int i = 0; i < count; ++i) photons_send(&p, 1.0 / count, batches[b]);
         sum_quarters(&p, found, batches, &sums);
-        wrong = compare_quarters(&sums, count > BESIDE_PHOTONS ? 5 : 2,
-                                 show > 1 || (show && count > BESIDE_PHOTONS) ? show : 0);
+        wrong = compare_quarters(&sums, errors[n], rays, show > 1 || (show && n == 2) ? show : 0);
+        *excused = !wrong && compare_quarters(&sums, errors[n], 0, 0) > 0;
+        wrong += n == 0 && quarters_are_noisy(&sums);
     }
     photons_end(&p);
     return wrong;
@@ -475,15 +512,16 @@ static int compare_beside(sps_context *context, const random_scene *x, int show)
 static void soak_beside(sps_context *context, soak *s, check_random random, long number) {
     static const char *const names[] = {"flame", "particle", "lamp", "sun along it", "sun"};
     static random_scene x;
-    int from;
+    int from, excused = 0;
     for (int i = 0; i < 17; ++i) check_next(&random);
     if (one_in(&random, 3)) return;
     from = draw_below(&random, 5);
     build_beside(&x, random, from);
     if (getenv("SOAK_ALL")) printf("    scene %ld, light of a %s on a wall or gas:\n", number, names[from]);
-    if (!CHECK(compare_beside(context, &x, getenv("SOAK_ALL") ? 2 : 1) == 0))
+    if (!CHECK(compare_beside(context, &x, getenv("SOAK_ALL") ? 2 : 1, &excused) == 0))
         printf("scene %ld, light of a %s on a wall or gas, failed\n", number, names[from]);
-    ++s->beside;
+    if (excused) printf("scene %ld, light of a %s on a wall, may fail: few directions\n", number, names[from]);
+    ++s->beside, s->beside_excused += excused;
     free_scene(&x);
 }
 
@@ -585,7 +623,7 @@ static void print_summary(const soak *s) {
     for (int i = 0; i < s->worst_count; ++i) print_outcome(s, &s->worst[i]);
     printf("%ld compared, %ld of them failed, %ld more may fail; %ld refused, %ld dark, %ld too near a lamp\n",
            s->compared, s->failed, s->excused, s->refused, s->dark, s->hidden);
-    printf("%ld beside a light\n", s->beside);
+    printf("%ld beside a light, %ld of them may fail\n", s->beside, s->beside_excused);
 }
 
 /* What a process has counted. */
@@ -598,7 +636,7 @@ typedef struct soak_count {
 static void add_count(soak *s, const soak_count *other) {
     const soak *t = &other->s;
     s->compared += t->compared, s->refused += t->refused, s->dark += t->dark, s->hidden += t->hidden;
-    s->failed += t->failed, s->excused += t->excused, s->beside += t->beside;
+    s->failed += t->failed, s->excused += t->excused, s->beside += t->beside, s->beside_excused += t->beside_excused;
     for (int i = 0; i < t->worst_count; ++i) rank(s, &t->worst[i]);
     check_passed += other->passed, check_failed += other->failed;
 }

@@ -20434,6 +20434,14 @@ static void spsi_volumes_fly(const spsi_frame *frame, double edge) {
     }
 }
 
+/* Whether a ball is left to cells: they resolve it, and it is amid other gas, which is as much in the way of its light
+   as its own. */
+static int spsi_ball_is_wide(const spsi_cell_grid *grid, const double point[3], double radius, double depth) {
+    size_t at;
+    if (!(radius > 8 * grid->edge) || !spsi_cell_holding(grid, point, &at)) return 0;
+    return (double)grid->depth[at] * radius > depth * grid->edge;
+}
+
 /* Adds all particles: to `flights` or, as far as they always fly, to the next tree. A soft one has the spread of an
    even ball of 0.845 of its radius, and lets out what one of 0.75 of its depth does, within 4 % up to a depth of 10.
    What a particle hides of itself follows from its own depth: its gas in the cells about it is not counted. */
@@ -20450,17 +20458,18 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             const sps_particle *particle = &content->particles[n];
             const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
             const double amount = (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth;
-            const double own = (set->soft ? 0.375 : 0.5) * depth;
             const double point[3] = {(double)particle->position[0], (double)particle->position[1],
                                      (double)particle->position[2]};
+            const int wide = spsi_ball_is_wide(flights->grids, point, radius, depth);
+            const double own = wide ? -1 : (set->soft ? 0.375 : 0.5) * depth;
             if (!material->emits) continue;
             like.radius = (float)(set->soft ? 0.845 * radius : radius);
-            like.clear = (float)(radius + 2 * flights->grids->edge);
+            like.clear = wide ? 0 : (float)(radius + 2 * flights->grids->edge);
             like.gas = 0;
             memcpy(like.sent, material->emission, sizeof like.sent);
             spsi_emitters_add(flights, point, (1 - flies) * amount, own, &like, items[SPSI_FLIGHTS_GLOW]);
-            like.gas = (float)amount;
-            spsi_emitter_trap(material, own, flies, &like);
+            like.gas = wide ? 0 : (float)amount;
+            if (!wide) spsi_emitter_trap(material, own, flies, &like);
             spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
     }
@@ -22640,7 +22649,7 @@ static void spsi_receive(const spsi_shader *shader, const spsi_place *place, int
 }
 
 /* Adds what a place receives of either. Wide sources light flat faces smoothly: there, every fourth pixel of a row
-   stands for those between, unless one has less than 0.9 of what the next one has. */
+   stands for those between, unless one has less than 0.95 of what the next one has. */
 static void spsi_add_received(const spsi_shader *shader, const spsi_place *place, int flown, spsi_received near_by[2],
                               double irradiance[3]) {
     const int x = place->x & ~3, whole = place->at[0] == place->x && place->at[1] == place->y;
@@ -22656,7 +22665,7 @@ static void spsi_add_received(const spsi_shader *shader, const spsi_place *place
     }
     for (int c = 0; c < 3 && smooth; ++c) {
         const double a = near_by[0].irradiance[flown][c], b = part > 0 ? near_by[1].irradiance[flown][c] : a;
-        smooth = fmin(a, b) >= 0.9 * fmax(a, b);
+        smooth = fmin(a, b) >= 0.95 * fmax(a, b);
         own.irradiance[flown][c] = a + part * (b - a);
     }
     if (!smooth) spsi_receive(shader, place, place->x, flown, &own);

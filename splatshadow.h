@@ -20383,19 +20383,20 @@ static void spsi_emitter_trap(const spsi_material *material, double x, double pa
     }
 }
 
-/* Over the room that particles are in, the volume of all but one of them. */
+/* Over the room that particles are in, the volume of all but the largest one. */
 static double spsi_particles_crowd(const sps_particle *list, int count) {
     double low[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, high[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
-    double volume = 0, radius = 0, room = 1;
+    double cubes = 0, largest = 0, radius = 0, room = 1;
     for (int n = 0; n < count; ++n) {
         const double own = (double)list[n].radius;
         radius += own / count;
-        volume += 4 * SPSI_PI / 3 * own * own * own;
+        cubes += own * own * own;
+        largest = fmax(largest, own * own * own);
         for (int k = 0; k < 3; ++k) low[k] = fmin(low[k], (double)list[n].position[k]);
         for (int k = 0; k < 3; ++k) high[k] = fmax(high[k], (double)list[n].position[k]);
     }
     for (int k = 0; k < 3; ++k) room *= high[k] - low[k] + 1.6 * radius;
-    return volume * (count - 1) / fmax(count * room, DBL_MIN);
+    return 4 * SPSI_PI / 3 * (cubes - largest) / fmax(room, DBL_MIN);
 }
 
 /* Sets which fraction of each set's glow always flies: cells do not resolve how particles of a depth of 0.5 to 1.5 or
@@ -20464,12 +20465,14 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             const double own = wide ? -1 : (set->soft ? 0.375 : 0.5) * depth;
             if (!material->emits) continue;
             like.radius = (float)(set->soft ? 0.845 * radius : radius);
-            like.clear = wide ? 0 : (float)(radius + 2 * flights->grids->edge);
-            like.gas = 0;
+            like.clear = like.gas = 0;
             memcpy(like.sent, material->emission, sizeof like.sent);
-            spsi_emitters_add(flights, point, (1 - flies) * amount, own, &like, items[SPSI_FLIGHTS_GLOW]);
-            like.gas = wide ? 0 : (float)amount;
-            if (!wide) spsi_emitter_trap(material, own, flies, &like);
+            spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
+            if (!wide) {
+                like.clear = (float)(radius + 2 * flights->grids->edge);
+                like.gas = (float)amount;
+                spsi_emitter_trap(material, own, flies, &like);
+            }
             spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
     }
@@ -22627,7 +22630,7 @@ static void spsi_add_grid_irradiance(const spsi_shader *shader, const spsi_cell_
 /* What a face's plane receives at a pixel of a row: from cells, and by first flights. */
 typedef struct spsi_received {
     int face, x, known, nodes; /* known: bit mask of the two that are known; nodes: of first flights */
-    double irradiance[2][3];
+    double point[3], irradiance[2][3];
 } spsi_received;
 
 static void spsi_receive(const spsi_shader *shader, const spsi_place *place, int x, int flown, spsi_received *at) {
@@ -22642,6 +22645,7 @@ static void spsi_receive(const spsi_shader *shader, const spsi_place *place, int
     at->known |= 1 << flown;
     memset(at->irradiance[flown], 0, sizeof at->irradiance[flown]);
     spsi_surface_at(shader->eye, shader->faces, place->hit, x + place->at[0] - place->x, place->at[1], &surface);
+    memcpy(at->point, surface.point, sizeof at->point);
     if (!spsi_normalise(surface.normal)) return;
     for (int n = 0; n < content->cell_grid_count && !flown; ++n)
         spsi_add_grid_irradiance(shader, &content->cells[n], &surface, at->face, at->irradiance[0]);
@@ -22649,7 +22653,7 @@ static void spsi_receive(const spsi_shader *shader, const spsi_place *place, int
 }
 
 /* Adds what a place receives of either. Wide sources light flat faces smoothly: there, every fourth pixel of a row
-   stands for those between, unless one has less than 0.95 of what the next one has. */
+   stands for those between, where the next one is within one edge of cells, two for flights, and has 0.95 of it or more. */
 static void spsi_add_received(const spsi_shader *shader, const spsi_place *place, int flown, spsi_received near_by[2],
                               double irradiance[3]) {
     const int x = place->x & ~3, whole = place->at[0] == place->x && place->at[1] == place->y;
@@ -22662,6 +22666,11 @@ static void spsi_add_received(const spsi_shader *shader, const spsi_place *place
         spsi_receive(shader, place, x, flown, &near_by[0]);
         smooth = part == 0 || !flown || near_by[0].nodes >= SPSI_WIDE_NODES;
         if (smooth && part > 0) spsi_receive(shader, place, x + 4, flown, &near_by[1]);
+    }
+    if (smooth && part > 0) {
+        double apart[3];
+        spsi_along(near_by[0].point, near_by[1].point, -1, apart);
+        smooth = spsi_length(apart) <= (1 + flown) * shader->frame->content->cells->edge;
     }
     for (int c = 0; c < 3 && smooth; ++c) {
         const double a = near_by[0].irradiance[flown][c], b = part > 0 ? near_by[1].irradiance[flown][c] : a;

@@ -4391,9 +4391,9 @@ typedef struct spsi_emitter {
     float sent[3];       /* mean radiance times area that leaves it, by channel */
     float axis[3];
     float leaves[3]; /* fraction of what it sends that `sent` is: the rest is taken by its own gas */
-    float clear;     /* beyond the radius, cells hold gas of its own, which is not in its way */
-    float gas;       /* optical depth times area of its own gas, where `sent` knows what that scatters */
-    float trapped[3]; /* mean radiance within it of what it has sent */
+    float clear;      /* beyond the radius, cells hold gas of its own, which is not in its way */
+    float gas;        /* optical depth times area of its own gas, if `sent` has what that scatters; or 0 */
+    float trapped[3]; /* then, the mean light in it of what it sends */
 } spsi_emitter;
 
 #define SPSI_FLIGHT_WAYS 18 /* directions: toward the faces and edges of a cube */
@@ -20365,17 +20365,16 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
     }
 }
 
-/* Sets what leaves a ball of gas that sends `emission` in an even way, and times `part`, what of its light is scattered
-   in it: x is its optical depth along a radius. A fraction p of what is sent leaves at once. Of what scatters, some less
-   leaves at once, and the rest scatters again, which is within 2 % up to an x of 10. Lobes count as even ones of less
-   gas. */
+/* Sets what leaves a ball of gas that glows evenly, and times `part`, the light in it: x is its optical depth along a
+   radius. A fraction p of what is sent leaves at once. Of what has scattered, less leaves, and the rest scatters again:
+   within 1 % up to an x of 10. Lobes count as even ones of less gas. */
 static void spsi_emitter_trap(const spsi_material *material, double x, double part, spsi_emitter *like) {
     for (int c = 0; c < 3; ++c) {
         const double emission = (double)material->emission[c], albedo = (double)material->albedo[c];
         const double ahead = albedo * spsi_phase_moment(material, 1), again = (albedo - ahead) / (1 - ahead);
         const double p = spsi_ball_escape(x * (1 - ahead)), q = (1 - p) * (1 - p) / p;
         const double later = p / (1 + 0.083 * q / (1 + (1 - again) * q / 3));
-        const double leaves = p + again * (1 - p) * later / (1 - again * (1 - later));
+        const double leaves = p + again * (1 - p) * later / (1 - again + again * later);
         const double sent = fmin(emission * leaves / spsi_ball_escape(x), (double)SPSI_RADIANCE_MAX);
         const double trapped = albedo > 0 ? part * (sent - emission) / albedo : 0;
         like->sent[c] = (float)sent;
@@ -22653,7 +22652,8 @@ static void spsi_receive(const spsi_shader *shader, const spsi_place *place, int
 }
 
 /* Adds what a place receives of either. Wide sources light flat faces smoothly: there, every fourth pixel of a row
-   stands for those between, where the next one is within one edge of cells, two for flights, and has 0.95 of it or more. */
+   stands for those between, where the next one is within an edge of cells, or two for flights, and the lesser has at
+   least 0.95 of the other. */
 static void spsi_add_received(const spsi_shader *shader, const spsi_place *place, int flown, spsi_received near_by[2],
                               double irradiance[3]) {
     const int x = place->x & ~3, whole = place->at[0] == place->x && place->at[1] == place->y;

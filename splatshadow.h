@@ -1327,32 +1327,45 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #if !defined(SPS_NO_SIMD) && defined(__AVX512F__)
 #define SPSI_SIMD_AVX512
 #include <immintrin.h>
+#define SPSI_LANES     16
+#define SPSI_X86(name) _mm512_##name
+typedef __m512 spsi_v;
+typedef __mmask16 spsi_m;
 #elif !defined(SPS_NO_SIMD) && defined(__AVX2__) && (defined(__FMA__) || defined(_MSC_VER))
 #define SPSI_SIMD_AVX2
 #include <immintrin.h>
+#define SPSI_LANES     8
+#define SPSI_X86(name) _mm256_##name
+typedef __m256 spsi_v;
+typedef __m256 spsi_m;
 #elif !defined(SPS_NO_SIMD) && (defined(__SSE2__) || defined(_M_X64))
 #define SPSI_SIMD_SSE2
 #include <emmintrin.h>
+#define SPSI_LANES     4
+#define SPSI_X86(name) _mm_##name
+typedef __m128 spsi_v;
+typedef __m128 spsi_m;
 #elif !defined(SPS_NO_SIMD) && (defined(__ARM_NEON) && defined(__aarch64__) || defined(_M_ARM64))
 #define SPSI_SIMD_NEON
 #include <arm_neon.h>
 #endif
 
+/* What the instruction sets of x86 have alike, but for their names. */
+#ifdef SPSI_X86
+static inline spsi_v spsi_set(float a) { return SPSI_X86(set1_ps)(a); }
+static inline spsi_v spsi_load(const float *p) { return SPSI_X86(loadu_ps)(p); }
+static inline void spsi_store(float *p, spsi_v a) { SPSI_X86(storeu_ps)(p, a); }
+static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return SPSI_X86(add_ps)(a, b); }
+static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return SPSI_X86(sub_ps)(a, b); }
+static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return SPSI_X86(mul_ps)(a, b); }
+static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return SPSI_X86(div_ps)(a, b); }
+static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return SPSI_X86(min_ps)(a, b); }
+static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return SPSI_X86(max_ps)(a, b); }
+static inline spsi_v spsi_sqrt(spsi_v a) { return SPSI_X86(sqrt_ps)(a); }
+#endif
+
 #if defined(SPSI_SIMD_AVX512)
-#define SPSI_LANES 16
-typedef __m512 spsi_v;
-typedef __mmask16 spsi_m;
-static inline spsi_v spsi_set(float a) { return _mm512_set1_ps(a); }
-static inline spsi_v spsi_load(const float *p) { return _mm512_loadu_ps(p); }
-static inline void spsi_store(float *p, spsi_v a) { _mm512_storeu_ps(p, a); }
-static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return _mm512_add_ps(a, b); }
-static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return _mm512_sub_ps(a, b); }
-static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return _mm512_mul_ps(a, b); }
-static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return _mm512_div_ps(a, b); }
 static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm512_fmadd_ps(a, b, c); }
-static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return _mm512_min_ps(a, b); }
-static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return _mm512_max_ps(a, b); }
-static inline spsi_v spsi_sqrt(spsi_v a) { return _mm512_sqrt_ps(a); }
 static inline spsi_v spsi_round(spsi_v a) { return _mm512_roundscale_ps(a, 8); }
 static inline spsi_v spsi_floor(spsi_v a) { return _mm512_roundscale_ps(a, 9); }
 static inline spsi_v spsi_pow2(spsi_v n) {
@@ -1381,20 +1394,6 @@ static inline spsi_v spsi_four_rows(const float *table, const int *at) {
     rows = _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[8]), 2);
     return _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[12]), 3);
 }
-static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v four[4]) {
-    int at[16];
-    __m512 r[4], low[2], high[2];
-    _mm512_storeu_si512(at, _mm512_cvttps_epi32(entry));
-    for (int i = 0; i < 4; ++i) r[i] = spsi_four_rows(table, at + i);
-    for (int i = 0; i < 2; ++i) {
-        low[i] = _mm512_unpacklo_ps(r[2 * i], r[2 * i + 1]);
-        high[i] = _mm512_unpackhi_ps(r[2 * i], r[2 * i + 1]);
-    }
-    four[0] = _mm512_shuffle_ps(low[0], low[1], 0x44);
-    four[1] = _mm512_shuffle_ps(low[0], low[1], 0xee);
-    four[2] = _mm512_shuffle_ps(high[0], high[1], 0x44);
-    four[3] = _mm512_shuffle_ps(high[0], high[1], 0xee);
-}
 /* As the general ones below: all of a vector if `count` is more than it holds. */
 static inline spsi_m spsi_first(int count) { return (spsi_m)(count < 16 ? (1u << count) - 1 : 0xffffu); }
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm512_maskz_loadu_ps(spsi_first(count), p); }
@@ -1418,20 +1417,7 @@ static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v b
 #define SPSI_HAS_LOOKUP
 
 #elif defined(SPSI_SIMD_AVX2)
-#define SPSI_LANES 8
-typedef __m256 spsi_v;
-typedef __m256 spsi_m;
-static inline spsi_v spsi_set(float a) { return _mm256_set1_ps(a); }
-static inline spsi_v spsi_load(const float *p) { return _mm256_loadu_ps(p); }
-static inline void spsi_store(float *p, spsi_v a) { _mm256_storeu_ps(p, a); }
-static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return _mm256_add_ps(a, b); }
-static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return _mm256_sub_ps(a, b); }
-static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return _mm256_mul_ps(a, b); }
-static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return _mm256_div_ps(a, b); }
 static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm256_fmadd_ps(a, b, c); }
-static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return _mm256_min_ps(a, b); }
-static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return _mm256_max_ps(a, b); }
-static inline spsi_v spsi_sqrt(spsi_v a) { return _mm256_sqrt_ps(a); }
 static inline spsi_v spsi_round(spsi_v a) { return _mm256_round_ps(a, 8); }
 static inline spsi_v spsi_floor(spsi_v a) { return _mm256_floor_ps(a); }
 static inline spsi_v spsi_pow2(spsi_v n) {
@@ -1457,21 +1443,9 @@ static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, 
     pair[0] = _mm256_cvtepi32_ps(_mm256_and_si256(both, _mm256_set1_epi32(0xffff)));
     pair[1] = _mm256_cvtepi32_ps(_mm256_srli_epi32(both, 16));
 }
-static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v four[4]) {
-    int at[8];
-    __m256 r[4], low[2], high[2];
-    _mm256_storeu_si256((__m256i *)(void *)at, _mm256_cvttps_epi32(entry));
-    for (int i = 0; i < 4; ++i)
-        r[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(table + 4 * at[i])),
-                                    _mm_loadu_ps(table + 4 * at[i + 4]), 1);
-    for (int i = 0; i < 2; ++i) {
-        low[i] = _mm256_unpacklo_ps(r[2 * i], r[2 * i + 1]);
-        high[i] = _mm256_unpackhi_ps(r[2 * i], r[2 * i + 1]);
-    }
-    four[0] = _mm256_shuffle_ps(low[0], low[1], 0x44);
-    four[1] = _mm256_shuffle_ps(low[0], low[1], 0xee);
-    four[2] = _mm256_shuffle_ps(high[0], high[1], 0x44);
-    four[3] = _mm256_shuffle_ps(high[0], high[1], 0xee);
+static inline spsi_v spsi_four_rows(const float *table, const int *at) {
+    const __m256 low = _mm256_castps128_ps256(_mm_loadu_ps(table + 4 * at[0]));
+    return _mm256_insertf128_ps(low, _mm_loadu_ps(table + 4 * at[4]), 1);
 }
 static inline __m256i spsi_first(int count) {
     return _mm256_cmpgt_epi32(_mm256_set1_epi32(count), _mm256_set_epi32(7, 6, 5, 4, 3, 2, 1, 0));
@@ -1489,20 +1463,7 @@ static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v b
 #define SPSI_HAS_LOOKUP
 
 #elif defined(SPSI_SIMD_SSE2)
-#define SPSI_LANES 4
-typedef __m128 spsi_v;
-typedef __m128 spsi_m;
-static inline spsi_v spsi_set(float a) { return _mm_set1_ps(a); }
-static inline spsi_v spsi_load(const float *p) { return _mm_loadu_ps(p); }
-static inline void spsi_store(float *p, spsi_v a) { _mm_storeu_ps(p, a); }
-static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return _mm_add_ps(a, b); }
-static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return _mm_sub_ps(a, b); }
-static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return _mm_mul_ps(a, b); }
-static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return _mm_div_ps(a, b); }
 static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm_add_ps(_mm_mul_ps(a, b), c); }
-static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return _mm_min_ps(a, b); }
-static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return _mm_max_ps(a, b); }
-static inline spsi_v spsi_sqrt(spsi_v a) { return _mm_sqrt_ps(a); }
 static inline spsi_v spsi_round(spsi_v a) { return _mm_cvtepi32_ps(_mm_cvtps_epi32(a)); }
 static inline spsi_v spsi_pow2(spsi_v n) {
     const __m128i e = _mm_add_epi32(_mm_cvtps_epi32(n), _mm_set1_epi32(127));
@@ -1516,6 +1477,7 @@ static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) {
 }
 static inline void spsi_store_int(int *p, spsi_v a) { _mm_storeu_si128((__m128i *)(void *)p, _mm_cvtps_epi32(a)); }
 static inline spsi_v spsi_iota(void) { return _mm_set_ps(3, 2, 1, 0); }
+static inline spsi_v spsi_four_rows(const float *table, const int *at) { return _mm_loadu_ps(table + 4 * at[0]); }
 
 #elif defined(SPSI_SIMD_NEON)
 #define SPSI_LANES 4
@@ -1549,6 +1511,15 @@ static inline spsi_v spsi_iota(void) {
     const float numbers[4] = {0, 1, 2, 3};
     return vld1q_f32(numbers);
 }
+static inline void spsi_fours(const float *table, const int *at, spsi_v four[4]) {
+    const float32x4x2_t even = vzipq_f32(vld1q_f32(table + 4 * at[0]), vld1q_f32(table + 4 * at[2]));
+    const float32x4x2_t odd = vzipq_f32(vld1q_f32(table + 4 * at[1]), vld1q_f32(table + 4 * at[3]));
+    for (int i = 0; i < 2; ++i) {
+        const float32x4x2_t pair = vzipq_f32(even.val[i], odd.val[i]);
+        four[2 * i] = pair.val[0];
+        four[2 * i + 1] = pair.val[1];
+    }
+}
 
 #else
 #define SPSI_LANES 1
@@ -1578,6 +1549,25 @@ static inline int spsi_bits(spsi_m m) { return m; }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return m ? a : b; }
 static inline void spsi_store_int(int *p, spsi_v a) { *p = (int)a; } /* only called with whole numbers */
 static inline spsi_v spsi_iota(void) { return 0; }
+static inline void spsi_fours(const float *table, const int *at, spsi_v four[4]) {
+    memcpy(four, table + 4 * (ptrdiff_t)*at, 4 * sizeof *four);
+}
+#endif
+
+#ifdef SPSI_X86
+/* Four floats at each of SPSI_LANES places of a table, by their number. */
+static inline void spsi_fours(const float *table, const int *at, spsi_v four[4]) {
+    spsi_v r[4], low[2], high[2];
+    for (int i = 0; i < 4; ++i) r[i] = spsi_four_rows(table, at + i);
+    for (int i = 0; i < 2; ++i) {
+        low[i] = SPSI_X86(unpacklo_ps)(r[2 * i], r[2 * i + 1]);
+        high[i] = SPSI_X86(unpackhi_ps)(r[2 * i], r[2 * i + 1]);
+    }
+    four[0] = SPSI_X86(shuffle_ps)(low[0], low[1], 0x44);
+    four[1] = SPSI_X86(shuffle_ps)(low[0], low[1], 0xee);
+    four[2] = SPSI_X86(shuffle_ps)(high[0], high[1], 0x44);
+    four[3] = SPSI_X86(shuffle_ps)(high[0], high[1], 0xee);
+}
 #endif
 
 /* Zeroes the upper bits of wide registers, above the first 128. Compilers do that before function calls, but gcc 12
@@ -1674,16 +1664,14 @@ static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v b
     }
     return lanes;
 }
+#endif
 
 /* Gathers table[4 * entry] to table[4 * entry + 3], per lane, for a whole-numbered entry. */
 static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v four[4]) {
-    float at[SPSI_LANES], lanes[4][SPSI_LANES];
-    spsi_store(at, entry);
-    for (int i = 0; i < SPSI_LANES; ++i)
-        for (int c = 0; c < 4; ++c) lanes[c][i] = table[4 * (ptrdiff_t)at[i] + c];
-    for (int c = 0; c < 4; ++c) four[c] = spsi_load(lanes[c]);
+    int at[SPSI_LANES];
+    spsi_store_int(at, entry);
+    spsi_fours(table, at, four);
 }
-#endif
 
 /* Four floats, however wide vectors are. */
 #if defined(SPSI_SIMD_AVX512) || defined(SPSI_SIMD_AVX2) || defined(SPSI_SIMD_SSE2)
@@ -1731,43 +1719,13 @@ static inline spsi_four spsi_four_mul(spsi_four a, spsi_four b) {
 #endif
 
 /* The sums of four floats each, per lane: of fours[0] to fours[3], of the next four, and so on. */
-#if defined(SPSI_SIMD_AVX512)
 static inline spsi_v spsi_sum_fours(const float *fours) {
-    const __m512i order = _mm512_set_epi32(15, 11, 7, 3, 14, 10, 6, 2, 13, 9, 5, 1, 12, 8, 4, 0);
-    __m512 r[4], low[2], high[2];
-    for (int i = 0; i < 4; ++i) r[i] = _mm512_loadu_ps(fours + 16 * i);
-    for (int i = 0; i < 2; ++i) {
-        low[i] = _mm512_unpacklo_ps(r[2 * i], r[2 * i + 1]);
-        high[i] = _mm512_unpackhi_ps(r[2 * i], r[2 * i + 1]);
-        low[i] = _mm512_add_ps(low[i], high[i]);
-    }
-    r[0] = _mm512_add_ps(_mm512_shuffle_ps(low[0], low[1], 0x44), _mm512_shuffle_ps(low[0], low[1], 0xee));
-    return _mm512_permutexvar_ps(order, r[0]);
+    int at[SPSI_LANES];
+    spsi_v four[4];
+    for (int i = 0; i < SPSI_LANES; ++i) at[i] = i;
+    spsi_fours(fours, at, four);
+    return spsi_add(spsi_add(four[0], four[2]), spsi_add(four[1], four[3]));
 }
-#elif defined(SPSI_SIMD_AVX2)
-static inline spsi_v spsi_sum_fours(const float *fours) {
-    __m256 half[2];
-    for (int i = 0; i < 2; ++i)
-        half[i] = _mm256_hadd_ps(_mm256_loadu_ps(fours + 16 * i), _mm256_loadu_ps(fours + 16 * i + 8));
-    return _mm256_permutevar8x32_ps(_mm256_hadd_ps(half[0], half[1]), _mm256_set_epi32(7, 3, 6, 2, 5, 1, 4, 0));
-}
-#elif defined(SPSI_SIMD_SSE2)
-static inline spsi_v spsi_sum_fours(const float *fours) {
-    __m128 half[2];
-    for (int i = 0; i < 2; ++i) {
-        const __m128 a = _mm_loadu_ps(fours + 8 * i), b = _mm_loadu_ps(fours + 8 * i + 4);
-        half[i] = _mm_add_ps(_mm_unpacklo_ps(a, b), _mm_unpackhi_ps(a, b));
-    }
-    return _mm_add_ps(_mm_movelh_ps(half[0], half[1]), _mm_movehl_ps(half[1], half[0]));
-}
-#elif defined(SPSI_SIMD_NEON)
-static inline spsi_v spsi_sum_fours(const float *fours) {
-    const float32x4_t low = vpaddq_f32(vld1q_f32(fours), vld1q_f32(fours + 4));
-    return vpaddq_f32(low, vpaddq_f32(vld1q_f32(fours + 8), vld1q_f32(fours + 12)));
-}
-#else
-static inline spsi_v spsi_sum_fours(const float *fours) { return (fours[0] + fours[2]) + (fours[1] + fours[3]); }
-#endif
 
 /* The lowest bit of those that are set; at least one is. */
 static inline int spsi_lowest_bit(int bits) {

@@ -1674,26 +1674,20 @@ static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v fou
 }
 
 /* Four floats, however wide vectors are. */
-#if defined(SPSI_SIMD_AVX512) || defined(SPSI_SIMD_AVX2) || defined(SPSI_SIMD_SSE2)
+#if defined(SPSI_SIMD_AVX512) || defined(SPSI_SIMD_AVX2)
 typedef __m128 spsi_four;
 static inline spsi_four spsi_four_load(const float *p) { return _mm_loadu_ps(p); }
 static inline spsi_four spsi_four_scale(float a, spsi_four b) { return _mm_mul_ps(_mm_set1_ps(a), b); }
-static inline spsi_four spsi_four_add(float a, spsi_four b, spsi_four c) {
-#if defined(SPSI_SIMD_SSE2)
-    return _mm_add_ps(_mm_mul_ps(_mm_set1_ps(a), b), c);
-#else
-    return _mm_fmadd_ps(_mm_set1_ps(a), b, c);
-#endif
-}
+static inline spsi_four spsi_four_add(float a, spsi_four b, spsi_four c) { return _mm_fmadd_ps(_mm_set1_ps(a), b, c); }
 static inline void spsi_four_store(float *p, spsi_four a) { _mm_storeu_ps(p, a); }
 static inline spsi_four spsi_four_mul(spsi_four a, spsi_four b) { return _mm_mul_ps(a, b); }
-#elif defined(SPSI_SIMD_NEON)
-typedef float32x4_t spsi_four;
-static inline spsi_four spsi_four_load(const float *p) { return vld1q_f32(p); }
-static inline spsi_four spsi_four_scale(float a, spsi_four b) { return vmulq_n_f32(b, a); }
-static inline spsi_four spsi_four_add(float a, spsi_four b, spsi_four c) { return vfmaq_n_f32(c, b, a); }
-static inline void spsi_four_store(float *p, spsi_four a) { vst1q_f32(p, a); }
-static inline spsi_four spsi_four_mul(spsi_four a, spsi_four b) { return vmulq_f32(a, b); }
+#elif SPSI_LANES == 4
+typedef spsi_v spsi_four;
+static inline spsi_four spsi_four_load(const float *p) { return spsi_load(p); }
+static inline spsi_four spsi_four_scale(float a, spsi_four b) { return spsi_mul(spsi_set(a), b); }
+static inline spsi_four spsi_four_add(float a, spsi_four b, spsi_four c) { return spsi_fma(spsi_set(a), b, c); }
+static inline void spsi_four_store(float *p, spsi_four a) { spsi_store(p, a); }
+static inline spsi_four spsi_four_mul(spsi_four a, spsi_four b) { return spsi_mul(a, b); }
 #else
 typedef struct spsi_four {
     float lane[4];
@@ -7165,11 +7159,10 @@ static int spsi_edge_sign(const double from[3], const double to[3], double x, do
     return sign;
 }
 
-/* Whether all edges have the same exact sign. */
-static int spsi_face_hit_exactly(const spsi_edges *e, double x, double y) {
-    int side = e->side;
+/* Whether all edges between three corners have the same exact sign: `side`, unless that is 0. */
+static int spsi_face_hit_exactly(const double corner[3][3], int side, double x, double y) {
     for (int i = 0; i < 3; ++i) {
-        const int sign = spsi_edge_sign(e->corner[(i + 1) % 3], e->corner[(i + 2) % 3], x, y);
+        const int sign = spsi_edge_sign(corner[i], corner[(i + 1) % 3], x, y);
         if (sign == 0 || sign == -side) return 0;
         side = sign;
     }
@@ -7188,7 +7181,7 @@ static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double 
         weights[i] = fabs(value);
         sum += weights[i];
     }
-    if (!certain && !spsi_face_hit_exactly(e, x, y)) return 0;
+    if (!certain && !spsi_face_hit_exactly(e->corner, e->side, x, y)) return 0;
     if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* the ray lies in its plane: any point of it */
     for (int i = 0; i < 3; ++i) weights[i] /= sum;
     return 1;
@@ -8448,7 +8441,6 @@ static int spsi_face_passes(const spsi_face *face, const double origin[3], const
     const double x = fabs(toward[0]), y = fabs(toward[1]), z = fabs(toward[2]);
     const int along = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
     double corner[3][3];
-    int side = 0;
     for (int i = 0; i < 3; ++i) {
         double offset[3];
         spsi_along(face->position[i], origin, -1, offset);
@@ -8458,12 +8450,7 @@ static int spsi_face_passes(const spsi_face *face, const double origin[3], const
         }
         corner[i][2] = 1;
     }
-    for (int i = 0; i < 3; ++i) {
-        const int sign = spsi_edge_sign(corner[i], corner[(i + 1) % 3], 0, 0);
-        if (sign == 0 || sign == -side) return 0;
-        side = sign;
-    }
-    return 1;
+    return spsi_face_hit_exactly((const double(*)[3])corner, 0, 0, 0);
 }
 
 /* Optical depth of a face in units of 2^-32, 86 at most: 4e7 of them do not overflow. */
@@ -8541,22 +8528,13 @@ static int spsi_face_near(const spsi_face *face, const double centre[3], double 
 /* Whether a face may pass through a box about a centre: its own box and its plane do. */
 static int spsi_faces_near(const spsi_faces *faces, const double centre[3], const double half[3]) {
     const double most = fmax(half[0], fmax(half[1], half[2]));
-    int stack[SPSI_TREE_STACK], top = 0;
-    if (faces->tree.count > 0) stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        int meets = 1;
-        for (int k = 0; k < 3; ++k) {
-            const double at = centre[k] - faces->tree.centre[k], room = half[k] + 1e-6 * (fabs(at) + half[k]);
-            meets &= (double)node->low[k] <= at + room && (double)node->high[k] >= at - room;
-        }
-        if (!meets) continue;
-        for (int i = 0; i < node->count; ++i)
-            if (spsi_face_near(&faces->list[faces->tree.order[node->first + i]], centre, most)) return 1;
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
-    }
+    const spsi_ray still = {{centre[0], centre[1], centre[2]}, {0, 0, 0}, 0, 0};
+    spsi_walk walk;
+    int number;
+    spsi_walk_begin(&faces->tree, &walk);
+    memcpy(walk.half, half, sizeof walk.half);
+    while ((number = spsi_walk_on(&walk, &still)) >= 0)
+        if (spsi_face_near(&faces->list[number], centre, most)) return 1;
     return 0;
 }
 
@@ -13083,12 +13061,15 @@ static spsi_verdict spsi_tapper_serves_at(spsi_tapper *tapper, const spsi_rays *
     return SPSI_GATHER_ASKED;
 }
 
-/* The ray coordinates of a point of the box of the bricks that were read, from its first corner, 0, to its last, 1. */
-static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
-                              const double share[3], double q[3]) {
+/* The ray coordinates of a corner of the box of the bricks that were read, or, of number 8, of its middle. */
+static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays, int corner,
+                              double q[3]) {
     const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
     double at[3], point[3];
-    for (int k = 0; k < 3; ++k) at[k] = SPSI_BRICK * (field->low[k] + share[k] * field->size[k]) + 0.5;
+    for (int k = 0; k < 3; ++k) {
+        const double share = corner == 8 ? 0.5 : corner >> k & 1;
+        at[k] = SPSI_BRICK * (field->low[k] + share * field->size[k]) + 0.5;
+    }
     spsi_voxel_position(lattice, at, point);
     spsi_along(point, rays->origin, -1, point);
     spsi_to_rays(rays, point, q);
@@ -13099,10 +13080,9 @@ static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lat
 static spsi_verdict spsi_tapper_serves(spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
                                        const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
-        const double share[3] = {(double)(corner & 1), (double)(corner >> 1 & 1), (double)(corner >> 2)};
         spsi_verdict verdict;
         double q[3];
-        spsi_tapper_point(tapper, lattice, rays, share, q);
+        spsi_tapper_point(tapper, lattice, rays, corner, q);
         verdict = spsi_tapper_serves_at(tapper, rays, splatter, q);
         if (!spsi_gathers(verdict)) return verdict;
     }
@@ -13113,11 +13093,10 @@ static spsi_verdict spsi_tapper_serves(spsi_tapper *tapper, const spsi_lattice *
    middle. */
 static int spsi_tapper_pays(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
                             const spsi_splatter *splatter) {
-    static const double middle[3] = {0.5, 0.5, 0.5};
     const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
     const double cut = (double)splatter->cut, size = (double)(1 << tapper->level);
     double q[3], area, fragments, samples;
-    spsi_tapper_point(tapper, lattice, rays, middle, q);
+    spsi_tapper_point(tapper, lattice, rays, 8, q);
     area = SPSI_PI * cut * cut * spsi_footprint_variance(splatter, q);
     fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a ball of that radius */
     samples = field->volume / (size * size * size) * spsi_tapper_density(tapper, rays, q);
@@ -13155,9 +13134,8 @@ typedef enum spsi_tapping {
 /* Whether rays cross no more of a volume in any slab than may lie between two samples. */
 static int spsi_tapper_is_fine(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays) {
     for (int corner = 0; corner < 8; ++corner) {
-        const double share[3] = {(double)(corner & 1), (double)(corner >> 1 & 1), (double)(corner >> 2)};
         double q[3], way[3];
-        spsi_tapper_point(tapper, lattice, rays, share, q);
+        spsi_tapper_point(tapper, lattice, rays, corner, q);
         spsi_tapper_way(tapper, rays, q, way);
         if (!(sqrt(spsi_dot(way, way)) <= spsi_tap_step(tapper->fields))) return 0;
     }

@@ -23275,8 +23275,6 @@ typedef void (*spsi_sample_fn)(const void *data, const spsi_sample_place *place,
 
 /* Gas in sheets of samples, chunk by chunk. */
 typedef struct spsi_sampling {
-    sps_context *context;
-    const spsi_frame *frame;
     spsi_rays rays; /* through the samples */
     spsi_slabs slabs;
     spsi_target target;
@@ -23491,8 +23489,6 @@ static int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays,
 /* Begins to sample, with a channel per material. Rays and slabs are set. */
 static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *frame, spsi_sampling *sheets) {
     spsi_target *target = &sheets->target;
-    sheets->context = context;
-    sheets->frame = frame;
     spsi_target_place(frame, &sheets->rays, &sheets->slabs, SPSI_TARGET_SAMPLES, 0, target);
     target->shape.channels = frame->matter.material_count;
     target->shape.slab_margin = 0;
@@ -23535,11 +23531,11 @@ static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *ti
     const spsi_row_slabs slabs = spsi_row_slabs_at(&sheets->shader, place->x, place->y);
     const size_t row = (size_t)((place->y - tile->y0) * tile->pitch);
     const size_t at = (size_t)place->k * tile->sheet_size + row + (size_t)(place->x - tile->x0);
-    for (int m = 0; m < sheets->frame->matter.material_count; ++m) {
+    for (int m = 0; m < sheets->target.frame->matter.material_count; ++m) {
         const spsi_v sum = spsi_sheet_sum(tile, m, at);
         spsi_cell_sample sample;
         if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
-        spsi_cell_sample_at(&sheets->frame->matter.materials[m], sum, &slabs, &sample);
+        spsi_cell_sample_at(&sheets->target.frame->matter.materials[m], sum, &slabs, &sample);
         sheets->sample_fn(sheets->data, place, m, &sample);
     }
 }
@@ -23564,7 +23560,8 @@ static void spsi_sampling_chunk(spsi_sampling *sheets, int chunk, spsi_sample_fn
     spsi_contents_advance(&sheets->contents, chunk);
     spsi_contents_bin_particles(&sheets->contents);
     if (sheets->contents.bricks.current + sheets->contents.particles.current > 0)
-        spsi_parallel(sheets->context, sheets->target.columns * sheets->target.rows, spsi_sampling_task, sheets);
+        spsi_parallel(sheets->contents.context, sheets->target.columns * sheets->target.rows, spsi_sampling_task,
+                      sheets);
 }
 
 /* Adds a vector of the sheets' samples to an array, divided by the samples that each entry covers along a row. */
@@ -25425,8 +25422,6 @@ typedef struct spsi_region {
    sheets, scratch memory and counters. */
 typedef struct spsi_run {
     sps_context *context;
-    const spsi_frame *frame;
-    const spsi_sweep *sweep;
     spsi_contents contents; /* bricks and particles by chunk */
     spsi_target eye;        /* the eye's sheets */
     spsi_sliced sliced;     /* the shadow of the sweep's lamp */
@@ -25452,13 +25447,13 @@ static const float *spsi_tile_depth(const spsi_run *run, int x0, int y0) {
 static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
     const spsi_shader *shader = &run->shader;
     return spsi_patches_open(spsi_tile_depth(run, x0, y0), (size_t)shader->pitch,
-                             spsi_least(SPSI_TILE_WIDTH, run->frame->content->eye.width - x0),
-                             spsi_least(SPSI_TILE_HEIGHT, run->frame->content->eye.height - y0), shader->end_depth);
+                             spsi_least(SPSI_TILE_WIDTH, shader->eye->width - x0),
+                             spsi_least(SPSI_TILE_HEIGHT, shader->eye->height - y0), shader->end_depth);
 }
 
 /* Ends the rays of all pixels outside of the sweep's part of the image, which other sweeps serve. */
 static void spsi_run_end_others(const spsi_run *run, int rows) {
-    const int *part = run->sweep->part, x0 = run->shader.x_origin, y0 = run->shader.y_origin;
+    const int *part = run->shader.sweep->part, x0 = run->shader.x_origin, y0 = run->shader.y_origin;
     for (int y = 0; y < rows; ++y)
         for (int x = 0; x < run->shader.pitch; ++x)
             if (x0 + x < part[0] || x0 + x >= part[2] || y0 + y < part[1] || y0 + y >= part[3])
@@ -25468,14 +25463,14 @@ static void spsi_run_end_others(const spsi_run *run, int rows) {
 /* Cuts a tile's sections at polygons, where any may lie in the chunk or nearer to the eye, and at the near plane, where
    there is one. */
 static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
-    const spsi_rays *eye = &run->frame->content->eye;
+    const spsi_rays *eye = &run->shader.frame->content->eye;
     const float *range = run->region.polygon_range[index];
     if (range[0] <= range[1]) {
         tile->limits = run->shader.hits;
         tile->limit_width = eye->width;
         tile->limit_height = eye->height;
         tile->nearest_limit = range[2];
-        tile->clamped = run->sweep->back_to_front ? range[1] >= run->low - 2 : range[0] < run->high + 2;
+        tile->clamped = run->shader.sweep->back_to_front ? range[1] >= run->low - 2 : range[0] < run->high + 2;
     }
     if (eye->near_depth > 0 || (!eye->perspective && eye->near_depth > -DBL_MAX)) tile->clamped = 1;
 }
@@ -25485,7 +25480,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const spsi_region *region = &run->region;
     const int column = region->x0 + index % region->columns, row = region->y0 + index / region->columns;
     const int x0 = column * SPSI_TILE_WIDTH, y0 = row * SPSI_TILE_HEIGHT;
-    const int width = run->frame->content->eye.width, height = run->frame->content->eye.height;
+    const int width = run->shader.frame->content->eye.width, height = run->shader.frame->content->eye.height;
     const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
     uint64_t shaded = 0;
@@ -25495,7 +25490,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!region->open[index]) return;
     spsi_tile_place(&run->eye, column, row, worker, &tile);
     tile.open = region->open[index];
-    if (!run->sweep->back_to_front) {
+    if (!run->shader.sweep->back_to_front) {
         tile.depth = spsi_tile_depth(run, x0, y0);
         tile.depth_pitch = (size_t)run->shader.pitch;
         tile.end = run->shader.end_depth;
@@ -25505,7 +25500,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!touched && !polygons) return;
     shading.shader = &run->shader;
     shading.tile = &tile;
-    shading.scratch.samples = run->samples + (size_t)worker * (size_t)spsi_scratch_samples(run->frame);
+    shading.scratch.samples = run->samples + (size_t)worker * (size_t)spsi_scratch_samples(run->shader.frame);
     shading.scratch.arrivals = run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count;
     shading.slab_count = touched ? SPSI_CHUNK : 0;
     shading.low = run->low;
@@ -25517,7 +25512,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     run->shaded[worker] += shaded;
     region->turns.work[index] = spsi_tile_work(&tile) + (uint32_t)shaded;
     spsi_tile_count(&run->eye, &tile, worker);
-    if (!run->sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
+    if (!run->shader.sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
 }
 
 /* Widens a range of slab coordinates to the layers of a vector of pixels. */
@@ -25544,8 +25539,8 @@ static void spsi_polygon_range_task(void *data, int index) {
     spsi_region *region = &run->region;
     const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
     const int top = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
-    const int x1 = spsi_least(run->frame->content->eye.width, left + SPSI_TILE_WIDTH);
-    const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT);
+    const int x1 = spsi_least(run->shader.frame->content->eye.width, left + SPSI_TILE_WIDTH);
+    const int y1 = spsi_least(run->shader.frame->content->eye.height, top + SPSI_TILE_HEIGHT);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     const uint32_t *layers = run->shader.visible->layers.first;
     for (int y = top; y < y1 && run->shader.hits; ++y)
@@ -25574,14 +25569,15 @@ static void spsi_polygon_range_task(void *data, int index) {
 
 /* Begins the shadow of the sweep's own lamp. */
 static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
-    run->has_sliced = run->sweep->lamp && !run->shader.again.measures && spsi_holds_gas(context, run->frame);
+    const spsi_shader *shader = &run->shader;
+    run->has_sliced = shader->sweep->lamp && !shader->again.measures && spsi_holds_gas(context, shader->frame);
     if (!run->has_sliced) return SPS_OK;
-    for (int i = 0; i < run->shader.shadow_count; ++i) {
-        if (run->shadows[i].lamp != run->sweep->lamp) continue;
+    for (int i = 0; i < shader->shadow_count; ++i) {
+        if (run->shadows[i].lamp != shader->sweep->lamp) continue;
         run->shadows[i].kind = SPSI_SHADOW_SHEETS;
         run->shadows[i].sliced = &run->sliced;
     }
-    return spsi_sliced_begin(context, run->frame, run->sweep, run->shader.faces, &run->contents, &run->sliced);
+    return spsi_sliced_begin(context, shader->frame, shader->sweep, shader->faces, &run->contents, &run->sliced);
 }
 
 static void spsi_region_place(const spsi_frame *frame, spsi_region *region) {
@@ -25601,26 +25597,26 @@ static size_t spsi_pixel_floats(const spsi_frame *frame) { return (size_t)(1 + f
 static size_t spsi_again_floats(const spsi_frame *frame) { return (size_t)(2 + frame->channels); }
 
 static sps_result spsi_run_again(sps_context *context, spsi_run *run, size_t pixels) {
-    const size_t channels = (size_t)run->frame->channels;
+    const size_t channels = (size_t)run->shader.frame->channels;
     spsi_again *again = &run->shader.again;
-    if (!spsi_sweep_measures(run->frame, run->sweep)) return SPS_OK;
+    if (!spsi_sweep_measures(run->shader.frame, run->shader.sweep)) return SPS_OK;
     again->whole =
-        (float *)spsi_reserve(context, SPSI_BUFFER_AGAIN, pixels, spsi_again_floats(run->frame) * sizeof(float));
+        (float *)spsi_reserve(context, SPSI_BUFFER_AGAIN, pixels, spsi_again_floats(run->shader.frame) * sizeof(float));
     if (!again->whole) return context->result;
     again->gas = again->measures ? again->whole : again->whole + pixels;
     for (size_t c = 0; c < 3; ++c) again->radiance[c] = again->whole + pixels * (2 + (c < channels ? c : 0));
-    memset(again->gas, 0, (spsi_again_floats(run->frame) - !again->measures) * pixels * sizeof(float));
+    memset(again->gas, 0, (spsi_again_floats(run->shader.frame) - !again->measures) * pixels * sizeof(float));
     return SPS_OK;
 }
 
 /* Lays out the region's tiles, and the buffers of their pixels. */
 static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
-    const size_t planes = spsi_pixel_floats(run->frame);
+    const size_t planes = spsi_pixel_floats(run->shader.frame);
     spsi_region *region = &run->region;
     spsi_shader *shader = &run->shader;
     size_t tiles, pixels;
     float *memory;
-    spsi_region_place(run->frame, region);
+    spsi_region_place(run->shader.frame, region);
     tiles = spsi_region_tiles(region);
     pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     region->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_TILES, tiles, SPSI_REGION_TILE_BYTES);
@@ -25634,16 +25630,16 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     shader->pitch = region->columns * SPSI_TILE_WIDTH;
     shader->depth = memory;
     for (int c = 0; c < 3; ++c)
-        shader->radiance[c] = memory + pixels * (size_t)(1 + (c < run->frame->channels ? c : 0));
-    shader->distance = run->frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
-    if (spsi_part_count(run->frame) > 1) spsi_run_end_others(run, region->rows * SPSI_TILE_HEIGHT);
+        shader->radiance[c] = memory + pixels * (size_t)(1 + (c < run->shader.frame->channels ? c : 0));
+    shader->distance = run->shader.frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
+    if (spsi_part_count(run->shader.frame) > 1) spsi_run_end_others(run, region->rows * SPSI_TILE_HEIGHT);
     return spsi_run_again(context, run, pixels);
 }
 
 /* Reserves the workers' scratch memory and clears their counters. */
 static sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
-    run->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, spsi_scratch_samples(run->frame),
-                                                       sizeof *run->samples);
+    run->samples = (spsi_sample *)spsi_vectors_reserve(
+        context, SPSI_BUFFER_SAMPLES, spsi_scratch_samples(run->shader.frame), sizeof *run->samples);
     run->arrivals = (spsi_arrival *)spsi_vectors_reserve(context, SPSI_BUFFER_ARRIVALS, run->shader.shadow_count,
                                                          sizeof *run->arrivals);
     run->shaded = (uint64_t *)(void *)(run + 1); /* spsi_run_bytes includes them */
@@ -25661,8 +25657,6 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
                                  const spsi_visible *visible, const spsi_sweep *sweep, spsi_run *run) {
     spsi_shader *shader = &run->shader;
     run->context = context;
-    run->frame = frame;
-    run->sweep = sweep;
     shader->frame = frame;
     shader->eye = &frame->content->eye;
     shader->target = &run->eye;
@@ -25741,8 +25735,8 @@ static void spsi_run_count(spsi_run *run) {
 
 static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
     sps_context *context = run->context;
-    const int held = spsi_holds_gas(context, run->frame), slabs = held ? run->sweep->slabs.count : 0;
-    const int chunks = held ? spsi_chunk_count(&run->sweep->slabs) : 0;
+    const int held = spsi_holds_gas(context, run->shader.frame), slabs = held ? run->shader.sweep->slabs.count : 0;
+    const int chunks = held ? spsi_chunk_count(&run->shader.sweep->slabs) : 0;
     float done = -SPSI_INFINITY;
     context->stats.slabs += (uint64_t)slabs;
     for (int chunk = 0; chunk < chunks; ++chunk) {
@@ -26362,14 +26356,14 @@ static sps_result spsi_begin_total(sps_context *context, const spsi_frame *frame
 static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float covered, float *pixel) {
     const spsi_shader *shader = &run->shader;
     const float *behind = spsi_behind(shader, x, y);
-    for (int c = 0; c < 3 && run->sweep->first; ++c) pixel[c] = pixel[c] * (1 - covered) * (behind ? behind[c] : 1);
+    for (int c = 0; c < 3 && shader->sweep->first; ++c) pixel[c] = pixel[c] * (1 - covered) * (behind ? behind[c] : 1);
     for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
     for (int c = 0; c < 3 && shader->again.gas; ++c) pixel[c] = spsi_flush(pixel[c] + shader->again.radiance[c][at]);
-    for (int c = 0; c < 3 && spsi_scatters_again(run->frame); ++c) pixel[c] = spsi_higher(pixel[c], 0);
-    if (!run->sweep->first) return;
+    for (int c = 0; c < 3 && spsi_scatters_again(shader->frame); ++c) pixel[c] = spsi_higher(pixel[c], 0);
+    if (!shader->sweep->first) return;
     pixel[3] = covered;
     if (behind) pixel[3] = spsi_flush(1 - (1 - covered) * (behind[0] + behind[1] + behind[2]) / 3);
-    if (run->frame->wants_depth) pixel[4] = pixel[3] > 0 ? shader->distance[at] / pixel[3] : SPSI_INFINITY;
+    if (shader->frame->wants_depth) pixel[4] = pixel[3] > 0 ? shader->distance[at] / pixel[3] : SPSI_INFINITY;
 }
 
 #define SPSI_SUM_ROWS 8 /* rows of pixels of a task */
@@ -26377,9 +26371,9 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float c
 /* The same for some rows of the region, as far as they are in the sweep's part of the image. */
 static void spsi_sum_task(void *data, int index) {
     const spsi_run *run = (const spsi_run *)data;
-    const spsi_frame *frame = run->frame;
     const spsi_shader *shader = &run->shader;
-    const int *region = frame->view.region, *part = run->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
+    const spsi_frame *frame = shader->frame;
+    const int *region = frame->view.region, *part = shader->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
     const int x1 = spsi_least(part[2], region[0] + region[2]);
     const int y1 = spsi_least(part[3], spsi_least(region[1] + region[3], top + SPSI_SUM_ROWS));
     for (int y = spsi_most(part[1], top); y < y1; ++y)

@@ -767,7 +767,7 @@ static void test_deposits(void) {
         for (int i = 0; i < context->brick_count; ++i) {
             const spsi_brick *brick = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data + i;
             const spsi_segment *segment = spsi_segment_at(context, brick->segment);
-            const spsi_lattice *lattice = &sheets->frame->lattices[0];
+            const spsi_lattice *lattice = &sheets->target.frame->lattices[0];
             for (int n = brick->first; n < brick->first + brick->count; ++n) {
                 const double step[3] = {(double)segment->x[n], (double)segment->y[n], (double)segment->z[n]};
                 double at[3], point[3];

@@ -1330,6 +1330,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_LANES     16
 #define SPSI_X86(name) _mm512_##name
 typedef __m512 spsi_v;
+typedef __m512i spsi_i;
 typedef __mmask16 spsi_m;
 #elif !defined(SPS_NO_SIMD) && defined(__AVX2__) && (defined(__FMA__) || defined(_MSC_VER))
 #define SPSI_SIMD_AVX2
@@ -1337,6 +1338,7 @@ typedef __mmask16 spsi_m;
 #define SPSI_LANES     8
 #define SPSI_X86(name) _mm256_##name
 typedef __m256 spsi_v;
+typedef __m256i spsi_i;
 typedef __m256 spsi_m;
 #elif !defined(SPS_NO_SIMD) && (defined(__SSE2__) || defined(_M_X64))
 #define SPSI_SIMD_SSE2
@@ -1344,6 +1346,7 @@ typedef __m256 spsi_m;
 #define SPSI_LANES     4
 #define SPSI_X86(name) _mm_##name
 typedef __m128 spsi_v;
+typedef __m128i spsi_i;
 typedef __m128 spsi_m;
 #elif !defined(SPS_NO_SIMD) && (defined(__ARM_NEON) && defined(__aarch64__) || defined(_M_ARM64))
 #define SPSI_SIMD_NEON
@@ -1362,21 +1365,27 @@ static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return SPSI_X86(div_ps)(a, b
 static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return SPSI_X86(min_ps)(a, b); }
 static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return SPSI_X86(max_ps)(a, b); }
 static inline spsi_v spsi_sqrt(spsi_v a) { return SPSI_X86(sqrt_ps)(a); }
+static inline void spsi_store_int(int *p, spsi_v a) {
+    const spsi_i numbers = SPSI_X86(cvtps_epi32)(a);
+    memcpy(p, &numbers, sizeof numbers);
+}
+static inline spsi_v spsi_pow2(spsi_v n) {
+    const spsi_i exponents = SPSI_X86(add_epi32)(SPSI_X86(cvtps_epi32)(n), SPSI_X86(set1_epi32)(127));
+    const spsi_i bits = SPSI_X86(slli_epi32)(exponents, 23);
+    spsi_v result;
+    memcpy(&result, &bits, sizeof result);
+    return result;
+}
 #endif
 
 #if defined(SPSI_SIMD_AVX512)
 static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm512_fmadd_ps(a, b, c); }
 static inline spsi_v spsi_round(spsi_v a) { return _mm512_roundscale_ps(a, 8); }
 static inline spsi_v spsi_floor(spsi_v a) { return _mm512_roundscale_ps(a, 9); }
-static inline spsi_v spsi_pow2(spsi_v n) {
-    const __m512i e = _mm512_add_epi32(_mm512_cvtps_epi32(n), _mm512_set1_epi32(127));
-    return _mm512_castsi512_ps(_mm512_slli_epi32(e, 23));
-}
 static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ); }
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return (spsi_m)(a & b); }
 static inline int spsi_bits(spsi_m m) { return (int)m; }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm512_mask_blend_ps(m, b, a); }
-static inline void spsi_store_int(int *p, spsi_v a) { _mm512_storeu_si512(p, _mm512_cvtps_epi32(a)); }
 static inline spsi_v spsi_iota(void) { return _mm512_set_ps(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0); }
 static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
     const __m512i row = _mm512_mullo_epi32(_mm512_cvttps_epi32(y), _mm512_set1_epi32(stride));
@@ -1420,17 +1429,10 @@ static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v b
 static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm256_fmadd_ps(a, b, c); }
 static inline spsi_v spsi_round(spsi_v a) { return _mm256_round_ps(a, 8); }
 static inline spsi_v spsi_floor(spsi_v a) { return _mm256_floor_ps(a); }
-static inline spsi_v spsi_pow2(spsi_v n) {
-    const __m256i e = _mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127));
-    return _mm256_castsi256_ps(_mm256_slli_epi32(e, 23));
-}
 static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return _mm256_cmp_ps(a, b, _CMP_LT_OQ); }
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return _mm256_and_ps(a, b); }
 static inline int spsi_bits(spsi_m m) { return _mm256_movemask_ps(m); }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm256_blendv_ps(b, a, m); }
-static inline void spsi_store_int(int *p, spsi_v a) {
-    _mm256_storeu_si256((__m256i *)(void *)p, _mm256_cvtps_epi32(a));
-}
 static inline spsi_v spsi_iota(void) { return _mm256_set_ps(7, 6, 5, 4, 3, 2, 1, 0); }
 static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
     const __m256i row = _mm256_mullo_epi32(_mm256_cvttps_epi32(y), _mm256_set1_epi32(stride));
@@ -1465,17 +1467,12 @@ static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v b
 #elif defined(SPSI_SIMD_SSE2)
 static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm_add_ps(_mm_mul_ps(a, b), c); }
 static inline spsi_v spsi_round(spsi_v a) { return _mm_cvtepi32_ps(_mm_cvtps_epi32(a)); }
-static inline spsi_v spsi_pow2(spsi_v n) {
-    const __m128i e = _mm_add_epi32(_mm_cvtps_epi32(n), _mm_set1_epi32(127));
-    return _mm_castsi128_ps(_mm_slli_epi32(e, 23));
-}
 static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return _mm_cmplt_ps(a, b); }
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return _mm_and_ps(a, b); }
 static inline int spsi_bits(spsi_m m) { return _mm_movemask_ps(m); }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) {
     return _mm_or_ps(_mm_and_ps(m, a), _mm_andnot_ps(m, b));
 }
-static inline void spsi_store_int(int *p, spsi_v a) { _mm_storeu_si128((__m128i *)(void *)p, _mm_cvtps_epi32(a)); }
 static inline spsi_v spsi_iota(void) { return _mm_set_ps(3, 2, 1, 0); }
 static inline spsi_v spsi_four_rows(const float *table, const int *at) { return _mm_loadu_ps(table + 4 * at[0]); }
 
@@ -6293,17 +6290,23 @@ static sps_result spsi_gather_particles(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* The set that a particle of the content belongs to. Cost: a binary search. */
-static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particle) {
-    int low = 0, high = frame->particles.set_count - 1;
+/* The number of the list that an item belongs to, of `count` that follow each other. ends: of these lists, so many ints
+   apart. Cost: a binary search. */
+static int spsi_list_of(const int *ends, int apart, int count, int item) {
+    int low = 0, high = count - 1;
     while (low < high) {
         const int middle = (low + high) / 2;
-        if (particle < frame->content->set_ends[middle])
+        if (item < ends[middle * apart])
             high = middle;
         else
             low = middle + 1;
     }
-    return &frame->particles.sets[low];
+    return low;
+}
+
+/* The set that a particle of the content belongs to. */
+static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particle) {
+    return &frame->particles.sets[spsi_list_of(frame->content->set_ends, 1, frame->particles.set_count, particle)];
 }
 
 /* --- how much light can scatter again --- */
@@ -7495,17 +7498,9 @@ static void spsi_face_color(const spsi_face *face, const spsi_hit *hit, double c
     }
 }
 
-/* The mesh that a face belongs to. Cost: a binary search. */
+/* The mesh that a face belongs to. */
 static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int face) {
-    int low = 0, high = frame->meshes.count - 1;
-    while (low < high) {
-        const int middle = (low + high) / 2;
-        if (face < faces->meshes[middle].end)
-            high = middle;
-        else
-            low = middle + 1;
-    }
-    return low;
+    return spsi_list_of(&faces->meshes->end, (int)(sizeof *faces->meshes / sizeof(int)), frame->meshes.count, face);
 }
 
 /* ============================================================================================== >>layers
@@ -14905,26 +14900,6 @@ typedef struct spsi_seen_by_map {
     spsi_m in_range; /* 0: behind the light, or nearer than near_depth */
 } spsi_seen_by_map;
 
-static void spsi_quads_build(const sps_tmap *map, const spsi_seen_by_map *seen, spsi_tmap_quads *quads) {
-    const float width = (float)map->rays[0].width, height = (float)map->rays[0].height;
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), edge = spsi_set(-0.5f);
-    const spsi_v x = spsi_clamp(seen->x, spsi_set(-1), spsi_set(width)), column = spsi_floor(x);
-    const spsi_v y = spsi_clamp(seen->y, spsi_set(-1), spsi_set(height)), row = spsi_floor(y);
-    const spsi_m across = spsi_and(spsi_less(edge, x), spsi_less(x, spsi_set(width - 0.5f)));
-    const spsi_m down = spsi_and(spsi_less(edge, y), spsi_less(y, spsi_set(height - 0.5f)));
-    const spsi_m inside = spsi_and(seen->in_range, spsi_and(across, down));
-    const spsi_v right = spsi_sub(x, column), low = spsi_sub(y, row);
-    const spsi_v shares[2][2] = {{spsi_sub(one, right), right}, {spsi_sub(one, low), low}};
-    const spsi_v first_row = spsi_mul(seen->face, spsi_set(height));
-    for (int i = 0; i < 2; ++i) {
-        const spsi_v next = spsi_set((float)i);
-        quads->column[i] = spsi_clamp(spsi_add(column, next), zero, spsi_set(width - 1));
-        quads->row[i] = spsi_add(first_row, spsi_clamp(spsi_add(row, next), zero, spsi_set(height - 1)));
-    }
-    for (int i = 0; i < 4; ++i)
-        quads->weight[i] = spsi_select(inside, spsi_mul(shares[0][i & 1], shares[1][i >> 1]), zero);
-}
-
 /* Points given in the coordinates of the map's only rays, before any division; t is relative to near_depth. */
 static void spsi_tmap_see(const sps_tmap *map, const spsi_v q[3], spsi_seen_by_map *seen) {
     const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
@@ -14957,17 +14932,38 @@ static void spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], sps
     seen->in_range = spsi_and(seen->in_range, spsi_less(zero, distance));
 }
 
-/* Optical depth of gas at a vector of points, in the coordinates that spsi_tmap_see expects, or spsi_tmap_see_round for
-   six faces. Floats are precise enough within an image. */
-static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
+/* Finds the texels around a vector of points, given in the coordinates that spsi_tmap_see expects, or
+   spsi_tmap_see_round for six faces. Floats are precise enough within an image. */
+static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_quads *quads) {
+    const float width = (float)map->rays[0].width, height = (float)map->rays[0].height;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), edge = spsi_set(-0.5f);
     spsi_seen_by_map seen;
-    spsi_tmap_quads quads;
     if (map->face_count > 1)
         spsi_tmap_see_round(map, q, &seen);
     else
         spsi_tmap_see(map, q, &seen);
-    spsi_quads_build(map, &seen, &quads);
-    quads.u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), spsi_set(0), spsi_set(1));
+    const spsi_v x = spsi_clamp(seen.x, spsi_set(-1), spsi_set(width)), column = spsi_floor(x);
+    const spsi_v y = spsi_clamp(seen.y, spsi_set(-1), spsi_set(height)), row = spsi_floor(y);
+    const spsi_m across = spsi_and(spsi_less(edge, x), spsi_less(x, spsi_set(width - 0.5f)));
+    const spsi_m down = spsi_and(spsi_less(edge, y), spsi_less(y, spsi_set(height - 0.5f)));
+    const spsi_m inside = spsi_and(seen.in_range, spsi_and(across, down));
+    const spsi_v right = spsi_sub(x, column), low = spsi_sub(y, row);
+    const spsi_v shares[2][2] = {{spsi_sub(one, right), right}, {spsi_sub(one, low), low}};
+    const spsi_v first_row = spsi_mul(seen.face, spsi_set(height));
+    for (int i = 0; i < 2; ++i) {
+        const spsi_v next = spsi_set((float)i);
+        quads->column[i] = spsi_clamp(spsi_add(column, next), zero, spsi_set(width - 1));
+        quads->row[i] = spsi_add(first_row, spsi_clamp(spsi_add(row, next), zero, spsi_set(height - 1)));
+    }
+    for (int i = 0; i < 4; ++i)
+        quads->weight[i] = spsi_select(inside, spsi_mul(shares[0][i & 1], shares[1][i >> 1]), zero);
+    quads->u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), zero, one);
+}
+
+/* Optical depth of gas at a vector of points in these coordinates. */
+static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
+    spsi_tmap_quads quads;
+    spsi_quads_build(map, q, &quads);
     return spsi_tmap_optical_depths(map, &quads);
 }
 
@@ -17803,14 +17799,8 @@ static void spsi_spread_find(const spsi_spread *spread, const spsi_v at[3], spsi
     const spsi_v last = spsi_set((float)(spread->sheet_count - 1)),
                  rows = spsi_set((float)(spread->plane / (size_t)spread->pitch));
     spsi_v u, plane;
-    spsi_seen_by_map seen;
-    if (spread->map.face_count > 1)
-        spsi_tmap_see_round(&spread->map, at, &seen);
-    else
-        spsi_tmap_see(&spread->map, at, &seen);
-    spsi_quads_build(&spread->map, &seen, &place->quads);
-    u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)spread->map.per_depth)), spsi_set(0), spsi_set(1));
-    u = spsi_mul(u, spsi_set((float)spread->sheet_count));
+    spsi_quads_build(&spread->map, at, &place->quads);
+    u = spsi_mul(place->quads.u, spsi_set((float)spread->sheet_count));
     plane = spsi_min(spsi_floor(u), last);
     place->weight[1] = spsi_sub(u, plane);
     place->weight[0] = spsi_sub(spsi_set(1), place->weight[1]);

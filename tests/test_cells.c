@@ -645,7 +645,8 @@ static void sample_gas(const spsi_sampling *as, int deposit, float *out) {
     memset(&sheets, 0, sizeof sheets);
     sheets.rays = as->rays, sheets.slabs = as->slabs;
     memset(out, 0, MOST_SAMPLES * sizeof *out);
-    if (!CHECK(count <= MOST_SAMPLES) || !CHECK_OK(context, spsi_sampling_begin(context, as->frame, &sheets))) return;
+    if (!CHECK(count <= MOST_SAMPLES) || !CHECK_OK(context, spsi_sampling_begin(context, as->target.frame, &sheets)))
+        return;
     CHECK(sheets.target.splatters[0].deposits == 1);
     sheets.target.splatters[0].deposits = deposit;
     for (int chunk = 0; chunk < spsi_chunk_count(&sheets.slabs); ++chunk) {

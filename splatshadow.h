@@ -9363,18 +9363,19 @@ typedef struct spsi_planes_job {
 /* A plane as a depth map's rays meet it. With n its normal and r a texel's ray, t changes by -(n.a) / (n.r) from texel
    to texel, times t itself in perspective. */
 typedef struct spsi_map_plane {
+    const spsi_faces *faces;
+    const spsi_rays *rays;
     int number;       /* of its face; -1: none */
     double a, b;      /* n.a and n.b, with the rays' steps from texel to texel */
     double normal[3]; /* n */
     double texel;     /* size of a step */
 } spsi_map_plane;
 
-static void spsi_map_plane_build(const spsi_faces *faces, int number, const spsi_rays *rays, spsi_map_plane *plane) {
-    const spsi_face *face = &faces->list[number];
-    spsi_face_plane(face, plane->normal);
-    plane->a = spsi_dot(plane->normal, rays->a);
-    plane->b = spsi_dot(plane->normal, rays->b);
-    plane->texel = spsi_length(rays->a);
+static void spsi_map_plane_build(spsi_map_plane *plane, int number) {
+    spsi_face_plane(&plane->faces->list[number], plane->normal);
+    plane->a = spsi_dot(plane->normal, plane->rays->a);
+    plane->b = spsi_dot(plane->normal, plane->rays->b);
+    plane->texel = spsi_length(plane->rays->a);
     plane->number = number;
 }
 
@@ -9384,16 +9385,18 @@ static float spsi_map_slope(double across, double facing, double t, double steep
     return (float)(slope >= -steepest && slope <= steepest ? slope : slope > 0 ? steepest : -steepest);
 }
 
-/* The slopes at a texel where the plane has this depth. Returns the minimum that it reaches within a texel. */
-static float spsi_map_plane_slopes(const spsi_map_plane *plane, const spsi_rays *rays, int x, int y, float depth,
-                                   float slope[2]) {
+/* The slopes of a face's plane at a texel where it has this depth. Lowers the texel's cell, of a row of them, to the
+   minimum that it reaches within a texel. */
+static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int y, float depth, float slope[2],
+                                  float *cells) {
     double ray[3], facing, t = 1;
-    spsi_ray_direction(rays, x, y, ray);
+    if (number != plane->number) spsi_map_plane_build(plane, number);
+    spsi_ray_direction(plane->rays, x, y, ray);
     facing = spsi_dot(plane->normal, ray);
-    if (rays->perspective) t = (double)depth + rays->depth_reference;
+    if (plane->rays->perspective) t = (double)depth + plane->rays->depth_reference;
     slope[0] = spsi_map_slope(plane->a, facing, t, SPSI_STEEP * t * plane->texel);
     slope[1] = spsi_map_slope(plane->b, facing, t, SPSI_STEEP * t * plane->texel);
-    return depth - fabsf(slope[0]) - fabsf(slope[1]);
+    cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], depth - fabsf(slope[0]) - fabsf(slope[1]));
 }
 
 /* Replaces the face numbers that the rasteriser left in one row of texels by the slopes of their planes, and lowers the
@@ -9402,20 +9405,17 @@ static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     const spsi_depth_map *map = job->map;
     const spsi_rays *rays = &map->rays[job->face];
     const size_t first = (size_t)y * (size_t)rays->width;
-    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}, 0};
+    spsi_map_plane plane = {job->faces, rays, -1, 0, 0, {0, 0, 0}, 0};
     for (int x = 0; x < rays->width; ++x) {
         float *along_x = &map->slopes[job->face][0][first + (size_t)x];
         float *along_y = &map->slopes[job->face][1][first + (size_t)x];
-        float slope[2] = {0, 0}, least = SPSI_INFINITY;
+        const float depth = map->depths[job->face][first + (size_t)x];
+        float slope[2] = {0, 0};
         int number;
         memcpy(&number, along_y, sizeof number);
-        if (number >= 0) {
-            if (number != plane.number) spsi_map_plane_build(job->faces, number, rays, &plane);
-            least = spsi_map_plane_slopes(&plane, rays, x, y, map->depths[job->face][first + (size_t)x], slope);
-        }
+        if (number >= 0) spsi_map_plane_slopes(&plane, number, x, y, depth, slope, cells);
         *along_x = slope[0];
         *along_y = slope[1];
-        cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], least);
     }
 }
 
@@ -9424,17 +9424,14 @@ static void spsi_panes_row(const spsi_planes_job *job, int y, float *cells) {
     const spsi_pane_map *map = job->panes;
     const spsi_rays *rays = &map->grid.rays[job->face];
     const uint32_t *first = map->first[job->face] + (size_t)y * (size_t)rays->width;
-    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}, 0};
+    spsi_map_plane plane = {job->faces, rays, -1, 0, 0, {0, 0, 0}, 0};
     for (int x = 0; x < rays->width; ++x)
         for (uint32_t i = first[x]; i < first[x + 1]; ++i) {
             const spsi_fragment *fragment = &job->fragments[i];
             spsi_pane *pane = &map->list[job->face][i];
-            float least;
-            if (fragment->face != plane.number) spsi_map_plane_build(job->faces, fragment->face, rays, &plane);
-            least = spsi_map_plane_slopes(&plane, rays, x, y, fragment->depth, pane->slope);
+            spsi_map_plane_slopes(&plane, fragment->face, x, y, fragment->depth, pane->slope, cells);
             pane->depth = fragment->depth;
             pane->face = fragment->face;
-            cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], least);
         }
 }
 

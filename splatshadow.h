@@ -4294,12 +4294,6 @@ typedef struct spsi_lamps {
     int image_count;  /* number of lamps that throw an image */
 } spsi_lamps;
 
-/* Light from everywhere. */
-typedef struct spsi_ambient {
-    float radiance[3];
-    int exists; /* 1: it is not black */
-} spsi_ambient;
-
 #define SPSI_IMAGE_LEVELS 25 /* of an image of 4096 texels on a side, if one side is halved before the other */
 
 /* An image and its halves, down to a texel. Each level is three planes, of red, green and blue, within a border of one
@@ -4440,7 +4434,7 @@ typedef struct spsi_frame {
     spsi_matter matter;
     spsi_meshes meshes;
     spsi_lamps lamps;
-    spsi_ambient ambient;
+    int has_ambient;   /* 1: there is light from everywhere */
     int has_gradients; /* 1: some volume is shaded as a surface; its field has the gradients */
     int channels;    /* channels of radiance: 1 if every color is grey, otherwise 3 */
     int wants_depth; /* 1: the image has depths */
@@ -5507,7 +5501,7 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
 static int spsi_count_channels(const spsi_frame *frame) {
-    int grey = spsi_grey(frame->ambient.radiance) && spsi_grey(frame->given.background) && !frame->given.background_fn;
+    int grey = spsi_grey(frame->given.ambient) && spsi_grey(frame->given.background) && !frame->given.background_fn;
     for (int i = 0; i < frame->lamps.count; ++i)
         grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
     for (int i = 0; i < frame->meshes.count; ++i)
@@ -5532,11 +5526,10 @@ static void spsi_resolve_orders(spsi_frame *frame) {
 
 /* Resolves the scene's own fields, after its objects. */
 static void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
-    memcpy(frame->ambient.radiance, scene->ambient, sizeof frame->ambient.radiance);
-    frame->ambient.exists = !spsi_black(scene->ambient);
+    frame->has_ambient = !spsi_black(scene->ambient);
     for (int m = 0; m < frame->matter.material_count; ++m) {
         spsi_material *material = &frame->matter.materials[m];
-        frame->ambient.exists |= !spsi_black(material->ambient);
+        frame->has_ambient |= !spsi_black(material->ambient);
         for (int c = 0; c < 3; ++c) material->ambient[c] += scene->ambient[c];
     }
     frame->channels = spsi_count_channels(frame);
@@ -6316,12 +6309,12 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 /* Whether gas lights polygons, or shadows ambient light on them, without scattering anything. */
 static int spsi_lights_polygons(const spsi_frame *frame) {
     const int gas = frame->medium_count + frame->particles.set_count;
-    return frame->meshes.triangle_count > 0 && gas > 0 && (frame->matter.emits || frame->ambient.exists);
+    return frame->meshes.triangle_count > 0 && gas > 0 && (frame->matter.emits || frame->has_ambient);
 }
 
 /* Whether there is light that gas may scatter, or that it lights polygons by or keeps from them. */
 static int spsi_light_meets_gas(const spsi_frame *frame) {
-    const int lit = frame->lamps.count > 0 || frame->matter.emits || frame->ambient.exists;
+    const int lit = frame->lamps.count > 0 || frame->matter.emits || frame->has_ambient;
     return (lit && frame->matter.scatters) || spsi_lights_polygons(frame);
 }
 
@@ -6471,7 +6464,7 @@ static double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
 
 /* The largest albedo of all gas; 1 if ambient light is there to be shadowed. */
 static double spsi_largest_albedo(const spsi_frame *frame) {
-    float most = frame->ambient.exists ? 1 : 0;
+    float most = frame->has_ambient ? 1 : 0;
     for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
         for (int c = 0; c < 3; ++c) {
@@ -19685,7 +19678,7 @@ static void spsi_cells_look_task(void *data, int row) {
             memset(degree, 0, sizeof degree);
             for (int t = 0; t < grid->terms; ++t)
                 degree[spsi_term_degree(t)] += moments[(size_t)t * grid->count] * harmonic[t];
-            degree[0] += look->frame->ambient.radiance[c];
+            degree[0] += look->frame->given.ambient[c];
             for (int m = 0; m < look->frame->matter.material_count; ++m) {
                 float sum = 0;
                 for (int l = 0; l < grid->orders; ++l) sum += grid->lobes[m][l] * degree[l];
@@ -21971,7 +21964,7 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
         const spsi_v scale = spsi_sub(spsi_set(1), spsi_mul(sample->color[c], spsi_set(peak)));
         const spsi_v seen = spsi_mean_transmittance(spsi_mul(scale, start), spsi_mul(scale, end));
         const spsi_v light = spsi_mul(sample->color[c], spsi_cells_lookup(grid, m, c, place->at));
-        const spsi_v behind = spsi_select(blocked, zero, spsi_set(frame->ambient.radiance[c]));
+        const spsi_v behind = spsi_select(blocked, zero, spsi_set(frame->given.ambient[c]));
         spsi_v sent = spsi_mul(gas, spsi_mul(light, seen));
         if (peak > 0) {
             const spsi_v emitted = spsi_mul(sample->value_length, spsi_set(material->emission[c]));
@@ -22029,7 +22022,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
         const spsi_v share = shader->frame->content->cells ? sample->surface : spsi_set(1);
         for (int c = 0; c < shader->frame->channels; ++c) {
             spsi_v sent = spsi_set(0);
-            if (material->scatters && shader->frame->ambient.exists)
+            if (material->scatters && shader->frame->has_ambient)
                 sent = spsi_mul(spsi_mul(spsi_mul(sample->depth, share), sample->color[c]),
                                 spsi_set(material->ambient[c]));
             if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
@@ -22724,7 +22717,7 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
     if (!list->meetings.lanes) return;
     spsi_surfaces_place(shader, list);
     for (int c = 0; c < 3 && shader->sweep->first; ++c)
-        spsi_store(list->radiance[c], spsi_fma(spsi_load(list->color[c]), spsi_set(frame->ambient.radiance[c]),
+        spsi_store(list->radiance[c], spsi_fma(spsi_load(list->color[c]), spsi_set(frame->given.ambient[c]),
                                                spsi_load(list->emission[c])));
     if (shader->sweep->first && frame->content->cells) spsi_surfaces_add_scattered(shader, NULL, list);
     for (int i = 0; i < frame->lamps.count; ++i) {
@@ -24142,7 +24135,7 @@ static sps_result spsi_cell_walls_begin(spsi_cell_job *job) {
 static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
     const spsi_cell_walls *walls = &job->walls;
     const spsi_cell_grid *grid = job->grid;
-    const double ambient = (double)job->frame->ambient.radiance[c];
+    const double ambient = (double)job->frame->given.ambient[c];
     const size_t count = grid->count, own = (size_t)c * count;
     double changed = 0, all = 0;
     for (size_t at = 0; at < count; ++at) {
@@ -24422,7 +24415,7 @@ static void spsi_cells_equations_task(void *data, int row) {
             level->given[(size_t)t * grid->count + at] =
                 whole > 0 ? keep[spsi_term_degree(t)] * (light / (4 * whole) + wall + flown) : 0;
         }
-        if (depth > 0) level->given[at] += emitted / depth - (1 - keep[0]) * job->frame->ambient.radiance[c];
+        if (depth > 0) level->given[at] += emitted / depth - (1 - keep[0]) * job->frame->given.ambient[c];
     }
 }
 
@@ -24773,7 +24766,7 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
     hash = spsi_fingerprint(hash, knobs, sizeof knobs);
     hash = spsi_fingerprint(hash, sizes, sizeof sizes);
     hash = spsi_fingerprint_word(hash, frame->meshes.count > 0 ? context->faces_held : 0);
-    hash = spsi_fingerprint(hash, frame->ambient.radiance, sizeof frame->ambient.radiance);
+    hash = spsi_fingerprint(hash, frame->given.ambient, sizeof frame->given.ambient);
     for (int i = 0; i < frame->medium_count; ++i) hash = spsi_fingerprint(hash, &frame->media[i].channel, sizeof(int));
     for (int i = 0; i < frame->particles.set_count; ++i)
         hash = spsi_fingerprint(hash, &frame->particles.sets[i].channel, sizeof(int));
@@ -25653,7 +25646,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     shader->visible = visible;
     shader->hits = faces->count > 0 ? visible->hits : NULL;
     shader->unshadowed = sweep->first && !shader->again.measures &&
-                         (frame->ambient.exists || frame->matter.emits || frame->content->cells ||
+                         (frame->has_ambient || frame->matter.emits || frame->content->cells ||
                           frame->lamps.count > frame->lamps.shadow_count);
     shader->end_depth = spsi_eye_end(frame);
     if (spsi_target_build(context, frame, &frame->content->eye, &sweep->slabs, SPSI_TARGET_EYE, sweep->back_to_front,
@@ -27034,8 +27027,8 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    : report->scatter_bound > 0    ? once
                                                   : "view.scattering does not ask for it");
     spsi_plan_pass(report, SPS_PASS_EMISSION, frame->matter.emits, "volumes or particles emit", "nothing emits");
-    spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->ambient.exists && (frame->matter.scatters || polygons),
-                   "there is ambient light", frame->ambient.exists ? "nothing to light" : "ambient is black");
+    spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->has_ambient && (frame->matter.scatters || polygons),
+                   "there is ambient light", frame->has_ambient ? "nothing to light" : "ambient is black");
     spsi_plan_pass(report, SPS_PASS_SURFACE_LIGHT, polygons && lit ? sweeps : 0, "lights shine on polygons",
                    polygons ? "no light" : "no triangles");
 }
@@ -27750,7 +27743,7 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
     spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
     for (int c = 0; c < 3; ++c) {
-        const double own = look.color[c] * ambient * (double)frame->ambient.radiance[c] + (double)look.emission[c];
+        const double own = look.color[c] * ambient * (double)frame->given.ambient[c] + (double)look.emission[c];
         radiance[c] = spsi_between_of(own, own);
     }
     for (int i = 0; i < frame->lamps.count; ++i) {
@@ -29335,8 +29328,8 @@ static int spsi_path_goes_on(spsi_path *path) {
 
 /* Follows a path to its end. */
 static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, spsi_path *path) {
-    const double ambient[3] = {(double)marcher->frame->ambient.radiance[0], (double)marcher->frame->ambient.radiance[1],
-                               (double)marcher->frame->ambient.radiance[2]};
+    const double ambient[3] = {(double)marcher->frame->given.ambient[0], (double)marcher->frame->given.ambient[1],
+                               (double)marcher->frame->given.ambient[2]};
     do {
         spsi_hit hit;
         int part = -1;

@@ -1327,43 +1327,65 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #if !defined(SPS_NO_SIMD) && defined(__AVX512F__)
 #define SPSI_SIMD_AVX512
 #include <immintrin.h>
+#define SPSI_LANES     16
+#define SPSI_X86(name) _mm512_##name
+typedef __m512 spsi_v;
+typedef __m512i spsi_i;
+typedef __mmask16 spsi_m;
 #elif !defined(SPS_NO_SIMD) && defined(__AVX2__) && (defined(__FMA__) || defined(_MSC_VER))
 #define SPSI_SIMD_AVX2
 #include <immintrin.h>
+#define SPSI_LANES     8
+#define SPSI_X86(name) _mm256_##name
+typedef __m256 spsi_v;
+typedef __m256i spsi_i;
+typedef __m256 spsi_m;
 #elif !defined(SPS_NO_SIMD) && (defined(__SSE2__) || defined(_M_X64))
 #define SPSI_SIMD_SSE2
 #include <emmintrin.h>
+#define SPSI_LANES     4
+#define SPSI_X86(name) _mm_##name
+typedef __m128 spsi_v;
+typedef __m128i spsi_i;
+typedef __m128 spsi_m;
 #elif !defined(SPS_NO_SIMD) && (defined(__ARM_NEON) && defined(__aarch64__) || defined(_M_ARM64))
 #define SPSI_SIMD_NEON
 #include <arm_neon.h>
 #endif
 
+/* What the instruction sets of x86 have alike, but for their names. */
+#ifdef SPSI_X86
+static inline spsi_v spsi_set(float a) { return SPSI_X86(set1_ps)(a); }
+static inline spsi_v spsi_load(const float *p) { return SPSI_X86(loadu_ps)(p); }
+static inline void spsi_store(float *p, spsi_v a) { SPSI_X86(storeu_ps)(p, a); }
+static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return SPSI_X86(add_ps)(a, b); }
+static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return SPSI_X86(sub_ps)(a, b); }
+static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return SPSI_X86(mul_ps)(a, b); }
+static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return SPSI_X86(div_ps)(a, b); }
+static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return SPSI_X86(min_ps)(a, b); }
+static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return SPSI_X86(max_ps)(a, b); }
+static inline spsi_v spsi_sqrt(spsi_v a) { return SPSI_X86(sqrt_ps)(a); }
+static inline void spsi_store_int(int *p, spsi_v a) {
+    const spsi_i numbers = SPSI_X86(cvtps_epi32)(a);
+    memcpy(p, &numbers, sizeof numbers);
+}
+static inline spsi_v spsi_pow2(spsi_v n) {
+    const spsi_i exponents = SPSI_X86(add_epi32)(SPSI_X86(cvtps_epi32)(n), SPSI_X86(set1_epi32)(127));
+    const spsi_i bits = SPSI_X86(slli_epi32)(exponents, 23);
+    spsi_v result;
+    memcpy(&result, &bits, sizeof result);
+    return result;
+}
+#endif
+
 #if defined(SPSI_SIMD_AVX512)
-#define SPSI_LANES 16
-typedef __m512 spsi_v;
-typedef __mmask16 spsi_m;
-static inline spsi_v spsi_set(float a) { return _mm512_set1_ps(a); }
-static inline spsi_v spsi_load(const float *p) { return _mm512_loadu_ps(p); }
-static inline void spsi_store(float *p, spsi_v a) { _mm512_storeu_ps(p, a); }
-static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return _mm512_add_ps(a, b); }
-static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return _mm512_sub_ps(a, b); }
-static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return _mm512_mul_ps(a, b); }
-static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return _mm512_div_ps(a, b); }
 static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm512_fmadd_ps(a, b, c); }
-static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return _mm512_min_ps(a, b); }
-static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return _mm512_max_ps(a, b); }
-static inline spsi_v spsi_sqrt(spsi_v a) { return _mm512_sqrt_ps(a); }
 static inline spsi_v spsi_round(spsi_v a) { return _mm512_roundscale_ps(a, 8); }
 static inline spsi_v spsi_floor(spsi_v a) { return _mm512_roundscale_ps(a, 9); }
-static inline spsi_v spsi_pow2(spsi_v n) {
-    const __m512i e = _mm512_add_epi32(_mm512_cvtps_epi32(n), _mm512_set1_epi32(127));
-    return _mm512_castsi512_ps(_mm512_slli_epi32(e, 23));
-}
 static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ); }
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return (spsi_m)(a & b); }
 static inline int spsi_bits(spsi_m m) { return (int)m; }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm512_mask_blend_ps(m, b, a); }
-static inline void spsi_store_int(int *p, spsi_v a) { _mm512_storeu_si512(p, _mm512_cvtps_epi32(a)); }
 static inline spsi_v spsi_iota(void) { return _mm512_set_ps(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0); }
 static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
     const __m512i row = _mm512_mullo_epi32(_mm512_cvttps_epi32(y), _mm512_set1_epi32(stride));
@@ -1380,20 +1402,6 @@ static inline spsi_v spsi_four_rows(const float *table, const int *at) {
     rows = _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[4]), 1);
     rows = _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[8]), 2);
     return _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[12]), 3);
-}
-static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v four[4]) {
-    int at[16];
-    __m512 r[4], low[2], high[2];
-    _mm512_storeu_si512(at, _mm512_cvttps_epi32(entry));
-    for (int i = 0; i < 4; ++i) r[i] = spsi_four_rows(table, at + i);
-    for (int i = 0; i < 2; ++i) {
-        low[i] = _mm512_unpacklo_ps(r[2 * i], r[2 * i + 1]);
-        high[i] = _mm512_unpackhi_ps(r[2 * i], r[2 * i + 1]);
-    }
-    four[0] = _mm512_shuffle_ps(low[0], low[1], 0x44);
-    four[1] = _mm512_shuffle_ps(low[0], low[1], 0xee);
-    four[2] = _mm512_shuffle_ps(high[0], high[1], 0x44);
-    four[3] = _mm512_shuffle_ps(high[0], high[1], 0xee);
 }
 /* As the general ones below: all of a vector if `count` is more than it holds. */
 static inline spsi_m spsi_first(int count) { return (spsi_m)(count < 16 ? (1u << count) - 1 : 0xffffu); }
@@ -1418,33 +1426,13 @@ static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v b
 #define SPSI_HAS_LOOKUP
 
 #elif defined(SPSI_SIMD_AVX2)
-#define SPSI_LANES 8
-typedef __m256 spsi_v;
-typedef __m256 spsi_m;
-static inline spsi_v spsi_set(float a) { return _mm256_set1_ps(a); }
-static inline spsi_v spsi_load(const float *p) { return _mm256_loadu_ps(p); }
-static inline void spsi_store(float *p, spsi_v a) { _mm256_storeu_ps(p, a); }
-static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return _mm256_add_ps(a, b); }
-static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return _mm256_sub_ps(a, b); }
-static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return _mm256_mul_ps(a, b); }
-static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return _mm256_div_ps(a, b); }
 static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm256_fmadd_ps(a, b, c); }
-static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return _mm256_min_ps(a, b); }
-static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return _mm256_max_ps(a, b); }
-static inline spsi_v spsi_sqrt(spsi_v a) { return _mm256_sqrt_ps(a); }
 static inline spsi_v spsi_round(spsi_v a) { return _mm256_round_ps(a, 8); }
 static inline spsi_v spsi_floor(spsi_v a) { return _mm256_floor_ps(a); }
-static inline spsi_v spsi_pow2(spsi_v n) {
-    const __m256i e = _mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127));
-    return _mm256_castsi256_ps(_mm256_slli_epi32(e, 23));
-}
 static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return _mm256_cmp_ps(a, b, _CMP_LT_OQ); }
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return _mm256_and_ps(a, b); }
 static inline int spsi_bits(spsi_m m) { return _mm256_movemask_ps(m); }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm256_blendv_ps(b, a, m); }
-static inline void spsi_store_int(int *p, spsi_v a) {
-    _mm256_storeu_si256((__m256i *)(void *)p, _mm256_cvtps_epi32(a));
-}
 static inline spsi_v spsi_iota(void) { return _mm256_set_ps(7, 6, 5, 4, 3, 2, 1, 0); }
 static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
     const __m256i row = _mm256_mullo_epi32(_mm256_cvttps_epi32(y), _mm256_set1_epi32(stride));
@@ -1457,21 +1445,9 @@ static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, 
     pair[0] = _mm256_cvtepi32_ps(_mm256_and_si256(both, _mm256_set1_epi32(0xffff)));
     pair[1] = _mm256_cvtepi32_ps(_mm256_srli_epi32(both, 16));
 }
-static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v four[4]) {
-    int at[8];
-    __m256 r[4], low[2], high[2];
-    _mm256_storeu_si256((__m256i *)(void *)at, _mm256_cvttps_epi32(entry));
-    for (int i = 0; i < 4; ++i)
-        r[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(table + 4 * at[i])),
-                                    _mm_loadu_ps(table + 4 * at[i + 4]), 1);
-    for (int i = 0; i < 2; ++i) {
-        low[i] = _mm256_unpacklo_ps(r[2 * i], r[2 * i + 1]);
-        high[i] = _mm256_unpackhi_ps(r[2 * i], r[2 * i + 1]);
-    }
-    four[0] = _mm256_shuffle_ps(low[0], low[1], 0x44);
-    four[1] = _mm256_shuffle_ps(low[0], low[1], 0xee);
-    four[2] = _mm256_shuffle_ps(high[0], high[1], 0x44);
-    four[3] = _mm256_shuffle_ps(high[0], high[1], 0xee);
+static inline spsi_v spsi_four_rows(const float *table, const int *at) {
+    const __m256 low = _mm256_castps128_ps256(_mm_loadu_ps(table + 4 * at[0]));
+    return _mm256_insertf128_ps(low, _mm_loadu_ps(table + 4 * at[4]), 1);
 }
 static inline __m256i spsi_first(int count) {
     return _mm256_cmpgt_epi32(_mm256_set1_epi32(count), _mm256_set_epi32(7, 6, 5, 4, 3, 2, 1, 0));
@@ -1489,33 +1465,16 @@ static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v b
 #define SPSI_HAS_LOOKUP
 
 #elif defined(SPSI_SIMD_SSE2)
-#define SPSI_LANES 4
-typedef __m128 spsi_v;
-typedef __m128 spsi_m;
-static inline spsi_v spsi_set(float a) { return _mm_set1_ps(a); }
-static inline spsi_v spsi_load(const float *p) { return _mm_loadu_ps(p); }
-static inline void spsi_store(float *p, spsi_v a) { _mm_storeu_ps(p, a); }
-static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return _mm_add_ps(a, b); }
-static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return _mm_sub_ps(a, b); }
-static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return _mm_mul_ps(a, b); }
-static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return _mm_div_ps(a, b); }
 static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm_add_ps(_mm_mul_ps(a, b), c); }
-static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return _mm_min_ps(a, b); }
-static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return _mm_max_ps(a, b); }
-static inline spsi_v spsi_sqrt(spsi_v a) { return _mm_sqrt_ps(a); }
 static inline spsi_v spsi_round(spsi_v a) { return _mm_cvtepi32_ps(_mm_cvtps_epi32(a)); }
-static inline spsi_v spsi_pow2(spsi_v n) {
-    const __m128i e = _mm_add_epi32(_mm_cvtps_epi32(n), _mm_set1_epi32(127));
-    return _mm_castsi128_ps(_mm_slli_epi32(e, 23));
-}
 static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return _mm_cmplt_ps(a, b); }
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return _mm_and_ps(a, b); }
 static inline int spsi_bits(spsi_m m) { return _mm_movemask_ps(m); }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) {
     return _mm_or_ps(_mm_and_ps(m, a), _mm_andnot_ps(m, b));
 }
-static inline void spsi_store_int(int *p, spsi_v a) { _mm_storeu_si128((__m128i *)(void *)p, _mm_cvtps_epi32(a)); }
 static inline spsi_v spsi_iota(void) { return _mm_set_ps(3, 2, 1, 0); }
+static inline spsi_v spsi_four_rows(const float *table, const int *at) { return _mm_loadu_ps(table + 4 * at[0]); }
 
 #elif defined(SPSI_SIMD_NEON)
 #define SPSI_LANES 4
@@ -1549,6 +1508,15 @@ static inline spsi_v spsi_iota(void) {
     const float numbers[4] = {0, 1, 2, 3};
     return vld1q_f32(numbers);
 }
+static inline void spsi_fours(const float *table, const int *at, spsi_v four[4]) {
+    const float32x4x2_t even = vzipq_f32(vld1q_f32(table + 4 * at[0]), vld1q_f32(table + 4 * at[2]));
+    const float32x4x2_t odd = vzipq_f32(vld1q_f32(table + 4 * at[1]), vld1q_f32(table + 4 * at[3]));
+    for (int i = 0; i < 2; ++i) {
+        const float32x4x2_t pair = vzipq_f32(even.val[i], odd.val[i]);
+        four[2 * i] = pair.val[0];
+        four[2 * i + 1] = pair.val[1];
+    }
+}
 
 #else
 #define SPSI_LANES 1
@@ -1578,6 +1546,25 @@ static inline int spsi_bits(spsi_m m) { return m; }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return m ? a : b; }
 static inline void spsi_store_int(int *p, spsi_v a) { *p = (int)a; } /* only called with whole numbers */
 static inline spsi_v spsi_iota(void) { return 0; }
+static inline void spsi_fours(const float *table, const int *at, spsi_v four[4]) {
+    memcpy(four, table + 4 * (ptrdiff_t)*at, 4 * sizeof *four);
+}
+#endif
+
+#ifdef SPSI_X86
+/* Four floats at each of SPSI_LANES places of a table, by their number. */
+static inline void spsi_fours(const float *table, const int *at, spsi_v four[4]) {
+    spsi_v r[4], low[2], high[2];
+    for (int i = 0; i < 4; ++i) r[i] = spsi_four_rows(table, at + i);
+    for (int i = 0; i < 2; ++i) {
+        low[i] = SPSI_X86(unpacklo_ps)(r[2 * i], r[2 * i + 1]);
+        high[i] = SPSI_X86(unpackhi_ps)(r[2 * i], r[2 * i + 1]);
+    }
+    four[0] = SPSI_X86(shuffle_ps)(low[0], low[1], 0x44);
+    four[1] = SPSI_X86(shuffle_ps)(low[0], low[1], 0xee);
+    four[2] = SPSI_X86(shuffle_ps)(high[0], high[1], 0x44);
+    four[3] = SPSI_X86(shuffle_ps)(high[0], high[1], 0xee);
+}
 #endif
 
 /* Zeroes the upper bits of wide registers, above the first 128. Compilers do that before function calls, but gcc 12
@@ -1674,38 +1661,30 @@ static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v b
     }
     return lanes;
 }
+#endif
 
 /* Gathers table[4 * entry] to table[4 * entry + 3], per lane, for a whole-numbered entry. */
 static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v four[4]) {
-    float at[SPSI_LANES], lanes[4][SPSI_LANES];
-    spsi_store(at, entry);
-    for (int i = 0; i < SPSI_LANES; ++i)
-        for (int c = 0; c < 4; ++c) lanes[c][i] = table[4 * (ptrdiff_t)at[i] + c];
-    for (int c = 0; c < 4; ++c) four[c] = spsi_load(lanes[c]);
+    int at[SPSI_LANES];
+    spsi_store_int(at, entry);
+    spsi_fours(table, at, four);
 }
-#endif
 
 /* Four floats, however wide vectors are. */
-#if defined(SPSI_SIMD_AVX512) || defined(SPSI_SIMD_AVX2) || defined(SPSI_SIMD_SSE2)
+#if defined(SPSI_SIMD_AVX512) || defined(SPSI_SIMD_AVX2)
 typedef __m128 spsi_four;
 static inline spsi_four spsi_four_load(const float *p) { return _mm_loadu_ps(p); }
 static inline spsi_four spsi_four_scale(float a, spsi_four b) { return _mm_mul_ps(_mm_set1_ps(a), b); }
-static inline spsi_four spsi_four_add(float a, spsi_four b, spsi_four c) {
-#if defined(SPSI_SIMD_SSE2)
-    return _mm_add_ps(_mm_mul_ps(_mm_set1_ps(a), b), c);
-#else
-    return _mm_fmadd_ps(_mm_set1_ps(a), b, c);
-#endif
-}
+static inline spsi_four spsi_four_add(float a, spsi_four b, spsi_four c) { return _mm_fmadd_ps(_mm_set1_ps(a), b, c); }
 static inline void spsi_four_store(float *p, spsi_four a) { _mm_storeu_ps(p, a); }
 static inline spsi_four spsi_four_mul(spsi_four a, spsi_four b) { return _mm_mul_ps(a, b); }
-#elif defined(SPSI_SIMD_NEON)
-typedef float32x4_t spsi_four;
-static inline spsi_four spsi_four_load(const float *p) { return vld1q_f32(p); }
-static inline spsi_four spsi_four_scale(float a, spsi_four b) { return vmulq_n_f32(b, a); }
-static inline spsi_four spsi_four_add(float a, spsi_four b, spsi_four c) { return vfmaq_n_f32(c, b, a); }
-static inline void spsi_four_store(float *p, spsi_four a) { vst1q_f32(p, a); }
-static inline spsi_four spsi_four_mul(spsi_four a, spsi_four b) { return vmulq_f32(a, b); }
+#elif SPSI_LANES == 4
+typedef spsi_v spsi_four;
+static inline spsi_four spsi_four_load(const float *p) { return spsi_load(p); }
+static inline spsi_four spsi_four_scale(float a, spsi_four b) { return spsi_mul(spsi_set(a), b); }
+static inline spsi_four spsi_four_add(float a, spsi_four b, spsi_four c) { return spsi_fma(spsi_set(a), b, c); }
+static inline void spsi_four_store(float *p, spsi_four a) { spsi_store(p, a); }
+static inline spsi_four spsi_four_mul(spsi_four a, spsi_four b) { return spsi_mul(a, b); }
 #else
 typedef struct spsi_four {
     float lane[4];
@@ -1731,43 +1710,13 @@ static inline spsi_four spsi_four_mul(spsi_four a, spsi_four b) {
 #endif
 
 /* The sums of four floats each, per lane: of fours[0] to fours[3], of the next four, and so on. */
-#if defined(SPSI_SIMD_AVX512)
 static inline spsi_v spsi_sum_fours(const float *fours) {
-    const __m512i order = _mm512_set_epi32(15, 11, 7, 3, 14, 10, 6, 2, 13, 9, 5, 1, 12, 8, 4, 0);
-    __m512 r[4], low[2], high[2];
-    for (int i = 0; i < 4; ++i) r[i] = _mm512_loadu_ps(fours + 16 * i);
-    for (int i = 0; i < 2; ++i) {
-        low[i] = _mm512_unpacklo_ps(r[2 * i], r[2 * i + 1]);
-        high[i] = _mm512_unpackhi_ps(r[2 * i], r[2 * i + 1]);
-        low[i] = _mm512_add_ps(low[i], high[i]);
-    }
-    r[0] = _mm512_add_ps(_mm512_shuffle_ps(low[0], low[1], 0x44), _mm512_shuffle_ps(low[0], low[1], 0xee));
-    return _mm512_permutexvar_ps(order, r[0]);
+    int at[SPSI_LANES];
+    spsi_v four[4];
+    for (int i = 0; i < SPSI_LANES; ++i) at[i] = i;
+    spsi_fours(fours, at, four);
+    return spsi_add(spsi_add(four[0], four[2]), spsi_add(four[1], four[3]));
 }
-#elif defined(SPSI_SIMD_AVX2)
-static inline spsi_v spsi_sum_fours(const float *fours) {
-    __m256 half[2];
-    for (int i = 0; i < 2; ++i)
-        half[i] = _mm256_hadd_ps(_mm256_loadu_ps(fours + 16 * i), _mm256_loadu_ps(fours + 16 * i + 8));
-    return _mm256_permutevar8x32_ps(_mm256_hadd_ps(half[0], half[1]), _mm256_set_epi32(7, 3, 6, 2, 5, 1, 4, 0));
-}
-#elif defined(SPSI_SIMD_SSE2)
-static inline spsi_v spsi_sum_fours(const float *fours) {
-    __m128 half[2];
-    for (int i = 0; i < 2; ++i) {
-        const __m128 a = _mm_loadu_ps(fours + 8 * i), b = _mm_loadu_ps(fours + 8 * i + 4);
-        half[i] = _mm_add_ps(_mm_unpacklo_ps(a, b), _mm_unpackhi_ps(a, b));
-    }
-    return _mm_add_ps(_mm_movelh_ps(half[0], half[1]), _mm_movehl_ps(half[1], half[0]));
-}
-#elif defined(SPSI_SIMD_NEON)
-static inline spsi_v spsi_sum_fours(const float *fours) {
-    const float32x4_t low = vpaddq_f32(vld1q_f32(fours), vld1q_f32(fours + 4));
-    return vpaddq_f32(low, vpaddq_f32(vld1q_f32(fours + 8), vld1q_f32(fours + 12)));
-}
-#else
-static inline spsi_v spsi_sum_fours(const float *fours) { return (fours[0] + fours[2]) + (fours[1] + fours[3]); }
-#endif
 
 /* The lowest bit of those that are set; at least one is. */
 static inline int spsi_lowest_bit(int bits) {
@@ -4345,12 +4294,6 @@ typedef struct spsi_lamps {
     int image_count;  /* number of lamps that throw an image */
 } spsi_lamps;
 
-/* Light from everywhere. */
-typedef struct spsi_ambient {
-    float radiance[3];
-    int exists; /* 1: it is not black */
-} spsi_ambient;
-
 #define SPSI_IMAGE_LEVELS 25 /* of an image of 4096 texels on a side, if one side is halved before the other */
 
 /* An image and its halves, down to a texel. Each level is three planes, of red, green and blue, within a border of one
@@ -4494,7 +4437,7 @@ typedef struct spsi_frame {
     spsi_matter matter;
     spsi_meshes meshes;
     spsi_lamps lamps;
-    spsi_ambient ambient;
+    int has_ambient;   /* 1: there is light from everywhere */
     int has_gradients; /* 1: some volume is shaded as a surface; its field has the gradients */
     int channels;    /* channels of radiance: 1 if every color is grey, otherwise 3 */
     int wants_depth; /* 1: the image has depths */
@@ -5561,7 +5504,7 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
 static int spsi_count_channels(const spsi_frame *frame) {
-    int grey = spsi_grey(frame->ambient.radiance) && spsi_grey(frame->given.background) && !frame->given.background_fn;
+    int grey = spsi_grey(frame->given.ambient) && spsi_grey(frame->given.background) && !frame->given.background_fn;
     for (int i = 0; i < frame->lamps.count; ++i)
         grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
     for (int i = 0; i < frame->meshes.count; ++i)
@@ -5586,11 +5529,10 @@ static void spsi_resolve_orders(spsi_frame *frame) {
 
 /* Resolves the scene's own fields, after its objects. */
 static void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
-    memcpy(frame->ambient.radiance, scene->ambient, sizeof frame->ambient.radiance);
-    frame->ambient.exists = !spsi_black(scene->ambient);
+    frame->has_ambient = !spsi_black(scene->ambient);
     for (int m = 0; m < frame->matter.material_count; ++m) {
         spsi_material *material = &frame->matter.materials[m];
-        frame->ambient.exists |= !spsi_black(material->ambient);
+        frame->has_ambient |= !spsi_black(material->ambient);
         for (int c = 0; c < 3; ++c) material->ambient[c] += scene->ambient[c];
     }
     frame->channels = spsi_count_channels(frame);
@@ -6344,17 +6286,23 @@ static sps_result spsi_gather_particles(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* The set that a particle of the content belongs to. Cost: a binary search. */
-static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particle) {
-    int low = 0, high = frame->particles.set_count - 1;
+/* The number of the list that an item belongs to, of `count` that follow each other. ends: of these lists, so many ints
+   apart. Cost: a binary search. */
+static int spsi_list_of(const int *ends, int apart, int count, int item) {
+    int low = 0, high = count - 1;
     while (low < high) {
         const int middle = (low + high) / 2;
-        if (particle < frame->content->set_ends[middle])
+        if (item < ends[middle * apart])
             high = middle;
         else
             low = middle + 1;
     }
-    return &frame->particles.sets[low];
+    return low;
+}
+
+/* The set that a particle of the content belongs to. */
+static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particle) {
+    return &frame->particles.sets[spsi_list_of(frame->content->set_ends, 1, frame->particles.set_count, particle)];
 }
 
 /* --- how much light can scatter again --- */
@@ -6364,12 +6312,12 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 /* Whether gas lights polygons, or shadows ambient light on them, without scattering anything. */
 static int spsi_lights_polygons(const spsi_frame *frame) {
     const int gas = frame->medium_count + frame->particles.set_count;
-    return frame->meshes.triangle_count > 0 && gas > 0 && (frame->matter.emits || frame->ambient.exists);
+    return frame->meshes.triangle_count > 0 && gas > 0 && (frame->matter.emits || frame->has_ambient);
 }
 
 /* Whether there is light that gas may scatter, or that it lights polygons by or keeps from them. */
 static int spsi_light_meets_gas(const spsi_frame *frame) {
-    const int lit = frame->lamps.count > 0 || frame->matter.emits || frame->ambient.exists;
+    const int lit = frame->lamps.count > 0 || frame->matter.emits || frame->has_ambient;
     return (lit && frame->matter.scatters) || spsi_lights_polygons(frame);
 }
 
@@ -6519,7 +6467,7 @@ static double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
 
 /* The largest albedo of all gas; 1 if ambient light is there to be shadowed. */
 static double spsi_largest_albedo(const spsi_frame *frame) {
-    float most = frame->ambient.exists ? 1 : 0;
+    float most = frame->has_ambient ? 1 : 0;
     for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
         for (int c = 0; c < 3; ++c) {
@@ -7210,11 +7158,10 @@ static int spsi_edge_sign(const double from[3], const double to[3], double x, do
     return sign;
 }
 
-/* Whether all edges have the same exact sign. */
-static int spsi_face_hit_exactly(const spsi_edges *e, double x, double y) {
-    int side = e->side;
+/* Whether all edges between three corners have the same exact sign: `side`, unless that is 0. */
+static int spsi_face_hit_exactly(const double corner[3][3], int side, double x, double y) {
     for (int i = 0; i < 3; ++i) {
-        const int sign = spsi_edge_sign(e->corner[(i + 1) % 3], e->corner[(i + 2) % 3], x, y);
+        const int sign = spsi_edge_sign(corner[i], corner[(i + 1) % 3], x, y);
         if (sign == 0 || sign == -side) return 0;
         side = sign;
     }
@@ -7233,7 +7180,7 @@ static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double 
         weights[i] = fabs(value);
         sum += weights[i];
     }
-    if (!certain && !spsi_face_hit_exactly(e, x, y)) return 0;
+    if (!certain && !spsi_face_hit_exactly(e->corner, e->side, x, y)) return 0;
     if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* the ray lies in its plane: any point of it */
     for (int i = 0; i < 3; ++i) weights[i] /= sum;
     return 1;
@@ -7547,17 +7494,9 @@ static void spsi_face_color(const spsi_face *face, const spsi_hit *hit, double c
     }
 }
 
-/* The mesh that a face belongs to. Cost: a binary search. */
+/* The mesh that a face belongs to. */
 static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int face) {
-    int low = 0, high = frame->meshes.count - 1;
-    while (low < high) {
-        const int middle = (low + high) / 2;
-        if (face < faces->meshes[middle].end)
-            high = middle;
-        else
-            low = middle + 1;
-    }
-    return low;
+    return spsi_list_of(&faces->meshes->end, (int)(sizeof *faces->meshes / sizeof(int)), frame->meshes.count, face);
 }
 
 /* ============================================================================================== >>layers
@@ -8493,7 +8432,6 @@ static int spsi_face_passes(const spsi_face *face, const double origin[3], const
     const double x = fabs(toward[0]), y = fabs(toward[1]), z = fabs(toward[2]);
     const int along = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
     double corner[3][3];
-    int side = 0;
     for (int i = 0; i < 3; ++i) {
         double offset[3];
         spsi_along(face->position[i], origin, -1, offset);
@@ -8503,12 +8441,7 @@ static int spsi_face_passes(const spsi_face *face, const double origin[3], const
         }
         corner[i][2] = 1;
     }
-    for (int i = 0; i < 3; ++i) {
-        const int sign = spsi_edge_sign(corner[i], corner[(i + 1) % 3], 0, 0);
-        if (sign == 0 || sign == -side) return 0;
-        side = sign;
-    }
-    return 1;
+    return spsi_face_hit_exactly((const double(*)[3])corner, 0, 0, 0);
 }
 
 /* Optical depth of a face in units of 2^-32, 86 at most: 4e7 of them do not overflow. */
@@ -8586,22 +8519,13 @@ static int spsi_face_near(const spsi_face *face, const double centre[3], double 
 /* Whether a face may pass through a box about a centre: its own box and its plane do. */
 static int spsi_faces_near(const spsi_faces *faces, const double centre[3], const double half[3]) {
     const double most = fmax(half[0], fmax(half[1], half[2]));
-    int stack[SPSI_TREE_STACK], top = 0;
-    if (faces->tree.count > 0) stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        int meets = 1;
-        for (int k = 0; k < 3; ++k) {
-            const double at = centre[k] - faces->tree.centre[k], room = half[k] + 1e-6 * (fabs(at) + half[k]);
-            meets &= (double)node->low[k] <= at + room && (double)node->high[k] >= at - room;
-        }
-        if (!meets) continue;
-        for (int i = 0; i < node->count; ++i)
-            if (spsi_face_near(&faces->list[faces->tree.order[node->first + i]], centre, most)) return 1;
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
-    }
+    const spsi_ray still = {{centre[0], centre[1], centre[2]}, {0, 0, 0}, 0, 0};
+    spsi_walk walk;
+    int number;
+    spsi_walk_begin(&faces->tree, &walk);
+    memcpy(walk.half, half, sizeof walk.half);
+    while ((number = spsi_walk_on(&walk, &still)) >= 0)
+        if (spsi_face_near(&faces->list[number], centre, most)) return 1;
     return 0;
 }
 
@@ -9435,18 +9359,19 @@ typedef struct spsi_planes_job {
 /* A plane as a depth map's rays meet it. With n its normal and r a texel's ray, t changes by -(n.a) / (n.r) from texel
    to texel, times t itself in perspective. */
 typedef struct spsi_map_plane {
+    const spsi_faces *faces;
+    const spsi_rays *rays;
     int number;       /* of its face; -1: none */
     double a, b;      /* n.a and n.b, with the rays' steps from texel to texel */
     double normal[3]; /* n */
     double texel;     /* size of a step */
 } spsi_map_plane;
 
-static void spsi_map_plane_build(const spsi_faces *faces, int number, const spsi_rays *rays, spsi_map_plane *plane) {
-    const spsi_face *face = &faces->list[number];
-    spsi_face_plane(face, plane->normal);
-    plane->a = spsi_dot(plane->normal, rays->a);
-    plane->b = spsi_dot(plane->normal, rays->b);
-    plane->texel = spsi_length(rays->a);
+static void spsi_map_plane_build(spsi_map_plane *plane, int number) {
+    spsi_face_plane(&plane->faces->list[number], plane->normal);
+    plane->a = spsi_dot(plane->normal, plane->rays->a);
+    plane->b = spsi_dot(plane->normal, plane->rays->b);
+    plane->texel = spsi_length(plane->rays->a);
     plane->number = number;
 }
 
@@ -9456,16 +9381,18 @@ static float spsi_map_slope(double across, double facing, double t, double steep
     return (float)(slope >= -steepest && slope <= steepest ? slope : slope > 0 ? steepest : -steepest);
 }
 
-/* The slopes at a texel where the plane has this depth. Returns the minimum that it reaches within a texel. */
-static float spsi_map_plane_slopes(const spsi_map_plane *plane, const spsi_rays *rays, int x, int y, float depth,
-                                   float slope[2]) {
+/* The slopes of a face's plane at a texel where it has this depth. Lowers the texel's cell, of a row of them, to the
+   minimum that it reaches within a texel. */
+static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int y, float depth, float slope[2],
+                                  float *cells) {
     double ray[3], facing, t = 1;
-    spsi_ray_direction(rays, x, y, ray);
+    if (number != plane->number) spsi_map_plane_build(plane, number);
+    spsi_ray_direction(plane->rays, x, y, ray);
     facing = spsi_dot(plane->normal, ray);
-    if (rays->perspective) t = (double)depth + rays->depth_reference;
+    if (plane->rays->perspective) t = (double)depth + plane->rays->depth_reference;
     slope[0] = spsi_map_slope(plane->a, facing, t, SPSI_STEEP * t * plane->texel);
     slope[1] = spsi_map_slope(plane->b, facing, t, SPSI_STEEP * t * plane->texel);
-    return depth - fabsf(slope[0]) - fabsf(slope[1]);
+    cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], depth - fabsf(slope[0]) - fabsf(slope[1]));
 }
 
 /* Replaces the face numbers that the rasteriser left in one row of texels by the slopes of their planes, and lowers the
@@ -9474,20 +9401,17 @@ static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     const spsi_depth_map *map = job->map;
     const spsi_rays *rays = &map->rays[job->face];
     const size_t first = (size_t)y * (size_t)rays->width;
-    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}, 0};
+    spsi_map_plane plane = {job->faces, rays, -1, 0, 0, {0, 0, 0}, 0};
     for (int x = 0; x < rays->width; ++x) {
         float *along_x = &map->slopes[job->face][0][first + (size_t)x];
         float *along_y = &map->slopes[job->face][1][first + (size_t)x];
-        float slope[2] = {0, 0}, least = SPSI_INFINITY;
+        const float depth = map->depths[job->face][first + (size_t)x];
+        float slope[2] = {0, 0};
         int number;
         memcpy(&number, along_y, sizeof number);
-        if (number >= 0) {
-            if (number != plane.number) spsi_map_plane_build(job->faces, number, rays, &plane);
-            least = spsi_map_plane_slopes(&plane, rays, x, y, map->depths[job->face][first + (size_t)x], slope);
-        }
+        if (number >= 0) spsi_map_plane_slopes(&plane, number, x, y, depth, slope, cells);
         *along_x = slope[0];
         *along_y = slope[1];
-        cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], least);
     }
 }
 
@@ -9496,17 +9420,14 @@ static void spsi_panes_row(const spsi_planes_job *job, int y, float *cells) {
     const spsi_pane_map *map = job->panes;
     const spsi_rays *rays = &map->grid.rays[job->face];
     const uint32_t *first = map->first[job->face] + (size_t)y * (size_t)rays->width;
-    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}, 0};
+    spsi_map_plane plane = {job->faces, rays, -1, 0, 0, {0, 0, 0}, 0};
     for (int x = 0; x < rays->width; ++x)
         for (uint32_t i = first[x]; i < first[x + 1]; ++i) {
             const spsi_fragment *fragment = &job->fragments[i];
             spsi_pane *pane = &map->list[job->face][i];
-            float least;
-            if (fragment->face != plane.number) spsi_map_plane_build(job->faces, fragment->face, rays, &plane);
-            least = spsi_map_plane_slopes(&plane, rays, x, y, fragment->depth, pane->slope);
+            spsi_map_plane_slopes(&plane, fragment->face, x, y, fragment->depth, pane->slope, cells);
             pane->depth = fragment->depth;
             pane->face = fragment->face;
-            cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], least);
         }
 }
 
@@ -13128,12 +13049,15 @@ static spsi_verdict spsi_tapper_serves_at(spsi_tapper *tapper, const spsi_rays *
     return SPSI_GATHER_ASKED;
 }
 
-/* The ray coordinates of a point of the box of the bricks that were read, from its first corner, 0, to its last, 1. */
-static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
-                              const double share[3], double q[3]) {
+/* The ray coordinates of a corner of the box of the bricks that were read, or, of number 8, of its middle. */
+static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays, int corner,
+                              double q[3]) {
     const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
     double at[3], point[3];
-    for (int k = 0; k < 3; ++k) at[k] = SPSI_BRICK * (field->low[k] + share[k] * field->size[k]) + 0.5;
+    for (int k = 0; k < 3; ++k) {
+        const double share = corner == 8 ? 0.5 : corner >> k & 1;
+        at[k] = SPSI_BRICK * (field->low[k] + share * field->size[k]) + 0.5;
+    }
     spsi_voxel_position(lattice, at, point);
     spsi_along(point, rays->origin, -1, point);
     spsi_to_rays(rays, point, q);
@@ -13144,10 +13068,9 @@ static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lat
 static spsi_verdict spsi_tapper_serves(spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
                                        const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
-        const double share[3] = {(double)(corner & 1), (double)(corner >> 1 & 1), (double)(corner >> 2)};
         spsi_verdict verdict;
         double q[3];
-        spsi_tapper_point(tapper, lattice, rays, share, q);
+        spsi_tapper_point(tapper, lattice, rays, corner, q);
         verdict = spsi_tapper_serves_at(tapper, rays, splatter, q);
         if (!spsi_gathers(verdict)) return verdict;
     }
@@ -13158,11 +13081,10 @@ static spsi_verdict spsi_tapper_serves(spsi_tapper *tapper, const spsi_lattice *
    middle. */
 static int spsi_tapper_pays(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
                             const spsi_splatter *splatter) {
-    static const double middle[3] = {0.5, 0.5, 0.5};
     const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
     const double cut = (double)splatter->cut, size = (double)(1 << tapper->level);
     double q[3], area, fragments, samples;
-    spsi_tapper_point(tapper, lattice, rays, middle, q);
+    spsi_tapper_point(tapper, lattice, rays, 8, q);
     area = SPSI_PI * cut * cut * spsi_footprint_variance(splatter, q);
     fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a ball of that radius */
     samples = field->volume / (size * size * size) * spsi_tapper_density(tapper, rays, q);
@@ -13200,9 +13122,8 @@ typedef enum spsi_tapping {
 /* Whether rays cross no more of a volume in any slab than may lie between two samples. */
 static int spsi_tapper_is_fine(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays) {
     for (int corner = 0; corner < 8; ++corner) {
-        const double share[3] = {(double)(corner & 1), (double)(corner >> 1 & 1), (double)(corner >> 2)};
         double q[3], way[3];
-        spsi_tapper_point(tapper, lattice, rays, share, q);
+        spsi_tapper_point(tapper, lattice, rays, corner, q);
         spsi_tapper_way(tapper, rays, q, way);
         if (!(sqrt(spsi_dot(way, way)) <= spsi_tap_step(tapper->fields))) return 0;
     }
@@ -14972,26 +14893,6 @@ typedef struct spsi_seen_by_map {
     spsi_m in_range; /* 0: behind the light, or nearer than near_depth */
 } spsi_seen_by_map;
 
-static void spsi_quads_build(const sps_tmap *map, const spsi_seen_by_map *seen, spsi_tmap_quads *quads) {
-    const float width = (float)map->rays[0].width, height = (float)map->rays[0].height;
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), edge = spsi_set(-0.5f);
-    const spsi_v x = spsi_clamp(seen->x, spsi_set(-1), spsi_set(width)), column = spsi_floor(x);
-    const spsi_v y = spsi_clamp(seen->y, spsi_set(-1), spsi_set(height)), row = spsi_floor(y);
-    const spsi_m across = spsi_and(spsi_less(edge, x), spsi_less(x, spsi_set(width - 0.5f)));
-    const spsi_m down = spsi_and(spsi_less(edge, y), spsi_less(y, spsi_set(height - 0.5f)));
-    const spsi_m inside = spsi_and(seen->in_range, spsi_and(across, down));
-    const spsi_v right = spsi_sub(x, column), low = spsi_sub(y, row);
-    const spsi_v shares[2][2] = {{spsi_sub(one, right), right}, {spsi_sub(one, low), low}};
-    const spsi_v first_row = spsi_mul(seen->face, spsi_set(height));
-    for (int i = 0; i < 2; ++i) {
-        const spsi_v next = spsi_set((float)i);
-        quads->column[i] = spsi_clamp(spsi_add(column, next), zero, spsi_set(width - 1));
-        quads->row[i] = spsi_add(first_row, spsi_clamp(spsi_add(row, next), zero, spsi_set(height - 1)));
-    }
-    for (int i = 0; i < 4; ++i)
-        quads->weight[i] = spsi_select(inside, spsi_mul(shares[0][i & 1], shares[1][i >> 1]), zero);
-}
-
 /* Points given in the coordinates of the map's only rays, before any division; t is relative to near_depth. */
 static void spsi_tmap_see(const sps_tmap *map, const spsi_v q[3], spsi_seen_by_map *seen) {
     const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
@@ -15024,17 +14925,38 @@ static void spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], sps
     seen->in_range = spsi_and(seen->in_range, spsi_less(zero, distance));
 }
 
-/* Optical depth of gas at a vector of points, in the coordinates that spsi_tmap_see expects, or spsi_tmap_see_round for
-   six faces. Floats are precise enough within an image. */
-static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
+/* Finds the texels around a vector of points, given in the coordinates that spsi_tmap_see expects, or
+   spsi_tmap_see_round for six faces. Floats are precise enough within an image. */
+static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_quads *quads) {
+    const float width = (float)map->rays[0].width, height = (float)map->rays[0].height;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), edge = spsi_set(-0.5f);
     spsi_seen_by_map seen;
-    spsi_tmap_quads quads;
     if (map->face_count > 1)
         spsi_tmap_see_round(map, q, &seen);
     else
         spsi_tmap_see(map, q, &seen);
-    spsi_quads_build(map, &seen, &quads);
-    quads.u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), spsi_set(0), spsi_set(1));
+    const spsi_v x = spsi_clamp(seen.x, spsi_set(-1), spsi_set(width)), column = spsi_floor(x);
+    const spsi_v y = spsi_clamp(seen.y, spsi_set(-1), spsi_set(height)), row = spsi_floor(y);
+    const spsi_m across = spsi_and(spsi_less(edge, x), spsi_less(x, spsi_set(width - 0.5f)));
+    const spsi_m down = spsi_and(spsi_less(edge, y), spsi_less(y, spsi_set(height - 0.5f)));
+    const spsi_m inside = spsi_and(seen.in_range, spsi_and(across, down));
+    const spsi_v right = spsi_sub(x, column), low = spsi_sub(y, row);
+    const spsi_v shares[2][2] = {{spsi_sub(one, right), right}, {spsi_sub(one, low), low}};
+    const spsi_v first_row = spsi_mul(seen.face, spsi_set(height));
+    for (int i = 0; i < 2; ++i) {
+        const spsi_v next = spsi_set((float)i);
+        quads->column[i] = spsi_clamp(spsi_add(column, next), zero, spsi_set(width - 1));
+        quads->row[i] = spsi_add(first_row, spsi_clamp(spsi_add(row, next), zero, spsi_set(height - 1)));
+    }
+    for (int i = 0; i < 4; ++i)
+        quads->weight[i] = spsi_select(inside, spsi_mul(shares[0][i & 1], shares[1][i >> 1]), zero);
+    quads->u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), zero, one);
+}
+
+/* Optical depth of gas at a vector of points in these coordinates. */
+static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
+    spsi_tmap_quads quads;
+    spsi_quads_build(map, q, &quads);
     return spsi_tmap_optical_depths(map, &quads);
 }
 
@@ -17870,14 +17792,8 @@ static void spsi_spread_find(const spsi_spread *spread, const spsi_v at[3], spsi
     const spsi_v last = spsi_set((float)(spread->sheet_count - 1)),
                  rows = spsi_set((float)(spread->plane / (size_t)spread->pitch));
     spsi_v u, plane;
-    spsi_seen_by_map seen;
-    if (spread->map.face_count > 1)
-        spsi_tmap_see_round(&spread->map, at, &seen);
-    else
-        spsi_tmap_see(&spread->map, at, &seen);
-    spsi_quads_build(&spread->map, &seen, &place->quads);
-    u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)spread->map.per_depth)), spsi_set(0), spsi_set(1));
-    u = spsi_mul(u, spsi_set((float)spread->sheet_count));
+    spsi_quads_build(&spread->map, at, &place->quads);
+    u = spsi_mul(place->quads.u, spsi_set((float)spread->sheet_count));
     plane = spsi_min(spsi_floor(u), last);
     place->weight[1] = spsi_sub(u, plane);
     place->weight[0] = spsi_sub(spsi_set(1), place->weight[1]);
@@ -19765,7 +19681,7 @@ static void spsi_cells_look_task(void *data, int row) {
             memset(degree, 0, sizeof degree);
             for (int t = 0; t < grid->terms; ++t)
                 degree[spsi_term_degree(t)] += moments[(size_t)t * grid->count] * harmonic[t];
-            degree[0] += look->frame->ambient.radiance[c];
+            degree[0] += look->frame->given.ambient[c];
             for (int m = 0; m < look->frame->matter.material_count; ++m) {
                 float sum = 0;
                 for (int l = 0; l < grid->orders; ++l) sum += grid->lobes[m][l] * degree[l];
@@ -22196,7 +22112,7 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
         const spsi_v scale = spsi_sub(spsi_set(1), spsi_mul(sample->color[c], spsi_set(peak)));
         const spsi_v seen = spsi_mean_transmittance(spsi_mul(scale, start), spsi_mul(scale, end));
         const spsi_v light = spsi_mul(sample->color[c], spsi_cells_lookup(grid, m, c, place->at));
-        const spsi_v behind = spsi_select(blocked, zero, spsi_set(frame->ambient.radiance[c]));
+        const spsi_v behind = spsi_select(blocked, zero, spsi_set(frame->given.ambient[c]));
         spsi_v sent = spsi_mul(gas, spsi_mul(light, seen));
         if (peak > 0) {
             const spsi_v emitted = spsi_mul(sample->value_length, spsi_set(material->emission[c]));
@@ -22254,7 +22170,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
         const spsi_v share = shader->frame->content->cells ? sample->surface : spsi_set(1);
         for (int c = 0; c < shader->frame->channels; ++c) {
             spsi_v sent = spsi_set(0);
-            if (material->scatters && shader->frame->ambient.exists)
+            if (material->scatters && shader->frame->has_ambient)
                 sent = spsi_mul(spsi_mul(spsi_mul(sample->depth, share), sample->color[c]),
                                 spsi_set(material->ambient[c]));
             if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
@@ -23002,7 +22918,7 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
     if (!list->meetings.lanes) return;
     spsi_surfaces_place(shader, list);
     for (int c = 0; c < 3 && shader->sweep->first; ++c)
-        spsi_store(list->radiance[c], spsi_fma(spsi_load(list->color[c]), spsi_set(frame->ambient.radiance[c]),
+        spsi_store(list->radiance[c], spsi_fma(spsi_load(list->color[c]), spsi_set(frame->given.ambient[c]),
                                                spsi_load(list->emission[c])));
     if (shader->sweep->first && frame->content->cells) spsi_surfaces_add_scattered(shader, NULL, list);
     for (int i = 0; i < frame->lamps.count; ++i) {
@@ -23540,8 +23456,6 @@ typedef void (*spsi_sample_fn)(const void *data, const spsi_sample_place *place,
 
 /* Gas in sheets of samples, chunk by chunk. */
 typedef struct spsi_sampling {
-    sps_context *context;
-    const spsi_frame *frame;
     spsi_rays rays; /* through the samples */
     spsi_slabs slabs;
     spsi_target target;
@@ -23756,8 +23670,6 @@ static int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays,
 /* Begins to sample, with a channel per material. Rays and slabs are set. */
 static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *frame, spsi_sampling *sheets) {
     spsi_target *target = &sheets->target;
-    sheets->context = context;
-    sheets->frame = frame;
     spsi_target_place(frame, &sheets->rays, &sheets->slabs, SPSI_TARGET_SAMPLES, 0, target);
     target->shape.channels = frame->matter.material_count;
     target->shape.slab_margin = 0;
@@ -23800,11 +23712,11 @@ static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *ti
     const spsi_row_slabs slabs = spsi_row_slabs_at(&sheets->shader, place->x, place->y);
     const size_t row = (size_t)((place->y - tile->y0) * tile->pitch);
     const size_t at = (size_t)place->k * tile->sheet_size + row + (size_t)(place->x - tile->x0);
-    for (int m = 0; m < sheets->frame->matter.material_count; ++m) {
+    for (int m = 0; m < sheets->target.frame->matter.material_count; ++m) {
         const spsi_v sum = spsi_sheet_sum(tile, m, at);
         spsi_cell_sample sample;
         if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
-        spsi_cell_sample_at(&sheets->frame->matter.materials[m], sum, &slabs, &sample);
+        spsi_cell_sample_at(&sheets->target.frame->matter.materials[m], sum, &slabs, &sample);
         sheets->sample_fn(sheets->data, place, m, &sample);
     }
 }
@@ -23829,7 +23741,8 @@ static void spsi_sampling_chunk(spsi_sampling *sheets, int chunk, spsi_sample_fn
     spsi_contents_advance(&sheets->contents, chunk);
     spsi_contents_bin_particles(&sheets->contents);
     if (sheets->contents.bricks.current + sheets->contents.particles.current > 0)
-        spsi_parallel(sheets->context, sheets->target.columns * sheets->target.rows, spsi_sampling_task, sheets);
+        spsi_parallel(sheets->contents.context, sheets->target.columns * sheets->target.rows, spsi_sampling_task,
+                      sheets);
 }
 
 /* Adds a vector of the sheets' samples to an array, divided by the samples that each entry covers along a row. */
@@ -24423,7 +24336,7 @@ static sps_result spsi_cell_walls_begin(spsi_cell_job *job) {
 static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
     const spsi_cell_walls *walls = &job->walls;
     const spsi_cell_grid *grid = job->grid;
-    const double ambient = (double)job->frame->ambient.radiance[c];
+    const double ambient = (double)job->frame->given.ambient[c];
     const size_t count = grid->count, own = (size_t)c * count;
     double changed = 0, all = 0;
     for (size_t at = 0; at < count; ++at) {
@@ -24704,7 +24617,7 @@ static void spsi_cells_equations_task(void *data, int row) {
             level->given[(size_t)t * grid->count + at] =
                 whole > 0 ? keep[spsi_term_degree(t)] * (light / (4 * whole) + wall + flown) : 0;
         }
-        if (depth > 0) level->given[at] += emitted / depth - (1 - keep[0]) * job->frame->ambient.radiance[c];
+        if (depth > 0) level->given[at] += emitted / depth - (1 - keep[0]) * job->frame->given.ambient[c];
     }
 }
 
@@ -25056,7 +24969,7 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
     hash = spsi_fingerprint(hash, knobs, sizeof knobs);
     hash = spsi_fingerprint(hash, sizes, sizeof sizes);
     hash = spsi_fingerprint_word(hash, frame->meshes.count > 0 ? context->faces_held : 0);
-    hash = spsi_fingerprint(hash, frame->ambient.radiance, sizeof frame->ambient.radiance);
+    hash = spsi_fingerprint(hash, frame->given.ambient, sizeof frame->given.ambient);
     for (int i = 0; i < frame->medium_count; ++i) hash = spsi_fingerprint(hash, &frame->media[i].channel, sizeof(int));
     for (int i = 0; i < frame->particles.set_count; ++i)
         hash = spsi_fingerprint(hash, &frame->particles.sets[i].channel, sizeof(int));
@@ -25693,8 +25606,6 @@ typedef struct spsi_region {
    sheets, scratch memory and counters. */
 typedef struct spsi_run {
     sps_context *context;
-    const spsi_frame *frame;
-    const spsi_sweep *sweep;
     spsi_contents contents; /* bricks and particles by chunk */
     spsi_target eye;        /* the eye's sheets */
     spsi_sliced sliced;     /* the shadow of the sweep's lamp */
@@ -25720,13 +25631,13 @@ static const float *spsi_tile_depth(const spsi_run *run, int x0, int y0) {
 static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
     const spsi_shader *shader = &run->shader;
     return spsi_patches_open(spsi_tile_depth(run, x0, y0), (size_t)shader->pitch,
-                             spsi_least(SPSI_TILE_WIDTH, run->frame->content->eye.width - x0),
-                             spsi_least(SPSI_TILE_HEIGHT, run->frame->content->eye.height - y0), shader->end_depth);
+                             spsi_least(SPSI_TILE_WIDTH, shader->eye->width - x0),
+                             spsi_least(SPSI_TILE_HEIGHT, shader->eye->height - y0), shader->end_depth);
 }
 
 /* Ends the rays of all pixels outside of the sweep's part of the image, which other sweeps serve. */
 static void spsi_run_end_others(const spsi_run *run, int rows) {
-    const int *part = run->sweep->part, x0 = run->shader.x_origin, y0 = run->shader.y_origin;
+    const int *part = run->shader.sweep->part, x0 = run->shader.x_origin, y0 = run->shader.y_origin;
     for (int y = 0; y < rows; ++y)
         for (int x = 0; x < run->shader.pitch; ++x)
             if (x0 + x < part[0] || x0 + x >= part[2] || y0 + y < part[1] || y0 + y >= part[3])
@@ -25736,14 +25647,14 @@ static void spsi_run_end_others(const spsi_run *run, int rows) {
 /* Cuts a tile's sections at polygons, where any may lie in the chunk or nearer to the eye, and at the near plane, where
    there is one. */
 static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
-    const spsi_rays *eye = &run->frame->content->eye;
+    const spsi_rays *eye = &run->shader.frame->content->eye;
     const float *range = run->region.polygon_range[index];
     if (range[0] <= range[1]) {
         tile->limits = run->shader.hits;
         tile->limit_width = eye->width;
         tile->limit_height = eye->height;
         tile->nearest_limit = range[2];
-        tile->clamped = run->sweep->back_to_front ? range[1] >= run->low - 2 : range[0] < run->high + 2;
+        tile->clamped = run->shader.sweep->back_to_front ? range[1] >= run->low - 2 : range[0] < run->high + 2;
     }
     if (eye->near_depth > 0 || (!eye->perspective && eye->near_depth > -DBL_MAX)) tile->clamped = 1;
 }
@@ -25753,7 +25664,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const spsi_region *region = &run->region;
     const int column = region->x0 + index % region->columns, row = region->y0 + index / region->columns;
     const int x0 = column * SPSI_TILE_WIDTH, y0 = row * SPSI_TILE_HEIGHT;
-    const int width = run->frame->content->eye.width, height = run->frame->content->eye.height;
+    const int width = run->shader.frame->content->eye.width, height = run->shader.frame->content->eye.height;
     const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
     uint64_t shaded = 0;
@@ -25763,7 +25674,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!region->open[index]) return;
     spsi_tile_place(&run->eye, column, row, worker, &tile);
     tile.open = region->open[index];
-    if (!run->sweep->back_to_front) {
+    if (!run->shader.sweep->back_to_front) {
         tile.depth = spsi_tile_depth(run, x0, y0);
         tile.depth_pitch = (size_t)run->shader.pitch;
         tile.end = run->shader.end_depth;
@@ -25773,7 +25684,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!touched && !polygons) return;
     shading.shader = &run->shader;
     shading.tile = &tile;
-    shading.scratch.samples = run->samples + (size_t)worker * (size_t)spsi_scratch_samples(run->frame);
+    shading.scratch.samples = run->samples + (size_t)worker * (size_t)spsi_scratch_samples(run->shader.frame);
     shading.scratch.arrivals = run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count;
     shading.slab_count = touched ? SPSI_CHUNK : 0;
     shading.low = run->low;
@@ -25785,7 +25696,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     run->shaded[worker] += shaded;
     region->turns.work[index] = spsi_tile_work(&tile) + (uint32_t)shaded;
     spsi_tile_count(&run->eye, &tile, worker);
-    if (!run->sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
+    if (!run->shader.sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
 }
 
 /* Widens a range of slab coordinates to the layers of a vector of pixels. */
@@ -25812,8 +25723,8 @@ static void spsi_polygon_range_task(void *data, int index) {
     spsi_region *region = &run->region;
     const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
     const int top = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
-    const int x1 = spsi_least(run->frame->content->eye.width, left + SPSI_TILE_WIDTH);
-    const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT);
+    const int x1 = spsi_least(run->shader.frame->content->eye.width, left + SPSI_TILE_WIDTH);
+    const int y1 = spsi_least(run->shader.frame->content->eye.height, top + SPSI_TILE_HEIGHT);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     const uint32_t *layers = run->shader.visible->layers.first;
     for (int y = top; y < y1 && run->shader.hits; ++y)
@@ -25842,14 +25753,15 @@ static void spsi_polygon_range_task(void *data, int index) {
 
 /* Begins the shadow of the sweep's own lamp. */
 static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
-    run->has_sliced = run->sweep->lamp && !run->shader.again.measures && spsi_holds_gas(context, run->frame);
+    const spsi_shader *shader = &run->shader;
+    run->has_sliced = shader->sweep->lamp && !shader->again.measures && spsi_holds_gas(context, shader->frame);
     if (!run->has_sliced) return SPS_OK;
-    for (int i = 0; i < run->shader.shadow_count; ++i) {
-        if (run->shadows[i].lamp != run->sweep->lamp) continue;
+    for (int i = 0; i < shader->shadow_count; ++i) {
+        if (run->shadows[i].lamp != shader->sweep->lamp) continue;
         run->shadows[i].kind = SPSI_SHADOW_SHEETS;
         run->shadows[i].sliced = &run->sliced;
     }
-    return spsi_sliced_begin(context, run->frame, run->sweep, run->shader.faces, &run->contents, &run->sliced);
+    return spsi_sliced_begin(context, shader->frame, shader->sweep, shader->faces, &run->contents, &run->sliced);
 }
 
 static void spsi_region_place(const spsi_frame *frame, spsi_region *region) {
@@ -25869,26 +25781,26 @@ static size_t spsi_pixel_floats(const spsi_frame *frame) { return (size_t)(1 + f
 static size_t spsi_again_floats(const spsi_frame *frame) { return (size_t)(2 + frame->channels); }
 
 static sps_result spsi_run_again(sps_context *context, spsi_run *run, size_t pixels) {
-    const size_t channels = (size_t)run->frame->channels;
+    const size_t channels = (size_t)run->shader.frame->channels;
     spsi_again *again = &run->shader.again;
-    if (!spsi_sweep_measures(run->frame, run->sweep)) return SPS_OK;
+    if (!spsi_sweep_measures(run->shader.frame, run->shader.sweep)) return SPS_OK;
     again->whole =
-        (float *)spsi_reserve(context, SPSI_BUFFER_AGAIN, pixels, spsi_again_floats(run->frame) * sizeof(float));
+        (float *)spsi_reserve(context, SPSI_BUFFER_AGAIN, pixels, spsi_again_floats(run->shader.frame) * sizeof(float));
     if (!again->whole) return context->result;
     again->gas = again->measures ? again->whole : again->whole + pixels;
     for (size_t c = 0; c < 3; ++c) again->radiance[c] = again->whole + pixels * (2 + (c < channels ? c : 0));
-    memset(again->gas, 0, (spsi_again_floats(run->frame) - !again->measures) * pixels * sizeof(float));
+    memset(again->gas, 0, (spsi_again_floats(run->shader.frame) - !again->measures) * pixels * sizeof(float));
     return SPS_OK;
 }
 
 /* Lays out the region's tiles, and the buffers of their pixels. */
 static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
-    const size_t planes = spsi_pixel_floats(run->frame);
+    const size_t planes = spsi_pixel_floats(run->shader.frame);
     spsi_region *region = &run->region;
     spsi_shader *shader = &run->shader;
     size_t tiles, pixels;
     float *memory;
-    spsi_region_place(run->frame, region);
+    spsi_region_place(run->shader.frame, region);
     tiles = spsi_region_tiles(region);
     pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     region->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_TILES, tiles, SPSI_REGION_TILE_BYTES);
@@ -25902,16 +25814,16 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     shader->pitch = region->columns * SPSI_TILE_WIDTH;
     shader->depth = memory;
     for (int c = 0; c < 3; ++c)
-        shader->radiance[c] = memory + pixels * (size_t)(1 + (c < run->frame->channels ? c : 0));
-    shader->distance = run->frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
-    if (spsi_part_count(run->frame) > 1) spsi_run_end_others(run, region->rows * SPSI_TILE_HEIGHT);
+        shader->radiance[c] = memory + pixels * (size_t)(1 + (c < run->shader.frame->channels ? c : 0));
+    shader->distance = run->shader.frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
+    if (spsi_part_count(run->shader.frame) > 1) spsi_run_end_others(run, region->rows * SPSI_TILE_HEIGHT);
     return spsi_run_again(context, run, pixels);
 }
 
 /* Reserves the workers' scratch memory and clears their counters. */
 static sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
-    run->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, spsi_scratch_samples(run->frame),
-                                                       sizeof *run->samples);
+    run->samples = (spsi_sample *)spsi_vectors_reserve(
+        context, SPSI_BUFFER_SAMPLES, spsi_scratch_samples(run->shader.frame), sizeof *run->samples);
     run->arrivals = (spsi_arrival *)spsi_vectors_reserve(context, SPSI_BUFFER_ARRIVALS, run->shader.shadow_count,
                                                          sizeof *run->arrivals);
     run->shaded = (uint64_t *)(void *)(run + 1); /* spsi_run_bytes includes them */
@@ -25929,8 +25841,6 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
                                  const spsi_visible *visible, const spsi_sweep *sweep, spsi_run *run) {
     spsi_shader *shader = &run->shader;
     run->context = context;
-    run->frame = frame;
-    run->sweep = sweep;
     shader->frame = frame;
     shader->eye = &frame->content->eye;
     shader->target = &run->eye;
@@ -25940,7 +25850,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     shader->visible = visible;
     shader->hits = faces->count > 0 ? visible->hits : NULL;
     shader->unshadowed = sweep->first && !shader->again.measures &&
-                         (frame->ambient.exists || frame->matter.emits || frame->content->cells ||
+                         (frame->has_ambient || frame->matter.emits || frame->content->cells ||
                           frame->lamps.count > frame->lamps.shadow_count);
     shader->end_depth = spsi_eye_end(frame);
     if (spsi_target_build(context, frame, &frame->content->eye, &sweep->slabs, SPSI_TARGET_EYE, sweep->back_to_front,
@@ -26009,8 +25919,8 @@ static void spsi_run_count(spsi_run *run) {
 
 static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
     sps_context *context = run->context;
-    const int held = spsi_holds_gas(context, run->frame), slabs = held ? run->sweep->slabs.count : 0;
-    const int chunks = held ? spsi_chunk_count(&run->sweep->slabs) : 0;
+    const int held = spsi_holds_gas(context, run->shader.frame), slabs = held ? run->shader.sweep->slabs.count : 0;
+    const int chunks = held ? spsi_chunk_count(&run->shader.sweep->slabs) : 0;
     float done = -SPSI_INFINITY;
     context->stats.slabs += (uint64_t)slabs;
     for (int chunk = 0; chunk < chunks; ++chunk) {
@@ -26630,14 +26540,14 @@ static sps_result spsi_begin_total(sps_context *context, const spsi_frame *frame
 static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float covered, float *pixel) {
     const spsi_shader *shader = &run->shader;
     const float *behind = spsi_behind(shader, x, y);
-    for (int c = 0; c < 3 && run->sweep->first; ++c) pixel[c] = pixel[c] * (1 - covered) * (behind ? behind[c] : 1);
+    for (int c = 0; c < 3 && shader->sweep->first; ++c) pixel[c] = pixel[c] * (1 - covered) * (behind ? behind[c] : 1);
     for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
     for (int c = 0; c < 3 && shader->again.gas; ++c) pixel[c] = spsi_flush(pixel[c] + shader->again.radiance[c][at]);
-    for (int c = 0; c < 3 && spsi_scatters_again(run->frame); ++c) pixel[c] = spsi_higher(pixel[c], 0);
-    if (!run->sweep->first) return;
+    for (int c = 0; c < 3 && spsi_scatters_again(shader->frame); ++c) pixel[c] = spsi_higher(pixel[c], 0);
+    if (!shader->sweep->first) return;
     pixel[3] = covered;
     if (behind) pixel[3] = spsi_flush(1 - (1 - covered) * (behind[0] + behind[1] + behind[2]) / 3);
-    if (run->frame->wants_depth) pixel[4] = pixel[3] > 0 ? shader->distance[at] / pixel[3] : SPSI_INFINITY;
+    if (shader->frame->wants_depth) pixel[4] = pixel[3] > 0 ? shader->distance[at] / pixel[3] : SPSI_INFINITY;
 }
 
 #define SPSI_SUM_ROWS 8 /* rows of pixels of a task */
@@ -26645,9 +26555,9 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float c
 /* The same for some rows of the region, as far as they are in the sweep's part of the image. */
 static void spsi_sum_task(void *data, int index) {
     const spsi_run *run = (const spsi_run *)data;
-    const spsi_frame *frame = run->frame;
     const spsi_shader *shader = &run->shader;
-    const int *region = frame->view.region, *part = run->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
+    const spsi_frame *frame = shader->frame;
+    const int *region = frame->view.region, *part = shader->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
     const int x1 = spsi_least(part[2], region[0] + region[2]);
     const int y1 = spsi_least(part[3], spsi_least(region[1] + region[3], top + SPSI_SUM_ROWS));
     for (int y = spsi_most(part[1], top); y < y1; ++y)
@@ -27321,8 +27231,8 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    : report->scatter_bound > 0    ? once
                                                   : "view.scattering does not ask for it");
     spsi_plan_pass(report, SPS_PASS_EMISSION, frame->matter.emits, "volumes or particles emit", "nothing emits");
-    spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->ambient.exists && (frame->matter.scatters || polygons),
-                   "there is ambient light", frame->ambient.exists ? "nothing to light" : "ambient is black");
+    spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->has_ambient && (frame->matter.scatters || polygons),
+                   "there is ambient light", frame->has_ambient ? "nothing to light" : "ambient is black");
     spsi_plan_pass(report, SPS_PASS_SURFACE_LIGHT, polygons && lit ? sweeps : 0, "lights shine on polygons",
                    polygons ? "no light" : "no triangles");
 }
@@ -28037,7 +27947,7 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
     spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
     for (int c = 0; c < 3; ++c) {
-        const double own = look.color[c] * ambient * (double)frame->ambient.radiance[c] + (double)look.emission[c];
+        const double own = look.color[c] * ambient * (double)frame->given.ambient[c] + (double)look.emission[c];
         radiance[c] = spsi_between_of(own, own);
     }
     for (int i = 0; i < frame->lamps.count; ++i) {
@@ -29622,8 +29532,8 @@ static int spsi_path_goes_on(spsi_path *path) {
 
 /* Follows a path to its end. */
 static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, spsi_path *path) {
-    const double ambient[3] = {(double)marcher->frame->ambient.radiance[0], (double)marcher->frame->ambient.radiance[1],
-                               (double)marcher->frame->ambient.radiance[2]};
+    const double ambient[3] = {(double)marcher->frame->given.ambient[0], (double)marcher->frame->given.ambient[1],
+                               (double)marcher->frame->given.ambient[2]};
     do {
         spsi_hit hit;
         int part = -1;

@@ -645,7 +645,8 @@ static void sample_gas(const spsi_sampling *as, int deposit, float *out) {
     memset(&sheets, 0, sizeof sheets);
     sheets.rays = as->rays, sheets.slabs = as->slabs;
     memset(out, 0, MOST_SAMPLES * sizeof *out);
-    if (!CHECK(count <= MOST_SAMPLES) || !CHECK_OK(context, spsi_sampling_begin(context, as->frame, &sheets))) return;
+    if (!CHECK(count <= MOST_SAMPLES) || !CHECK_OK(context, spsi_sampling_begin(context, as->target.frame, &sheets)))
+        return;
     CHECK(sheets.target.splatters[0].deposits == 1);
     sheets.target.splatters[0].deposits = deposit;
     for (int chunk = 0; chunk < spsi_chunk_count(&sheets.slabs); ++chunk) {
@@ -767,7 +768,7 @@ static void test_deposits(void) {
         for (int i = 0; i < context->brick_count; ++i) {
             const spsi_brick *brick = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data + i;
             const spsi_segment *segment = spsi_segment_at(context, brick->segment);
-            const spsi_lattice *lattice = &sheets->frame->lattices[0];
+            const spsi_lattice *lattice = &sheets->target.frame->lattices[0];
             for (int n = brick->first; n < brick->first + brick->count; ++n) {
                 const double step[3] = {(double)segment->x[n], (double)segment->y[n], (double)segment->z[n]};
                 double at[3], point[3];

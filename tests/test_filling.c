@@ -1291,7 +1291,7 @@ static size_t sample_again(const check_scene *s, float *out) {
     sheets.rays = as->rays, sheets.slabs = as->slabs;
     memset(out, 0, MOST_SAMPLES * sizeof *out);
     if (!CHECK(width * height * as->slabs.count <= MOST_SAMPLES)) return 0;
-    if (!CHECK_OK(context, spsi_sampling_begin(context, as->frame, &sheets))) return 0;
+    if (!CHECK_OK(context, spsi_sampling_begin(context, as->target.frame, &sheets))) return 0;
     for (int chunk = 0; chunk < spsi_chunk_count(&sheets.slabs); ++chunk) {
         spsi_contents_advance(&sheets.contents, chunk);
         spsi_contents_bin_particles(&sheets.contents);

@@ -20335,18 +20335,20 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* Sets which fraction of each volume's glow always flies: of those of up to 4 or in part 8 cells' width, cells do not
-   resolve how they hide themselves, either. */
-static void spsi_volumes_fly(const spsi_frame *frame, double edge) {
-    float *flies = frame->content->flies;
-    for (int i = 0; i < frame->medium_count; ++i) flies[frame->media[i].channel] = 1;
+/* Sets which fraction of each volume's glow always flies: of those of a depth of 0.5 or more and of up to 4, or in part
+   8 cells' width, cells do not resolve how they hide themselves, either. */
+static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
+    const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    float *flies = frame->content->flies, top[SPSI_VOLUMES_MAX] = {0};
+    for (int i = 0; i < context->brick_count; ++i, ++b) top[b->lattice] = fmaxf(top[b->lattice], b->most);
+    for (int i = 0; i < frame->medium_count; ++i) flies[frame->media[i].channel] = (float)spsi_cells_fly(frame);
     for (int i = 0; i < frame->medium_count; ++i) {
-        const int m = frame->media[i].channel;
-        double longest = 0;
+        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
+        double width = 0, fly;
         for (int k = 0; k < 3; ++k)
-            longest = fmax(longest, frame->media[i].given.size[k] * spsi_length(frame->lattices[i].step[k]));
-        if (!frame->matter.materials[m].emits || !spsi_cells_fly(frame)) longest = HUGE_VAL;
-        flies[m] = fminf(flies[m], (float)fmax(0, 2 - longest / (4 * edge)));
+            width = fmax(width, frame->media[i].given.size[k] * spsi_length(frame->lattices[i].step[k]));
+        fly = fmin(2 * width * (double)top[i] * (double)material->extinction, 1) * fmax(0, 2 - width / (4 * edge));
+        flies[frame->media[i].channel] = material->emits ? fminf(flies[frame->media[i].channel], (float)fly) : 0;
     }
 }
 
@@ -25181,7 +25183,7 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     held = spsi_scattered_take(context, key);
     if (spsi_cells_reserve(context, frame, grids, count)) return context->result;
     spsi_particles_fly(frame);
-    spsi_volumes_fly(frame, grids->edge);
+    spsi_volumes_fly(context, frame, grids->edge);
     if (!held && spsi_cells_make(context, frame, faces, &groups, part, grids, count, flights)) return context->result;
     for (int n = 0; n < count && !held; ++n)
         context->stats.cells += (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];

@@ -4336,7 +4336,7 @@ typedef struct spsi_emitter {
     float leaves[3]; /* fraction of what it sends that `sent` is: the rest is taken by its own gas */
     float clear;      /* beyond the radius, cells hold gas of its own, which is not in its way */
     float gas;        /* optical depth times area of its own gas, if `sent` has what that scatters; or 0 */
-    float trapped[3]; /* then, the mean light in it of what it sends */
+    float trapped[3]; /* if gas > 0, the mean of its own light within it */
 } spsi_emitter;
 
 #define SPSI_FLIGHT_WAYS 18 /* directions: toward the faces and edges of a cube */
@@ -5123,9 +5123,9 @@ static int spsi_find_material(const spsi_frame *frame, const spsi_material *mate
     return -1;
 }
 
-/* The channel of a material, a new one unless an equal gas has one. */
+/* The channel of a material, a new one unless an equal gas has one. What glows has its own. */
 static int spsi_take_material(spsi_frame *frame, const spsi_material *material) {
-    int channel = spsi_find_material(frame, material);
+    int channel = material->emits ? -1 : spsi_find_material(frame, material);
     frame->matter.scatters |= material->scatters;
     frame->matter.emits |= material->emits;
     frame->matter.orders = spsi_most(frame->matter.orders, spsi_phase_orders(material));
@@ -20281,9 +20281,9 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
     }
 }
 
-/* Sets what leaves a ball of gas that glows evenly, and times `part`, the light in it: x is its optical depth along a
-   radius. A fraction p of what is sent leaves at once. Of what has scattered, less leaves, and the rest scatters again:
-   within 1 % up to an x of 10. Lobes count as even ones of less gas. */
+/* Sets what leaves an even glowing ball, and the light that stays in it, times `part`. x: optical depth along a radius.
+   A fraction p of what is sent leaves at once. Of what has scattered, less leaves, and the rest scatters again: within
+   1 % up to an x of 10. Lobes count as even ones of less gas. p is above 0 for any finite x; of albedo 1, all leaves. */
 static void spsi_emitter_trap(const spsi_material *material, double x, double part, spsi_emitter *like) {
     for (int c = 0; c < 3; ++c) {
         const double emission = (double)material->emission[c], albedo = (double)material->albedo[c];
@@ -20298,25 +20298,28 @@ static void spsi_emitter_trap(const spsi_material *material, double x, double pa
     }
 }
 
-/* Over the room that particles are in, the volume of all but the largest one. */
+/* How crowded particles are: the volume of all but the largest, over that of an even ball of the spread of all. Without
+   particles 0. */
 static double spsi_particles_crowd(const sps_particle *list, int count) {
-    double low[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, high[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
-    double cubes = 0, largest = 0, radius = 0, room = 1;
+    double cubes = 0, largest = 0, at[3] = {0, 0, 0}, square = 0;
     for (int n = 0; n < count; ++n) {
-        const double own = (double)list[n].radius;
-        radius += own / count;
-        cubes += own * own * own;
-        largest = fmax(largest, own * own * own);
-        for (int k = 0; k < 3; ++k) low[k] = fmin(low[k], (double)list[n].position[k]);
-        for (int k = 0; k < 3; ++k) high[k] = fmax(high[k], (double)list[n].position[k]);
+        const double radius = (double)list[n].radius, cube = radius * radius * radius;
+        cubes += cube;
+        largest = fmax(largest, cube);
+        square += cube * 0.6 * radius * radius;
+        for (int k = 0; k < 3; ++k) {
+            const double place = (double)list[n].position[k] - (double)list[0].position[k];
+            at[k] += cube * place;
+            square += cube * place * place;
+        }
     }
-    for (int k = 0; k < 3; ++k) room *= high[k] - low[k] + 1.6 * radius;
-    return 4 * SPSI_PI / 3 * (cubes - largest) / fmax(room, DBL_MIN);
+    square = square / fmax(cubes, DBL_MIN) - spsi_dot(at, at) / fmax(cubes * cubes, DBL_MIN);
+    return (cubes - largest) / fmax(pow(fmax(5.0 / 3 * square, 0), 1.5), DBL_MIN);
 }
 
-/* Sets which fraction of each set's glow always flies: cells do not resolve how particles of a depth of 0.5 to 1.5 or
-   more hide themselves; up to 32 of any depth are seen one by one, as a part is of up to 64. Those that overlap hide
-   each other, as cells know. */
+/* Sets which fraction of each set's glow always flies: cells do not resolve how dense particles hide themselves, of a
+   depth of 0.5 or less none, of 1.5 and more all. Up to 32 of any depth fly, and fewer of up to 64. Where particles
+   overlap, cells know what hides them. */
 static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     const double few = fmax(0, fmin(2 - (double)content->particle_count / 32, 1));
@@ -20324,36 +20327,40 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     for (int i = 0, n = 0; i < frame->particles.set_count && spsi_cells_fly(frame); ++i) {
         const spsi_particle_set *set = &frame->particles.sets[i];
         const double apart = 1 - 2 * spsi_particles_crowd(&content->particles[n], content->set_ends[i] - n);
-        double dense = 0, all = 0;
+        double dense = 0, all = DBL_MIN;
         for (; n < content->set_ends[i]; ++n) {
             const double depth = spsi_particle_depth(&content->particles[n], set);
             const double amount = depth * (double)content->particles[n].radius * (double)content->particles[n].radius;
             dense += amount * fmax(0, fmin(depth - 0.5, 1));
             all += amount;
         }
-        if (all > 0) content->flies[set->channel] = (float)(fmax(dense / all, few) * fmax(0, apart));
+        if (!frame->matter.materials[set->channel].emits) continue;
+        content->flies[set->channel] = (float)(fmax(dense / all, few) * fmax(0, apart));
     }
 }
 
-/* Sets which fraction of each volume's glow always flies: of those of a depth of 0.5 or more and of up to 4, or in part
-   8 cells' width, cells do not resolve how they hide themselves, either. */
-static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
+/* The same for volumes: of those of a depth of 0.5 or more and of up to 4, or in part 8 cells' width, unless polygons
+   are among their voxels. */
+static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                             double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    float *flies = frame->content->flies, top[SPSI_VOLUMES_MAX] = {0};
+    float top[SPSI_VOLUMES_MAX] = {0};
     for (int i = 0; i < context->brick_count; ++i, ++b) top[b->lattice] = fmaxf(top[b->lattice], b->most);
-    for (int i = 0; i < frame->medium_count; ++i) flies[frame->media[i].channel] = (float)spsi_cells_fly(frame);
-    for (int i = 0; i < frame->medium_count; ++i) {
+    for (int i = 0; i < frame->medium_count && spsi_cells_fly(frame); ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-        double width = 0, fly;
-        for (int k = 0; k < 3; ++k)
-            width = fmax(width, frame->media[i].given.size[k] * spsi_length(frame->lattices[i].step[k]));
+        double width = 0, fly, middle[3], half[3];
+        spsi_bounds bounds = spsi_nowhere;
+        spsi_medium_bounds(&frame->media[i], 0, &bounds);
+        spsi_bounds_centre(&bounds, middle);
+        for (int k = 0; k < 3; ++k) half[k] = bounds.high[k] - middle[k];
+        for (int k = 0; k < 3; ++k) width = fmax(width, 2 * half[k]);
         fly = fmin(2 * width * (double)top[i] * (double)material->extinction, 1) * fmax(0, 2 - width / (4 * edge));
-        flies[frame->media[i].channel] = material->emits ? fminf(flies[frame->media[i].channel], (float)fly) : 0;
+        if (!material->emits || (faces->count > 0 && spsi_faces_near(faces, middle, half))) continue;
+        frame->content->flies[frame->media[i].channel] = (float)fmin(fly, 1);
     }
 }
 
-/* Whether a ball is left to cells: they resolve it, and it is amid other gas, which is as much in the way of its light
-   as its own. */
+/* Whether cells serve a ball better: it is more than 16 of them wide, and other gas hides as much of it as its own. */
 static int spsi_ball_is_wide(const spsi_cell_grid *grid, const double point[3], double radius, double depth) {
     size_t at;
     if (!(radius > 8 * grid->edge) || !spsi_cell_holding(grid, point, &at)) return 0;
@@ -20419,7 +20426,8 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     sum->clear = sum->gas = 0;
 }
 
-/* Adds the glow of a volume that always flies, as a ball that knows its own gas. */
+/* Adds the glow of a volume that always flies, as one even ball of the voxels' mass and spread, of a kernel's radius at
+   least. */
 static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
                                      spsi_flights *flights, spsi_tree_item *items) {
     const int m = frame->media[lattice->medium].channel;
@@ -20853,7 +20861,8 @@ typedef struct spsi_flight_cells {
     int at[3], lanes; /* of the first one; bit mask of those that are in the grid and hold gas */
     spsi_v centre[3], depth;
     spsi_v sum[3][SPSI_CELL_TERMS];
-    spsi_v gas, own[3], trapped[3]; /* weight of emitters' gas, and times it their light in it: by flights, and all */
+    spsi_v gas;                /* of emitters, weighted by 1 / distance^2, up to two edges beyond the rim, which are seen */
+    spsi_v own[3], trapped[3]; /* times it, light that flew, and all light within */
 } spsi_flight_cells;
 
 #define SPSI_FLIGHT_ALONG spsi_least(SPSI_LANES, SPSI_FLIGHT_BLOCK)
@@ -20971,7 +20980,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     }
 }
 
-/* Takes from a vector of cells what particles' own gas scatters of their own light: that has been sent already. */
+/* Takes from a vector of cells what emitters' own gas scatters of their own light: it was sent already. */
 static void spsi_flight_cells_trap(const spsi_flight_job *job, const spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_v per_gas = spsi_div(spsi_set(1), spsi_max(cells->gas, spsi_set(FLT_MIN)));
@@ -22542,11 +22551,11 @@ static void spsi_add_grid_irradiance(const spsi_shader *shader, const spsi_cell_
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += own[c];
 }
 
-#define SPSI_WIDE_NODES 12 /* of a source that is wide */
+#define SPSI_WIDE_NODES 12 /* a source of so many nodes is wide */
 
 /* What a face's plane receives at a pixel of a row: from cells, and by first flights. */
 typedef struct spsi_received {
-    int face, x, known, nodes; /* known: bit mask of the two that are known; nodes: of first flights */
+    int face, x, known, nodes; /* known: bit 0: from cells, bit 1: by flights; nodes: of first flights */
     double point[3], irradiance[2][3];
 } spsi_received;
 
@@ -25183,7 +25192,7 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     held = spsi_scattered_take(context, key);
     if (spsi_cells_reserve(context, frame, grids, count)) return context->result;
     spsi_particles_fly(frame);
-    spsi_volumes_fly(context, frame, grids->edge);
+    spsi_volumes_fly(context, frame, faces, grids->edge);
     if (!held && spsi_cells_make(context, frame, faces, &groups, part, grids, count, flights)) return context->result;
     for (int n = 0; n < count && !held; ++n)
         context->stats.cells += (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];

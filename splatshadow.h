@@ -5116,7 +5116,7 @@ static void spsi_material_ambient(const spsi_frame *frame, const float ambient[3
         memcpy(material->ambient, ambient, sizeof material->ambient);
 }
 
-/* The channel of an equal gas, -1 if there is none: gases of equal appearance share one channel of the sheets. */
+/* The channel of an equal gas, -1 if there is none. Gases of equal appearance share one, unless they glow. */
 static int spsi_find_material(const spsi_frame *frame, const spsi_material *material) {
     for (int i = 0; i < frame->matter.material_count; ++i)
         if (!material->table && memcmp(material, &frame->matter.materials[i], sizeof *material) == 0) return i;
@@ -20283,7 +20283,7 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
 
 /* Sets what leaves an even glowing ball, and the light that stays in it, times `part`. x: optical depth along a radius.
    A fraction p of what is sent leaves at once. Of what has scattered, less leaves, and the rest scatters again: within
-   1 % up to an x of 10. Lobes count as even ones of less gas. p is above 0 for any finite x; of albedo 1, all leaves. */
+   1 % up to an x of 10. Lobes count as even ones of less gas. p is above 0; of albedo 1, all leaves. */
 static void spsi_emitter_trap(const spsi_material *material, double x, double part, spsi_emitter *like) {
     for (int c = 0; c < 3; ++c) {
         const double emission = (double)material->emission[c], albedo = (double)material->albedo[c];
@@ -20861,7 +20861,7 @@ typedef struct spsi_flight_cells {
     int at[3], lanes; /* of the first one; bit mask of those that are in the grid and hold gas */
     spsi_v centre[3], depth;
     spsi_v sum[3][SPSI_CELL_TERMS];
-    spsi_v gas;                /* of emitters, weighted by 1 / distance^2, up to two edges beyond the rim, which are seen */
+    spsi_v gas;                /* of emitters, weighted by 1 / distance^2, up to two edges beyond their rims */
     spsi_v own[3], trapped[3]; /* times it, light that flew, and all light within */
 } spsi_flight_cells;
 

@@ -820,16 +820,20 @@ static void test_light_map_sizes(void) {
     check_free_triangles(&t.triangles);
 }
 
-/* Gases of equal appearance share a channel of the sheets; others have their own. */
+/* Gases of equal appearance share a channel of the sheets; others, and what glows, have their own. */
 static void test_sheet_channels(void) {
     setup t;
     outcome o;
     setup_build(&t);
+    memset(t.s.volume[0].emission, 0, sizeof t.s.volume[0].emission);
     t.s.volume[1] = t.s.volume[0];
     t.s.volume[1].placement.origin[0] += 0.3;
     t.s.scene.volume_count = 2;
     o = measure(&t);
     CHECK(o.plan.sheet_channels == 1);
+    t.s.volume[0].emission[0] = t.s.volume[1].emission[0] = 1;
+    o = measure(&t);
+    CHECK(o.plan.sheet_channels == 2);
     t.s.volume[1].extinction = 4;
     o = measure(&t);
     CHECK(o.plan.sheet_channels == 2);

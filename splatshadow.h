@@ -20339,7 +20339,7 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* The same for volumes: of those of a depth of 0.5 or more and of up to 4, or in part 8 cells' width, unless polygons
+/* The same for volumes: of those of a depth of 0.5 or more and of up to 3, or in part 6 cells' width, unless polygons
    are among their voxels. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                              double edge) {
@@ -20354,7 +20354,7 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
         spsi_bounds_centre(&bounds, middle);
         for (int k = 0; k < 3; ++k) half[k] = bounds.high[k] - middle[k];
         for (int k = 0; k < 3; ++k) width = fmax(width, 2 * half[k]);
-        fly = fmin(2 * width * (double)top[i] * (double)material->extinction, 1) * fmax(0, 2 - width / (4 * edge));
+        fly = fmin(2 * width * (double)top[i] * (double)material->extinction, 1) * fmax(0, 2 - width / (3 * edge));
         if (!material->emits || (faces->count > 0 && spsi_faces_near(faces, middle, half))) continue;
         frame->content->flies[frame->media[i].channel] = (float)fmin(fly, 1);
     }

@@ -2311,7 +2311,7 @@ static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count,
     return spsi_buffer_reserve(context, &context->buffers[id], count, size);
 }
 
-/* The next floats of memory that is laid out, of which some are laid. Without memory they are only counted. */
+/* Takes the next floats of a block of memory, and adds them to those taken. Without memory it only counts. */
 static float *spsi_lay(float *memory, size_t *laid, size_t floats) {
     float *own = memory ? memory + *laid : NULL;
     *laid += floats;
@@ -22578,9 +22578,9 @@ static void spsi_receive(const spsi_shader *shader, const spsi_place *place, int
     if (flown) at->nodes = spsi_flights_irradiance(&point, content->flights, at->irradiance[1]);
 }
 
-/* Adds what a place receives of either. Wide sources light flat faces smoothly: there, every fourth pixel of a row
-   stands for those between, where the next one is within an edge of cells, or two for flights, and the lesser has at
-   least 0.95 of the other. */
+/* Adds what a place receives, from cells or by flights. Wide sources light flat faces smoothly: there, pixels between
+   every fourth of a row are interpolated, if the two are within an edge of a cell (flights: two) and 5 % of each
+   other. */
 static void spsi_add_received(const spsi_shader *shader, const spsi_place *place, int flown, spsi_received near_by[2],
                               double irradiance[3]) {
     const int x = place->x & ~3, whole = place->at[0] == place->x && place->at[1] == place->y;
@@ -22623,20 +22623,22 @@ static void spsi_add_flux(const spsi_shader *shader, const spsi_place *place, co
 
 /* Adds what a surface reflects of light that has scattered on its way from a light. It is looked up a sheet before the
    surface, which stops it. */
-static void spsi_add_spread_on(const spsi_shadow *shadow, const spsi_surface *surface, const double color[3],
-                               float radiance[3]) {
+static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_place *on,
+                               const double color[3], float radiance[3]) {
     const spsi_spread *spread = shadow->spread;
     const spsi_lamp *lamp = shadow->lamp;
+    spsi_surface surface;
     double normal[3], toward[3], distance, cosine;
     spsi_v at[3];
     spsi_spread_place place;
-    memcpy(normal, surface->normal, sizeof normal);
-    spsi_toward_lamp(lamp, surface->point, toward);
+    spsi_surface_at(shader->eye, shader->faces, on->hit, on->at[0], on->at[1], &surface);
+    memcpy(normal, surface.normal, sizeof normal);
+    spsi_toward_lamp(lamp, surface.point, toward);
     distance = spsi_length(toward);
     if (!spsi_normalise(normal) || !spsi_normalise(toward)) return;
     cosine = spsi_dot(normal, toward) / (lamp->falls_off ? distance * distance : 1);
     if (!(cosine > 0)) return;
-    spsi_spread_coordinates(spread, surface->point, at);
+    spsi_spread_coordinates(spread, surface.point, at);
     spsi_spread_find(spread, at, &place);
     for (int c = 0; c < 3; ++c) {
         const size_t own = (size_t)(spsi_least(c, spread->channels - 1) * (spread->sheet_count + 1)) * spread->plane;
@@ -22910,12 +22912,10 @@ static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_sh
         const spsi_place *place = &list->place[n];
         double color[3];
         float radiance[3];
-        spsi_surface surface;
         if (!(list->points.lanes >> n & 1)) continue;
-        spsi_surface_at(shader->eye, shader->faces, place->hit, place->at[0], place->at[1], &surface);
         for (int c = 0; c < 3; ++c) color[c] = (double)list->color[c][n], radiance[c] = list->radiance[c][n];
         if (shadow)
-            spsi_add_spread_on(shadow, &surface, color, radiance);
+            spsi_add_spread_on(shader, shadow, place, color, radiance);
         else
             spsi_add_flux(shader, place, color, list->received, radiance);
         for (int c = 0; c < 3; ++c) list->radiance[c][n] = radiance[c];

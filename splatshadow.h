@@ -20170,17 +20170,23 @@ static spsi_v spsi_emitter_begin(const spsi_emitter *emitter, spsi_v length) {
     return spsi_min(spsi_set(0.75f * emitter->radius), length);
 }
 
-/* Lets less leave an emitter: it hides itself as a ball of the gas in the cell about its centre. */
+/* Lets less leave an emitter: it hides itself as a ball of the gas in the cells about it, the mean of those of six
+   places. sqrt(0.6) of a radius away along each axis, these have a ball's mean of what is of degree 2. */
 static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];
-        size_t at;
-        if (!spsi_cell_holding(grid, point, &at)) continue;
-        for (int c = 0; c < 3; ++c) {
-            const double scale = (double)grid->scale[spsi_least(c, grid->channels - 1)];
-            emitter->leaves[c] *=
-                (float)spsi_ball_escape((double)emitter->radius / grid->edge * (double)grid->depth[at] * scale);
+        const double radius = (double)emitter->radius;
+        double leaves[3] = {0, 0, 0};
+        for (int n = 0; n < 6; ++n) {
+            double place[3], depth = 0;
+            size_t at;
+            memcpy(place, point, sizeof place);
+            place[n / 2] += (n % 2 ? 0.775 : -0.775) * radius;
+            if (spsi_cell_holding(grid, place, &at)) depth = radius / grid->edge * (double)grid->depth[at];
+            for (int c = 0; c < 3; ++c)
+                leaves[c] += spsi_ball_escape(depth * (double)grid->scale[spsi_least(c, grid->channels - 1)]) / 6;
         }
+        for (int c = 0; c < 3; ++c) emitter->leaves[c] *= (float)leaves[c];
     }
 }
 

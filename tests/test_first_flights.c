@@ -424,6 +424,61 @@ static void test_small_volumes(void) {
     }
 }
 
+/* Gas of 3^3 voxels of 1, at a place in voxels from the middle: their kernels, Gaussians of a spread of 0.65. */
+static double cube_gas(const double place[3]) {
+    double gas = 1;
+    for (int k = 0; k < 3; ++k) {
+        double sum = 0;
+        for (int n = -1; n <= 1; ++n) sum += exp(-0.5 * (place[k] - n) * (place[k] - n) / 0.65 / 0.65);
+        gas *= sum / (0.65 * sqrt(2 * SPSI_PI));
+    }
+    return gas;
+}
+
+/* Irradiance of the floor below that gas about ball_at, of a depth along an edge: the sum over small cubes of what
+   leaves each. */
+static double cube_irradiance(double edge, double depth, double across) {
+    enum { CUBES = 14, STEPS = 24 };
+    const double floor_at[3] = {across, -0.45, 0}, small = 7.0 / CUBES;
+    double sum = 0;
+    for (int i = 0; i < CUBES * CUBES * CUBES; ++i) {
+        const int step[3] = {i % CUBES, i / CUBES % CUBES, i / CUBES / CUBES};
+        double place[3], way[3], at[3], gas = 0, distance;
+        for (int k = 0; k < 3; ++k) place[k] = (step[k] + 0.5) * small - 3.5;
+        for (int k = 0; k < 3; ++k) way[k] = floor_at[k] - ball_at[k] - edge / 3 * place[k];
+        distance = spsi_length(way);
+        for (int n = 0; n < STEPS; ++n) {
+            spsi_along(place, way, (n + 0.5) * 6 / STEPS / distance, at);
+            gas += cube_gas(at) * 6 / STEPS;
+        }
+        sum -= cube_gas(place) * exp(-depth / 3 * gas) * way[1] / (distance * distance * distance);
+    }
+    return sum * depth / edge * pow(small * edge / 3, 3);
+}
+
+/* Voxels at the rim of a flame hide less of their light than those amid it: a cube of 5 and of 7 cells. An emitter that
+   is x deep along its radius stands for gas that is even in each of six directions. To the second order in x it is not:
+   of x^2 / 10, at a depth of 3 with x of 1.2 there are 14 % at most, of which a third is left; below, 2 %. */
+static void test_cube(void) {
+    static const float black[3] = {0, 0, 0};
+    static const double edges[] = {0.2, 0.3}, depths[] = {0.3, 1.2, 3};
+    for (int n = 0; n < 6; ++n) {
+        const double edge = edges[n % 2], depth = depths[n / 2];
+        const check_field even = {even_gas, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+        ball_scene b;
+        ball_scene_build(&b, 0, edge, 2 * depth, &even, 1);
+        ball_of_voxels(&b, &even, edge, 2 * depth, black);
+        for (int k = 0; k < 3; ++k) {
+            b.s.volume->size[k] = 3;
+            b.s.volume->placement.axis[k][k] = edge, b.s.volume->placement.origin[k] = ball_at[k] - 0.5 * edge;
+        }
+        CHECK_CASE("Scattering", "a floor below a glowing cube of 3^3 voxels", "the cube's integral; relative",
+                   fabs(ball_irradiance(&b, 0.3, 0) / cube_irradiance(edge, depth, 0.3) - 1), depth > 2 ? 0.05 : 0.02,
+                   "balls for voxels, in cells");
+        check_free_triangles(&b.floor);
+    }
+}
+
 enum { CROWD = 6 };
 
 /* Soft particles of a radius of two of the steps between them. */
@@ -623,6 +678,7 @@ int main(void) {
     RUN(test_balls);
     RUN(test_trapped);
     RUN(test_small_volumes);
+    RUN(test_cube);
     RUN(test_crowd);
     RUN(test_between_pixels);
     RUN(test_uneven);

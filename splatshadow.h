@@ -5414,7 +5414,7 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
 #define SPSI_TABLES_MOST 13 /* that the points of an area light share */
 
 /* Places the points of all extended lights. A mean over few points is as good for what varies slowly over a light: its
-   squared distance and, with more of them, its cone. An image needs all points. */
+   squared distance. A cone and an image need all points. */
 static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
     spsi_lamp *points;
     size_t count = 0;
@@ -5422,8 +5422,8 @@ static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
         spsi_lamp *lamp = &frame->lamps.list[i];
         if (!lamp->extent.exists) continue;
         lamp->point_count = lamp->samples > 0 ? lamp->samples : frame->accuracy.light_points;
-        if (lamp->is_point) lamp->few_count = spsi_least(lamp->point_count, lamp->cone.exists ? 16 : 4);
-        if (lamp->projection.exists) lamp->few_count = lamp->point_count;
+        if (lamp->is_point) lamp->few_count = spsi_least(lamp->point_count, 4);
+        if (lamp->cone.exists || lamp->projection.exists) lamp->few_count = lamp->point_count;
         count += (size_t)(2 * lamp->point_count + lamp->few_count);
     }
     if (count == 0) return SPS_OK;

@@ -4324,7 +4324,8 @@ typedef struct spsi_cell_grid {
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
     float *patches; /* the grid's sides in parts, >>cells: place, area and, per channel, what leaves each */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
-    float *pyramid; /* levels of depth, each half as fine, >>flights; NULL: nothing flies */
+    float *pyramid; /* levels of depth, each half as fine; then of each material's; >>flights; NULL: nothing flies */
+    size_t pyramid_rows; /* of one of them */
 } spsi_cell_grid;
 
 /* A small source of light, >>flights: an even ball. In a direction d it sends 1 - |axis| + 4 max(0, axis . d) of the
@@ -4334,7 +4335,8 @@ typedef struct spsi_emitter {
     float sent[3];       /* mean radiance times area that leaves it, by channel */
     float axis[3];
     float leaves[3]; /* fraction of what it sends that `sent` is: the rest is taken by its own gas */
-    float clear;      /* beyond the radius, cells hold gas of its own, which is not in its way */
+    float clear;      /* up to here, cells hold gas of its own, which is not in its way */
+    float own, ahead; /* which pyramid holds that gas; length by which light leaves nearer than the middle */
     float gas;        /* optical depth times area of its own gas, if `sent` has what that scatters; or 0 */
     float trapped[3]; /* if gas > 0, the mean of its own light within it */
 } spsi_emitter;
@@ -20152,6 +20154,11 @@ static double spsi_ball_escape(double x) {
     return x > 0.01 ? 0.75 / x * (1 - half + (1 / x + half) * exp(-2 * x)) : 1 - 0.75 * x;
 }
 
+/* A pyramid of extinction: 0: of all gas, or 1 and a material's own. */
+static float *spsi_cell_pyramid(const spsi_cell_grid *grid, int number) {
+    return grid->pyramid + (size_t)number * grid->pyramid_rows * (size_t)grid->pitch;
+}
+
 /* Length from an emitter's centre up to which it knows what gas hides. */
 static float spsi_emitter_reach(const spsi_emitter *emitter) { return fmaxf(0.75f * emitter->radius, emitter->clear); }
 
@@ -20165,8 +20172,10 @@ static spsi_v spsi_ball_nearer(spsi_v u) {
 /* Length from an emitter's centre at which ways of some lengths through gas begin. What a particle hides of itself does
    not include other gas within it. */
 static spsi_v spsi_emitter_begin(const spsi_emitter *emitter, spsi_v length) {
-    const spsi_v radius = spsi_set(fmaxf(emitter->radius, FLT_MIN));
-    if (emitter->clear > 0) return spsi_mul(radius, spsi_ball_nearer(spsi_div(length, radius)));
+    const spsi_v radius = spsi_set(fmaxf(emitter->radius, FLT_MIN)), u = spsi_div(length, radius);
+    const spsi_v part = spsi_div(spsi_set(-0.25f), spsi_max(spsi_mul(u, u), spsi_set(0.5f)));
+    const spsi_v ahead = spsi_fma(spsi_set(emitter->ahead), part, spsi_set(emitter->ahead));
+    if (emitter->clear > 0) return spsi_min(spsi_fma(radius, spsi_ball_nearer(u), ahead), length);
     return spsi_min(spsi_set(0.75f * emitter->radius), length);
 }
 
@@ -20188,6 +20197,22 @@ static void spsi_emitter_hide(const spsi_flights *flights, const double point[3]
         }
         for (int c = 0; c < 3; ++c) emitter->leaves[c] *= (float)leaves[c];
     }
+}
+
+/* Sets what lies about a ball of material m, of an optical depth `own` along a radius: its own gas, which cells hold up
+   to two edges beyond, is not in its way; light leaves it nearer to what receives it than from its middle, by 0.2 radii
+   times own and half the depth of other gas within, at most by two thirds. */
+static void spsi_emitter_clear(const spsi_flights *flights, const double point[3], double radius, double own, int m,
+                               spsi_emitter *emitter) {
+    emitter->clear = (float)(radius + 2 * flights->grids->edge);
+    emitter->own = (float)(1 + m);
+    for (int g = 0; g < flights->grid_count; ++g) {
+        const spsi_cell_grid *grid = &flights->grids[g];
+        size_t at;
+        if (spsi_cell_holding(grid, point, &at))
+            own += 0.5 * radius / grid->edge * (double)(grid->depth[at] - spsi_cell_pyramid(grid, 1 + m)[at]);
+    }
+    emitter->ahead = (float)(0.6 * radius * own / sqrt(9 + 0.81 * own * own));
 }
 
 /* Adds an emitter at a point that sends so many times what `like` does, unless it is black. own: its optical depth
@@ -20366,13 +20391,6 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
     }
 }
 
-/* Whether cells serve a ball better: it is more than 16 of them wide, and other gas hides as much of it as its own. */
-static int spsi_ball_is_wide(const spsi_cell_grid *grid, const double point[3], double radius, double depth) {
-    size_t at;
-    if (!(radius > 8 * grid->edge) || !spsi_cell_holding(grid, point, &at)) return 0;
-    return (double)grid->depth[at] * radius > depth * grid->edge;
-}
-
 /* Adds all particles: to `flights` or, as far as they always fly, to the next tree. A soft one has the spread of an
    even ball of 0.845 of its radius, and lets out what one of 0.75 of its depth does, within 4 % up to a depth of 10.
    What a particle hides of itself follows from its own depth: its gas in the cells about it is not counted. */
@@ -20391,18 +20409,15 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             const double amount = (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth;
             const double point[3] = {(double)particle->position[0], (double)particle->position[1],
                                      (double)particle->position[2]};
-            const int wide = spsi_ball_is_wide(flights->grids, point, radius, depth);
-            const double own = wide ? -1 : (set->soft ? 0.375 : 0.5) * depth;
+            const double own = (set->soft ? 0.375 : 0.5) * depth;
             if (!material->emits) continue;
             like.radius = (float)(set->soft ? 0.845 * radius : radius);
             like.clear = like.gas = 0;
             memcpy(like.sent, material->emission, sizeof like.sent);
             spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
-            if (!wide) {
-                like.clear = (float)(radius + 2 * flights->grids->edge);
-                like.gas = (float)amount;
-                spsi_emitter_trap(material, own, flies, &like);
-            }
+            like.gas = (float)amount;
+            spsi_emitter_trap(material, own, flies, &like);
+            spsi_emitter_clear(flights, point, radius, own, set->channel, &like);
             spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
     }
@@ -20448,7 +20463,7 @@ static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice
     like.gas = (float)(amount * extinction);
     own = 0.75 / SPSI_PI * amount * extinction / ((double)like.radius * (double)like.radius);
     spsi_emitter_trap(material, own, flies / fmax(extinction, (double)FLT_MIN), &like);
-    like.clear = (float)((double)like.radius + 2 * flights->grids->edge);
+    spsi_emitter_clear(flights, point, (double)like.radius, own, m, &like);
     spsi_emitters_add(flights, point, flies * amount, own, &like, items);
 }
 
@@ -20502,17 +20517,14 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
 
 /* --- optical depth on the way --- */
 
-/* Sets the pyramid of extinction: optical depth along an edge, levels of half as many cells one after the other, in
-   rows of the same pitch. */
-static void spsi_cell_pyramid_fill(spsi_cell_grid *grid) {
+/* Sets the levels of a pyramid of extinction above its first: optical depth along an edge, levels of half as many
+   cells one after the other, in rows of the same pitch. */
+static void spsi_cell_pyramid_fill(const spsi_cell_grid *grid, float *to) {
     const size_t pitch = (size_t)grid->pitch;
     int size[3] = {grid->size[0], grid->size[1], grid->size[2]};
-    const float *fine = grid->depth;
-    float *to = grid->pyramid;
-    memcpy(to, fine, pitch * (size_t)(size[1] * size[2]) * sizeof *to);
     for (int n = 0; n + 1 < SPSI_CELL_LEVELS; ++n) {
         const int half[3] = {(size[0] + 1) / 2, (size[1] + 1) / 2, (size[2] + 1) / 2};
-        fine = to;
+        const float *fine = to;
         to += pitch * (size_t)(size[1] * size[2]);
         for (int i = 0; i < half[1] * half[2]; ++i)
             for (int x = 0; x < half[0]; ++x) {
@@ -20537,8 +20549,8 @@ static size_t spsi_cell_pyramid_rows(const spsi_cell_grid *grid) {
     return rows;
 }
 
-/* Looks up the pyramid at a vector of places, on levels whose cells are at most `width` wide. */
-static spsi_v spsi_cell_pyramid_at(const spsi_cell_grid *grid, const spsi_v at[3], spsi_v width) {
+/* Looks up pyramids at a vector of places, on levels whose cells are at most `width` wide. Numbers are as above. */
+static spsi_v spsi_cell_pyramid_at(const spsi_cell_grid *grid, spsi_v number, const spsi_v at[3], spsi_v width) {
     spsi_v scale = spsi_set(1), first = spsi_set(0), rows = spsi_set((float)grid->size[1]), index[3];
     size_t row = 0;
     for (int n = 0, y = grid->size[1], z = grid->size[2]; n + 1 < SPSI_CELL_LEVELS; ++n) {
@@ -20556,6 +20568,7 @@ static spsi_v spsi_cell_pyramid_at(const spsi_cell_grid *grid, const spsi_v at[3
         const spsi_v inside = spsi_clamp(at[k], spsi_set(0), spsi_set((float)grid->size[k] - 0.001f));
         index[k] = spsi_floor(spsi_mul(inside, scale));
     }
+    first = spsi_fma(number, spsi_set((float)grid->pyramid_rows), first);
     return spsi_lookup(grid->pyramid, grid->pitch, index[0], spsi_fma(index[2], rows, spsi_add(first, index[1])));
 }
 
@@ -20563,7 +20576,7 @@ static spsi_v spsi_cell_pyramid_at(const spsi_cell_grid *grid, const spsi_v at[3
 typedef struct spsi_ways {
     spsi_v from[3], unit[3], length; /* unit: of direction */
     spsi_v begin, end;               /* lengths between which gas is in the way */
-    spsi_v clear;                    /* up to here, that is the gas found here; nothing if this is outside the grid */
+    spsi_v clear, own;               /* up to here, of the gas of this pyramid only as much is in the way as is here */
 } spsi_ways;
 
 /* Optical depth on a vector of ways. */
@@ -20582,11 +20595,19 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
     while (spsi_bits(spsi_less(at, end))) {
         const spsi_v nearer = spsi_min(at, spsi_sub(ways->length, at)), left = spsi_max(spsi_sub(end, at), zero);
         const spsi_v step = spsi_max(spsi_mul(nearer, spsi_set(SPSI_FLIGHT_STEP)), one), taken = spsi_min(step, left);
-        const spsi_v middle = spsi_max(spsi_fma(taken, spsi_set(0.5f), at), ways->clear);
-        spsi_v place[3];
+        const spsi_v middle = spsi_fma(taken, spsi_set(0.5f), at);
+        spsi_v place[3], gas;
         for (int k = 0; k < 3; ++k) place[k] = spsi_fma(middle, ways->unit[k], ways->from[k]);
-        const spsi_v within = spsi_select(spsi_less(rim, middle), zero, taken);
-        depth = spsi_fma(within, spsi_cell_pyramid_at(grid, place, step), depth);
+        gas = spsi_cell_pyramid_at(grid, zero, place, step);
+        if (spsi_bits(spsi_less(middle, ways->clear))) {
+            const spsi_v clear = spsi_max(middle, ways->clear);
+            const spsi_v here = spsi_cell_pyramid_at(grid, ways->own, place, step);
+            for (int k = 0; k < 3; ++k) place[k] = spsi_fma(clear, ways->unit[k], ways->from[k]);
+            const spsi_v there = spsi_cell_pyramid_at(grid, ways->own, place, step);
+            const spsi_v beyond = spsi_select(spsi_less(rim, clear), zero, there);
+            gas = spsi_sub(gas, spsi_max(spsi_sub(here, beyond), zero));
+        }
+        depth = spsi_fma(taken, gas, depth);
         at = spsi_add(at, step);
     }
     return depth;
@@ -20596,7 +20617,7 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
    the centre of the trees. */
 typedef struct spsi_flight_ways {
     float from[3][SPSI_LANES], unit[3][SPSI_LANES];
-    float length[SPSI_LANES], begin[SPSI_LANES], end[SPSI_LANES], clear[SPSI_LANES];
+    float length[SPSI_LANES], begin[SPSI_LANES], end[SPSI_LANES], clear[SPSI_LANES], own[SPSI_LANES];
 } spsi_flight_ways;
 
 static void spsi_flight_ways_pass(const spsi_flights *flights, const spsi_flight_ways *world, spsi_v through[3]) {
@@ -20615,6 +20636,7 @@ static void spsi_flight_ways_pass(const spsi_flights *flights, const spsi_flight
         ways.begin = spsi_mul(spsi_load(world->begin), per_edge);
         ways.end = spsi_mul(spsi_load(world->end), per_edge);
         ways.clear = spsi_mul(spsi_load(world->clear), per_edge);
+        ways.own = spsi_load(world->own);
         depth = spsi_ways_depth(grid, &ways);
         for (int c = 0; c < grid->channels; ++c)
             through[c] = spsi_mul(through[c], spsi_exp(spsi_mul(depth, spsi_set(-grid->scale[c]))));
@@ -20652,10 +20674,11 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
                 ways.unit[k][i] = unit[k];
                 ways.end[i] -= unit[k] * (child->at[k] - node->sum.at[k]);
             }
-            ways.begin[i] = own ? own->reach : child->clear > 0 ? 0 : spsi_emitter_reach(child);
+            ways.begin[i] = own ? own->reach : child->clear > 0 ? child->ahead : spsi_emitter_reach(child);
             ways.end[i] = fmaxf(ways.end[i], ways.begin[i]);
             ways.length[i] = 2 * ways.end[i];
             ways.clear[i] = child->clear;
+            ways.own[i] = child->own;
         }
         spsi_flight_ways_pass(flights, &ways, passes);
         for (int c = 0; c < 3; ++c) {
@@ -20949,6 +20972,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     ways.begin = spsi_mul(spsi_flight_begin(flight, length), spsi_set((float)(1 / grid->edge)));
     ways.end = spsi_sub(ways.length, half);
     ways.clear = spsi_set(node->clear / (float)grid->edge);
+    ways.own = spsi_set(node->own);
     for (int k = 0; k < 3; ++k) ways.unit[k] = spsi_div(ways.unit[k], spsi_max(ways.length, spsi_set(1e-3f)));
     /* what is counted twice if the way begins in the cell: half of it, less what its extent adds to the mean way */
     depth = spsi_clamp(spsi_sub(node->clear > 0 ? radius : ways.begin, ways.end), zero, half);
@@ -21109,6 +21133,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         spsi_store(begin, spsi_flight_begin(flight, spsi_set((float)distance)));
         ways.begin[i] = begin[0];
         ways.clear[i] = node->clear;
+        ways.own[i] = node->own;
     }
     if (!some) return;
     spsi_flights_unblocked(place->faces, place->face, some, origin, toward, passes);
@@ -23781,6 +23806,8 @@ static void spsi_cells_add_sample(const void *data, const spsi_sample_place *pla
     const size_t row = (size_t)(slab / (2 * fine) * grid->size[1] + place->y / (2 * fine)) * (size_t)grid->pitch;
     spsi_cells_deposit(job->samples + 2 * sample_row * (size_t)grid->pitch, x, end, fine, per_sample, sample->depth);
     spsi_cells_deposit(grid->depth + row, x, end, 2 * fine, per_cell, sample->depth);
+    if (job->frame->content->flies[m] > 0)
+        spsi_cells_deposit(spsi_cell_pyramid(grid, 1 + m) + row, x, end, 2 * fine, per_cell, sample->depth);
     for (int c = 0; c < grid->channels; ++c) {
         float *scattered = job->scattered + (size_t)(m * grid->channels + c) * grid->count;
         float *emitted = job->emitted + (size_t)c * grid->count;
@@ -24907,6 +24934,7 @@ static size_t spsi_cells_map_bytes(const spsi_frame *frame, const spsi_lamp *lam
 static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *grid, float *memory) {
     const size_t each = (size_t)grid->channels * grid->count, moments = each * (size_t)grid->terms;
     const int flies = spsi_cells_fly(frame), flies_to_cells = flies && spsi_flies_to_cells(frame);
+    const size_t pyramids = 1 + (size_t)(frame->matter.emits ? frame->matter.material_count : 0);
     size_t laid = 0;
     grid->moments = spsi_lay(memory, &laid, moments);
     grid->depth = spsi_lay(memory, &laid, grid->count);
@@ -24915,7 +24943,8 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? spsi_cell_patch_floats(grid) : 0);
     grid->flown = flies_to_cells ? spsi_lay(memory, &laid, moments) : NULL;
     grid->trapped = flies_to_cells ? spsi_lay(memory, &laid, each) : NULL;
-    grid->pyramid = flies ? spsi_lay(memory, &laid, spsi_cell_pyramid_rows(grid) * (size_t)grid->pitch) : NULL;
+    grid->pyramid_rows = spsi_cell_pyramid_rows(grid);
+    grid->pyramid = flies ? spsi_lay(memory, &laid, pyramids * grid->pyramid_rows * (size_t)grid->pitch) : NULL;
     grid->seen = spsi_lay(memory, &laid, (size_t)frame->matter.material_count * each);
     return laid;
 }
@@ -25062,6 +25091,7 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
     spsi_cell_job *job = (spsi_cell_job *)spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof *job);
     float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELLS, floats, sizeof(float));
     const size_t moments = channels * (size_t)grid->terms * grid->count;
+    const size_t cells = (size_t)(grid->pitch * grid->size[1] * grid->size[2]);
     *begun = job;
     if (!job || !memory) return context->result;
     memset(job, 0, sizeof *job);
@@ -25084,7 +25114,9 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
     }
     if (spsi_cells_fill(job, part)) return context->result;
     spsi_cells_mean_scale(job);
-    if (grid->pyramid) spsi_cell_pyramid_fill(grid);
+    if (grid->pyramid) memcpy(grid->pyramid, grid->depth, cells * sizeof *grid->depth);
+    for (int m = -1; m < frame->matter.material_count && grid->pyramid; ++m)
+        if (m < 0 || frame->content->flies[m] > 0) spsi_cell_pyramid_fill(grid, spsi_cell_pyramid(grid, 1 + m));
     return SPS_OK;
 }
 

@@ -4470,6 +4470,12 @@ static void spsi_bounds_centre(const spsi_bounds *bounds, double point[3]) {
     for (int i = 0; i < 3; ++i) point[i] = bounds->low[i] + 0.5 * (bounds->high[i] - bounds->low[i]);
 }
 
+static double spsi_bounds_longest(const spsi_bounds *bounds) {
+    double longest = 0;
+    for (int k = 0; k < 3; ++k) longest = fmax(longest, bounds->high[k] - bounds->low[k]);
+    return longest;
+}
+
 /* The world position of fractional voxel coordinates; (0.5, 0.5, 0.5) is the first voxel's centre. */
 static void spsi_voxel_position(const spsi_lattice *lattice, const double at[3], double point[3]) {
     spsi_along(lattice->corner, lattice->step[0], at[0], point);
@@ -20247,18 +20253,19 @@ static void spsi_emitter_sum_brick(const sps_context *context, const spsi_brick 
 }
 
 /* Finds the centre of voxels in the world, and the radius of an even ball of their spread. A voxel has that of its
-   kernel. */
-static void spsi_emitter_sum_ball(const spsi_lattice *lattice, const spsi_emitter_sum *sum, double point[3],
-                                  spsi_emitter *like) {
-    double at[3], square = 0;
+   kernel. Returns how large an even ellipsoid of their spread along each axis looks on the mean, over pi. */
+static double spsi_emitter_sum_ball(const spsi_lattice *lattice, const spsi_emitter_sum *sum, double point[3],
+                                    spsi_emitter *like) {
+    double at[3], square[3];
     for (int k = 0; k < 3; ++k) {
         const double mean = sum->place[k] / sum->value, spread = sum->square[k] / sum->value;
         at[k] = mean + 0.5;
-        square += (fmax(spread - mean * mean, 0) + SPSI_SIGMA * SPSI_SIGMA) *
-                  spsi_dot(lattice->step[k], lattice->step[k]);
+        square[k] = (fmax(spread - mean * mean, 0) + SPSI_SIGMA * SPSI_SIGMA) *
+                    spsi_dot(lattice->step[k], lattice->step[k]);
     }
     spsi_voxel_position(lattice, at, point);
-    like->radius = (float)sqrt(5.0 / 3 * square);
+    like->radius = (float)sqrt(5.0 / 3 * (square[0] + square[1] + square[2]));
+    return 5 * sqrt((square[0] * square[1] + square[1] * square[2] + square[2] * square[0]) / 3);
 }
 
 /* Adds the blocks of a brick, as even balls of the same spread, unless all of its glow always flies. */
@@ -20340,21 +20347,27 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* The same for volumes: of those of a depth of 0.5 or more and of up to 3, or in part 6 cells' width, unless polygons
-   are among their voxels. */
+/* The same for volumes: of those of a depth of 0.5 or more whose voxels and kernels are up to 3, or in part 6 cells
+   wide, unless polygons are among these. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                              double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     float top[SPSI_VOLUMES_MAX] = {0};
-    for (int i = 0; i < context->brick_count; ++i, ++b) top[b->lattice] = fmaxf(top[b->lattice], b->most);
+    spsi_bounds bounds[SPSI_VOLUMES_MAX];
+    for (int i = 0; i < frame->medium_count; ++i) bounds[i] = spsi_nowhere;
+    for (int i = 0; i < context->brick_count && spsi_cells_fly(frame); ++i, ++b) {
+        spsi_bounds box;
+        spsi_brick_bounds(frame, b, &box);
+        spsi_bounds_join(&bounds[b->lattice], &box);
+        top[b->lattice] = fmaxf(top[b->lattice], b->most);
+    }
     for (int i = 0; i < frame->medium_count && spsi_cells_fly(frame); ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-        double width = 0, fly, middle[3], half[3];
-        spsi_bounds bounds = spsi_nowhere;
-        spsi_medium_bounds(&frame->media[i], 0, &bounds);
-        spsi_bounds_centre(&bounds, middle);
-        for (int k = 0; k < 3; ++k) half[k] = bounds.high[k] - middle[k];
-        for (int k = 0; k < 3; ++k) width = fmax(width, 2 * half[k]);
+        const double width = spsi_bounds_longest(&bounds[i]);
+        double fly, middle[3], half[3];
+        if (!(top[i] > 0)) continue;
+        spsi_bounds_centre(&bounds[i], middle);
+        for (int k = 0; k < 3; ++k) half[k] = bounds[i].high[k] - middle[k];
         fly = fmin(2 * width * (double)top[i] * (double)material->extinction, 1) * fmax(0, 2 - width / (3 * edge));
         if (!material->emits || (faces->count > 0 && spsi_faces_near(faces, middle, half))) continue;
         frame->content->flies[frame->media[i].channel] = (float)fmin(fly, 1);
@@ -20428,20 +20441,21 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
 }
 
 /* Adds the glow of a volume that always flies, as one even ball of the voxels' mass and spread, of a kernel's radius at
-   least. */
+   least. It hides as much of itself as an ellipsoid does on the mean of all directions: if that is 1:3:1, it sends 10 %
+   too little across and 40 % too much along. */
 static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
                                      spsi_flights *flights, spsi_tree_item *items) {
     const int m = frame->media[lattice->medium].channel;
     const spsi_material *material = &frame->matter.materials[m];
     const double flies = (double)frame->content->flies[m], extinction = (double)material->extinction;
     const double amount = sum->value * lattice->voxel_volume;
-    double point[3], own;
+    double point[3], own, area;
     spsi_emitter like;
     if (!(sum->value > 0)) return;
     memset(&like, 0, sizeof like);
-    spsi_emitter_sum_ball(lattice, sum, point, &like);
+    area = spsi_emitter_sum_ball(lattice, sum, point, &like);
     like.gas = (float)(amount * extinction);
-    own = 0.75 / SPSI_PI * amount * extinction / ((double)like.radius * (double)like.radius);
+    own = 0.75 / SPSI_PI * amount * extinction / area;
     spsi_emitter_trap(material, own, flies / fmax(extinction, (double)FLT_MIN), &like);
     like.clear = (float)((double)like.radius + 2 * flights->grids->edge);
     spsi_emitters_add(flights, point, flies * amount, own, &like, items);
@@ -23516,12 +23530,6 @@ typedef struct spsi_groups {
     spsi_bounds list[SPSI_GROUPS_MOST];
     int count;
 } spsi_groups;
-
-static double spsi_bounds_longest(const spsi_bounds *bounds) {
-    double longest = 0;
-    for (int k = 0; k < 3; ++k) longest = fmax(longest, bounds->high[k] - bounds->low[k]);
-    return longest;
-}
 
 /* How far two groups are apart, per longest side of the larger one. */
 static double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {

@@ -4472,6 +4472,12 @@ static void spsi_bounds_centre(const spsi_bounds *bounds, double point[3]) {
     for (int i = 0; i < 3; ++i) point[i] = bounds->low[i] + 0.5 * (bounds->high[i] - bounds->low[i]);
 }
 
+static double spsi_bounds_longest(const spsi_bounds *bounds) {
+    double longest = 0;
+    for (int k = 0; k < 3; ++k) longest = fmax(longest, bounds->high[k] - bounds->low[k]);
+    return longest;
+}
+
 /* The world position of fractional voxel coordinates; (0.5, 0.5, 0.5) is the first voxel's centre. */
 static void spsi_voxel_position(const spsi_lattice *lattice, const double at[3], double point[3]) {
     spsi_along(lattice->corner, lattice->step[0], at[0], point);
@@ -19141,9 +19147,6 @@ static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const 
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
 /* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-/* Flux that leaves a patch, and that times 8 products of u, the cosine with the side, and of a and b, the direction's
-   parts along it, the lower axis first: u, a, b, u^2, ua, ub, a^2 - b^2, ab. */
-#define SPSI_CELL_MEANS 9
 
 /* The patch of a side that a cell is part of, and the first cell of a patch. */
 static int spsi_cell_patch(int at, int size) { return at * SPSI_CELL_PATCHES / size; }
@@ -19152,7 +19155,7 @@ static int spsi_cell_patch_first(int patch, int size) {
 }
 
 /* Floats of what leaves the grid, by plane of cells, part of a sweep, mean and patch. */
-static size_t spsi_cell_leaving_floats(int planes) { return 3 * SPSI_CELL_MEANS * SPSI_CELL_SHEET * (size_t)planes; }
+static size_t spsi_cell_leaving_floats(int planes) { return 3 * SPSI_CELL_TERMS * SPSI_CELL_SHEET * (size_t)planes; }
 
 /* The share of its cosine with which each side of the grid counts that light leaves by, where it leaves a cell by
    several (bits, by axis) at once: at a slant all of it crosses the side along its axis, and a third each of the
@@ -19165,7 +19168,8 @@ static float spsi_cell_leaving_share(const spsi_cell_direction *direction, int s
 }
 
 /* Adds what light of a direction carries through the sides of the grid that a row of cells touches, per area of a
-   cell's face: the mean over all directions of radiance times cosine. patch: the row's, across x. */
+   cell's face: the mean over all directions of radiance times cosine, and of that times each harmonic. patch: the
+   row's, across x. */
 static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, const spsi_cell_direction *direction,
                                  int patch[3], const float *out, float *leaving) {
     static const int harmonic[3] = {3, 1, 2};
@@ -19183,12 +19187,9 @@ static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, con
         for (int k = 0; k < 3; ++k) {
             const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
             const float u = 0.57735027f * fabsf(direction->harmonic[harmonic[k]]);
-            const float a = 0.57735027f * direction->harmonic[harmonic[low]];
-            const float b = 0.57735027f * direction->harmonic[harmonic[high]];
-            const float product[SPSI_CELL_MEANS] = {1, u, a, b, u * u, u * a, u * b, a * a - b * b, a * b};
             float *to = leaving + side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
             if (!(sides >> k & 1)) continue;
-            for (int i = 0; i < SPSI_CELL_MEANS; ++i) to[i * SPSI_CELL_SHEET] += sent * u * product[i];
+            for (int i = 0; i < SPSI_CELL_TERMS; ++i) to[i * SPSI_CELL_SHEET] += sent * u * direction->harmonic[i];
         }
     }
 }
@@ -19202,7 +19203,7 @@ static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int
                   pass->solver->terms);
     for (int i = 0; i < beams->count && pass->leaving; ++i)
         spsi_cell_row_leaves(level, y, z, beams->direction[i], patch, beams->out[i],
-                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_MEANS * SPSI_CELL_SHEET);
+                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_TERMS * SPSI_CELL_SHEET);
 }
 
 /* --- sweeping --- */
@@ -19743,7 +19744,7 @@ static void spsi_cells_continue_task(void *data, int row) {
 /* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel its
    flux and the polynomial of what leaves it. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    return (size_t)((4 + (1 + SPSI_CELL_MEANS) * grid->channels) * SPSI_CELL_SHEET);
+    return (size_t)((4 + (1 + SPSI_CELL_TERMS) * grid->channels) * SPSI_CELL_SHEET);
 }
 
 /* Sets where patches are. */
@@ -19766,25 +19767,31 @@ static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
     }
 }
 
-/* Turns the sums of a patch into the polynomial of the same products that has them, which is its radiance times pi.
-   Sums over the cells' own directions stand for integrals, so that even light stays even. */
-static void spsi_cell_patch_fit(float *sum, size_t stride) {
-    const float flux = sum[0], u = sum[stride], square = sum[4 * stride];
-    sum[0] = 63.144528f * flux - 210.06374f * u + 157.34891f * square;
-    sum[stride] = -210.06374f * flux + 748.71948f * u - 583.32915f * square;
-    sum[4 * stride] = 157.34891f * flux - 583.32915f * u + 466.94134f * square;
-    for (float *a = sum + 2 * stride; a <= sum + 3 * stride; a += stride) {
-        const float along = *a;
-        *a = 32.797822f * along - 52.475213f * a[3 * stride];
-        a[3 * stride] = 95.95796f * a[3 * stride] - 52.475213f * along;
+/* Turns the sums of a side's patches into harmonics that have them, which are their radiance times pi. Sums over the
+   cells' own directions stand for integrals, so that even light stays even. Degree 3 is damped: its sums err most. */
+static void spsi_cell_side_fit(const spsi_cell_direction *directions, int side, float *sum) {
+    static const int along[3] = {3, 1, 2};
+    double matrix[SPSI_CELL_TERMS][SPSI_CELL_TERMS] = {{0}};
+    for (int n = 0; n < SPSI_CELL_DIRECTIONS; ++n) {
+        const float *harmonic = directions[n].harmonic;
+        const double u = sqrt(1.0 / 3) * (double)harmonic[along[side / 2]] * (side % 2 ? 1 : -1);
+        for (int i = 0; i < SPSI_CELL_TERMS && u > 0; ++i)
+            for (int k = 0; k < SPSI_CELL_TERMS; ++k)
+                matrix[i][k] += 4 * u * (double)(directions[n].weight * harmonic[i] * harmonic[k]);
     }
-    sum[7 * stride] *= 5.9951492f;
-    sum[8 * stride] *= 25.946493f;
+    for (int i = 9; i < SPSI_CELL_TERMS; ++i) matrix[i][i] *= 1.15;
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i) /* Gauss and Jordan: the matrix is positive definite */
+        for (int k = 0; k < SPSI_CELL_TERMS; ++k) {
+            const double share = k == i ? 1 - 1 / matrix[i][i] : matrix[k][i] / matrix[i][i];
+            for (int m = 0; m < SPSI_CELL_TERMS; ++m) matrix[k][m] -= share * matrix[i][m];
+            for (int n = 0; n < SPSI_CELL_SIDE; ++n)
+                sum[k * SPSI_CELL_SHEET + n] -= (float)share * sum[i * SPSI_CELL_SHEET + n];
+        }
 }
 
 /* Sets what leaves patches, per area: the sum over planes and parts of a sweep. */
 static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
-    const int count = SPSI_CELL_MEANS * SPSI_CELL_SHEET;
+    const int count = SPSI_CELL_TERMS * SPSI_CELL_SHEET;
     const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
     float *flux = grid->patches + 4 * SPSI_CELL_SHEET + (count + SPSI_CELL_SHEET) * channel;
     float *patch = flux + SPSI_CELL_SHEET;
@@ -19796,7 +19803,7 @@ static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_ce
         if (whole > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / whole;
     }
     memcpy(flux, patch, SPSI_CELL_SHEET * sizeof *flux);
-    for (int n = 0; n < SPSI_CELL_SHEET; ++n) spsi_cell_patch_fit(patch + n, SPSI_CELL_SHEET);
+    for (int side = 0; side < 6; ++side) spsi_cell_side_fit(solver->directions, side, patch + side * SPSI_CELL_SIDE);
 }
 
 /* Adds a cell's moments to the irradiance of a surface, from whose normal light comes: of light of degree 0, 1, 2 the
@@ -19911,7 +19918,7 @@ static uint64_t spsi_cell_sight_faced(const spsi_cell_sight *sight, int side) {
             facing +=
                 sight->normal[k] * ((double)patch[k * SPSI_CELL_SHEET] + grid->corner[k] - sight->surface->point[k]);
         for (int c = 0; c < grid->channels; ++c)
-            sent += fabsf(patch[(4 + (1 + SPSI_CELL_MEANS) * c) * SPSI_CELL_SHEET]);
+            sent += fabsf(patch[(4 + (1 + SPSI_CELL_TERMS) * c) * SPSI_CELL_SHEET]);
         if (facing > 0 && sent > 0) faced |= (uint64_t)1 << n;
     }
     return faced;
@@ -19983,31 +19990,29 @@ static void spsi_cell_patches_send(const float *sent, int count, int axis, const
     const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
     const spsi_v away = spsi_div(spsi_set(-1), spsi_sqrt(square)), nearer = spsi_mul(away, away);
     const spsi_v before = spsi_abs(way[axis]), u = spsi_min(spsi_abs(spsi_mul(before, away)), one);
-    const spsi_v a = spsi_mul(way[axis == 0 ? 1 : 0], away), b = spsi_mul(way[axis == 2 ? 1 : 2], away);
-    const spsi_v zero = spsi_set(0), product[SPSI_CELL_MEANS] = {
-        one, u, a, b, spsi_mul(u, u), spsi_mul(u, a), spsi_mul(u, b),
-        spsi_mul(spsi_add(a, b), spsi_sub(a, b)), spsi_mul(a, b)};
-    const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
+    const spsi_v toward[3] = {spsi_mul(way[0], away), spsi_mul(way[1], away), spsi_mul(way[2], away)};
+    const spsi_v zero = spsi_set(0), wide = spsi_min(spsi_mul(area, nearer), one);
     const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
-    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), zero), before);
+    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), zero), before), harmonic[SPSI_CELL_TERMS];
+    spsi_harmonics_v(toward, SPSI_CELL_TERMS, harmonic);
     share = spsi_min(spsi_mul(share, nearer), one);
     share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
-    for (int c = 0; c < count; ++c, sent += (1 + SPSI_CELL_MEANS) * SPSI_CELL_SHEET) {
+    for (int c = 0; c < count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
         const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
         spsi_v sum = spsi_load(sent + SPSI_CELL_SHEET);
-        for (int i = 1; i < SPSI_CELL_MEANS; ++i)
-            sum = spsi_fma(product[i], spsi_load(sent + (1 + i) * SPSI_CELL_SHEET), sum);
+        for (int i = 1; i < SPSI_CELL_TERMS; ++i)
+            sum = spsi_fma(harmonic[i], spsi_load(sent + (1 + i) * SPSI_CELL_SHEET), sum);
         sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
         sums[c] = spsi_fma(share, sum, sums[c]);
     }
 }
 
-/* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most half their
+/* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most 5/9 of their
    distance, down to a fifth of a patch; nearer, cells are looked up themselves. `open`: the fraction of each patch that
    is seen; NULL: all of them. */
 static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count, const double point[3],
                                           const double normal[3], const float *open, double irradiance[3]) {
-    const float *patch = grid->patches, *sent = patch + (4 + (1 + SPSI_CELL_MEANS) * channel) * SPSI_CELL_SHEET;
+    const float *patch = grid->patches, *sent = patch + (4 + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
     spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, from[3];
     float lanes[SPSI_LANES];
     spsi_set3(normal, from);
@@ -20031,7 +20036,7 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
             spsi_store(lanes, square);
             for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
             nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
-            parts = (int)ceil(2 * longest / nearest);
+            parts = (int)ceil(1.8 * longest / nearest);
         }
         area = spsi_mul(area, spsi_set(1 / (float)(parts * parts)));
         for (int i = 0; i < parts * parts; ++i) {
@@ -20052,19 +20057,21 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
     }
 }
 
-/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within a
-   patch's width of the grid it changes from one to the other; what hides some of the patches there hides as much of the
-   cells. `normal` is a unit vector. */
+/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within two
+   thirds of a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid;
+   what hides some of the patches there hides as much of the cells. `normal` is a unit vector. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const double point[3],
                                   const double normal[3], const float *open, double irradiance[3]) {
-    double square = 0, longest = 0, outside, all[3] = {0, 0, 0};
+    double square = 0, facing = 0, longest = 0, outside, all[3] = {0, 0, 0};
     for (int k = 0; k < 3; ++k) {
         const double at = point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
-        const double off = fmax(fmax(-at, at - extent), 0);
-        square += off * off;
+        const double back = at < 0 ? -at : fmin(extent - at, 0);
+        square += back * back;
+        facing += back * normal[k];
         longest = fmax(longest, extent);
     }
-    outside = fmin(sqrt(square) * SPSI_CELL_PATCHES / longest, 1);
+    facing = longest * fmax(facing, 0.25 * sqrt(square));
+    outside = facing > 0 ? fmin(1.5 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
     if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, point, normal, open, irradiance);
     if (!(outside < 1)) return;
     if (open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, point, normal, NULL, all);
@@ -20277,18 +20284,19 @@ static void spsi_emitter_sum_brick(const sps_context *context, const spsi_brick 
 }
 
 /* Finds the centre of voxels in the world, and the radius of an even ball of their spread. A voxel has that of its
-   kernel. */
-static void spsi_emitter_sum_ball(const spsi_lattice *lattice, const spsi_emitter_sum *sum, double point[3],
-                                  spsi_emitter *like) {
-    double at[3], square = 0;
+   kernel. Returns how large an even ellipsoid of their spread along each axis looks on the mean, over pi. */
+static double spsi_emitter_sum_ball(const spsi_lattice *lattice, const spsi_emitter_sum *sum, double point[3],
+                                    spsi_emitter *like) {
+    double at[3], square[3];
     for (int k = 0; k < 3; ++k) {
         const double mean = sum->place[k] / sum->value, spread = sum->square[k] / sum->value;
         at[k] = mean + 0.5;
-        square += (fmax(spread - mean * mean, 0) + SPSI_SIGMA * SPSI_SIGMA) *
-                  spsi_dot(lattice->step[k], lattice->step[k]);
+        square[k] = (fmax(spread - mean * mean, 0) + SPSI_SIGMA * SPSI_SIGMA) *
+                    spsi_dot(lattice->step[k], lattice->step[k]);
     }
     spsi_voxel_position(lattice, at, point);
-    like->radius = (float)sqrt(5.0 / 3 * square);
+    like->radius = (float)sqrt(5.0 / 3 * (square[0] + square[1] + square[2]));
+    return 5 * sqrt((square[0] * square[1] + square[1] * square[2] + square[2] * square[0]) / 3);
 }
 
 /* Adds the blocks of a brick, as even balls of the same spread, unless all of its glow always flies. */
@@ -20370,21 +20378,27 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* The same for volumes: of those of a depth of 0.5 or more and of up to 3, or in part 6 cells' width, unless polygons
-   are among their voxels. */
+/* The same for volumes: of those of a depth of 0.5 or more whose voxels and kernels are up to 3, or in part 6 cells
+   wide, unless polygons are among these. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                              double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     float top[SPSI_VOLUMES_MAX] = {0};
-    for (int i = 0; i < context->brick_count; ++i, ++b) top[b->lattice] = fmaxf(top[b->lattice], b->most);
+    spsi_bounds bounds[SPSI_VOLUMES_MAX];
+    for (int i = 0; i < frame->medium_count; ++i) bounds[i] = spsi_nowhere;
+    for (int i = 0; i < context->brick_count && spsi_cells_fly(frame); ++i, ++b) {
+        spsi_bounds box;
+        spsi_brick_bounds(frame, b, &box);
+        spsi_bounds_join(&bounds[b->lattice], &box);
+        top[b->lattice] = fmaxf(top[b->lattice], b->most);
+    }
     for (int i = 0; i < frame->medium_count && spsi_cells_fly(frame); ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-        double width = 0, fly, middle[3], half[3];
-        spsi_bounds bounds = spsi_nowhere;
-        spsi_medium_bounds(&frame->media[i], 0, &bounds);
-        spsi_bounds_centre(&bounds, middle);
-        for (int k = 0; k < 3; ++k) half[k] = bounds.high[k] - middle[k];
-        for (int k = 0; k < 3; ++k) width = fmax(width, 2 * half[k]);
+        const double width = spsi_bounds_longest(&bounds[i]);
+        double fly, middle[3], half[3];
+        if (!(top[i] > 0)) continue;
+        spsi_bounds_centre(&bounds[i], middle);
+        for (int k = 0; k < 3; ++k) half[k] = bounds[i].high[k] - middle[k];
         fly = fmin(2 * width * (double)top[i] * (double)material->extinction, 1) * fmax(0, 2 - width / (3 * edge));
         if (!material->emits || (faces->count > 0 && spsi_faces_near(faces, middle, half))) continue;
         frame->content->flies[frame->media[i].channel] = (float)fmin(fly, 1);
@@ -20448,20 +20462,21 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
 }
 
 /* Adds the glow of a volume that always flies, as one even ball of the voxels' mass and spread, of a kernel's radius at
-   least. */
+   least. It hides as much of itself as an ellipsoid does on the mean of all directions: if that is 1:3:1, it sends 10 %
+   too little across and 40 % too much along. */
 static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
                                      spsi_flights *flights, spsi_tree_item *items) {
     const int m = frame->media[lattice->medium].channel;
     const spsi_material *material = &frame->matter.materials[m];
     const double flies = (double)frame->content->flies[m], extinction = (double)material->extinction;
     const double amount = sum->value * lattice->voxel_volume;
-    double point[3], own;
+    double point[3], own, area;
     spsi_emitter like;
     if (!(sum->value > 0)) return;
     memset(&like, 0, sizeof like);
-    spsi_emitter_sum_ball(lattice, sum, point, &like);
+    area = spsi_emitter_sum_ball(lattice, sum, point, &like);
     like.gas = (float)(amount * extinction);
-    own = 0.75 / SPSI_PI * amount * extinction / ((double)like.radius * (double)like.radius);
+    own = 0.75 / SPSI_PI * amount * extinction / area;
     spsi_emitter_trap(material, own, flies / fmax(extinction, (double)FLT_MIN), &like);
     spsi_emitter_clear(flights, point, (double)like.radius, own, m, &like);
     spsi_emitters_add(flights, point, flies * amount, own, &like, items);
@@ -23546,12 +23561,6 @@ typedef struct spsi_groups {
     spsi_bounds list[SPSI_GROUPS_MOST];
     int count;
 } spsi_groups;
-
-static double spsi_bounds_longest(const spsi_bounds *bounds) {
-    double longest = 0;
-    for (int k = 0; k < 3; ++k) longest = fmax(longest, bounds->high[k] - bounds->low[k]);
-    return longest;
-}
 
 /* How far two groups are apart, per longest side of the larger one. */
 static double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {

@@ -271,7 +271,7 @@ static void test_outside(void) {
     static const double places[][3] = {{0, -3, 0}, {0.3, -1.4, 0.2}, {1.5, -1.3, 0.5}, {3, 2, -2.5}, {-1.55, 0.2, 0}};
     static const double normals[][3] = {{0, 1, 0}, {-0.6, 0.8, 0}, {0.48, 0.6, 0.64}, {-0.8, 0, 0.6}};
     static spsi_cell_grid grid;
-    static float patches[(5 + SPSI_CELL_MEANS) * SPSI_CELL_SHEET], shut[SPSI_CELL_SHEET], flux[64 * 12 * 5];
+    static float patches[(5 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET], shut[SPSI_CELL_SHEET], flux[64 * 12 * 5];
     double worst[2] = {0, 0};
     memset(&grid, 0, sizeof grid);
     grid.size[0] = 16, grid.size[1] = 12, grid.size[2] = 5; /* of 5 cells, some patches have none */
@@ -288,11 +288,12 @@ static void test_outside(void) {
         worst[n / 4 % 3 != 0] = fmax(worst[n / 4 % 3 != 0], off / fmax(exact, 0.01));
     }
     if (figures()) printf("worst %.3f, close by %.3f\n", worst[0], worst[1]);
-    { /* next to its centre a patch is all that a surface sees; the change to light within takes a patch's width */
+    { /* next to its centre a patch is all that a surface sees; the change to light within takes two thirds of a patch
+       */
         const size_t middle = SPSI_CELL_SIDE / 2 + 4;
         const double point[3] = {grid.corner[0] - 0.01, grid.corner[1] + (double)patches[SPSI_CELL_SHEET + middle],
                                  grid.corner[2] + (double)patches[2 * SPSI_CELL_SHEET + middle]};
-        const double before[3] = {-1.35, 0.2, 0}, normal[3] = {1, 0, 0};
+        const double before[3] = {-1.3, 0.2, 0}, normal[3] = {1, 0, 0};
         CHECK_NEAR(outside(&grid, 0, point, normal, NULL), 1, 0.05);
         CHECK_NEAR(irradiance_at(&grid, 0, before, normal, NULL), 0.5 * outside(&grid, 0, before, normal, NULL), 1e-6);
         for (int i = 0; i < 64 * 12 * 5; ++i) flux[i] = 1;
@@ -303,21 +304,23 @@ static void test_outside(void) {
 }
 
 /* Light that leaves a side as a polynomial of degree 2 in its direction is found again from the sums over the cells'
-   own directions: even light, which comes first, stays even. Floats, of a matrix whose entries reach 750: 5e-4. */
+   own directions, by all patches of all sides: even light, which comes first, stays even. Floats: 5e-4. */
 static void test_polynomials(void) {
     static spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
+    static float sum[SPSI_CELL_TERMS * SPSI_CELL_SHEET];
+    static const int along[3] = {3, 1, 2};
     spsi_cell_directions(directions);
-    for (int n = 0; n < SPSI_CELL_MEANS; ++n) {
-        float sum[SPSI_CELL_MEANS] = {0};
+    for (int n = 0; n < 6 * 9; ++n) {
+        const int side = n / 9, term = n % 9;
+        memset(sum, 0, sizeof sum);
         for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i) {
-            const double scale = sqrt(1.0 / 3), u = scale * (double)directions[i].harmonic[2];
-            const double a = scale * (double)directions[i].harmonic[3], b = scale * (double)directions[i].harmonic[1];
-            const double product[SPSI_CELL_MEANS] = {1, u, a, b, u * u, u * a, u * b, a * a - b * b, a * b};
-            for (int k = 0; k < SPSI_CELL_MEANS && u > 0; ++k)
-                sum[k] += (float)(4 * (double)directions[i].weight * u * product[n] * product[k]);
+            const float *harmonic = directions[i].harmonic;
+            const float u = (side % 2 ? 1.0f : -1.0f) * 0.57735027f * harmonic[along[side / 2]];
+            for (int k = 0; k < SPSI_CELL_TERMS && u > 0; ++k)
+                sum[k * SPSI_CELL_SHEET + 63] += 4 * directions[i].weight * u * harmonic[term] * harmonic[k];
         }
-        spsi_cell_patch_fit(sum, 1);
-        for (int k = 0; k < SPSI_CELL_MEANS; ++k) CHECK_NEAR(sum[k], k == n, 5e-4);
+        spsi_cell_side_fit(directions, side, sum);
+        for (int k = 0; k < SPSI_CELL_TERMS; ++k) CHECK_NEAR(sum[k * SPSI_CELL_SHEET + 63], k == term, 5e-4);
     }
 }
 
@@ -888,21 +891,22 @@ static void test_behind_slab(void) {
         off = (sum - exp(-depth)) / exact[n / 4][n % 4] - 1;
         if (figures()) printf("depth %g, %g behind: %+.1f %%\n", depth, distance[n % 4], 100 * off);
         CHECK_CASE("Scattering", "a wall 0.5 to 3 behind a slab of depth 0.3 to 6", "random paths, relative", fabs(off),
-                   0.04, "degree 2 in directions at the grid's sides; straight light, whose depth is off by 0.1 %");
+                   0.04, "degree 3 in directions at the grid's sides; straight light, whose depth is off by 0.1 %");
         check_free_triangles(&wall);
     }
 }
 
-/* Floors, walls aside and before it, askew and past its edges, by paths as above. Near a side a third as high as wide,
-   light that leaves by its rims counts: there it is up to 8 % too bright. */
+/* Floors, walls aside and before it, askew and past its edges, by paths as above (the last place's by 8e5 photons,
+   within 0.7 %). What the cells send to these places is within 2.5 %, summed along rays; the rest is that of 25
+   directions by side, of which harmonics up to degree 3 are made. */
 static void test_beside_slab(void) {
-    static const double places[7][6] = {{0, -3.5, 1, 0, 1, 0},     {1, -4, 0.5, 0, 1, 0},    {0, -5, 2, 0, 1, 0},
+    static const double places[8][6] = {{0, -3.5, 1, 0, 1, 0},     {1, -4, 0.5, 0, 1, 0},    {0, -5, 2, 0, 1, 0},
                                         {4.5, 0.5, 1.5, -1, 0, 0}, {5, -4, 3, -0.6, 0.8, 0}, {0, -4, 3, 0, 0.6, -0.8},
-                                        {0.5, 0.3, -1, 0, 0, 1}};
-    static const double exact[4][7] = {{0.06837, 0.04712, 0.02776, 0.03726, 0.01515, 0.03527, 0.07135},
-                                       {0.16172, 0.11157, 0.06061, 0.08408, 0.03118, 0.08080, 0.21459},
-                                       {0.23286, 0.16882, 0.07661, 0.11227, 0.03273, 0.09094, 0.46942},
-                                       {0.21469, 0.17293, 0.06633, 0.10127, 0.02448, 0.06385, 0.64035}};
+                                        {0.5, 0.3, -1, 0, 0, 1},   {0.1, -3.5, 0, 0, 0, 1}};
+    static const double exact[4][8] = {{0.06837, 0.04712, 0.02776, 0.03726, 0.01515, 0.03527, 0.07135, 0.02687},
+                                       {0.16172, 0.11157, 0.06061, 0.08408, 0.03118, 0.08080, 0.21459, 0.06576},
+                                       {0.23286, 0.16882, 0.07661, 0.11227, 0.03273, 0.09094, 0.46942, 0.10023},
+                                       {0.21469, 0.17293, 0.06633, 0.10127, 0.02448, 0.06385, 0.64035, 0.10253}};
     double squares = 0;
     for (int n = 0; n < 4; ++n) {
         check_triangles wall;
@@ -910,17 +914,17 @@ static void test_beside_slab(void) {
         start_slab(&s, slab_depths[n], 200, &wall);
         check_set3(s.view.camera.position, 0, 0, 100), check_set3(s.view.camera.target, 0, 0, 200);
         check_render(context, &s, image_a);
-        for (int i = 0; i < 7; ++i) {
+        for (int i = 0; i < 8; ++i) {
             const double off = irradiance_at(grid_of(context), 0, places[i], places[i] + 3, NULL) / exact[n][i] - 1;
             if (figures()) printf("depth %g, place %d beside: %+.1f %%\n", slab_depths[n], i, 100 * off);
-            squares += off * off / 28;
+            squares += off * off / 32;
             CHECK_CASE("Scattering", "floors and walls 0.5 to 3 beside a slab of depth 0.3 to 6",
-                       "random paths, relative", fabs(off), 0.09, "rims of sides, 8 %; past an edge 6 %");
+                       "random paths, relative", fabs(off), 0.05, "degree 3 in directions at the grid's sides");
         }
         check_free_triangles(&wall);
     }
     if (figures()) printf("beside a slab: rms %.2f %%\n", 100 * sqrt(squares));
-    CHECK(sqrt(squares) < 0.04);
+    CHECK(sqrt(squares) < 0.025);
 }
 
 /* Length of a ray's way out of the cube from -1 to 1. */

@@ -506,6 +506,61 @@ static void test_between_pixels(void) {
     }
 }
 
+enum { CUT_STEPS = 90, CUT_PIXELS = 4 };
+
+/* Irradiance of y = 0 at x = across by an even ball of radius 1 that sends 1, its middle at a height: a sum over points
+   of it that are above. */
+static double cut_exact(double height, double across) {
+    double sum = 0, count = 0;
+    for (int n = 0; n < CUT_STEPS * CUT_STEPS * CUT_STEPS; ++n) {
+        const double x = 2 * (n % CUT_STEPS + 0.5) / CUT_STEPS - 1, y = 2 * (n / CUT_STEPS % CUT_STEPS + 0.5) / CUT_STEPS - 1;
+        const double z = 2 * (n / CUT_STEPS / CUT_STEPS + 0.5) / CUT_STEPS - 1, up = y + height;
+        if (x * x + y * y + z * z > 1) continue;
+        count += 1;
+        if (up > 0) sum += up / pow((x - across) * (x - across) + up * up + z * z, 1.5);
+    }
+    return sum / count;
+}
+
+/* A thin glowing ball that a floor cuts. What the floor reflects is the picture less that of a black floor. 3 %:
+   32 steps of an angle take 2 % where a tenth of the radius is above, less elsewhere; the sum's steps of 1/45 1 %. */
+static void test_cut(void) {
+    static const double heights[] = {-0.5, -0.1, 0, 0.3, 0.8}, places[] = {0.4, 1.2, 2, 5};
+    static const double origin[3] = {-40, 0, -40}, along[3] = {0, 0, 80}, side[3] = {80, 0, 0};
+    static const float radius = 0.5f, depth = 0.01f;
+    for (int n = 0; n < 20; ++n) {
+        const double height = heights[n / 4], across = places[n % 4];
+        double mean[2] = {0, 0};
+        check_triangles floor;
+        memset(&floor, 0, sizeof floor);
+        check_add_quad(&floor, origin, along, side);
+        for (int white = 0; white < 2; ++white) {
+            check_scene s;
+            sps_particle ball;
+            sps_particles set;
+            memset(&ball, 0, sizeof ball), memset(&set, 0, sizeof set);
+            ball.position[1] = (float)(height * (double)radius), ball.radius = radius, ball.optical_depth = depth;
+            set.count = 1, set.read_fn = check_read_particles, set.user = &ball;
+            for (int k = 0; k < 3; ++k) set.emission[k] = 1;
+            check_clear(&s, CUT_PIXELS, CUT_PIXELS);
+            check_set3(s.view.camera.position, across * (double)radius, 9, 3);
+            check_set3(s.view.camera.target, across * (double)radius, 0, 0);
+            check_orthographic(&s.view.camera, 0.01);
+            s.view.scattering = SPS_SCATTERING_FULL;
+            s.scene.particles = &set, s.scene.particle_set_count = 1, s.scene.mesh_count = 1;
+            for (int k = 0; k < 3; ++k) s.mesh[0].color[k] = (float)white;
+            s.mesh[0].triangle_count = floor.count, s.mesh[0].read_fn = check_read_triangles, s.mesh[0].user = &floor;
+            if (!check_render(context, &s, picture)) return;
+            for (int i = 0; i < CUT_PIXELS * CUT_PIXELS; ++i)
+                mean[white] += (double)picture[4 * i] / (CUT_PIXELS * CUT_PIXELS);
+        }
+        check_free_triangles(&floor);
+        CHECK_CASE("Scattering", "a floor that cuts a glowing ball", "a sum over what is above it; relative",
+                   fabs((mean[1] - mean[0]) / (ball_sends(0, (double)depth) * cut_exact(height, across)) - 1), 0.03,
+                   "sum of steps of 1/45; 32 steps of an angle");
+    }
+}
+
 /* Waves of gas; user: their amplitude, that of a voxel's kernel included if it is not NULL. */
 static double uneven_gas(const void *user, const double p[3]) {
     const double amplitude = user ? *(const double *)user : 1;
@@ -625,6 +680,7 @@ int main(void) {
     RUN(test_small_volumes);
     RUN(test_crowd);
     RUN(test_between_pixels);
+    RUN(test_cut);
     RUN(test_uneven);
     RUN(test_halo);
     sps_destroy(context);

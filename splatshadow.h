@@ -1975,6 +1975,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_SHADOWS,       /* of a sweep's lights, >>shading */
     SPSI_BUFFER_ARRIVALS,      /* light that arrives at a vector of pixels, per worker */
     SPSI_BUFFER_SURFACE_LIGHT, /* per light of a sweep: the pixels whose polygons see it */
+    SPSI_BUFFER_RECEIVED,      /* what pixels' polygons receive from cells and by flights */
     SPSI_BUFFER_DEPTH_MAPS,
     SPSI_BUFFER_PANE_MAPS,         /* of translucent polygons, >>depthmaps */
     SPSI_BUFFER_PANE_TEXELS,       /* where each texel's panes begin */
@@ -4361,6 +4362,7 @@ typedef struct spsi_flights {
     spsi_emitter *emitters;
     spsi_flight_node *nodes;
     int *order, count; /* order: of emitters, leaf after leaf */
+    spsi_bounds bounds;
     const spsi_cell_grid *grids;
     int grid_count;
     float to_cells, to_polygons; /* fractions of what the emitters send: the rest is swept from cell to cell */
@@ -8067,6 +8069,7 @@ typedef struct spsi_visible {
     const spsi_hit *hits; /* of the whole image; NULL: no polygons */
     spsi_layers layers;
     const sps_surface *set; /* what shade_fn has set at the region's pixels and all layers; NULL: no mesh has one */
+    const float *received;  /* per pixel and channel, from cells and by flights, >>shading; NULL: no cells */
 } spsi_visible;
 
 static void spsi_place_of_pixel(const spsi_frame *frame, const spsi_visible *visible, int x, int y, spsi_place *place) {
@@ -8645,10 +8648,10 @@ static int spsi_shaft_meets_face(const spsi_shaft *shaft, const spsi_faces *face
     return (far_off[1] > 0 && near_by[0] < -room) || (far_off[0] < 0 && near_by[1] > room);
 }
 
-/* Whether nothing can be in the way of a shaft's rays, which begin anywhere on `count` faces; or on one at `start`
-   (NULL: anywhere), and then opaque faces alone are in the way. */
+/* Whether nothing can be in the way of a shaft's rays, which begin anywhere on `count` faces; or on one between `starts`
+   places (0: anywhere), and then opaque faces alone are in the way. */
 static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft, const int *own, int count,
-                               const double (*start)[3]) {
+                               const double (*start)[3], int starts) {
     int stack[SPSI_TREE_STACK], top = 0, seen = 0;
     if (faces->tree.count > 0) stack[top++] = 0;
     while (top > 0) {
@@ -8658,9 +8661,9 @@ static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft,
         for (int i = 0; i < node->count * count; ++i) {
             const int number = faces->tree.order[node->first + i / count], from = own[i % count];
             const spsi_face *begin = &faces->list[from];
-            if (number == from || (start && spsi_face_is_translucent(&faces->list[number]))) continue;
-            if (start ? spsi_shaft_meets_face(shaft, faces, number, start, 1)
-                      : spsi_shaft_meets_face(shaft, faces, number, begin->position, 3))
+            if (number == from || (starts > 0 && spsi_face_is_translucent(&faces->list[number]))) continue;
+            if (starts ? spsi_shaft_meets_face(shaft, faces, number, start, starts)
+                       : spsi_shaft_meets_face(shaft, faces, number, begin->position, 3))
                 return 0;
         }
         if (node->count > 0) continue;
@@ -19880,7 +19883,7 @@ static int spsi_cell_sight_near(const spsi_cell_sight *sight) {
         to.low[axis] = to.high[axis] = to.low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
         spsi_shaft_build(sight->faces, &from, &to, &shaft);
         spsi_shaft_add(sight->faces, &from, &from, below, -9e-7 * farthest * spsi_reach_of(below), &shaft);
-        if (!spsi_shaft_is_clear(sight->faces, &shaft, &sight->face, 1, begins))
+        if (!spsi_shaft_is_clear(sight->faces, &shaft, &sight->face, 1, begins, 1))
             near_sides |= 1 << (2 * axis + upper);
     }
     return near_sides;
@@ -20759,6 +20762,10 @@ static sps_result spsi_flights_build(sps_context *context, spsi_tree_item *items
     tree.nodes = (spsi_tree_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_TREE, nodes, sizeof(spsi_tree_node));
     if (!tree.nodes || spsi_tree_build(context, &tree, items)) return context->result;
     if (tree.count > 0) spsi_flights_sum(&tree, flights, 0);
+    for (int k = 0; k < 3 && tree.count > 0; ++k) {
+        flights->bounds.low[k] = flights->centre[k] + (double)tree.nodes->low[k];
+        flights->bounds.high[k] = flights->centre[k] + (double)tree.nodes->high[k];
+    }
     return SPS_OK;
 }
 
@@ -20776,45 +20783,52 @@ typedef struct spsi_flight_list {
     int count;
 } spsi_flight_list;
 
-/* A node that may be opened: the one that is seen under the widest angle comes first. */
+/* A node that is seen under too wide an angle. */
 typedef struct spsi_flight_open {
     double angle;
     int node;
 } spsi_flight_open;
 
-static void spsi_flights_see(const spsi_flights *flights, const double place[3], double reach, int node,
-                             spsi_flight_open *open) {
+/* Adds a node to a list if it is seen under at most `angle`; or else to those that may be opened. */
+static void spsi_flights_see(const spsi_flights *flights, const double place[3], double reach, double angle, int node,
+                             spsi_flight_open *open, int *count, spsi_flight_list *list) {
     const spsi_emitter *sum = &flights->nodes[node].sum;
     double toward[3], distance;
     for (int k = 0; k < 3; ++k) toward[k] = place[k] - flights->centre[k] - (double)sum->at[k];
     distance = spsi_length(toward) - reach;
-    open->node = node;
-    open->angle = distance > (double)flights->nodes[node].reach ? (double)flights->nodes[node].breadth / distance
-                                                                : 1e3 + (double)sum->radius;
+    open[*count].node = node;
+    open[*count].angle = distance > (double)flights->nodes[node].reach
+                             ? (double)flights->nodes[node].breadth / distance
+                             : 1e3 + (double)sum->radius;
+    if (open[*count].angle > angle) {
+        *count += 1;
+    } else {
+        list->entry[list->count].node = &flights->nodes[node];
+        list->entry[list->count++].emitter = sum;
+    }
 }
 
 /* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; wider ones
-   where the list would get too long. */
+   where the list would get too long: the widest is opened first. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
                                 spsi_flight_list *list) {
     spsi_flight_open open[SPSI_FLIGHT_NODES];
     const int most = list->count + SPSI_FLIGHT_NODES;
     int count = 0;
-    if (flights->count > 0) spsi_flights_see(flights, place, reach, 0, &open[count++]);
-    while (count > 0) {
+    if (flights->count > 0) spsi_flights_see(flights, place, reach, angle, 0, open, &count, list);
+    while (count > 0 && list->count + count + SPSI_TREE_LEAF <= most) {
         const spsi_flight_node *node;
         int widest = 0;
         for (int i = 1; i < count; ++i)
             if (open[i].angle > open[widest].angle) widest = i;
         node = &flights->nodes[open[widest].node];
-        if (open[widest].angle <= angle || list->count + count + SPSI_TREE_LEAF > most) break;
         open[widest] = open[--count];
         for (int i = 0; i < node->count; ++i) {
             list->entry[list->count].node = NULL;
             list->entry[list->count++].emitter = &flights->emitters[flights->order[node->first + i]];
         }
         for (int i = 0; i < 2 && node->count == 0; ++i)
-            spsi_flights_see(flights, place, reach, node->first + i, &open[count++]);
+            spsi_flights_see(flights, place, reach, angle, node->first + i, open, &count, list);
     }
     for (int i = 0; i < count; ++i) {
         list->entry[list->count].node = &flights->nodes[open[i].node];
@@ -21105,9 +21119,10 @@ static void spsi_flights_light_task(void *data, int index) {
 /* Points of polygons that first flights reach. */
 typedef struct spsi_flight_place {
     const spsi_frame *frame;
-    const spsi_faces *faces;
+    const spsi_faces *faces;              /* NULL: none are in the way */
     const double *point, *start, *normal; /* start: of rays; normal: a unit vector */
     int face;                             /* that the point is on; -1: none */
+    double breadth;                       /* of nodes, in the usual angle */
 } spsi_flight_place;
 
 /* What a node sends in the direction from a point to it, turned round, over the mean of all directions. */
@@ -21116,8 +21131,28 @@ static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3]
     return 1 - spsi_length(axis) + 4 * fmax(-spsi_dot(axis, toward) / fmax(distance, DBL_MIN), 0);
 }
 
-/* Adds the irradiance by nodes n to n + SPSI_LANES - 1 of a list. An even ball acts as a point
-   on what is outside, and as its inner part does within [Newton's shells]. */
+/* Irradiance of a surface by an even ball that sends 1, from how far away and how high above the surface's plane its
+   middle is. What is below the plane does not count: a ball that polygons cut has sides. The integral over directions
+   at an angle from that of the middle is a closed form; a ball that is all above acts as a point [Newton's shells]. */
+static double spsi_ball_lights(double distance, double height, double radius) {
+    enum { STEPS = 32 };
+    const double far_off = distance / fmax(radius, 1e-60), tilt = fabs(height) < distance ? height / distance : 1;
+    const double low = far_off > 1 ? sqrt(1 - 1 / (far_off * far_off)) : -1;
+    double sum = 0;
+    if (fabs(height) >= radius) return fmax(height, 0) / fmax(distance, 1e-60) / fmax(distance, 1e-60) / distance;
+    for (int i = 0; i < STEPS; ++i) {
+        const double cosine = low + (1 - low) * (i + 0.5) / STEPS, sine = sqrt(1 - cosine * cosine);
+        const double half = sqrt(fmax(0, 1 - far_off * far_off * sine * sine)), middle = far_off * cosine;
+        const double up = cosine * tilt, aside = sine * sqrt(1 - tilt * tilt);
+        double seen = SPSI_PI * fmax(up, 0);
+        if (fabs(up) < aside) seen = up * acos(-up / aside) + sqrt(aside * aside - up * up);
+        sum += seen * (middle + half - fmax(middle - half, 0));
+    }
+    return 1.5 / SPSI_PI * sum * (1 - low) / STEPS / (radius * radius);
+}
+
+/* Adds the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts go to the middle
+   of what is above it. */
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights,
                                        const spsi_flight_list *list, int n, double irradiance[3]) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
@@ -21129,20 +21164,21 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     for (int i = 0; i < spsi_least(SPSI_LANES, list->count - n); ++i) {
         const spsi_flight *flight = &list->entry[n + i];
         const spsi_emitter *node = flight->emitter;
-        double facing, distance, within;
+        double distance, height, raise;
         for (int k = 0; k < 3; ++k) {
             origin[i][k] = place->start[k];
             toward[i][k] = flights->centre[k] + (double)node->at[k] - place->point[k];
         }
         distance = spsi_length(toward[i]);
-        within = fmax(fmax(distance, (double)node->radius), 1e-60);
-        facing = spsi_dot(toward[i], place->normal) / within;
-        share[i] = facing / within / within * spsi_emitter_lobe(node, toward[i], distance);
-        some |= (facing > 0) << i;
+        height = spsi_dot(toward[i], place->normal);
+        raise = 0.5 * fmax((double)node->radius - fabs(height), 0) + fmax(-height, 0);
+        share[i] = spsi_ball_lights(distance, height, (double)node->radius);
+        share[i] *= spsi_emitter_lobe(node, toward[i], distance);
+        some |= (share[i] > 0) << i;
         for (int k = 0; k < 3; ++k) {
             ways.from[k][i] = node->at[k];
             ways.unit[k][i] = (float)(-toward[i][k] / fmax(distance, 1e-60));
-            toward[i][k] += place->point[k] - place->start[k];
+            toward[i][k] += place->point[k] - place->start[k] + raise * place->normal[k];
         }
         ways.length[i] = ways.end[i] = (float)distance;
         spsi_store(begin, spsi_flight_begin(flight, spsi_set((float)distance)));
@@ -21151,7 +21187,8 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         ways.own[i] = node->own;
     }
     if (!some) return;
-    spsi_flights_unblocked(place->faces, place->face, some, origin, toward, passes);
+    for (int c = 0; c < 3; ++c) passes[c] = spsi_set(1);
+    if (place->faces) spsi_flights_unblocked(place->faces, place->face, some, origin, toward, passes);
     spsi_flight_ways_pass(flights, &ways, through);
     for (int c = 0; c < flights->grids[0].channels; ++c) {
         spsi_store(out[c], spsi_mul(passes[c], through[c]));
@@ -21170,21 +21207,26 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
 }
 
-/* Adds the irradiance of a point of a polygon by first flights. Where cells serve, too, nodes may be wider. Returns the
-   number of nodes. */
-static int spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights trees[SPSI_FLIGHT_TREES],
+/* Adds the irradiance of a point of a polygon by first flights. Where cells serve, too, nodes may be wider. Returns how
+   far it is to the nearest node, or the radius of one about it. */
+static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights trees[SPSI_FLIGHT_TREES],
                                    double irradiance[3]) {
-    int count = 0;
+    double nearest = HUGE_VAL;
     for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
-        const double angle = place->frame->accuracy.flight_angle * (2 - (double)trees[i].to_cells);
+        const double angle = place->breadth * place->frame->accuracy.flight_angle * (2 - (double)trees[i].to_cells);
         spsi_flight_list list;
         list.count = 0;
         if (trees[i].to_polygons > 0) spsi_flights_choose(&trees[i], place->point, 0, angle, &list);
         for (int n = 0; n < list.count; n += SPSI_LANES)
             spsi_flights_irradiance_of(place, &trees[i], &list, n, irradiance);
-        count += list.count;
+        for (int n = 0; n < list.count; ++n) {
+            const spsi_emitter *node = list.entry[n].emitter;
+            double way[3];
+            for (int k = 0; k < 3; ++k) way[k] = trees[i].centre[k] + (double)node->at[k] - place->point[k];
+            nearest = fmin(nearest, fmax(spsi_length(way), (double)node->radius));
+        }
     }
-    return count;
+    return nearest;
 }
 
 /* ============================================================================================== >>shading
@@ -22509,7 +22551,7 @@ static int spsi_sight_is_clear(const spsi_sight_job *job, const spsi_lamp *point
     }
     if (count == 0) return 1;
     spsi_sight_shaft(job, view, point, &shaft);
-    return spsi_shaft_is_clear(job->faces, &shaft, lit, count, NULL);
+    return spsi_shaft_is_clear(job->faces, &shaft, lit, count, NULL, 0);
 }
 
 /* Finds what is lit of a tile without tracing any ray, where it shows a few flat polygons, and none can be in the way
@@ -22586,83 +22628,285 @@ static double spsi_straight_scale(const spsi_frame *frame, int c) {
     return cells ? (double)cells->scale[spsi_least(c, cells->channels - 1)] : 1;
 }
 
-/* Adds what cells of a grid send to a surface, by channel. */
-static void spsi_add_grid_irradiance(const spsi_shader *shader, const spsi_cell_grid *grid, const spsi_surface *surface,
-                                     int face, double irradiance[3]) {
-    float patches[SPSI_CELL_SHEET];
-    const spsi_cell_sight sight = {grid, shader->faces, surface, surface->normal, face};
-    const int hidden = spsi_cells_sight(&sight, patches);
-    double own[3];
-    spsi_cells_irradiance(grid, 0, grid->channels, surface->point, surface->normal, hidden ? patches : NULL, own);
-    for (int c = 0; c < grid->channels; ++c) irradiance[c] += own[c];
-}
+/* --- what pixels' polygons receive from cells and by first flights --- */
 
-#define SPSI_WIDE_NODES 12 /* a source of so many nodes is wide */
+#define SPSI_RECEIVED_TILE  64 /* pixels along a side of a task's tile */
+#define SPSI_RECEIVED_KNOTS (SPSI_RECEIVED_TILE / 2 + 1)
 
-/* What a face's plane receives at a pixel of a row: from cells, and by first flights. */
+typedef struct spsi_receive_job {
+    const spsi_frame *frame;
+    const spsi_faces *faces;
+    const spsi_visible *visible;
+    spsi_bounds from[2]; /* about all that sends light: cells; first flights */
+    float *received;     /* as spsi_visible's */
+} spsi_receive_job;
+
+/* What a face's plane receives at a place. */
 typedef struct spsi_received {
-    int face, x, known, nodes; /* known: bit 0: from cells, bit 1: by flights; nodes: of first flights */
-    double point[3], irradiance[2][3];
+    float irradiance[3], reach; /* reach: across which light changes smoothly; 0: not known */
 } spsi_received;
 
-static void spsi_receive(const spsi_shader *shader, const spsi_place *place, int x, int flown, spsi_received *at) {
-    const spsi_content *content = shader->frame->content;
-    spsi_surface surface;
-    const spsi_flight_place point = {shader->frame,  shader->faces,  surface.point,
-                                     surface.start, surface.normal, place->hit->face};
-    if (at->face != place->hit->face || at->x != x) at->known = at->nodes = 0;
-    if (at->known >> flown & 1) return;
-    at->face = place->hit->face;
-    at->x = x;
-    at->known |= 1 << flown;
-    memset(at->irradiance[flown], 0, sizeof at->irradiance[flown]);
-    spsi_surface_at(shader->eye, shader->faces, place->hit, x + place->at[0] - place->x, place->at[1], &surface);
-    memcpy(at->point, surface.point, sizeof at->point);
-    if (!spsi_normalise(surface.normal)) return;
-    for (int n = 0; n < content->cell_grid_count && !flown; ++n)
-        spsi_add_grid_irradiance(shader, &content->cells[n], &surface, at->face, at->irradiance[0]);
-    if (flown) at->nodes = spsi_flights_irradiance(&point, content->flights, at->irradiance[1]);
+/* A tile of pixels, and places of a plane in it, two pixels apart. */
+typedef struct spsi_receive_tile {
+    const spsi_receive_job *job;
+    int x0, y0, flown;                                           /* its first pixel; 0: from cells, 1: by flights */
+    const spsi_hit *hit;                                         /* of the plane */
+    unsigned char shows[SPSI_RECEIVED_TILE][SPSI_RECEIVED_TILE]; /* 0: it is done, 1: flat, 2: on the plane */
+    double least[3]; /* that first flights bring to any of the knots: what comes from cells is small beside it */
+    spsi_received knots[SPSI_RECEIVED_KNOTS][SPSI_RECEIVED_KNOTS];
+} spsi_receive_tile;
+
+/* Adds what cells of a grid send to a surface, by channel. Returns across which that changes smoothly. */
+static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_grid *grid, const spsi_surface *surface,
+                                       int face, float irradiance[3]) {
+    float patches[SPSI_CELL_SHEET];
+    const spsi_cell_sight sight = {grid, faces, surface, surface->normal, face};
+    const int hidden = spsi_cells_sight(&sight, patches);
+    double own[3], square = 16 * grid->edge * grid->edge;
+    spsi_cells_irradiance(grid, 0, grid->channels, surface->point, surface->normal, hidden ? patches : NULL, own);
+    for (int c = 0; c < grid->channels; ++c) irradiance[c] += (float)own[c];
+    for (int k = 0; k < 3; ++k) {
+        const double at = surface->point[k] - grid->corner[k];
+        const double off = fmax(fmax(-at, at - grid->edge * grid->size[k]), 0);
+        square += off * off;
+    }
+    return sqrt(square);
 }
 
-/* Adds what a place receives, from cells or by flights. Wide sources light flat faces smoothly: there, pixels between
-   every fourth of a row are interpolated, if the two are within an edge of a cell (flights: two) and 5 % of each
-   other. */
-static void spsi_add_received(const spsi_shader *shader, const spsi_place *place, int flown, spsi_received near_by[2],
-                              double irradiance[3]) {
-    const int x = place->x & ~3, whole = place->at[0] == place->x && place->at[1] == place->y;
-    const double part = 0.25 * (place->x - x);
-    int smooth = whole && spsi_face_is_flat(&shader->faces->list[place->hit->face]);
-    spsi_received own;
-    memset(&own, 0, sizeof own);
-    if (smooth) {
-        if (near_by[1].known && near_by[1].face == place->hit->face && near_by[1].x == x) near_by[0] = near_by[1];
-        spsi_receive(shader, place, x, flown, &near_by[0]);
-        smooth = part == 0 || !flown || near_by[0].nodes >= SPSI_WIDE_NODES;
-        if (smooth && part > 0) spsi_receive(shader, place, x + 4, flown, &near_by[1]);
+/* What a hit's plane receives where a ray meets it. `clear`: polygons are in no way. */
+static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, const double at[2], int flown, int clear,
+                         spsi_received *to) {
+    const spsi_content *content = job->frame->content;
+    double reach = HUGE_VAL, irradiance[3] = {0, 0, 0};
+    spsi_surface surface;
+    const spsi_flight_place point = {job->frame,    clear ? NULL : job->faces, surface.point,
+                                     surface.start, surface.normal,            hit->face, 1};
+    memset(to, 0, sizeof *to);
+    spsi_surface_at(&content->eye, job->faces, hit, at[0], at[1], &surface);
+    if (!spsi_normalise(surface.normal)) return;
+    for (int n = 0; n < content->cell_grid_count && !flown; ++n)
+        reach = fmin(reach, spsi_add_grid_irradiance(job->faces, &content->cells[n], &surface, hit->face,
+                                                     to->irradiance));
+    if (flown) reach = spsi_flights_irradiance(&point, content->flights, irradiance);
+    for (int c = 0; c < 3 && flown; ++c) to->irradiance[c] = (float)fmin(irradiance[c], (double)FLT_MAX);
+    to->reach = (float)fmin(reach, (double)FLT_MAX);
+}
+
+/* Adds what pixels of a tile's block that show its plane receive, each by itself. */
+static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, int size) {
+    const spsi_frame *frame = tile->job->frame;
+    const size_t channels = (size_t)frame->content->cells->channels;
+    for (int y = y0; y < y0 + size; ++y)
+        for (int x = x0; x < x0 + size; ++x) {
+            spsi_place place;
+            spsi_received own;
+            if (tile->shows[y][x] != 2 || !spsi_in_region(frame, tile->x0 + x, tile->y0 + y)) continue;
+            spsi_place_of_pixel(frame, tile->job->visible, tile->x0 + x, tile->y0 + y, &place);
+            spsi_receive(tile->job, place.hit, place.at, tile->flown, 0, &own);
+            for (size_t c = 0; c < channels; ++c)
+                tile->job->received[place.index * channels + c] += own.irradiance[c];
+        }
+}
+
+/* The same, between a block's corners and its middle. */
+static void spsi_receive_between(const spsi_receive_tile *tile, int x0, int y0, int size,
+                                 const spsi_received *const knot[5]) {
+    const spsi_frame *frame = tile->job->frame;
+    const size_t channels = (size_t)frame->content->cells->channels;
+    for (int y = y0; y < y0 + size; ++y)
+        for (int x = x0; x < x0 + size; ++x) {
+            const float across = (float)(x - x0) / (float)size, down = (float)(y - y0) / (float)size;
+            const size_t index = (size_t)(tile->y0 + y) * (size_t)frame->content->eye.width + (size_t)(tile->x0 + x);
+            if (tile->shows[y][x] != 2 || !spsi_in_region(frame, tile->x0 + x, tile->y0 + y)) continue;
+            for (size_t c = 0; c < channels; ++c) {
+                float own[5], sum;
+                for (int i = 0; i < 5; ++i) own[i] = knot[i]->irradiance[c];
+                sum = own[4] - 0.25f * (own[0] + own[1] + own[2] + own[3]);
+                sum *= 16 * across * (1 - across) * down * (1 - down);
+                sum += (1 - down) * ((1 - across) * own[0] + across * own[1]);
+                sum += down * ((1 - across) * own[2] + across * own[3]);
+                tile->job->received[index * channels + c] += sum;
+            }
+        }
+}
+
+/* Whether light on a block is linear: it is smooth across the block, none of it crosses polygons, and in the middle it
+   is the mean of the corners. Of four pixels, all five are alike. */
+static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, const spsi_received *knots[5]) {
+    const spsi_receive_job *job = tile->job;
+    double at[5][2], point[4][3], across[3];
+    spsi_bounds bounds = spsi_nowhere;
+    spsi_shaft shaft;
+    int clear;
+    for (int i = 0; i < 5; ++i) {
+        spsi_surface surface;
+        at[i][0] = tile->x0 + x0 + (i == 4 ? size / 2 : i % 2 * size);
+        at[i][1] = tile->y0 + y0 + (i == 4 ? size / 2 : i / 2 * size);
+        if (i == 4) break;
+        spsi_surface_at(&job->frame->content->eye, job->faces, tile->hit, at[i][0], at[i][1], &surface);
+        memcpy(point[i], surface.point, sizeof point[i]);
+        spsi_bounds_add(&bounds, point[i]);
     }
-    if (smooth && part > 0) {
-        double apart[3];
-        spsi_along(near_by[0].point, near_by[1].point, -1, apart);
-        smooth = spsi_length(apart) <= (1 + flown) * shader->frame->content->cells->edge;
+    spsi_along(bounds.high, bounds.low, -1, across);
+    spsi_shaft_build(job->faces, &bounds, &job->from[tile->flown], &shaft);
+    clear = !job->frame->meshes.translucent &&
+            spsi_shaft_is_clear(job->faces, &shaft, &tile->hit->face, 1, (const double(*)[3])point, 4);
+    if (!clear && size > 4) return 0;
+    for (int i = 4; i >= 0; --i) {
+        spsi_received *knot = &tile->knots[((int)at[i][1] - tile->y0) / 2][((int)at[i][0] - tile->x0) / 2];
+        if (!(knot->reach > 0)) spsi_receive(job, tile->hit, at[i], tile->flown, clear, knot);
+        if (!(spsi_length(across) <= 0.5 * (double)knot->reach)) return 0;
+        knots[i] = knot;
     }
-    for (int c = 0; c < 3 && smooth; ++c) {
-        const double a = near_by[0].irradiance[flown][c], b = part > 0 ? near_by[1].irradiance[flown][c] : a;
-        smooth = fmin(a, b) >= 0.95 * fmax(a, b);
-        own.irradiance[flown][c] = a + part * (b - a);
+    for (int c = 0; c < 3; ++c) {
+        double sum = 0, low = HUGE_VAL, high = 0;
+        for (int i = 0; i < 4; ++i) {
+            const double own = (double)knots[i]->irradiance[c] + tile->least[c];
+            sum += 0.25 * own, low = fmin(low, own), high = fmax(high, own);
+        }
+        sum = fabs((double)knots[4]->irradiance[c] + tile->least[c] - sum);
+        if (!(sum <= (clear ? 0.0125 : 0.05) * high) || !(low >= (clear ? 0.7 : 0.95) * high)) return 0;
     }
-    if (!smooth) spsi_receive(shader, place, place->x, flown, &own);
-    for (int c = 0; c < 3; ++c) irradiance[c] += own.irradiance[flown][c];
+    return 1;
+}
+
+/* Adds what pixels of a block that show the plane receive: between its corners if light is linear there, or else by
+   quarters. */
+static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, int size) {
+    const spsi_received *knots[5];
+    int count = 0;
+    for (int y = y0; y < y0 + size; ++y)
+        for (int x = x0; x < x0 + size; ++x) count += tile->shows[y][x] == 2;
+    if (count < 5)
+        spsi_receive_pixels(tile, x0, y0, size);
+    else if (spsi_receive_even(tile, x0, y0, size, knots))
+        spsi_receive_between(tile, x0, y0, size, knots);
+    else if (size == 4)
+        spsi_receive_pixels(tile, x0, y0, size);
+    else
+        for (int i = 0; i < 4; ++i)
+            spsi_receive_block(tile, x0 + i % 2 * size / 2, y0 + i / 2 * size / 2, size / 2);
+}
+
+/* Whether a flat face lies on another's plane, and has its normal. */
+static int spsi_faces_share_plane(const spsi_face *face, const spsi_face *other) {
+    double plane[3], apart = 0;
+    spsi_face_plane(face, plane);
+    for (int i = 0; i < 3; ++i) {
+        double offset[3];
+        spsi_along(other->position[i], face->position[0], -1, offset);
+        apart = fmax(apart, fabs(spsi_dot(plane, offset)) - 1e-6 * spsi_length(plane) * spsi_length(offset));
+    }
+    return !(apart > 0) && memcmp(face->normal[0], other->normal[0], sizeof face->normal[0]) == 0;
+}
+
+/* Adds what the pixels receive that show the plane of the tile's hit, from one of them on. */
+static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
+    const spsi_receive_job *job = tile->job;
+    const spsi_content *content = job->frame->content;
+    const spsi_face *face = &job->faces->list[tile->hit->face];
+    int last = tile->hit->face, shared = 1;
+    for (int n = first; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n) {
+        const int x = n % SPSI_RECEIVED_TILE, y = n / SPSI_RECEIVED_TILE;
+        int own;
+        if (tile->shows[y][x] != 1) continue;
+        own = job->visible->hits[(size_t)(tile->y0 + y) * (size_t)content->eye.width + (size_t)(tile->x0 + x)].face;
+        if (own != last) shared = spsi_faces_share_plane(face, &job->faces->list[own]);
+        last = own;
+        if (shared) tile->shows[y][x] = 2;
+    }
+    memset(tile->least, 0, sizeof tile->least);
+    for (tile->flown = content->flights ? 1 : 0; tile->flown >= 0; --tile->flown) {
+        memset(tile->knots, 0, sizeof tile->knots);
+        spsi_receive_block(tile, 0, 0, SPSI_RECEIVED_TILE);
+        for (int c = 0; c < 3; ++c) tile->least[c] = HUGE_VAL;
+        for (int n = 0; n < SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS; ++n)
+            for (int c = 0; c < 3; ++c)
+                if (tile->knots[n / SPSI_RECEIVED_KNOTS][n % SPSI_RECEIVED_KNOTS].reach > 0)
+                    tile->least[c] = fmin(tile->least[c], (double)tile->knots[n / SPSI_RECEIVED_KNOTS][n % SPSI_RECEIVED_KNOTS].irradiance[c]);
+    }
+    for (int n = first; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n)
+        if ((&tile->shows[0][0])[n] == 2) (&tile->shows[0][0])[n] = 0;
+}
+
+static void spsi_receive_task(void *data, int index) {
+    const spsi_receive_job *job = (const spsi_receive_job *)data;
+    const spsi_frame *frame = job->frame;
+    const int width = frame->content->eye.width, height = frame->content->eye.height;
+    const int columns = (width + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE;
+    spsi_receive_tile tile;
+    tile.job = job;
+    tile.x0 = index % columns * SPSI_RECEIVED_TILE;
+    tile.y0 = index / columns * SPSI_RECEIVED_TILE;
+    memset(tile.shows, 0, sizeof tile.shows);
+    for (int y = 0; y < spsi_least(SPSI_RECEIVED_TILE, height - tile.y0); ++y)
+        for (int x = 0; x < spsi_least(SPSI_RECEIVED_TILE, width - tile.x0); ++x) {
+            const int face = job->visible->hits[(size_t)(tile.y0 + y) * (size_t)width + (size_t)(tile.x0 + x)].face;
+            if (face >= 0) tile.shows[y][x] = spsi_face_is_flat(&job->faces->list[face]) ? 1 : 2;
+        }
+    for (tile.flown = 0; tile.flown < (frame->content->flights ? 2 : 1); ++tile.flown)
+        spsi_receive_pixels(&tile, 0, 0, SPSI_RECEIVED_TILE);
+    for (int n = 0; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n) {
+        const int x = n % SPSI_RECEIVED_TILE, y = n / SPSI_RECEIVED_TILE;
+        if (tile.shows[y][x] == 2) tile.shows[y][x] = 0;
+        if (tile.shows[y][x] != 1) continue;
+        tile.hit = &job->visible->hits[(size_t)(tile.y0 + y) * (size_t)width + (size_t)(tile.x0 + x)];
+        spsi_receive_plane(&tile, n);
+    }
+}
+
+/* Bytes of what pixels receive. */
+static size_t spsi_received_bytes(const spsi_frame *frame) {
+    return spsi_ray_count(&frame->content->eye) * (size_t)frame->channels * sizeof(float);
+}
+
+/* Finds what the region's pixels receive. Tiles are aligned to the image: all of a tile decides where places of a plane
+   are looked at, whatever the region. */
+static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                   spsi_visible *visible) {
+    const spsi_content *content = frame->content;
+    spsi_receive_job job = {frame, faces, visible, {spsi_nowhere, spsi_nowhere}, NULL};
+    if (!content->cells || !visible->hits) return SPS_OK;
+    job.received = (float *)spsi_reserve(context, SPSI_BUFFER_RECEIVED, 1, spsi_received_bytes(frame));
+    if (!job.received) return context->result;
+    memset(job.received, 0, spsi_received_bytes(frame));
+    for (int n = 0; n < content->cell_grid_count; ++n) {
+        const spsi_cell_grid *grid = &content->cells[n];
+        double far_corner[3];
+        for (int k = 0; k < 3; ++k) far_corner[k] = grid->corner[k] + grid->edge * grid->size[k];
+        spsi_bounds_add(&job.from[0], grid->corner);
+        spsi_bounds_add(&job.from[0], far_corner);
+    }
+    for (int i = 0; i < SPSI_FLIGHT_TREES && content->flights; ++i) {
+        if (content->flights[i].count == 0 || !(content->flights[i].to_polygons > 0)) continue;
+        spsi_bounds_add(&job.from[1], content->flights[i].bounds.low);
+        spsi_bounds_add(&job.from[1], content->flights[i].bounds.high);
+    }
+    spsi_parallel_items(context,
+                        (content->eye.width + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE *
+                            ((content->eye.height + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE),
+                        spsi_receive_task, &job);
+    visible->received = job.received;
+    return SPS_OK;
 }
 
 /* Adds what a place reflects of the light that cells send; of ambient light they lack some. */
 static void spsi_add_flux(const spsi_shader *shader, const spsi_place *place, const double color[3],
-                          spsi_received near_by[2], float radiance[3]) {
+                          float radiance[3]) {
     const spsi_content *content = shader->frame->content;
-    double irradiance[3] = {0, 0, 0};
-    for (int flown = 0; flown < (content->flights ? 2 : 1); ++flown)
-        spsi_add_received(shader, place, flown, near_by, irradiance);
+    const spsi_receive_job job = {shader->frame, shader->faces, shader->visible, {spsi_nowhere, spsi_nowhere}, NULL};
+    const size_t channels = (size_t)content->cells->channels;
+    float irradiance[3] = {0, 0, 0};
+    if (place->index < spsi_ray_count(&content->eye))
+        memcpy(irradiance, shader->visible->received + channels * place->index, channels * sizeof *irradiance);
+    else
+        for (int flown = 0; flown < (content->flights ? 2 : 1); ++flown) {
+            spsi_received own;
+            spsi_receive(&job, place->hit, place->at, flown, 0, &own);
+            for (int c = 0; c < 3; ++c) irradiance[c] += own.irradiance[c];
+        }
     for (int c = 0; c < 3; ++c) {
-        const double received = irradiance[spsi_least(c, content->cells->channels - 1)];
+        const double received = (double)irradiance[spsi_least(c, content->cells->channels - 1)];
         radiance[c] = spsi_higher(radiance[c] + (float)(color[c] * received / SPSI_PI), 0);
     }
 }
@@ -22716,13 +22960,11 @@ typedef struct spsi_surfaces {
     float normal[3][SPSI_LANES], turn[SPSI_LANES]; /* of unit length; turn: as a facet's, before they face the eye */
     float color[3][SPSI_LANES], emission[3][SPSI_LANES];
     float radiance[3][SPSI_LANES]; /* that they send towards the eye; 0 in other lanes */
-    spsi_received received[2];     /* at pixels of the row */
 } spsi_surfaces;
 
 static void spsi_surfaces_begin(spsi_surfaces *list) {
     list->meetings.lanes = 0;
     list->facet.number = -1;
-    memset(list->received, 0, sizeof list->received);
     memset(list->normal, 0, sizeof list->normal);
     memset(list->turn, 0, sizeof list->turn);
     memset(list->color, 0, sizeof list->color);
@@ -22963,7 +23205,7 @@ static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_sh
         if (shadow)
             spsi_add_spread_on(shader, shadow, place, color, radiance);
         else
-            spsi_add_flux(shader, place, color, list->received, radiance);
+            spsi_add_flux(shader, place, color, radiance);
         for (int c = 0; c < 3; ++c) list->radiance[c][n] = radiance[c];
     }
 }
@@ -24267,6 +24509,7 @@ static void spsi_cell_walls_fly(const spsi_cell_job *job, size_t at) {
     place.start = start;
     place.normal = normal;
     place.face = -1;
+    place.breadth = 2;
     spsi_flights_irradiance(&place, job->flights, irradiance);
     for (size_t c = 0; c < (size_t)grid->channels; ++c)
         walls->lit[c * grid->count + at] +=
@@ -26841,6 +27084,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     if (spsi_scatters_fully(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
     if (spsi_scatters_aside(frame) && spsi_spreads_build(context, frame, &picture.faces, &cells, &picture.spreads))
         return context->result;
+    if (spsi_receive_all(context, frame, &picture.faces, &picture.visible)) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
         if (spsi_render_sweep(context, &picture, run, n)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
@@ -27324,6 +27568,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
             frame->meshes.triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
             (size_t)frame->content->eye.width * (size_t)frame->content->eye.height * sizeof(spsi_hit) +
             SPSI_TRIANGLE_BATCH * sizeof(sps_triangle);
+        if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes += spsi_received_bytes(frame);
         report->pass[SPS_PASS_LAYERS].bytes = spsi_layers_bytes(context, frame);
         report->pass[SPS_PASS_TEXTURES].bytes = spsi_textures_bytes(frame);
         if (spsi_needs_tree(frame))

@@ -565,6 +565,60 @@ static void test_between_pixels(void) {
     }
 }
 
+enum { CUT_STEPS = 300, CUT_PIXELS = 4 };
+
+/* Irradiance of y = 0 by an even ball of radius 1 that sends 1, its middle at a height and so far aside: the sum over
+   directions of the cosine times the way through the ball, over its volume. */
+static double cut_exact(double height, double aside) {
+    double sum = 0;
+    for (int n = 0; n < CUT_STEPS * CUT_STEPS; ++n) {
+        const double cosine = (n % CUT_STEPS + 0.5) / CUT_STEPS, turn = SPSI_PI * (n / CUT_STEPS + 0.5) / CUT_STEPS;
+        const double middle = sqrt(1 - cosine * cosine) * cos(turn) * aside + cosine * height;
+        const double square = middle * middle + 1 - aside * aside - height * height, half = sqrt(fmax(square, 0));
+        if (square > 0) sum += cosine * (fmax(middle + half, 0) - fmax(middle - half, 0));
+    }
+    return sum * 2 * SPSI_PI / CUT_STEPS / CUT_STEPS * 0.75 / SPSI_PI;
+}
+
+/* A thin glowing ball that a floor cuts. What the floor reflects is the picture less that of a black floor. 2 %:
+   32 steps of an angle take that where a tenth of the radius is above, and less elsewhere. */
+static void test_cut(void) {
+    static const double heights[] = {-0.5, -0.1, 0, 0.3, 0.8}, places[] = {0.4, 1.2, 2, 5};
+    static const double origin[3] = {-40, 0, -40}, along[3] = {0, 0, 80}, side[3] = {80, 0, 0};
+    static const float radius = 0.5f, depth = 0.01f;
+    for (int n = 0; n < 20; ++n) {
+        const double height = heights[n / 4], across = places[n % 4];
+        double mean[2] = {0, 0};
+        check_triangles floor;
+        memset(&floor, 0, sizeof floor);
+        check_add_quad(&floor, origin, along, side);
+        for (int white = 0; white < 2; ++white) {
+            check_scene s;
+            sps_particle ball;
+            sps_particles set;
+            memset(&ball, 0, sizeof ball), memset(&set, 0, sizeof set);
+            ball.position[1] = (float)(height * (double)radius), ball.radius = radius, ball.optical_depth = depth;
+            set.count = 1, set.read_fn = check_read_particles, set.user = &ball;
+            for (int k = 0; k < 3; ++k) set.emission[k] = 1;
+            check_clear(&s, CUT_PIXELS, CUT_PIXELS);
+            check_set3(s.view.camera.position, across * (double)radius, 9, 3);
+            check_set3(s.view.camera.target, across * (double)radius, 0, 0);
+            check_orthographic(&s.view.camera, 0.01);
+            s.view.scattering = SPS_SCATTERING_FULL;
+            s.scene.particles = &set, s.scene.particle_set_count = 1, s.scene.mesh_count = 1;
+            for (int k = 0; k < 3; ++k) s.mesh[0].color[k] = (float)white;
+            s.mesh[0].triangle_count = floor.count, s.mesh[0].read_fn = check_read_triangles, s.mesh[0].user = &floor;
+            if (!check_render(context, &s, picture)) return;
+            for (int i = 0; i < CUT_PIXELS * CUT_PIXELS; ++i)
+                mean[white] += (double)picture[4 * i] / (CUT_PIXELS * CUT_PIXELS);
+        }
+        check_free_triangles(&floor);
+        CHECK_CASE("Scattering", "a floor that cuts a glowing ball", "the way through it, over directions; relative",
+                   fabs((mean[1] - mean[0]) / (ball_sends(0, (double)depth) * cut_exact(height, across)) - 1), 0.02,
+                   "32 steps of an angle");
+    }
+}
+
 /* Waves of gas; user: their amplitude, that of a voxel's kernel included if it is not NULL. */
 static double uneven_gas(const void *user, const double p[3]) {
     const double amplitude = user ? *(const double *)user : 1;
@@ -721,6 +775,7 @@ int main(void) {
     RUN(test_cube);
     RUN(test_crowd);
     RUN(test_between_pixels);
+    RUN(test_cut);
     RUN(test_uneven);
     RUN(test_rim);
     RUN(test_halo);

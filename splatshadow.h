@@ -19157,7 +19157,7 @@ static int spsi_cell_patch_first(int patch, int size) {
     return (patch * size + SPSI_CELL_PATCHES - 1) / SPSI_CELL_PATCHES;
 }
 
-/* Floats of what leaves the grid, by plane of cells, part of a sweep, mean and patch. */
+/* Floats of what leaves the grid, by plane of cells, part of a sweep, harmonic and patch. */
 static size_t spsi_cell_leaving_floats(int planes) { return 3 * SPSI_CELL_TERMS * SPSI_CELL_SHEET * (size_t)planes; }
 
 /* The share of its cosine with which each side of the grid counts that light leaves by, where it leaves a cell by

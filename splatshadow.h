@@ -22692,42 +22692,34 @@ static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, const
     to->reach = (float)fmin(reach, (double)FLT_MAX);
 }
 
-/* Adds what pixels of a tile's block that show its plane receive, each by itself. */
-static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, int size) {
-    const spsi_frame *frame = tile->job->frame;
-    const size_t channels = (size_t)frame->content->cells->channels;
-    for (int y = y0; y < y0 + size; ++y)
-        for (int x = x0; x < x0 + size; ++x) {
-            spsi_place place;
-            spsi_received own;
-            if (tile->shows[y][x] != 2 || !spsi_in_region(frame, tile->x0 + x, tile->y0 + y)) continue;
-            spsi_place_of_pixel(frame, tile->job->visible, tile->x0 + x, tile->y0 + y, &place);
-            spsi_receive(tile->job, place.hit, place.at, tile->flown, 0, &own);
-            for (size_t c = 0; c < channels; ++c)
-                tile->job->received[place.index * channels + c] += own.irradiance[c];
-        }
+/* What a place of a block receives, from -1 to 1 along each side, between its corners and its middle. */
+static float spsi_received_between(const spsi_received *const knots[5], size_t c, const float at[2]) {
+    const float bulge = (1 - at[0] * at[0]) * (1 - at[1] * at[1]);
+    float sum = bulge * knots[4]->irradiance[c];
+    for (int i = 0; i < 4; ++i) {
+        const float share = (1 + (i % 2 ? at[0] : -at[0])) * (1 + (i / 2 ? at[1] : -at[1]));
+        sum += 0.25f * (share - bulge) * knots[i]->irradiance[c];
+    }
+    return sum;
 }
 
-/* The same, between a block's corners and its middle. */
-static void spsi_receive_between(const spsi_receive_tile *tile, int x0, int y0, int size,
-                                 const spsi_received *const knot[5]) {
+/* Adds what pixels of a tile's block that show its plane receive: each by itself, or between knots. */
+static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, int size,
+                                const spsi_received *const knots[5]) {
     const spsi_frame *frame = tile->job->frame;
     const size_t channels = (size_t)frame->content->cells->channels;
-    for (int y = y0; y < y0 + size; ++y)
-        for (int x = x0; x < x0 + size; ++x) {
-            const float across = (float)(x - x0) / (float)size, down = (float)(y - y0) / (float)size;
-            const size_t index = (size_t)(tile->y0 + y) * (size_t)frame->content->eye.width + (size_t)(tile->x0 + x);
-            if (tile->shows[y][x] != 2 || !spsi_in_region(frame, tile->x0 + x, tile->y0 + y)) continue;
-            for (size_t c = 0; c < channels; ++c) {
-                float own[5], sum;
-                for (int i = 0; i < 5; ++i) own[i] = knot[i]->irradiance[c];
-                sum = own[4] - 0.25f * (own[0] + own[1] + own[2] + own[3]);
-                sum *= 16 * across * (1 - across) * down * (1 - down);
-                sum += (1 - down) * ((1 - across) * own[0] + across * own[1]);
-                sum += down * ((1 - across) * own[2] + across * own[3]);
-                tile->job->received[index * channels + c] += sum;
-            }
-        }
+    for (int n = 0; n < size * size; ++n) {
+        const int x = x0 + n % size, y = y0 + n / size;
+        const float at[2] = {2 * (float)(x - x0) / (float)size - 1, 2 * (float)(y - y0) / (float)size - 1};
+        spsi_place place;
+        spsi_received own;
+        if (tile->shows[y][x] != 2 || !spsi_in_region(frame, tile->x0 + x, tile->y0 + y)) continue;
+        spsi_place_of_pixel(frame, tile->job->visible, tile->x0 + x, tile->y0 + y, &place);
+        if (!knots) spsi_receive(tile->job, place.hit, place.at, tile->flown, 0, &own);
+        for (size_t c = 0; c < channels; ++c)
+            tile->job->received[place.index * channels + c] +=
+                knots ? spsi_received_between(knots, c, at) : own.irradiance[c];
+    }
 }
 
 /* Whether light on a block is linear: it is smooth across the block, none of it crosses polygons, and in the middle it
@@ -22777,12 +22769,10 @@ static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, int size
     int count = 0;
     for (int y = y0; y < y0 + size; ++y)
         for (int x = x0; x < x0 + size; ++x) count += tile->shows[y][x] == 2;
-    if (count < 5)
-        spsi_receive_pixels(tile, x0, y0, size);
-    else if (spsi_receive_even(tile, x0, y0, size, knots))
-        spsi_receive_between(tile, x0, y0, size, knots);
-    else if (size == 4)
-        spsi_receive_pixels(tile, x0, y0, size);
+    if (count >= 5 && spsi_receive_even(tile, x0, y0, size, knots))
+        spsi_receive_pixels(tile, x0, y0, size, knots);
+    else if (count < 5 || size == 4)
+        spsi_receive_pixels(tile, x0, y0, size, NULL);
     else
         for (int i = 0; i < 4; ++i)
             spsi_receive_block(tile, x0 + i % 2 * size / 2, y0 + i / 2 * size / 2, size / 2);
@@ -22845,7 +22835,7 @@ static void spsi_receive_task(void *data, int index) {
             if (face >= 0) tile.shows[y][x] = spsi_face_is_flat(&job->faces->list[face]) ? 1 : 2;
         }
     for (tile.flown = 0; tile.flown < (frame->content->flights ? 2 : 1); ++tile.flown)
-        spsi_receive_pixels(&tile, 0, 0, SPSI_RECEIVED_TILE);
+        spsi_receive_pixels(&tile, 0, 0, SPSI_RECEIVED_TILE, NULL);
     for (int n = 0; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n) {
         const int x = n % SPSI_RECEIVED_TILE, y = n / SPSI_RECEIVED_TILE;
         if (tile.shows[y][x] == 2) tile.shows[y][x] = 0;

@@ -22676,11 +22676,12 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, i
     }
 }
 
-/* Whether light on a block is linear: it is smooth across the block, none of it crosses polygons, and in the middle it
-   is the mean of the corners. Of four pixels, all five are alike. */
+/* Whether light on a block is nearly linear: it changes little across its breadth, no polygon is in its way, and in the
+   middle it is the mean of the corners. A block of 4^2 is narrow enough within two edges of a cell; if polygons may be
+   in the way there, all five places are alike. */
 static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, const spsi_received *knots[5]) {
     const spsi_receive_job *job = tile->job;
-    double at[5][2], point[4][3], across[3];
+    double at[5][2], point[4][3], across[3], least = 0;
     spsi_bounds bounds = spsi_nowhere;
     spsi_shaft shaft;
     int clear;
@@ -22694,6 +22695,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, 
         spsi_bounds_add(&bounds, point[i]);
     }
     spsi_along(bounds.high, bounds.low, -1, across);
+    if (size == 4) least = 2 * job->frame->content->cells->edge;
     spsi_shaft_build(job->faces, &bounds, &job->from[tile->flown], &shaft);
     clear = !job->frame->meshes.translucent &&
             spsi_shaft_is_clear(job->faces, &shaft, &tile->hit->face, 1, (const double(*)[3])point, 4);
@@ -22701,7 +22703,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, 
     for (int i = 4; i >= 0; --i) {
         spsi_received *knot = &tile->knots[((int)at[i][1] - tile->y0) / 2][((int)at[i][0] - tile->x0) / 2];
         if (!(knot->reach > 0)) spsi_receive(job, tile->hit, at[i], tile->flown, clear, knot);
-        if (!(spsi_length(across) <= 0.5 * (double)knot->reach)) return 0;
+        if (!(spsi_length(across) <= fmax(0.5 * (double)knot->reach, least))) return 0;
         knots[i] = knot;
     }
     for (int c = 0; c < 3; ++c) {

@@ -8648,8 +8648,8 @@ static int spsi_shaft_meets_face(const spsi_shaft *shaft, const spsi_faces *face
     return (far_off[1] > 0 && near_by[0] < -room) || (far_off[0] < 0 && near_by[1] > room);
 }
 
-/* Whether nothing can be in the way of a shaft's rays, which begin anywhere on `count` faces; or on one between `starts`
-   places (0: anywhere), and then opaque faces alone are in the way. */
+/* Whether nothing can be in the way of a shaft's rays, which begin anywhere on `count` faces; or on one between
+   `starts` places (0: anywhere), and then opaque faces alone are in the way. */
 static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft, const int *own, int count,
                                const double (*start)[3], int starts) {
     int stack[SPSI_TREE_STACK], top = 0, seen = 0;
@@ -21151,8 +21151,8 @@ static double spsi_ball_lights(double distance, double height, double radius) {
     return 1.5 / SPSI_PI * sum * (1 - low) / STEPS / (radius * radius);
 }
 
-/* Adds the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts go to the middle
-   of what is above it. */
+/* Adds the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts go to the
+   middle of what is above it. */
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights,
                                        const spsi_flight_list *list, int n, double irradiance[3]) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
@@ -22653,7 +22653,7 @@ typedef struct spsi_receive_tile {
     const spsi_hit *hit;                                         /* of the plane */
     unsigned char shows[SPSI_RECEIVED_TILE][SPSI_RECEIVED_TILE]; /* 0: it is done, 1: flat, 2: on the plane */
     double least[3]; /* that first flights bring to any of the knots: what comes from cells is small beside it */
-    spsi_received knots[SPSI_RECEIVED_KNOTS][SPSI_RECEIVED_KNOTS];
+    spsi_received knots[SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS];
 } spsi_receive_tile;
 
 /* Adds what cells of a grid send to a surface, by channel. Returns across which that changes smoothly. */
@@ -22722,11 +22722,12 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, i
     }
 }
 
-/* Whether light on a block is linear: it is smooth across the block, none of it crosses polygons, and in the middle it
-   is the mean of the corners. Of four pixels, all five are alike. */
+/* Whether light on a block is nearly linear: it changes little across its breadth, no polygon is in its way, and in the
+   middle it is the mean of the corners. A block of 4^2 is narrow enough within two edges of a cell; if polygons may be
+   in the way there, all five places are alike. */
 static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, const spsi_received *knots[5]) {
     const spsi_receive_job *job = tile->job;
-    double at[5][2], point[4][3], across[3];
+    double at[5][2], point[4][3], across[3], least = 0;
     spsi_bounds bounds = spsi_nowhere;
     spsi_shaft shaft;
     int clear;
@@ -22740,14 +22741,16 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, 
         spsi_bounds_add(&bounds, point[i]);
     }
     spsi_along(bounds.high, bounds.low, -1, across);
+    if (size == 4) least = 2 * job->frame->content->cells->edge;
     spsi_shaft_build(job->faces, &bounds, &job->from[tile->flown], &shaft);
     clear = !job->frame->meshes.translucent &&
             spsi_shaft_is_clear(job->faces, &shaft, &tile->hit->face, 1, (const double(*)[3])point, 4);
     if (!clear && size > 4) return 0;
     for (int i = 4; i >= 0; --i) {
-        spsi_received *knot = &tile->knots[((int)at[i][1] - tile->y0) / 2][((int)at[i][0] - tile->x0) / 2];
+        const int column = ((int)at[i][0] - tile->x0) / 2, row = ((int)at[i][1] - tile->y0) / 2;
+        spsi_received *knot = &tile->knots[row * SPSI_RECEIVED_KNOTS + column];
         if (!(knot->reach > 0)) spsi_receive(job, tile->hit, at[i], tile->flown, clear, knot);
-        if (!(spsi_length(across) <= 0.5 * (double)knot->reach)) return 0;
+        if (!(spsi_length(across) <= fmax(0.5 * (double)knot->reach, least))) return 0;
         knots[i] = knot;
     }
     for (int c = 0; c < 3; ++c) {
@@ -22811,9 +22814,8 @@ static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
         spsi_receive_block(tile, 0, 0, SPSI_RECEIVED_TILE);
         for (int c = 0; c < 3; ++c) tile->least[c] = HUGE_VAL;
         for (int n = 0; n < SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS; ++n)
-            for (int c = 0; c < 3; ++c)
-                if (tile->knots[n / SPSI_RECEIVED_KNOTS][n % SPSI_RECEIVED_KNOTS].reach > 0)
-                    tile->least[c] = fmin(tile->least[c], (double)tile->knots[n / SPSI_RECEIVED_KNOTS][n % SPSI_RECEIVED_KNOTS].irradiance[c]);
+            for (int c = 0; c < 3 && tile->knots[n].reach > 0; ++c)
+                tile->least[c] = fmin(tile->least[c], (double)tile->knots[n].irradiance[c]);
     }
     for (int n = first; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n)
         if ((&tile->shows[0][0])[n] == 2) (&tile->shows[0][0])[n] = 0;

@@ -20179,16 +20179,21 @@ static spsi_v spsi_emitter_begin(const spsi_emitter *emitter, spsi_v length) {
     return spsi_min(spsi_set(0.75f * emitter->radius), length);
 }
 
-/* Lets less leave an emitter: it hides itself as a ball of the gas in the cell about its centre. */
+/* Lets less leave an emitter: it hides itself as a ball of the gas about its centre, the mean there and at 0.6 radii, by
+   which gas that bends is that on a radius. */
 static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];
-        size_t at;
-        if (!spsi_cell_holding(grid, point, &at)) continue;
+        double depth = 0;
+        for (int i = 0; i < 7; ++i) {
+            double at[3] = {point[0], point[1], point[2]};
+            size_t cell;
+            if (i < 6) at[i / 2] += (i % 2 ? 0.6 : -0.6) * (double)emitter->radius;
+            if (spsi_cell_holding(grid, at, &cell)) depth += (double)grid->depth[cell] / 7;
+        }
         for (int c = 0; c < 3; ++c) {
             const double scale = (double)grid->scale[spsi_least(c, grid->channels - 1)];
-            emitter->leaves[c] *=
-                (float)spsi_ball_escape((double)emitter->radius / grid->edge * (double)grid->depth[at] * scale);
+            emitter->leaves[c] *= (float)spsi_ball_escape((double)emitter->radius / grid->edge * depth * scale);
         }
     }
 }

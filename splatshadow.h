@@ -20179,8 +20179,8 @@ static spsi_v spsi_emitter_begin(const spsi_emitter *emitter, spsi_v length) {
     return spsi_min(spsi_set(0.75f * emitter->radius), length);
 }
 
-/* Lets less leave an emitter: it hides itself as a ball of the gas about its centre, the mean there and at 0.6 radii, by
-   which gas that bends is that on a radius. */
+/* Lets less leave an emitter: it hides itself as an even ball of the gas about its centre. The mean there and at 0.6
+   radii is near that on a radius. */
 static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];

@@ -18865,7 +18865,7 @@ static int spsi_cell_link(int x, int y, int z) { return x + 1 + 3 * (y + 1) + 9 
 
 /* Real harmonics whose squares have the mean 1 over the sphere: terms l^2 to (l + 1)^2 - 1 are of degree l. Of a vector
    of directions, up to a number of terms: 1, 4 or all. */
-static void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_TERMS]) {
+static inline void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_TERMS]) {
     const spsi_v x = v[0], y = v[1], z = v[2], xx = spsi_mul(x, x), yy = spsi_mul(y, y), zz = spsi_mul(z, z);
     const spsi_v five = spsi_fma(zz, spsi_set(5), spsi_set(-1)), apart = spsi_sub(xx, yy), xy = spsi_mul(x, y);
     const float factor[3] = {1.7320508f, 3.8729833f, 1.1180340f}; /* roots of 3, 15 and 1.25 */
@@ -20010,7 +20010,7 @@ static void spsi_cell_patches_send(const float *sent, int count, int axis, const
     }
 }
 
-/* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most 5/9 of their
+/* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most 0.6 of their
    distance, down to a fifth of a patch; nearer, cells are looked up themselves. `open`: the fraction of each patch that
    is seen; NULL: all of them. */
 static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count, const double point[3],
@@ -20039,7 +20039,7 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
             spsi_store(lanes, square);
             for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
             nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
-            parts = (int)ceil(1.8 * longest / nearest);
+            parts = (int)ceil(1.7 * longest / nearest);
         }
         area = spsi_mul(area, spsi_set(1 / (float)(parts * parts)));
         for (int i = 0; i < parts * parts; ++i) {

@@ -20381,7 +20381,7 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* The same for volumes: of those of a depth of 0.5 or more whose voxels and kernels are up to 3, or in part 6 cells
+/* The same for volumes: of those of a depth of 0.5 or more whose voxels and kernels are up to 6, or in part 12 cells
    wide, unless polygons are among these. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                              double edge) {
@@ -20402,7 +20402,7 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
         if (!(top[i] > 0)) continue;
         spsi_bounds_centre(&bounds[i], middle);
         for (int k = 0; k < 3; ++k) half[k] = bounds[i].high[k] - middle[k];
-        fly = fmin(2 * width * (double)top[i] * (double)material->extinction, 1) * fmax(0, 2 - width / (3 * edge));
+        fly = fmin(2 * width * (double)top[i] * (double)material->extinction, 1) * fmax(0, 2 - width / (6 * edge));
         if (!material->emits || (faces->count > 0 && spsi_faces_near(faces, middle, half))) continue;
         frame->content->flies[frame->media[i].channel] = (float)fmin(fly, 1);
     }
@@ -21135,20 +21135,21 @@ static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3]
    middle is. What is below the plane does not count: a ball that polygons cut has sides. The integral over directions
    at an angle from that of the middle is a closed form; a ball that is all above acts as a point [Newton's shells]. */
 static double spsi_ball_lights(double distance, double height, double radius) {
-    enum { STEPS = 32 };
-    const double far_off = distance / fmax(radius, 1e-60), tilt = fabs(height) < distance ? height / distance : 1;
+    const int steps = 32;
+    const double far_off = distance / fmax(radius, 1e-60), away = fmax(distance, 1e-60);
+    const double tilt = fabs(height) < distance ? height / distance : 1;
     const double low = far_off > 1 ? sqrt(1 - 1 / (far_off * far_off)) : -1;
     double sum = 0;
-    if (fabs(height) >= radius) return fmax(height, 0) / fmax(distance, 1e-60) / fmax(distance, 1e-60) / distance;
-    for (int i = 0; i < STEPS; ++i) {
-        const double cosine = low + (1 - low) * (i + 0.5) / STEPS, sine = sqrt(1 - cosine * cosine);
+    if (fabs(height) >= radius) return fmax(height, 0) / (away * away * away);
+    for (int i = 0; i < steps; ++i) {
+        const double cosine = low + (1 - low) * (i + 0.5) / steps, sine = sqrt(1 - cosine * cosine);
         const double half = sqrt(fmax(0, 1 - far_off * far_off * sine * sine)), middle = far_off * cosine;
         const double up = cosine * tilt, aside = sine * sqrt(1 - tilt * tilt);
         double seen = SPSI_PI * fmax(up, 0);
         if (fabs(up) < aside) seen = up * acos(-up / aside) + sqrt(aside * aside - up * up);
         sum += seen * (middle + half - fmax(middle - half, 0));
     }
-    return 1.5 / SPSI_PI * sum * (1 - low) / STEPS / (radius * radius);
+    return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius);
 }
 
 /* Adds the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts go to the

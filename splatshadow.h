@@ -13141,6 +13141,19 @@ static int spsi_tapper_is_fine(const spsi_tapper *tapper, const spsi_lattice *la
     return 1;
 }
 
+/* Whether a volume ends before rays begin. Its coarser levels may reach beyond, by pixels. */
+static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *rays) {
+    spsi_bounds bounds = spsi_nowhere;
+    spsi_medium_bounds(medium, SPSI_REACH, &bounds);
+    for (int corner = 0; corner < 8; ++corner) {
+        double offset[3], q[3];
+        for (int k = 0; k < 3; ++k) offset[k] = (corner >> k & 1 ? bounds.high[k] : bounds.low[k]) - rays->origin[k];
+        spsi_to_rays(rays, offset, q);
+        if (!(q[2] < rays->near_depth)) return 0;
+    }
+    return 1;
+}
+
 /* Builds the tapper of a level. A classified volume has one sample in a slab that needs no more: a parabola through
    samples is as exact as one through means, and needs none beyond the slabs beside. Where slabs are as thick as pixels
    call for, it also has one: the mean of several is classified as none of them is. Where four rays serve a level, nine
@@ -13175,6 +13188,7 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
     if (wanted < 0) return SPSI_SPLAT_CHEAPER;
+    if (spsi_medium_is_behind(&frame->media[lattice->medium], rays)) return SPSI_SPLAT_NEAR;
     for (int n = wanted > 0 && tapping == SPSI_TAP_PIXELS; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
         verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, wanted, n == 1 ? few : n * n + !n, tapper);
     for (int n = wanted; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)

@@ -282,6 +282,28 @@ static void test_kept(void) {
     sps_destroy(own);
 }
 
+/* A small glowing volume behind the eye, by 1 to 4 pixels: voxels of a level reach further than it does, but nothing of
+   it is seen. */
+static void test_behind(void) {
+    for (int n = 0; n < 5 * 3 * 4; ++n) {
+        const double away = 1 + n / 15;
+        double most = 0;
+        check_scene s;
+        check_clear(&s, 8, 8);
+        add_layer(&s, 4, 0.1);
+        s.volume[0].size[0] = s.volume[0].size[1] = 4;
+        s.volume[0].placement = check_box(-0.2, -0.2, -0.2, 0.2, 0.2, 0.2);
+        check_color(s.volume[0].emission, 1, 1, 1);
+        check_set3(s.view.camera.position, 0, 0, -away);
+        check_set3(s.view.camera.target, 0, 0, -100);
+        check_orthographic(&s.view.camera, 8);
+        s.view.quality = (sps_quality)(n % 5), s.view.filling = (sps_filling)(n / 5 % 3);
+        check_render(context, &s, image);
+        for (int i = 0; i < 4 * 8 * 8; ++i) most = fmax(most, (double)image[i]);
+        CHECK(!(most > 0));
+    }
+}
+
 int main(void) {
     context = check_context(NULL);
     RUN(test_layers);
@@ -291,6 +313,7 @@ int main(void) {
     RUN(test_maps);
     RUN(test_cells);
     RUN(test_kept);
+    RUN(test_behind);
     sps_destroy(context);
     return check_report();
 }

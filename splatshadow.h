@@ -1819,27 +1819,14 @@ static inline double spsi_multiply_add(double a, double b, double c) {
 #endif
 }
 
-/* The upper 26 bits of a number. [Veltkamp, in Dekker 1971] */
-static double spsi_upper_half(double a) {
-    const volatile double scaled = 134217729 * a, rest = scaled - a;
-    return scaled - rest;
-}
-
-/* The rounding error of a product. Products of halves are exact, so fusing them changes nothing. [Dekker 1971] */
-static double spsi_product_rest(double a, double b, double product) {
-    const double a0 = spsi_upper_half(a), b0 = spsi_upper_half(b), a1 = a - a0, b1 = b - b0;
-    return a0 * b0 - product + a0 * b1 + a1 * b0 + a1 * b1;
-}
-
 /* The exact sign of a b - c d. Rounding is monotonic: if the rounded products differ, so do the exact ones in the same
-   way; otherwise their rounding errors decide. */
+   way; otherwise their rounding errors decide, which fma has without one of its own. */
 static int spsi_sign_of_difference(double a, double b, double c, double d) {
     const volatile double first = a * b, second = c * d;
     double p = first, q = second;
     if (!(p < q || p > q)) {
-        const double rest = spsi_product_rest(a, b, p);
-        q = spsi_product_rest(c, d, q);
-        p = rest;
+        p = fma(a, b, -p);
+        q = fma(c, d, -q);
     }
     return (p > q) - (p < q);
 }
@@ -11919,7 +11906,7 @@ static void spsi_field_number(const spsi_brick *bricks, int taps, spsi_voxel_fie
         field->grid[i] = marks ? field->count : -1;
         if (!marks) continue;
         field->places[field->count++] = (int)i;
-        for (int n = 0; n < 8; ++n) field->volume += (marks >> n & 1) * (SPSI_BRICK * SPSI_BRICK * SPSI_BRICK / 8);
+        field->volume += spsi_bit_count((uint64_t)marks) * (SPSI_BRICK * SPSI_BRICK * SPSI_BRICK / 8);
     }
 }
 
@@ -12975,28 +12962,17 @@ static double spsi_tapper_reach(const spsi_tapper *tapper) {
     return level ? (reach + 1.5) * (1 << level) : reach;
 }
 
-/* The covariance of a footprint, xx, yy and xy, without the pixel filter, at ray coordinates (x t, y t, t). */
-static void spsi_footprint_covariance(const spsi_splatter *s, const double q[3], double covariance[3]) {
+/* Of a footprint without the pixel filter, at ray coordinates (x t, y t, t): its least variance in any direction, and
+   the product of its standard deviations: the variance of a round one of the same area. */
+static void spsi_footprint_variances(const spsi_splatter *s, const double q[3], double *least, double *area) {
     const double t = s->perspective ? q[2] : 1, x = s->perspective ? q[0] / t : 0, y = s->perspective ? q[1] / t : 0;
-    double c[6];
+    double c[6], xx, yy, xy;
     for (int i = 0; i < 6; ++i) c[i] = (double)s->covariance[i];
-    covariance[0] = (c[0] - 2 * x * c[2] + x * x * c[5]) / (t * t);
-    covariance[1] = (c[3] - 2 * y * c[4] + y * y * c[5]) / (t * t);
-    covariance[2] = (c[1] - x * c[4] - y * c[2] + x * y * c[5]) / (t * t);
-}
-
-/* Its least variance in any direction. */
-static double spsi_least_variance(const spsi_splatter *s, const double q[3]) {
-    double c[3];
-    spsi_footprint_covariance(s, q, c);
-    return 0.5 * (c[0] + c[1] - sqrt((c[0] - c[1]) * (c[0] - c[1]) + 4 * c[2] * c[2]));
-}
-
-/* The product of its standard deviations, which is that of a round one of the same area. */
-static double spsi_footprint_variance(const spsi_splatter *s, const double q[3]) {
-    double c[3];
-    spsi_footprint_covariance(s, q, c);
-    return sqrt(fmax(c[0] * c[1] - c[2] * c[2], 0));
+    xx = (c[0] - 2 * x * c[2] + x * x * c[5]) / (t * t);
+    yy = (c[3] - 2 * y * c[4] + y * y * c[5]) / (t * t);
+    xy = (c[1] - x * c[4] - y * c[2] + x * y * c[5]) / (t * t);
+    *least = 0.5 * (xx + yy - sqrt((xx - yy) * (xx - yy) + 4 * xy * xy));
+    *area = sqrt(fmax(xx * yy - xy * xy, 0));
 }
 
 /* Why a volume is splatted, or gathered, in a target. */
@@ -13046,9 +13022,10 @@ static spsi_verdict spsi_tapper_serves_at(spsi_tapper *tapper, const spsi_rays *
     const double finer = (double)(tapper->side << tapper->level);
     const int many = tapper->level > 0 && tapper->side > 2; /* a lone voxel's mass depends less on its place */
     const double least = tapper->rays == 2 ? SPSI_TAP_TWO : many ? SPSI_TAP_LONE : SPSI_TAP_VARIANCE;
-    const double variance = finer * finer * spsi_least_variance(splatter, q);
-    double way[3], widest;
+    double way[3], widest, variance, area;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
+    spsi_footprint_variances(splatter, q, &variance, &area);
+    variance *= finer * finer;
     if (variance < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
     widest = spsi_least(tapper->side, 2) * tapper->breadth / (rays->perspective ? pitch * q[2] : pitch);
     if (widest * widest > SPSI_TAP_WIDEST && tapper->level > tapper->wanted) return SPSI_SPLAT_SMALL;
@@ -13094,9 +13071,10 @@ static int spsi_tapper_pays(const spsi_tapper *tapper, const spsi_lattice *latti
                             const spsi_splatter *splatter) {
     const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
     const double cut = (double)splatter->cut, size = (double)(1 << tapper->level);
-    double q[3], area, fragments, samples;
+    double q[3], area, least, fragments, samples;
     spsi_tapper_point(tapper, lattice, rays, 8, q);
-    area = SPSI_PI * cut * cut * spsi_footprint_variance(splatter, q);
+    spsi_footprint_variances(splatter, q, &least, &area);
+    area *= SPSI_PI * cut * cut;
     fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a ball of that radius */
     samples = field->volume / (size * size * size) * spsi_tapper_density(tapper, rays, q);
     return samples * (tapper->fields->taps == 4 ? SPSI_COST_SAMPLE : SPSI_COST_SAMPLE_WIDE) <
@@ -14803,17 +14781,14 @@ static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, s
 #define SPSI_SHADOW_TABLE_MOST        65535.0f   /* stands for the optical depth at which a table ends */
 #define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks, which floats count */
 
-/* Blocks along a row of a table, and along its columns, faces one below the other. */
+/* Blocks along a row of a table, and all of them, faces one below the other. */
 static int spsi_shadow_table_columns(const sps_tmap *map) {
     return (map->rays[0].width + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
 }
 
-static int spsi_shadow_table_rows(const sps_tmap *map) {
-    return (map->rays[0].height * map->face_count + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
-}
-
 static double spsi_shadow_table_blocks(const sps_tmap *map) {
-    return (double)spsi_shadow_table_columns(map) * spsi_shadow_table_rows(map);
+    const int rows = (map->rays[0].height * map->face_count + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
+    return (double)spsi_shadow_table_columns(map) * rows;
 }
 
 /* Along one axis: the block that a texel is in, and its place there, `size` apart. */
@@ -15302,12 +15277,6 @@ static uint32_t spsi_tile_ball(const spsi_occluders *occluders, int tile, uint32
     return occluders->tile_balls ? occluders->tile_balls[occluders->tile_starts[tile] + i] : i;
 }
 
-static void spsi_insert_balls(const spsi_map_tile *into, int tile) {
-    const spsi_occluders *occluders = into->filling->occluders;
-    const uint32_t count = spsi_tile_ball_count(occluders, tile);
-    for (uint32_t i = 0; i < count; ++i) spsi_insert_ball(into, &occluders->balls[spsi_tile_ball(occluders, tile, i)]);
-}
-
 /* --- triangles --- */
 
 /* Inserts a triangle into a tile: as a sheet without thickness or, if it is opaque, as the nearest surface of its
@@ -15351,9 +15320,12 @@ static void spsi_insert_triangles(const spsi_map_tile *into) {
 
 static void spsi_fill_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
+    const spsi_occluders *occluders = filling->occluders;
+    const int tile = filling->band.row * filling->band.tiles_x + index;
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
-    spsi_insert_balls(&into, filling->band.row * filling->band.tiles_x + index);
+    for (uint32_t i = 0; i < spsi_tile_ball_count(occluders, tile); ++i)
+        spsi_insert_ball(&into, &occluders->balls[spsi_tile_ball(occluders, tile, i)]);
     spsi_insert_triangles(&into);
 }
 
@@ -15942,10 +15914,8 @@ static void spsi_shadow_table_count(const sps_tmap *map, int held) {
         const spsi_tile_prints *prints = spsi_tmap_prints(map, tile / columns / rows, row, column);
         const uint64_t all = spsi_tmap_patches(map, row, column);
         const uint64_t made = held ? 0 : prints ? prints->open : all;
-        for (int i = 0; i < 64; ++i) {
-            stats->table_patches_made += made >> i & 1;
-            stats->table_patches_held += (all & ~made) >> i & 1;
-        }
+        stats->table_patches_made += (uint64_t)spsi_bit_count(made);
+        stats->table_patches_held += (uint64_t)spsi_bit_count(all & ~made);
     }
 }
 
@@ -16260,15 +16230,20 @@ static spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     return frame;
 }
 
+/* The depth of a corner of gas: along a map's axis, or with six faces along that of the one in which it lies. */
+static double spsi_tmap_corner_depth(const sps_tmap *map, const spsi_bounds *bounds, int corner) {
+    double point[3], q[3], t = 0;
+    spsi_bounds_corner(bounds, corner, point);
+    spsi_project(&map->rays[0], point, q);
+    for (int i = 0; i < 3; ++i) t = fmax(t, fabs(point[i] - map->rays[0].origin[i]));
+    return map->face_count > 1 ? t : q[2];
+}
+
 /* Whether the box around all voxels reaches beyond a map's depth range. */
 static int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds) {
     const double near_depth = map->settings.near_depth, room = SPSI_OUTSIDE / map->per_depth;
     for (int corner = 0; corner < 8 && !spsi_bounds_empty(bounds); ++corner) {
-        double point[3], q[3], t = 0;
-        spsi_bounds_corner(bounds, corner, point);
-        spsi_project(&map->rays[0], point, q);
-        for (int i = 0; i < 3 && map->face_count > 1; ++i) t = fmax(t, fabs(point[i] - map->rays[0].origin[i]));
-        if (map->face_count == 1) t = q[2];
+        const double t = spsi_tmap_corner_depth(map, bounds, corner);
         if (t > map->settings.far_depth + room) return 1;
         if (t < near_depth - room && !(map->rays[0].perspective && !(t > 0))) return 1;
     }
@@ -16323,18 +16298,11 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 /* Fits the depth range, along a face's axis, to all gas. */
 static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     sps_tmap_settings *settings = &map->settings;
-    double low = HUGE_VAL, high = 0, room;
+    double low = map->face_count > 1 ? 0 : HUGE_VAL, high = -HUGE_VAL, room;
     for (int corner = 0; corner < 8; ++corner) {
-        double point[3], q[3];
-        spsi_bounds_corner(bounds, corner, point);
-        if (map->face_count > 1) {
-            for (int i = 0; i < 3; ++i) high = fmax(high, fabs(point[i] - map->rays[0].origin[i]));
-            low = 0;
-            continue;
-        }
-        spsi_project(&map->rays[0], point, q);
-        low = fmin(low, q[2]);
-        high = corner > 0 ? fmax(high, q[2]) : q[2];
+        const double t = spsi_tmap_corner_depth(map, bounds, corner);
+        low = fmin(low, t);
+        high = fmax(high, t);
     }
     /* gas so far away that it looks like a point still lies between two depths */
     high = fmax(high, low + fmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));

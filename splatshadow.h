@@ -4715,13 +4715,6 @@ static spsi_subject spsi_settings_of(sps_context *context, int light) {
     return at;
 }
 
-/* As spsi_fail_field, for these settings. */
-static sps_result spsi_fail_setting(sps_context *context, sps_result result, int light, const char *field, double value,
-                                    const char *rule) {
-    const spsi_subject at = spsi_settings_of(context, light);
-    return spsi_fail_member(&at, result, field, value, rule);
-}
-
 /* Checks the number of components, including the range, unless it is left to the technique. */
 static sps_result spsi_check_components(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
@@ -4793,14 +4786,7 @@ static sps_result spsi_check_shadow_source(const spsi_subject *at, const sps_lig
    their own. */
 static sps_result spsi_check_shadow_map(const spsi_subject *at, const sps_light *light) {
     const sps_tmap_settings *settings = light->shadow_map;
-    const double all_round = light->kind == SPS_LIGHT_DIRECTIONAL ? 0 : HUGE_VAL;
-    const spsi_bounded numbers[] = {
-        {"shadow_map_size", (double)light->shadow_map_size, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
-        {"shadow_map_omnidirectional", (double)light->shadow_map_omnidirectional, -all_round, all_round,
-         "a directional light has one direction"},
-        {"shadow_source", (double)(int)light->shadow_source, 0, SPS_SHADOW_TABLE, "it must be an sps_shadow_source"}};
-    if (spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers) || spsi_check_shadow_source(at, light))
-        return at->context->result;
+    if (spsi_check_shadow_source(at, light)) return at->context->result;
     if (settings) {
         const spsi_bounded own[] = {
             {"near_depth", settings->near_depth, 0, 0, "it must be 0: the range is fitted to the gas"},
@@ -4819,17 +4805,6 @@ static int spsi_light_extended(const sps_light *light) {
     if (light->kind == SPS_LIGHT_DIRECTIONAL) return light->angular_diameter > 0;
     if (light->kind == SPS_LIGHT_POINT) return 0;
     return spsi_length(light->axes[0]) > 0 || spsi_length(light->axes[1]) > 0;
-}
-
-static sps_result spsi_check_cone(const spsi_subject *at, const sps_light *light) {
-    static const char none[] = "it must be 0: a directional light has no cone";
-    const int directional = light->kind == SPS_LIGHT_DIRECTIONAL;
-    const double narrower = light->inner_cone < light->outer_cone ? light->inner_cone : 0;
-    const spsi_bounded cones[] = {{"inner_cone", light->inner_cone, 0, directional ? 0 : narrower,
-                                   directional ? none : "it must be 0, or less than outer_cone"},
-                                  {"outer_cone", light->outer_cone, 0, directional ? 0 : SPSI_PI * (1 + DBL_EPSILON),
-                                   directional ? none : "it must be 0..pi"}};
-    return spsi_check_bounded(at, cones, sizeof cones / sizeof *cones);
 }
 
 static sps_result spsi_check_projector(const spsi_subject *at, const sps_light *light) {
@@ -4862,9 +4837,6 @@ static sps_result spsi_check_projector(const spsi_subject *at, const sps_light *
 }
 
 static sps_result spsi_check_extent(const spsi_subject *at, const sps_light *light) {
-    const spsi_bounded numbers[] = {{"samples", (double)light->samples, 0, SPSI_POINTS_MAX, "it must be 0..256"},
-                                    {"angular_diameter", light->angular_diameter, 0, 2, "it must be 0..2 radians"}};
-    if (spsi_check_bounded(at, numbers, light->kind == SPS_LIGHT_DIRECTIONAL ? 2 : 1)) return at->context->result;
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
         if (spsi_check_vector(at, axis ? "axes[1]" : "axes[0]", light->axes[axis])) return at->context->result;
     if (light->shadow_map && spsi_light_extended(light))
@@ -4875,24 +4847,36 @@ static sps_result spsi_check_extent(const spsi_subject *at, const sps_light *lig
 
 static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
     const spsi_subject at = {context, SPS_OBJECT_LIGHT, i, ""};
-    const spsi_bounded kinds[] = {
+    static const char none[] = "it must be 0: a directional light has no cone";
+    const int directional = light->kind == SPS_LIGHT_DIRECTIONAL;
+    const double narrower = light->inner_cone < light->outer_cone ? light->inner_cone : 0;
+    const double all_round = directional ? 0 : HUGE_VAL;
+    const spsi_bounded numbers[] = {
         {"kind", (double)(int)light->kind, 0, SPS_LIGHT_RECTANGLE, "it must be an sps_light_kind"},
-        {"falloff", (double)(int)light->falloff, 0, SPS_FALLOFF_NONE, "it must be an sps_falloff"}};
+        {"falloff", (double)(int)light->falloff, 0, SPS_FALLOFF_NONE, "it must be an sps_falloff"},
+        {"inner_cone", light->inner_cone, 0, directional ? 0 : narrower,
+         directional ? none : "it must be 0, or less than outer_cone"},
+        {"outer_cone", light->outer_cone, 0, directional ? 0 : SPSI_PI * (1 + DBL_EPSILON),
+         directional ? none : "it must be 0..pi"},
+        {"samples", (double)light->samples, 0, SPSI_POINTS_MAX, "it must be 0..256"},
+        {"angular_diameter", directional ? light->angular_diameter : 0, 0, 2, "it must be 0..2 radians"},
+        {"shadow_map_size", (double)light->shadow_map_size, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
+        {"shadow_map_omnidirectional", (double)light->shadow_map_omnidirectional, -all_round, all_round,
+         "a directional light has one direction"},
+        {"shadow_source", (double)(int)light->shadow_source, 0, SPS_SHADOW_TABLE, "it must be an sps_shadow_source"}};
     double direction[3];
     if (spsi_check_canaries(&at, light->start_canary, light->end_canary) ||
-        spsi_check_bounded(&at, kinds, sizeof kinds / sizeof *kinds) ||
+        spsi_check_bounded(&at, numbers, sizeof numbers / sizeof *numbers) ||
         spsi_check_color(&at, "color", light->color, SPSI_VALUE_MAX))
         return context->result;
     memcpy(direction, light->direction, sizeof direction);
-    if (spsi_check_cone(&at, light)) return context->result;
-    if ((light->kind == SPS_LIGHT_DIRECTIONAL || light->outer_cone > 0 || light->projector) &&
+    if ((directional || light->outer_cone > 0 || light->projector) &&
         !spsi_normalise(direction)) {
         int k = 0; /* the component that is not finite, or the last: all are 0 then */
         while (k < 2 && fabs(direction[k]) <= DBL_MAX) ++k;
         return spsi_wrong(&at, "direction", direction[k], "it must be finite and have a length");
     }
-    if ((light->kind != SPS_LIGHT_DIRECTIONAL || light->projector) &&
-        spsi_check_vector(&at, "position", light->position))
+    if ((!directional || light->projector) && spsi_check_vector(&at, "position", light->position))
         return context->result;
     if (spsi_check_extent(&at, light) || spsi_check_projector(&at, light)) return context->result;
     return spsi_check_shadow_map(&at, light);
@@ -5113,23 +5097,17 @@ static void spsi_material_ambient(const spsi_frame *frame, const float ambient[3
         memcpy(material->ambient, ambient, sizeof material->ambient);
 }
 
-/* The channel of an equal gas, -1 if there is none. Gases of equal appearance share one, unless they glow. */
-static int spsi_find_material(const spsi_frame *frame, const spsi_material *material) {
-    for (int i = 0; i < frame->matter.material_count; ++i)
-        if (!material->table && memcmp(material, &frame->matter.materials[i], sizeof *material) == 0) return i;
-    return -1;
-}
-
-/* The channel of a material, a new one unless an equal gas has one. What glows has its own. */
+/* The channel of a material: that of an equal gas, or a new one. What glows has its own. */
 static int spsi_take_material(spsi_frame *frame, const spsi_material *material) {
-    int channel = material->emits ? -1 : spsi_find_material(frame, material);
-    frame->matter.scatters |= material->scatters;
-    frame->matter.emits |= material->emits;
-    frame->matter.orders = spsi_most(frame->matter.orders, spsi_phase_orders(material));
-    if (channel < 0) {
-        channel = frame->matter.material_count++;
-        frame->matter.materials[channel] = *material;
-    }
+    spsi_matter *matter = &frame->matter;
+    int channel = material->emits || material->table ? matter->material_count : 0;
+    while (channel < matter->material_count && memcmp(material, &matter->materials[channel], sizeof *material))
+        ++channel;
+    matter->scatters |= material->scatters;
+    matter->emits |= material->emits;
+    matter->orders = spsi_most(matter->orders, spsi_phase_orders(material));
+    matter->materials[channel] = *material;
+    matter->material_count = spsi_most(matter->material_count, channel + 1);
     return channel;
 }
 
@@ -10535,12 +10513,6 @@ static const spsi_lamp *spsi_sliced_lamp(const spsi_frame *frame, int n) {
     return NULL;
 }
 
-/* Whether a sweep carries the shadows of a lamp: those of its own lamp, and in the first sweep those of all shadowing
-   lamps without slabs of their own. */
-static int spsi_sweep_carries(const spsi_sweep *sweep, const spsi_lamp *lamp) {
-    return lamp->sliced ? lamp == sweep->lamp : sweep->first && lamp->shadows;
-}
-
 /* Number of lights whose shadows the n-th sweep carries; no sweep has more than the first. */
 static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lamps.sliced_count) + (n == 0 ? frame->lamps.shadow_count - frame->lamps.sliced_count : 0);
@@ -15579,10 +15551,10 @@ static void spsi_fit_task(void *data, int index, int worker) {
 }
 
 static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
+    const spsi_subject at = spsi_settings_of(map->context, map->light);
     char rule[96];
     SPS_SNPRINTF(rule, sizeof rule, "the map takes %.0f bytes", bytes);
-    return spsi_fail_setting(map->context, SPS_ERROR_MEMORY, map->light, "byte_budget",
-                             (double)map->settings.byte_budget, rule);
+    return spsi_fail_member(&at, SPS_ERROR_MEMORY, "byte_budget", (double)map->settings.byte_budget, rule);
 }
 
 /* Makes room for the items of a band, whose numbers are in `cursors`. */
@@ -16406,11 +16378,12 @@ static sps_result spsi_lamp_tmap_aim(sps_context *context, const spsi_frame *fra
 /* Begins that map: takes its table, or one to start from, if it is held. `gas` is the fingerprint of the gas. */
 static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                        uint64_t gas, sps_tmap *map) {
+    const spsi_subject at = spsi_settings_of(context, lamp->index);
     if (spsi_lamp_tmap_aim(context, frame, lamp, map)) return context->result;
     if (!spsi_has_shadow_table(lamp)) return SPS_OK;
     if (spsi_shadow_table_blocks(map) * map->settings.components > SPSI_SHADOW_TABLE_BLOCKS_MOST)
-        return spsi_fail_setting(context, SPS_ERROR_MEMORY, map->light, "components", map->settings.components,
-                                 "a table of this size would have more than 2^28 entries");
+        return spsi_fail_member(&at, SPS_ERROR_MEMORY, "components", map->settings.components,
+                                "a table of this size would have more than 2^28 entries");
     map->aim = spsi_shadow_table_aim(map);
     map->key = spsi_shadow_table_key(frame, map->aim, gas);
     spsi_shadow_table_take(context, map);
@@ -26920,7 +26893,8 @@ static size_t spsi_sight_bytes(const sps_context *context, size_t pixels, int sh
     return counters + pixels * (size_t)shares * sizeof(float);
 }
 
-/* Lists a sweep's lights, and traces the shadow rays from surfaces to them. */
+/* Lists a sweep's lights, its own and, in the first sweep, all shadowing lamps without slabs of their own, and traces
+   the shadow rays from surfaces to them. */
 static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
@@ -26936,7 +26910,7 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *swe
     picture->shadow_count = count;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
-        if (!spsi_sweep_carries(sweep, lamp)) continue;
+        if (!(lamp->sliced ? lamp == sweep->lamp : sweep->first && lamp->shadows)) continue;
         shadow->lamp = lamp;
         shadow->soft = sweep->soft && lamp == sweep->lamp;
         for (int k = 0; k < picture->spreads.count; ++k)
@@ -27063,9 +27037,6 @@ static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
     "gather",      "projectors", "eye polygons", "layers",     "textures",  "light polygons", "triangle tree",
     "shadow rays", "eye sheets", "light sheets", "light maps", "penumbrae", "gradient",       "scattering",
     "forward",     "spreading",  "cells",        "emission",   "ambient",   "surface light"};
-
-/* Whether any volume or particle may be visible. */
-static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 0 || frame->particles.set_count > 0; }
 
 /* The blocks of all volumes that will be read, and upper bounds of what they hold. */
 typedef struct spsi_reading {
@@ -27449,7 +27420,8 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
 
 static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                              sps_plan_report *report) {
-    const int gases = spsi_has_gas(frame), polygons = frame->meshes.triangle_count > 0;
+    const int gases = frame->medium_count > 0 || frame->particles.set_count > 0; /* that may be visible */
+    const int polygons = frame->meshes.triangle_count > 0;
     const int sweeps = report->sweep_count, lit = frame->lamps.count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
     const int again = frame->view.scattering != SPS_SCATTERING_AMBIENT;
@@ -28287,19 +28259,14 @@ static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample
     walker->ended = !(passes.high > 0 && (walker->filter[0] > 0 || walker->filter[1] > 0 || walker->filter[2] > 0));
 }
 
-#define SPSI_MARCH_SPAN 8 /* pixels of a row per task */
-
-static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
-
-/* The pixels of a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
-static void spsi_march_span_task(void *data, int index, int worker) {
+/* A pixel. With a whole row per task, workers would wait for the slowest one in each batch. */
+static void spsi_march_pixel_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
-    const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
-    const int row = marcher->first_row + index / spans, first = index % spans * SPSI_MARCH_SPAN;
+    const int *region = marcher->frame->view.region;
+    const int x = index % region[2], y = marcher->first_row + index / region[2];
     spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
-    for (int x = first; x < spsi_least(region[2], first + SPSI_MARCH_SPAN); ++x)
-        marcher->pixel(marcher, region[0] + x, region[1] + row, samples,
-                       &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x]);
+    marcher->pixel(marcher, region[0] + x, region[1] + y, samples,
+                   &marcher->walkers[(size_t)y * (size_t)region[2] + (size_t)x]);
 }
 
 /* Does what is to be done at all pixels, which takes a share of the call after what is `done` of it. */
@@ -28308,8 +28275,8 @@ static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher,
     const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
     for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
         if (spsi_progress(context, done + share * marcher->first_row / region[3])) return context->result;
-        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
-                      spsi_march_span_task, marcher);
+        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * region[2], spsi_march_pixel_task,
+                      marcher);
     }
     return SPS_OK;
 }

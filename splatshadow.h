@@ -6284,16 +6284,11 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 
 #define SPSI_BOUND_NONE 1e6 /* of what scatters again, per unit of what scatters once: as much as may be */
 
-/* Whether gas lights polygons, or shadows ambient light on them, without scattering anything. */
-static int spsi_lights_polygons(const spsi_frame *frame) {
-    const int gas = frame->medium_count + frame->particles.set_count;
-    return frame->meshes.triangle_count > 0 && gas > 0 && (frame->matter.emits || frame->has_ambient);
-}
-
 /* Whether there is light that gas may scatter, or that it lights polygons by or keeps from them. */
 static int spsi_light_meets_gas(const spsi_frame *frame) {
-    const int lit = frame->lamps.count > 0 || frame->matter.emits || frame->has_ambient;
-    return (lit && frame->matter.scatters) || spsi_lights_polygons(frame);
+    const int own = frame->matter.emits || frame->has_ambient, lit = own || frame->lamps.count > 0;
+    const int gas = frame->medium_count + frame->particles.set_count; /* which may scatter nothing */
+    return (lit && frame->matter.scatters) || (own && gas > 0 && frame->meshes.triangle_count > 0);
 }
 
 /* A coarse grid of upper bounds of extinction. A straight way advances by at least 1 / sqrt 3 of its length along one
@@ -10532,12 +10527,6 @@ static int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
     return serves;
 }
 
-/* Why a sweep cannot be placed. */
-static sps_result spsi_sweep_refuse(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
-    const int by_light = !(sweep->cosine_of_light >= SPSI_COSINE_MIN) || sweep->cosine_of_eye >= SPSI_COSINE_MIN;
-    return (by_light ? spsi_sweep_refuse_light : spsi_sweep_refuse_camera)(context, frame, sweep);
-}
-
 /* The thickness that a sweep's slabs may have, whatever the size of voxels: a share of the least pixel in gas, but not
    so much that rays through the light's texels would need many samples in a slab. */
 static double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) {
@@ -10557,7 +10546,10 @@ static double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sw
 static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, part, sweep);
     if (spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
-    if (!spsi_sweep_place(frame, sweep)) return spsi_sweep_refuse(context, frame, sweep);
+    if (!spsi_sweep_place(frame, sweep))
+        return !(sweep->cosine_of_light >= SPSI_COSINE_MIN) || sweep->cosine_of_eye >= SPSI_COSINE_MIN
+                   ? spsi_sweep_refuse_light(context, frame, sweep)
+                   : spsi_sweep_refuse_camera(context, frame, sweep);
     return spsi_slabs_cut(context, frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
 }
 
@@ -11957,19 +11949,6 @@ static void spsi_field_copy(int taps, const int off[3], const float *from, float
         }
 }
 
-/* How far a cell of 2^3 voxels is seen: it begins `before` voxels ahead of its own, and ends `behind` them. */
-typedef struct spsi_cell_reach {
-    int before, behind;
-} spsi_cell_reach;
-
-/* Samples in a cell have `taps` voxels within reach along an axis. A classified volume's are taken if any up to a
-   number of voxels farther away is shown. */
-static spsi_cell_reach spsi_cell_reach_of(const spsi_field_job *job, int number) {
-    const int farther = job->classifies ? number : 0;
-    const spsi_cell_reach reach = {job->taps / 2 - 1 + farther, job->taps / 2 + farther};
-    return reach;
-}
-
 /* A row of shown voxels of three bricks side by side. */
 static inline uint32_t spsi_shown_row(const uint64_t *const shown[3], int row) {
     uint32_t bits = 0;
@@ -11978,18 +11957,17 @@ static inline uint32_t spsi_shown_row(const uint64_t *const shown[3], int row) {
     return bits;
 }
 
-/* The cells that see a place along an axis, as bits: cell c sees those from 2 c - before to 2 c + 1 + behind. */
-static inline int spsi_cells_seeing(const spsi_cell_reach *reach, int at) {
+/* The cells that see a place along an axis, as bits: cell c sees those from 2 c + 1 - reach to 2 c + 1 + reach. */
+static inline int spsi_cells_seeing(int reach, int at) {
     int cells = 0;
-    for (int c = 0; c < SPSI_BRICK / 2; ++c)
-        cells |= (at >= 2 * c - reach->before && at <= 2 * c + 1 + reach->behind) << c;
+    for (int c = 0; c < SPSI_BRICK / 2; ++c) cells |= (at > 2 * c - reach && at <= 2 * c + 1 + reach) << c;
     return cells;
 }
 
 /* The cells of a brick that see shown voxels, of its own and of the bricks around it; NULL: there is none. */
-static void spsi_cells_mark(const uint64_t *const shown[27], const spsi_cell_reach *reach, uint32_t cells[2]) {
-    const int low = -reach->before, high = SPSI_BRICK + reach->behind;
-    const uint32_t window = (1u << (reach->before + 2 + reach->behind)) - 1;
+static void spsi_cells_mark(const uint64_t *const shown[27], int reach, uint32_t cells[2]) {
+    const int low = 1 - reach, high = SPSI_BRICK + reach;
+    const uint32_t window = (1u << (2 * reach + 1)) - 1;
     cells[0] = cells[1] = 0;
     for (int z = low; z < high; ++z) {
         const int brick_z = (z + SPSI_BRICK) / SPSI_BRICK, sees_z = spsi_cells_seeing(reach, z);
@@ -12000,7 +11978,7 @@ static void spsi_cells_mark(const uint64_t *const shown[27], const spsi_cell_rea
             const uint32_t bits = spsi_shown_row(shown + 9 * brick_z + 3 * brick_y, row);
             uint32_t along = 0;
             for (int c = 0; c < 4 && bits; ++c)
-                along |= (uint32_t)((bits >> (SPSI_BRICK + 2 * c - reach->before) & window) > 0) << c;
+                along |= (uint32_t)((bits >> (SPSI_BRICK + 2 * c + 1 - reach) & window) > 0) << c;
             for (int c = 0; c < 4; ++c)
                 if (sees_y >> c & 1) layer |= along << 4 * c;
         }
@@ -12020,7 +11998,8 @@ static void spsi_field_around(const spsi_voxel_field *field, int held, int aroun
     }
 }
 
-/* Fills the aprons of bricks whose own voxels are in place, and marks their cells. */
+/* Fills the aprons of bricks whose own voxels are in place, and marks their cells: samples in one have half of `taps`
+   voxels within reach along an axis. A classified volume's are taken if any up to n voxels farther away is shown. */
 static void spsi_field_apron_task(void *data, int index) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *field = job->field;
@@ -12037,10 +12016,8 @@ static void spsi_field_apron_task(void *data, int index) {
             spsi_field_copy(job->taps, off, field->values + (size_t)around[n] * floats,
                             field->values + (size_t)held * floats);
         }
-        for (int n = 0; n < (job->classifies ? SPSI_FIELD_REACHES : 1); ++n) {
-            const spsi_cell_reach reach = spsi_cell_reach_of(job, n);
-            spsi_cells_mark(shown, &reach, field->cells[n][field->places[held]]);
-        }
+        for (int n = 0; n < (job->classifies ? SPSI_FIELD_REACHES : 1); ++n)
+            spsi_cells_mark(shown, job->taps / 2 + n, field->cells[n][field->places[held]]);
     }
 }
 
@@ -13659,12 +13636,6 @@ static size_t spsi_shape_floats(const spsi_shape *shape) {
     const int slabs = SPSI_CHUNK + 2 * shape->slab_margin;
     return (size_t)(shape->channels * slabs) * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT + SPSI_TILE_WIDTH +
            2 * SPSI_LANES; /* vectors reach beyond */
-}
-
-/* Whether a material has gradients, which decide how much of a surface it is, and its normal. */
-static int spsi_has_gradient(const spsi_frame *frame, const spsi_material *material) {
-    return frame->has_gradients && material->table && material->shading == SPS_SHADING_SURFACE &&
-           frame->content->fields->list[material->medium].count > 0;
 }
 
 /* The eye's sheets have a channel for each material. A light's have one for all gases, and one for each classified
@@ -16740,19 +16711,14 @@ static inline spsi_v spsi_minus_log(spsi_v x, float end) {
 
 /* --- setting it up --- */
 
-/* Maximum number of texels on a side of a beam, without its border, whose light's sheets have at most `side`: bounds a
-   beam's memory where the gas looks far wider from a point of the light than from its centre. */
-static int spsi_beam_texels_most(const spsi_frame *frame, int side) {
-    return 2 * spsi_most(spsi_light_texels_most(frame), side);
-}
-
 /* Aims the rays of one point at the gas. They have the axes of the centre's; those of a directional light have the
    centre's texels where the slabs begin. Returns 0 if gas is beside or behind the point, or too far away. */
 static int spsi_beam_aim(const spsi_frame *frame, const spsi_penumbra *penumbra, const spsi_lamp *point,
                          spsi_beam *beam) {
     const spsi_rays *rays = penumbra->rays;
     const spsi_slabs *slabs = penumbra->slabs;
-    const int most = spsi_beam_texels_most(frame, spsi_most(rays->width, rays->height));
+    /* where the gas looks far wider from a point of the light than from its centre */
+    const int most = 2 * spsi_most(spsi_light_texels_most(frame), spsi_most(rays->width, rays->height));
     double offset[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, *corner;
     beam->rays = *rays;
     if (rays->perspective) {
@@ -21335,11 +21301,6 @@ static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *l
     *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), line->polygon));
 }
 
-/* World position at depth d, relative to the shader's position origin. */
-static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y, spsi_v d, spsi_v position[3]) {
-    for (int i = 0; i < 3; ++i) position[i] = spsi_linear_find(&shader->position[i], x, y, d);
-}
-
 /* Where a tile's channels hold slab k of a line, counted from the chunk's first. */
 static inline size_t spsi_tile_at(const spsi_tile *tile, const spsi_line *line, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
@@ -21459,7 +21420,9 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
     }
-    if (spsi_has_gradient(shader->frame, material))
+    /* gradients decide how much of a surface it is, and its normal */
+    if (shader->frame->has_gradients && material->shading == SPS_SHADING_SURFACE &&
+        shader->frame->content->fields->list[material->medium].count > 0)
         spsi_samples_gradient(shader, &target->tappers[material->medium], p, channel, slab);
 }
 
@@ -21562,7 +21525,8 @@ static void spsi_reach_build(const spsi_shader *shader, const spsi_lamp *lamp, c
                              const spsi_part *part, spsi_reach *reach) {
     reach->half = spsi_mul(part->half, p->length);
     reach->pixel = spsi_pixel_size(shader->eye, part->middle);
-    spsi_position_at(shader, p->line.at, (float)p->line.y, part->middle, reach->middle);
+    for (int i = 0; i < 3; ++i)
+        reach->middle[i] = spsi_linear_find(&shader->position[i], p->line.at, (float)p->line.y, part->middle);
     for (int i = 0; i < 3; ++i)
         reach->middle[i] =
             spsi_add(reach->middle[i], spsi_set((float)(shader->position_origin[i] - lamp->position[i])));
@@ -28259,14 +28223,19 @@ static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample
     walker->ended = !(passes.high > 0 && (walker->filter[0] > 0 || walker->filter[1] > 0 || walker->filter[2] > 0));
 }
 
-/* A pixel. With a whole row per task, workers would wait for the slowest one in each batch. */
-static void spsi_march_pixel_task(void *data, int index, int worker) {
+#define SPSI_MARCH_SPAN 8 /* pixels of a row per task */
+
+static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
+
+/* The pixels of a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
+static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
-    const int *region = marcher->frame->view.region;
-    const int x = index % region[2], y = marcher->first_row + index / region[2];
+    const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
+    const int row = marcher->first_row + index / spans, first = index % spans * SPSI_MARCH_SPAN;
     spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
-    marcher->pixel(marcher, region[0] + x, region[1] + y, samples,
-                   &marcher->walkers[(size_t)y * (size_t)region[2] + (size_t)x]);
+    for (int x = first; x < spsi_least(region[2], first + SPSI_MARCH_SPAN); ++x)
+        marcher->pixel(marcher, region[0] + x, region[1] + row, samples,
+                       &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x]);
 }
 
 /* Does what is to be done at all pixels, which takes a share of the call after what is `done` of it. */
@@ -28275,8 +28244,8 @@ static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher,
     const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
     for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
         if (spsi_progress(context, done + share * marcher->first_row / region[3])) return context->result;
-        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * region[2], spsi_march_pixel_task,
-                      marcher);
+        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
+                      spsi_march_span_task, marcher);
     }
     return SPS_OK;
 }

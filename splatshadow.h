@@ -11719,7 +11719,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Gradients of surfaces are sums of the
    same voxels, weighted by the kernel's derivative.
    With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels in those slabs where gas is smooth: cubics across
-   the patch, and midpoints or cubics along it, are off by what a bound on the field's third derivatives allows, the
+   the patch, and midpoints along it, are off by what a bound on the field's third derivatives allows, the
    greatest third differences of voxels in eighths of bricks. These are differences of a smooth field to within the
    kernel's ripple.
    Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3, twice as many per gradient, and 60 per vector
@@ -12630,12 +12630,11 @@ static float spsi_tap_patch_extent(const spsi_tapper *t, const spsi_tile *tile, 
 #define SPSI_CUBIC_BOUND   (1 / 378.8f)
 #define SPSI_CUBIC_WEIGHTS 1.631f
 
-/* Bound of the difference between a field that bends by `bend` and its cubics across a patch: the error of one axis
+/* Bound of the difference between a field that bends by 1 and its cubics across a patch: the error of one axis
    counts along the other by the weights there. */
-static float spsi_tap_patch_bound(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch,
-                                  float bend) {
+static float spsi_tap_patch_bound(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch) {
     const float x = spsi_tap_patch_extent(t, tile, patch, 0), y = spsi_tap_patch_extent(t, tile, patch, 1);
-    return bend * SPSI_CUBIC_BOUND *
+    return SPSI_CUBIC_BOUND *
            (spsi_lower(x * x * x, y * y * y) * SPSI_CUBIC_WEIGHTS + spsi_higher(x * x * x, y * y * y));
 }
 
@@ -12755,15 +12754,6 @@ static void spsi_tap_cubic(float u, float weights[4]) {
 /* The place of pixel number `i` of `count` between them. */
 static float spsi_tap_between(int i, int count) { return count > 1 ? 3 * (float)i / (float)(count - 1) : 0; }
 
-/* The weights of a cubic's nodes in its mean in part `i` of `count`, by two points, which are exact for cubics. */
-static void spsi_tap_cubic_mean(int i, int count, float weights[4]) {
-    const float half = 0.28867513f; /* 1 / sqrt(12) */
-    float one[4], other[4];
-    spsi_tap_cubic(3 * ((float)i + 0.5f - half) / (float)count, one);
-    spsi_tap_cubic(3 * ((float)i + 0.5f + half) / (float)count, other);
-    for (int k = 0; k < 4; ++k) weights[k] = 0.5f * (one[k] + other[k]);
-}
-
 /* The weights of the cubics' four columns in a vector of pixels of a patch, from column `x` on. */
 static inline void spsi_tap_across(int x, int width, spsi_v across[4]) {
     float lanes[4][SPSI_LANES];
@@ -12812,31 +12802,8 @@ static void spsi_tap_patch_spread(const spsi_tile *tile, const spsi_tap_patch *p
     }
 }
 
-/* Adds to sums, 16 a slab, what rays find in slabs by a cubic along each, through four samples from the first slab's
-   beginning to the last one's end. */
-static void spsi_tap_add_cubic(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_rays *rays, const int slabs[2],
-                               float *sums) {
-    const int count = slabs[1] - slabs[0];
-    const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale));
-    spsi_v nodes[4];
-    for (int j = 0; j < 4; ++j) {
-        const spsi_v at = spsi_set((float)slabs[0] + (float)(count * j) / 3);
-        const spsi_v depth = spsi_mul(spsi_sub(at, rays->base), rays->per_slab);
-        spsi_v place[3];
-        for (int k = 0; k < 3; ++k) place[k] = spsi_fma(rays->change[k], depth, rays->at[k]);
-        nodes[j] = spsi_mul(weight, spsi_tap_values(t, place, spsi_tap_inside(t->field, place), &tile->samples));
-    }
-    for (int slab = slabs[0]; slab < slabs[1]; ++slab) {
-        float weights[4];
-        spsi_v sum = spsi_set(0);
-        spsi_tap_cubic_mean(slab - slabs[0], count, weights);
-        for (int j = 0; j < 4; ++j) sum = spsi_fma(spsi_set(weights[j]), nodes[j], sum);
-        spsi_store(sums + 16 * slab, spsi_add(spsi_load(sums + 16 * slab), spsi_max(sum, spsi_set(0))));
-    }
-}
-
 /* Adds to a patch's sheets of slabs, from one to that before another, what its sixteen pixels find, on one ray each or
-   on several, by cubics along these if there are no steps. */
+   on several. */
 static void spsi_tap_patch_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_patch *patch, const int slabs[2],
                                int steps, float *sheets) {
     float sums[SPSI_TAP_SLABS * 16];
@@ -12848,12 +12815,9 @@ static void spsi_tap_patch_add(const spsi_tapper *t, spsi_tile *tile, const spsi
         for (int n = 0; n < 16; n += SPSI_LANES) {
             const spsi_v x = spsi_load(patch->x + n), y = spsi_load(patch->y + n);
             spsi_tap_rays rays;
-            spsi_tap_rays_build(t, tile, x, y, part, spsi_most(steps, 1), &rays);
+            spsi_tap_rays_build(t, tile, x, y, part, steps, &rays);
             rays.by_slab = by_slab;
-            if (steps > 0)
-                spsi_tap_add(t, tile, &rays, sums, (size_t)n, 16);
-            else
-                spsi_tap_add_cubic(t, tile, &rays, slabs, sums + n);
+            spsi_tap_add(t, tile, &rays, sums, (size_t)n, 16);
         }
     spsi_tap_patch_spread(tile, patch, slabs, sums, sheets);
 }
@@ -14072,68 +14036,33 @@ static float spsi_target_depth(const spsi_target *target, int medium, const spsi
 /* How a patch of a tile is interpolated, slab by slab. */
 typedef struct spsi_patch_plan {
     spsi_tap_patch patch;
-    float share, allowed;      /* of the tolerance: this chunk's, and all up to here */
+    float allowed;             /* of the tolerance, up to here */
     float *spent;              /* of what is allowed */
     float depth, way;          /* of a slab: optical depth, if the value is 1, and voxels that rays cross */
     int steps[SPSI_TAP_SLABS]; /* samples of its sixteen rays in each slab; 0: all rays are followed */
-    float bends[SPSI_TAP_SLABS + SPSI_LANES];
 } spsi_patch_plan;
 
 /* Chooses the slabs that sixteen rays fill, by what is left of the tolerance. Where rays cross voxels enough for
    several samples in a slab, fewer of them may do. */
 static void spsi_patch_choose(const spsi_tapper *here, const spsi_tile *tile, spsi_patch_plan *plan) {
-    const float across = plan->depth * spsi_tap_patch_bound(here, tile, &plan->patch, 1);
+    const float across = plan->depth * spsi_tap_patch_bound(here, tile, &plan->patch);
     const int most = spsi_tap_steps(here, plan->way);
-    float beside[SPSI_TAP_SLABS + SPSI_LANES];
-    const uint32_t whole = spsi_tap_patch_bends(here, tile, &plan->patch, most, plan->bends);
+    float bends[SPSI_TAP_SLABS + SPSI_LANES], beside[SPSI_TAP_SLABS + SPSI_LANES];
+    const uint32_t whole = spsi_tap_patch_bends(here, tile, &plan->patch, most, bends);
     if (most > 1) spsi_tap_patch_bends(here, tile, &plan->patch, 1, beside);
     for (int slab = 0; slab < tile->slab_count; ++slab) {
-        const float bound = *plan->spent + across * plan->bends[slab];
+        const float bound = *plan->spent + across * bends[slab];
         float along = 0;
         int *steps = &plan->steps[slab];
         *steps = 0;
         if (!(bound <= plan->allowed) || !(whole >> slab & 1)) continue;
         for (*steps = 1; *steps < most; ++*steps) {
-            along = across * (beside[slab] - plan->bends[slab]) +
+            along = across * (beside[slab] - bends[slab]) +
                     plan->depth * spsi_tap_steps_bound(beside[slab], plan->way, *steps);
             if (bound + along <= plan->allowed) break;
         }
         *plan->spent = bound + (*steps < most ? along : 0);
     }
-}
-
-/* Whether cubics along a patch's rays may stand for what they find in slabs, from one to that before another. What they
-   are off by is that of a patch along one axis, and by their weights that across counts 1.631 times instead of once.
-   They spare less than sixteen rays do and are off by more, so they may use only the tolerance of their own slabs, not
-   what was left over before. */
-static int spsi_patch_cubic(const spsi_tapper *here, const spsi_tile *tile, const int slabs[2], spsi_patch_plan *plan) {
-    const float across = plan->depth * spsi_tap_patch_bound(here, tile, &plan->patch, 1);
-    const float way = plan->way * (float)(slabs[1] - slabs[0]);
-    float most = 0, sum = 0, along;
-    if (plan->steps[slabs[0]] != 1 || slabs[1] - slabs[0] < 6 || here->rays == 2) return 0;
-    for (int slab = slabs[0]; slab < slabs[1]; ++slab) {
-        most = spsi_higher(most, plan->bends[slab]);
-        sum += plan->bends[slab];
-    }
-    along = plan->depth * (float)(slabs[1] - slabs[0]) * most * way * way * way * SPSI_CUBIC_BOUND;
-    along += (SPSI_CUBIC_WEIGHTS - 1) * across * sum;
-    if (along > plan->share * (float)(slabs[1] - slabs[0]) / SPSI_CHUNK) return 0;
-    if (*plan->spent + along > plan->allowed) return 0;
-    *plan->spent += along;
-    return 1;
-}
-
-/* Finds the end of a run of slabs that are filled likewise. Returns whether cubics along rays fill them: if the bound
-   forbids that for the whole run, its first half is tried, and so on. */
-static int spsi_patch_run(const spsi_tapper *here, const spsi_tile *tile, spsi_patch_plan *plan, int run[2]) {
-    int end = run[0];
-    while (end < tile->slab_count && plan->steps[end] == plan->steps[run[0]]) ++end;
-    for (int length = end - run[0]; length > 0; length /= 2) {
-        run[1] = run[0] + length;
-        if (spsi_patch_cubic(here, tile, run, plan)) return 1;
-    }
-    run[1] = end;
-    return 0;
 }
 
 /* Adds a gathered volume to those of a tile's patches, slab by slab, where sixteen rays do. Slabs up to here may use
@@ -14147,8 +14076,7 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *here,
     const int count = fill->tile->slab_count;
     const uint64_t patches = rest[0];
     spsi_patch_plan plan;
-    plan.share = target->tolerance / (float)spsi_chunk_count(target->slabs);
-    plan.allowed = (chunk + 1) * plan.share;
+    plan.allowed = (chunk + 1) * target->tolerance / (float)spsi_chunk_count(target->slabs);
     plan.way = way;
     for (int n = 0; n < 64; ++n) {
         int run[2];
@@ -14156,11 +14084,11 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *here,
         plan.spent = &spent[n];
         plan.depth = here->mix * spsi_target_depth(target, medium, &plan.patch);
         spsi_patch_choose(here, fill->tile, &plan);
-        for (run[0] = 0; run[0] < count; run[0] = run[1]) {
-            const int steps = plan.steps[run[0]], cubic = spsi_patch_run(here, fill->tile, &plan, run);
-            if (steps == 0) continue;
-            for (int slab = run[0]; slab < run[1]; ++slab) rest[slab] &= ~(UINT64_C(1) << n);
-            spsi_tap_patch_add(here, fill->tile, &plan.patch, run, cubic ? 0 : steps, channel);
+        for (run[0] = 0; run[0] < count; run[0] = run[1]) { /* slabs that are filled likewise */
+            const int steps = plan.steps[run[0]];
+            for (run[1] = run[0]; run[1] < count && plan.steps[run[1]] == steps; ++run[1])
+                if (steps > 0) rest[run[1]] &= ~(UINT64_C(1) << n);
+            if (steps > 0) spsi_tap_patch_add(here, fill->tile, &plan.patch, run, steps, channel);
         }
     }
 }

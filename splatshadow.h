@@ -30229,7 +30229,6 @@ static void spsi_tmap_answer(const sps_tmap *map, size_t first, int count, const
                              float *optical_depths, float *transmittances) {
     float depths[SPSI_LANES] = {0};
     double lit[SPSI_LANES];
-    for (int i = 0; i < count; ++i) lit[i] = 1;
     spsi_tmap_at(map, count, positions, depths, lit);
     for (size_t i = 0; i < (size_t)count; ++i) {
         const double depth = (double)depths[i];

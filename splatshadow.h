@@ -7183,13 +7183,10 @@ static void spsi_raster_box_task(void *data, int i) {
 
 /* Depth and barycentric weights of the point where a pixel's ray hits a face; returns 0 if it misses, or before the
    near plane. */
-static inline int spsi_face_depth(const spsi_edges *e, const spsi_rays *rays, int x, int y, double w[3], float *depth) {
-    double t;
+static inline int spsi_face_depth(const spsi_edges *e, const spsi_rays *rays, int x, int y, double w[3], double *t) {
     if (!spsi_face_hit(e, x, y, w)) return 0;
-    t = w[0] * e->depth[0] + w[1] * e->depth[1] + w[2] * e->depth[2];
-    if (!(t + rays->depth_reference > rays->near_depth)) return 0;
-    *depth = (float)t;
-    return 1;
+    *t = w[0] * e->depth[0] + w[1] * e->depth[1] + w[2] * e->depth[2];
+    return *t + rays->depth_reference > rays->near_depth;
 }
 
 /* Stores what a pixel sees of a face, unless another is nearer. */
@@ -7248,13 +7245,12 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
         spsi_face_span(&e, y, &x0, &x1);
         for (int x = x0; x <= x1; ++x) {
             const size_t at = (size_t)(y - raster->first_row) * (size_t)raster->pitch + (size_t)x;
-            double w[3];
-            float depth;
+            double w[3], depth;
             if (SPSI_LANES > 1 && x + SPSI_LANES - 1 <= x1 && spsi_face_holds(&e, x, y)) {
                 spsi_raster_vector(raster, &e, face, x, y, at);
                 x += SPSI_LANES - 1;
             } else if (spsi_face_depth(&e, raster->rays, x, y, w, &depth)) {
-                spsi_raster_store(raster, at, face, depth, (float)w[1], (float)w[2]);
+                spsi_raster_store(raster, at, face, (float)depth, (float)w[1], (float)w[2]);
             }
         }
     }
@@ -7574,13 +7570,13 @@ static void spsi_pane_row(const spsi_layers_job *job, const spsi_layer_scratch *
     int x0 = box[0], x1 = box[2];
     spsi_face_span(e, y, &x0, &x1);
     for (int x = x0; x <= x1; ++x) {
-        double w[3];
-        float depth, ends = SPSI_INFINITY;
+        double w[3], depth;
+        float ends = SPSI_INFINITY;
         if (n > 1) ends = scratch->depths[(size_t)row * (size_t)width + (size_t)x];
         if (n == 1 && job->hits) ends = job->hits[(size_t)y * (size_t)width + (size_t)x].depth;
-        if (!spsi_face_depth(e, &job->fine, x, y, w, &depth) || !(depth < ends)) continue;
+        if (!spsi_face_depth(e, &job->fine, x, y, w, &depth) || !((float)depth < ends)) continue;
         scratch->masks[x / n] |= UINT64_C(1) << (y % n * n + x % n);
-        scratch->sums[x / n] += (double)depth;
+        scratch->sums[x / n] += (double)(float)depth;
         seen[0] = spsi_least(seen[0], x / n);
         seen[1] = spsi_most(seen[1], x / n);
     }
@@ -14662,34 +14658,19 @@ static double spsi_shadow_table_blocks(const sps_tmap *map) {
     return (double)spsi_shadow_table_columns(map) * rows;
 }
 
-/* Along one axis: the block that a texel is in, and its place there, `size` apart. */
-typedef struct spsi_shadow_table_place {
-    spsi_v block, within;
-} spsi_shadow_table_place;
-
-static inline spsi_shadow_table_place spsi_shadow_table_place_of(spsi_v texel, float size) {
-    spsi_shadow_table_place place;
-    place.block = spsi_floor(spsi_mul(texel, spsi_set(1.0f / SPSI_SHADOW_TABLE_SIDE)));
-    place.within = spsi_mul(spsi_fma(place.block, spsi_set(-SPSI_SHADOW_TABLE_SIDE), texel), spsi_set(size));
-    return place;
-}
-
-/* Steps of optical depth before u in texels of a table, between planes k - 1 and k of u = (k + 1) / n; plane -1, at
-   u = 0, is 0. Item k of a texel holds both. */
-static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, const spsi_shadow_table_place *column,
-                                          const spsi_shadow_table_place *row, spsi_v u) {
+/* Optical depth before u in texels of a table, between planes k - 1 and k of u = (k + 1) / n; plane -1, at u = 0, is 0.
+   Item k of a texel holds both, in steps. A block has its texels row by row. */
+static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
     const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(u, planes);
     const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
-    const spsi_v block = spsi_fma(row->block, spsi_set((float)spsi_shadow_table_columns(map)), column->block);
+    const spsi_v side = spsi_set(SPSI_SHADOW_TABLE_SIDE), per_side = spsi_set(1.0f / SPSI_SHADOW_TABLE_SIDE);
+    const spsi_v x = spsi_floor(spsi_mul(column, per_side)), y = spsi_floor(spsi_mul(row, per_side));
+    const spsi_v block = spsi_fma(y, spsi_set((float)spsi_shadow_table_columns(map)), x);
+    const spsi_v within = spsi_fma(spsi_sub(row, spsi_mul(y, side)), side, spsi_sub(column, spsi_mul(x, side)));
     spsi_v pair[2];
-    spsi_lookup_pair((const uint32_t *)map->data.table.data, SPSI_SHADOW_TABLE_TEXELS,
-                     spsi_add(row->within, column->within), spsi_fma(block, planes, k), pair);
-    return spsi_mix(pair[0], pair[1], spsi_sub(at, k));
-}
-
-/* Optical depth of a step. */
-static inline spsi_v spsi_shadow_table_step(const sps_tmap *map) {
-    return spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST);
+    spsi_lookup_pair((const uint32_t *)map->data.table.data, SPSI_SHADOW_TABLE_TEXELS, within,
+                     spsi_fma(block, planes, k), pair);
+    return spsi_mul(spsi_mix(pair[0], pair[1], spsi_sub(at, k)), spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST));
 }
 
 /* Optical depth of gas before u in a vector of texels of any map. */
@@ -14697,11 +14678,7 @@ static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column,
     const float components = (float)map->settings.components;
     const spsi_texels texels = {(const float *)map->data.texels.data, map->rays[0].width * map->settings.components,
                                 spsi_mul(column, spsi_set(components)), row};
-    if (map->data.table.data) {
-        const spsi_shadow_table_place x = spsi_shadow_table_place_of(column, 1),
-                                      y = spsi_shadow_table_place_of(row, SPSI_SHADOW_TABLE_SIDE);
-        return spsi_mul(spsi_shadow_table_at(map, &x, &y, u), spsi_shadow_table_step(map));
-    }
+    if (map->data.table.data) return spsi_shadow_table_at(map, column, row, u);
     return map->has_vectors ? spsi_tmap_texels_depths(map, &texels, u)
                             : spsi_tmap_each_optical_depth(map, column, row, u, weight);
 }
@@ -26270,20 +26247,16 @@ static int spsi_stage_grade(spsi_stage stage, const spsi_setting *setting) {
     return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD ? setting->cells : setting->gas;
 }
 
-/* Whether the rate of a rung says something of others. */
-static int spsi_rate_extends(const sps_context *context, spsi_stage stage, int grade) {
-    return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD || !context->pace.splats[grade];
-}
-
 /* The rate of a stage: the context's own or, from the nearest rung that has one, in the proportion of start values. */
 static double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
     const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
-    const int grade = spsi_stage_grade(stage, setting);
+    const int grade = spsi_stage_grade(stage, setting), cells = stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD;
     for (int away = 0; away < SPSI_GRADES; ++away) /* of two that are as near, the coarser one */
         for (int sign = -1; sign <= 1; sign += 2) {
             const int at = grade + sign * away;
             if (at < 0 || at >= SPSI_GRADES || !(known[at] > 0)) continue;
-            if (away == 0 || spsi_rate_extends(context, stage, at)) return known[at] * (start[grade] / start[at]);
+            /* that of thick slabs which were splatted says nothing of others */
+            if (away == 0 || cells || !context->pace.splats[at]) return known[at] * (start[grade] / start[at]);
         }
     return start[grade] / spsi_worker_count(context);
 }
@@ -27729,9 +27702,7 @@ static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y
     spsi_edges e;
     double w[3], depth;
     spsi_face_edges(marcher->faces, number, eye, &e);
-    if (!spsi_face_hit(&e, x, y, w)) return 0;
-    depth = w[0] * e.depth[0] + w[1] * e.depth[1] + w[2] * e.depth[2];
-    if (!(depth + eye->depth_reference > eye->near_depth)) return 0;
+    if (!spsi_face_depth(&e, eye, x, y, w, &depth)) return 0;
     if (depth < after->depth || (!(depth > after->depth) && number <= after->hit.face)) return 0;
     if (depth > nearest->depth || (!(depth < nearest->depth) && number >= nearest->hit.face)) return 0;
     nearest->depth = depth;
@@ -30157,7 +30128,6 @@ static void spsi_tmap_answer(const sps_tmap *map, size_t first, int count, const
                              float *optical_depths, float *transmittances) {
     float depths[SPSI_LANES] = {0};
     double lit[SPSI_LANES];
-    for (int i = 0; i < count; ++i) lit[i] = 1;
     spsi_tmap_at(map, count, positions, depths, lit);
     for (size_t i = 0; i < (size_t)count; ++i) {
         const double depth = (double)depths[i];

@@ -1819,27 +1819,14 @@ static inline double spsi_multiply_add(double a, double b, double c) {
 #endif
 }
 
-/* The upper 26 bits of a number. [Veltkamp, in Dekker 1971] */
-static double spsi_upper_half(double a) {
-    const volatile double scaled = 134217729 * a, rest = scaled - a;
-    return scaled - rest;
-}
-
-/* The rounding error of a product. Products of halves are exact, so fusing them changes nothing. [Dekker 1971] */
-static double spsi_product_rest(double a, double b, double product) {
-    const double a0 = spsi_upper_half(a), b0 = spsi_upper_half(b), a1 = a - a0, b1 = b - b0;
-    return a0 * b0 - product + a0 * b1 + a1 * b0 + a1 * b1;
-}
-
 /* The exact sign of a b - c d. Rounding is monotonic: if the rounded products differ, so do the exact ones in the same
-   way; otherwise their rounding errors decide. */
+   way; otherwise their rounding errors decide, which fma has without one of its own. */
 static int spsi_sign_of_difference(double a, double b, double c, double d) {
     const volatile double first = a * b, second = c * d;
     double p = first, q = second;
     if (!(p < q || p > q)) {
-        const double rest = spsi_product_rest(a, b, p);
-        q = spsi_product_rest(c, d, q);
-        p = rest;
+        p = fma(a, b, -p);
+        q = fma(c, d, -q);
     }
     return (p > q) - (p < q);
 }
@@ -4728,13 +4715,6 @@ static spsi_subject spsi_settings_of(sps_context *context, int light) {
     return at;
 }
 
-/* As spsi_fail_field, for these settings. */
-static sps_result spsi_fail_setting(sps_context *context, sps_result result, int light, const char *field, double value,
-                                    const char *rule) {
-    const spsi_subject at = spsi_settings_of(context, light);
-    return spsi_fail_member(&at, result, field, value, rule);
-}
-
 /* Checks the number of components, including the range, unless it is left to the technique. */
 static sps_result spsi_check_components(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
@@ -4806,14 +4786,7 @@ static sps_result spsi_check_shadow_source(const spsi_subject *at, const sps_lig
    their own. */
 static sps_result spsi_check_shadow_map(const spsi_subject *at, const sps_light *light) {
     const sps_tmap_settings *settings = light->shadow_map;
-    const double all_round = light->kind == SPS_LIGHT_DIRECTIONAL ? 0 : HUGE_VAL;
-    const spsi_bounded numbers[] = {
-        {"shadow_map_size", (double)light->shadow_map_size, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
-        {"shadow_map_omnidirectional", (double)light->shadow_map_omnidirectional, -all_round, all_round,
-         "a directional light has one direction"},
-        {"shadow_source", (double)(int)light->shadow_source, 0, SPS_SHADOW_TABLE, "it must be an sps_shadow_source"}};
-    if (spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers) || spsi_check_shadow_source(at, light))
-        return at->context->result;
+    if (spsi_check_shadow_source(at, light)) return at->context->result;
     if (settings) {
         const spsi_bounded own[] = {
             {"near_depth", settings->near_depth, 0, 0, "it must be 0: the range is fitted to the gas"},
@@ -4832,17 +4805,6 @@ static int spsi_light_extended(const sps_light *light) {
     if (light->kind == SPS_LIGHT_DIRECTIONAL) return light->angular_diameter > 0;
     if (light->kind == SPS_LIGHT_POINT) return 0;
     return spsi_length(light->axes[0]) > 0 || spsi_length(light->axes[1]) > 0;
-}
-
-static sps_result spsi_check_cone(const spsi_subject *at, const sps_light *light) {
-    static const char none[] = "it must be 0: a directional light has no cone";
-    const int directional = light->kind == SPS_LIGHT_DIRECTIONAL;
-    const double narrower = light->inner_cone < light->outer_cone ? light->inner_cone : 0;
-    const spsi_bounded cones[] = {{"inner_cone", light->inner_cone, 0, directional ? 0 : narrower,
-                                   directional ? none : "it must be 0, or less than outer_cone"},
-                                  {"outer_cone", light->outer_cone, 0, directional ? 0 : SPSI_PI * (1 + DBL_EPSILON),
-                                   directional ? none : "it must be 0..pi"}};
-    return spsi_check_bounded(at, cones, sizeof cones / sizeof *cones);
 }
 
 static sps_result spsi_check_projector(const spsi_subject *at, const sps_light *light) {
@@ -4875,9 +4837,6 @@ static sps_result spsi_check_projector(const spsi_subject *at, const sps_light *
 }
 
 static sps_result spsi_check_extent(const spsi_subject *at, const sps_light *light) {
-    const spsi_bounded numbers[] = {{"samples", (double)light->samples, 0, SPSI_POINTS_MAX, "it must be 0..256"},
-                                    {"angular_diameter", light->angular_diameter, 0, 2, "it must be 0..2 radians"}};
-    if (spsi_check_bounded(at, numbers, light->kind == SPS_LIGHT_DIRECTIONAL ? 2 : 1)) return at->context->result;
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
         if (spsi_check_vector(at, axis ? "axes[1]" : "axes[0]", light->axes[axis])) return at->context->result;
     if (light->shadow_map && spsi_light_extended(light))
@@ -4888,24 +4847,36 @@ static sps_result spsi_check_extent(const spsi_subject *at, const sps_light *lig
 
 static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
     const spsi_subject at = {context, SPS_OBJECT_LIGHT, i, ""};
-    const spsi_bounded kinds[] = {
+    static const char none[] = "it must be 0: a directional light has no cone";
+    const int directional = light->kind == SPS_LIGHT_DIRECTIONAL;
+    const double narrower = light->inner_cone < light->outer_cone ? light->inner_cone : 0;
+    const double all_round = directional ? 0 : HUGE_VAL;
+    const spsi_bounded numbers[] = {
         {"kind", (double)(int)light->kind, 0, SPS_LIGHT_RECTANGLE, "it must be an sps_light_kind"},
-        {"falloff", (double)(int)light->falloff, 0, SPS_FALLOFF_NONE, "it must be an sps_falloff"}};
+        {"falloff", (double)(int)light->falloff, 0, SPS_FALLOFF_NONE, "it must be an sps_falloff"},
+        {"inner_cone", light->inner_cone, 0, directional ? 0 : narrower,
+         directional ? none : "it must be 0, or less than outer_cone"},
+        {"outer_cone", light->outer_cone, 0, directional ? 0 : SPSI_PI * (1 + DBL_EPSILON),
+         directional ? none : "it must be 0..pi"},
+        {"samples", (double)light->samples, 0, SPSI_POINTS_MAX, "it must be 0..256"},
+        {"angular_diameter", directional ? light->angular_diameter : 0, 0, 2, "it must be 0..2 radians"},
+        {"shadow_map_size", (double)light->shadow_map_size, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
+        {"shadow_map_omnidirectional", (double)light->shadow_map_omnidirectional, -all_round, all_round,
+         "a directional light has one direction"},
+        {"shadow_source", (double)(int)light->shadow_source, 0, SPS_SHADOW_TABLE, "it must be an sps_shadow_source"}};
     double direction[3];
     if (spsi_check_canaries(&at, light->start_canary, light->end_canary) ||
-        spsi_check_bounded(&at, kinds, sizeof kinds / sizeof *kinds) ||
+        spsi_check_bounded(&at, numbers, sizeof numbers / sizeof *numbers) ||
         spsi_check_color(&at, "color", light->color, SPSI_VALUE_MAX))
         return context->result;
     memcpy(direction, light->direction, sizeof direction);
-    if (spsi_check_cone(&at, light)) return context->result;
-    if ((light->kind == SPS_LIGHT_DIRECTIONAL || light->outer_cone > 0 || light->projector) &&
+    if ((directional || light->outer_cone > 0 || light->projector) &&
         !spsi_normalise(direction)) {
         int k = 0; /* the component that is not finite, or the last: all are 0 then */
         while (k < 2 && fabs(direction[k]) <= DBL_MAX) ++k;
         return spsi_wrong(&at, "direction", direction[k], "it must be finite and have a length");
     }
-    if ((light->kind != SPS_LIGHT_DIRECTIONAL || light->projector) &&
-        spsi_check_vector(&at, "position", light->position))
+    if ((!directional || light->projector) && spsi_check_vector(&at, "position", light->position))
         return context->result;
     if (spsi_check_extent(&at, light) || spsi_check_projector(&at, light)) return context->result;
     return spsi_check_shadow_map(&at, light);
@@ -5126,23 +5097,17 @@ static void spsi_material_ambient(const spsi_frame *frame, const float ambient[3
         memcpy(material->ambient, ambient, sizeof material->ambient);
 }
 
-/* The channel of an equal gas, -1 if there is none. Gases of equal appearance share one, unless they glow. */
-static int spsi_find_material(const spsi_frame *frame, const spsi_material *material) {
-    for (int i = 0; i < frame->matter.material_count; ++i)
-        if (!material->table && memcmp(material, &frame->matter.materials[i], sizeof *material) == 0) return i;
-    return -1;
-}
-
-/* The channel of a material, a new one unless an equal gas has one. What glows has its own. */
+/* The channel of a material: that of an equal gas, or a new one. What glows has its own. */
 static int spsi_take_material(spsi_frame *frame, const spsi_material *material) {
-    int channel = material->emits ? -1 : spsi_find_material(frame, material);
-    frame->matter.scatters |= material->scatters;
-    frame->matter.emits |= material->emits;
-    frame->matter.orders = spsi_most(frame->matter.orders, spsi_phase_orders(material));
-    if (channel < 0) {
-        channel = frame->matter.material_count++;
-        frame->matter.materials[channel] = *material;
-    }
+    spsi_matter *matter = &frame->matter;
+    int channel = material->emits || material->table ? matter->material_count : 0;
+    while (channel < matter->material_count && memcmp(material, &matter->materials[channel], sizeof *material))
+        ++channel;
+    matter->scatters |= material->scatters;
+    matter->emits |= material->emits;
+    matter->orders = spsi_most(matter->orders, spsi_phase_orders(material));
+    matter->materials[channel] = *material;
+    matter->material_count = spsi_most(matter->material_count, channel + 1);
     return channel;
 }
 
@@ -6319,16 +6284,11 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 
 #define SPSI_BOUND_NONE 1e6 /* of what scatters again, per unit of what scatters once: as much as may be */
 
-/* Whether gas lights polygons, or shadows ambient light on them, without scattering anything. */
-static int spsi_lights_polygons(const spsi_frame *frame) {
-    const int gas = frame->medium_count + frame->particles.set_count;
-    return frame->meshes.triangle_count > 0 && gas > 0 && (frame->matter.emits || frame->has_ambient);
-}
-
 /* Whether there is light that gas may scatter, or that it lights polygons by or keeps from them. */
 static int spsi_light_meets_gas(const spsi_frame *frame) {
-    const int lit = frame->lamps.count > 0 || frame->matter.emits || frame->has_ambient;
-    return (lit && frame->matter.scatters) || spsi_lights_polygons(frame);
+    const int own = frame->matter.emits || frame->has_ambient, lit = own || frame->lamps.count > 0;
+    const int gas = frame->medium_count + frame->particles.set_count; /* which may scatter nothing */
+    return (lit && frame->matter.scatters) || (own && gas > 0 && frame->meshes.triangle_count > 0);
 }
 
 /* A coarse grid of upper bounds of extinction. A straight way advances by at least 1 / sqrt 3 of its length along one
@@ -7223,13 +7183,10 @@ static void spsi_raster_box_task(void *data, int i) {
 
 /* Depth and barycentric weights of the point where a pixel's ray hits a face; returns 0 if it misses, or before the
    near plane. */
-static inline int spsi_face_depth(const spsi_edges *e, const spsi_rays *rays, int x, int y, double w[3], float *depth) {
-    double t;
+static inline int spsi_face_depth(const spsi_edges *e, const spsi_rays *rays, int x, int y, double w[3], double *t) {
     if (!spsi_face_hit(e, x, y, w)) return 0;
-    t = w[0] * e->depth[0] + w[1] * e->depth[1] + w[2] * e->depth[2];
-    if (!(t + rays->depth_reference > rays->near_depth)) return 0;
-    *depth = (float)t;
-    return 1;
+    *t = w[0] * e->depth[0] + w[1] * e->depth[1] + w[2] * e->depth[2];
+    return *t + rays->depth_reference > rays->near_depth;
 }
 
 /* Stores what a pixel sees of a face, unless another is nearer. */
@@ -7288,13 +7245,12 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
         spsi_face_span(&e, y, &x0, &x1);
         for (int x = x0; x <= x1; ++x) {
             const size_t at = (size_t)(y - raster->first_row) * (size_t)raster->pitch + (size_t)x;
-            double w[3];
-            float depth;
+            double w[3], depth;
             if (SPSI_LANES > 1 && x + SPSI_LANES - 1 <= x1 && spsi_face_holds(&e, x, y)) {
                 spsi_raster_vector(raster, &e, face, x, y, at);
                 x += SPSI_LANES - 1;
             } else if (spsi_face_depth(&e, raster->rays, x, y, w, &depth)) {
-                spsi_raster_store(raster, at, face, depth, (float)w[1], (float)w[2]);
+                spsi_raster_store(raster, at, face, (float)depth, (float)w[1], (float)w[2]);
             }
         }
     }
@@ -7614,13 +7570,13 @@ static void spsi_pane_row(const spsi_layers_job *job, const spsi_layer_scratch *
     int x0 = box[0], x1 = box[2];
     spsi_face_span(e, y, &x0, &x1);
     for (int x = x0; x <= x1; ++x) {
-        double w[3];
-        float depth, ends = SPSI_INFINITY;
+        double w[3], depth;
+        float ends = SPSI_INFINITY;
         if (n > 1) ends = scratch->depths[(size_t)row * (size_t)width + (size_t)x];
         if (n == 1 && job->hits) ends = job->hits[(size_t)y * (size_t)width + (size_t)x].depth;
-        if (!spsi_face_depth(e, &job->fine, x, y, w, &depth) || !(depth < ends)) continue;
+        if (!spsi_face_depth(e, &job->fine, x, y, w, &depth) || !((float)depth < ends)) continue;
         scratch->masks[x / n] |= UINT64_C(1) << (y % n * n + x % n);
-        scratch->sums[x / n] += (double)depth;
+        scratch->sums[x / n] += (double)(float)depth;
         seen[0] = spsi_least(seen[0], x / n);
         seen[1] = spsi_most(seen[1], x / n);
     }
@@ -10548,12 +10504,6 @@ static const spsi_lamp *spsi_sliced_lamp(const spsi_frame *frame, int n) {
     return NULL;
 }
 
-/* Whether a sweep carries the shadows of a lamp: those of its own lamp, and in the first sweep those of all shadowing
-   lamps without slabs of their own. */
-static int spsi_sweep_carries(const spsi_sweep *sweep, const spsi_lamp *lamp) {
-    return lamp->sliced ? lamp == sweep->lamp : sweep->first && lamp->shadows;
-}
-
 /* Number of lights whose shadows the n-th sweep carries; no sweep has more than the first. */
 static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lamps.sliced_count) + (n == 0 ? frame->lamps.shadow_count - frame->lamps.sliced_count : 0);
@@ -10571,12 +10521,6 @@ static int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
     frame->content->bounds = tight;
     if (serves) *sweep = wider;
     return serves;
-}
-
-/* Why a sweep cannot be placed. */
-static sps_result spsi_sweep_refuse(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
-    const int by_light = !(sweep->cosine_of_light >= SPSI_COSINE_MIN) || sweep->cosine_of_eye >= SPSI_COSINE_MIN;
-    return (by_light ? spsi_sweep_refuse_light : spsi_sweep_refuse_camera)(context, frame, sweep);
 }
 
 /* The thickness that a sweep's slabs may have, whatever the size of voxels: a share of the least pixel in gas, but not
@@ -10598,7 +10542,10 @@ static double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sw
 static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, part, sweep);
     if (spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
-    if (!spsi_sweep_place(frame, sweep)) return spsi_sweep_refuse(context, frame, sweep);
+    if (!spsi_sweep_place(frame, sweep))
+        return !(sweep->cosine_of_light >= SPSI_COSINE_MIN) || sweep->cosine_of_eye >= SPSI_COSINE_MIN
+                   ? spsi_sweep_refuse_light(context, frame, sweep)
+                   : spsi_sweep_refuse_camera(context, frame, sweep);
     return spsi_slabs_cut(context, frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
 }
 
@@ -11768,7 +11715,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Gradients of surfaces are sums of the
    same voxels, weighted by the kernel's derivative.
    With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels in those slabs where gas is smooth: cubics across
-   the patch, and midpoints or cubics along it, are off by what a bound on the field's third derivatives allows, the
+   the patch, and midpoints along it, are off by what a bound on the field's third derivatives allows, the
    greatest third differences of voxels in eighths of bricks. These are differences of a smooth field to within the
    kernel's ripple.
    Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3, twice as many per gradient, and 60 per vector
@@ -11919,7 +11866,7 @@ static void spsi_field_number(const spsi_brick *bricks, int taps, spsi_voxel_fie
         field->grid[i] = marks ? field->count : -1;
         if (!marks) continue;
         field->places[field->count++] = (int)i;
-        for (int n = 0; n < 8; ++n) field->volume += (marks >> n & 1) * (SPSI_BRICK * SPSI_BRICK * SPSI_BRICK / 8);
+        field->volume += spsi_bit_count((uint64_t)marks) * (SPSI_BRICK * SPSI_BRICK * SPSI_BRICK / 8);
     }
 }
 
@@ -11998,19 +11945,6 @@ static void spsi_field_copy(int taps, const int off[3], const float *from, float
         }
 }
 
-/* How far a cell of 2^3 voxels is seen: it begins `before` voxels ahead of its own, and ends `behind` them. */
-typedef struct spsi_cell_reach {
-    int before, behind;
-} spsi_cell_reach;
-
-/* Samples in a cell have `taps` voxels within reach along an axis. A classified volume's are taken if any up to a
-   number of voxels farther away is shown. */
-static spsi_cell_reach spsi_cell_reach_of(const spsi_field_job *job, int number) {
-    const int farther = job->classifies ? number : 0;
-    const spsi_cell_reach reach = {job->taps / 2 - 1 + farther, job->taps / 2 + farther};
-    return reach;
-}
-
 /* A row of shown voxels of three bricks side by side. */
 static inline uint32_t spsi_shown_row(const uint64_t *const shown[3], int row) {
     uint32_t bits = 0;
@@ -12019,18 +11953,17 @@ static inline uint32_t spsi_shown_row(const uint64_t *const shown[3], int row) {
     return bits;
 }
 
-/* The cells that see a place along an axis, as bits: cell c sees those from 2 c - before to 2 c + 1 + behind. */
-static inline int spsi_cells_seeing(const spsi_cell_reach *reach, int at) {
+/* The cells that see a place along an axis, as bits: cell c sees those from 2 c + 1 - reach to 2 c + 1 + reach. */
+static inline int spsi_cells_seeing(int reach, int at) {
     int cells = 0;
-    for (int c = 0; c < SPSI_BRICK / 2; ++c)
-        cells |= (at >= 2 * c - reach->before && at <= 2 * c + 1 + reach->behind) << c;
+    for (int c = 0; c < SPSI_BRICK / 2; ++c) cells |= (at > 2 * c - reach && at <= 2 * c + 1 + reach) << c;
     return cells;
 }
 
 /* The cells of a brick that see shown voxels, of its own and of the bricks around it; NULL: there is none. */
-static void spsi_cells_mark(const uint64_t *const shown[27], const spsi_cell_reach *reach, uint32_t cells[2]) {
-    const int low = -reach->before, high = SPSI_BRICK + reach->behind;
-    const uint32_t window = (1u << (reach->before + 2 + reach->behind)) - 1;
+static void spsi_cells_mark(const uint64_t *const shown[27], int reach, uint32_t cells[2]) {
+    const int low = 1 - reach, high = SPSI_BRICK + reach;
+    const uint32_t window = (1u << (2 * reach + 1)) - 1;
     cells[0] = cells[1] = 0;
     for (int z = low; z < high; ++z) {
         const int brick_z = (z + SPSI_BRICK) / SPSI_BRICK, sees_z = spsi_cells_seeing(reach, z);
@@ -12041,7 +11974,7 @@ static void spsi_cells_mark(const uint64_t *const shown[27], const spsi_cell_rea
             const uint32_t bits = spsi_shown_row(shown + 9 * brick_z + 3 * brick_y, row);
             uint32_t along = 0;
             for (int c = 0; c < 4 && bits; ++c)
-                along |= (uint32_t)((bits >> (SPSI_BRICK + 2 * c - reach->before) & window) > 0) << c;
+                along |= (uint32_t)((bits >> (SPSI_BRICK + 2 * c + 1 - reach) & window) > 0) << c;
             for (int c = 0; c < 4; ++c)
                 if (sees_y >> c & 1) layer |= along << 4 * c;
         }
@@ -12061,7 +11994,8 @@ static void spsi_field_around(const spsi_voxel_field *field, int held, int aroun
     }
 }
 
-/* Fills the aprons of bricks whose own voxels are in place, and marks their cells. */
+/* Fills the aprons of bricks whose own voxels are in place, and marks their cells: samples in one have half of `taps`
+   voxels within reach along an axis. A classified volume's are taken if any up to n voxels farther away is shown. */
 static void spsi_field_apron_task(void *data, int index) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *field = job->field;
@@ -12078,10 +12012,8 @@ static void spsi_field_apron_task(void *data, int index) {
             spsi_field_copy(job->taps, off, field->values + (size_t)around[n] * floats,
                             field->values + (size_t)held * floats);
         }
-        for (int n = 0; n < (job->classifies ? SPSI_FIELD_REACHES : 1); ++n) {
-            const spsi_cell_reach reach = spsi_cell_reach_of(job, n);
-            spsi_cells_mark(shown, &reach, field->cells[n][field->places[held]]);
-        }
+        for (int n = 0; n < (job->classifies ? SPSI_FIELD_REACHES : 1); ++n)
+            spsi_cells_mark(shown, job->taps / 2 + n, field->cells[n][field->places[held]]);
     }
 }
 
@@ -12694,12 +12626,11 @@ static float spsi_tap_patch_extent(const spsi_tapper *t, const spsi_tile *tile, 
 #define SPSI_CUBIC_BOUND   (1 / 378.8f)
 #define SPSI_CUBIC_WEIGHTS 1.631f
 
-/* Bound of the difference between a field that bends by `bend` and its cubics across a patch: the error of one axis
+/* Bound of the difference between a field that bends by 1 and its cubics across a patch: the error of one axis
    counts along the other by the weights there. */
-static float spsi_tap_patch_bound(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch,
-                                  float bend) {
+static float spsi_tap_patch_bound(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch) {
     const float x = spsi_tap_patch_extent(t, tile, patch, 0), y = spsi_tap_patch_extent(t, tile, patch, 1);
-    return bend * SPSI_CUBIC_BOUND *
+    return SPSI_CUBIC_BOUND *
            (spsi_lower(x * x * x, y * y * y) * SPSI_CUBIC_WEIGHTS + spsi_higher(x * x * x, y * y * y));
 }
 
@@ -12819,15 +12750,6 @@ static void spsi_tap_cubic(float u, float weights[4]) {
 /* The place of pixel number `i` of `count` between them. */
 static float spsi_tap_between(int i, int count) { return count > 1 ? 3 * (float)i / (float)(count - 1) : 0; }
 
-/* The weights of a cubic's nodes in its mean in part `i` of `count`, by two points, which are exact for cubics. */
-static void spsi_tap_cubic_mean(int i, int count, float weights[4]) {
-    const float half = 0.28867513f; /* 1 / sqrt(12) */
-    float one[4], other[4];
-    spsi_tap_cubic(3 * ((float)i + 0.5f - half) / (float)count, one);
-    spsi_tap_cubic(3 * ((float)i + 0.5f + half) / (float)count, other);
-    for (int k = 0; k < 4; ++k) weights[k] = 0.5f * (one[k] + other[k]);
-}
-
 /* The weights of the cubics' four columns in a vector of pixels of a patch, from column `x` on. */
 static inline void spsi_tap_across(int x, int width, spsi_v across[4]) {
     float lanes[4][SPSI_LANES];
@@ -12876,31 +12798,8 @@ static void spsi_tap_patch_spread(const spsi_tile *tile, const spsi_tap_patch *p
     }
 }
 
-/* Adds to sums, 16 a slab, what rays find in slabs by a cubic along each, through four samples from the first slab's
-   beginning to the last one's end. */
-static void spsi_tap_add_cubic(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_rays *rays, const int slabs[2],
-                               float *sums) {
-    const int count = slabs[1] - slabs[0];
-    const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale));
-    spsi_v nodes[4];
-    for (int j = 0; j < 4; ++j) {
-        const spsi_v at = spsi_set((float)slabs[0] + (float)(count * j) / 3);
-        const spsi_v depth = spsi_mul(spsi_sub(at, rays->base), rays->per_slab);
-        spsi_v place[3];
-        for (int k = 0; k < 3; ++k) place[k] = spsi_fma(rays->change[k], depth, rays->at[k]);
-        nodes[j] = spsi_mul(weight, spsi_tap_values(t, place, spsi_tap_inside(t->field, place), &tile->samples));
-    }
-    for (int slab = slabs[0]; slab < slabs[1]; ++slab) {
-        float weights[4];
-        spsi_v sum = spsi_set(0);
-        spsi_tap_cubic_mean(slab - slabs[0], count, weights);
-        for (int j = 0; j < 4; ++j) sum = spsi_fma(spsi_set(weights[j]), nodes[j], sum);
-        spsi_store(sums + 16 * slab, spsi_add(spsi_load(sums + 16 * slab), spsi_max(sum, spsi_set(0))));
-    }
-}
-
 /* Adds to a patch's sheets of slabs, from one to that before another, what its sixteen pixels find, on one ray each or
-   on several, by cubics along these if there are no steps. */
+   on several. */
 static void spsi_tap_patch_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_patch *patch, const int slabs[2],
                                int steps, float *sheets) {
     float sums[SPSI_TAP_SLABS * 16];
@@ -12912,12 +12811,9 @@ static void spsi_tap_patch_add(const spsi_tapper *t, spsi_tile *tile, const spsi
         for (int n = 0; n < 16; n += SPSI_LANES) {
             const spsi_v x = spsi_load(patch->x + n), y = spsi_load(patch->y + n);
             spsi_tap_rays rays;
-            spsi_tap_rays_build(t, tile, x, y, part, spsi_most(steps, 1), &rays);
+            spsi_tap_rays_build(t, tile, x, y, part, steps, &rays);
             rays.by_slab = by_slab;
-            if (steps > 0)
-                spsi_tap_add(t, tile, &rays, sums, (size_t)n, 16);
-            else
-                spsi_tap_add_cubic(t, tile, &rays, slabs, sums + n);
+            spsi_tap_add(t, tile, &rays, sums, (size_t)n, 16);
         }
     spsi_tap_patch_spread(tile, patch, slabs, sums, sheets);
 }
@@ -12975,28 +12871,17 @@ static double spsi_tapper_reach(const spsi_tapper *tapper) {
     return level ? (reach + 1.5) * (1 << level) : reach;
 }
 
-/* The covariance of a footprint, xx, yy and xy, without the pixel filter, at ray coordinates (x t, y t, t). */
-static void spsi_footprint_covariance(const spsi_splatter *s, const double q[3], double covariance[3]) {
+/* Of a footprint without the pixel filter, at ray coordinates (x t, y t, t): its least variance in any direction, and
+   the product of its standard deviations: the variance of a round one of the same area. */
+static void spsi_footprint_variances(const spsi_splatter *s, const double q[3], double *least, double *area) {
     const double t = s->perspective ? q[2] : 1, x = s->perspective ? q[0] / t : 0, y = s->perspective ? q[1] / t : 0;
-    double c[6];
+    double c[6], xx, yy, xy;
     for (int i = 0; i < 6; ++i) c[i] = (double)s->covariance[i];
-    covariance[0] = (c[0] - 2 * x * c[2] + x * x * c[5]) / (t * t);
-    covariance[1] = (c[3] - 2 * y * c[4] + y * y * c[5]) / (t * t);
-    covariance[2] = (c[1] - x * c[4] - y * c[2] + x * y * c[5]) / (t * t);
-}
-
-/* Its least variance in any direction. */
-static double spsi_least_variance(const spsi_splatter *s, const double q[3]) {
-    double c[3];
-    spsi_footprint_covariance(s, q, c);
-    return 0.5 * (c[0] + c[1] - sqrt((c[0] - c[1]) * (c[0] - c[1]) + 4 * c[2] * c[2]));
-}
-
-/* The product of its standard deviations, which is that of a round one of the same area. */
-static double spsi_footprint_variance(const spsi_splatter *s, const double q[3]) {
-    double c[3];
-    spsi_footprint_covariance(s, q, c);
-    return sqrt(fmax(c[0] * c[1] - c[2] * c[2], 0));
+    xx = (c[0] - 2 * x * c[2] + x * x * c[5]) / (t * t);
+    yy = (c[3] - 2 * y * c[4] + y * y * c[5]) / (t * t);
+    xy = (c[1] - x * c[4] - y * c[2] + x * y * c[5]) / (t * t);
+    *least = 0.5 * (xx + yy - sqrt((xx - yy) * (xx - yy) + 4 * xy * xy));
+    *area = sqrt(fmax(xx * yy - xy * xy, 0));
 }
 
 /* Why a volume is splatted, or gathered, in a target. */
@@ -13046,9 +12931,10 @@ static spsi_verdict spsi_tapper_serves_at(spsi_tapper *tapper, const spsi_rays *
     const double finer = (double)(tapper->side << tapper->level);
     const int many = tapper->level > 0 && tapper->side > 2; /* a lone voxel's mass depends less on its place */
     const double least = tapper->rays == 2 ? SPSI_TAP_TWO : many ? SPSI_TAP_LONE : SPSI_TAP_VARIANCE;
-    const double variance = finer * finer * spsi_least_variance(splatter, q);
-    double way[3], widest;
+    double way[3], widest, variance, area;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
+    spsi_footprint_variances(splatter, q, &variance, &area);
+    variance *= finer * finer;
     if (variance < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
     widest = spsi_least(tapper->side, 2) * tapper->breadth / (rays->perspective ? pitch * q[2] : pitch);
     if (widest * widest > SPSI_TAP_WIDEST && tapper->level > tapper->wanted) return SPSI_SPLAT_SMALL;
@@ -13094,9 +12980,10 @@ static int spsi_tapper_pays(const spsi_tapper *tapper, const spsi_lattice *latti
                             const spsi_splatter *splatter) {
     const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
     const double cut = (double)splatter->cut, size = (double)(1 << tapper->level);
-    double q[3], area, fragments, samples;
+    double q[3], area, least, fragments, samples;
     spsi_tapper_point(tapper, lattice, rays, 8, q);
-    area = SPSI_PI * cut * cut * spsi_footprint_variance(splatter, q);
+    spsi_footprint_variances(splatter, q, &least, &area);
+    area *= SPSI_PI * cut * cut;
     fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a ball of that radius */
     samples = field->volume / (size * size * size) * spsi_tapper_density(tapper, rays, q);
     return samples * (tapper->fields->taps == 4 ? SPSI_COST_SAMPLE : SPSI_COST_SAMPLE_WIDE) <
@@ -13725,12 +13612,6 @@ static size_t spsi_shape_floats(const spsi_shape *shape) {
            2 * SPSI_LANES; /* vectors reach beyond */
 }
 
-/* Whether a material has gradients, which decide how much of a surface it is, and its normal. */
-static int spsi_has_gradient(const spsi_frame *frame, const spsi_material *material) {
-    return frame->has_gradients && material->table && material->shading == SPS_SHADING_SURFACE &&
-           frame->content->fields->list[material->medium].count > 0;
-}
-
 /* The eye's sheets have a channel for each material. A light's have one for all gases, and one for each classified
    volume. These interpolate from slab to slab. */
 static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
@@ -14165,68 +14046,33 @@ static float spsi_target_depth(const spsi_target *target, int medium, const spsi
 /* How a patch of a tile is interpolated, slab by slab. */
 typedef struct spsi_patch_plan {
     spsi_tap_patch patch;
-    float share, allowed;      /* of the tolerance: this chunk's, and all up to here */
+    float allowed;             /* of the tolerance, up to here */
     float *spent;              /* of what is allowed */
     float depth, way;          /* of a slab: optical depth, if the value is 1, and voxels that rays cross */
     int steps[SPSI_TAP_SLABS]; /* samples of its sixteen rays in each slab; 0: all rays are followed */
-    float bends[SPSI_TAP_SLABS + SPSI_LANES];
 } spsi_patch_plan;
 
 /* Chooses the slabs that sixteen rays fill, by what is left of the tolerance. Where rays cross voxels enough for
    several samples in a slab, fewer of them may do. */
 static void spsi_patch_choose(const spsi_tapper *here, const spsi_tile *tile, spsi_patch_plan *plan) {
-    const float across = plan->depth * spsi_tap_patch_bound(here, tile, &plan->patch, 1);
+    const float across = plan->depth * spsi_tap_patch_bound(here, tile, &plan->patch);
     const int most = spsi_tap_steps(here, plan->way);
-    float beside[SPSI_TAP_SLABS + SPSI_LANES];
-    const uint32_t whole = spsi_tap_patch_bends(here, tile, &plan->patch, most, plan->bends);
+    float bends[SPSI_TAP_SLABS + SPSI_LANES], beside[SPSI_TAP_SLABS + SPSI_LANES];
+    const uint32_t whole = spsi_tap_patch_bends(here, tile, &plan->patch, most, bends);
     if (most > 1) spsi_tap_patch_bends(here, tile, &plan->patch, 1, beside);
     for (int slab = 0; slab < tile->slab_count; ++slab) {
-        const float bound = *plan->spent + across * plan->bends[slab];
+        const float bound = *plan->spent + across * bends[slab];
         float along = 0;
         int *steps = &plan->steps[slab];
         *steps = 0;
         if (!(bound <= plan->allowed) || !(whole >> slab & 1)) continue;
         for (*steps = 1; *steps < most; ++*steps) {
-            along = across * (beside[slab] - plan->bends[slab]) +
+            along = across * (beside[slab] - bends[slab]) +
                     plan->depth * spsi_tap_steps_bound(beside[slab], plan->way, *steps);
             if (bound + along <= plan->allowed) break;
         }
         *plan->spent = bound + (*steps < most ? along : 0);
     }
-}
-
-/* Whether cubics along a patch's rays may stand for what they find in slabs, from one to that before another. What they
-   are off by is that of a patch along one axis, and by their weights that across counts 1.631 times instead of once.
-   They spare less than sixteen rays do and are off by more, so they may use only the tolerance of their own slabs, not
-   what was left over before. */
-static int spsi_patch_cubic(const spsi_tapper *here, const spsi_tile *tile, const int slabs[2], spsi_patch_plan *plan) {
-    const float across = plan->depth * spsi_tap_patch_bound(here, tile, &plan->patch, 1);
-    const float way = plan->way * (float)(slabs[1] - slabs[0]);
-    float most = 0, sum = 0, along;
-    if (plan->steps[slabs[0]] != 1 || slabs[1] - slabs[0] < 6 || here->rays == 2) return 0;
-    for (int slab = slabs[0]; slab < slabs[1]; ++slab) {
-        most = spsi_higher(most, plan->bends[slab]);
-        sum += plan->bends[slab];
-    }
-    along = plan->depth * (float)(slabs[1] - slabs[0]) * most * way * way * way * SPSI_CUBIC_BOUND;
-    along += (SPSI_CUBIC_WEIGHTS - 1) * across * sum;
-    if (along > plan->share * (float)(slabs[1] - slabs[0]) / SPSI_CHUNK) return 0;
-    if (*plan->spent + along > plan->allowed) return 0;
-    *plan->spent += along;
-    return 1;
-}
-
-/* Finds the end of a run of slabs that are filled likewise. Returns whether cubics along rays fill them: if the bound
-   forbids that for the whole run, its first half is tried, and so on. */
-static int spsi_patch_run(const spsi_tapper *here, const spsi_tile *tile, spsi_patch_plan *plan, int run[2]) {
-    int end = run[0];
-    while (end < tile->slab_count && plan->steps[end] == plan->steps[run[0]]) ++end;
-    for (int length = end - run[0]; length > 0; length /= 2) {
-        run[1] = run[0] + length;
-        if (spsi_patch_cubic(here, tile, run, plan)) return 1;
-    }
-    run[1] = end;
-    return 0;
 }
 
 /* Adds a gathered volume to those of a tile's patches, slab by slab, where sixteen rays do. Slabs up to here may use
@@ -14240,8 +14086,7 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *here,
     const int count = fill->tile->slab_count;
     const uint64_t patches = rest[0];
     spsi_patch_plan plan;
-    plan.share = target->tolerance / (float)spsi_chunk_count(target->slabs);
-    plan.allowed = (chunk + 1) * plan.share;
+    plan.allowed = (chunk + 1) * target->tolerance / (float)spsi_chunk_count(target->slabs);
     plan.way = way;
     for (int n = 0; n < 64; ++n) {
         int run[2];
@@ -14249,11 +14094,11 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *here,
         plan.spent = &spent[n];
         plan.depth = here->mix * spsi_target_depth(target, medium, &plan.patch);
         spsi_patch_choose(here, fill->tile, &plan);
-        for (run[0] = 0; run[0] < count; run[0] = run[1]) {
-            const int steps = plan.steps[run[0]], cubic = spsi_patch_run(here, fill->tile, &plan, run);
-            if (steps == 0) continue;
-            for (int slab = run[0]; slab < run[1]; ++slab) rest[slab] &= ~(UINT64_C(1) << n);
-            spsi_tap_patch_add(here, fill->tile, &plan.patch, run, cubic ? 0 : steps, channel);
+        for (run[0] = 0; run[0] < count; run[0] = run[1]) { /* slabs that are filled likewise */
+            const int steps = plan.steps[run[0]];
+            for (run[1] = run[0]; run[1] < count && plan.steps[run[1]] == steps; ++run[1])
+                if (steps > 0) rest[run[1]] &= ~(UINT64_C(1) << n);
+            if (steps > 0) spsi_tap_patch_add(here, fill->tile, &plan.patch, run, steps, channel);
         }
     }
 }
@@ -14817,47 +14662,29 @@ static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, s
 #define SPSI_SHADOW_TABLE_MOST        65535.0f   /* stands for the optical depth at which a table ends */
 #define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks, which floats count */
 
-/* Blocks along a row of a table, and along its columns, faces one below the other. */
+/* Blocks along a row of a table, and all of them, faces one below the other. */
 static int spsi_shadow_table_columns(const sps_tmap *map) {
     return (map->rays[0].width + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
 }
 
-static int spsi_shadow_table_rows(const sps_tmap *map) {
-    return (map->rays[0].height * map->face_count + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
-}
-
 static double spsi_shadow_table_blocks(const sps_tmap *map) {
-    return (double)spsi_shadow_table_columns(map) * spsi_shadow_table_rows(map);
+    const int rows = (map->rays[0].height * map->face_count + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
+    return (double)spsi_shadow_table_columns(map) * rows;
 }
 
-/* Along one axis: the block that a texel is in, and its place there, `size` apart. */
-typedef struct spsi_shadow_table_place {
-    spsi_v block, within;
-} spsi_shadow_table_place;
-
-static inline spsi_shadow_table_place spsi_shadow_table_place_of(spsi_v texel, float size) {
-    spsi_shadow_table_place place;
-    place.block = spsi_floor(spsi_mul(texel, spsi_set(1.0f / SPSI_SHADOW_TABLE_SIDE)));
-    place.within = spsi_mul(spsi_fma(place.block, spsi_set(-SPSI_SHADOW_TABLE_SIDE), texel), spsi_set(size));
-    return place;
-}
-
-/* Steps of optical depth before u in texels of a table, between planes k - 1 and k of u = (k + 1) / n; plane -1, at
-   u = 0, is 0. Item k of a texel holds both. */
-static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, const spsi_shadow_table_place *column,
-                                          const spsi_shadow_table_place *row, spsi_v u) {
+/* Optical depth before u in texels of a table, between planes k - 1 and k of u = (k + 1) / n; plane -1, at u = 0, is 0.
+   Item k of a texel holds both, in steps. A block has its texels row by row. */
+static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
     const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(u, planes);
     const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
-    const spsi_v block = spsi_fma(row->block, spsi_set((float)spsi_shadow_table_columns(map)), column->block);
+    const spsi_v side = spsi_set(SPSI_SHADOW_TABLE_SIDE), per_side = spsi_set(1.0f / SPSI_SHADOW_TABLE_SIDE);
+    const spsi_v x = spsi_floor(spsi_mul(column, per_side)), y = spsi_floor(spsi_mul(row, per_side));
+    const spsi_v block = spsi_fma(y, spsi_set((float)spsi_shadow_table_columns(map)), x);
+    const spsi_v within = spsi_fma(spsi_sub(row, spsi_mul(y, side)), side, spsi_sub(column, spsi_mul(x, side)));
     spsi_v pair[2];
-    spsi_lookup_pair((const uint32_t *)map->data.table.data, SPSI_SHADOW_TABLE_TEXELS,
-                     spsi_add(row->within, column->within), spsi_fma(block, planes, k), pair);
-    return spsi_mix(pair[0], pair[1], spsi_sub(at, k));
-}
-
-/* Optical depth of a step. */
-static inline spsi_v spsi_shadow_table_step(const sps_tmap *map) {
-    return spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST);
+    spsi_lookup_pair((const uint32_t *)map->data.table.data, SPSI_SHADOW_TABLE_TEXELS, within,
+                     spsi_fma(block, planes, k), pair);
+    return spsi_mul(spsi_mix(pair[0], pair[1], spsi_sub(at, k)), spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST));
 }
 
 /* Optical depth of gas before u in a vector of texels of any map. */
@@ -14865,11 +14692,7 @@ static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column,
     const float components = (float)map->settings.components;
     const spsi_texels texels = {(const float *)map->data.texels.data, map->rays[0].width * map->settings.components,
                                 spsi_mul(column, spsi_set(components)), row};
-    if (map->data.table.data) {
-        const spsi_shadow_table_place x = spsi_shadow_table_place_of(column, 1),
-                                      y = spsi_shadow_table_place_of(row, SPSI_SHADOW_TABLE_SIDE);
-        return spsi_mul(spsi_shadow_table_at(map, &x, &y, u), spsi_shadow_table_step(map));
-    }
+    if (map->data.table.data) return spsi_shadow_table_at(map, column, row, u);
     return map->has_vectors ? spsi_tmap_texels_depths(map, &texels, u)
                             : spsi_tmap_each_optical_depth(map, column, row, u, weight);
 }
@@ -15316,12 +15139,6 @@ static uint32_t spsi_tile_ball(const spsi_occluders *occluders, int tile, uint32
     return occluders->tile_balls ? occluders->tile_balls[occluders->tile_starts[tile] + i] : i;
 }
 
-static void spsi_insert_balls(const spsi_map_tile *into, int tile) {
-    const spsi_occluders *occluders = into->filling->occluders;
-    const uint32_t count = spsi_tile_ball_count(occluders, tile);
-    for (uint32_t i = 0; i < count; ++i) spsi_insert_ball(into, &occluders->balls[spsi_tile_ball(occluders, tile, i)]);
-}
-
 /* --- triangles --- */
 
 /* Inserts a triangle into a tile: as a sheet without thickness or, if it is opaque, as the nearest surface of its
@@ -15365,9 +15182,12 @@ static void spsi_insert_triangles(const spsi_map_tile *into) {
 
 static void spsi_fill_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
+    const spsi_occluders *occluders = filling->occluders;
+    const int tile = filling->band.row * filling->band.tiles_x + index;
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
-    spsi_insert_balls(&into, filling->band.row * filling->band.tiles_x + index);
+    for (uint32_t i = 0; i < spsi_tile_ball_count(occluders, tile); ++i)
+        spsi_insert_ball(&into, &occluders->balls[spsi_tile_ball(occluders, tile, i)]);
     spsi_insert_triangles(&into);
 }
 
@@ -15621,10 +15441,10 @@ static void spsi_fit_task(void *data, int index, int worker) {
 }
 
 static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
+    const spsi_subject at = spsi_settings_of(map->context, map->light);
     char rule[96];
     SPS_SNPRINTF(rule, sizeof rule, "the map takes %.0f bytes", bytes);
-    return spsi_fail_setting(map->context, SPS_ERROR_MEMORY, map->light, "byte_budget",
-                             (double)map->settings.byte_budget, rule);
+    return spsi_fail_member(&at, SPS_ERROR_MEMORY, "byte_budget", (double)map->settings.byte_budget, rule);
 }
 
 /* Makes room for the items of a band, whose numbers are in `cursors`. */
@@ -15956,10 +15776,8 @@ static void spsi_shadow_table_count(const sps_tmap *map, int held) {
         const spsi_tile_prints *prints = spsi_tmap_prints(map, tile / columns / rows, row, column);
         const uint64_t all = spsi_tmap_patches(map, row, column);
         const uint64_t made = held ? 0 : prints ? prints->open : all;
-        for (int i = 0; i < 64; ++i) {
-            stats->table_patches_made += made >> i & 1;
-            stats->table_patches_held += (all & ~made) >> i & 1;
-        }
+        stats->table_patches_made += (uint64_t)spsi_bit_count(made);
+        stats->table_patches_held += (uint64_t)spsi_bit_count(all & ~made);
     }
 }
 
@@ -16274,15 +16092,20 @@ static spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     return frame;
 }
 
+/* The depth of a corner of gas: along a map's axis, or with six faces along that of the one in which it lies. */
+static double spsi_tmap_corner_depth(const sps_tmap *map, const spsi_bounds *bounds, int corner) {
+    double point[3], q[3], t = 0;
+    spsi_bounds_corner(bounds, corner, point);
+    spsi_project(&map->rays[0], point, q);
+    for (int i = 0; i < 3; ++i) t = fmax(t, fabs(point[i] - map->rays[0].origin[i]));
+    return map->face_count > 1 ? t : q[2];
+}
+
 /* Whether the box around all voxels reaches beyond a map's depth range. */
 static int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds) {
     const double near_depth = map->settings.near_depth, room = SPSI_OUTSIDE / map->per_depth;
     for (int corner = 0; corner < 8 && !spsi_bounds_empty(bounds); ++corner) {
-        double point[3], q[3], t = 0;
-        spsi_bounds_corner(bounds, corner, point);
-        spsi_project(&map->rays[0], point, q);
-        for (int i = 0; i < 3 && map->face_count > 1; ++i) t = fmax(t, fabs(point[i] - map->rays[0].origin[i]));
-        if (map->face_count == 1) t = q[2];
+        const double t = spsi_tmap_corner_depth(map, bounds, corner);
         if (t > map->settings.far_depth + room) return 1;
         if (t < near_depth - room && !(map->rays[0].perspective && !(t > 0))) return 1;
     }
@@ -16337,18 +16160,11 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 /* Fits the depth range, along a face's axis, to all gas. */
 static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     sps_tmap_settings *settings = &map->settings;
-    double low = HUGE_VAL, high = 0, room;
+    double low = map->face_count > 1 ? 0 : HUGE_VAL, high = -HUGE_VAL, room;
     for (int corner = 0; corner < 8; ++corner) {
-        double point[3], q[3];
-        spsi_bounds_corner(bounds, corner, point);
-        if (map->face_count > 1) {
-            for (int i = 0; i < 3; ++i) high = fmax(high, fabs(point[i] - map->rays[0].origin[i]));
-            low = 0;
-            continue;
-        }
-        spsi_project(&map->rays[0], point, q);
-        low = fmin(low, q[2]);
-        high = corner > 0 ? fmax(high, q[2]) : q[2];
+        const double t = spsi_tmap_corner_depth(map, bounds, corner);
+        low = fmin(low, t);
+        high = fmax(high, t);
     }
     /* gas so far away that it looks like a point still lies between two depths */
     high = fmax(high, low + fmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
@@ -16452,11 +16268,12 @@ static sps_result spsi_lamp_tmap_aim(sps_context *context, const spsi_frame *fra
 /* Begins that map: takes its table, or one to start from, if it is held. `gas` is the fingerprint of the gas. */
 static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                        uint64_t gas, sps_tmap *map) {
+    const spsi_subject at = spsi_settings_of(context, lamp->index);
     if (spsi_lamp_tmap_aim(context, frame, lamp, map)) return context->result;
     if (!spsi_has_shadow_table(lamp)) return SPS_OK;
     if (spsi_shadow_table_blocks(map) * map->settings.components > SPSI_SHADOW_TABLE_BLOCKS_MOST)
-        return spsi_fail_setting(context, SPS_ERROR_MEMORY, map->light, "components", map->settings.components,
-                                 "a table of this size would have more than 2^28 entries");
+        return spsi_fail_member(&at, SPS_ERROR_MEMORY, "components", map->settings.components,
+                                "a table of this size would have more than 2^28 entries");
     map->aim = spsi_shadow_table_aim(map);
     map->key = spsi_shadow_table_key(frame, map->aim, gas);
     spsi_shadow_table_take(context, map);
@@ -16813,19 +16630,14 @@ static inline spsi_v spsi_minus_log(spsi_v x, float end) {
 
 /* --- setting it up --- */
 
-/* Maximum number of texels on a side of a beam, without its border, whose light's sheets have at most `side`: bounds a
-   beam's memory where the gas looks far wider from a point of the light than from its centre. */
-static int spsi_beam_texels_most(const spsi_frame *frame, int side) {
-    return 2 * spsi_most(spsi_light_texels_most(frame), side);
-}
-
 /* Aims the rays of one point at the gas. They have the axes of the centre's; those of a directional light have the
    centre's texels where the slabs begin. Returns 0 if gas is beside or behind the point, or too far away. */
 static int spsi_beam_aim(const spsi_frame *frame, const spsi_penumbra *penumbra, const spsi_lamp *point,
                          spsi_beam *beam) {
     const spsi_rays *rays = penumbra->rays;
     const spsi_slabs *slabs = penumbra->slabs;
-    const int most = spsi_beam_texels_most(frame, spsi_most(rays->width, rays->height));
+    /* where the gas looks far wider from a point of the light than from its centre */
+    const int most = 2 * spsi_most(spsi_light_texels_most(frame), spsi_most(rays->width, rays->height));
     double offset[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, *corner;
     beam->rays = *rays;
     if (rays->perspective) {
@@ -21408,11 +21220,6 @@ static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *l
     *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), line->polygon));
 }
 
-/* World position at depth d, relative to the shader's position origin. */
-static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y, spsi_v d, spsi_v position[3]) {
-    for (int i = 0; i < 3; ++i) position[i] = spsi_linear_find(&shader->position[i], x, y, d);
-}
-
 /* Where a tile's channels hold slab k of a line, counted from the chunk's first. */
 static inline size_t spsi_tile_at(const spsi_tile *tile, const spsi_line *line, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
@@ -21532,7 +21339,9 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
     }
-    if (spsi_has_gradient(shader->frame, material))
+    /* gradients decide how much of a surface it is, and its normal */
+    if (shader->frame->has_gradients && material->shading == SPS_SHADING_SURFACE &&
+        shader->frame->content->fields->list[material->medium].count > 0)
         spsi_samples_gradient(shader, &target->tappers[material->medium], p, channel, slab);
 }
 
@@ -21635,7 +21444,8 @@ static void spsi_reach_build(const spsi_shader *shader, const spsi_lamp *lamp, c
                              const spsi_part *part, spsi_reach *reach) {
     reach->half = spsi_mul(part->half, p->length);
     reach->pixel = spsi_pixel_size(shader->eye, part->middle);
-    spsi_position_at(shader, p->line.at, (float)p->line.y, part->middle, reach->middle);
+    for (int i = 0; i < 3; ++i)
+        reach->middle[i] = spsi_linear_find(&shader->position[i], p->line.at, (float)p->line.y, part->middle);
     for (int i = 0; i < 3; ++i)
         reach->middle[i] =
             spsi_add(reach->middle[i], spsi_set((float)(shader->position_origin[i] - lamp->position[i])));
@@ -26451,20 +26261,16 @@ static int spsi_stage_grade(spsi_stage stage, const spsi_setting *setting) {
     return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD ? setting->cells : setting->gas;
 }
 
-/* Whether the rate of a rung says something of others. */
-static int spsi_rate_extends(const sps_context *context, spsi_stage stage, int grade) {
-    return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD || !context->pace.splats[grade];
-}
-
 /* The rate of a stage: the context's own or, from the nearest rung that has one, in the proportion of start values. */
 static double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
     const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
-    const int grade = spsi_stage_grade(stage, setting);
+    const int grade = spsi_stage_grade(stage, setting), cells = stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD;
     for (int away = 0; away < SPSI_GRADES; ++away) /* of two that are as near, the coarser one */
         for (int sign = -1; sign <= 1; sign += 2) {
             const int at = grade + sign * away;
             if (at < 0 || at >= SPSI_GRADES || !(known[at] > 0)) continue;
-            if (away == 0 || spsi_rate_extends(context, stage, at)) return known[at] * (start[grade] / start[at]);
+            /* that of thick slabs which were splatted says nothing of others */
+            if (away == 0 || cells || !context->pace.splats[at]) return known[at] * (start[grade] / start[at]);
         }
     return start[grade] / spsi_worker_count(context);
 }
@@ -26966,7 +26772,8 @@ static size_t spsi_sight_bytes(const sps_context *context, size_t pixels, int sh
     return counters + pixels * (size_t)shares * sizeof(float);
 }
 
-/* Lists a sweep's lights, and traces the shadow rays from surfaces to them. */
+/* Lists a sweep's lights, its own and, in the first sweep, all shadowing lamps without slabs of their own, and traces
+   the shadow rays from surfaces to them. */
 static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
@@ -26982,7 +26789,7 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *swe
     picture->shadow_count = count;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
-        if (!spsi_sweep_carries(sweep, lamp)) continue;
+        if (!(lamp->sliced ? lamp == sweep->lamp : sweep->first && lamp->shadows)) continue;
         shadow->lamp = lamp;
         shadow->soft = sweep->soft && lamp == sweep->lamp;
         for (int k = 0; k < picture->spreads.count; ++k)
@@ -27109,9 +26916,6 @@ static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
     "gather",      "projectors", "eye polygons", "layers",     "textures",  "light polygons", "triangle tree",
     "shadow rays", "eye sheets", "light sheets", "light maps", "penumbrae", "gradient",       "scattering",
     "forward",     "spreading",  "cells",        "emission",   "ambient",   "surface light"};
-
-/* Whether any volume or particle may be visible. */
-static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 0 || frame->particles.set_count > 0; }
 
 /* The blocks of all volumes that will be read, and upper bounds of what they hold. */
 typedef struct spsi_reading {
@@ -27495,7 +27299,8 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
 
 static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                              sps_plan_report *report) {
-    const int gases = spsi_has_gas(frame), polygons = frame->meshes.triangle_count > 0;
+    const int gases = frame->medium_count > 0 || frame->particles.set_count > 0; /* that may be visible */
+    const int polygons = frame->meshes.triangle_count > 0;
     const int sweeps = report->sweep_count, lit = frame->lamps.count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
     const int again = frame->view.scattering != SPS_SCATTERING_AMBIENT;
@@ -27911,9 +27716,7 @@ static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y
     spsi_edges e;
     double w[3], depth;
     spsi_face_edges(marcher->faces, number, eye, &e);
-    if (!spsi_face_hit(&e, x, y, w)) return 0;
-    depth = w[0] * e.depth[0] + w[1] * e.depth[1] + w[2] * e.depth[2];
-    if (!(depth + eye->depth_reference > eye->near_depth)) return 0;
+    if (!spsi_face_depth(&e, eye, x, y, w, &depth)) return 0;
     if (depth < after->depth || (!(depth > after->depth) && number <= after->hit.face)) return 0;
     if (depth > nearest->depth || (!(depth < nearest->depth) && number >= nearest->hit.face)) return 0;
     nearest->depth = depth;
@@ -30339,7 +30142,6 @@ static void spsi_tmap_answer(const sps_tmap *map, size_t first, int count, const
                              float *optical_depths, float *transmittances) {
     float depths[SPSI_LANES] = {0};
     double lit[SPSI_LANES];
-    for (int i = 0; i < count; ++i) lit[i] = 1;
     spsi_tmap_at(map, count, positions, depths, lit);
     for (size_t i = 0; i < (size_t)count; ++i) {
         const double depth = (double)depths[i];

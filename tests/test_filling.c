@@ -1038,21 +1038,6 @@ static void test_slabs_in_need(void) {
     }
 }
 
-/* The mean of a cubic's parts follows from its nodes, for all powers up to the third. */
-static void test_cubic_means(void) {
-    for (int count = 4; count <= SPSI_CHUNK; ++count)
-        for (int i = 0; i < count; ++i)
-            for (int power = 0; power <= 3; ++power) {
-                const double from = 3.0 * i / count, to = 3.0 * (i + 1) / count;
-                const double mean = (pow(to, power + 1) - pow(from, power + 1)) / (power + 1) / (to - from);
-                float weights[4];
-                double sum = 0;
-                spsi_tap_cubic_mean(i, count, weights);
-                for (int k = 0; k < 4; ++k) sum += (double)weights[k] * pow(k, power);
-                CHECK_NEAR(sum, mean, 3e-5); /* floats: 27 * 8 roundings of 6e-8, and as much in the weights */
-            }
-}
-
 /* Even gas as far as its sides, in a box that is seen at a slant: all chunks of slabs meet some side in each patch.
    Rays are left out where it is even, along thin slabs, and not where they meet a side, nor are slabs there less exact.
    Off by what a lattice of kernels is uneven by, 5e-4 along each axis, along sqrt(12), and by what is used of the
@@ -1664,7 +1649,6 @@ int main(void) {
     RUN(test_boxes_bend);
     RUN(test_slabs_in_need);
     RUN(test_tolerance);
-    RUN(test_cubic_means);
     RUN(test_tolerance_inside);
     RUN(test_tolerance_of_small_voxels);
     RUN(test_tolerance_of_light);

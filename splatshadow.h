@@ -21121,7 +21121,7 @@ typedef struct spsi_flight_place {
     const spsi_frame *frame;
     const spsi_faces *faces;              /* NULL: none are in the way */
     const double *point, *start, *normal; /* start: of rays; normal: a unit vector */
-    int face;                             /* that the point is on; -1: none */
+    int face; /* that the point is on; -1: none, it is a cell's, which takes only what flies to cells */
     double breadth;                       /* of nodes, in the usual angle */
 } spsi_flight_place;
 
@@ -21152,9 +21152,9 @@ static double spsi_ball_lights(double distance, double height, double radius) {
     return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius);
 }
 
-/* Adds the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts go to the
+/* Adds a fraction of the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts go to the
    middle of what is above it. */
-static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights,
+static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights, float fraction,
                                        const spsi_flight_list *list, int n, double irradiance[3]) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
     float out[3][SPSI_LANES], begin[SPSI_LANES];
@@ -21202,7 +21202,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
                 float own[SPSI_LANES];
                 spsi_store(own, spsi_flight_leaves(flight, c, unit, part));
                 irradiance[c] +=
-                    fmin(share[i] * (double)(flights->to_polygons * flight->emitter->sent[c] * own[0] * out[c][i]),
+                    fmin(share[i] * (double)(fraction * flight->emitter->sent[c] * own[0] * out[c][i]),
                          (double)SPSI_RADIANCE_MAX);
             }
     }
@@ -21215,11 +21215,13 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
     double nearest = HUGE_VAL;
     for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
         const double angle = place->breadth * place->frame->accuracy.flight_angle * (2 - (double)trees[i].to_cells);
+        const float cells = place->face < 0 ? trees[i].to_cells : 1;
+        const float share = fminf(trees[i].to_polygons, cells);
         spsi_flight_list list;
         list.count = 0;
-        if (trees[i].to_polygons > 0) spsi_flights_choose(&trees[i], place->point, 0, angle, &list);
+        if (share > 0) spsi_flights_choose(&trees[i], place->point, 0, angle, &list);
         for (int n = 0; n < list.count; n += SPSI_LANES)
-            spsi_flights_irradiance_of(place, &trees[i], &list, n, irradiance);
+            spsi_flights_irradiance_of(place, &trees[i], share, &list, n, irradiance);
         for (int n = 0; n < list.count; ++n) {
             const spsi_emitter *node = list.entry[n].emitter;
             double way[3];
@@ -25059,26 +25061,25 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     return flights->count - first;
 }
 
-/* Sweeps once more without what flies to polygons, but not to cells; if it is the last time, that of cells, too. */
-static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, int last) {
+/* Sweeps once more without what flies to polygons, but not to cells, and without that of cells that send most. */
+static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
     const float fraction = all > cells ? (all - cells) / (1 - cells) : 0;
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
     int changed = fraction > 0;
-    for (int back = 0; back < 2 && (changed || last); ++back) {
+    for (int back = 0; back < 2; ++back) {
         for (size_t at = 0; at < job->grid->count; ++at)
             if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
-        if (!back && last) changed |= spsi_cells_set_apart(job, channel) > 0;
+        if (!back) changed |= spsi_cells_set_apart(job, channel) > 0;
         if (!back && changed) spsi_cells_sweep(job->solver, level);
     }
 }
 
 /* Keeps what the last sweep found, by which polygons are lit. */
-static void spsi_cells_take_flux(const spsi_cell_job *job, int channel, int last) {
+static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    if (grid->pyramid && job->wall_light) spsi_cells_sweep_rest(job, channel, last);
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
     spsi_cell_patches_fill(job->solver, grid, channel);
@@ -25089,7 +25090,7 @@ static void spsi_cells_take_flux(const spsi_cell_job *job, int channel, int last
 static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
     const int first = job->wall_light == NULL;
     spsi_cell_pass pass = spsi_cell_pass_of(job->solver, plain);
-    spsi_cells_take_flux(job, channel, 0);
+    spsi_cells_take_flux(job, channel);
     if (spsi_cell_walls_send(job, channel) < SPSI_CELL_CHANGE && !first) return 0;
     pass.walls = job->walls.sent;
     spsi_cells_carry(&pass);
@@ -25138,7 +25139,10 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
         each.progress += each.share;
         if (!plain || !spsi_cells_reflect(job, job->channel, plain)) break;
     }
-    if (plain) spsi_cells_take_flux(job, job->channel, 1);
+    if (plain && grid->pyramid) {
+        spsi_cells_sweep_rest(job, job->channel);
+        spsi_cells_take_flux(job, job->channel);
+    }
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
     return SPS_OK;

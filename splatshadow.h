@@ -20011,10 +20011,11 @@ static void spsi_cell_patches_send(const float *sent, int count, int axis, const
 }
 
 /* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most 0.6 of their
-   distance, down to a fifth of a patch; nearer, cells are looked up themselves. `open`: the fraction of each patch that
-   is seen; NULL: all of them. */
-static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count, const double point[3],
-                                          const double normal[3], const float *open, double irradiance[3]) {
+   distance, down to a fifth of a patch; nearer, cells are looked up themselves. finest: the most parts along an edge.
+   `open`: the fraction of each patch that is seen; NULL: all of them. */
+static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count, int finest,
+                                          const double point[3], const double normal[3], const float *open,
+                                          double irradiance[3]) {
     const float *patch = grid->patches, *sent = patch + (4 + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
     spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, from[3];
     float lanes[SPSI_LANES];
@@ -20039,7 +20040,7 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
             spsi_store(lanes, square);
             for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
             nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
-            parts = (int)ceil(1.7 * longest / nearest);
+            parts = spsi_least((int)ceil(1.7 * longest / nearest), finest);
         }
         area = spsi_mul(area, spsi_set(1 / (float)(parts * parts)));
         for (int i = 0; i < parts * parts; ++i) {
@@ -20063,8 +20064,9 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
 /* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within two
    thirds of a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid;
    what hides some of the patches there hides as much of the cells. `normal` is a unit vector. */
-static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const double point[3],
-                                  const double normal[3], const float *open, double irradiance[3]) {
+static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, int finest,
+                                  const double point[3], const double normal[3], const float *open,
+                                  double irradiance[3]) {
     double square = 0, facing = 0, longest = 0, outside, all[3] = {0, 0, 0};
     for (int k = 0; k < 3; ++k) {
         const double at = point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
@@ -20075,9 +20077,9 @@ static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int c
     }
     facing = longest * fmax(facing, 0.25 * sqrt(square));
     outside = facing > 0 ? fmin(1.5 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
-    if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, point, normal, open, irradiance);
+    if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, finest, point, normal, open, irradiance);
     if (!(outside < 1)) return;
-    if (open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, point, normal, NULL, all);
+    if (open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, finest, point, normal, NULL, all);
     for (int c = 0; c < count; ++c) {
         const double within = spsi_cells_irradiance_within(grid, channel + c, point, normal);
         const double seen = outside > 0 ? irradiance[c] : 0, whole = open ? all[c] : seen;
@@ -21152,8 +21154,8 @@ static double spsi_ball_lights(double distance, double height, double radius) {
     return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius);
 }
 
-/* Adds a fraction of the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts go to the
-   middle of what is above it. */
+/* Adds a fraction of the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts
+   go to the middle of what is above it. */
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights, float fraction,
                                        const spsi_flight_list *list, int n, double irradiance[3]) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
@@ -22666,7 +22668,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     const spsi_cell_sight sight = {grid, faces, surface, surface->normal, face};
     const int hidden = spsi_cells_sight(&sight, patches);
     double own[3], square = 16 * grid->edge * grid->edge;
-    spsi_cells_irradiance(grid, 0, grid->channels, surface->point, surface->normal, hidden ? patches : NULL, own);
+    spsi_cells_irradiance(grid, 0, grid->channels, 5, surface->point, surface->normal, hidden ? patches : NULL, own);
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += (float)own[c];
     for (int k = 0; k < 3; ++k) {
         const double at = surface->point[k] - grid->corner[k];
@@ -24637,7 +24639,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
         sent = color * ambient + (double)walls->lit[own + at] - ambient;
         if (spsi_cell_walls_mean(job, at, point, normal)) {
             double irradiance[3];
-            spsi_cells_irradiance(grid, c, 1, point, normal, NULL, irradiance);
+            spsi_cells_irradiance(grid, c, 1, 2, point, normal, NULL, irradiance);
             sent += color / SPSI_PI * irradiance[0];
         }
         changed += fabs(sent - (double)walls->sent[at]);

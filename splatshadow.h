@@ -22765,7 +22765,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, 
             sum += 0.25 * own, low = fmin(low, own), high = fmax(high, own);
         }
         sum = fabs((double)knots[4]->irradiance[c] + tile->least[c] - sum);
-        if (!(sum <= (clear ? 0.0125 : 0.05) * high) || !(low >= (clear ? 0.7 : 0.95) * high)) return 0;
+        if (!(sum <= (clear ? 0.025 : 0.05) * high) || !(low >= (clear ? 0.5 : 0.95) * high)) return 0;
     }
     return 1;
 }

@@ -24637,7 +24637,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
         if (!walls->closed[at] && !walls->closed[count + at]) continue;
         color = (double)walls->color[own + at];
         sent = color * ambient + (double)walls->lit[own + at] - ambient;
-        if (spsi_cell_walls_mean(job, at, point, normal)) {
+        if (job->wall_light && spsi_cell_walls_mean(job, at, point, normal)) {
             double irradiance[3];
             spsi_cells_irradiance(grid, c, 1, 2, point, normal, NULL, irradiance);
             sent += color / SPSI_PI * irradiance[0];
@@ -25090,12 +25090,16 @@ static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
 /* Finds what polygons send, given what cells send so far, and what of that reaches each cell. Returns 0 if it has
    hardly changed. */
 static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
-    const int first = job->wall_light == NULL;
     spsi_cell_pass pass = spsi_cell_pass_of(job->solver, plain);
-    spsi_cells_take_flux(job, channel);
-    if (spsi_cell_walls_send(job, channel) < SPSI_CELL_CHANGE && !first) return 0;
+    double change;
+    if (job->wall_light) spsi_cells_take_flux(job, channel);
+    change = spsi_cell_walls_send(job, channel);
+    if (change < SPSI_CELL_CHANGE && job->wall_light) return 0;
     pass.walls = job->walls.sent;
-    spsi_cells_carry(&pass);
+    if (change > 0)
+        spsi_cells_carry(&pass);
+    else
+        memset(plain->moments[0], 0, (size_t)job->solver->terms * plain->count * sizeof(float));
     job->wall_light = plain->moments[0];
     return 1;
 }

@@ -22727,12 +22727,11 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, i
     }
 }
 
-/* Whether light on a block is nearly linear: it changes little across its breadth, no polygon is in its way, and in the
-   middle it is the mean of the corners. A block of 4^2 is narrow enough within two edges of a cell; if polygons may be
-   in the way there, all five places are alike. */
+/* Whether light on a block is nearly linear: it changes little across its breadth, no polygon is in its way unless the
+   block is one of 4^2, and in the middle it is the mean of the corners. */
 static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, const spsi_received *knots[5]) {
     const spsi_receive_job *job = tile->job;
-    double at[5][2], point[4][3], across[3], least = 0;
+    double at[5][2], point[4][3], across[3];
     spsi_bounds bounds = spsi_nowhere;
     spsi_shaft shaft;
     int clear;
@@ -22746,7 +22745,6 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, 
         spsi_bounds_add(&bounds, point[i]);
     }
     spsi_along(bounds.high, bounds.low, -1, across);
-    if (size == 4) least = 2 * job->frame->content->cells->edge;
     spsi_shaft_build(job->faces, &bounds, &job->from[tile->flown], &shaft);
     clear = !job->frame->meshes.translucent &&
             spsi_shaft_is_clear(job->faces, &shaft, &tile->hit->face, 1, (const double(*)[3])point, 4);
@@ -22755,7 +22753,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, 
         const int column = ((int)at[i][0] - tile->x0) / 2, row = ((int)at[i][1] - tile->y0) / 2;
         spsi_received *knot = &tile->knots[row * SPSI_RECEIVED_KNOTS + column];
         if (!(knot->reach > 0)) spsi_receive(job, tile->hit, at[i], tile->flown, clear, knot);
-        if (!(spsi_length(across) <= fmax(0.5 * (double)knot->reach, least))) return 0;
+        if (!(spsi_length(across) <= (size > 4 ? 0.5 : 1) * (double)knot->reach)) return 0;
         knots[i] = knot;
     }
     for (int c = 0; c < 3; ++c) {
@@ -22765,7 +22763,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, 
             sum += 0.25 * own, low = fmin(low, own), high = fmax(high, own);
         }
         sum = fabs((double)knots[4]->irradiance[c] + tile->least[c] - sum);
-        if (!(sum <= (clear ? 0.025 : 0.05) * high) || !(low >= (clear ? 0.5 : 0.95) * high)) return 0;
+        if (!(sum <= 0.025 * high) || !(low >= 0.6 * high)) return 0;
     }
     return 1;
 }

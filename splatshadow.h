@@ -20434,6 +20434,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             like.clear = like.gas = 0;
             memcpy(like.sent, material->emission, sizeof like.sent);
             spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
+            if (!(flies > 0)) continue;
             like.gas = (float)amount;
             spsi_emitter_trap(material, own, flies, &like);
             spsi_emitter_clear(flights, point, radius, own, set->channel, &like);
@@ -22763,7 +22764,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, 
             sum += 0.25 * own, low = fmin(low, own), high = fmax(high, own);
         }
         sum = fabs((double)knots[4]->irradiance[c] + tile->least[c] - sum);
-        if (!(sum <= 0.025 * high) || !(low >= 0.6 * high)) return 0;
+        if (!(sum <= 0.0125 * high) || !(low >= 0.6 * high)) return 0;
     }
     return 1;
 }

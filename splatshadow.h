@@ -19837,10 +19837,11 @@ static void spsi_cell_patches_send(const float *sent, int count, int axis, const
 }
 
 /* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most 0.6 of their
-   distance, down to a fifth of a patch; nearer, cells are looked up themselves. `open`: the fraction of each patch that
-   is seen; NULL: all of them. */
-static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count, const double point[3],
-                                          const double normal[3], const float *open, double irradiance[3]) {
+   distance, down to a fifth of a patch; nearer, cells are looked up themselves. finest: the most parts along an edge.
+   `open`: the fraction of each patch that is seen; NULL: all of them. */
+static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count, int finest,
+                                          const double point[3], const double normal[3], const float *open,
+                                          double irradiance[3]) {
     const float *patch = grid->patches, *sent = patch + (4 + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
     spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, from[3];
     float lanes[SPSI_LANES];
@@ -19865,7 +19866,7 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
             spsi_store(lanes, square);
             for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
             nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
-            parts = (int)ceil(1.7 * longest / nearest);
+            parts = spsi_least((int)ceil(1.7 * longest / nearest), finest);
         }
         area = spsi_mul(area, spsi_set(1 / (float)(parts * parts)));
         for (int i = 0; i < parts * parts; ++i) {
@@ -19889,8 +19890,9 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
 /* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within two
    thirds of a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid;
    what hides some of the patches there hides as much of the cells. `normal` is a unit vector. */
-static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const double point[3],
-                                  const double normal[3], const float *open, double irradiance[3]) {
+static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, int finest,
+                                  const double point[3], const double normal[3], const float *open,
+                                  double irradiance[3]) {
     double square = 0, facing = 0, longest = 0, outside, all[3] = {0, 0, 0};
     for (int k = 0; k < 3; ++k) {
         const double at = point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
@@ -19901,9 +19903,9 @@ static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int c
     }
     facing = longest * fmax(facing, 0.25 * sqrt(square));
     outside = facing > 0 ? fmin(1.5 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
-    if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, point, normal, open, irradiance);
+    if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, finest, point, normal, open, irradiance);
     if (!(outside < 1)) return;
-    if (open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, point, normal, NULL, all);
+    if (open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, finest, point, normal, NULL, all);
     for (int c = 0; c < count; ++c) {
         const double within = spsi_cells_irradiance_within(grid, channel + c, point, normal);
         const double seen = outside > 0 ? irradiance[c] : 0, whole = open ? all[c] : seen;
@@ -20258,6 +20260,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             like.clear = like.gas = 0;
             memcpy(like.sent, material->emission, sizeof like.sent);
             spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
+            if (!(flies > 0)) continue;
             like.gas = (float)amount;
             spsi_emitter_trap(material, own, flies, &like);
             spsi_emitter_clear(flights, point, radius, own, set->channel, &like);
@@ -20947,7 +20950,7 @@ typedef struct spsi_flight_place {
     const spsi_frame *frame;
     const spsi_faces *faces;              /* NULL: none are in the way */
     const double *point, *start, *normal; /* start: of rays; normal: a unit vector */
-    int face;                             /* that the point is on; -1: none */
+    int face; /* that the point is on; -1: none, it is a cell's, which takes only what flies to cells */
     double breadth;                       /* of nodes, in the usual angle */
 } spsi_flight_place;
 
@@ -20978,9 +20981,9 @@ static double spsi_ball_lights(double distance, double height, double radius) {
     return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius);
 }
 
-/* Adds the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts go to the
-   middle of what is above it. */
-static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights,
+/* Adds a fraction of the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts
+   go to the middle of what is above it. */
+static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights, float fraction,
                                        const spsi_flight_list *list, int n, double irradiance[3]) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
     float out[3][SPSI_LANES], begin[SPSI_LANES];
@@ -21028,7 +21031,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
                 float own[SPSI_LANES];
                 spsi_store(own, spsi_flight_leaves(flight, c, unit, part));
                 irradiance[c] +=
-                    fmin(share[i] * (double)(flights->to_polygons * flight->emitter->sent[c] * own[0] * out[c][i]),
+                    fmin(share[i] * (double)(fraction * flight->emitter->sent[c] * own[0] * out[c][i]),
                          (double)SPSI_RADIANCE_MAX);
             }
     }
@@ -21041,11 +21044,13 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
     double nearest = HUGE_VAL;
     for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
         const double angle = place->breadth * place->frame->accuracy.flight_angle * (2 - (double)trees[i].to_cells);
+        const float cells = place->face < 0 ? trees[i].to_cells : 1;
+        const float share = fminf(trees[i].to_polygons, cells);
         spsi_flight_list list;
         list.count = 0;
-        if (trees[i].to_polygons > 0) spsi_flights_choose(&trees[i], place->point, 0, angle, &list);
+        if (share > 0) spsi_flights_choose(&trees[i], place->point, 0, angle, &list);
         for (int n = 0; n < list.count; n += SPSI_LANES)
-            spsi_flights_irradiance_of(place, &trees[i], &list, n, irradiance);
+            spsi_flights_irradiance_of(place, &trees[i], share, &list, n, irradiance);
         for (int n = 0; n < list.count; ++n) {
             const spsi_emitter *node = list.entry[n].emitter;
             double way[3];
@@ -22488,7 +22493,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     const spsi_cell_sight sight = {grid, faces, surface, surface->normal, face};
     const int hidden = spsi_cells_sight(&sight, patches);
     double own[3], square = 16 * grid->edge * grid->edge;
-    spsi_cells_irradiance(grid, 0, grid->channels, surface->point, surface->normal, hidden ? patches : NULL, own);
+    spsi_cells_irradiance(grid, 0, grid->channels, 5, surface->point, surface->normal, hidden ? patches : NULL, own);
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += (float)own[c];
     for (int k = 0; k < 3; ++k) {
         const double at = surface->point[k] - grid->corner[k];
@@ -22547,12 +22552,11 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, i
     }
 }
 
-/* Whether light on a block is nearly linear: it changes little across its breadth, no polygon is in its way, and in the
-   middle it is the mean of the corners. A block of 4^2 is narrow enough within two edges of a cell; if polygons may be
-   in the way there, all five places are alike. */
+/* Whether light on a block is nearly linear: it changes little across its breadth, no polygon is in its way unless the
+   block is one of 4^2, and in the middle it is the mean of the corners. */
 static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, const spsi_received *knots[5]) {
     const spsi_receive_job *job = tile->job;
-    double at[5][2], point[4][3], across[3], least = 0;
+    double at[5][2], point[4][3], across[3];
     spsi_bounds bounds = spsi_nowhere;
     spsi_shaft shaft;
     int clear;
@@ -22566,7 +22570,6 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, 
         spsi_bounds_add(&bounds, point[i]);
     }
     spsi_along(bounds.high, bounds.low, -1, across);
-    if (size == 4) least = 2 * job->frame->content->cells->edge;
     spsi_shaft_build(job->faces, &bounds, &job->from[tile->flown], &shaft);
     clear = !job->frame->meshes.translucent &&
             spsi_shaft_is_clear(job->faces, &shaft, &tile->hit->face, 1, (const double(*)[3])point, 4);
@@ -22575,7 +22578,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, 
         const int column = ((int)at[i][0] - tile->x0) / 2, row = ((int)at[i][1] - tile->y0) / 2;
         spsi_received *knot = &tile->knots[row * SPSI_RECEIVED_KNOTS + column];
         if (!(knot->reach > 0)) spsi_receive(job, tile->hit, at[i], tile->flown, clear, knot);
-        if (!(spsi_length(across) <= fmax(0.5 * (double)knot->reach, least))) return 0;
+        if (!(spsi_length(across) <= (size > 4 ? 0.5 : 1) * (double)knot->reach)) return 0;
         knots[i] = knot;
     }
     for (int c = 0; c < 3; ++c) {
@@ -22585,7 +22588,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, 
             sum += 0.25 * own, low = fmin(low, own), high = fmax(high, own);
         }
         sum = fabs((double)knots[4]->irradiance[c] + tile->least[c] - sum);
-        if (!(sum <= (clear ? 0.0125 : 0.05) * high) || !(low >= (clear ? 0.7 : 0.95) * high)) return 0;
+        if (!(sum <= 0.0125 * high) || !(low >= 0.6 * high)) return 0;
     }
     return 1;
 }
@@ -24457,9 +24460,9 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
         if (!walls->closed[at] && !walls->closed[count + at]) continue;
         color = (double)walls->color[own + at];
         sent = color * ambient + (double)walls->lit[own + at] - ambient;
-        if (spsi_cell_walls_mean(job, at, point, normal)) {
+        if (job->wall_light && spsi_cell_walls_mean(job, at, point, normal)) {
             double irradiance[3];
-            spsi_cells_irradiance(grid, c, 1, point, normal, NULL, irradiance);
+            spsi_cells_irradiance(grid, c, 1, 2, point, normal, NULL, irradiance);
             sent += color / SPSI_PI * irradiance[0];
         }
         changed += fabs(sent - (double)walls->sent[at]);
@@ -24883,26 +24886,25 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     return flights->count - first;
 }
 
-/* Sweeps once more without what flies to polygons, but not to cells; if it is the last time, that of cells, too. */
-static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, int last) {
+/* Sweeps once more without what flies to polygons, but not to cells, and without that of cells that send most. */
+static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
     const float fraction = all > cells ? (all - cells) / (1 - cells) : 0;
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
     int changed = fraction > 0;
-    for (int back = 0; back < 2 && (changed || last); ++back) {
+    for (int back = 0; back < 2; ++back) {
         for (size_t at = 0; at < job->grid->count; ++at)
             if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
-        if (!back && last) changed |= spsi_cells_set_apart(job, channel) > 0;
+        if (!back) changed |= spsi_cells_set_apart(job, channel) > 0;
         if (!back && changed) spsi_cells_sweep(job->solver, level);
     }
 }
 
 /* Keeps what the last sweep found, by which polygons are lit. */
-static void spsi_cells_take_flux(const spsi_cell_job *job, int channel, int last) {
+static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    if (grid->pyramid && job->wall_light) spsi_cells_sweep_rest(job, channel, last);
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
     spsi_cell_patches_fill(job->solver, grid, channel);
@@ -24911,12 +24913,16 @@ static void spsi_cells_take_flux(const spsi_cell_job *job, int channel, int last
 /* Finds what polygons send, given what cells send so far, and what of that reaches each cell. Returns 0 if it has
    hardly changed. */
 static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
-    const int first = job->wall_light == NULL;
     spsi_cell_pass pass = spsi_cell_pass_of(job->solver, plain);
-    spsi_cells_take_flux(job, channel, 0);
-    if (spsi_cell_walls_send(job, channel) < SPSI_CELL_CHANGE && !first) return 0;
+    double change;
+    if (job->wall_light) spsi_cells_take_flux(job, channel);
+    change = spsi_cell_walls_send(job, channel);
+    if (change < SPSI_CELL_CHANGE && job->wall_light) return 0;
     pass.walls = job->walls.sent;
-    spsi_cells_carry(&pass);
+    if (change > 0)
+        spsi_cells_carry(&pass);
+    else
+        memset(plain->moments[0], 0, (size_t)job->solver->terms * plain->count * sizeof(float));
     job->wall_light = plain->moments[0];
     return 1;
 }
@@ -24962,7 +24968,10 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
         each.progress += each.share;
         if (!plain || !spsi_cells_reflect(job, job->channel, plain)) break;
     }
-    if (plain) spsi_cells_take_flux(job, job->channel, 1);
+    if (plain && grid->pyramid) {
+        spsi_cells_sweep_rest(job, job->channel);
+        spsi_cells_take_flux(job, job->channel);
+    }
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
     return SPS_OK;

@@ -232,14 +232,14 @@ static void test_dark_side(void) {
 static double outside(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
                       const float *open) {
     double irradiance[3];
-    spsi_cells_irradiance_outside(grid, channel, 1, point, normal, open, irradiance);
+    spsi_cells_irradiance_outside(grid, channel, 1, 5, point, normal, open, irradiance);
     return irradiance[0];
 }
 
 static double irradiance_at(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
                             const float *open) {
     double irradiance[3];
-    spsi_cells_irradiance(grid, channel, 1, point, normal, open, irradiance);
+    spsi_cells_irradiance(grid, channel, 1, 5, point, normal, open, irradiance);
     return irradiance[0];
 }
 

@@ -20066,8 +20066,8 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
     }
 }
 
-/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within two
-   thirds of a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid;
+/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within five
+   ninths of a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid;
    what hides some of the patches there hides as much of the cells. `normal` is a unit vector. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const double point[3],
                                   const double normal[3], const float *open, double irradiance[3]) {
@@ -20080,7 +20080,7 @@ static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int c
         longest = fmax(longest, extent);
     }
     facing = longest * fmax(facing, 0.25 * sqrt(square));
-    outside = facing > 0 ? fmin(1.5 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
+    outside = facing > 0 ? fmin(1.8 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
     if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, point, normal, open, irradiance);
     if (!(outside < 1)) return;
     if (open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, point, normal, NULL, all);

@@ -19636,13 +19636,19 @@ static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_ce
 }
 
 /* Adds a cell's moments to the irradiance of a surface, from whose normal light comes: of light of degree 0, 1, 2 the
-   half of the sphere before a surface has the shares pi, 2 pi / 3 and pi / 4. */
+   half of the sphere before a surface has the shares pi, 2 pi / 3 and pi / 4. Without degree 2, light of a mean cosine
+   f about one direction counts as an even cone, which has f (2 f - 1) of it: nothing if it fills half of the sphere. */
 static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux, const float harmonic[]) {
     static const double degree[3] = {SPSI_PI, 2 * SPSI_PI / 3, SPSI_PI / 4};
-    double sum = 0;
-    for (int t = 0; t < grid->flux_terms; ++t)
-        sum += degree[spsi_term_degree(t)] * (double)(harmonic[t] * flux[(size_t)t * grid->count]);
-    return sum;
+    double sum = 0, square = DBL_MIN, toward = 0, mean;
+    for (int t = 0; t < grid->flux_terms; ++t) {
+        const double moment = (double)flux[(size_t)t * grid->count], part = (double)harmonic[t] * moment;
+        sum += degree[spsi_term_degree(t)] * part;
+        if (spsi_term_degree(t) == 1) square += moment * moment, toward += part;
+    }
+    if (grid->flux_terms > 4) return sum;
+    mean = fmin(sqrt(square / 3) / fmax(fabs((double)flux[0]), DBL_MIN), 1);
+    return sum + 0.625 * SPSI_PI * (double)flux[0] * mean * fmax(2 * mean - 1, 0) * (toward * toward / square - 1);
 }
 
 /* Irradiance of a surface within the grid, half a cell off its polygon: interpolated between the cells that lie before
@@ -19887,8 +19893,8 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
     }
 }
 
-/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within two
-   thirds of a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid;
+/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within five
+   ninths of a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid;
    what hides some of the patches there hides as much of the cells. `normal` is a unit vector. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, int finest,
                                   const double point[3], const double normal[3], const float *open,
@@ -19902,7 +19908,7 @@ static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int c
         longest = fmax(longest, extent);
     }
     facing = longest * fmax(facing, 0.25 * sqrt(square));
-    outside = facing > 0 ? fmin(1.5 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
+    outside = facing > 0 ? fmin(1.8 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
     if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, finest, point, normal, open, irradiance);
     if (!(outside < 1)) return;
     if (open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, finest, point, normal, NULL, all);

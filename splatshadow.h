@@ -12871,8 +12871,8 @@ static double spsi_tapper_reach(const spsi_tapper *tapper) {
     return level ? (reach + 1.5) * (1 << level) : reach;
 }
 
-/* Of a footprint without the pixel filter, at ray coordinates (x t, y t, t): its least variance in any direction, and
-   the product of its standard deviations: the variance of a round one of the same area. */
+/* Finds the least variance of a footprint in any direction, without the pixel filter, at ray coordinates (x t, y t, t),
+   and the product of its standard deviations: the variance of a round one of the same area. */
 static void spsi_footprint_variances(const spsi_splatter *s, const double q[3], double *least, double *area) {
     const double t = s->perspective ? q[2] : 1, x = s->perspective ? q[0] / t : 0, y = s->perspective ? q[1] / t : 0;
     double c[6], xx, yy, xy;

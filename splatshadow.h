@@ -4313,7 +4313,7 @@ typedef struct spsi_cell_grid {
     float *patches; /* the grid's sides in parts, >>cells: place, area and, per channel, what leaves each */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
     float *pyramid; /* levels of depth, each half as fine; then of each material's; >>flights; NULL: nothing flies */
-    size_t pyramid_rows; /* of one of them */
+    size_t pyramid_rows; /* that each pyramid has */
 } spsi_cell_grid;
 
 /* A small source of light, >>flights: an even ball. In a direction d it sends 1 - |axis| + 4 max(0, axis . d) of the
@@ -4324,7 +4324,7 @@ typedef struct spsi_emitter {
     float axis[3];
     float leaves[3]; /* fraction of what it sends that `sent` is: the rest is taken by its own gas */
     float clear;      /* up to here, cells hold gas of its own, which is not in its way */
-    float own, ahead; /* which pyramid holds that gas; length by which light leaves nearer than the middle */
+    float own, ahead; /* the pyramid that holds that gas; length by which light leaves nearer than the middle */
     float gas;        /* optical depth times area of its own gas, if `sent` has what that scatters; or 0 */
     float trapped[3]; /* if gas > 0, the mean of its own light within it */
 } spsi_emitter;
@@ -4870,8 +4870,7 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
         spsi_check_color(&at, "color", light->color, SPSI_VALUE_MAX))
         return context->result;
     memcpy(direction, light->direction, sizeof direction);
-    if ((directional || light->outer_cone > 0 || light->projector) &&
-        !spsi_normalise(direction)) {
+    if ((directional || light->outer_cone > 0 || light->projector) && !spsi_normalise(direction)) {
         int k = 0; /* the component that is not finite, or the last: all are 0 then */
         while (k < 2 && fabs(direction[k]) <= DBL_MAX) ++k;
         return spsi_wrong(&at, "direction", direction[k], "it must be finite and have a length");
@@ -19842,20 +19841,25 @@ static void spsi_cell_patches_send(const float *sent, int count, int axis, const
     }
 }
 
+/* A surface that cells light. */
+typedef struct spsi_cell_receiver {
+    const double *point, *normal; /* normal: a unit vector */
+    const float *open;            /* fraction of each patch that is seen; NULL: all of them */
+    int finest;                   /* a near patch counts as so many parts along an edge at most */
+} spsi_cell_receiver;
+
 /* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most 0.6 of their
-   distance, down to a fifth of a patch; nearer, cells are looked up themselves. finest: the most parts along an edge.
-   `open`: the fraction of each patch that is seen; NULL: all of them. */
-static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count, int finest,
-                                          const double point[3], const double normal[3], const float *open,
-                                          double irradiance[3]) {
+   distance; nearer than a fifth of a patch, cells are looked up themselves. */
+static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
+                                          const spsi_cell_receiver *to, double irradiance[3]) {
     const float *patch = grid->patches, *sent = patch + (4 + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
     spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, from[3];
     float lanes[SPSI_LANES];
-    spsi_set3(normal, from);
+    spsi_set3(to->normal, from);
     for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
         const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
-        const double before = point[axis] - grid->corner[axis] - (upper ? grid->edge * grid->size[axis] : 0);
+        const double before = to->point[axis] - grid->corner[axis] - (upper ? grid->edge * grid->size[axis] : 0);
         const double longest = grid->edge * spsi_most(grid->size[along[0]], grid->size[along[1]]) / SPSI_CELL_PATCHES;
         spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n), square;
         spsi_v some[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
@@ -19863,8 +19867,8 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
         spsi_m near_by;
         if (!(upper ? before > 0 : before < 0)) continue;
         for (int k = 0; k < 3; ++k)
-            middle[k] =
-                spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET + n), spsi_set((float)(point[k] - grid->corner[k])));
+            middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET + n),
+                                 spsi_set((float)(to->point[k] - grid->corner[k])));
         square = spsi_dot_v(middle, middle);
         near_by = spsi_less(square, spsi_set((float)(7.3 * longest * longest)));
         if (fabs(before) >= 0.05 * longest && spsi_bits(near_by)) { /* elsewhere the parts are one */
@@ -19872,7 +19876,7 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
             spsi_store(lanes, square);
             for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
             nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
-            parts = spsi_least((int)ceil(1.7 * longest / nearest), finest);
+            parts = spsi_least((int)ceil(1.7 * longest / nearest), to->finest);
         }
         area = spsi_mul(area, spsi_set(1 / (float)(parts * parts)));
         for (int i = 0; i < parts * parts; ++i) {
@@ -19884,7 +19888,8 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
             }
             spsi_cell_patches_send(sent + n, count, axis, way, from, area, some);
         }
-        for (int c = 0; c < count; ++c) all[c] = spsi_fma(some[c], open ? spsi_load(open + n) : spsi_set(1), all[c]);
+        for (int c = 0; c < count; ++c)
+            all[c] = spsi_fma(some[c], to->open ? spsi_load(to->open + n) : spsi_set(1), all[c]);
     }
     for (int c = 0; c < count; ++c) {
         spsi_store(lanes, all[c]);
@@ -19895,26 +19900,26 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
 
 /* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within five
    ninths of a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid;
-   what hides some of the patches there hides as much of the cells. `normal` is a unit vector. */
-static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, int finest,
-                                  const double point[3], const double normal[3], const float *open,
+   what hides some of the patches there hides as much of the cells. */
+static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const spsi_cell_receiver *to,
                                   double irradiance[3]) {
+    const spsi_cell_receiver bare = {to->point, to->normal, NULL, to->finest};
     double square = 0, facing = 0, longest = 0, outside, all[3] = {0, 0, 0};
     for (int k = 0; k < 3; ++k) {
-        const double at = point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
+        const double at = to->point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
         const double back = at < 0 ? -at : fmin(extent - at, 0);
         square += back * back;
-        facing += back * normal[k];
+        facing += back * to->normal[k];
         longest = fmax(longest, extent);
     }
     facing = longest * fmax(facing, 0.25 * sqrt(square));
     outside = facing > 0 ? fmin(1.8 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
-    if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, finest, point, normal, open, irradiance);
+    if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, to, irradiance);
     if (!(outside < 1)) return;
-    if (open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, finest, point, normal, NULL, all);
+    if (to->open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, &bare, all);
     for (int c = 0; c < count; ++c) {
-        const double within = spsi_cells_irradiance_within(grid, channel + c, point, normal);
-        const double seen = outside > 0 ? irradiance[c] : 0, whole = open ? all[c] : seen;
+        const double within = spsi_cells_irradiance_within(grid, channel + c, to->point, to->normal);
+        const double seen = outside > 0 ? irradiance[c] : 0, whole = to->open ? all[c] : seen;
         /* where gas takes ambient light, both are below 0 */
         const double shown = fabs(whole) > 0 ? fmax(0, fmin(seen / whole, 1)) : 1;
         irradiance[c] = (1 - outside) * within * shown + outside * seen;
@@ -19998,7 +20003,7 @@ static double spsi_ball_escape(double x) {
     return x > 0.01 ? 0.75 / x * (1 - half + (1 / x + half) * exp(-2 * x)) : 1 - 0.75 * x;
 }
 
-/* A pyramid of extinction: 0: of all gas, or 1 and a material's own. */
+/* A pyramid of extinction: number 0 has all gas, 1 + m what material m has. */
 static float *spsi_cell_pyramid(const spsi_cell_grid *grid, int number) {
     return grid->pyramid + (size_t)number * grid->pyramid_rows * (size_t)grid->pitch;
 }
@@ -20215,8 +20220,8 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* The same for volumes: of those of a depth of 0.5 or more whose voxels and kernels are up to 6, or in part 12 cells
-   wide, unless polygons are among these. */
+/* Sets which fraction of each volume's glow always flies: all if its depth is 0.5 or more and its voxels, with their
+   kernels, are up to 6 cells wide, a part up to 12; nothing if polygons are among these voxels. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                              double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
@@ -20429,7 +20434,7 @@ static spsi_v spsi_cell_pyramid_at(const spsi_cell_grid *grid, spsi_v number, co
 typedef struct spsi_ways {
     spsi_v from[3], unit[3], length; /* unit: of direction */
     spsi_v begin, end;               /* lengths between which gas is in the way */
-    spsi_v clear, own;               /* up to here, of the gas of this pyramid only as much is in the way as is here */
+    spsi_v clear, own; /* nearer than `clear`, pyramid `own` is in the way no more than there: that is others' gas */
 } spsi_ways;
 
 /* Optical depth on a vector of ways. */
@@ -20624,23 +20629,14 @@ typedef struct spsi_flight_open {
     int node;
 } spsi_flight_open;
 
-/* Adds a node to a list if it is seen under at most `angle`; or else to those that may be opened. */
-static void spsi_flights_see(const spsi_flights *flights, const double place[3], double reach, double angle, int node,
-                             spsi_flight_open *open, int *count, spsi_flight_list *list) {
-    const spsi_emitter *sum = &flights->nodes[node].sum;
+/* The angle under which all places within `reach` of one see a node; of nodes that may be about them, the larger one's
+   is the wider. */
+static double spsi_flights_angle(const spsi_flights *flights, const double place[3], double reach, int number) {
+    const spsi_flight_node *node = &flights->nodes[number];
     double toward[3], distance;
-    for (int k = 0; k < 3; ++k) toward[k] = place[k] - flights->centre[k] - (double)sum->at[k];
+    for (int k = 0; k < 3; ++k) toward[k] = place[k] - flights->centre[k] - (double)node->sum.at[k];
     distance = spsi_length(toward) - reach;
-    open[*count].node = node;
-    open[*count].angle = distance > (double)flights->nodes[node].reach
-                             ? (double)flights->nodes[node].breadth / distance
-                             : 1e3 + (double)sum->radius;
-    if (open[*count].angle > angle) {
-        *count += 1;
-    } else {
-        list->entry[list->count].node = &flights->nodes[node];
-        list->entry[list->count++].emitter = sum;
-    }
+    return distance > (double)node->reach ? (double)node->breadth / distance : 1e3 + (double)node->sum.radius;
 }
 
 /* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; wider ones
@@ -20649,11 +20645,21 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
                                 spsi_flight_list *list) {
     spsi_flight_open open[SPSI_FLIGHT_NODES];
     const int most = list->count + SPSI_FLIGHT_NODES;
-    int count = 0;
-    if (flights->count > 0) spsi_flights_see(flights, place, reach, angle, 0, open, &count, list);
-    while (count > 0 && list->count + count + SPSI_TREE_LEAF <= most) {
+    int count = 0, next = 0, end = flights->count > 0; /* next to end: nodes that are looked at */
+    for (;;) {
         const spsi_flight_node *node;
         int widest = 0;
+        for (; next < end; ++next) {
+            open[count].node = next;
+            open[count].angle = spsi_flights_angle(flights, place, reach, next);
+            if (open[count].angle > angle) {
+                ++count;
+            } else {
+                list->entry[list->count].node = &flights->nodes[next];
+                list->entry[list->count++].emitter = &flights->nodes[next].sum;
+            }
+        }
+        if (count == 0 || list->count + count + SPSI_TREE_LEAF > most) break;
         for (int i = 1; i < count; ++i)
             if (open[i].angle > open[widest].angle) widest = i;
         node = &flights->nodes[open[widest].node];
@@ -20662,8 +20668,7 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
             list->entry[list->count].node = NULL;
             list->entry[list->count++].emitter = &flights->emitters[flights->order[node->first + i]];
         }
-        for (int i = 0; i < 2 && node->count == 0; ++i)
-            spsi_flights_see(flights, place, reach, angle, node->first + i, open, &count, list);
+        if (node->count == 0) next = node->first, end = next + 2;
     }
     for (int i = 0; i < count; ++i) {
         list->entry[list->count].node = &flights->nodes[open[i].node];
@@ -20957,7 +20962,6 @@ typedef struct spsi_flight_place {
     const spsi_faces *faces;              /* NULL: none are in the way */
     const double *point, *start, *normal; /* start: of rays; normal: a unit vector */
     int face; /* that the point is on; -1: none, it is a cell's, which takes only what flies to cells */
-    double breadth;                       /* of nodes, in the usual angle */
 } spsi_flight_place;
 
 /* What a node sends in the direction from a point to it, turned round, over the mean of all directions. */
@@ -21043,15 +21047,15 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
 }
 
-/* Adds the irradiance of a point of a polygon by first flights. Where cells serve, too, nodes may be wider. Returns how
-   far it is to the nearest node, or the radius of one about it. */
+/* Adds the irradiance of a point of a polygon by first flights. Where cells serve, too, and for a cell's polygons,
+   nodes may be wider. Returns how far it is to the nearest node, or the radius of one about it. */
 static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights trees[SPSI_FLIGHT_TREES],
                                    double irradiance[3]) {
     double nearest = HUGE_VAL;
     for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
-        const double angle = place->breadth * place->frame->accuracy.flight_angle * (2 - (double)trees[i].to_cells);
-        const float cells = place->face < 0 ? trees[i].to_cells : 1;
-        const float share = fminf(trees[i].to_polygons, cells);
+        const int cell = place->face < 0;
+        const double angle = (1 + cell) * place->frame->accuracy.flight_angle * (2 - (double)trees[i].to_cells);
+        const float share = fminf(trees[i].to_polygons, cell ? trees[i].to_cells : 1);
         spsi_flight_list list;
         list.count = 0;
         if (share > 0) spsi_flights_choose(&trees[i], place->point, 0, angle, &list);
@@ -22492,14 +22496,15 @@ typedef struct spsi_receive_tile {
     spsi_received knots[SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS];
 } spsi_receive_tile;
 
-/* Adds what cells of a grid send to a surface, by channel. Returns across which that changes smoothly. */
+/* Adds what cells of a grid send to a surface, by channel. Returns a length across which that changes smoothly. */
 static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_grid *grid, const spsi_surface *surface,
                                        int face, float irradiance[3]) {
     float patches[SPSI_CELL_SHEET];
     const spsi_cell_sight sight = {grid, faces, surface, surface->normal, face};
     const int hidden = spsi_cells_sight(&sight, patches);
+    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL, 5};
     double own[3], square = 16 * grid->edge * grid->edge;
-    spsi_cells_irradiance(grid, 0, grid->channels, 5, surface->point, surface->normal, hidden ? patches : NULL, own);
+    spsi_cells_irradiance(grid, 0, grid->channels, &to, own);
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += (float)own[c];
     for (int k = 0; k < 3; ++k) {
         const double at = surface->point[k] - grid->corner[k];
@@ -22516,7 +22521,7 @@ static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, const
     double reach = HUGE_VAL, irradiance[3] = {0, 0, 0};
     spsi_surface surface;
     const spsi_flight_place point = {job->frame,    clear ? NULL : job->faces, surface.point,
-                                     surface.start, surface.normal,            hit->face, 1};
+                                     surface.start, surface.normal,            hit->face};
     memset(to, 0, sizeof *to);
     spsi_surface_at(&content->eye, job->faces, hit, at[0], at[1], &surface);
     if (!spsi_normalise(surface.normal)) return;
@@ -22558,8 +22563,8 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, i
     }
 }
 
-/* Whether light on a block is nearly linear: it changes little across its breadth, no polygon is in its way unless the
-   block is one of 4^2, and in the middle it is the mean of the corners. */
+/* Whether light on a block is nearly linear: what sends it is far off against the block's width, no polygon is in its
+   way unless the block is one of 4^2, and in the middle it is the mean of the corners. */
 static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, const spsi_received *knots[5]) {
     const spsi_receive_job *job = tile->job;
     double at[5][2], point[4][3], across[3];
@@ -22650,20 +22655,25 @@ static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
         for (int n = 0; n < SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS; ++n)
             for (int c = 0; c < 3 && tile->knots[n].reach > 0; ++c)
                 tile->least[c] = fmin(tile->least[c], (double)tile->knots[n].irradiance[c]);
+        for (int c = 0; c < 3; ++c) tile->least[c] = tile->least[c] < HUGE_VAL ? tile->least[c] : 0; /* no knot */
     }
     for (int n = first; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n)
         if ((&tile->shows[0][0])[n] == 2) (&tile->shows[0][0])[n] = 0;
 }
 
+/* Finds what a tile's pixels receive, unless none of them is in the region. */
 static void spsi_receive_task(void *data, int index) {
     const spsi_receive_job *job = (const spsi_receive_job *)data;
     const spsi_frame *frame = job->frame;
+    const int *region = frame->view.region;
     const int width = frame->content->eye.width, height = frame->content->eye.height;
     const int columns = (width + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE;
     spsi_receive_tile tile;
     tile.job = job;
     tile.x0 = index % columns * SPSI_RECEIVED_TILE;
     tile.y0 = index / columns * SPSI_RECEIVED_TILE;
+    if (tile.x0 >= region[0] + region[2] || tile.x0 + SPSI_RECEIVED_TILE <= region[0]) return;
+    if (tile.y0 >= region[1] + region[3] || tile.y0 + SPSI_RECEIVED_TILE <= region[1]) return;
     memset(tile.shows, 0, sizeof tile.shows);
     for (int y = 0; y < spsi_least(SPSI_RECEIVED_TILE, height - tile.y0); ++y)
         for (int x = 0; x < spsi_least(SPSI_RECEIVED_TILE, width - tile.x0); ++x) {
@@ -24335,7 +24345,6 @@ static void spsi_cell_walls_fly(const spsi_cell_job *job, size_t at) {
     place.start = start;
     place.normal = normal;
     place.face = -1;
-    place.breadth = 2;
     spsi_flights_irradiance(&place, job->flights, irradiance);
     for (size_t c = 0; c < (size_t)grid->channels; ++c)
         walls->lit[c * grid->count + at] +=
@@ -24467,8 +24476,9 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
         color = (double)walls->color[own + at];
         sent = color * ambient + (double)walls->lit[own + at] - ambient;
         if (job->wall_light && spsi_cell_walls_mean(job, at, point, normal)) {
+            const spsi_cell_receiver to = {point, normal, NULL, 2};
             double irradiance[3];
-            spsi_cells_irradiance(grid, c, 1, 2, point, normal, NULL, irradiance);
+            spsi_cells_irradiance(grid, c, 1, &to, irradiance);
             sent += color / SPSI_PI * irradiance[0];
         }
         changed += fabs(sent - (double)walls->sent[at]);

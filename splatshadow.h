@@ -1981,7 +1981,6 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_EYE_BALLS,         /* the particles of one chunk as the eye sees them, by tile */
     SPSI_BUFFER_LIGHT_BALLS,       /* the particles of one chunk as a light sees them, by tile */
     SPSI_BUFFER_TILES,             /* state of each tile */
-    SPSI_BUFFER_AGAIN,             /* gas and light of a sweep from back to front, >>shading */
     SPSI_BUFFER_BOUND_GRID,        /* bounds of extinction, >>gather */
     SPSI_BUFFER_FORWARD,           /* what gases scatter forward, >>scattering */
     SPSI_BUFFER_CELL_GRID,         /* the grid of cells, >>cells */
@@ -2085,6 +2084,8 @@ struct sps_context {
     int cancelled;      /* progress_fn has returned non-zero, which takes effect at the next spsi_progress */
     double clock_start; /* of the call, by clock_fn */
     double ticked;      /* when progress_fn was called last, by clock_fn or SPS_CLOCK */
+    int counts_only;    /* 1: spsi_reserve reserves nothing, but adds to `counted`: bytes of a pass in a plan */
+    size_t counted;
     spsi_link *links; /* all that was allocated, the latest first */
     spsi_buffer buffers[SPSI_BUFFER_COUNT];
     int segment_count; /* voxel segments held, >>gather */
@@ -2294,9 +2295,17 @@ static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_
     return data;
 }
 
-/* As spsi_buffer_reserve, for the context's numbered buffers. */
+/* Adds count * size to a number of bytes. What exceeds a size_t becomes SIZE_MAX, which cannot be reserved. */
+static void spsi_bytes_add(size_t *bytes, size_t count, size_t size) {
+    *bytes = count > (SIZE_MAX - *bytes) / size ? SIZE_MAX : *bytes + count * size;
+}
+
+/* As spsi_buffer_reserve, for the context's numbered buffers. A plan runs functions that reserve memory and stop at
+   NULL: while the context only counts, that is no failure. */
 static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
-    return spsi_buffer_reserve(context, &context->buffers[id], count, size);
+    if (!context->counts_only) return spsi_buffer_reserve(context, &context->buffers[id], count, size);
+    spsi_bytes_add(&context->counted, count, size);
+    return NULL;
 }
 
 /* Takes the next floats of a block of memory, and adds them to those taken. Without memory it only counts. */
@@ -6675,8 +6684,16 @@ static void spsi_tree_task_run(void *data, int index) {
 /* Number of nodes to reserve for a tree of `count` items. */
 static size_t spsi_tree_nodes(size_t count) { return count + 2; }
 
-static size_t spsi_tree_bytes(size_t count) {
-    return count * (sizeof(int) + sizeof(spsi_tree_item)) + spsi_tree_nodes(count) * sizeof(spsi_tree_node);
+/* Reserves a tree. Returns the items to build it from; NULL after a failure. */
+static spsi_tree_item *spsi_tree_reserve(sps_context *context, spsi_buffer_id nodes, spsi_buffer_id order, int count,
+                                         spsi_tree *tree) {
+    const size_t all = (size_t)count;
+    spsi_tree_item *items =
+        (spsi_tree_item *)spsi_reserve(context, SPSI_BUFFER_TREE_ITEMS, all, sizeof(spsi_tree_item));
+    tree->nodes = (spsi_tree_node *)spsi_reserve(context, nodes, spsi_tree_nodes(all), sizeof(spsi_tree_node));
+    tree->order = (int *)spsi_reserve(context, order, all, sizeof(int));
+    tree->count = count;
+    return tree->nodes && tree->order ? items : NULL;
 }
 
 /* Builds a tree whose memory is already reserved: the top nodes serially, then the subtrees in parallel. */
@@ -6984,12 +7001,10 @@ static int spsi_faces_held(const sps_context *context, const spsi_frame *frame) 
     return fingerprint != 0 && fingerprint == context->faces_held;
 }
 
-/* Reserves the lists of faces, and of what shade_fn needs if any mesh has one. */
-static sps_result spsi_face_lists_begin(sps_context *context, const spsi_frame *frame, spsi_face_lists *lists) {
+/* Reserves the lists of what shade_fn needs, if any mesh has one. */
+static sps_result spsi_face_textures_begin(sps_context *context, const spsi_frame *frame, spsi_face_lists *lists) {
     const spsi_meshes *meshes = &frame->meshes;
-    memset(lists, 0, sizeof *lists);
-    lists->faces = (spsi_face *)spsi_reserve(context, SPSI_BUFFER_FACES, meshes->triangle_count, sizeof(spsi_face));
-    if (!lists->faces || meshes->textured_count == 0) return context->result;
+    if (meshes->textured_count == 0) return SPS_OK;
     lists->textures = (spsi_face_texture *)spsi_reserve(context, SPSI_BUFFER_FACE_TEXTURES, meshes->textured_count,
                                                         sizeof *lists->textures);
     lists->meshes =
@@ -7000,7 +7015,10 @@ static sps_result spsi_face_lists_begin(sps_context *context, const spsi_frame *
 /* Reads every mesh, once. */
 static sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame) {
     spsi_face_lists lists;
-    if (spsi_face_lists_begin(context, frame, &lists)) return context->result;
+    memset(&lists, 0, sizeof lists);
+    lists.faces =
+        (spsi_face *)spsi_reserve(context, SPSI_BUFFER_FACES, frame->meshes.triangle_count, sizeof(spsi_face));
+    if (!lists.faces || spsi_face_textures_begin(context, frame, &lists)) return context->result;
     for (int i = 0; i < frame->meshes.count; ++i) {
         const int textures = lists.texture_count - lists.face_count;
         if (spsi_gather_mesh(context, frame, &frame->meshes.list[i], &lists)) return context->result;
@@ -7937,15 +7955,6 @@ static int spsi_has_layers(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->meshes.translucent || frame->view.coverage_samples > 1);
 }
 
-/* Bytes of all that is known before fragments are counted. */
-static size_t spsi_layers_bytes(const sps_context *context, const spsi_frame *frame) {
-    const spsi_rays *eye = &frame->content->eye;
-    if (!spsi_has_layers(frame)) return 0;
-    return (spsi_ray_count(eye) + 2) * sizeof(uint32_t) +
-           (size_t)spsi_worker_count(context) *
-               spsi_layer_scratch_bytes(eye, spsi_most(1, frame->view.coverage_samples));
-}
-
 /* Counts the fragments of all pixels, or lists those that have been counted. Boxes of faces may be others' since. */
 static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int listing) {
     const int bands = (job->rays->height + SPSI_LAYER_ROWS - 1) / SPSI_LAYER_ROWS;
@@ -7970,7 +7979,7 @@ static sps_result spsi_layers_build(sps_context *context, const spsi_frame *fram
     const spsi_rays *eye = &frame->content->eye;
     spsi_layers_job job;
     memset(layers, 0, sizeof *layers);
-    if (!hits || !spsi_has_layers(frame)) return SPS_OK;
+    if (!spsi_has_layers(frame)) return SPS_OK;
     memset(&job, 0, sizeof job);
     job.frame = frame;
     job.faces = faces;
@@ -7983,7 +7992,7 @@ static sps_result spsi_layers_build(sps_context *context, const spsi_frame *fram
     job.scratch = (char *)spsi_reserve(context, SPSI_BUFFER_LAYER_SAMPLES, (size_t)spsi_worker_count(context),
                                        spsi_layer_scratch_bytes(eye, job.samples));
     job.first = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_LAYER_STARTS, spsi_ray_count(eye) + 2, sizeof *job.first);
-    if (!job.scratch || !job.first) return context->result;
+    if (!job.scratch || !job.first) return context->result; /* what follows is as large as what is seen: not planned */
     layers->count = spsi_fragments_count(context, &job);
     job.fragments = (spsi_fragment *)spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, layers->count, sizeof *job.fragments);
     job.layers = (spsi_layer *)spsi_reserve(context, SPSI_BUFFER_LAYERS, layers->count, sizeof *job.layers);
@@ -8250,10 +8259,10 @@ static sps_result spsi_textures(sps_context *context, const spsi_frame *frame, c
     spsi_surface_batch *batch;
     sps_surface *out;
     visible->set = NULL;
-    if (!faces->textures || !visible->hits) return SPS_OK;
+    if (frame->meshes.textured_count == 0) return SPS_OK;
     out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, places, sizeof *out);
     batch = (spsi_surface_batch *)spsi_reserve(context, SPSI_BUFFER_SURFACE_BATCH, 1, sizeof *batch);
-    if (!out || !batch) return context->result;
+    if (!out || !batch || !visible->hits) return context->result;
     for (size_t i = 0; i < places; ++i) out[i].color[0] = -1; /* nothing is set there */
     batch->frame = frame;
     batch->faces = faces;
@@ -8265,15 +8274,6 @@ static sps_result spsi_textures(sps_context *context, const spsi_frame *frame, c
         if (spsi_surface_batch_run(context, batch, out)) return context->result;
     visible->set = out;
     return SPS_OK;
-}
-
-/* Bytes of all that shade_fn needs: of triangles, and of pixels. */
-static size_t spsi_textures_bytes(const spsi_frame *frame) {
-    const spsi_meshes *meshes = &frame->meshes;
-    if (meshes->textured_count == 0) return 0;
-    return meshes->textured_count * sizeof(spsi_face_texture) + (size_t)meshes->count * sizeof(spsi_mesh_faces) +
-           (size_t)frame->view.region[2] * (size_t)frame->view.region[3] * sizeof(sps_surface) +
-           sizeof(spsi_surface_batch);
 }
 
 /* --- shadows on surfaces: rays through a tree of triangles --- */
@@ -8698,18 +8698,12 @@ static void spsi_face_items_task(void *data, int i) {
 static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
     spsi_face_items job;
     spsi_tree *tree = &faces->tree;
-    const size_t count = (size_t)faces->count;
-    if (count == 0) return SPS_OK;
-    tree->nodes =
-        (spsi_tree_node *)spsi_reserve(context, SPSI_BUFFER_FACE_NODES, spsi_tree_nodes(count), sizeof(spsi_tree_node));
-    tree->order = (int *)spsi_reserve(context, SPSI_BUFFER_FACE_ORDER, count, sizeof(int));
-    if (!tree->nodes || !tree->order) return context->result;
-    tree->count = faces->count;
+    if (faces->count == 0) return SPS_OK;
+    job.items = spsi_tree_reserve(context, SPSI_BUFFER_FACE_NODES, SPSI_BUFFER_FACE_ORDER, faces->count, tree);
+    if (!job.items) return context->result;
     spsi_bounds_centre(&context->mesh_bounds, tree->centre);
     if (context->tree_held) return SPS_OK;
     job.faces = faces;
-    job.items = (spsi_tree_item *)spsi_reserve(context, SPSI_BUFFER_TREE_ITEMS, count, sizeof(spsi_tree_item));
-    if (!job.items) return context->result;
     spsi_parallel_batches(context, faces->count, spsi_face_items_task, &job);
     if (spsi_tree_build(context, tree, job.items)) return context->result;
     context->tree_held = 1;
@@ -9043,21 +9037,6 @@ static size_t spsi_image_size(const spsi_projection *projection, spsi_image *ima
     return floats;
 }
 
-/* Bytes of all lights' images, and of the row that is being read. If they exceed a size_t: SIZE_MAX, which cannot be
-   reserved. */
-static size_t spsi_images_bytes(const spsi_frame *frame) {
-    uint64_t bytes = (uint64_t)frame->lamps.image_count * sizeof(spsi_image), row = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_projection *projection = &frame->lamps.list[i].projection;
-        const size_t width = (size_t)projection->given.width;
-        spsi_image image;
-        if (!projection->exists) continue;
-        bytes += (uint64_t)spsi_image_size(projection, &image) * sizeof(float);
-        if (width * SPSI_IMAGE_ROW_FLOATS * sizeof(float) > row) row = width * SPSI_IMAGE_ROW_FLOATS * sizeof(float);
-    }
-    return bytes + row < SIZE_MAX ? (size_t)(bytes + row) : SIZE_MAX;
-}
-
 /* Fails on an invalid color of a texel, or makes it black. */
 static sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                       float *rgb) {
@@ -9143,10 +9122,18 @@ static float *spsi_image_lay_out(const spsi_projection *projection, float *memor
 
 /* Reads the images of all lights. */
 static sps_result spsi_gather_images(sps_context *context, const spsi_frame *frame) {
-    const size_t bytes = spsi_images_bytes(frame);
-    spsi_image *images;
+    size_t bytes = 0;
+    spsi_image *images, image;
     float *row;
+    int width = 0; /* of the row that is being read */
     if (frame->lamps.image_count == 0) return SPS_OK;
+    spsi_bytes_add(&bytes, (size_t)frame->lamps.image_count, sizeof *images);
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_projection *projection = &frame->lamps.list[i].projection;
+        if (projection->exists) spsi_bytes_add(&bytes, spsi_image_size(projection, &image), sizeof(float));
+        if (projection->exists) width = spsi_most(width, projection->given.width);
+    }
+    spsi_bytes_add(&bytes, (size_t)width, SPSI_IMAGE_ROW_FLOATS * sizeof(float));
     images = (spsi_image *)spsi_reserve(context, SPSI_BUFFER_IMAGES, 1, bytes);
     if (!images) return context->result;
     memset(images, 0, bytes);
@@ -13153,16 +13140,12 @@ static size_t spsi_field_cells_most(const spsi_frame *frame, size_t bricks) {
     return bricks < (SPSI_FIELD_CELLS - 65536) / 64 ? most : SPSI_FIELD_CELLS;
 }
 
-/* Bytes of grids and of held bricks. */
-static size_t spsi_field_grid_bytes(size_t bricks) {
-    return bricks * (3 * sizeof(int) + SPSI_FIELD_REACHES * sizeof(uint32_t[2]));
-}
+#define SPSI_FIELD_GRID_BYTES (3 * sizeof(int) + SPSI_FIELD_REACHES * sizeof(uint32_t[2])) /* per brick of a grid */
+
+/* Bytes of a brick that is held. */
 static size_t spsi_field_brick_bytes(int taps) {
     return spsi_field_floats(taps) * sizeof(float) + SPSI_BRICK * sizeof(uint64_t);
 }
-
-/* Bytes of what is known of how much fields bend, by the bricks of their grids. */
-static size_t spsi_bends_bytes(size_t cells) { return cells * 8 * sizeof(float); }
 
 /* Places the boxes of a volume's coarser levels. */
 static void spsi_levels_place(spsi_fields *fields, int medium) {
@@ -13188,12 +13171,12 @@ static int spsi_may_interpolate(const spsi_frame *frame) {
     return 0;
 }
 
-/* Upper bound of the bytes of all fields and their coarser levels, for numbers of bricks that may be read, by volume. A
-   brick of voxels is within reach of 3^3 bricks on each: those of the finer level and one about them are up to five in
-   a row. A side of less than three bricks may grow to three. */
-static size_t spsi_fields_bytes(const spsi_frame *frame, const uint64_t *bricks) {
+/* Counts an upper bound of the bytes of all fields and their coarser levels, for numbers of bricks that may be read, by
+   volume. A brick of voxels is within reach of 3^3 bricks on each: those of the finer level and one about them are up
+   to five in a row. A side of less than three bricks may grow to three. */
+static void spsi_fields_count(sps_context *context, const spsi_frame *frame, const uint64_t *bricks) {
     const size_t each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
-    size_t bytes = sizeof(spsi_fields);
+    spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof(spsi_fields));
     for (int m = 0; m < frame->medium_count; ++m) {
         const size_t reached = 27 * (size_t)bricks[m], most = spsi_field_cells_most(frame, (size_t)bricks[m]);
         spsi_voxel_field levels[2];
@@ -13201,12 +13184,13 @@ static size_t spsi_fields_bytes(const spsi_frame *frame, const uint64_t *bricks)
         for (int n = 0; n <= spsi_levels_wanted(frame, m); ++n) {
             size_t cells = spsi_field_cells(&levels[n % 2]);
             cells = cells < (n ? 9 : 1) * most ? cells : (n ? 9 : 1) * most;
-            bytes += spsi_field_grid_bytes(cells) + (reached < cells ? reached : cells) * each;
-            if (n == 0 && spsi_may_interpolate(frame)) bytes += spsi_bends_bytes(cells);
+            spsi_reserve(context, SPSI_BUFFER_FIELD_GRIDS, cells, SPSI_FIELD_GRID_BYTES);
+            spsi_reserve(context, SPSI_BUFFER_FIELD_VALUES, reached < cells ? reached : cells, each);
+            if (n == 0 && spsi_may_interpolate(frame))
+                spsi_reserve(context, SPSI_BUFFER_BENDS, cells, 8 * sizeof(float));
             spsi_level_place(&levels[n % 2], &levels[1 - n % 2]);
         }
     }
-    return bytes;
 }
 
 /* Places a field for each volume. Returns the number of bricks in all grids. */
@@ -13254,7 +13238,7 @@ static sps_result spsi_fields_place(sps_context *context, const spsi_frame *fram
     fields->bent = 0;
     spsi_fields_weigh(fields, taps);
     memory = (int *)spsi_reserve(context, SPSI_BUFFER_FIELD_GRIDS, spsi_fields_begin(context, frame, fields),
-                                 spsi_field_grid_bytes(1));
+                                 SPSI_FIELD_GRID_BYTES);
     if (!memory) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field *field = &fields->list[m];
@@ -13344,7 +13328,7 @@ static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n)
             cells += spsi_field_cells(&fields->levels[m][n]);
-    grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, spsi_field_grid_bytes(1));
+    grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, SPSI_FIELD_GRID_BYTES);
     if (!grids) return context->result;
     count = spsi_levels_number(frame, levels, grids, fields);
     if (spsi_field_stock_reserve(context, SPSI_BUFFER_LEVEL_VALUES, fields->taps, count, &stock))
@@ -13395,9 +13379,9 @@ static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame
     float *bends;
     if (fields->bent) return SPS_OK;
     for (int m = 0; m < frame->medium_count; ++m) cells += spsi_field_cells(&fields->list[m]);
-    bends = (float *)spsi_reserve(context, SPSI_BUFFER_BENDS, 1, spsi_bends_bytes(cells));
+    bends = (float *)spsi_reserve(context, SPSI_BUFFER_BENDS, cells, 8 * sizeof(float));
     if (!bends) return context->result;
-    memset(bends, 0, spsi_bends_bytes(cells));
+    memset(bends, 0, cells * 8 * sizeof(float));
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field *field = &fields->list[m];
         const size_t count = 8 * spsi_field_cells(field);
@@ -13435,14 +13419,10 @@ typedef struct spsi_queue {
     int current;           /* number of items present */
 } spsi_queue;
 
-static size_t spsi_queue_bytes(size_t items, size_t chunks) {
-    return items * (2 * sizeof(int) + 2 * sizeof(uint16_t)) + 2 * (chunks + 1) * sizeof(int);
-}
-
 static sps_result spsi_queue_reserve(sps_context *context, spsi_buffer_id id, int count, int chunks,
                                      spsi_queue *queue) {
     queue->count = count;
-    queue->order = (int *)spsi_reserve(context, id, 1, spsi_queue_bytes((size_t)count, (size_t)chunks));
+    queue->order = (int *)spsi_reserve(context, id, 3 * (size_t)count + 2 * ((size_t)chunks + 1), sizeof(int));
     if (!queue->order) return context->result;
     queue->present = queue->order + count;
     queue->starts = queue->present + count;
@@ -13836,17 +13816,12 @@ static size_t spsi_list_starts(const spsi_rays *rays) {
     return (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays) + 2;
 }
 
-/* Bytes of a target's lists for a given number of particles in a chunk. If they exceed a size_t: SIZE_MAX, which cannot
-   be reserved. */
-static size_t spsi_lists_bytes(const spsi_rays *rays, size_t particles) {
-    const size_t each = sizeof(spsi_seen) + 2 * sizeof(int), starts = spsi_list_starts(rays) * sizeof(int);
-    if (particles == 0) return 0;
-    return particles > (SIZE_MAX - starts) / each ? SIZE_MAX : particles * each + starts;
-}
-
-static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, int most, spsi_target *target) {
-    spsi_lists *lists = &target->particles;
-    lists->seen = (spsi_seen *)spsi_reserve(context, id, 1, spsi_lists_bytes(target->rays, (size_t)most));
+/* Reserves a target's lists for a number of particles in a chunk. */
+static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, const spsi_rays *rays, size_t most,
+                                     spsi_lists *lists) {
+    size_t bytes = spsi_list_starts(rays) * sizeof(int);
+    spsi_bytes_add(&bytes, most, sizeof(spsi_seen) + 2 * sizeof(int));
+    lists->seen = (spsi_seen *)spsi_reserve(context, id, 1, bytes);
     if (!lists->seen) return context->result;
     lists->places = (int *)(void *)(lists->seen + most);
     lists->members = lists->places + most;
@@ -13913,7 +13888,9 @@ static sps_result spsi_contents_add_particles(spsi_contents *contents) {
     spsi_parallel_batches(context, count, spsi_particles_task, contents);
     fullest = spsi_queue_sort(&contents->particles, chunks);
     for (int i = 0; i < contents->target_count; ++i)
-        if (spsi_lists_reserve(context, lists[i], fullest, contents->targets[i])) return context->result;
+        if (spsi_lists_reserve(context, lists[i], contents->targets[i]->rays, (size_t)fullest,
+                               &contents->targets[i]->particles))
+            return context->result;
     return SPS_OK;
 }
 
@@ -21181,17 +21158,15 @@ typedef struct spsi_sample {
 
 #define SPSI_VECTOR_ALIGNMENT 64 /* of the widest vectors */
 
-/* Bytes of `count` structs of vectors for each worker. If they exceed a size_t: SIZE_MAX, which cannot be reserved. */
-static size_t spsi_vectors_bytes(const sps_context *context, int count, size_t size) {
-    const size_t each = (size_t)spsi_worker_count(context) * size;
-    return (size_t)count > (SIZE_MAX - SPSI_VECTOR_ALIGNMENT) / each ? SIZE_MAX
-                                                                     : (size_t)count * each + SPSI_VECTOR_ALIGNMENT;
-}
-
-/* Reserves them, as they are too large for the stacks of some job systems. Returns NULL after a failure. */
+/* Reserves `count` structs of vectors for each worker, which are too large for the stacks of some job systems. Returns
+   NULL after a failure. */
 static void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, int count, size_t size) {
-    char *memory = (char *)spsi_reserve(context, id, 1, spsi_vectors_bytes(context, count, size));
-    const uintptr_t beyond = (uintptr_t)memory % SPSI_VECTOR_ALIGNMENT;
+    size_t bytes = SPSI_VECTOR_ALIGNMENT;
+    char *memory;
+    uintptr_t beyond;
+    spsi_bytes_add(&bytes, (size_t)count, (size_t)spsi_worker_count(context) * size);
+    memory = (char *)spsi_reserve(context, id, 1, bytes);
+    beyond = (uintptr_t)memory % SPSI_VECTOR_ALIGNMENT;
     return memory ? memory + (beyond ? SPSI_VECTOR_ALIGNMENT - beyond : 0) : NULL;
 }
 
@@ -22691,21 +22666,17 @@ static void spsi_receive_task(void *data, int index) {
     }
 }
 
-/* Bytes of what pixels receive. */
-static size_t spsi_received_bytes(const spsi_frame *frame) {
-    return spsi_ray_count(&frame->content->eye) * (size_t)frame->channels * sizeof(float);
-}
-
 /* Finds what the region's pixels receive. Tiles are aligned to the image: all of a tile decides where places of a plane
    are looked at, whatever the region. */
 static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                    spsi_visible *visible) {
     const spsi_content *content = frame->content;
+    const size_t floats = spsi_ray_count(&content->eye) * (size_t)frame->channels;
     spsi_receive_job job = {frame, faces, visible, {spsi_nowhere, spsi_nowhere}, NULL};
     if (!content->cells || !visible->hits) return SPS_OK;
-    job.received = (float *)spsi_reserve(context, SPSI_BUFFER_RECEIVED, 1, spsi_received_bytes(frame));
+    job.received = (float *)spsi_reserve(context, SPSI_BUFFER_RECEIVED, floats, sizeof(float));
     if (!job.received) return context->result;
-    memset(job.received, 0, spsi_received_bytes(frame));
+    memset(job.received, 0, floats * sizeof(float));
     for (int n = 0; n < content->cell_grid_count; ++n) {
         const spsi_cell_grid *grid = &content->cells[n];
         double far_corner[3];
@@ -25045,7 +25016,8 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
 
 /* Upper bound of the bytes for first flights. */
 static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *grid) {
-    const size_t each = sizeof(spsi_emitter) + sizeof(spsi_flight_node) + sizeof(int);
+    const size_t each =
+        sizeof(spsi_emitter) + sizeof(spsi_flight_node) + sizeof(int) + sizeof(spsi_tree_item) + sizeof(spsi_tree_node);
     size_t bricks = 0, count = frame->matter.emits ? 2 * frame->particles.count : 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         const int *size = frame->media[i].given.size;
@@ -25059,7 +25031,7 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
             count += (spsi_beam_steps(grid) + 1) * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
     count += spsi_emitting_cells(frame);
     count += 2 * SPSI_FLIGHT_TREES; /* nodes of trees of none */
-    return spsi_cells_fly(frame) ? SPSI_FLIGHT_TREES * sizeof(spsi_flights) + count * each + spsi_tree_bytes(count) : 0;
+    return spsi_cells_fly(frame) ? SPSI_FLIGHT_TREES * sizeof(spsi_flights) + count * each : 0;
 }
 
 /* Upper bound of the bytes for all cells: those of cubes, one after the other. */
@@ -25073,7 +25045,8 @@ static size_t spsi_cells_bytes(const spsi_frame *frame) {
     spsi_cells_lay_out(frame, &grid);
     floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
     floats += SPSI_CELL_GRIDS * spsi_cell_grid_lay_out(frame, &grid, NULL);
-    floats += grid.flux_terms > 0 ? spsi_cell_walls_floats(&grid) : 0;
+    if (grid.flux_terms > 0) /* there are polygons, which receive light from cells */
+        floats += spsi_cell_walls_floats(&grid) + spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
     for (int i = 0; i < frame->lamps.count; ++i)
         if ((frame->lamps.list[i].shadows || spsi_cells_pass_on(frame, &grid)) &&
             !spsi_has_shadow_table(&frame->lamps.list[i]))
@@ -25907,47 +25880,33 @@ static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     return spsi_sliced_begin(context, shader->frame, shader->sweep, shader->faces, &run->contents, &run->sliced);
 }
 
-static void spsi_region_place(const spsi_frame *frame, spsi_region *region) {
-    const int *pixels = frame->view.region;
-    region->x0 = pixels[0] / SPSI_TILE_WIDTH;
-    region->y0 = pixels[1] / SPSI_TILE_HEIGHT;
-    region->columns = (pixels[0] + pixels[2] - 1) / SPSI_TILE_WIDTH - region->x0 + 1;
-    region->rows = (pixels[1] + pixels[3] - 1) / SPSI_TILE_HEIGHT - region->y0 + 1;
+/* Lays out gas and light of a sweep from back to front. What was measured of all gas stays from the pass before. */
+static void spsi_run_again(const spsi_frame *frame, size_t pixels, float *memory, spsi_again *again) {
+    const size_t channels = (size_t)frame->channels;
+    again->whole = memory;
+    again->gas = again->measures ? memory : memory + pixels;
+    for (size_t c = 0; c < 3; ++c) again->radiance[c] = memory + pixels * (2 + (c < channels ? c : 0));
+    memset(again->gas, 0, (2 + channels - !again->measures) * pixels * sizeof(float));
 }
 
-static size_t spsi_region_tiles(const spsi_region *region) { return (size_t)region->columns * (size_t)region->rows; }
-
-/* Floats per pixel while a sweep runs: optical depth, radiance, and distance if wanted. */
-static size_t spsi_pixel_floats(const spsi_frame *frame) { return (size_t)(1 + frame->channels + frame->wants_depth); }
-
-/* Floats per pixel of spsi_again. */
-static size_t spsi_again_floats(const spsi_frame *frame) { return (size_t)(2 + frame->channels); }
-
-static sps_result spsi_run_again(sps_context *context, spsi_run *run, size_t pixels) {
-    const size_t channels = (size_t)run->shader.frame->channels;
-    spsi_again *again = &run->shader.again;
-    if (!spsi_sweep_measures(run->shader.frame, run->shader.sweep)) return SPS_OK;
-    again->whole =
-        (float *)spsi_reserve(context, SPSI_BUFFER_AGAIN, pixels, spsi_again_floats(run->shader.frame) * sizeof(float));
-    if (!again->whole) return context->result;
-    again->gas = again->measures ? again->whole : again->whole + pixels;
-    for (size_t c = 0; c < 3; ++c) again->radiance[c] = again->whole + pixels * (2 + (c < channels ? c : 0));
-    memset(again->gas, 0, (spsi_again_floats(run->shader.frame) - !again->measures) * pixels * sizeof(float));
-    return SPS_OK;
-}
-
-/* Lays out the region's tiles, and the buffers of their pixels. */
+/* Lays out the region's tiles, and the planes of their pixels: optical depth, radiance, and distance if wanted. */
 static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
-    const size_t planes = spsi_pixel_floats(run->shader.frame);
     spsi_region *region = &run->region;
     spsi_shader *shader = &run->shader;
+    const spsi_frame *frame = shader->frame;
+    const int *image = frame->view.region, measures = spsi_sweep_measures(frame, shader->sweep);
+    const size_t planes = (size_t)(1 + frame->channels + frame->wants_depth);
+    const size_t more = measures ? (size_t)(2 + frame->channels) : 0;
     size_t tiles, pixels;
     float *memory;
-    spsi_region_place(run->shader.frame, region);
-    tiles = spsi_region_tiles(region);
+    region->x0 = image[0] / SPSI_TILE_WIDTH;
+    region->y0 = image[1] / SPSI_TILE_HEIGHT;
+    region->columns = (image[0] + image[2] - 1) / SPSI_TILE_WIDTH - region->x0 + 1;
+    region->rows = (image[1] + image[3] - 1) / SPSI_TILE_HEIGHT - region->y0 + 1;
+    tiles = (size_t)region->columns * (size_t)region->rows;
     pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     region->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_TILES, tiles, SPSI_REGION_TILE_BYTES);
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PIXELS, pixels * planes, sizeof(float));
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PIXELS, pixels, (planes + more) * sizeof(float));
     if (!region->open || !memory) return context->result;
     memset(memory, 0, pixels * planes * sizeof(float));
     region->polygon_range = (float(*)[3])(void *)(region->open + tiles);
@@ -25957,10 +25916,11 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     shader->pitch = region->columns * SPSI_TILE_WIDTH;
     shader->depth = memory;
     for (int c = 0; c < 3; ++c)
-        shader->radiance[c] = memory + pixels * (size_t)(1 + (c < run->shader.frame->channels ? c : 0));
-    shader->distance = run->shader.frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
-    if (spsi_part_count(run->shader.frame) > 1) spsi_run_end_others(run, region->rows * SPSI_TILE_HEIGHT);
-    return spsi_run_again(context, run, pixels);
+        shader->radiance[c] = memory + pixels * (size_t)(1 + (c < frame->channels ? c : 0));
+    shader->distance = frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
+    if (spsi_part_count(frame) > 1) spsi_run_end_others(run, region->rows * SPSI_TILE_HEIGHT);
+    if (measures) spsi_run_again(frame, pixels, memory + pixels * planes, &shader->again);
+    return SPS_OK;
 }
 
 /* Reserves the workers' scratch memory and clears their counters. */
@@ -25969,14 +25929,15 @@ static sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
         context, SPSI_BUFFER_SAMPLES, spsi_scratch_samples(run->shader.frame), sizeof *run->samples);
     run->arrivals = (spsi_arrival *)spsi_vectors_reserve(context, SPSI_BUFFER_ARRIVALS, run->shader.shadow_count,
                                                          sizeof *run->arrivals);
-    run->shaded = (uint64_t *)(void *)(run + 1); /* spsi_run_bytes includes them */
+    run->shaded = (uint64_t *)(void *)(run + 1);
     memset(run->shaded, 0, (size_t)spsi_worker_count(context) * sizeof *run->shaded);
     return run->samples && run->arrivals ? SPS_OK : context->result;
 }
 
-/* Bytes of a run and of the workers' counters behind it. */
-static size_t spsi_run_bytes(const sps_context *context) {
-    return sizeof(spsi_run) + (size_t)spsi_worker_count(context) * sizeof(uint64_t);
+/* Reserves a run, with the workers' counters behind it. */
+static spsi_run *spsi_run_reserve(sps_context *context) {
+    const size_t counters = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
+    return (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, sizeof(spsi_run) + counters);
 }
 
 /* Fills the run for one sweep. */
@@ -26623,8 +26584,6 @@ static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
 /* Floats per pixel of the sum of sweeps: radiance, coverage, and distance if wanted. */
 static size_t spsi_total_floats(const spsi_frame *frame) { return (size_t)(4 + frame->wants_depth); }
 
-#define SPSI_ROW_FLOATS 6 /* per pixel of a row of background: a color and a direction */
-
 /* Fills `rgb` with the background's radiance for one row of the region, three floats per pixel. Directions are kept
    behind it. */
 static sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
@@ -26661,17 +26620,19 @@ static const float *spsi_behind(const spsi_shader *shader, int x, int y) {
     return layers->list[layers->first[pixel + 1] - 1].behind;
 }
 
-/* Begins the total with the background. */
-static sps_result spsi_begin_total(sps_context *context, const spsi_frame *frame, float *total) {
+/* Begins the sum of all sweeps with the background. Returns NULL on failure. */
+static float *spsi_begin_total(sps_context *context, const spsi_frame *frame) {
     const size_t width = (size_t)frame->view.region[2], floats = spsi_total_floats(frame);
-    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, width, SPSI_ROW_FLOATS * sizeof(float));
-    if (!rgb) return context->result;
+    float *total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, width * (size_t)frame->view.region[3],
+                                         floats * sizeof(float));
+    float *row = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, width, 6 * sizeof(float)); /* colors, directions */
+    if (!total || !row) return NULL;
     for (int y = 0; y < frame->view.region[3]; ++y) {
-        if (spsi_background_row(context, frame, y, rgb)) return context->result;
+        if (spsi_background_row(context, frame, y, row)) return NULL;
         for (size_t x = 0; x < width; ++x)
-            memcpy(total + ((size_t)y * width + x) * floats, rgb + 3 * x, 3 * sizeof *rgb);
+            memcpy(total + ((size_t)y * width + x) * floats, row + 3 * x, 3 * sizeof *row);
     }
-    return SPS_OK;
+    return total;
 }
 
 /* Adds a sweep's radiance to a pixel of the total; the first sweep also covers the background, and contributes coverage
@@ -26789,12 +26750,11 @@ static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *pict
     return SPS_OK;
 }
 
-/* Bytes of what shadow rays find: `shares` per pixel for all lights, and the workers' counters. SIZE_MAX cannot be
-   reserved. */
-static size_t spsi_sight_bytes(const sps_context *context, size_t pixels, int shares) {
-    const size_t counters = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
-    if (pixels > (SIZE_MAX - counters) / sizeof(float) / (size_t)spsi_most(1, shares)) return SIZE_MAX;
-    return counters + pixels * (size_t)shares * sizeof(float);
+/* Reserves the workers' counters, and what shadow rays find: `shares` per place for all lights. */
+static uint64_t *spsi_sight_reserve(sps_context *context, size_t places, int shares) {
+    size_t bytes = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
+    spsi_bytes_add(&bytes, places, (size_t)spsi_most(1, shares) * sizeof(float));
+    return (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, bytes);
 }
 
 /* Lists a sweep's lights, its own and, in the first sweep, all shadowing lamps without slabs of their own, and traces
@@ -26824,7 +26784,7 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *swe
     if (!picture->visible.hits || count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i)
         shares += spsi_sight_floats(frame, picture->shadows[i].lamp, picture->shadows[i].soft);
-    rays = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, spsi_sight_bytes(context, places, shares));
+    rays = spsi_sight_reserve(context, places, shares);
     if (!rays) return context->result;
     lit = (float *)(void *)(rays + spsi_worker_count(context));
     for (shadow = picture->shadows; shadow < picture->shadows + count; ++shadow) {
@@ -26888,7 +26848,6 @@ static sps_result spsi_sweeps_check(sps_context *context, const spsi_frame *fram
 }
 
 static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
-    const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     const double start = spsi_clock(context);
     const spsi_part_of_call cells = {SPSI_PROGRESS_GATHER, SPSI_PROGRESS_CELLS};
     double gathered;
@@ -26916,9 +26875,9 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     gathered = spsi_clock(context);
     if (spsi_needs_tree(frame) && spsi_faces_tree(context, &picture.faces)) return context->result;
     context->stats.seconds_tree = spsi_clock(context) - gathered;
-    picture.total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, spsi_total_floats(frame) * sizeof(float));
-    run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, spsi_run_bytes(context));
-    if (!picture.total || !run || spsi_begin_total(context, frame, picture.total)) return context->result;
+    picture.total = spsi_begin_total(context, frame);
+    run = spsi_run_reserve(context);
+    if (!picture.total || !run) return context->result;
     if (spsi_forward_tables(context, frame) || spsi_sweeps_check(context, frame)) return context->result;
     if (spsi_scatters_fully(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
     if (spsi_scatters_aside(frame) && spsi_spreads_build(context, frame, &picture.faces, &cells, &picture.spreads))
@@ -27013,19 +26972,26 @@ static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-static size_t spsi_plan_gather_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
+/* What was counted are bytes of a pass, unless it has needed more before. */
+static void spsi_plan_take(sps_context *context, sps_plan_report *report, sps_pass pass) {
+    if (context->counted > report->pass[pass].bytes) report->pass[pass].bytes = context->counted;
+    context->counted = 0;
+}
+
+/* Lists grow by half, old and new at once. */
+static void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     const uint64_t whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     const uint64_t segments = reading->voxels_kept / (SPSI_SEGMENT - whole + 1) + 1;
-    uint64_t bytes = segments * (sizeof(spsi_segment) + 3 * sizeof(spsi_segment *));
     int at_once = 0;
-    bytes += (reading->bricks + 2) * 3 * sizeof(spsi_brick); /* the list grows by half, old and new at once */
-    if (frame->medium_count == 0) return 0;
-    if (reading->blocks == 0) bytes = 0;
+    if (reading->blocks > 0) {
+        spsi_reserve(context, SPSI_BUFFER_SEGMENTS, (size_t)segments, sizeof(spsi_segment) + 3 * sizeof(void *));
+        spsi_reserve(context, SPSI_BUFFER_BRICKS, (size_t)reading->bricks + 2, 3 * sizeof(spsi_brick));
+    }
     for (int i = 0; i < frame->medium_count; ++i)
         at_once = spsi_most(at_once, spsi_blocks_at_once(context, &frame->media[i]));
-    bytes += (uint64_t)at_once * sizeof(spsi_voxels);
-    if (spsi_fields_wanted(frame)) bytes += spsi_fields_bytes(frame, reading->bricks_of);
-    return (size_t)bytes;
+    spsi_reserve(context, SPSI_BUFFER_BLOCKS, (size_t)at_once, sizeof(spsi_voxels));
+    spsi_reserve(context, SPSI_BUFFER_PARTICLES, frame->particles.count, sizeof(sps_particle));
+    if (spsi_fields_wanted(frame)) spsi_fields_count(context, frame, reading->bricks_of);
 }
 
 /* Maximum number of texels on the longer side of a sweep's light. Particles have not been read, so the bounds that were
@@ -27036,13 +27002,16 @@ static size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sw
     return (size_t)spsi_most(2, frame->view.shadow_size > 0 ? frame->view.shadow_size : spsi_light_texels_most(frame));
 }
 
-/* Bytes of the queues. Once read, volumes may be cut into other slabs than their boxes, but not into many more; with
-   particles there is no bound but the maximum. */
-static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *slabs, size_t bricks) {
-    const size_t most = SPSI_SLABS_MAX / SPSI_CHUNK;
-    const size_t chunks = frame->particles.set_count > 0 ? most : 2 * (size_t)spsi_chunk_count(slabs) + 1;
-    return spsi_queue_bytes(bricks, chunks) + bricks * 2 * sizeof(int16_t[4]) +
-           (frame->particles.set_count > 0 ? spsi_queue_bytes(frame->particles.count, chunks) : 0);
+/* Bytes of what a sweep holds of bricks and particles. Once read, volumes may be cut into other slabs than their boxes,
+   but not into many more; with particles there is no bound but the maximum. */
+static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
+                                     uint64_t bricks) {
+    const int particles = (int)frame->particles.count;
+    const int chunks = particles > 0 ? SPSI_SLABS_MAX / SPSI_CHUNK : 2 * spsi_chunk_count(slabs) + 1;
+    spsi_contents contents;
+    spsi_reserve(context, SPSI_BUFFER_BRICK_BOXES, (size_t)bricks, 2 * sizeof(int16_t[4]));
+    spsi_queue_reserve(context, SPSI_BUFFER_BRICK_QUEUE, (int)bricks, chunks, &contents.bricks);
+    if (particles > 0) spsi_queue_reserve(context, SPSI_BUFFER_PARTICLE_QUEUE, particles, chunks, &contents.particles);
 }
 
 /* Bytes by which a sweep's light casts penumbrae. Particles and polygons have not been read: whether penumbrae are wide
@@ -27053,11 +27022,9 @@ static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_fram
                                            sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
     const uint64_t side = spsi_plan_light_side(frame, sweep), most = 2 * side + 8;
-    sps_pass_report *pass = &report->pass[SPS_PASS_PENUMBRAE];
     spsi_penumbra penumbra;
     spsi_penumbra_size size;
-    size_t bytes;
-    pass->runs += sweep->soft || frame->particles.set_count > 0 || polygons;
+    report->pass[SPS_PASS_PENUMBRAE].runs += sweep->soft || frame->particles.set_count > 0 || polygons;
     if (frame->particles.set_count > 0) {
         const uint64_t tiles = side / SPSI_TILE_WIDTH + 1;
         size.scratch = 3 * most * most + SPSI_LANES + 2 * SPSI_BEAM_TILE;
@@ -27069,8 +27036,9 @@ static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_fram
         if (spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;
         size = spsi_penumbra_measure(&penumbra, polygons);
     }
-    bytes = (size_t)sweep->lamp->point_count * sizeof(spsi_beam) + spsi_penumbra_floats(context, &size) * sizeof(float);
-    if (bytes > pass->bytes) pass->bytes = bytes;
+    spsi_bytes_add(&context->counted, (size_t)sweep->lamp->point_count, sizeof(spsi_beam));
+    spsi_bytes_add(&context->counted, spsi_penumbra_floats(context, &size), sizeof(float));
+    spsi_plan_take(context, report, SPS_PASS_PENUMBRAE);
     return SPS_OK;
 }
 
@@ -27201,36 +27169,37 @@ static sps_result spsi_plan_samples(sps_context *context, const spsi_frame *fram
 
 /* Bytes of the largest sweep's planes, sheets, queues and pixels. */
 static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int n,
-                                        uint64_t bricks, sps_plan_report *report) {
-    const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
-    const size_t workers = (size_t)spsi_worker_count(context);
-    const size_t side = spsi_plan_light_side(frame, sweep);
-    const int shadows = spsi_most(1, spsi_plan_shadow_count(frame, n));
+                                        uint64_t bricks, spsi_run *run, sps_plan_report *report) {
+    const size_t side = spsi_plan_light_side(frame, sweep), particles = frame->particles.count;
+    const spsi_rays *eye = &frame->content->eye;
     const spsi_shape shape = spsi_shape_of(frame, 1); /* lights' sheets have no more channels */
-    size_t eye = workers * (spsi_sheet_tiles(frame) * spsi_shape_floats(&shape) * sizeof(float) + 48) +
-                 spsi_plan_queues_bytes(frame, &sweep->slabs, (size_t)bricks) + 64;
-    size_t light;
-    const size_t floats = spsi_pixel_floats(frame) + (spsi_sweep_measures(frame, sweep) ? spsi_again_floats(frame) : 0);
     spsi_rays square; /* as many texels as the light may have */
-    spsi_region region;
-    spsi_region_place(frame, &region);
     square.width = square.height = (int)side;
-    eye += spsi_region_tiles(&region) * SPSI_REGION_TILE_BYTES;
-    eye += spsi_region_tiles(&region) * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT * floats * sizeof(float);
-    eye += width * height * spsi_total_floats(frame) * sizeof(float) + width * SPSI_ROW_FLOATS * sizeof(float);
-    eye += spsi_run_bytes(context) + (size_t)shadows * sizeof(spsi_shadow) +
-           spsi_vectors_bytes(context, spsi_scratch_samples(frame), sizeof(spsi_sample)) +
-           spsi_vectors_bytes(context, shadows, sizeof(spsi_arrival));
-    eye += spsi_lists_bytes(&frame->content->eye, frame->particles.count);
-    if (spsi_may_interpolate(frame)) eye += spsi_spent_bytes(&frame->content->eye) + spsi_spent_bytes(&square);
-    if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
+    run->shader.frame = frame;
+    run->shader.sweep = sweep;
+    run->shader.shadow_count = spsi_most(1, spsi_plan_shadow_count(frame, n));
+    context->counts_only = 1;
+    spsi_run_region(context, run);
+    spsi_run_scratch(context, run);
+    spsi_begin_total(context, frame);
+    spsi_plan_contents_bytes(context, frame, &sweep->slabs, bricks);
+    spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)run->shader.shadow_count, sizeof(spsi_shadow));
+    spsi_reserve(context, SPSI_BUFFER_SHEETS, (size_t)spsi_worker_count(context),
+                 spsi_sheet_tiles(frame) * spsi_shape_floats(&shape) * sizeof(float) + 7 * sizeof(uint64_t));
+    if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_EYE_BALLS, eye, particles, &run->eye.particles);
+    if (spsi_may_interpolate(frame))
+        spsi_reserve(context, SPSI_BUFFER_EYE_SPENT, 1, spsi_spent_bytes(eye) + spsi_spent_bytes(&square));
+    spsi_plan_take(context, report, SPS_PASS_EYE_SHEETS);
+    if (sweep->lamp) {
+        spsi_reserve(context, SPSI_BUFFER_PLANES, side * side + spsi_list_starts(&square), SPSI_PLANES_TEXEL_BYTES);
+        if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_LIGHT_BALLS, &square, particles, &run->eye.particles);
+        spsi_plan_take(context, report, SPS_PASS_LIGHT_SHEETS);
+    }
+    context->counts_only = 0;
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
-    spsi_plan_filling(frame, &frame->content->eye, &sweep->slabs, SPSI_TARGET_EYE, !sweep->first, &report->eye_gathered,
+    spsi_plan_filling(frame, eye, &sweep->slabs, SPSI_TARGET_EYE, !sweep->first, &report->eye_gathered,
                       &report->eye_filling);
     if (!sweep->lamp) return SPS_OK;
-    light = (side * side + spsi_list_starts(&square)) * SPSI_PLANES_TEXEL_BYTES;
-    light += spsi_lists_bytes(&square, frame->particles.count);
-    if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
     if (sweep->lamp->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report)) return context->result;
     spsi_plan_filling(frame, &sweep->rays, &sweep->slabs, SPSI_TARGET_SHEETS, !sweep->first, &report->light_gathered,
                       &report->light_filling);
@@ -27376,49 +27345,58 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    polygons ? "no light" : "no triangles");
 }
 
-/* Bytes of everything outside the sweeps. */
-static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
-                            sps_plan_report *report) {
-    const size_t size = (size_t)spsi_depth_map_size(frame);
+/* Bytes of what polygons need outside the sweeps. */
+static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
+    const size_t pixels = spsi_ray_count(&frame->content->eye), triangles = frame->meshes.triangle_count;
     size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
-    size_t tables = 1;
-    size_t sum = sizeof *context + SPSI_BUFFER_COUNT * SPSI_LINK_BYTES + sizeof *frame + sizeof *frame->content;
     int shares = (int)lights;
-    for (int i = 0; i < frame->medium_count; ++i)
-        tables += frame->matter.materials[frame->media[i].channel].table != NULL;
-    report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(context, frame, reading) +
-                                          tables * sizeof(spsi_table) + frame->particles.count * sizeof(sps_particle);
-    report->pass[SPS_PASS_PROJECTORS].bytes = spsi_images_bytes(frame);
-    if (spsi_scatters_forward(frame))
-        report->pass[SPS_PASS_FORWARD].bytes = (size_t)frame->matter.material_count * sizeof(spsi_forward);
-    if (spsi_scatters_aside(frame)) report->pass[SPS_PASS_SPREADING].bytes = spsi_spreads_bytes(frame);
-    if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(frame);
-    if (frame->view.scattering == SPS_SCATTERING_AUTO) /* not decided yet */
-        report->pass[SPS_PASS_CELLS].bytes += SPSI_BOUND_BYTES;
+    spsi_face_lists lists;
+    spsi_faces faces;
+    spsi_visible visible;
+    memset(&faces, 0, sizeof faces);
+    memset(&visible, 0, sizeof visible);
+    faces.count = (int)triangles;
+    spsi_reserve(context, SPSI_BUFFER_FACES, triangles, sizeof(spsi_face) + 4 * sizeof(int)); /* and their rows */
+    spsi_reserve(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
+    spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
+    spsi_plan_take(context, report, SPS_PASS_EYE_POLYGONS);
+    spsi_layers_build(context, frame, &faces, NULL, &visible.layers);
+    spsi_plan_take(context, report, SPS_PASS_LAYERS);
+    spsi_face_textures_begin(context, frame, &lists);
+    spsi_textures(context, frame, &faces, &visible);
+    spsi_plan_take(context, report, SPS_PASS_TEXTURES);
+    if (spsi_needs_tree(frame)) spsi_faces_tree(context, &faces);
+    spsi_plan_take(context, report, SPS_PASS_TRIANGLE_TREE);
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         shares += spsi_plan_tables(frame, lamp) * spsi_sight_floats(frame, lamp, lamp->extent.exists) - 1;
         lights += (size_t)spsi_plan_tables(frame, lamp) - 1;
     }
-    if (frame->meshes.triangle_count > 0) {
-        report->pass[SPS_PASS_EYE_POLYGONS].bytes =
-            frame->meshes.triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
-            (size_t)frame->content->eye.width * (size_t)frame->content->eye.height * sizeof(spsi_hit) +
-            SPSI_TRIANGLE_BATCH * sizeof(sps_triangle);
-        if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes += spsi_received_bytes(frame);
-        report->pass[SPS_PASS_LAYERS].bytes = spsi_layers_bytes(context, frame);
-        report->pass[SPS_PASS_TEXTURES].bytes = spsi_textures_bytes(frame);
-        if (spsi_needs_tree(frame))
-            report->pass[SPS_PASS_TRIANGLE_TREE].bytes = spsi_tree_bytes(frame->meshes.triangle_count);
-        if (frame->lamps.shadow_count > 0) {
-            if (frame->matter.scatters)
-                report->pass[SPS_PASS_LIGHT_POLYGONS].bytes = lights * spsi_depth_map_floats_most(size) * sizeof(float);
-            report->pass[SPS_PASS_SHADOW_RAYS].bytes =
-                spsi_sight_bytes(context, spsi_ray_count(&frame->content->eye), shares);
-        }
-    }
-    for (int i = 0; i < SPS_PASS_COUNT; ++i) sum += report->pass[i].bytes;
-    report->bytes = sum + (context->stats.bytes > sizeof *context ? context->stats.bytes - sizeof *context : 0);
+    if (frame->lamps.shadow_count == 0) return;
+    if (frame->matter.scatters)
+        spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, lights,
+                     spsi_depth_map_floats_most((size_t)spsi_depth_map_size(frame)) * sizeof(float));
+    spsi_plan_take(context, report, SPS_PASS_LIGHT_POLYGONS);
+    spsi_sight_reserve(context, pixels, shares);
+    spsi_plan_take(context, report, SPS_PASS_SHADOW_RAYS);
+}
+
+/* Bytes of everything outside the sweeps, except for what is held already. */
+static void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_reading *reading,
+                            sps_plan_report *report) {
+    spsi_plan_gather_bytes(context, frame, reading);
+    spsi_plan_take(context, report, SPS_PASS_GATHER);
+    spsi_gather_images(context, frame);
+    spsi_plan_take(context, report, SPS_PASS_PROJECTORS);
+    spsi_forward_tables(context, frame);
+    spsi_plan_take(context, report, SPS_PASS_FORWARD);
+    if (spsi_scatters_aside(frame)) report->pass[SPS_PASS_SPREADING].bytes = spsi_spreads_bytes(frame);
+    if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(frame);
+    if (frame->view.scattering == SPS_SCATTERING_AUTO) /* not decided yet */
+        report->pass[SPS_PASS_CELLS].bytes += SPSI_BOUND_BYTES;
+    if (frame->meshes.triangle_count > 0) spsi_plan_polygon_bytes(context, frame, report);
+    report->bytes = context->stats.bytes + SPSI_BUFFER_COUNT * SPSI_LINK_BYTES;
+    for (int i = 0; i < SPS_PASS_COUNT; ++i) spsi_bytes_add(&report->bytes, report->pass[i].bytes, 1);
 }
 
 /* Bytes of the lights' maps, which are held at the same time, and of filling them one after the other. */
@@ -27440,11 +27418,13 @@ static void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_r
 /* All sweeps, and those of lights that may turn out to need one. */
 static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame, uint64_t bricks,
                                    sps_plan_report *report) {
+    spsi_run *run = spsi_run_reserve(context);
     spsi_sweep sweep;
+    if (!run) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
         for (int part = 0; part < spsi_part_count(frame); ++part) {
             if (spsi_sweep_build(context, frame, n, part, &sweep) ||
-                spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, report))
+                spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, run, report))
                 return context->result;
             report->pass[SPS_PASS_EYE_SHEETS].runs += part == 0 && spsi_sweep_measures(frame, &sweep);
         }
@@ -27453,7 +27433,7 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
         spsi_sweep_clear(frame, &frame->lamps.list[i], 0, &sweep);
         sweep.back_to_front = 1; /* it may be */
         report->pass[SPS_PASS_EYE_SHEETS].runs += spsi_sweep_measures(frame, &sweep);
-        if (spsi_plan_sweep_bytes(context, frame, &sweep, 0, bricks, report)) return context->result;
+        if (spsi_plan_sweep_bytes(context, frame, &sweep, 0, bricks, run, report)) return context->result;
     }
     return SPS_OK;
 }
@@ -27499,7 +27479,10 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
     report->sweep_count = spsi_plan_sweep_count(frame);
     report->color_channels = frame->channels;
     report->sheet_channels = frame->matter.material_count;
+    context->counts_only = 1;
     spsi_plan_bytes(context, frame, &reading, report);
+    context->counts_only = 0;
+    if (context->result) return context->result;
     spsi_plan_passes(context, frame, &reading, report);
     for (int i = 0; i < SPS_PASS_COUNT; ++i)
         if (report->pass[i].runs == 0) report->pass[i].bytes = 0; /* the rest is part of the sum only */
@@ -28381,15 +28364,11 @@ static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame
 
 /* Builds the tree of all particles. */
 static sps_result spsi_march_particles(sps_context *context, const spsi_frame *frame, spsi_tree *tree) {
-    const size_t count = (size_t)frame->content->particle_count;
     spsi_tree_item *items;
-    if (count == 0) return SPS_OK;
-    tree->count = frame->content->particle_count;
-    tree->order = (int *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_PARTICLES, count, sizeof(int));
-    tree->nodes = (spsi_tree_node *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_PARTICLE_NODES, spsi_tree_nodes(count),
-                                                 sizeof(spsi_tree_node));
-    items = (spsi_tree_item *)spsi_reserve(context, SPSI_BUFFER_TREE_ITEMS, count, sizeof(spsi_tree_item));
-    if (!tree->order || !tree->nodes || !items) return context->result;
+    if (frame->content->particle_count == 0) return SPS_OK;
+    items = spsi_tree_reserve(context, SPSI_BUFFER_REFERENCE_PARTICLE_NODES, SPSI_BUFFER_REFERENCE_PARTICLES,
+                              frame->content->particle_count, tree);
+    if (!items) return context->result;
     for (int i = 0; i < 3; ++i) tree->centre[i] = (double)frame->content->particles[0].position[i];
     for (int i = 0; i < tree->count; ++i) {
         spsi_bounds box;
@@ -28416,12 +28395,10 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     marcher->bounds = frame->content->bounds;
     marcher->part_count = frame->medium_count + frame->particles.set_count;
     spsi_eye_reference(frame);
-    marcher->total =
-        (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, spsi_total_floats(frame) * sizeof(float));
     marcher->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, marcher->part_count,
                                                            sizeof *marcher->samples);
     marcher->walkers = (spsi_walker *)spsi_reserve(context, SPSI_BUFFER_WALKERS, pixels, sizeof *marcher->walkers);
-    if (!marcher->total || !marcher->samples || !marcher->walkers) return context->result;
+    if (!marcher->samples || !marcher->walkers) return context->result;
     memset(marcher->walkers, 0, pixels * sizeof *marcher->walkers);
     marcher->side = spsi_most(1, frame->view.coverage_samples);
     if (faces->textures) {
@@ -29770,7 +29747,8 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     marcher->forward = spsi_scatters_forward(frame) && settings->samples == 0;
     if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
     if (settings->lower && spsi_bracket_begin(context, marcher)) return context->result;
-    if (spsi_begin_total(context, frame, marcher->total)) return context->result;
+    marcher->total = spsi_begin_total(context, frame);
+    if (!marcher->total) return context->result;
     centre = frame->content->eye;
     for (; marcher->sample < marcher->side * marcher->side; ++marcher->sample) {
         int left = 1;

@@ -1025,18 +1025,30 @@ static void test_clock_of_calls(mixed *m) {
     sps_destroy(context);
 }
 
-/* Sizes in bytes that exceed a size_t cannot be reserved. */
+/* Bytes of a list of particles, or of vectors for the workers if there are no rays, as a plan counts them. */
+static size_t counted_bytes(sps_context *context, const spsi_rays *rays, size_t count, size_t size) {
+    spsi_lists lists;
+    context->counted = 0;
+    context->counts_only = 1;
+    if (rays) CHECK(spsi_lists_reserve(context, SPSI_BUFFER_EYE_BALLS, rays, count, &lists) == SPS_OK);
+    if (!rays) CHECK(!spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, (int)count, size));
+    context->counts_only = 0;
+    return context->counted;
+}
+
+/* Sizes in bytes that exceed a size_t cannot be reserved. What is only counted is not reserved, and no failure. */
 static void test_sizes_overflow(void) {
     sps_context *context = check_context(NULL);
     const size_t each = sizeof(spsi_seen) + 2 * sizeof(int), starts = 3 * sizeof(int);
     spsi_rays rays;
     memset(&rays, 0, sizeof rays);
     rays.width = rays.height = 2; /* one tile: its list, that of wide particles, and the end */
-    CHECK(spsi_lists_bytes(&rays, 0) == 0 && spsi_lists_bytes(&rays, 5) == 5 * each + starts);
-    CHECK(spsi_lists_bytes(&rays, (SIZE_MAX - starts) / each + 1) == SIZE_MAX); /* the first that exceeds it */
-    CHECK(spsi_lists_bytes(&rays, SIZE_MAX / 2) == SIZE_MAX);
-    CHECK(spsi_vectors_bytes(context, 3, 100) == 3 * 100 + SPSI_VECTOR_ALIGNMENT);
-    CHECK(spsi_vectors_bytes(context, 3, SIZE_MAX / 2) == SIZE_MAX);
+    CHECK(counted_bytes(context, &rays, 5, 0) == 5 * each + starts);
+    CHECK(counted_bytes(context, &rays, (SIZE_MAX - starts) / each + 1, 0) == SIZE_MAX); /* the first that exceeds it */
+    CHECK(counted_bytes(context, &rays, SIZE_MAX / 2, 0) == SIZE_MAX);
+    CHECK(counted_bytes(context, NULL, 3, 100) == 3 * 100 + SPSI_VECTOR_ALIGNMENT);
+    CHECK(counted_bytes(context, NULL, 3, SIZE_MAX / 2) == SIZE_MAX);
+    CHECK(context->stats.bytes == sizeof *context && !sps_error(context)[0]);
     sps_destroy(context);
 }
 

@@ -2132,15 +2132,18 @@ static void spsi_describe(sps_error_info *info, sps_object object, int index, co
                  *names[object] && *phrase ? "." : "", phrase, *names[object] || *phrase ? " " : "", rest);
 }
 
-/* The one way to fail: records the description, tells message_fn unless the caller has cancelled, and returns the
-   result. The first failure stands. */
+static void spsi_tell(const sps_context *context, const char *sentence) {
+    if (context->config.message_fn) context->config.message_fn(context->config.message_user, sentence);
+}
+
+/* The one way to fail: records the description, tells the caller unless it has cancelled, and returns the result. The
+   first failure stands. */
 static sps_result spsi_fail_that(sps_context *context, sps_result result, sps_object object, int index,
                                  const char *phrase, double value, const char *rest) {
     if (context->result == SPS_OK) {
         context->result = context->error.result = result;
         spsi_describe(&context->error, object, index, phrase, value, rest);
-        if (context->config.message_fn && result != SPS_ERROR_CANCELLED)
-            context->config.message_fn(context->config.message_user, context->error.sentence);
+        if (result != SPS_ERROR_CANCELLED) spsi_tell(context, context->error.sentence);
     }
     return context->result;
 }
@@ -4569,6 +4572,15 @@ static sps_result spsi_check_vector(const spsi_subject *at, const char *field, c
     return bad ? spsi_wrong(at, field, *bad, "it must be within 1e15") : SPS_OK;
 }
 
+/* The same for a list, of which the number is named. */
+static sps_result spsi_check_list(const spsi_subject *at, const char *list, const double *v, int count) {
+    const double *bad = spsi_bad_coordinate(v, count);
+    char field[32];
+    if (!bad) return SPS_OK;
+    SPS_SNPRINTF(field, sizeof field, "%s[%d]", list, (int)(bad - v));
+    return spsi_wrong(at, field, *bad, "it must be within 1e15");
+}
+
 /* Fails if a component of a color is not within 0..most, which is 1 or SPSI_VALUE_MAX. */
 static sps_result spsi_check_color(const spsi_subject *at, const char *field, const float color[3], float most) {
     return spsi_check_rgb(at->context, SPS_ERROR_ARGUMENT, at->object, at->index, field, color, most);
@@ -4578,17 +4590,11 @@ static sps_result spsi_check_color(const spsi_subject *at, const char *field, co
 static sps_result spsi_check_placement(const spsi_subject *at, const sps_placement *placement) {
     const double determinant = spsi_determinant(placement->axis[0], placement->axis[1], placement->axis[2]);
     double room = 1e-14;
-    char field[32];
-    if (spsi_bad_coordinate(placement->origin, 3)) {
-        const double *bad = spsi_bad_coordinate(placement->origin, 3);
-        SPS_SNPRINTF(field, sizeof field, "placement.origin[%d]", (int)(bad - placement->origin));
-        return spsi_wrong(at, field, *bad, "it must be within 1e15");
-    }
-    for (int i = 0; i < 9; ++i) {
-        SPS_SNPRINTF(field, sizeof field, "placement.axis[%d][%d]", i / 3, i % 3);
-        if (spsi_bad_coordinate(&placement->axis[i / 3][i % 3], 1))
-            return spsi_wrong(at, field, placement->axis[i / 3][i % 3], "it must be within 1e15");
-    }
+    if (spsi_check_list(at, "placement.origin", placement->origin, 3) ||
+        spsi_check_list(at, "placement.axis[0]", placement->axis[0], 3) ||
+        spsi_check_list(at, "placement.axis[1]", placement->axis[1], 3) ||
+        spsi_check_list(at, "placement.axis[2]", placement->axis[2], 3))
+        return at->context->result;
     for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* the round-off of a flat one */
     if (!(fabs(determinant) > room) || !(fabs(determinant) <= DBL_MAX))
         return spsi_wrong(at, "placement's determinant", determinant, "its axes must not lie in a plane");
@@ -4777,36 +4783,24 @@ static sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_set
     return spsi_check_planes(at, &resolved);
 }
 
-/* Checks how a light shades gas: neither sheets nor a table can be meant beside a map of another kind. */
-static sps_result spsi_check_shadow_source(const spsi_subject *at, const sps_light *light) {
-    const sps_tmap_settings *settings = light->shadow_map;
-    if (settings && light->shadow_source == SPS_SHADOW_SHEETS)
-        return spsi_wrong_that(at, "shadow_source", SPS_SHADOW_SHEETS,
-                               "is SPS_SHADOW_SHEETS, and shadow_map is set; only one of them can be meant");
-    if (settings && light->shadow_source == SPS_SHADOW_TABLE &&
-        spsi_settings_resolve(settings, 1).technique != SPS_TMAP_TABLE)
-        return spsi_wrong_that(at, "shadow_source", SPS_SHADOW_TABLE,
-                               "is SPS_SHADOW_TABLE, and shadow_map is of another technique; only one of them can be "
-                               "meant");
-    return SPS_OK;
-}
-
-/* Checks the map by which a light shades gas. Its depth range is that of the gas, and surfaces have a depth map of
-   their own. */
+/* Checks the map by which a light shades gas: neither sheets nor a table can be meant beside a map of another kind. Its
+   depth range is that of the gas, and surfaces have a depth map of their own. */
 static sps_result spsi_check_shadow_map(const spsi_subject *at, const sps_light *light) {
     const sps_tmap_settings *settings = light->shadow_map;
-    if (spsi_check_shadow_source(at, light)) return at->context->result;
-    if (settings) {
-        const spsi_bounded own[] = {
-            {"near_depth", settings->near_depth, 0, 0, "it must be 0: the range is fitted to the gas"},
-            {"far_depth", settings->far_depth, 0, 0, "it must be 0: the range is fitted to the gas"},
-            {"surface_bias", settings->surface_bias, 0, 0,
-             "it must be 0: surfaces shade by rays and a depth map of their own"}};
-        const spsi_subject part = spsi_settings_of(at->context, at->index);
-        if (spsi_check_settings(&part, settings)) return at->context->result;
-        return spsi_check_bounded(&part, own, sizeof own / sizeof *own);
-    }
-    return SPS_OK;
+    const spsi_subject part = spsi_settings_of(at->context, at->index);
+    const spsi_bounded own[] = {
+        {"near_depth", settings->near_depth, 0, 0, "it must be 0: the range is fitted to the gas"},
+        {"far_depth", settings->far_depth, 0, 0, "it must be 0: the range is fitted to the gas"},
+        {"surface_bias", settings->surface_bias, 0, 0,
+         "it must be 0: surfaces shade by rays and a depth map of their own"}};
+    const char *other = NULL;
+    if (light->shadow_source == SPS_SHADOW_SHEETS)
+        other = "is SPS_SHADOW_SHEETS, and shadow_map is set; only one of them can be meant";
+    if (light->shadow_source == SPS_SHADOW_TABLE && spsi_settings_resolve(settings, 1).technique != SPS_TMAP_TABLE)
+        other = "is SPS_SHADOW_TABLE, and shadow_map is of another technique; only one of them can be meant";
+    if (other) return spsi_wrong_that(at, "shadow_source", light->shadow_source, other);
+    if (spsi_check_settings(&part, settings)) return at->context->result;
+    return spsi_check_bounded(&part, own, sizeof own / sizeof *own);
 }
 
 /* Whether a light has an extent. */
@@ -4887,7 +4881,7 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
     if ((!directional || light->projector) && spsi_check_vector(&at, "position", light->position))
         return context->result;
     if (spsi_check_extent(&at, light) || spsi_check_projector(&at, light)) return context->result;
-    return spsi_check_shadow_map(&at, light);
+    return light->shadow_map ? spsi_check_shadow_map(&at, light) : SPS_OK;
 }
 
 static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene) {
@@ -4936,15 +4930,8 @@ static sps_result spsi_check_camera(const spsi_subject *at, const sps_camera *ca
         {"field_of_view", camera->field_of_view, 0, 3.1, "it must be above 0, up to 3.1 radians"},
         {"ortho_height", camera->ortho_height, 0, DBL_MAX, "it must be above 0"}};
     const spsi_subject part = {at->context, at->object, at->index, "camera."};
-    const double *matrix = camera->world_to_clip;
     if (spsi_check_projection(at, camera)) return at->context->result;
-    if (matrix) {
-        const double *bad = spsi_bad_coordinate(matrix, 16);
-        char field[32];
-        if (!bad) return SPS_OK;
-        SPS_SNPRINTF(field, sizeof field, "camera.world_to_clip[%d]", (int)(bad - matrix));
-        return spsi_wrong(at, field, *bad, "it must be within 1e15");
-    }
+    if (camera->world_to_clip) return spsi_check_list(at, "camera.world_to_clip", camera->world_to_clip, 16);
     if (spsi_check_vector(&part, "position", camera->position) || spsi_check_vector(&part, "target", camera->target) ||
         spsi_check_vector(&part, "up", camera->up))
         return at->context->result;
@@ -5235,14 +5222,6 @@ static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame
     return SPS_OK;
 }
 
-static void spsi_mesh_build(const sps_mesh *from, int index, spsi_mesh *mesh) {
-    mesh->given = *from;
-    mesh->index = index;
-    spsi_placement_resolve(&from->placement, &mesh->given.placement);
-    for (int c = 0; c < 3; ++c)
-        if (from->transmittance[c] < SPSI_VALUE_MIN) mesh->given.transmittance[c] = 0;
-}
-
 /* Lists the meshes that have triangles. */
 static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     spsi_meshes *meshes = &frame->meshes;
@@ -5252,14 +5231,17 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, c
     if (!meshes->list) return context->result;
     for (int i = 0; i < scene->mesh_count; ++i) {
         const spsi_subject at = {context, SPS_OBJECT_MESH, i, ""};
-        spsi_mesh mesh;
-        spsi_mesh_build(&scene->meshes[i], i, &mesh);
+        spsi_mesh mesh = {scene->meshes[i], i};
+        spsi_placement_resolve(&scene->meshes[i].placement, &mesh.given.placement);
         if (spsi_check_placement(&at, &mesh.given.placement)) return context->result;
         if (mesh.given.triangle_count == 0) continue;
         /* both are at most SPSI_FACES_MAX, so that the sum fits a size_t of 32 bits */
         meshes->triangle_count += mesh.given.triangle_count;
         meshes->textured_count += mesh.given.shade_fn ? mesh.given.triangle_count : 0;
-        for (int c = 0; c < 3; ++c) meshes->translucent |= mesh.given.transmittance[c] > 0;
+        for (int c = 0; c < 3; ++c) {
+            if (mesh.given.transmittance[c] < SPSI_VALUE_MIN) mesh.given.transmittance[c] = 0;
+            meshes->translucent |= mesh.given.transmittance[c] > 0;
+        }
         if (meshes->triangle_count > SPSI_FACES_MAX)
             return spsi_wrong(&at, "triangle_count, with those before it,", (double)meshes->triangle_count,
                               "all meshes together must have 2^29 at most");
@@ -5501,25 +5483,19 @@ static int spsi_count_channels(const spsi_frame *frame) {
     return grey ? 1 : 3;
 }
 
-/* Beside polygons, two orders are too few for all but weak lobes: what they leave of a lobe of asymmetry 0.5 is
-   1 + cosine, which sends nothing straight back, to a ceiling above a lamp. */
-static void spsi_resolve_orders(spsi_frame *frame) {
-    if (frame->meshes.triangle_count == 0 || frame->matter.orders != 2) return;
-    for (int m = 0; m < frame->matter.material_count; ++m)
-        if (frame->matter.materials[m].scatters && spsi_phase_moment(&frame->matter.materials[m], 2) > 0.1)
-            frame->matter.orders = 4;
-}
-
-/* Resolves the scene's own fields, after its objects. */
+/* Resolves the scene's own fields, after its objects. Beside polygons, two orders are too few for all but weak lobes:
+   what they leave of a lobe of asymmetry 0.5 is 1 + cosine, which sends nothing straight back, to a ceiling above a
+   lamp. */
 static void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
+    const int few = frame->meshes.triangle_count > 0 && frame->matter.orders == 2;
     frame->has_ambient = !spsi_black(scene->ambient);
     for (int m = 0; m < frame->matter.material_count; ++m) {
         spsi_material *material = &frame->matter.materials[m];
         frame->has_ambient |= !spsi_black(material->ambient);
         for (int c = 0; c < 3; ++c) material->ambient[c] += scene->ambient[c];
+        if (few && material->scatters && spsi_phase_moment(material, 2) > 0.1) frame->matter.orders = 4;
     }
     frame->channels = spsi_count_channels(frame);
-    spsi_resolve_orders(frame);
 }
 
 /* Checks everything and fills a frame, without reading voxels, triangles or particles. view may be NULL if there is
@@ -6095,9 +6071,8 @@ static void spsi_bricks_bounds(const sps_context *context, const spsi_frame *fra
 static void spsi_tell_replaced(const sps_context *context, uint64_t before, const char *what) {
     const double replaced = (double)(context->stats.values_replaced - before);
     char text[96];
-    if (!(replaced > 0) || !context->config.message_fn) return;
     SPS_SNPRINTF(text, sizeof text, "%.0f %s", replaced, what);
-    context->config.message_fn(context->config.message_user, text);
+    if (replaced > 0) spsi_tell(context, text);
 }
 
 #define SPSI_VALUES_REPLACED "values of volumes were invalid and count as 0"
@@ -25940,6 +25915,13 @@ static spsi_run *spsi_run_reserve(sps_context *context) {
     return (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, sizeof(spsi_run) + counters);
 }
 
+/* Number of tiles whose rays have all ended. */
+static int spsi_region_ended(const spsi_region *region) {
+    int ended = 0;
+    for (int i = 0; i < region->columns * region->rows; ++i) ended += region->open[i] == 0;
+    return ended;
+}
+
 /* Fills the run for one sweep. */
 static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                  const spsi_visible *visible, const spsi_sweep *sweep, spsi_run *run) {
@@ -25968,17 +25950,12 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
         spsi_contents_add_particles(&run->contents))
         return context->result;
     spsi_parallel_items(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
-    for (int i = 0; i < run->region.columns * run->region.rows; ++i) run->region.outside += run->region.open[i] == 0;
+    run->region.outside = spsi_region_ended(&run->region);
     return SPS_OK;
 }
 
 /* --- running it --- */
 
-static int spsi_run_finished(const spsi_run *run) {
-    for (int i = 0; i < run->region.columns * run->region.rows; ++i)
-        if (run->region.open[i]) return 0;
-    return 1;
-}
 
 /* Composites the polygons in a range of slabs that holds neither voxels nor particles. */
 static void spsi_run_polygons(spsi_run *run, float low, float high) {
@@ -26017,8 +25994,7 @@ static void spsi_run_count(spsi_run *run) {
     }
     stats->eye_bound = spsi_higher(stats->eye_bound, spsi_target_spent(&run->eye));
     if (run->has_sliced) stats->light_bound = spsi_higher(stats->light_bound, spsi_target_spent(&run->sliced.target));
-    for (int i = 0; i < run->region.columns * run->region.rows; ++i) stats->tiles_finished += run->region.open[i] == 0;
-    stats->tiles_finished -= (uint64_t)run->region.outside;
+    stats->tiles_finished += (uint64_t)(spsi_region_ended(&run->region) - run->region.outside);
 }
 
 static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
@@ -26037,7 +26013,7 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
         spsi_run_polygons(run, done, (float)(chunk * SPSI_CHUNK));
         spsi_run_chunk(run);
         done = (float)((chunk + 1) * SPSI_CHUNK);
-        if (spsi_run_finished(run)) break;
+        if (spsi_region_ended(&run->region) == run->region.turns.count) break;
     }
     spsi_run_polygons(run, done, SPSI_INFINITY);
     spsi_run_count(run);
@@ -26261,13 +26237,6 @@ static double spsi_rate(const sps_context *context, spsi_stage stage, const spsi
     return start[grade] / spsi_worker_count(context);
 }
 
-static double spsi_expected_seconds(const sps_context *context, const spsi_work *work, const spsi_setting *setting) {
-    double seconds = 0;
-    for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage)
-        if (work->units[stage] > 0) seconds += work->units[stage] * spsi_rate(context, (spsi_stage)stage, setting);
-    return seconds;
-}
-
 /* --- how far it is off --- */
 
 /* Twice the worst root mean square error, relative to the mean, in the list of scenes and in a puff of 25 voxels, had
@@ -26367,28 +26336,31 @@ static int spsi_offer_beats(const sps_view *view, const spsi_offer *a, const sps
     return open[0] < open[1];
 }
 
-/* Whether the light in cells is held that a setting of the frame calls for: that of the frame which made it. */
-static int spsi_cells_are_held(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting) {
-    const spsi_pace *pace = &context->pace;
-    return context->cells_held != 0 && pace->scattered != 0 &&
-           memcmp(&pace->scattered_by, setting, sizeof *setting) == 0 &&
-           pace->scattered == spsi_scattered_fingerprint(context, frame);
-}
-
-/* Counts cells, as those to follow light in or as those that hold it. */
+/* Counts cells, as those to follow light in or as those that hold the light which a setting of the frame calls for: that
+   of the frame which made it. */
 static void spsi_work_count_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting,
                                   spsi_work *work) {
+    const spsi_pace *pace = &context->pace;
     const double cells = spsi_work_cells(frame);
-    const int are_held = cells > 0 && spsi_cells_are_held(context, frame, setting);
-    work->units[SPSI_STAGE_CELLS] = cells > 0 && !are_held ? cells + spsi_fixed_units[SPSI_STAGE_CELLS] : 0;
-    work->units[SPSI_STAGE_HELD] = are_held ? cells + spsi_fixed_units[SPSI_STAGE_HELD] : 0;
+    const int are_held = cells > 0 && context->cells_held != 0 && pace->scattered != 0 &&
+                         memcmp(&pace->scattered_by, setting, sizeof *setting) == 0 &&
+                         pace->scattered == spsi_scattered_fingerprint(context, frame);
+    const spsi_stage stage = are_held ? SPSI_STAGE_HELD : SPSI_STAGE_CELLS;
+    work->units[SPSI_STAGE_CELLS] = work->units[SPSI_STAGE_HELD] = 0;
+    if (cells > 0) work->units[stage] = cells + spsi_fixed_units[stage];
 }
 
-static int spsi_work_is_known(const sps_context *context, const spsi_work *work, const spsi_setting *setting) {
-    for (int stage = SPSI_STAGE_FIELDS + 1; stage < SPSI_STAGE_COUNT; ++stage) /* fields are alike at most rungs */
-        if (work->units[stage] > 0 && !(context->pace.rates[stage][spsi_stage_grade((spsi_stage)stage, setting)] > 0))
-            return 0;
-    return 1;
+/* Sets the seconds that are expected of a setting, and whether the rates of all stages are known. */
+static void spsi_offer_time(const sps_context *context, const spsi_work *work, const spsi_setting *setting,
+                            spsi_offer *offer) {
+    offer->is_known = 1;
+    for (int n = 0; n < SPSI_STAGE_COUNT; ++n) {
+        const spsi_stage stage = (spsi_stage)n;
+        if (!(work->units[n] > 0)) continue;
+        offer->seconds += work->units[n] * spsi_rate(context, stage, setting);
+        if (stage > SPSI_STAGE_FIELDS) /* fields are alike at most rungs */
+            offer->is_known &= context->pace.rates[n][spsi_stage_grade(stage, setting)] > 0;
+    }
 }
 
 /* Offers of all numbers of cells of the frame's setting, from number `first` on. `work` has all but these. */
@@ -26402,10 +26374,10 @@ static void spsi_cell_offers(sps_context *context, spsi_frame *frame, double spe
         if (only && n != only->cells) continue;
         frame->view.scatter_size = spsi_cell_grades[n];
         spsi_work_count_cells(context, frame, &setting, work);
-        offer->seconds = spent + spsi_expected_seconds(context, work, &setting);
+        spsi_offer_time(context, work, &setting, offer);
+        offer->seconds += spent;
         offer->error = spsi_expected_error(frame, &setting, balls);
         offer->exists = offer->seconds < HUGE_VAL;
-        offer->is_known = spsi_work_is_known(context, work, &setting);
         offer->is_held = work->tables_held || work->units[SPSI_STAGE_HELD] > 0;
     }
 }
@@ -26445,23 +26417,6 @@ static void spsi_offers_order(const spsi_pace *pace, spsi_offer *offers) {
     }
 }
 
-/* The best of the offers that exist; of those that are alike, the coarsest. None: the first. */
-static int spsi_offers_best(const sps_view *view, const spsi_offer *offers) {
-    int best = 0;
-    for (int n = 1; n < SPSI_OFFERS; ++n)
-        if (offers[n].exists && (!offers[best].exists || spsi_offer_beats(view, &offers[n], &offers[best]))) best = n;
-    return best;
-}
-
-/* Says, before anything is rendered, that the budget is too small. */
-static void spsi_budget_warn(sps_context *context, const spsi_frame *frame, const sps_budget_report *report) {
-    char text[SPSI_SENTENCE_SIZE];
-    if (!context->config.message_fn) return;
-    SPS_SNPRINTF(text, sizeof text, "view.budget_seconds is %g; the cheapest setting, which is used, takes about %g",
-                 frame->view.budget_seconds, report->seconds);
-    context->config.message_fn(context->config.message_user, text);
-}
-
 static void spsi_budget_report(const spsi_frame *frame, const spsi_offer *best, const spsi_setting *setting,
                                sps_budget_report *report) {
     const int timed = frame->view.budget_seconds > 0;
@@ -26487,7 +26442,7 @@ static sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, do
     spsi_offer offers[SPSI_OFFERS];
     spsi_work work;
     spsi_setting setting;
-    int best;
+    int best = 0;
     memset(offers, 0, sizeof offers);
     for (int n = 0; n < SPSI_OFFERS; n += SPSI_CELL_GRADES) {
         setting = spsi_offer_setting(n);
@@ -26498,7 +26453,9 @@ static sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, do
         spsi_cell_offers(context, frame, fmax(spent, 0), balls, &work, n, offers); /* clocks may jump */
     }
     spsi_offers_order(&context->pace, offers);
-    best = spsi_offers_best(&frame->view, offers);
+    for (int n = 1; n < SPSI_OFFERS; ++n) /* of those that are alike, the coarsest */
+        if (offers[n].exists && (!offers[best].exists || spsi_offer_beats(&frame->view, &offers[n], &offers[best])))
+            best = n;
     setting = spsi_offer_setting(best);
     if (spsi_setting_apply(context, frame, &setting)) return context->result;
     spsi_work_count(context, frame, voxels, gas, &work);
@@ -26514,30 +26471,21 @@ static sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, do
 static sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
     const double spent = spsi_clock(context) - context->clock_start;
     sps_budget_report *report = &context->stats.budget;
+    char text[SPSI_SENTENCE_SIZE];
     if (spsi_budget_choose(context, frame, spent, (double)context->voxel_count, report)) return context->result;
     if (report->is_met || !(report->seconds > 0)) return SPS_OK; /* or it is refused with its own reason */
     if (frame->view.budget_error > 0) {
-        char rest[SPSI_SENTENCE_SIZE];
-        SPS_SNPRINTF(rest, sizeof rest, "is %g; the least that is expected here is %g", frame->view.budget_error,
-                     report->error);
-        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "budget_error",
-                              frame->view.budget_error, rest);
+        SPS_SNPRINTF(text, sizeof text, "the least that is expected here is %g", report->error);
+        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "budget_error",
+                               frame->view.budget_error, text);
     }
-    spsi_budget_warn(context, frame, report);
+    SPS_SNPRINTF(text, sizeof text, "view.budget_seconds is %g; the cheapest setting, which is used, takes about %g",
+                 frame->view.budget_seconds, report->seconds);
+    spsi_tell(context, text);
     return SPS_OK;
 }
 
 /* --- what the context learns --- */
-
-/* Takes the time in which fields were made from that of the stage that made them. */
-static void spsi_pace_part(double seconds[SPSI_STAGE_COUNT]) {
-    static const spsi_stage makers[] = {SPSI_STAGE_CELLS, SPSI_STAGE_LIGHT, SPSI_STAGE_EYE};
-    for (int i = 0; i < 3; ++i)
-        if (seconds[makers[i]] >= seconds[SPSI_STAGE_FIELDS]) {
-            seconds[makers[i]] -= seconds[SPSI_STAGE_FIELDS];
-            return;
-        }
-}
 
 /* Whether a frame had thick slabs, and splatted all of its volumes in those of the eye or of lights. */
 static int spsi_pace_splats(const sps_stats_report *stats, const spsi_frame *frame, const spsi_setting *setting) {
@@ -26549,6 +26497,7 @@ static int spsi_pace_splats(const sps_stats_report *stats, const spsi_frame *fra
 
 /* Learns from a frame that had a budget and is finished. */
 static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
+    static const spsi_stage makers[] = {SPSI_STAGE_CELLS, SPSI_STAGE_LIGHT, SPSI_STAGE_EYE};
     const sps_stats_report *stats = &context->stats;
     const double total = spsi_clock(context) - context->clock_start;
     spsi_pace *pace = &context->pace;
@@ -26564,7 +26513,11 @@ static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     seconds[SPSI_STAGE_LIGHT] = stats->seconds_light;
     seconds[stats->cells > 0 ? SPSI_STAGE_CELLS : SPSI_STAGE_HELD] = stats->seconds_cells;
     seconds[SPSI_STAGE_EYE] = stats->seconds_eye + stats->seconds_bin;
-    spsi_pace_part(seconds);
+    for (int i = 0; i < 3; ++i) { /* fields were made in the time of one of these */
+        if (seconds[makers[i]] < seconds[SPSI_STAGE_FIELDS]) continue;
+        seconds[makers[i]] -= seconds[SPSI_STAGE_FIELDS];
+        break;
+    }
     for (int stage = 0; stage < SPSI_STAGE_REST; ++stage) sum += seconds[stage];
     seconds[SPSI_STAGE_REST] = fmax(total - sum, 0);
     pace->work.units[SPSI_STAGE_READ] =
@@ -26839,19 +26792,12 @@ static sps_result spsi_render_sweep(sps_context *context, spsi_picture *picture,
     return context->result;
 }
 
-/* Refuses what slabs cannot serve before light is followed through gas, which takes longest. */
-static sps_result spsi_sweeps_check(sps_context *context, const spsi_frame *frame) {
-    spsi_sweep sweep;
-    for (int n = 0; n < spsi_sweep_count(frame); ++n)
-        if (spsi_sweep_build(context, frame, n, 0, &sweep)) return context->result;
-    return SPS_OK;
-}
-
 static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
     const double start = spsi_clock(context);
     const spsi_part_of_call cells = {SPSI_PROGRESS_GATHER, SPSI_PROGRESS_CELLS};
     double gathered;
     spsi_picture picture;
+    spsi_sweep sweep;
     spsi_run *run;
     memset(&picture, 0, sizeof picture);
     picture.frame = frame;
@@ -26878,7 +26824,9 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     picture.total = spsi_begin_total(context, frame);
     run = spsi_run_reserve(context);
     if (!picture.total || !run) return context->result;
-    if (spsi_forward_tables(context, frame) || spsi_sweeps_check(context, frame)) return context->result;
+    if (spsi_forward_tables(context, frame)) return context->result;
+    for (int n = 0; n < spsi_sweep_count(frame); ++n) /* what no slabs serve is refused before cells, which take longest */
+        if (spsi_sweep_build(context, frame, n, 0, &sweep)) return context->result;
     if (spsi_scatters_fully(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
     if (spsi_scatters_aside(frame) && spsi_spreads_build(context, frame, &picture.faces, &cells, &picture.spreads))
         return context->result;

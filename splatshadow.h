@@ -9461,43 +9461,52 @@ static void spsi_depth_map_follow(const spsi_rays *eye, spsi_depth_map *map) {
                               i == 2 ? -map->rays[face].depth_reference : 0, &map->along[face][i]);
 }
 
-/* Ways from d0 to d1 along the eye's rays, on a face of a depth map. */
+/* Ways from d[0] to d[1] along the eye's rays, on a face of a depth map. */
 typedef struct spsi_map_way {
-    spsi_v middle[3], rise[3]; /* texel and depth of its middle, relative to the texel (ix, iy), and half its extent */
-    spsi_v ix, iy;             /* the first of the four texels around it */
-    spsi_m inside;             /* of the grid */
+    spsi_v middle[3], rise[3]; /* texel and depth of its middle, relative to the first texel, and half its extent */
+    spsi_v first[2];           /* column and row of the first of the four texels around it */
+    spsi_m inside;             /* of what the face sees */
 } spsi_map_way;
 
-static inline void spsi_map_way_build(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0, spsi_v d1,
+/* Texels and depths of the ends of ways, and their distances from a point light along the face's axis. */
+static inline void spsi_map_ends(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
+                                 spsi_v q[2][3], spsi_v t[2]) {
+    const spsi_rays *rays = &map->rays[face];
+    spsi_courses courses;
+    spsi_courses_build(map->along[face], at, y, &courses);
+    for (int end = 0; end < 2; ++end) {
+        spsi_courses_at(&courses, d[end], q[end]);
+        t[end] = rays->perspective ? spsi_add(q[end][2], spsi_set((float)rays->depth_reference)) : spsi_set(1);
+        for (int i = 0; i < 2 && rays->perspective; ++i)
+            q[end][i] = spsi_div(q[end][i], spsi_max(t[end], spsi_set(FLT_MIN * 16)));
+    }
+}
+
+/* Finds the four texels around a way's middle, which is moved onto the grid. */
+static inline void spsi_map_way_place(const spsi_rays *rays, spsi_map_way *way) {
+    for (int i = 0; i < 2; ++i) {
+        const float last = (float)(i == 0 ? rays->width - 1 : rays->height - 1);
+        way->middle[i] = spsi_clamp(way->middle[i], spsi_set(0), spsi_set(last));
+        way->first[i] = spsi_min(spsi_floor(way->middle[i]), spsi_set(last - 1));
+        way->middle[i] = spsi_sub(way->middle[i], way->first[i]);
+    }
+}
+
+static inline void spsi_map_way_build(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
                                       spsi_map_way *way) {
     const spsi_rays *rays = &map->rays[face];
-    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), origin = spsi_set((float)rays->depth_reference);
-    spsi_v q[2][3];
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f);
+    spsi_v q[2][3], t[2];
+    spsi_map_ends(map, face, at, y, d, q, t);
+    way->inside = spsi_less(spsi_set(FLT_MIN * 16), spsi_min(t[0], t[1]));
     for (int i = 0; i < 3; ++i) {
-        const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);
-        const spsi_v change = spsi_linear_slope(&map->along[face][i], at, y);
-        q[0][i] = spsi_fma(d0, change, base);
-        q[1][i] = spsi_fma(d1, change, base);
-    }
-    way->inside = spsi_less(spsi_set(rays->perspective ? FLT_MIN * 16 : -FLT_MAX),
-                            rays->perspective ? spsi_add(spsi_min(q[0][2], q[1][2]), origin) : zero);
-    for (int end = 0; end < 2 && rays->perspective; ++end) {
-        const spsi_v t = spsi_max(spsi_add(q[end][2], origin), spsi_set(FLT_MIN * 16));
-        for (int i = 0; i < 2; ++i) q[end][i] = spsi_div(q[end][i], t);
-    }
-    for (int i = 0; i < 3; ++i) {
-        const float size = (float)(i == 0 ? rays->width - 1 : rays->height - 1);
+        const spsi_v size = spsi_set((float)(i == 0 ? rays->width - 1 : rays->height - 1));
         way->middle[i] = spsi_mul(half, spsi_add(q[0][i], q[1][i]));
         way->rise[i] = spsi_mul(half, spsi_sub(q[1][i], q[0][i]));
         if (i == 2) break;
-        way->inside =
-            spsi_and(way->inside, spsi_and(spsi_less(zero, way->middle[i]), spsi_less(way->middle[i], spsi_set(size))));
-        way->middle[i] = spsi_clamp(way->middle[i], zero, spsi_set(size));
+        way->inside = spsi_and(way->inside, spsi_and(spsi_less(zero, way->middle[i]), spsi_less(way->middle[i], size)));
     }
-    way->ix = spsi_min(spsi_floor(way->middle[0]), spsi_set((float)(rays->width - 2)));
-    way->iy = spsi_min(spsi_floor(way->middle[1]), spsi_set((float)(rays->height - 2)));
-    way->middle[0] = spsi_sub(way->middle[0], way->ix);
-    way->middle[1] = spsi_sub(way->middle[1], way->iy);
+    spsi_map_way_place(rays, way);
 }
 
 /* The share of a way that lies before a plane: that of the i-th of the four texels. How far a point is in front of it
@@ -9523,15 +9532,15 @@ static inline spsi_v spsi_map_way_mean(const spsi_map_way *way, const spsi_v tex
                     way->middle[1]);
 }
 
-/* The share of the way from d0 to d1 that one face of a depth map leaves lit; 1 outside of its grid. */
-static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
-                                          spsi_v d1) {
+/* The share of a way that one face of a depth map leaves lit; 1 outside of its grid. */
+static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
     const spsi_rays *rays = &map->rays[face];
     spsi_v share[4], depth[4], slopes[2][4];
     spsi_map_way way;
-    spsi_map_way_build(map, face, at, y, d0, d1, &way);
-    spsi_lookup_quad(map->depths[face], rays->width, way.ix, way.iy, depth);
-    for (int i = 0; i < 2; ++i) spsi_lookup_quad(map->slopes[face][i], rays->width, way.ix, way.iy, slopes[i]);
+    spsi_map_way_build(map, face, at, y, d, &way);
+    spsi_lookup_quad(map->depths[face], rays->width, way.first[0], way.first[1], depth);
+    for (int i = 0; i < 2; ++i)
+        spsi_lookup_quad(map->slopes[face][i], rays->width, way.first[0], way.first[1], slopes[i]);
     for (int i = 0; i < 4; ++i) {
         const spsi_v slope[2] = {slopes[0][i], slopes[1][i]};
         share[i] = spsi_map_way_share(&way, rays, i, depth[i], slope);
@@ -9547,21 +9556,11 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
-    spsi_v q[2][3], cell[2], deepest;
-    int clear = 0, crossing = 0; /* bits of lanes that miss the face, and whose ends lie on both sides of the light */
-    for (int i = 0; i < 3; ++i) {
-        const spsi_v slope = spsi_linear_slope(&map->along[face][i], at, y);
-        const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);
-        for (int end = 0; end < 2; ++end) q[end][i] = spsi_fma(d[end], slope, base);
-    }
-    deepest = spsi_max(q[0][2], q[1][2]);
-    if (rays->perspective) {
-        for (int end = 0; end < 2; ++end) q[end][2] = spsi_add(q[end][2], spsi_set((float)rays->depth_reference));
-        clear = spsi_bits(spsi_less(spsi_max(q[0][2], q[1][2]), near_t));
-        crossing = spsi_bits(spsi_less(spsi_min(q[0][2], q[1][2]), near_t));
-        for (int end = 0; end < 2; ++end)
-            for (int i = 0; i < 2; ++i) q[end][i] = spsi_div(q[end][i], spsi_max(q[end][2], near_t));
-    }
+    spsi_v q[2][3], t[2], cell[2];
+    int clear, crossing; /* bits of lanes that miss the face, and whose ends lie on both sides of the light */
+    spsi_map_ends(map, face, at, y, d, q, t);
+    clear = spsi_bits(spsi_less(spsi_max(t[0], t[1]), near_t));
+    crossing = spsi_bits(spsi_less(spsi_min(t[0], t[1]), near_t));
     *wide = crossing;
     for (int i = 0; i < 2; ++i) {
         const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
@@ -9571,19 +9570,20 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
         cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_CELL)));
     }
     *wide &= ~clear;
-    return spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]), deepest)) & ~clear;
+    return ~clear & spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]),
+                                        spsi_max(q[0][2], q[1][2])));
 }
 
-/* Whether a face of a depth map may shade any of the ways from d0 to d1. Wide ones, those of thick slabs, are looked at
-   in parts. */
-static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
-                                           spsi_v d1) {
+/* Whether a face of a depth map may shade any of the ways from d[0] to d[1]. Wide ones, those of thick slabs, are
+   looked at in parts. */
+static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y,
+                                           const spsi_v d[2]) {
     const int parts = 4;
-    const spsi_v step = spsi_mul(spsi_sub(d1, d0), spsi_set(1 / (float)parts)), whole[2] = {d0, d1};
-    int wide, shadable = spsi_depth_map_shadable(map, face, at, y, whole, &wide);
+    const spsi_v step = spsi_mul(spsi_sub(d[1], d[0]), spsi_set(1 / (float)parts));
+    int wide, shadable = spsi_depth_map_shadable(map, face, at, y, d, &wide);
     if (!wide) return shadable != 0;
     for (int part = 0; part < parts; ++part) {
-        const spsi_v from = spsi_fma(step, spsi_set((float)part), d0), way[2] = {from, spsi_add(from, step)};
+        const spsi_v from = spsi_fma(step, spsi_set((float)part), d[0]), way[2] = {from, spsi_add(from, step)};
         shadable = spsi_depth_map_shadable(map, face, at, y, way, &wide);
         if (shadable | wide) return 1;
     }
@@ -9622,116 +9622,96 @@ static void spsi_pane_map_fill(sps_context *context, const spsi_frame *frame, co
     }
 }
 
-/* A way along an eye's ray on a face of a pane map: its middle and half of its extent, in texels and depth. */
-typedef struct spsi_pane_way {
-    float middle[3], rise[3];
-    int x, y; /* the first of the four texels around it */
-} spsi_pane_way;
-
-/* The share of a way that lies before a pane of texel (x + dx, y + dy); see spsi_map_way_share. */
-static float spsi_pane_share(const spsi_rays *rays, const spsi_pane *pane, const spsi_pane_way *way, int dx, int dy) {
-    const float bent = rays->perspective ? 1 / (pane->depth + (float)rays->depth_reference) : 0;
-    const float up = pane->slope[0] * (way->middle[0] - (float)(way->x + dx)) +
-                     pane->slope[1] * (way->middle[1] - (float)(way->y + dy));
-    const float ahead = pane->depth + up / fmaxf(1 - up * bent, 1e-6f) - way->middle[2];
-    const float per = fabsf(pane->slope[0] * way->rise[0] + pane->slope[1] * way->rise[1] - way->rise[2]);
-    return fminf(fmaxf(0.5f + 0.5f * ahead / fmaxf(per, FLT_MIN * 16), 0), 1);
-}
-
-/* What the panes of the four texels around a way let pass, by color: each filters the share of the way behind it. */
-static void spsi_panes_through(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_pane_way *way,
-                               float through[3]) {
-    const spsi_rays *rays = &map->grid.rays[face];
-    for (int c = 0; c < 3; ++c) through[c] = 0;
-    for (int i = 0; i < 4; ++i) {
-        const int dx = i & 1, dy = i >> 1;
-        const size_t texel = (size_t)(way->y + dy) * (size_t)rays->width + (size_t)(way->x + dx);
-        float weight[3];
-        for (int c = 0; c < 3; ++c)
-            weight[c] =
-                (1 - fabsf(way->middle[0] - (float)(way->x + dx))) * (1 - fabsf(way->middle[1] - (float)(way->y + dy)));
-        for (uint32_t n = map->first[face][texel]; n < map->first[face][texel + 1]; ++n) {
-            const spsi_pane *pane = &map->list[face][n];
-            const float lit = spsi_pane_share(rays, pane, way, dx, dy);
-            for (int c = 0; c < 3; ++c) weight[c] *= lit + (1 - lit) * faces->list[pane->face].transmittance[c];
-        }
-        for (int c = 0; c < 3; ++c) through[c] += weight[c];
-    }
-}
-
-/* A vector of ways on a face, and how far they are from the light along its axis. */
-typedef struct spsi_pane_ways {
-    spsi_v middle[3], rise[3], t;
-} spsi_pane_ways;
-
 /* The middle is projected, and the extent along with it, to first order: either end may be beyond the face. */
-static void spsi_pane_ways_build(const spsi_pane_map *map, int face, spsi_v at, float y, const spsi_v d[2],
-                                 spsi_pane_ways *ways) {
+static void spsi_pane_way_build(const spsi_pane_map *map, int face, spsi_v at, float y, const spsi_v d[2],
+                                spsi_map_way *way) {
     const spsi_rays *rays = &map->grid.rays[face];
-    const spsi_v half = spsi_set(0.5f), d_middle = spsi_mul(half, spsi_add(d[0], d[1]));
-    const spsi_v d_rise = spsi_mul(half, spsi_sub(d[1], d[0]));
-    for (int i = 0; i < 3; ++i) {
-        const spsi_v change = spsi_linear_slope(&map->grid.along[face][i], at, y);
-        ways->middle[i] = spsi_fma(d_middle, change, spsi_linear_base(&map->grid.along[face][i], at, y));
-        ways->rise[i] = spsi_mul(d_rise, change);
-    }
-    ways->t = spsi_add(ways->middle[2], spsi_set((float)rays->depth_reference));
+    const spsi_v half = spsi_set(0.5f), rise = spsi_mul(half, spsi_sub(d[1], d[0])), most = spsi_set(1e9f);
+    spsi_courses courses;
+    spsi_v t;
+    spsi_courses_build(map->grid.along[face], at, y, &courses);
+    spsi_courses_at(&courses, spsi_mul(half, spsi_add(d[0], d[1])), way->middle);
+    for (int i = 0; i < 3; ++i) way->rise[i] = spsi_mul(rise, courses.slope[i]);
+    t = spsi_max(spsi_add(way->middle[2], spsi_set((float)rays->depth_reference)), spsi_set(FLT_MIN * 16));
     for (int i = 0; i < 2 && rays->perspective; ++i) {
-        const spsi_v t = spsi_max(ways->t, spsi_set(FLT_MIN * 16));
-        ways->middle[i] = spsi_div(ways->middle[i], t);
-        ways->rise[i] = spsi_div(spsi_sub(ways->rise[i], spsi_mul(ways->middle[i], ways->rise[2])), t);
+        way->middle[i] = spsi_div(way->middle[i], t);
+        way->rise[i] = spsi_div(spsi_sub(way->rise[i], spsi_mul(way->middle[i], way->rise[2])), t);
     }
+    way->inside = spsi_and(spsi_less(spsi_abs(way->middle[0]), most), spsi_less(spsi_abs(way->middle[1]), most));
+    for (int i = 0; i < 2; ++i) way->middle[i] = spsi_select(way->inside, way->middle[i], half);
+    spsi_map_way_place(rays, way);
 }
 
-/* Filters the ways that a bit mask names, whose middle is on a face. */
-static void spsi_pane_map_face(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_pane_ways *ways,
-                               int bits, float filter[3][SPSI_LANES]) {
-    const spsi_rays *rays = &map->grid.rays[face];
-    float middle[3][SPSI_LANES], rise[3][SPSI_LANES];
-    for (int i = 0; i < 3; ++i) {
-        spsi_store(middle[i], ways->middle[i]);
-        spsi_store(rise[i], ways->rise[i]);
+/* The n-th panes of a vector of texels, and what they let pass by color. */
+typedef struct spsi_panes {
+    float depth[SPSI_LANES], slope[2][SPSI_LANES], passes[3][SPSI_LANES];
+} spsi_panes;
+
+/* Finds them in the i-th texels around ways; where there are fewer, panes behind all. Returns 0 if all have fewer. */
+static int spsi_panes_find(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_map_way *way, int i,
+                           uint32_t n, spsi_panes *panes) {
+    const spsi_pane none = {SPSI_INFINITY, {0, 0}, 0};
+    float column[SPSI_LANES], row[SPSI_LANES];
+    int any = 0;
+    spsi_store(column, way->first[0]);
+    spsi_store(row, way->first[1]);
+    for (int lane = 0; lane < SPSI_LANES; ++lane) {
+        const size_t width = (size_t)map->grid.rays[face].width;
+        const size_t texel = (size_t)((int)row[lane] + (i >> 1)) * width + (size_t)((int)column[lane] + (i & 1));
+        const uint32_t *first = map->first[face] + texel;
+        const int is = first[0] + n < first[1];
+        const spsi_pane *pane = is ? &map->list[face][first[0] + n] : &none;
+        any |= is;
+        panes->depth[lane] = pane->depth;
+        for (int k = 0; k < 2; ++k) panes->slope[k][lane] = pane->slope[k];
+        for (int c = 0; c < 3; ++c) panes->passes[c][lane] = faces->list[pane->face].transmittance[c];
     }
-    for (int lane = 0; bits >> lane; ++lane) {
-        float through[3];
-        spsi_pane_way way;
-        if (!(bits >> lane & 1)) continue;
-        for (int i = 0; i < 3; ++i) way.middle[i] = middle[i][lane], way.rise[i] = rise[i][lane];
-        if (!(fabsf(way.middle[0]) < 1e9f) || !(fabsf(way.middle[1]) < 1e9f)) continue;
-        way.middle[0] = fminf(fmaxf(way.middle[0], 0), (float)(rays->width - 1));
-        way.middle[1] = fminf(fmaxf(way.middle[1], 0), (float)(rays->height - 1));
-        way.x = spsi_least((int)way.middle[0], rays->width - 2);
-        way.y = spsi_least((int)way.middle[1], rays->height - 2);
-        spsi_panes_through(map, face, faces, &way, through);
-        for (int c = 0; c < 3; ++c) filter[c][lane] = through[c];
+    return any;
+}
+
+/* What the panes of the four texels around ways let pass, by color: each filters the share of the way behind it. */
+static void spsi_panes_through(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_map_way *way,
+                               spsi_v through[3]) {
+    const spsi_v one = spsi_set(1);
+    spsi_v texels[3][4];
+    spsi_panes panes;
+    for (int i = 0; i < 4; ++i) {
+        for (int c = 0; c < 3; ++c) texels[c][i] = one;
+        for (uint32_t n = 0; spsi_panes_find(map, face, faces, way, i, n, &panes); ++n) {
+            const spsi_v slope[2] = {spsi_load(panes.slope[0]), spsi_load(panes.slope[1])};
+            const spsi_v lit = spsi_map_way_share(way, &map->grid.rays[face], i, spsi_load(panes.depth), slope);
+            for (int c = 0; c < 3; ++c)
+                texels[c][i] =
+                    spsi_mul(texels[c][i], spsi_fma(spsi_sub(one, lit), spsi_load(panes.passes[c]), lit));
+        }
     }
+    for (int c = 0; c < 3; ++c) through[c] = spsi_map_way_mean(way, texels[c]);
 }
 
 /* What translucent polygons let pass from a point of a light to the ways from d[0] to d[1], by color. Of six faces, the
    one that a way's middle is farthest along has it. */
 static void spsi_pane_map_filter(const spsi_pane_map *map, const spsi_faces *faces, spsi_v at, float y,
                                  const spsi_v d[2], spsi_v filter[3]) {
-    float lanes[3][SPSI_LANES];
-    int left = SPSI_ALL_LANES;
-    spsi_v farthest = spsi_set(-FLT_MAX);
-    spsi_pane_ways ways;
-    for (int c = 0; c < 3; ++c)
-        for (int i = 0; i < SPSI_LANES; ++i) lanes[c][i] = 1;
-    for (int face = 0; face < map->grid.face_count && map->grid.face_count > 1; ++face) {
-        spsi_pane_ways_build(map, face, at, y, d, &ways);
-        farthest = spsi_max(farthest, ways.t);
+    const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(d[0], d[1]));
+    spsi_v t[SPSI_CUBE_FACES], farthest = spsi_set(-FLT_MAX), through[3];
+    spsi_map_way way;
+    for (int c = 0; c < 3; ++c) filter[c] = spsi_set(1);
+    for (int face = 0; face < map->grid.face_count; ++face) {
+        const spsi_v reference = spsi_set((float)map->grid.rays[face].depth_reference);
+        t[face] = spsi_add(spsi_linear_find(&map->grid.along[face][2], at, y, middle), reference);
+        farthest = spsi_max(farthest, t[face]);
     }
     for (int face = 0; face < map->grid.face_count; ++face) {
-        int bits = left;
-        if (map->grid.face_count > 1 || spsi_depth_map_may_shade(&map->grid, face, at, y, d[0], d[1]))
-            spsi_pane_ways_build(map, face, at, y, d, &ways);
-        else
-            continue;
-        if (map->grid.face_count > 1) bits &= ~spsi_bits(spsi_less(ways.t, farthest));
-        spsi_pane_map_face(map, face, faces, &ways, bits, lanes);
-        left &= ~bits;
+        const spsi_m elsewhere = spsi_less(t[face], farthest);
+        if (spsi_bits(elsewhere) == SPSI_ALL_LANES) continue;
+        if (!spsi_depth_map_may_shade(&map->grid, face, at, y, d)) continue;
+        spsi_pane_way_build(map, face, at, y, d, &way);
+        spsi_panes_through(map, face, faces, &way, through);
+        for (int c = 0; c < 3; ++c) {
+            through[c] = spsi_select(way.inside, through[c], spsi_set(1));
+            filter[c] = spsi_select(elsewhere, filter[c], through[c]);
+        }
     }
-    for (int c = 0; c < 3; ++c) filter[c] = spsi_load(lanes[c]);
 }
 
 /* ================================================================================================ >>balls
@@ -21846,14 +21826,14 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
 static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
                             const spsi_slab *slab, spsi_v lit[SPSI_PARTS]) {
     const int backwards = shader->sweep->back_to_front;
-    const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
-    const spsi_v step = spsi_mul(spsi_sub(to, from), spsi_set(1.0f / SPSI_PARTS));
+    const spsi_v d[2] = {backwards ? slab->leave : slab->enter, backwards ? slab->enter : slab->leave};
+    const spsi_v step = spsi_mul(spsi_sub(d[1], d[0]), spsi_set(1.0f / SPSI_PARTS));
     for (int i = 0; i < SPSI_PARTS; ++i) lit[i] = spsi_set(1);
     for (int face = 0; face < map->face_count; ++face) {
-        if (!spsi_depth_map_may_shade(map, face, p->line.at, (float)p->line.y, from, to)) continue;
+        if (!spsi_depth_map_may_shade(map, face, p->line.at, (float)p->line.y, d)) continue;
         for (int i = 0; i < SPSI_PARTS; ++i) {
-            const spsi_v d0 = spsi_fma(step, spsi_set((float)i), from), d1 = spsi_add(d0, step);
-            lit[i] = spsi_min(lit[i], spsi_depth_map_share(map, face, p->line.at, (float)p->line.y, d0, d1));
+            const spsi_v from = spsi_fma(step, spsi_set((float)i), d[0]), way[2] = {from, spsi_add(from, step)};
+            lit[i] = spsi_min(lit[i], spsi_depth_map_share(map, face, p->line.at, (float)p->line.y, way));
         }
     }
     if (slab->part_count > 1) return;

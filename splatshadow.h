@@ -3934,94 +3934,38 @@ static double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *val
     return squares;
 }
 
-/* A polynomial's value, slope and half its second derivative. */
-static inline void spsi_polynomial(const double *c, int degree, double x, double out[3]) {
-    out[0] = c[degree];
-    out[1] = out[2] = 0;
-    for (int i = degree - 1; i >= 0; --i) {
-        out[2] = out[2] * x + out[1];
-        out[1] = out[1] * x + out[0];
-        out[0] = out[0] * x + c[i];
-    }
-}
+#define SPSI_ROOT_REACH 1000 /* beyond, points hold less than 1e-12, as the moments are at most 1 */
 
-static int spsi_polynomial_positive(const double *c, int degree, double x) {
-    double at[3];
-    spsi_polynomial(c, degree, x, at);
-    return at[0] > 0;
-}
-
-#define SPSI_ROOT_STEPS    100   /* more than bisection alone needs from 2000 down to a double's precision */
-#define SPSI_ROOT_NEARNESS 1e-13 /* relative step below which x is close enough; convergence is cubic */
-
-/* The root between a and b, at which the values have different signs: Laguerre's method, which, if all roots are real,
-   finds the nearest one on the side given by `rising` in three or four steps; bisection where round-off misleads it. */
-static double spsi_polynomial_root(const double *c, int degree, double a, double b, int rising) {
-    const double n = degree;
-    double x = 0.5 * (a + b);
-    for (int i = 0; i < SPSI_ROOT_STEPS; ++i) {
-        double at[3], spread, slope, step;
-        spsi_polynomial(c, degree, x, at);
-        if ((at[0] > 0) == rising)
-            b = x;
-        else
-            a = x;
-        spread = (n - 1) * ((n - 1) * at[1] * at[1] - 2 * n * at[0] * at[2]);
-        spread = spread > 0 ? sqrt(spread) : 0;
-        slope = rising ? at[1] + spread : at[1] - spread;
-        step = slope < 0 || slope > 0 ? n * at[0] / slope : b - a;
-        if (fabs(step) <= SPSI_ROOT_NEARNESS * (fabs(x) > 1 ? fabs(x) : 1)) return x;
-        x = x - step > a && x - step < b ? x - step : 0.5 * (a + b);
-    }
-    return x;
-}
-
-/* The roots of a parabola within -reach .. reach, in order, without cancellation: the larger one first, the other from
-   their product. A double root has even order and does not count. */
-static int spsi_parabola_roots(double a, double b, double c, double reach, double *roots) {
+/* The roots of a parabola within SPSI_ROOT_REACH, without cancellation: the larger one first, the other from their
+   product. A double root has even order and does not count. Returns their number. */
+static int spsi_parabola_roots(double a, double b, double c, double *roots) {
     const double square = b * b - 4 * a * c, q = -0.5 * (b + (b < 0 ? -1 : 1) * sqrt(fmax(square, 0)));
-    const double one = fabs(a) > 0 ? q / a : HUGE_VAL, other = fabs(q) > 0 ? c / q : HUGE_VAL;
+    const double both[2] = {fabs(a) > 0 ? q / a : HUGE_VAL, fabs(q) > 0 ? c / q : HUGE_VAL};
     int count = 0;
-    if (!(square > 0)) return 0;
-    if (fabs(fmin(one, other)) < reach) roots[count++] = fmin(one, other);
-    if (fabs(fmax(one, other)) < reach) roots[count++] = fmax(one, other);
+    for (int i = 0; i < 2 && square > 0; ++i)
+        if (fabs(both[i]) < SPSI_ROOT_REACH) roots[count++] = both[i];
     return count;
 }
 
-/* Bounds of all roots, if they are real: their distance from the mean is limited by their mean square
-   [Samuelson 1968]. */
-static void spsi_polynomial_within(const double *c, int degree, double reach, double within[2]) {
-    const double n = degree, a1 = c[degree - 1] / c[degree], a2 = c[degree - 2] / c[degree];
-    const double square = a1 * a1 - 2 * n / (n - 1) * a2, middle = -a1 / n;
-    const double radius = (n - 1) / n * sqrt(fmax(square, 0)), room = 1e-6 * (fabs(middle) + radius); /* rounding */
-    const int known = fabs(middle) + radius < reach; /* neither infinite nor NaN */
-    within[0] = known ? fmax(middle - radius - room, -reach) : -reach;
-    within[1] = known ? fmin(middle + radius + room, reach) : reach;
-}
-
-/* The roots of odd order of a parabola or a cubic within -reach .. reach, in order: a cubic's lie between those of its
-   derivative. Returns their number. */
-static int spsi_polynomial_roots(const double *c, int degree, double reach, double *roots) {
-    double within[2], ends[SPSI_MOMENTS_MAX / 2 + 1];
-    int low, count, found = 0;
-    if (degree == 2) return spsi_parabola_roots(c[2], c[1], c[0], reach, roots);
-    count = spsi_parabola_roots(3 * c[3], 2 * c[2], c[1], reach, ends + 1);
-    spsi_polynomial_within(c, degree, reach, within);
-    ends[0] = within[0];
-    ends[count + 1] = within[1];
-    low = spsi_polynomial_positive(c, degree, ends[0]);
-    for (int i = 1; i <= count + 1; ++i) {
-        const int high = spsi_polynomial_positive(c, degree, ends[i]);
-        if (low != high) roots[found++] = spsi_polynomial_root(c, degree, ends[i - 1], ends[i], high);
-        low = high;
-    }
-    return found;
+/* The same of a parabola or a cubic whose roots are all real. Of a cubic's, the one farthest to the side of their mean
+   has a closed form without cancellation [Viete]; it is at least half as large as any, so dividing by it is stable. */
+static int spsi_polynomial_roots(const double *c, int degree, double *roots) {
+    double side, a, b, q, turn, root, rest;
+    int count;
+    if (degree == 2 || !(fabs(c[3]) > 1e-12 * fabs(c[2]))) return spsi_parabola_roots(c[2], c[1], c[0], roots);
+    side = c[2] / c[3] < 0 ? 1 : -1;
+    a = fabs(c[2] / c[3]), b = c[1] / c[3], q = fmax(a * a - 3 * b, 0) / 9;
+    turn = (a * (2 * a * a - 9 * b) - 27 * side * (c[0] / c[3])) / (54 * q * sqrt(q));
+    root = side * (2 * sqrt(q) * cos(acos(fmin(fmax(turn, -1), 1)) / 3) + a / 3);
+    rest = -c[0] / root;
+    count = spsi_parabola_roots(c[3], (rest - c[1]) / root, rest, roots);
+    if (fabs(root) < SPSI_ROOT_REACH) roots[count++] = root;
+    return count;
 }
 
 /* The minimum and maximum share before z of all distributions with these moments: those of the only one that consists
    of `size` points, of which z is one. With the orthonormal polynomials p_k, the others are the roots of sum p_k(z)
-   p_k(x), and the mass at each is 1 / sum p_k^2 [Akhiezer 1965; Peters & Klein 2015]. Points beyond 1000 hold less
-   than 1e-12, as the moments are at most 1. */
+   p_k(x), and the mass at each is 1 / sum p_k^2 [Akhiezer 1965; Peters & Klein 2015]. */
 static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bounds[2]) {
     double at[SPSI_MOMENTS_MAX / 2 + 1], c[SPSI_MOMENTS_MAX / 2 + 1], roots[SPSI_MOMENTS_MAX / 2 + 1], before = 0;
     const double here = 1 / spsi_hankel_solve(hankel, z, at);
@@ -4032,7 +3976,7 @@ static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bound
         for (int k = i + 1; k < hankel->size; ++k) c[i] -= hankel->factor[k][i] * c[k];
         c[i] /= hankel->factor[i][i];
     }
-    count = spsi_polynomial_roots(c, hankel->size - 1, 1000, roots);
+    count = spsi_polynomial_roots(c, hankel->size - 1, roots);
     for (int i = 0; i < count; ++i) {
         const double weight = 1 / spsi_hankel_solve(hankel, roots[i], at);
         whole += weight;

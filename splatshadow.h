@@ -14658,70 +14658,52 @@ static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, f
     }
 }
 
-/* A vector of points as seen by the rays of the faces that they lie in: x and y in texels, and t. */
-typedef struct spsi_seen_by_map {
-    spsi_v face, x, y, t;
-    spsi_m in_range; /* 0: behind the light, or nearer than near_depth */
-} spsi_seen_by_map;
-
-/* Points given in the coordinates of the map's only rays, before any division; t is relative to near_depth. */
-static void spsi_tmap_see(const sps_tmap *map, const spsi_v q[3], spsi_seen_by_map *seen) {
-    const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
-    const spsi_v scale =
-        map->rays[0].perspective ? spsi_div(spsi_set(1), spsi_max(distance, spsi_set(FLT_MIN * 16))) : spsi_set(1);
-    /* allows for round-off; what lies behind the light also lies before near_depth */
-    seen->in_range = spsi_less(spsi_set(-1e-6f), spsi_mul(q[2], spsi_set((float)map->per_depth)));
-    seen->face = spsi_set(0);
-    seen->x = spsi_mul(q[0], scale);
-    seen->y = spsi_mul(q[1], scale);
-    seen->t = q[2];
-}
-
-/* Points given as world offsets from the light, each seen through the one of six faces that it lies in. */
-static void spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], spsi_seen_by_map *seen) {
+/* Makes world offsets from the light x and y in texels, and t relative to near_depth, as seen by the rays of the one of
+   six faces that each lies in, whose numbers are returned. */
+static spsi_v spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], spsi_v seen[3]) {
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)map->rays[0].width - 1);
     const spsi_v x = spsi_abs(offset[0]), y = spsi_abs(offset[1]), z = spsi_abs(offset[2]);
     const spsi_m is_y = spsi_less(x, y), is_z = spsi_less(spsi_max(x, y), z);
-    spsi_v axes[3], per_distance, distance; /* axes: along the face's axis, and along the two after it */
+    spsi_v axes[3], per_distance, face; /* axes: along the face's axis, and along the two after it */
     for (int i = 0; i < 3; ++i)
         axes[i] = spsi_select(is_z, offset[(i + 2) % 3], spsi_select(is_y, offset[(i + 1) % 3], offset[i]));
-    distance = spsi_abs(axes[0]);
-    per_distance = spsi_div(half, spsi_max(distance, spsi_set(FLT_MIN * 16)));
-    seen->face = spsi_select(is_z, spsi_set(4), spsi_select(is_y, spsi_set(2), zero));
-    seen->face = spsi_add(seen->face, spsi_select(spsi_less(axes[0], zero), spsi_set(1), zero));
-    seen->x = spsi_mul(spsi_fma(axes[1], per_distance, half), last);
-    seen->y = spsi_mul(spsi_fma(axes[2], per_distance, half), last);
-    seen->t = spsi_sub(distance, spsi_set((float)map->settings.near_depth));
-    seen->in_range = spsi_less(spsi_set(-1e-6f), spsi_mul(seen->t, spsi_set((float)map->per_depth)));
-    seen->in_range = spsi_and(seen->in_range, spsi_less(zero, distance));
+    per_distance = spsi_div(half, spsi_max(spsi_abs(axes[0]), spsi_set(FLT_MIN * 16)));
+    face = spsi_select(is_z, spsi_set(4), spsi_select(is_y, spsi_set(2), zero));
+    for (int i = 0; i < 2; ++i) seen[i] = spsi_mul(spsi_fma(axes[i + 1], per_distance, half), last);
+    seen[2] = spsi_sub(spsi_abs(axes[0]), spsi_set((float)map->settings.near_depth));
+    return spsi_add(face, spsi_select(spsi_less(axes[0], zero), spsi_set(1), zero));
 }
 
-/* Finds the texels around a vector of points, given in the coordinates that spsi_tmap_see expects, or
-   spsi_tmap_see_round for six faces. Floats are precise enough within an image. */
+/* Finds the texels around a vector of points: world offsets from the light of six faces, otherwise the coordinates of
+   the map's only rays, before any division, t being relative to near_depth. Floats are precise enough within an
+   image. */
 static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_quads *quads) {
-    const float width = (float)map->rays[0].width, height = (float)map->rays[0].height;
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), edge = spsi_set(-0.5f);
-    spsi_seen_by_map seen;
-    if (map->face_count > 1)
-        spsi_tmap_see_round(map, q, &seen);
-    else
-        spsi_tmap_see(map, q, &seen);
-    const spsi_v x = spsi_clamp(seen.x, spsi_set(-1), spsi_set(width)), column = spsi_floor(x);
-    const spsi_v y = spsi_clamp(seen.y, spsi_set(-1), spsi_set(height)), row = spsi_floor(y);
-    const spsi_m across = spsi_and(spsi_less(edge, x), spsi_less(x, spsi_set(width - 0.5f)));
-    const spsi_m down = spsi_and(spsi_less(edge, y), spsi_less(y, spsi_set(height - 0.5f)));
-    const spsi_m inside = spsi_and(seen.in_range, spsi_and(across, down));
-    const spsi_v right = spsi_sub(x, column), low = spsi_sub(y, row);
-    const spsi_v shares[2][2] = {{spsi_sub(one, right), right}, {spsi_sub(one, low), low}};
-    const spsi_v first_row = spsi_mul(seen.face, spsi_set(height));
-    for (int i = 0; i < 2; ++i) {
-        const spsi_v next = spsi_set((float)i);
-        quads->column[i] = spsi_clamp(spsi_add(column, next), zero, spsi_set(width - 1));
-        quads->row[i] = spsi_add(first_row, spsi_clamp(spsi_add(row, next), zero, spsi_set(height - 1)));
+    const float size[2] = {(float)map->rays[0].width, (float)map->rays[0].height};
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), per_depth = spsi_set((float)map->per_depth);
+    spsi_v seen[3] = {q[0], q[1], q[2]}, shares[2][2], face = zero;
+    spsi_m inside;
+    if (map->face_count > 1) {
+        face = spsi_tmap_see_round(map, q, seen);
+    } else if (map->rays[0].perspective) {
+        const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
+        const spsi_v scale = spsi_div(one, spsi_max(distance, spsi_set(FLT_MIN * 16)));
+        for (int i = 0; i < 2; ++i) seen[i] = spsi_mul(q[i], scale);
     }
+    /* allows for round-off; what lies behind the light also lies before near_depth */
+    inside = spsi_less(spsi_set(-1e-6f), spsi_mul(seen[2], per_depth));
+    for (int k = 0; k < 2; ++k) {
+        const spsi_v x = spsi_clamp(seen[k], spsi_set(-1), spsi_set(size[k])), first = spsi_floor(x);
+        spsi_v *const texels = k == 0 ? quads->column : quads->row;
+        inside = spsi_and(inside, spsi_and(spsi_less(spsi_set(-0.5f), x), spsi_less(x, spsi_set(size[k] - 0.5f))));
+        shares[k][1] = spsi_sub(x, first);
+        shares[k][0] = spsi_sub(one, shares[k][1]);
+        for (int i = 0; i < 2; ++i)
+            texels[i] = spsi_clamp(spsi_add(first, spsi_set((float)i)), zero, spsi_set(size[k] - 1));
+    }
+    for (int i = 0; i < 2; ++i) quads->row[i] = spsi_fma(face, spsi_set(size[1]), quads->row[i]);
     for (int i = 0; i < 4; ++i)
         quads->weight[i] = spsi_select(inside, spsi_mul(shares[0][i & 1], shares[1][i >> 1]), zero);
-    quads->u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), zero, one);
+    quads->u = spsi_clamp(spsi_mul(seen[2], per_depth), zero, one);
 }
 
 /* Optical depth of gas at a vector of points in these coordinates. */
@@ -14932,46 +14914,35 @@ static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_
     spsi_insert(into, x, y, &one);
 }
 
-/* A chord in one texel. */
-typedef struct spsi_cut_chord {
-    double u0, u1, depth;
-    int soft;
-} spsi_cut_chord;
-
-static double spsi_cut_chord_share(const spsi_cut_chord *chord, double u) {
-    const double s = fmin(fmax((u - chord->u0) / (chord->u1 - chord->u0), 0), 1);
-    return chord->soft ? s * s * (3 - 2 * s) : s;
-}
-
-/* Inserts the part of a soft chord between two positions as points: good to 1e-6 for moments and Fourier series, since
-   no part is longer than a sixth of a wave. */
-static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const spsi_cut_chord *chord, double from,
+/* Inserts the part of a soft interval between two positions as points: good to 1e-6 for moments and Fourier series,
+   since no part is longer than a sixth of a wave. */
+static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const spsi_interval *interval, double from,
                                double to) {
     const sps_tmap *map = into->filling->map;
     const int waves = map->inner.components / 2;
     const int parts = 6 * (map->has_range ? waves : spsi_most((int)ceil(waves * (to - from)), 1));
-    const double way = (to - from) / parts, length = chord->u1 - chord->u0;
+    const double way = (to - from) / parts, u0 = (double)interval->u0, length = (double)interval->u1 - u0;
+    const double soft = (double)interval->soft, scale = (double)interval->depth * way / length * 6 / (3 - 2 * soft);
     for (int i = 0; i < 3 * parts; ++i) {
-        const double u = from + way * (i / 3 + spsi_gauss_places[i % 3]), s = (u - chord->u0) / length;
-        const double depth = chord->depth * way / length * spsi_gauss_weights[i % 3] * 6 * s * (1 - s);
+        const double u = from + way * (i / 3 + spsi_gauss_places[i % 3]), s = (u - u0) / length;
+        const double depth = scale * spsi_gauss_weights[i % 3] * (1 - s) * (1 - soft + soft * s);
         const spsi_interval point = {(float)u, (float)u, (float)depth, 0};
         spsi_insert_one(into, x, y, &point);
     }
 }
 
-/* Inserts a clipped chord in parts, for techniques that need this: what lies before 0 or behind 1 counts there. */
-static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const spsi_cut_chord *chord, double light) {
-    const double from = fmin(fmax(chord->u0, 0), 1), to = fmin(fmax(chord->u1, 0), 1);
-    const double before = spsi_cut_chord_share(chord, from), until = spsi_cut_chord_share(chord, to);
-    const double unlit = spsi_cut_chord_share(chord, light);
-    const spsi_interval front = {(float)from, (float)from, (float)(chord->depth * (before - unlit)), 0};
-    const spsi_interval even = {(float)from, (float)to, (float)(chord->depth * (until - before)), 0};
-    const spsi_interval back = {(float)to, (float)to, (float)(chord->depth * (1 - until)), 0};
+/* Inserts a clipped interval in parts, for techniques that need this: what lies before 0 or behind 1 counts there. */
+static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
+    const float from = spsi_higher(spsi_lower(interval->u0, 1), 0), to = spsi_higher(spsi_lower(interval->u1, 1), 0);
+    const float before = spsi_interval_share(interval, from), until = spsi_interval_share(interval, to);
+    const spsi_interval front = {from, from, interval->depth * before, 0};
+    const spsi_interval even = {from, to, interval->depth * (until - before), 0};
+    const spsi_interval back = {to, to, interval->depth * (1 - until), 0};
     spsi_insert_one(into, x, y, &front);
-    if (!chord->soft || !(to > from))
-        spsi_insert_one(into, x, y, &even);
+    if (interval->soft > 0 && to > from)
+        spsi_insert_points(into, x, y, interval, (double)from, (double)to);
     else
-        spsi_insert_points(into, x, y, chord, from, to);
+        spsi_insert_one(into, x, y, &even);
     spsi_insert_one(into, x, y, &back);
 }
 
@@ -14981,19 +14952,17 @@ static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const sps
 static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, const float in_t[3]) {
     const spsi_filling *filling = into->filling;
     const double per_t = filling->map->per_depth, light = filling->light_u;
-    const spsi_cut_chord chord = {((double)in_t[0] - (double)in_t[1]) * per_t,
-                                  ((double)in_t[0] + (double)in_t[1]) * per_t, (double)in_t[2], soft};
-    const double part = (chord.u1 - fmax(chord.u0, light)) / (chord.u1 - chord.u0);
+    const double u0 = ((double)in_t[0] - (double)in_t[1]) * per_t, u1 = ((double)in_t[0] + (double)in_t[1]) * per_t;
+    const double from = fmax(u0, light), part = (u1 - from) / (u1 - u0);
+    const double share = soft ? part * part * (3 - 2 * part) : part;
+    const double first = fmax(from, -SPSI_INTERVAL_REACH), last = fmax(u1, -SPSI_INTERVAL_REACH);
+    const spsi_interval rest = {(float)fmin(first, 1), (float)fmin(last, SPSI_INTERVAL_REACH),
+                                (float)((double)in_t[2] * share), soft ? (float)part : 0};
     if (!(part > 0)) return;
-    if (filling->map->technique->points && filling->visit != SPSI_VISIT_RANGE) {
-        spsi_insert_parts(into, x, y, &chord, light);
-    } else {
-        const double share = soft ? part * part * (3 - 2 * part) : part;
-        const double from = fmax(fmax(chord.u0, light), -SPSI_INTERVAL_REACH);
-        const spsi_interval rest = {(float)fmin(from, 1), (float)fmin(chord.u1, SPSI_INTERVAL_REACH),
-                                    (float)(chord.depth * share), soft ? (float)part : 0};
+    if (filling->map->technique->points && filling->visit != SPSI_VISIT_RANGE)
+        spsi_insert_parts(into, x, y, &rest);
+    else
         spsi_insert_one(into, x, y, &rest);
-    }
 }
 
 /* Inserts chords of which some reach beyond 0..1. Those that contain the light, and all clipped ones where a technique
@@ -17828,7 +17797,7 @@ static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
 
 /* --- lookup --- */
 
-/* The coordinates that spsi_tmap_see expects, or spsi_tmap_see_round, along the eye's rays. */
+/* The coordinates that spsi_quads_build expects, along the eye's rays. */
 static void spsi_tmap_follow(const spsi_rays *eye, const sps_tmap *map, spsi_linear along[3]) {
     const spsi_rays *rays = &map->rays[0];
     for (int i = 0; i < 3; ++i) {

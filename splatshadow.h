@@ -2299,10 +2299,12 @@ static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count,
     return spsi_buffer_reserve(context, &context->buffers[id], count, size);
 }
 
-/* Takes the next floats of a block of memory, and adds them to those taken. Without memory it only counts. */
-static float *spsi_lay(float *memory, size_t *laid, size_t floats) {
+/* Takes the next floats of a block of memory, and adds them to those taken. Without memory it only counts: at most what
+   SIZE_MAX bytes hold, which cannot be reserved. */
+static float *spsi_lay(float *memory, size_t *laid, uint64_t floats) {
+    const size_t most = SIZE_MAX / sizeof(float);
     float *own = memory ? memory + *laid : NULL;
-    *laid += floats;
+    *laid = floats < most - *laid ? *laid + (size_t)floats : most;
     return own;
 }
 
@@ -16319,19 +16321,15 @@ typedef struct spsi_penumbra {
     size_t scratch_floats;
 } spsi_penumbra;
 
-/* The same as spsi_bilinear for one point. */
-static double spsi_bilinear_at(const float *grid, int width, int height, double x, double y) {
-    const double cx = x > 0 ? fmin(x, width - 1) : 0, cy = y > 0 ? fmin(y, height - 1) : 0;
-    const int ix = spsi_least((int)cx, width - 2), iy = spsi_least((int)cy, height - 2);
-    const float *quad = grid + (size_t)iy * (size_t)width + (size_t)ix, *next = quad + width;
-    const double fx = cx - ix, fy = cy - iy;
-    const double above = (double)quad[0] + fx * ((double)quad[1] - (double)quad[0]);
-    return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
-}
-
-/* The same, but 0 beyond the grid. */
+/* The same as spsi_bilinear for one point, but 0 beyond the grid. */
 static double spsi_bilinear_inside(const float *grid, int width, int height, double x, double y) {
-    return x > 0 && y > 0 && x < width - 1 && y < height - 1 ? spsi_bilinear_at(grid, width, height, x, y) : 0;
+    const float *quad, *next;
+    double fx, fy, above;
+    if (!(x > 0 && y > 0 && x < width - 1 && y < height - 1)) return 0;
+    quad = grid + (size_t)y * (size_t)width + (size_t)x, next = quad + width;
+    fx = x - floor(x), fy = y - floor(y);
+    above = (double)quad[0] + fx * ((double)quad[1] - (double)quad[0]);
+    return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
 }
 
 /* Weights of a cubic through four values, `t` of the way from the second to the third. [Catmull & Rom 1974] */
@@ -16587,20 +16585,26 @@ static void spsi_beam_stop(sps_context *context, const spsi_faces *faces, spsi_b
         }
 }
 
+/* Prepares a sweep's beams, whose rays are not known yet. */
+static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                     const spsi_rays *rays, spsi_penumbra *penumbra) {
+    memset(penumbra, 0, sizeof *penumbra);
+    penumbra->rays = rays;
+    penumbra->slabs = &sweep->slabs;
+    penumbra->end = spsi_light_end(frame);
+    penumbra->tiles_x = spsi_tile_columns(rays);
+    penumbra->tiles_y = spsi_tile_rows(rays);
+    penumbra->beam_count = sweep->lamp->point_count;
+    penumbra->beams = (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count,
+                                                sizeof *penumbra->beams);
+    return context->result;
+}
+
 /* Aims all beams of a sweep's light. */
 static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                     spsi_penumbra *penumbra) {
     const spsi_lamp *lamp = sweep->lamp;
-    memset(penumbra, 0, sizeof *penumbra);
-    penumbra->rays = &sweep->rays;
-    penumbra->slabs = &sweep->slabs;
-    penumbra->end = spsi_light_end(frame);
-    penumbra->tiles_x = spsi_tile_columns(&sweep->rays);
-    penumbra->tiles_y = spsi_tile_rows(&sweep->rays);
-    penumbra->beam_count = lamp->point_count;
-    penumbra->beams =
-        (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)lamp->point_count, sizeof(spsi_beam));
-    if (!penumbra->beams) return context->result;
+    if (spsi_penumbra_open(context, frame, sweep, &sweep->rays, penumbra)) return context->result;
     for (int i = 0; i < lamp->point_count; ++i)
         if (!spsi_beam_aim(frame, penumbra, &lamp->points[i], &penumbra->beams[i]))
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0,
@@ -16609,65 +16613,40 @@ static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* What a penumbra is kept in, in floats. */
-typedef struct spsi_penumbra_size {
-    uint64_t beams;   /* texels of all beams, twice with polygons */
-    uint64_t sheets;  /* of a chunk */
-    uint64_t hidden;  /* likewise; 0 without polygons */
-    uint64_t scratch; /* per worker */
-    uint64_t held;    /* of the patches' bits */
-} spsi_penumbra_size;
-
-static spsi_penumbra_size spsi_penumbra_measure(const spsi_penumbra *penumbra, int has_polygons) {
-    spsi_penumbra_size size = {0, 0, 0, 0, 0};
-    for (int i = 0; i < penumbra->beam_count; ++i) {
-        const uint64_t texels = spsi_ray_count(&penumbra->beams[i].rays);
-        size.beams += texels * (uint64_t)(1 + has_polygons);
-        size.scratch = 3 * texels > size.scratch ? 3 * texels : size.scratch;
-    }
-    size.scratch += SPSI_LANES + 2 * SPSI_BEAM_TILE; /* lengths are stored in whole vectors */
-    size.sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
-    size.hidden = has_polygons ? SPSI_PARTS * size.sheets : 0;
-    size.held = 2 * (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y;
-    return size;
-}
-
-/* At most what SIZE_MAX bytes hold, which cannot be reserved. */
-static size_t spsi_penumbra_floats(const sps_context *context, const spsi_penumbra_size *size) {
-    const uint64_t workers = (uint64_t)spsi_worker_count(context), most = SIZE_MAX / sizeof(float);
-    const uint64_t floats = size->beams + size->sheets + size->hidden + workers * size->scratch + size->held;
-    return (size_t)(floats < most ? floats : most);
-}
-
-/* Lays out the beams' texels, the sheets and the workers' scratch memory. */
-static sps_result spsi_penumbra_reserve(sps_context *context, spsi_penumbra *penumbra, int has_polygons) {
-    const spsi_penumbra_size size = spsi_penumbra_measure(penumbra, has_polygons);
-    float *memory =
-        (float *)spsi_reserve(context, SPSI_BUFFER_PENUMBRA, spsi_penumbra_floats(context, &size), sizeof(float));
-    if (!memory) return context->result;
-    penumbra->held = (uint64_t *)(void *)memory; /* first, as its alignment is the strictest */
-    memory += size.held;
-    memset(penumbra->held, 0, (size_t)(size.held + size.beams + size.sheets + size.hidden) * sizeof(float));
+/* Lays out the patches' bits, the beams' texels, the sheets and the workers' scratch memory, or counts only. Returns
+   the number of floats. */
+static size_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra *penumbra, int has_polygons,
+                                    float *memory) {
+    const uint64_t sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
+    const uint64_t tiles = (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y;
+    size_t laid = 0, most = 0;
+    /* first, as its alignment is the strictest */
+    penumbra->held = (uint64_t *)(void *)spsi_lay(memory, &laid, 2 * tiles);
     for (int i = 0; i < penumbra->beam_count; ++i) {
         spsi_beam *beam = &penumbra->beams[i];
         const size_t texels = spsi_ray_count(&beam->rays);
-        beam->depth = memory;
-        beam->stop = has_polygons ? memory + texels : NULL;
+        beam->depth = spsi_lay(memory, &laid, texels);
+        beam->stop = has_polygons ? spsi_lay(memory, &laid, texels) : NULL;
         beam->crossed = spsi_area_none();
-        memory += texels * (size_t)(1 + has_polygons);
+        most = texels > most ? texels : most;
     }
-    penumbra->sheets = memory;
-    penumbra->hidden = has_polygons ? memory + size.sheets : NULL;
-    penumbra->scratch = memory + size.sheets + size.hidden;
-    penumbra->scratch_floats = (size_t)size.scratch;
-    return SPS_OK;
+    penumbra->sheets = spsi_lay(memory, &laid, sheets);
+    penumbra->hidden = has_polygons ? spsi_lay(memory, &laid, SPSI_PARTS * sheets) : NULL;
+    if (memory) memset(memory, 0, laid * sizeof *memory);
+    penumbra->scratch_floats = 3 * most + SPSI_LANES + 2 * SPSI_BEAM_TILE; /* lengths are stored in whole vectors */
+    penumbra->scratch = spsi_lay(memory, &laid, (uint64_t)spsi_worker_count(context) * penumbra->scratch_floats);
+    return laid;
 }
 
 static sps_result spsi_penumbra_begin(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                       const spsi_faces *faces, spsi_penumbra *penumbra) {
     const int has_polygons = faces->count > 0;
-    if (spsi_penumbra_aim(context, frame, sweep, penumbra) || spsi_penumbra_reserve(context, penumbra, has_polygons))
-        return context->result;
+    float *memory;
+    if (spsi_penumbra_aim(context, frame, sweep, penumbra)) return context->result;
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PENUMBRA,
+                                   spsi_penumbra_lay_out(context, penumbra, has_polygons, NULL), sizeof(float));
+    if (!memory) return context->result;
+    spsi_penumbra_lay_out(context, penumbra, has_polygons, memory);
     for (int i = 0; i < penumbra->beam_count && has_polygons; ++i)
         spsi_beam_stop(context, faces, &penumbra->beams[i], (int *)(void *)penumbra->scratch);
     return SPS_OK;
@@ -26945,24 +26924,20 @@ static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *
 static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                            sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
-    const uint64_t side = spsi_plan_light_side(frame, sweep), most = 2 * side + 8;
     sps_pass_report *pass = &report->pass[SPS_PASS_PENUMBRAE];
     spsi_penumbra penumbra;
-    spsi_penumbra_size size;
+    spsi_rays rays;
     size_t bytes;
     pass->runs += sweep->soft || frame->particles.set_count > 0 || polygons;
     if (frame->particles.set_count > 0) {
-        const uint64_t tiles = side / SPSI_TILE_WIDTH + 1;
-        size.scratch = 3 * most * most + SPSI_LANES + 2 * SPSI_BEAM_TILE;
-        size.beams = (uint64_t)sweep->lamp->point_count * most * most * (uint64_t)(1 + polygons);
-        size.sheets = SPSI_CHUNK * side * side;
-        size.hidden = polygons ? SPSI_PARTS * size.sheets : 0;
-        size.held = 2 * tiles * tiles;
-    } else {
-        if (spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;
-        size = spsi_penumbra_measure(&penumbra, polygons);
-    }
-    bytes = (size_t)sweep->lamp->point_count * sizeof(spsi_beam) + spsi_penumbra_floats(context, &size) * sizeof(float);
+        rays.width = rays.height = (int)spsi_plan_light_side(frame, sweep);
+        if (spsi_penumbra_open(context, frame, sweep, &rays, &penumbra)) return context->result;
+        for (int i = 0; i < penumbra.beam_count; ++i)
+            penumbra.beams[i].rays.width = penumbra.beams[i].rays.height = 2 * rays.width + 8;
+    } else if (spsi_penumbra_aim(context, frame, sweep, &penumbra))
+        return context->result;
+    bytes = (size_t)penumbra.beam_count * sizeof(spsi_beam);
+    bytes += spsi_penumbra_lay_out(context, &penumbra, polygons, NULL) * sizeof(float);
     if (bytes > pass->bytes) pass->bytes = bytes;
     return SPS_OK;
 }

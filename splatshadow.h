@@ -2311,10 +2311,12 @@ static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count,
     return NULL;
 }
 
-/* Takes the next floats of a block of memory, and adds them to those taken. Without memory it only counts. */
-static float *spsi_lay(float *memory, size_t *laid, size_t floats) {
+/* Takes the next floats of a block of memory, and adds them to those taken. Without memory it only counts: at most what
+   SIZE_MAX bytes hold, which cannot be reserved. */
+static float *spsi_lay(float *memory, size_t *laid, uint64_t floats) {
+    const size_t most = SIZE_MAX / sizeof(float);
     float *own = memory ? memory + *laid : NULL;
-    *laid += floats;
+    *laid = floats < most - *laid ? *laid + (size_t)floats : most;
     return own;
 }
 
@@ -3946,94 +3948,38 @@ static double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *val
     return squares;
 }
 
-/* A polynomial's value, slope and half its second derivative. */
-static inline void spsi_polynomial(const double *c, int degree, double x, double out[3]) {
-    out[0] = c[degree];
-    out[1] = out[2] = 0;
-    for (int i = degree - 1; i >= 0; --i) {
-        out[2] = out[2] * x + out[1];
-        out[1] = out[1] * x + out[0];
-        out[0] = out[0] * x + c[i];
-    }
-}
+#define SPSI_ROOT_REACH 1000 /* beyond, points hold less than 1e-12, as the moments are at most 1 */
 
-static int spsi_polynomial_positive(const double *c, int degree, double x) {
-    double at[3];
-    spsi_polynomial(c, degree, x, at);
-    return at[0] > 0;
-}
-
-#define SPSI_ROOT_STEPS    100   /* more than bisection alone needs from 2000 down to a double's precision */
-#define SPSI_ROOT_NEARNESS 1e-13 /* relative step below which x is close enough; convergence is cubic */
-
-/* The root between a and b, at which the values have different signs: Laguerre's method, which, if all roots are real,
-   finds the nearest one on the side given by `rising` in three or four steps; bisection where round-off misleads it. */
-static double spsi_polynomial_root(const double *c, int degree, double a, double b, int rising) {
-    const double n = degree;
-    double x = 0.5 * (a + b);
-    for (int i = 0; i < SPSI_ROOT_STEPS; ++i) {
-        double at[3], spread, slope, step;
-        spsi_polynomial(c, degree, x, at);
-        if ((at[0] > 0) == rising)
-            b = x;
-        else
-            a = x;
-        spread = (n - 1) * ((n - 1) * at[1] * at[1] - 2 * n * at[0] * at[2]);
-        spread = spread > 0 ? sqrt(spread) : 0;
-        slope = rising ? at[1] + spread : at[1] - spread;
-        step = slope < 0 || slope > 0 ? n * at[0] / slope : b - a;
-        if (fabs(step) <= SPSI_ROOT_NEARNESS * (fabs(x) > 1 ? fabs(x) : 1)) return x;
-        x = x - step > a && x - step < b ? x - step : 0.5 * (a + b);
-    }
-    return x;
-}
-
-/* The roots of a parabola within -reach .. reach, in order, without cancellation: the larger one first, the other from
-   their product. A double root has even order and does not count. */
-static int spsi_parabola_roots(double a, double b, double c, double reach, double *roots) {
+/* The roots of a parabola within SPSI_ROOT_REACH, without cancellation: the larger one first, the other from their
+   product. A double root has even order and does not count. Returns their number. */
+static int spsi_parabola_roots(double a, double b, double c, double *roots) {
     const double square = b * b - 4 * a * c, q = -0.5 * (b + (b < 0 ? -1 : 1) * sqrt(fmax(square, 0)));
-    const double one = fabs(a) > 0 ? q / a : HUGE_VAL, other = fabs(q) > 0 ? c / q : HUGE_VAL;
+    const double both[2] = {fabs(a) > 0 ? q / a : HUGE_VAL, fabs(q) > 0 ? c / q : HUGE_VAL};
     int count = 0;
-    if (!(square > 0)) return 0;
-    if (fabs(fmin(one, other)) < reach) roots[count++] = fmin(one, other);
-    if (fabs(fmax(one, other)) < reach) roots[count++] = fmax(one, other);
+    for (int i = 0; i < 2 && square > 0; ++i)
+        if (fabs(both[i]) < SPSI_ROOT_REACH) roots[count++] = both[i];
     return count;
 }
 
-/* Bounds of all roots, if they are real: their distance from the mean is limited by their mean square
-   [Samuelson 1968]. */
-static void spsi_polynomial_within(const double *c, int degree, double reach, double within[2]) {
-    const double n = degree, a1 = c[degree - 1] / c[degree], a2 = c[degree - 2] / c[degree];
-    const double square = a1 * a1 - 2 * n / (n - 1) * a2, middle = -a1 / n;
-    const double radius = (n - 1) / n * sqrt(fmax(square, 0)), room = 1e-6 * (fabs(middle) + radius); /* rounding */
-    const int known = fabs(middle) + radius < reach; /* neither infinite nor NaN */
-    within[0] = known ? fmax(middle - radius - room, -reach) : -reach;
-    within[1] = known ? fmin(middle + radius + room, reach) : reach;
-}
-
-/* The roots of odd order of a parabola or a cubic within -reach .. reach, in order: a cubic's lie between those of its
-   derivative. Returns their number. */
-static int spsi_polynomial_roots(const double *c, int degree, double reach, double *roots) {
-    double within[2], ends[SPSI_MOMENTS_MAX / 2 + 1];
-    int low, count, found = 0;
-    if (degree == 2) return spsi_parabola_roots(c[2], c[1], c[0], reach, roots);
-    count = spsi_parabola_roots(3 * c[3], 2 * c[2], c[1], reach, ends + 1);
-    spsi_polynomial_within(c, degree, reach, within);
-    ends[0] = within[0];
-    ends[count + 1] = within[1];
-    low = spsi_polynomial_positive(c, degree, ends[0]);
-    for (int i = 1; i <= count + 1; ++i) {
-        const int high = spsi_polynomial_positive(c, degree, ends[i]);
-        if (low != high) roots[found++] = spsi_polynomial_root(c, degree, ends[i - 1], ends[i], high);
-        low = high;
-    }
-    return found;
+/* The same of a parabola or a cubic whose roots are all real. Of a cubic's, the one farthest to the side of their mean
+   has a closed form without cancellation [Viete]; it is at least half as large as any, so dividing by it is stable. */
+static int spsi_polynomial_roots(const double *c, int degree, double *roots) {
+    double side, a, b, q, turn, root, rest;
+    int count;
+    if (degree == 2 || !(fabs(c[3]) > 1e-12 * fabs(c[2]))) return spsi_parabola_roots(c[2], c[1], c[0], roots);
+    side = c[2] / c[3] < 0 ? 1 : -1;
+    a = fabs(c[2] / c[3]), b = c[1] / c[3], q = fmax(a * a - 3 * b, 0) / 9;
+    turn = (a * (2 * a * a - 9 * b) - 27 * side * (c[0] / c[3])) / (54 * q * sqrt(q));
+    root = side * (2 * sqrt(q) * cos(acos(fmin(fmax(turn, -1), 1)) / 3) + a / 3);
+    rest = -c[0] / root;
+    count = spsi_parabola_roots(c[3], (rest - c[1]) / root, rest, roots);
+    if (fabs(root) < SPSI_ROOT_REACH) roots[count++] = root;
+    return count;
 }
 
 /* The minimum and maximum share before z of all distributions with these moments: those of the only one that consists
    of `size` points, of which z is one. With the orthonormal polynomials p_k, the others are the roots of sum p_k(z)
-   p_k(x), and the mass at each is 1 / sum p_k^2 [Akhiezer 1965; Peters & Klein 2015]. Points beyond 1000 hold less
-   than 1e-12, as the moments are at most 1. */
+   p_k(x), and the mass at each is 1 / sum p_k^2 [Akhiezer 1965; Peters & Klein 2015]. */
 static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bounds[2]) {
     double at[SPSI_MOMENTS_MAX / 2 + 1], c[SPSI_MOMENTS_MAX / 2 + 1], roots[SPSI_MOMENTS_MAX / 2 + 1], before = 0;
     const double here = 1 / spsi_hankel_solve(hankel, z, at);
@@ -4044,7 +3990,7 @@ static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bound
         for (int k = i + 1; k < hankel->size; ++k) c[i] -= hankel->factor[k][i] * c[k];
         c[i] /= hankel->factor[i][i];
     }
-    count = spsi_polynomial_roots(c, hankel->size - 1, 1000, roots);
+    count = spsi_polynomial_roots(c, hankel->size - 1, roots);
     for (int i = 0; i < count; ++i) {
         const double weight = 1 / spsi_hankel_solve(hankel, roots[i], at);
         whole += weight;
@@ -9423,43 +9369,52 @@ static void spsi_depth_map_follow(const spsi_rays *eye, spsi_depth_map *map) {
                               i == 2 ? -map->rays[face].depth_reference : 0, &map->along[face][i]);
 }
 
-/* Ways from d0 to d1 along the eye's rays, on a face of a depth map. */
+/* Ways from d[0] to d[1] along the eye's rays, on a face of a depth map. */
 typedef struct spsi_map_way {
-    spsi_v middle[3], rise[3]; /* texel and depth of its middle, relative to the texel (ix, iy), and half its extent */
-    spsi_v ix, iy;             /* the first of the four texels around it */
-    spsi_m inside;             /* of the grid */
+    spsi_v middle[3], rise[3]; /* texel and depth of its middle, relative to the first texel, and half its extent */
+    spsi_v first[2];           /* column and row of the first of the four texels around it */
+    spsi_m inside;             /* of what the face sees */
 } spsi_map_way;
 
-static inline void spsi_map_way_build(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0, spsi_v d1,
+/* Texels and depths of the ends of ways, and their distances from a point light along the face's axis. */
+static inline void spsi_map_ends(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
+                                 spsi_v q[2][3], spsi_v t[2]) {
+    const spsi_rays *rays = &map->rays[face];
+    spsi_courses courses;
+    spsi_courses_build(map->along[face], at, y, &courses);
+    for (int end = 0; end < 2; ++end) {
+        spsi_courses_at(&courses, d[end], q[end]);
+        t[end] = rays->perspective ? spsi_add(q[end][2], spsi_set((float)rays->depth_reference)) : spsi_set(1);
+        for (int i = 0; i < 2 && rays->perspective; ++i)
+            q[end][i] = spsi_div(q[end][i], spsi_max(t[end], spsi_set(FLT_MIN * 16)));
+    }
+}
+
+/* Finds the four texels around a way's middle, which is moved onto the grid. */
+static inline void spsi_map_way_place(const spsi_rays *rays, spsi_map_way *way) {
+    for (int i = 0; i < 2; ++i) {
+        const float last = (float)(i == 0 ? rays->width - 1 : rays->height - 1);
+        way->middle[i] = spsi_clamp(way->middle[i], spsi_set(0), spsi_set(last));
+        way->first[i] = spsi_min(spsi_floor(way->middle[i]), spsi_set(last - 1));
+        way->middle[i] = spsi_sub(way->middle[i], way->first[i]);
+    }
+}
+
+static inline void spsi_map_way_build(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
                                       spsi_map_way *way) {
     const spsi_rays *rays = &map->rays[face];
-    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), origin = spsi_set((float)rays->depth_reference);
-    spsi_v q[2][3];
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f);
+    spsi_v q[2][3], t[2];
+    spsi_map_ends(map, face, at, y, d, q, t);
+    way->inside = spsi_less(spsi_set(FLT_MIN * 16), spsi_min(t[0], t[1]));
     for (int i = 0; i < 3; ++i) {
-        const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);
-        const spsi_v change = spsi_linear_slope(&map->along[face][i], at, y);
-        q[0][i] = spsi_fma(d0, change, base);
-        q[1][i] = spsi_fma(d1, change, base);
-    }
-    way->inside = spsi_less(spsi_set(rays->perspective ? FLT_MIN * 16 : -FLT_MAX),
-                            rays->perspective ? spsi_add(spsi_min(q[0][2], q[1][2]), origin) : zero);
-    for (int end = 0; end < 2 && rays->perspective; ++end) {
-        const spsi_v t = spsi_max(spsi_add(q[end][2], origin), spsi_set(FLT_MIN * 16));
-        for (int i = 0; i < 2; ++i) q[end][i] = spsi_div(q[end][i], t);
-    }
-    for (int i = 0; i < 3; ++i) {
-        const float size = (float)(i == 0 ? rays->width - 1 : rays->height - 1);
+        const spsi_v size = spsi_set((float)(i == 0 ? rays->width - 1 : rays->height - 1));
         way->middle[i] = spsi_mul(half, spsi_add(q[0][i], q[1][i]));
         way->rise[i] = spsi_mul(half, spsi_sub(q[1][i], q[0][i]));
         if (i == 2) break;
-        way->inside =
-            spsi_and(way->inside, spsi_and(spsi_less(zero, way->middle[i]), spsi_less(way->middle[i], spsi_set(size))));
-        way->middle[i] = spsi_clamp(way->middle[i], zero, spsi_set(size));
+        way->inside = spsi_and(way->inside, spsi_and(spsi_less(zero, way->middle[i]), spsi_less(way->middle[i], size)));
     }
-    way->ix = spsi_min(spsi_floor(way->middle[0]), spsi_set((float)(rays->width - 2)));
-    way->iy = spsi_min(spsi_floor(way->middle[1]), spsi_set((float)(rays->height - 2)));
-    way->middle[0] = spsi_sub(way->middle[0], way->ix);
-    way->middle[1] = spsi_sub(way->middle[1], way->iy);
+    spsi_map_way_place(rays, way);
 }
 
 /* The share of a way that lies before a plane: that of the i-th of the four texels. How far a point is in front of it
@@ -9485,15 +9440,15 @@ static inline spsi_v spsi_map_way_mean(const spsi_map_way *way, const spsi_v tex
                     way->middle[1]);
 }
 
-/* The share of the way from d0 to d1 that one face of a depth map leaves lit; 1 outside of its grid. */
-static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
-                                          spsi_v d1) {
+/* The share of a way that one face of a depth map leaves lit; 1 outside of its grid. */
+static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
     const spsi_rays *rays = &map->rays[face];
     spsi_v share[4], depth[4], slopes[2][4];
     spsi_map_way way;
-    spsi_map_way_build(map, face, at, y, d0, d1, &way);
-    spsi_lookup_quad(map->depths[face], rays->width, way.ix, way.iy, depth);
-    for (int i = 0; i < 2; ++i) spsi_lookup_quad(map->slopes[face][i], rays->width, way.ix, way.iy, slopes[i]);
+    spsi_map_way_build(map, face, at, y, d, &way);
+    spsi_lookup_quad(map->depths[face], rays->width, way.first[0], way.first[1], depth);
+    for (int i = 0; i < 2; ++i)
+        spsi_lookup_quad(map->slopes[face][i], rays->width, way.first[0], way.first[1], slopes[i]);
     for (int i = 0; i < 4; ++i) {
         const spsi_v slope[2] = {slopes[0][i], slopes[1][i]};
         share[i] = spsi_map_way_share(&way, rays, i, depth[i], slope);
@@ -9509,21 +9464,11 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
-    spsi_v q[2][3], cell[2], deepest;
-    int clear = 0, crossing = 0; /* bits of lanes that miss the face, and whose ends lie on both sides of the light */
-    for (int i = 0; i < 3; ++i) {
-        const spsi_v slope = spsi_linear_slope(&map->along[face][i], at, y);
-        const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);
-        for (int end = 0; end < 2; ++end) q[end][i] = spsi_fma(d[end], slope, base);
-    }
-    deepest = spsi_max(q[0][2], q[1][2]);
-    if (rays->perspective) {
-        for (int end = 0; end < 2; ++end) q[end][2] = spsi_add(q[end][2], spsi_set((float)rays->depth_reference));
-        clear = spsi_bits(spsi_less(spsi_max(q[0][2], q[1][2]), near_t));
-        crossing = spsi_bits(spsi_less(spsi_min(q[0][2], q[1][2]), near_t));
-        for (int end = 0; end < 2; ++end)
-            for (int i = 0; i < 2; ++i) q[end][i] = spsi_div(q[end][i], spsi_max(q[end][2], near_t));
-    }
+    spsi_v q[2][3], t[2], cell[2];
+    int clear, crossing; /* bits of lanes that miss the face, and whose ends lie on both sides of the light */
+    spsi_map_ends(map, face, at, y, d, q, t);
+    clear = spsi_bits(spsi_less(spsi_max(t[0], t[1]), near_t));
+    crossing = spsi_bits(spsi_less(spsi_min(t[0], t[1]), near_t));
     *wide = crossing;
     for (int i = 0; i < 2; ++i) {
         const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
@@ -9533,19 +9478,20 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
         cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_CELL)));
     }
     *wide &= ~clear;
-    return spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]), deepest)) & ~clear;
+    return ~clear & spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]),
+                                        spsi_max(q[0][2], q[1][2])));
 }
 
-/* Whether a face of a depth map may shade any of the ways from d0 to d1. Wide ones, those of thick slabs, are looked at
-   in parts. */
-static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
-                                           spsi_v d1) {
+/* Whether a face of a depth map may shade any of the ways from d[0] to d[1]. Wide ones, those of thick slabs, are
+   looked at in parts. */
+static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y,
+                                           const spsi_v d[2]) {
     const int parts = 4;
-    const spsi_v step = spsi_mul(spsi_sub(d1, d0), spsi_set(1 / (float)parts)), whole[2] = {d0, d1};
-    int wide, shadable = spsi_depth_map_shadable(map, face, at, y, whole, &wide);
+    const spsi_v step = spsi_mul(spsi_sub(d[1], d[0]), spsi_set(1 / (float)parts));
+    int wide, shadable = spsi_depth_map_shadable(map, face, at, y, d, &wide);
     if (!wide) return shadable != 0;
     for (int part = 0; part < parts; ++part) {
-        const spsi_v from = spsi_fma(step, spsi_set((float)part), d0), way[2] = {from, spsi_add(from, step)};
+        const spsi_v from = spsi_fma(step, spsi_set((float)part), d[0]), way[2] = {from, spsi_add(from, step)};
         shadable = spsi_depth_map_shadable(map, face, at, y, way, &wide);
         if (shadable | wide) return 1;
     }
@@ -9584,116 +9530,96 @@ static void spsi_pane_map_fill(sps_context *context, const spsi_frame *frame, co
     }
 }
 
-/* A way along an eye's ray on a face of a pane map: its middle and half of its extent, in texels and depth. */
-typedef struct spsi_pane_way {
-    float middle[3], rise[3];
-    int x, y; /* the first of the four texels around it */
-} spsi_pane_way;
-
-/* The share of a way that lies before a pane of texel (x + dx, y + dy); see spsi_map_way_share. */
-static float spsi_pane_share(const spsi_rays *rays, const spsi_pane *pane, const spsi_pane_way *way, int dx, int dy) {
-    const float bent = rays->perspective ? 1 / (pane->depth + (float)rays->depth_reference) : 0;
-    const float up = pane->slope[0] * (way->middle[0] - (float)(way->x + dx)) +
-                     pane->slope[1] * (way->middle[1] - (float)(way->y + dy));
-    const float ahead = pane->depth + up / fmaxf(1 - up * bent, 1e-6f) - way->middle[2];
-    const float per = fabsf(pane->slope[0] * way->rise[0] + pane->slope[1] * way->rise[1] - way->rise[2]);
-    return fminf(fmaxf(0.5f + 0.5f * ahead / fmaxf(per, FLT_MIN * 16), 0), 1);
-}
-
-/* What the panes of the four texels around a way let pass, by color: each filters the share of the way behind it. */
-static void spsi_panes_through(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_pane_way *way,
-                               float through[3]) {
-    const spsi_rays *rays = &map->grid.rays[face];
-    for (int c = 0; c < 3; ++c) through[c] = 0;
-    for (int i = 0; i < 4; ++i) {
-        const int dx = i & 1, dy = i >> 1;
-        const size_t texel = (size_t)(way->y + dy) * (size_t)rays->width + (size_t)(way->x + dx);
-        float weight[3];
-        for (int c = 0; c < 3; ++c)
-            weight[c] =
-                (1 - fabsf(way->middle[0] - (float)(way->x + dx))) * (1 - fabsf(way->middle[1] - (float)(way->y + dy)));
-        for (uint32_t n = map->first[face][texel]; n < map->first[face][texel + 1]; ++n) {
-            const spsi_pane *pane = &map->list[face][n];
-            const float lit = spsi_pane_share(rays, pane, way, dx, dy);
-            for (int c = 0; c < 3; ++c) weight[c] *= lit + (1 - lit) * faces->list[pane->face].transmittance[c];
-        }
-        for (int c = 0; c < 3; ++c) through[c] += weight[c];
-    }
-}
-
-/* A vector of ways on a face, and how far they are from the light along its axis. */
-typedef struct spsi_pane_ways {
-    spsi_v middle[3], rise[3], t;
-} spsi_pane_ways;
-
 /* The middle is projected, and the extent along with it, to first order: either end may be beyond the face. */
-static void spsi_pane_ways_build(const spsi_pane_map *map, int face, spsi_v at, float y, const spsi_v d[2],
-                                 spsi_pane_ways *ways) {
+static void spsi_pane_way_build(const spsi_pane_map *map, int face, spsi_v at, float y, const spsi_v d[2],
+                                spsi_map_way *way) {
     const spsi_rays *rays = &map->grid.rays[face];
-    const spsi_v half = spsi_set(0.5f), d_middle = spsi_mul(half, spsi_add(d[0], d[1]));
-    const spsi_v d_rise = spsi_mul(half, spsi_sub(d[1], d[0]));
-    for (int i = 0; i < 3; ++i) {
-        const spsi_v change = spsi_linear_slope(&map->grid.along[face][i], at, y);
-        ways->middle[i] = spsi_fma(d_middle, change, spsi_linear_base(&map->grid.along[face][i], at, y));
-        ways->rise[i] = spsi_mul(d_rise, change);
-    }
-    ways->t = spsi_add(ways->middle[2], spsi_set((float)rays->depth_reference));
+    const spsi_v half = spsi_set(0.5f), rise = spsi_mul(half, spsi_sub(d[1], d[0])), most = spsi_set(1e9f);
+    spsi_courses courses;
+    spsi_v t;
+    spsi_courses_build(map->grid.along[face], at, y, &courses);
+    spsi_courses_at(&courses, spsi_mul(half, spsi_add(d[0], d[1])), way->middle);
+    for (int i = 0; i < 3; ++i) way->rise[i] = spsi_mul(rise, courses.slope[i]);
+    t = spsi_max(spsi_add(way->middle[2], spsi_set((float)rays->depth_reference)), spsi_set(FLT_MIN * 16));
     for (int i = 0; i < 2 && rays->perspective; ++i) {
-        const spsi_v t = spsi_max(ways->t, spsi_set(FLT_MIN * 16));
-        ways->middle[i] = spsi_div(ways->middle[i], t);
-        ways->rise[i] = spsi_div(spsi_sub(ways->rise[i], spsi_mul(ways->middle[i], ways->rise[2])), t);
+        way->middle[i] = spsi_div(way->middle[i], t);
+        way->rise[i] = spsi_div(spsi_sub(way->rise[i], spsi_mul(way->middle[i], way->rise[2])), t);
     }
+    way->inside = spsi_and(spsi_less(spsi_abs(way->middle[0]), most), spsi_less(spsi_abs(way->middle[1]), most));
+    for (int i = 0; i < 2; ++i) way->middle[i] = spsi_select(way->inside, way->middle[i], half);
+    spsi_map_way_place(rays, way);
 }
 
-/* Filters the ways that a bit mask names, whose middle is on a face. */
-static void spsi_pane_map_face(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_pane_ways *ways,
-                               int bits, float filter[3][SPSI_LANES]) {
-    const spsi_rays *rays = &map->grid.rays[face];
-    float middle[3][SPSI_LANES], rise[3][SPSI_LANES];
-    for (int i = 0; i < 3; ++i) {
-        spsi_store(middle[i], ways->middle[i]);
-        spsi_store(rise[i], ways->rise[i]);
+/* The n-th panes of a vector of texels, and what they let pass by color. */
+typedef struct spsi_panes {
+    float depth[SPSI_LANES], slope[2][SPSI_LANES], passes[3][SPSI_LANES];
+} spsi_panes;
+
+/* Finds them in the i-th texels around ways; where there are fewer, panes behind all. Returns 0 if all have fewer. */
+static int spsi_panes_find(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_map_way *way, int i,
+                           uint32_t n, spsi_panes *panes) {
+    const spsi_pane none = {SPSI_INFINITY, {0, 0}, 0};
+    float column[SPSI_LANES], row[SPSI_LANES];
+    int any = 0;
+    spsi_store(column, way->first[0]);
+    spsi_store(row, way->first[1]);
+    for (int lane = 0; lane < SPSI_LANES; ++lane) {
+        const size_t width = (size_t)map->grid.rays[face].width;
+        const size_t texel = (size_t)((int)row[lane] + (i >> 1)) * width + (size_t)((int)column[lane] + (i & 1));
+        const uint32_t *first = map->first[face] + texel;
+        const int is = first[0] + n < first[1];
+        const spsi_pane *pane = is ? &map->list[face][first[0] + n] : &none;
+        any |= is;
+        panes->depth[lane] = pane->depth;
+        for (int k = 0; k < 2; ++k) panes->slope[k][lane] = pane->slope[k];
+        for (int c = 0; c < 3; ++c) panes->passes[c][lane] = faces->list[pane->face].transmittance[c];
     }
-    for (int lane = 0; bits >> lane; ++lane) {
-        float through[3];
-        spsi_pane_way way;
-        if (!(bits >> lane & 1)) continue;
-        for (int i = 0; i < 3; ++i) way.middle[i] = middle[i][lane], way.rise[i] = rise[i][lane];
-        if (!(fabsf(way.middle[0]) < 1e9f) || !(fabsf(way.middle[1]) < 1e9f)) continue;
-        way.middle[0] = fminf(fmaxf(way.middle[0], 0), (float)(rays->width - 1));
-        way.middle[1] = fminf(fmaxf(way.middle[1], 0), (float)(rays->height - 1));
-        way.x = spsi_least((int)way.middle[0], rays->width - 2);
-        way.y = spsi_least((int)way.middle[1], rays->height - 2);
-        spsi_panes_through(map, face, faces, &way, through);
-        for (int c = 0; c < 3; ++c) filter[c][lane] = through[c];
+    return any;
+}
+
+/* What the panes of the four texels around ways let pass, by color: each filters the share of the way behind it. */
+static void spsi_panes_through(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_map_way *way,
+                               spsi_v through[3]) {
+    const spsi_v one = spsi_set(1);
+    spsi_v texels[3][4];
+    spsi_panes panes;
+    for (int i = 0; i < 4; ++i) {
+        for (int c = 0; c < 3; ++c) texels[c][i] = one;
+        for (uint32_t n = 0; spsi_panes_find(map, face, faces, way, i, n, &panes); ++n) {
+            const spsi_v slope[2] = {spsi_load(panes.slope[0]), spsi_load(panes.slope[1])};
+            const spsi_v lit = spsi_map_way_share(way, &map->grid.rays[face], i, spsi_load(panes.depth), slope);
+            for (int c = 0; c < 3; ++c)
+                texels[c][i] =
+                    spsi_mul(texels[c][i], spsi_fma(spsi_sub(one, lit), spsi_load(panes.passes[c]), lit));
+        }
     }
+    for (int c = 0; c < 3; ++c) through[c] = spsi_map_way_mean(way, texels[c]);
 }
 
 /* What translucent polygons let pass from a point of a light to the ways from d[0] to d[1], by color. Of six faces, the
    one that a way's middle is farthest along has it. */
 static void spsi_pane_map_filter(const spsi_pane_map *map, const spsi_faces *faces, spsi_v at, float y,
                                  const spsi_v d[2], spsi_v filter[3]) {
-    float lanes[3][SPSI_LANES];
-    int left = SPSI_ALL_LANES;
-    spsi_v farthest = spsi_set(-FLT_MAX);
-    spsi_pane_ways ways;
-    for (int c = 0; c < 3; ++c)
-        for (int i = 0; i < SPSI_LANES; ++i) lanes[c][i] = 1;
-    for (int face = 0; face < map->grid.face_count && map->grid.face_count > 1; ++face) {
-        spsi_pane_ways_build(map, face, at, y, d, &ways);
-        farthest = spsi_max(farthest, ways.t);
+    const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(d[0], d[1]));
+    spsi_v t[SPSI_CUBE_FACES], farthest = spsi_set(-FLT_MAX), through[3];
+    spsi_map_way way;
+    for (int c = 0; c < 3; ++c) filter[c] = spsi_set(1);
+    for (int face = 0; face < map->grid.face_count; ++face) {
+        const spsi_v reference = spsi_set((float)map->grid.rays[face].depth_reference);
+        t[face] = spsi_add(spsi_linear_find(&map->grid.along[face][2], at, y, middle), reference);
+        farthest = spsi_max(farthest, t[face]);
     }
     for (int face = 0; face < map->grid.face_count; ++face) {
-        int bits = left;
-        if (map->grid.face_count > 1 || spsi_depth_map_may_shade(&map->grid, face, at, y, d[0], d[1]))
-            spsi_pane_ways_build(map, face, at, y, d, &ways);
-        else
-            continue;
-        if (map->grid.face_count > 1) bits &= ~spsi_bits(spsi_less(ways.t, farthest));
-        spsi_pane_map_face(map, face, faces, &ways, bits, lanes);
-        left &= ~bits;
+        const spsi_m elsewhere = spsi_less(t[face], farthest);
+        if (spsi_bits(elsewhere) == SPSI_ALL_LANES) continue;
+        if (!spsi_depth_map_may_shade(&map->grid, face, at, y, d)) continue;
+        spsi_pane_way_build(map, face, at, y, d, &way);
+        spsi_panes_through(map, face, faces, &way, through);
+        for (int c = 0; c < 3; ++c) {
+            through[c] = spsi_select(way.inside, through[c], spsi_set(1));
+            filter[c] = spsi_select(elsewhere, filter[c], through[c]);
+        }
     }
-    for (int c = 0; c < 3; ++c) filter[c] = spsi_load(lanes[c]);
 }
 
 /* ================================================================================================ >>balls
@@ -14686,70 +14612,52 @@ static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, f
     }
 }
 
-/* A vector of points as seen by the rays of the faces that they lie in: x and y in texels, and t. */
-typedef struct spsi_seen_by_map {
-    spsi_v face, x, y, t;
-    spsi_m in_range; /* 0: behind the light, or nearer than near_depth */
-} spsi_seen_by_map;
-
-/* Points given in the coordinates of the map's only rays, before any division; t is relative to near_depth. */
-static void spsi_tmap_see(const sps_tmap *map, const spsi_v q[3], spsi_seen_by_map *seen) {
-    const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
-    const spsi_v scale =
-        map->rays[0].perspective ? spsi_div(spsi_set(1), spsi_max(distance, spsi_set(FLT_MIN * 16))) : spsi_set(1);
-    /* allows for round-off; what lies behind the light also lies before near_depth */
-    seen->in_range = spsi_less(spsi_set(-1e-6f), spsi_mul(q[2], spsi_set((float)map->per_depth)));
-    seen->face = spsi_set(0);
-    seen->x = spsi_mul(q[0], scale);
-    seen->y = spsi_mul(q[1], scale);
-    seen->t = q[2];
-}
-
-/* Points given as world offsets from the light, each seen through the one of six faces that it lies in. */
-static void spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], spsi_seen_by_map *seen) {
+/* Makes world offsets from the light x and y in texels, and t relative to near_depth, as seen by the rays of the one of
+   six faces that each lies in, whose numbers are returned. */
+static spsi_v spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], spsi_v seen[3]) {
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)map->rays[0].width - 1);
     const spsi_v x = spsi_abs(offset[0]), y = spsi_abs(offset[1]), z = spsi_abs(offset[2]);
     const spsi_m is_y = spsi_less(x, y), is_z = spsi_less(spsi_max(x, y), z);
-    spsi_v axes[3], per_distance, distance; /* axes: along the face's axis, and along the two after it */
+    spsi_v axes[3], per_distance, face; /* axes: along the face's axis, and along the two after it */
     for (int i = 0; i < 3; ++i)
         axes[i] = spsi_select(is_z, offset[(i + 2) % 3], spsi_select(is_y, offset[(i + 1) % 3], offset[i]));
-    distance = spsi_abs(axes[0]);
-    per_distance = spsi_div(half, spsi_max(distance, spsi_set(FLT_MIN * 16)));
-    seen->face = spsi_select(is_z, spsi_set(4), spsi_select(is_y, spsi_set(2), zero));
-    seen->face = spsi_add(seen->face, spsi_select(spsi_less(axes[0], zero), spsi_set(1), zero));
-    seen->x = spsi_mul(spsi_fma(axes[1], per_distance, half), last);
-    seen->y = spsi_mul(spsi_fma(axes[2], per_distance, half), last);
-    seen->t = spsi_sub(distance, spsi_set((float)map->settings.near_depth));
-    seen->in_range = spsi_less(spsi_set(-1e-6f), spsi_mul(seen->t, spsi_set((float)map->per_depth)));
-    seen->in_range = spsi_and(seen->in_range, spsi_less(zero, distance));
+    per_distance = spsi_div(half, spsi_max(spsi_abs(axes[0]), spsi_set(FLT_MIN * 16)));
+    face = spsi_select(is_z, spsi_set(4), spsi_select(is_y, spsi_set(2), zero));
+    for (int i = 0; i < 2; ++i) seen[i] = spsi_mul(spsi_fma(axes[i + 1], per_distance, half), last);
+    seen[2] = spsi_sub(spsi_abs(axes[0]), spsi_set((float)map->settings.near_depth));
+    return spsi_add(face, spsi_select(spsi_less(axes[0], zero), spsi_set(1), zero));
 }
 
-/* Finds the texels around a vector of points, given in the coordinates that spsi_tmap_see expects, or
-   spsi_tmap_see_round for six faces. Floats are precise enough within an image. */
+/* Finds the texels around a vector of points: world offsets from the light of six faces, otherwise the coordinates of
+   the map's only rays, before any division, t being relative to near_depth. Floats are precise enough within an
+   image. */
 static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_quads *quads) {
-    const float width = (float)map->rays[0].width, height = (float)map->rays[0].height;
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), edge = spsi_set(-0.5f);
-    spsi_seen_by_map seen;
-    if (map->face_count > 1)
-        spsi_tmap_see_round(map, q, &seen);
-    else
-        spsi_tmap_see(map, q, &seen);
-    const spsi_v x = spsi_clamp(seen.x, spsi_set(-1), spsi_set(width)), column = spsi_floor(x);
-    const spsi_v y = spsi_clamp(seen.y, spsi_set(-1), spsi_set(height)), row = spsi_floor(y);
-    const spsi_m across = spsi_and(spsi_less(edge, x), spsi_less(x, spsi_set(width - 0.5f)));
-    const spsi_m down = spsi_and(spsi_less(edge, y), spsi_less(y, spsi_set(height - 0.5f)));
-    const spsi_m inside = spsi_and(seen.in_range, spsi_and(across, down));
-    const spsi_v right = spsi_sub(x, column), low = spsi_sub(y, row);
-    const spsi_v shares[2][2] = {{spsi_sub(one, right), right}, {spsi_sub(one, low), low}};
-    const spsi_v first_row = spsi_mul(seen.face, spsi_set(height));
-    for (int i = 0; i < 2; ++i) {
-        const spsi_v next = spsi_set((float)i);
-        quads->column[i] = spsi_clamp(spsi_add(column, next), zero, spsi_set(width - 1));
-        quads->row[i] = spsi_add(first_row, spsi_clamp(spsi_add(row, next), zero, spsi_set(height - 1)));
+    const float size[2] = {(float)map->rays[0].width, (float)map->rays[0].height};
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), per_depth = spsi_set((float)map->per_depth);
+    spsi_v seen[3] = {q[0], q[1], q[2]}, shares[2][2], face = zero;
+    spsi_m inside;
+    if (map->face_count > 1) {
+        face = spsi_tmap_see_round(map, q, seen);
+    } else if (map->rays[0].perspective) {
+        const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
+        const spsi_v scale = spsi_div(one, spsi_max(distance, spsi_set(FLT_MIN * 16)));
+        for (int i = 0; i < 2; ++i) seen[i] = spsi_mul(q[i], scale);
     }
+    /* allows for round-off; what lies behind the light also lies before near_depth */
+    inside = spsi_less(spsi_set(-1e-6f), spsi_mul(seen[2], per_depth));
+    for (int k = 0; k < 2; ++k) {
+        const spsi_v x = spsi_clamp(seen[k], spsi_set(-1), spsi_set(size[k])), first = spsi_floor(x);
+        spsi_v *const texels = k == 0 ? quads->column : quads->row;
+        inside = spsi_and(inside, spsi_and(spsi_less(spsi_set(-0.5f), x), spsi_less(x, spsi_set(size[k] - 0.5f))));
+        shares[k][1] = spsi_sub(x, first);
+        shares[k][0] = spsi_sub(one, shares[k][1]);
+        for (int i = 0; i < 2; ++i)
+            texels[i] = spsi_clamp(spsi_add(first, spsi_set((float)i)), zero, spsi_set(size[k] - 1));
+    }
+    for (int i = 0; i < 2; ++i) quads->row[i] = spsi_fma(face, spsi_set(size[1]), quads->row[i]);
     for (int i = 0; i < 4; ++i)
         quads->weight[i] = spsi_select(inside, spsi_mul(shares[0][i & 1], shares[1][i >> 1]), zero);
-    quads->u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), zero, one);
+    quads->u = spsi_clamp(spsi_mul(seen[2], per_depth), zero, one);
 }
 
 /* Optical depth of gas at a vector of points in these coordinates. */
@@ -14960,46 +14868,35 @@ static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_
     spsi_insert(into, x, y, &one);
 }
 
-/* A chord in one texel. */
-typedef struct spsi_cut_chord {
-    double u0, u1, depth;
-    int soft;
-} spsi_cut_chord;
-
-static double spsi_cut_chord_share(const spsi_cut_chord *chord, double u) {
-    const double s = fmin(fmax((u - chord->u0) / (chord->u1 - chord->u0), 0), 1);
-    return chord->soft ? s * s * (3 - 2 * s) : s;
-}
-
-/* Inserts the part of a soft chord between two positions as points: good to 1e-6 for moments and Fourier series, since
-   no part is longer than a sixth of a wave. */
-static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const spsi_cut_chord *chord, double from,
+/* Inserts the part of a soft interval between two positions as points: good to 1e-6 for moments and Fourier series,
+   since no part is longer than a sixth of a wave. */
+static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const spsi_interval *interval, double from,
                                double to) {
     const sps_tmap *map = into->filling->map;
     const int waves = map->inner.components / 2;
     const int parts = 6 * (map->has_range ? waves : spsi_most((int)ceil(waves * (to - from)), 1));
-    const double way = (to - from) / parts, length = chord->u1 - chord->u0;
+    const double way = (to - from) / parts, u0 = (double)interval->u0, length = (double)interval->u1 - u0;
+    const double soft = (double)interval->soft, scale = (double)interval->depth * way / length * 6 / (3 - 2 * soft);
     for (int i = 0; i < 3 * parts; ++i) {
-        const double u = from + way * (i / 3 + spsi_gauss_places[i % 3]), s = (u - chord->u0) / length;
-        const double depth = chord->depth * way / length * spsi_gauss_weights[i % 3] * 6 * s * (1 - s);
+        const double u = from + way * (i / 3 + spsi_gauss_places[i % 3]), s = (u - u0) / length;
+        const double depth = scale * spsi_gauss_weights[i % 3] * (1 - s) * (1 - soft + soft * s);
         const spsi_interval point = {(float)u, (float)u, (float)depth, 0};
         spsi_insert_one(into, x, y, &point);
     }
 }
 
-/* Inserts a clipped chord in parts, for techniques that need this: what lies before 0 or behind 1 counts there. */
-static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const spsi_cut_chord *chord, double light) {
-    const double from = fmin(fmax(chord->u0, 0), 1), to = fmin(fmax(chord->u1, 0), 1);
-    const double before = spsi_cut_chord_share(chord, from), until = spsi_cut_chord_share(chord, to);
-    const double unlit = spsi_cut_chord_share(chord, light);
-    const spsi_interval front = {(float)from, (float)from, (float)(chord->depth * (before - unlit)), 0};
-    const spsi_interval even = {(float)from, (float)to, (float)(chord->depth * (until - before)), 0};
-    const spsi_interval back = {(float)to, (float)to, (float)(chord->depth * (1 - until)), 0};
+/* Inserts a clipped interval in parts, for techniques that need this: what lies before 0 or behind 1 counts there. */
+static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
+    const float from = spsi_higher(spsi_lower(interval->u0, 1), 0), to = spsi_higher(spsi_lower(interval->u1, 1), 0);
+    const float before = spsi_interval_share(interval, from), until = spsi_interval_share(interval, to);
+    const spsi_interval front = {from, from, interval->depth * before, 0};
+    const spsi_interval even = {from, to, interval->depth * (until - before), 0};
+    const spsi_interval back = {to, to, interval->depth * (1 - until), 0};
     spsi_insert_one(into, x, y, &front);
-    if (!chord->soft || !(to > from))
-        spsi_insert_one(into, x, y, &even);
+    if (interval->soft > 0 && to > from)
+        spsi_insert_points(into, x, y, interval, (double)from, (double)to);
     else
-        spsi_insert_points(into, x, y, chord, from, to);
+        spsi_insert_one(into, x, y, &even);
     spsi_insert_one(into, x, y, &back);
 }
 
@@ -15009,19 +14906,17 @@ static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const sps
 static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, const float in_t[3]) {
     const spsi_filling *filling = into->filling;
     const double per_t = filling->map->per_depth, light = filling->light_u;
-    const spsi_cut_chord chord = {((double)in_t[0] - (double)in_t[1]) * per_t,
-                                  ((double)in_t[0] + (double)in_t[1]) * per_t, (double)in_t[2], soft};
-    const double part = (chord.u1 - fmax(chord.u0, light)) / (chord.u1 - chord.u0);
+    const double u0 = ((double)in_t[0] - (double)in_t[1]) * per_t, u1 = ((double)in_t[0] + (double)in_t[1]) * per_t;
+    const double from = fmax(u0, light), part = (u1 - from) / (u1 - u0);
+    const double share = soft ? part * part * (3 - 2 * part) : part;
+    const double first = fmax(from, -SPSI_INTERVAL_REACH), last = fmax(u1, -SPSI_INTERVAL_REACH);
+    const spsi_interval rest = {(float)fmin(first, 1), (float)fmin(last, SPSI_INTERVAL_REACH),
+                                (float)((double)in_t[2] * share), soft ? (float)part : 0};
     if (!(part > 0)) return;
-    if (filling->map->technique->points && filling->visit != SPSI_VISIT_RANGE) {
-        spsi_insert_parts(into, x, y, &chord, light);
-    } else {
-        const double share = soft ? part * part * (3 - 2 * part) : part;
-        const double from = fmax(fmax(chord.u0, light), -SPSI_INTERVAL_REACH);
-        const spsi_interval rest = {(float)fmin(from, 1), (float)fmin(chord.u1, SPSI_INTERVAL_REACH),
-                                    (float)(chord.depth * share), soft ? (float)part : 0};
+    if (filling->map->technique->points && filling->visit != SPSI_VISIT_RANGE)
+        spsi_insert_parts(into, x, y, &rest);
+    else
         spsi_insert_one(into, x, y, &rest);
-    }
 }
 
 /* Inserts chords of which some reach beyond 0..1. Those that contain the light, and all clipped ones where a technique
@@ -16378,19 +16273,15 @@ typedef struct spsi_penumbra {
     size_t scratch_floats;
 } spsi_penumbra;
 
-/* The same as spsi_bilinear for one point. */
-static double spsi_bilinear_at(const float *grid, int width, int height, double x, double y) {
-    const double cx = x > 0 ? fmin(x, width - 1) : 0, cy = y > 0 ? fmin(y, height - 1) : 0;
-    const int ix = spsi_least((int)cx, width - 2), iy = spsi_least((int)cy, height - 2);
-    const float *quad = grid + (size_t)iy * (size_t)width + (size_t)ix, *next = quad + width;
-    const double fx = cx - ix, fy = cy - iy;
-    const double above = (double)quad[0] + fx * ((double)quad[1] - (double)quad[0]);
-    return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
-}
-
-/* The same, but 0 beyond the grid. */
+/* The same as spsi_bilinear for one point, but 0 beyond the grid. */
 static double spsi_bilinear_inside(const float *grid, int width, int height, double x, double y) {
-    return x > 0 && y > 0 && x < width - 1 && y < height - 1 ? spsi_bilinear_at(grid, width, height, x, y) : 0;
+    const float *quad, *next;
+    double fx, fy, above;
+    if (!(x > 0 && y > 0 && x < width - 1 && y < height - 1)) return 0;
+    quad = grid + (size_t)y * (size_t)width + (size_t)x, next = quad + width;
+    fx = x - floor(x), fy = y - floor(y);
+    above = (double)quad[0] + fx * ((double)quad[1] - (double)quad[0]);
+    return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
 }
 
 /* Weights of a cubic through four values, `t` of the way from the second to the third. [Catmull & Rom 1974] */
@@ -16646,20 +16537,26 @@ static void spsi_beam_stop(sps_context *context, const spsi_faces *faces, spsi_b
         }
 }
 
+/* Prepares a sweep's beams, whose rays are not known yet. */
+static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                     const spsi_rays *rays, spsi_penumbra *penumbra) {
+    memset(penumbra, 0, sizeof *penumbra);
+    penumbra->rays = rays;
+    penumbra->slabs = &sweep->slabs;
+    penumbra->end = spsi_light_end(frame);
+    penumbra->tiles_x = spsi_tile_columns(rays);
+    penumbra->tiles_y = spsi_tile_rows(rays);
+    penumbra->beam_count = sweep->lamp->point_count;
+    penumbra->beams = (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count,
+                                                sizeof *penumbra->beams);
+    return context->result;
+}
+
 /* Aims all beams of a sweep's light. */
 static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                     spsi_penumbra *penumbra) {
     const spsi_lamp *lamp = sweep->lamp;
-    memset(penumbra, 0, sizeof *penumbra);
-    penumbra->rays = &sweep->rays;
-    penumbra->slabs = &sweep->slabs;
-    penumbra->end = spsi_light_end(frame);
-    penumbra->tiles_x = spsi_tile_columns(&sweep->rays);
-    penumbra->tiles_y = spsi_tile_rows(&sweep->rays);
-    penumbra->beam_count = lamp->point_count;
-    penumbra->beams =
-        (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)lamp->point_count, sizeof(spsi_beam));
-    if (!penumbra->beams) return context->result;
+    if (spsi_penumbra_open(context, frame, sweep, &sweep->rays, penumbra)) return context->result;
     for (int i = 0; i < lamp->point_count; ++i)
         if (!spsi_beam_aim(frame, penumbra, &lamp->points[i], &penumbra->beams[i]))
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0,
@@ -16668,65 +16565,40 @@ static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* What a penumbra is kept in, in floats. */
-typedef struct spsi_penumbra_size {
-    uint64_t beams;   /* texels of all beams, twice with polygons */
-    uint64_t sheets;  /* of a chunk */
-    uint64_t hidden;  /* likewise; 0 without polygons */
-    uint64_t scratch; /* per worker */
-    uint64_t held;    /* of the patches' bits */
-} spsi_penumbra_size;
-
-static spsi_penumbra_size spsi_penumbra_measure(const spsi_penumbra *penumbra, int has_polygons) {
-    spsi_penumbra_size size = {0, 0, 0, 0, 0};
-    for (int i = 0; i < penumbra->beam_count; ++i) {
-        const uint64_t texels = spsi_ray_count(&penumbra->beams[i].rays);
-        size.beams += texels * (uint64_t)(1 + has_polygons);
-        size.scratch = 3 * texels > size.scratch ? 3 * texels : size.scratch;
-    }
-    size.scratch += SPSI_LANES + 2 * SPSI_BEAM_TILE; /* lengths are stored in whole vectors */
-    size.sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
-    size.hidden = has_polygons ? SPSI_PARTS * size.sheets : 0;
-    size.held = 2 * (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y;
-    return size;
-}
-
-/* At most what SIZE_MAX bytes hold, which cannot be reserved. */
-static size_t spsi_penumbra_floats(const sps_context *context, const spsi_penumbra_size *size) {
-    const uint64_t workers = (uint64_t)spsi_worker_count(context), most = SIZE_MAX / sizeof(float);
-    const uint64_t floats = size->beams + size->sheets + size->hidden + workers * size->scratch + size->held;
-    return (size_t)(floats < most ? floats : most);
-}
-
-/* Lays out the beams' texels, the sheets and the workers' scratch memory. */
-static sps_result spsi_penumbra_reserve(sps_context *context, spsi_penumbra *penumbra, int has_polygons) {
-    const spsi_penumbra_size size = spsi_penumbra_measure(penumbra, has_polygons);
-    float *memory =
-        (float *)spsi_reserve(context, SPSI_BUFFER_PENUMBRA, spsi_penumbra_floats(context, &size), sizeof(float));
-    if (!memory) return context->result;
-    penumbra->held = (uint64_t *)(void *)memory; /* first, as its alignment is the strictest */
-    memory += size.held;
-    memset(penumbra->held, 0, (size_t)(size.held + size.beams + size.sheets + size.hidden) * sizeof(float));
+/* Lays out the patches' bits, the beams' texels, the sheets and the workers' scratch memory, or counts only. Returns
+   the number of floats. */
+static size_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra *penumbra, int has_polygons,
+                                    float *memory) {
+    const uint64_t sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
+    const uint64_t tiles = (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y;
+    size_t laid = 0, most = 0;
+    /* first, as its alignment is the strictest */
+    penumbra->held = (uint64_t *)(void *)spsi_lay(memory, &laid, 2 * tiles);
     for (int i = 0; i < penumbra->beam_count; ++i) {
         spsi_beam *beam = &penumbra->beams[i];
         const size_t texels = spsi_ray_count(&beam->rays);
-        beam->depth = memory;
-        beam->stop = has_polygons ? memory + texels : NULL;
+        beam->depth = spsi_lay(memory, &laid, texels);
+        beam->stop = has_polygons ? spsi_lay(memory, &laid, texels) : NULL;
         beam->crossed = spsi_area_none();
-        memory += texels * (size_t)(1 + has_polygons);
+        most = texels > most ? texels : most;
     }
-    penumbra->sheets = memory;
-    penumbra->hidden = has_polygons ? memory + size.sheets : NULL;
-    penumbra->scratch = memory + size.sheets + size.hidden;
-    penumbra->scratch_floats = (size_t)size.scratch;
-    return SPS_OK;
+    penumbra->sheets = spsi_lay(memory, &laid, sheets);
+    penumbra->hidden = has_polygons ? spsi_lay(memory, &laid, SPSI_PARTS * sheets) : NULL;
+    if (memory) memset(memory, 0, laid * sizeof *memory);
+    penumbra->scratch_floats = 3 * most + SPSI_LANES + 2 * SPSI_BEAM_TILE; /* lengths are stored in whole vectors */
+    penumbra->scratch = spsi_lay(memory, &laid, (uint64_t)spsi_worker_count(context) * penumbra->scratch_floats);
+    return laid;
 }
 
 static sps_result spsi_penumbra_begin(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                       const spsi_faces *faces, spsi_penumbra *penumbra) {
     const int has_polygons = faces->count > 0;
-    if (spsi_penumbra_aim(context, frame, sweep, penumbra) || spsi_penumbra_reserve(context, penumbra, has_polygons))
-        return context->result;
+    float *memory;
+    if (spsi_penumbra_aim(context, frame, sweep, penumbra)) return context->result;
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PENUMBRA,
+                                   spsi_penumbra_lay_out(context, penumbra, has_polygons, NULL), sizeof(float));
+    if (!memory) return context->result;
+    spsi_penumbra_lay_out(context, penumbra, has_polygons, memory);
     for (int i = 0; i < penumbra->beam_count && has_polygons; ++i)
         spsi_beam_stop(context, faces, &penumbra->beams[i], (int *)(void *)penumbra->scratch);
     return SPS_OK;
@@ -17856,7 +17728,7 @@ static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
 
 /* --- lookup --- */
 
-/* The coordinates that spsi_tmap_see expects, or spsi_tmap_see_round, along the eye's rays. */
+/* The coordinates that spsi_quads_build expects, along the eye's rays. */
 static void spsi_tmap_follow(const spsi_rays *eye, const sps_tmap *map, spsi_linear along[3]) {
     const spsi_rays *rays = &map->rays[0];
     for (int i = 0; i < 3; ++i) {
@@ -21796,14 +21668,14 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
 static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
                             const spsi_slab *slab, spsi_v lit[SPSI_PARTS]) {
     const int backwards = shader->sweep->back_to_front;
-    const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
-    const spsi_v step = spsi_mul(spsi_sub(to, from), spsi_set(1.0f / SPSI_PARTS));
+    const spsi_v d[2] = {backwards ? slab->leave : slab->enter, backwards ? slab->enter : slab->leave};
+    const spsi_v step = spsi_mul(spsi_sub(d[1], d[0]), spsi_set(1.0f / SPSI_PARTS));
     for (int i = 0; i < SPSI_PARTS; ++i) lit[i] = spsi_set(1);
     for (int face = 0; face < map->face_count; ++face) {
-        if (!spsi_depth_map_may_shade(map, face, p->line.at, (float)p->line.y, from, to)) continue;
+        if (!spsi_depth_map_may_shade(map, face, p->line.at, (float)p->line.y, d)) continue;
         for (int i = 0; i < SPSI_PARTS; ++i) {
-            const spsi_v d0 = spsi_fma(step, spsi_set((float)i), from), d1 = spsi_add(d0, step);
-            lit[i] = spsi_min(lit[i], spsi_depth_map_share(map, face, p->line.at, (float)p->line.y, d0, d1));
+            const spsi_v from = spsi_fma(step, spsi_set((float)i), d[0]), way[2] = {from, spsi_add(from, step)};
+            lit[i] = spsi_min(lit[i], spsi_depth_map_share(map, face, p->line.at, (float)p->line.y, way));
         }
     }
     if (slab->part_count > 1) return;
@@ -26969,23 +26841,18 @@ static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *fra
 static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                            sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
-    const uint64_t side = spsi_plan_light_side(frame, sweep), most = 2 * side + 8;
     spsi_penumbra penumbra;
-    spsi_penumbra_size size;
+    spsi_rays rays;
     report->pass[SPS_PASS_PENUMBRAE].runs += sweep->soft || frame->particles.set_count > 0 || polygons;
     if (frame->particles.set_count > 0) {
-        const uint64_t tiles = side / SPSI_TILE_WIDTH + 1;
-        size.scratch = 3 * most * most + SPSI_LANES + 2 * SPSI_BEAM_TILE;
-        size.beams = (uint64_t)sweep->lamp->point_count * most * most * (uint64_t)(1 + polygons);
-        size.sheets = SPSI_CHUNK * side * side;
-        size.hidden = polygons ? SPSI_PARTS * size.sheets : 0;
-        size.held = 2 * tiles * tiles;
-    } else {
-        if (spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;
-        size = spsi_penumbra_measure(&penumbra, polygons);
-    }
-    spsi_bytes_add(&context->counted, (size_t)sweep->lamp->point_count, sizeof(spsi_beam));
-    spsi_bytes_add(&context->counted, spsi_penumbra_floats(context, &size), sizeof(float));
+        rays.width = rays.height = (int)spsi_plan_light_side(frame, sweep);
+        if (spsi_penumbra_open(context, frame, sweep, &rays, &penumbra)) return context->result;
+        for (int i = 0; i < penumbra.beam_count; ++i)
+            penumbra.beams[i].rays.width = penumbra.beams[i].rays.height = 2 * rays.width + 8;
+    } else if (spsi_penumbra_aim(context, frame, sweep, &penumbra))
+        return context->result;
+    spsi_bytes_add(&context->counted, (size_t)penumbra.beam_count, sizeof(spsi_beam));
+    spsi_bytes_add(&context->counted, spsi_penumbra_lay_out(context, &penumbra, polygons, NULL), sizeof(float));
     spsi_plan_take(context, report, SPS_PASS_PENUMBRAE);
     return SPS_OK;
 }

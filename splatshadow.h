@@ -20263,7 +20263,7 @@ typedef struct spsi_ways {
 
 /* Optical depth on a vector of ways. */
 static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways) {
-    const spsi_v one = spsi_set(1), zero = spsi_set(0);
+    const spsi_v one = spsi_set(1), zero = spsi_set(0), own_end = spsi_mul(ways->clear, spsi_set(1.3f));
     spsi_v at = ways->begin, rim = spsi_set(SPSI_INFINITY), end, depth = zero;
     for (int k = 0; k < 3; ++k) { /* cut to the grid; a direction has at least 1e-9 along each axis */
         const spsi_v size = spsi_set((float)grid->size[k]), tiny = spsi_set(1e-9f);
@@ -20281,8 +20281,8 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
         spsi_v place[3], gas;
         for (int k = 0; k < 3; ++k) place[k] = spsi_fma(middle, ways->unit[k], ways->from[k]);
         gas = spsi_cell_pyramid_at(grid, zero, place, step);
-        if (spsi_bits(spsi_less(middle, ways->clear))) {
-            const spsi_v clear = spsi_max(middle, ways->clear);
+        if (spsi_bits(spsi_less(middle, own_end))) {
+            const spsi_v clear = spsi_max(middle, own_end);
             const spsi_v here = spsi_cell_pyramid_at(grid, ways->own, place, step);
             for (int k = 0; k < 3; ++k) place[k] = spsi_fma(clear, ways->unit[k], ways->from[k]);
             const spsi_v there = spsi_cell_pyramid_at(grid, ways->own, place, step);
@@ -20670,7 +20670,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     /* what is counted twice if the way begins in the cell: half of it, less what its extent adds to the mean way */
     depth = spsi_clamp(spsi_sub(node->clear > 0 ? radius : ways.begin, ways.end), zero, half);
     depth = spsi_mul(depth, spsi_sub(spsi_sub(rim, radius), one));
-    depth = spsi_fma(depth, cells->depth, spsi_ways_depth(grid, &ways));
+    depth = spsi_max(spsi_fma(depth, cells->depth, spsi_ways_depth(grid, &ways)), zero);
     part = spsi_flight_part(flight, length);
     spsi_harmonics_v(ways.unit, grid->terms, harmonic);
     square = spsi_ball_square(square, spsi_mul(radius, radius));

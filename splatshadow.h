@@ -20126,6 +20126,9 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     for (int k = 0; k < 3; ++k) sum->sent[k] = (float)fmin(sent[k], (double)SPSI_RADIANCE_MAX);
     sum->radius = (float)sqrt(5.0 / 3 * square);
     sum->clear = sum->gas = 0;
+    sum->own = list[0].own;
+    for (int i = 1; i < count; ++i)
+        if (sum->own > list[i].own || sum->own < list[i].own) sum->own = 0;
 }
 
 /* Adds the glow of a volume that always flies, as one even ball of the voxels' mass and spread, of a kernel's radius at
@@ -20339,6 +20342,11 @@ static void spsi_flight_way(int number, float unit[3]) {
     }
 }
 
+/* Length up to which cells hold gas of its own about an emitter, or about a node all of whose gas is in one pyramid. */
+static float spsi_flight_clear(const spsi_emitter *emitter, const spsi_flight_node *node) {
+    return node && emitter->own > 0 ? node->reach : emitter->clear;
+}
+
 /* Adds to what leaves a node what a child of it does. `own` is NULL for an emitter. */
 static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *child, const spsi_flight_node *own,
                                spsi_flight_node *node, float leaves[3][SPSI_FLIGHT_WAYS]) {
@@ -20359,7 +20367,7 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
             ways.begin[i] = own ? own->reach : child->clear > 0 ? child->ahead : spsi_emitter_reach(child);
             ways.end[i] = fmaxf(ways.end[i], ways.begin[i]);
             ways.length[i] = 2 * ways.end[i];
-            ways.clear[i] = child->clear;
+            ways.clear[i] = spsi_flight_clear(child, own);
             ways.own[i] = child->own;
         }
         spsi_flight_ways_pass(flights, &ways, passes);
@@ -20664,7 +20672,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     length = spsi_mul(ways.length, spsi_set((float)grid->edge));
     ways.begin = spsi_mul(spsi_flight_begin(flight, length), spsi_set((float)(1 / grid->edge)));
     ways.end = spsi_sub(ways.length, half);
-    ways.clear = spsi_set(node->clear / (float)grid->edge);
+    ways.clear = spsi_set(spsi_flight_clear(node, flight->node) / (float)grid->edge);
     ways.own = spsi_set(node->own);
     for (int k = 0; k < 3; ++k) ways.unit[k] = spsi_div(ways.unit[k], spsi_max(ways.length, spsi_set(1e-3f)));
     /* what is counted twice if the way begins in the cell: half of it, less what its extent adds to the mean way */
@@ -20847,7 +20855,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         ways.length[i] = ways.end[i] = (float)distance;
         spsi_store(begin, spsi_flight_begin(flight, spsi_set((float)distance)));
         ways.begin[i] = begin[0];
-        ways.clear[i] = node->clear;
+        ways.clear[i] = spsi_flight_clear(node, flight->node);
         ways.own[i] = node->own;
     }
     if (!some) return;
@@ -25053,7 +25061,6 @@ static int spsi_cells_place_all(const sps_context *context, const spsi_frame *fr
                                 spsi_cell_grid *grids) {
     int count = 0;
     spsi_groups_build(context, frame, groups);
-    if (groups->count == 1) groups->list[0] = frame->content->bounds;
     for (int n = 0; n < groups->count; ++n) {
         if (!spsi_cells_place(frame, &groups->list[n], &grids[count])) continue;
         groups->list[count] = groups->list[n];
@@ -25125,8 +25132,8 @@ static void spsi_cells_look(sps_context *context, const spsi_frame *frame, const
 }
 
 /* Finds the light in the cells, unless it is held from the last call, and what the eye sees of it. */
-static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                   const spsi_part_of_call *part) {
+static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                  const spsi_part_of_call *part) {
     const double start = spsi_clock(context);
     spsi_cell_grid *grids =
         (spsi_cell_grid *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, SPSI_CELL_GRIDS, sizeof *grids);
@@ -25156,6 +25163,28 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     if (spsi_cells_fly(frame)) frame->content->flights = flights;
     context->stats.seconds_cells = spsi_clock(context) - start;
     return SPS_OK;
+}
+
+/* The same on the finest levels of all volumes: what gas sends does not depend on how large the eye's pixels are. */
+static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                   const spsi_part_of_call *part) {
+    spsi_content *content = frame->content;
+    const spsi_bounds bounds = content->bounds;
+    float levels[SPSI_VOLUMES_MAX];
+    memcpy(levels, content->levels, sizeof levels);
+    for (int m = 0; m < frame->medium_count; ++m) content->levels[m] = spsi_lower(levels[m], 0);
+    spsi_bricks_bounds(context, frame, &content->bounds);
+    for (int i = 0; i < content->particle_count; ++i) {
+        spsi_bounds box;
+        spsi_particle_bounds(&content->particles[i], &box);
+        spsi_bounds_join(&content->bounds, &box);
+    }
+    (void)spsi_cells_find(context, frame, faces, part);
+    if (memcmp(content->levels, levels, sizeof levels)) /* lights' own tables of these levels are not the picture's */
+        spsi_tmaps_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count);
+    memcpy(content->levels, levels, sizeof levels);
+    content->bounds = bounds;
+    return context->result;
 }
 
 /* --- light that spreads --- */

@@ -256,6 +256,34 @@ static void test_cells(void) {
                fabs(light[0] / light[1] - 1), 0.05, "more of a thicker layer's light leaves by its sides");
 }
 
+/* What a dense flame sends to a floor far from it does not depend on the size of pixels, in which the eye sees it as
+   wide as 18 of its voxels. 0.5 %: cells hold the same, and
+   a floor is interpolated between nine pixels of 0.6, over which its light changes by a third. */
+static void test_far_flame(void) {
+    static const double pixels[] = {1, 0.055}, origin[3] = {-40, -2, -40}, along[3] = {0, 0, 80}, side[3] = {80, 0, 0};
+    double light[2] = {0, 0};
+    for (int n = 0; n < 2; ++n) {
+        check_triangles floor;
+        check_scene s;
+        start_volume(&s, BLOB, 0.033, 0, 0);
+        s.volume[0].extinction = 20;
+        for (int k = 0; k < 3; ++k) s.volume[0].emission[k] = 1;
+        memset(&floor, 0, sizeof floor);
+        check_add_quad(&floor, origin, along, side);
+        check_add_mesh(&s, &floor, 0.5);
+        check_set3(s.view.camera.position, 4, 200, 0), check_set3(s.view.camera.target, 4, 0, 0);
+        check_set3(s.view.camera.up, 0, 0, 1);
+        check_orthographic(&s.view.camera, 3 * 0.033 / pixels[n]);
+        s.view.width = s.view.height = 3;
+        s.view.scattering = SPS_SCATTERING_FULL;
+        if (check_render(context, &s, image)) light[n] = (double)image[4 * 4];
+        check_free_triangles(&floor);
+    }
+    if (figures()) printf("far flame: %g and %g\n", light[0], light[1]);
+    CHECK_CASE("Extremes", "a floor lit by a dense flame whose voxels are 1/18 of a pixel", "that of one pixel a voxel",
+               fabs(light[1] / light[0] - 1), 5e-3, "interpolation between pixels");
+}
+
 /* What was kept of other distances has no part in a picture. */
 static void test_kept(void) {
     static float again[4 * SIDE * SIDE];
@@ -312,6 +340,7 @@ int main(void) {
     RUN(test_receding);
     RUN(test_maps);
     RUN(test_cells);
+    RUN(test_far_flame);
     RUN(test_kept);
     RUN(test_behind);
     sps_destroy(context);

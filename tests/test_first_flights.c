@@ -305,6 +305,54 @@ static void test_balls(void) {
                 }
 }
 
+/* The same of a ball as wide as its grid, all over the floor: what is looked up on the way must not be the ball's own
+   gas, on any level of the cells. 5e-3: a level's cell may hold a rim of the ball, 1e-3 of its depth. */
+static void test_wide_ball(void) {
+    static const double depths[] = {1, 10, 50};
+    for (int d = 0; d < 3; ++d)
+        for (int n = 0; n < 12; ++n) {
+            const double way[3] = {0.013 - 0.1 * n, 0.021 + 0.45, -0.017}, distance = spsi_length(way);
+            const double exact = SPSI_PI * 0.01 * ball_sends(0, depths[d]) * way[1] / pow(distance, 3);
+            ball_scene b;
+            ball_scene_build(&b, 0, 0.1, depths[d], NULL, 0);
+            b.s.scene.volume_count = 0;
+            b.s.view.scatter_size = 0;
+            b.s.view.quality = d == 1 ? SPS_QUALITY_HIGH : SPS_QUALITY_MEDIUM;
+            CHECK_CASE("Scattering", "a floor below a dense glowing ball that is as wide as its grid",
+                       "closed form: that of a point; relative", fabs(ball_irradiance(&b, 0.1 * n, 0) / exact - 1),
+                       5e-3, "rims of the ball in wide cells");
+            check_free_triangles(&b.floor);
+        }
+}
+
+/* Opaque matter that absorbs all shines no brighter than emission over extinction, 1, and lights haze and a floor less
+   than that. 1 %: voxels' kernels ripple. */
+static void test_opaque(void) {
+    static const check_field solid = {even_gas, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+    static const float extinctions[] = {300, 5000, 30000};
+    for (int n = 0; n < 3; ++n) {
+        double brightest = 0;
+        ball_scene b;
+        ball_scene_build(&b, 0, 0.01, 0.01, &solid, 0.1f);
+        b.s.volume[1] = b.s.volume[0];
+        b.s.scene.volume_count = 2, b.s.scene.particle_set_count = 0;
+        b.s.volume[1].extinction = extinctions[n];
+        for (int k = 0; k < 3; ++k) {
+            b.s.volume[1].size[k] = 16, b.s.volume[1].albedo[k] = 0, b.s.volume[1].emission[k] = extinctions[n];
+            b.s.volume[1].placement.axis[k][k] = 0.2, b.s.volume[1].placement.origin[k] = k == 1 ? -0.35 : -0.1;
+        }
+        b.s.view.scatter_size = 0;
+        b.s.view.width = b.s.view.height = 32;
+        check_set3(b.s.view.camera.position, 0, 1, 6), check_set3(b.s.view.camera.target, 0, -0.2, 0);
+        b.s.view.camera.ortho_height = 1.2;
+        if (!check_render(context, &b.s, picture)) return;
+        for (int i = 0; i < 4 * 32 * 32; i += 4) brightest = fmax(brightest, (double)picture[i]);
+        CHECK_CASE("Extremes", "opaque matter that glows, in haze", "emission over extinction, at most", brightest,
+                   1.01, "ripple of kernels");
+        check_free_triangles(&b.floor);
+    }
+}
+
 /* A random walk in a ball of gas of a depth along a diameter: what leaves it over what it sends everywhere, if it
    scatters that. Soft gas falls from its centre on as 1 - r^2, a chord through which is 4/3 of that at the centre. */
 static double ball_walk(int soft, double depth, double albedo, check_random *random) {
@@ -798,6 +846,8 @@ int main(void) {
     RUN(test_patch);
     RUN(test_specks);
     RUN(test_balls);
+    RUN(test_wide_ball);
+    RUN(test_opaque);
     RUN(test_trapped);
     RUN(test_small_volumes);
     RUN(test_cube);

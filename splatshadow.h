@@ -2312,10 +2312,15 @@ static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count,
 }
 
 /* Takes the next floats of a block of memory, and adds them to those taken. Without memory it only counts. */
-static float *spsi_lay(float *memory, size_t *laid, size_t floats) {
+static float *spsi_lay(float *memory, uint64_t *laid, uint64_t floats) {
     float *own = memory ? memory + *laid : NULL;
     *laid += floats;
     return own;
+}
+
+/* Reserves floats that were laid out, which may be more than a size_t can count. */
+static float *spsi_floats_reserve(sps_context *context, spsi_buffer_id id, uint64_t floats) {
+    return (float *)spsi_reserve(context, id, (size_t)(floats < SIZE_MAX ? floats : SIZE_MAX), sizeof(float));
 }
 
 static int spsi_worker_count(const sps_context *context) {
@@ -9236,7 +9241,7 @@ static size_t spsi_depth_map_floats_most(size_t size) {
 /* Lays out a depth map in memory, or counts only, and returns its floats. `first`: where a map of panes lists what
    begins where; NULL: it is none. */
 static size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
-    size_t laid = 0;
+    uint64_t laid = 0;
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
         const size_t texels = first ? 0 : spsi_ray_count(rays), rows = (size_t)spsi_depth_map_cells(rays->height);
@@ -9246,7 +9251,7 @@ static size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, floa
         map->cells[face] = spsi_depth_map_cells(rays->width);
         map->nearest[face] = spsi_lay(memory, &laid, 2 * (size_t)map->cells[face] * rows);
     }
-    return laid;
+    return (size_t)laid;
 }
 
 /* Aims a light's depth map: a single face fitted to the gas, however far the polygons reach, whose texels need not be
@@ -16668,65 +16673,40 @@ static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* What a penumbra is kept in, in floats. */
-typedef struct spsi_penumbra_size {
-    uint64_t beams;   /* texels of all beams, twice with polygons */
-    uint64_t sheets;  /* of a chunk */
-    uint64_t hidden;  /* likewise; 0 without polygons */
-    uint64_t scratch; /* per worker */
-    uint64_t held;    /* of the patches' bits */
-} spsi_penumbra_size;
-
-static spsi_penumbra_size spsi_penumbra_measure(const spsi_penumbra *penumbra, int has_polygons) {
-    spsi_penumbra_size size = {0, 0, 0, 0, 0};
-    for (int i = 0; i < penumbra->beam_count; ++i) {
-        const uint64_t texels = spsi_ray_count(&penumbra->beams[i].rays);
-        size.beams += texels * (uint64_t)(1 + has_polygons);
-        size.scratch = 3 * texels > size.scratch ? 3 * texels : size.scratch;
-    }
-    size.scratch += SPSI_LANES + 2 * SPSI_BEAM_TILE; /* lengths are stored in whole vectors */
-    size.sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
-    size.hidden = has_polygons ? SPSI_PARTS * size.sheets : 0;
-    size.held = 2 * (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y;
-    return size;
-}
-
-/* At most what SIZE_MAX bytes hold, which cannot be reserved. */
-static size_t spsi_penumbra_floats(const sps_context *context, const spsi_penumbra_size *size) {
-    const uint64_t workers = (uint64_t)spsi_worker_count(context), most = SIZE_MAX / sizeof(float);
-    const uint64_t floats = size->beams + size->sheets + size->hidden + workers * size->scratch + size->held;
-    return (size_t)(floats < most ? floats : most);
-}
-
-/* Lays out the beams' texels, the sheets and the workers' scratch memory. */
-static sps_result spsi_penumbra_reserve(sps_context *context, spsi_penumbra *penumbra, int has_polygons) {
-    const spsi_penumbra_size size = spsi_penumbra_measure(penumbra, has_polygons);
-    float *memory =
-        (float *)spsi_reserve(context, SPSI_BUFFER_PENUMBRA, spsi_penumbra_floats(context, &size), sizeof(float));
-    if (!memory) return context->result;
-    penumbra->held = (uint64_t *)(void *)memory; /* first, as its alignment is the strictest */
-    memory += size.held;
-    memset(penumbra->held, 0, (size_t)(size.held + size.beams + size.sheets + size.hidden) * sizeof(float));
+/* Lays out the patches' bits, the beams' texels, the sheets and the workers' scratch memory, or counts only, and returns
+   their floats. */
+static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra *penumbra, int has_polygons,
+                                      float *memory) {
+    const uint64_t sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
+    uint64_t laid = 0;
+    size_t most = 0;
+    penumbra->held = /* first, as its alignment is the strictest */
+        (uint64_t *)(void *)spsi_lay(memory, &laid, 2 * (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y);
     for (int i = 0; i < penumbra->beam_count; ++i) {
         spsi_beam *beam = &penumbra->beams[i];
         const size_t texels = spsi_ray_count(&beam->rays);
-        beam->depth = memory;
-        beam->stop = has_polygons ? memory + texels : NULL;
+        beam->depth = spsi_lay(memory, &laid, texels);
+        beam->stop = has_polygons ? spsi_lay(memory, &laid, texels) : NULL;
         beam->crossed = spsi_area_none();
-        memory += texels * (size_t)(1 + has_polygons);
+        most = texels > most ? texels : most;
     }
-    penumbra->sheets = memory;
-    penumbra->hidden = has_polygons ? memory + size.sheets : NULL;
-    penumbra->scratch = memory + size.sheets + size.hidden;
-    penumbra->scratch_floats = (size_t)size.scratch;
-    return SPS_OK;
+    penumbra->sheets = spsi_lay(memory, &laid, sheets);
+    penumbra->hidden = has_polygons ? spsi_lay(memory, &laid, SPSI_PARTS * sheets) : NULL;
+    penumbra->scratch_floats = 3 * most + SPSI_LANES + 2 * SPSI_BEAM_TILE; /* lengths are stored in whole vectors */
+    penumbra->scratch = spsi_lay(memory, &laid, (uint64_t)spsi_worker_count(context) * penumbra->scratch_floats);
+    return laid;
 }
 
 static sps_result spsi_penumbra_begin(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                       const spsi_faces *faces, spsi_penumbra *penumbra) {
     const int has_polygons = faces->count > 0;
-    if (spsi_penumbra_aim(context, frame, sweep, penumbra) || spsi_penumbra_reserve(context, penumbra, has_polygons))
-        return context->result;
+    float *memory;
+    if (spsi_penumbra_aim(context, frame, sweep, penumbra)) return context->result;
+    memory = spsi_floats_reserve(context, SPSI_BUFFER_PENUMBRA,
+                                 spsi_penumbra_lay_out(context, penumbra, has_polygons, NULL));
+    if (!memory) return context->result;
+    spsi_penumbra_lay_out(context, penumbra, has_polygons, memory);
+    memset(memory, 0, (size_t)(penumbra->scratch - memory) * sizeof *memory);
     for (int i = 0; i < penumbra->beam_count && has_polygons; ++i)
         spsi_beam_stop(context, faces, &penumbra->beams[i], (int *)(void *)penumbra->scratch);
     return SPS_OK;
@@ -18192,17 +18172,16 @@ static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
    them. */
 static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                         double texel, spsi_shadow *shadows, int count) {
-    size_t floats = 0, more;
+    uint64_t floats = 0;
     float *memory;
     if (faces->count == 0 || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     for (int i = 0; i < count; ++i) {
         if (shadows[i].soft) continue;
         spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), texel, &shadows[i].depth_map);
         if (!spsi_depth_map_met(faces, &shadows[i].depth_map)) shadows[i].depth_map.face_count = 0;
-        more = spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, NULL);
-        floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
+        floats += spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, NULL);
     }
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
+    memory = spsi_floats_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats);
     if (!memory) return context->result;
     for (int i = 0; i < count; ++i) memory += spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, memory);
     for (int i = 0; i < count; ++i)
@@ -24702,7 +24681,7 @@ static void spsi_cells_equations_task(void *data, int row) {
 /* Lays out a level of a solver in memory, or counts only, and returns its floats. */
 static size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
     const size_t terms = (size_t)(orders * orders) * level->count;
-    size_t laid = 0;
+    uint64_t laid = 0;
     level->depth = spsi_lay(memory, &laid, level->count);
     for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
         level->through[i] = spsi_lay(memory, &laid, level->count);
@@ -24712,7 +24691,7 @@ static size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float 
     level->given = spsi_lay(memory, &laid, terms);
     level->sent = spsi_lay(memory, &laid, terms);
     for (int i = 0; i < 2; ++i) level->moments[i] = spsi_lay(memory, &laid, terms);
-    return laid;
+    return (size_t)laid;
 }
 
 /* Floats for light of polygons: moments and a source of none, links and rows of coarse levels, and what leaves. */
@@ -24975,7 +24954,7 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     const size_t each = (size_t)grid->channels * grid->count, moments = each * (size_t)grid->terms;
     const int flies = spsi_cells_fly(frame), flies_to_cells = flies && spsi_flies_to_cells(frame);
     const size_t pyramids = 1 + (size_t)(frame->matter.emits ? frame->matter.material_count : 0);
-    size_t laid = 0;
+    uint64_t laid = 0;
     grid->moments = spsi_lay(memory, &laid, moments);
     grid->depth = spsi_lay(memory, &laid, grid->count);
     grid->scale = spsi_lay(memory, &laid, 3);
@@ -24986,7 +24965,7 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     grid->pyramid_rows = spsi_cell_pyramid_rows(grid);
     grid->pyramid = flies ? spsi_lay(memory, &laid, pyramids * grid->pyramid_rows * (size_t)grid->pitch) : NULL;
     grid->seen = spsi_lay(memory, &laid, (size_t)frame->matter.material_count * each);
-    return laid;
+    return (size_t)laid;
 }
 
 /* Upper bound of the bytes for first flights. */
@@ -26970,22 +26949,23 @@ static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_fram
                                            sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
     const uint64_t side = spsi_plan_light_side(frame, sweep), most = 2 * side + 8;
+    const uint64_t points = (uint64_t)sweep->lamp->point_count, workers = (uint64_t)spsi_worker_count(context);
+    uint64_t floats;
     spsi_penumbra penumbra;
-    spsi_penumbra_size size;
     report->pass[SPS_PASS_PENUMBRAE].runs += sweep->soft || frame->particles.set_count > 0 || polygons;
     if (frame->particles.set_count > 0) {
-        const uint64_t tiles = side / SPSI_TILE_WIDTH + 1;
-        size.scratch = 3 * most * most + SPSI_LANES + 2 * SPSI_BEAM_TILE;
-        size.beams = (uint64_t)sweep->lamp->point_count * most * most * (uint64_t)(1 + polygons);
-        size.sheets = SPSI_CHUNK * side * side;
-        size.hidden = polygons ? SPSI_PARTS * size.sheets : 0;
-        size.held = 2 * tiles * tiles;
+        floats = points * most * most * (uint64_t)(1 + polygons);
+        floats += 2 * (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_WIDTH + 1); /* bits of tiles */
+        floats += (uint64_t)(polygons ? SPSI_CHUNK + SPSI_PARTS * SPSI_CHUNK : SPSI_CHUNK) * side * side;
+        floats += workers * (3 * most * most + SPSI_LANES + 2 * SPSI_BEAM_TILE);
     } else {
         if (spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;
-        size = spsi_penumbra_measure(&penumbra, polygons);
+        floats = spsi_penumbra_lay_out(context, &penumbra, polygons, NULL);
     }
-    spsi_bytes_add(&context->counted, (size_t)sweep->lamp->point_count, sizeof(spsi_beam));
-    spsi_bytes_add(&context->counted, spsi_penumbra_floats(context, &size), sizeof(float));
+    context->counts_only = 1;
+    spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)points, sizeof(spsi_beam));
+    spsi_floats_reserve(context, SPSI_BUFFER_PENUMBRA, floats);
+    context->counts_only = 0;
     spsi_plan_take(context, report, SPS_PASS_PENUMBRAE);
     return SPS_OK;
 }

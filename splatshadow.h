@@ -8991,22 +8991,17 @@ static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], doubl
 
 #define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of the row that is being read: a place and a color */
 
-static size_t spsi_image_level_floats(const spsi_image *image, int level) {
-    return 3 * (size_t)image->width[level] * (size_t)image->height[level];
-}
-
-/* Sets the sizes of an image's levels. From one to the next, the sides whose texels are the shorter ones are halved, or
-   both if texels are about square. Returns the number of floats of all. */
-static size_t spsi_image_size(const spsi_projection *projection, spsi_image *image) {
+/* Lays out an image's levels in memory, or counts only. From one to the next, the sides whose texels are the shorter
+   ones are halved, or both if texels are about square. */
+static void spsi_image_lay_out(const spsi_projection *projection, float *memory, uint64_t *laid, spsi_image *image) {
     int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = fmin(edge[0], edge[1]);
     const double unit = shortest;
-    size_t floats = 0;
     for (;;) {
         image->width[level] = size[0] + 2;
         image->height[level] = size[1] + 2;
         image->edge[level] = (float)(shortest / unit);
-        floats += spsi_image_level_floats(image, level++);
+        image->texels[level++] = spsi_lay(memory, laid, 3 * (uint64_t)(size[0] + 2) * (uint64_t)(size[1] + 2));
         if (size[0] == 1 && size[1] == 1) break;
         shortest = fmin(size[0] > 1 ? edge[0] : HUGE_VAL, size[1] > 1 ? edge[1] : HUGE_VAL);
         for (int k = 0; k < 2; ++k)
@@ -9014,7 +9009,6 @@ static size_t spsi_image_size(const spsi_projection *projection, spsi_image *ima
         shortest *= 2;
     }
     image->level_count = level;
-    return floats;
 }
 
 /* Fails on an invalid color of a texel, or makes it black. */
@@ -9090,42 +9084,33 @@ static void spsi_image_halve(const spsi_image *image) {
             for (int x = 0; x < image->width[level] - 2; ++x) spsi_image_halve_texel(image, level, x, y);
 }
 
-/* Lays out an image's levels in memory. Returns what follows them. */
-static float *spsi_image_lay_out(const spsi_projection *projection, float *memory, spsi_image *image) {
-    spsi_image_size(projection, image);
-    for (int level = 0; level < image->level_count; ++level) {
-        image->texels[level] = memory;
-        memory += spsi_image_level_floats(image, level);
-    }
-    return memory;
-}
-
 /* Reads the images of all lights. */
 static sps_result spsi_gather_images(sps_context *context, const spsi_frame *frame) {
-    size_t bytes = 0;
+    const uint64_t structs = (uint64_t)frame->lamps.image_count * (sizeof(spsi_image) / sizeof(float));
+    uint64_t laid = structs;
     spsi_image *images, image;
-    float *row;
+    float *memory;
     int width = 0; /* of the row that is being read */
     if (frame->lamps.image_count == 0) return SPS_OK;
-    spsi_bytes_add(&bytes, (size_t)frame->lamps.image_count, sizeof *images);
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_projection *projection = &frame->lamps.list[i].projection;
-        if (projection->exists) spsi_bytes_add(&bytes, spsi_image_size(projection, &image), sizeof(float));
+        if (projection->exists) spsi_image_lay_out(projection, NULL, &laid, &image);
         if (projection->exists) width = spsi_most(width, projection->given.width);
     }
-    spsi_bytes_add(&bytes, (size_t)width, SPSI_IMAGE_ROW_FLOATS * sizeof(float));
-    images = (spsi_image *)spsi_reserve(context, SPSI_BUFFER_IMAGES, 1, bytes);
-    if (!images) return context->result;
-    memset(images, 0, bytes);
-    row = (float *)(void *)(images + frame->lamps.image_count);
+    laid += SPSI_IMAGE_ROW_FLOATS * (uint64_t)width;
+    memory = spsi_floats_reserve(context, SPSI_BUFFER_IMAGES, laid);
+    if (!memory) return context->result;
+    memset(memory, 0, (size_t)laid * sizeof *memory);
+    images = (spsi_image *)(void *)memory;
+    laid = structs;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_projection *projection = &frame->lamps.list[i].projection;
-        if (projection->exists) row = spsi_image_lay_out(projection, row, &images[projection->image]);
+        if (projection->exists) spsi_image_lay_out(projection, memory, &laid, &images[projection->image]);
     }
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         if (!lamp->projection.exists) continue;
-        if (spsi_image_read(context, frame, lamp, row, &images[lamp->projection.image])) return context->result;
+        if (spsi_image_read(context, frame, lamp, memory + laid, &images[lamp->projection.image])) return context->result;
         spsi_image_halve(&images[lamp->projection.image]);
     }
     frame->content->images = images;
@@ -24939,15 +24924,6 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
 
 /* --- all of it --- */
 
-/* Bytes of a light's table, at most: six faces, and the bands that fill them. */
-static size_t spsi_cells_map_bytes(const spsi_frame *frame, const spsi_lamp *lamp) {
-    spsi_lamp coarse = *lamp;
-    size_t held, filling;
-    spsi_cells_lamp(spsi_cell_texels(frame), NULL, &coarse);
-    spsi_lamp_tmap_bytes(frame, &coarse, &held, &filling);
-    return held + filling;
-}
-
 /* Lays out a grid that is held in memory, or counts only, and returns its floats: moments, depth, the scales of
    extinction, what polygons receive, first flights, and what is seen of it. */
 static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *grid, float *memory) {
@@ -25001,10 +24977,14 @@ static size_t spsi_cells_bytes(const spsi_frame *frame) {
     floats += SPSI_CELL_GRIDS * spsi_cell_grid_lay_out(frame, &grid, NULL);
     if (grid.flux_terms > 0) /* there are polygons, which receive light from cells */
         floats += spsi_cell_walls_floats(&grid) + spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        if ((frame->lamps.list[i].shadows || spsi_cells_pass_on(frame, &grid)) &&
-            !spsi_has_shadow_table(&frame->lamps.list[i]))
-            bytes += sizeof(sps_tmap) + spsi_cells_map_bytes(frame, &frame->lamps.list[i]);
+    for (int i = 0; i < frame->lamps.count; ++i) { /* lights' tables */
+        spsi_lamp coarse = frame->lamps.list[i];
+        size_t held, filling;
+        if ((!coarse.shadows && !spsi_cells_pass_on(frame, &grid)) || spsi_has_shadow_table(&coarse)) continue;
+        spsi_cells_lamp(spsi_cell_texels(frame), NULL, &coarse);
+        spsi_lamp_tmap_bytes(frame, &coarse, &held, &filling);
+        bytes += sizeof(sps_tmap) + held + filling;
+    }
     return bytes + floats * sizeof(float) + spsi_flights_bytes(frame, &grid);
 }
 
@@ -26997,7 +26977,8 @@ static void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
                              ((open + sliced == 0 || lamp->extent.exists) && spsi_axis_serves(frame, lamp));
         if (!is_known || lamp->choice == SPSI_CHOICE_OPEN)
             lamp->choice = is_known ? SPSI_CHOICE_SHEETS : SPSI_CHOICE_OPEN;
-        if (lamp->extent.exists && (!is_known || lamp->has_map)) lamp->tables = spsi_lamp_tables(lamp);
+        lamp->has_map |= !is_known; /* as well as sheets */
+        if (lamp->extent.exists && lamp->has_map) lamp->tables = spsi_lamp_tables(lamp);
         open += !is_known;
         sliced += is_known && lamp->sliced;
     }
@@ -27070,7 +27051,7 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays, co
 }
 
 /* Aims at the samples of cells about all gas, or at those of the first light that spreads. Returns 0 if there is
-   neither. */
+   neither, or on failure. */
 static int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_rays *rays, spsi_slabs *slabs) {
     spsi_cell_grid grid;
     spsi_spread spread;
@@ -27174,8 +27155,7 @@ static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan
     const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
     int maps = 0;
     for (int i = 0; i < frame->lamps.count; ++i)
-        if (frame->lamps.list[i].has_map || frame->lamps.list[i].choice == SPSI_CHOICE_OPEN)
-            maps += spsi_plan_tables(frame, &frame->lamps.list[i]);
+        if (frame->lamps.list[i].has_map) maps += spsi_plan_tables(frame, &frame->lamps.list[i]);
     spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, spsi_plan_sliced_count(frame), "volumes or particles cast shadows",
                    !shade                      ? nothing
                    : frame->lamps.shadow_count ? "every light that casts shadows has a shadow_map or a table"
@@ -27331,14 +27311,13 @@ static void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_
 static void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_report *report) {
     size_t most = 0, prints = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_lamp lamp = frame->lamps.list[i];
+        const spsi_lamp *lamp = &frame->lamps.list[i];
         size_t held, filling;
-        lamp.has_map |= lamp.choice == SPSI_CHOICE_OPEN;
-        if (!lamp.has_map) continue;
-        spsi_lamp_tmap_bytes(frame, &lamp, &held, &filling);
-        report->pass[SPS_PASS_LIGHT_MAPS].bytes += (size_t)spsi_plan_tables(frame, &lamp) * held;
+        if (!lamp->has_map) continue;
+        spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
+        report->pass[SPS_PASS_LIGHT_MAPS].bytes += (size_t)spsi_plan_tables(frame, lamp) * held;
         if (filling > most) most = filling;
-        if (spsi_has_shadow_table(&lamp)) prints = (size_t)bricks * sizeof(uint64_t);
+        if (spsi_has_shadow_table(lamp)) prints = (size_t)bricks * sizeof(uint64_t);
     }
     report->pass[SPS_PASS_LIGHT_MAPS].bytes += most + prints;
 }
@@ -30068,19 +30047,6 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     return spsi_end(map->context);
 }
 
-/* Queries a map at up to SPSI_LANES positions, the answers to which begin with number `first`. */
-static void spsi_tmap_answer(const sps_tmap *map, size_t first, int count, const double *positions,
-                             float *optical_depths, float *transmittances) {
-    float depths[SPSI_LANES] = {0};
-    double lit[SPSI_LANES];
-    spsi_tmap_at(map, count, positions, depths, lit);
-    for (size_t i = 0; i < (size_t)count; ++i) {
-        const double depth = (double)depths[i];
-        if (transmittances) transmittances[first + i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
-        if (optical_depths) optical_depths[first + i] = (float)spsi_optical_depth_with_surfaces(depth, lit[i]);
-    }
-}
-
 static int spsi_tmap_queryable(const sps_tmap *map, size_t count, const void *positions) {
     return map && map->finished && (positions || count == 0);
 }
@@ -30089,8 +30055,15 @@ SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const doubl
                                   float *transmittances) {
     if (!spsi_tmap_queryable(map, count, positions)) return SPS_ERROR_ARGUMENT;
     for (size_t first = 0; first < count; first += SPSI_LANES) {
-        const int some = count - first < SPSI_LANES ? (int)(count - first) : SPSI_LANES;
-        spsi_tmap_answer(map, first, some, positions + 3 * first, optical_depths, transmittances);
+        const size_t some = count - first < SPSI_LANES ? count - first : SPSI_LANES;
+        float depths[SPSI_LANES] = {0};
+        double lit[SPSI_LANES];
+        spsi_tmap_at(map, (int)some, positions + 3 * first, depths, lit);
+        for (size_t i = 0; i < some; ++i) {
+            const double depth = (double)depths[i];
+            if (transmittances) transmittances[first + i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
+            if (optical_depths) optical_depths[first + i] = (float)spsi_optical_depth_with_surfaces(depth, lit[i]);
+        }
     }
     return SPS_OK;
 }
@@ -30100,14 +30073,15 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
     const char *next = (const char *)positions;
     if (!spsi_tmap_queryable(map, count, positions)) return SPS_ERROR_ARGUMENT;
     for (size_t first = 0; first < count; first += SPSI_LANES) {
-        const int some = count - first < SPSI_LANES ? (int)(count - first) : SPSI_LANES;
+        const size_t some = count - first < SPSI_LANES ? count - first : SPSI_LANES;
         double wide[3 * SPSI_LANES];
-        for (int i = 0; i < some; ++i, next += stride ? stride : 3 * sizeof(float)) {
+        for (size_t i = 0; i < some; ++i, next += stride ? stride : 3 * sizeof(float)) {
             float position[3];
             memcpy(position, next, sizeof position);
-            for (int k = 0; k < 3; ++k) wide[3 * i + k] = (double)position[k];
+            for (size_t k = 0; k < 3; ++k) wide[3 * i + k] = (double)position[k];
         }
-        spsi_tmap_answer(map, first, some, wide, optical_depths, transmittances);
+        sps_tmap_query(map, some, wide, optical_depths ? optical_depths + first : NULL,
+                       transmittances ? transmittances + first : NULL);
     }
     return SPS_OK;
 }

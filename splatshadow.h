@@ -4440,7 +4440,6 @@ typedef struct spsi_frame {
     int medium_count;
     spsi_medium media[SPSI_VOLUMES_MAX];
     spsi_lattice lattices[SPSI_VOLUMES_MAX]; /* one per medium */
-    spsi_bounds volume_bounds;               /* of the volumes' boxes, extended by the reach of their kernels */
     spsi_particle_sets particles;
     spsi_matter matter;
     spsi_meshes meshes;
@@ -5192,7 +5191,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, 
         spsi_medium *medium = &frame->media[i];
         if (spsi_add_material(context, frame, medium, table)) return context->result;
         table += medium->given.transfer != NULL;
-        spsi_medium_bounds(medium, SPSI_REACH, &frame->volume_bounds);
+        spsi_medium_bounds(medium, SPSI_REACH, &frame->content->bounds);
     }
     return SPS_OK;
 }
@@ -5516,18 +5515,17 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     if (view) frame->view = *view;
     frame->viewer = SPS_OBJECT_VIEW;
     frame->wants_depth = wants_depth;
-    frame->volume_bounds = spsi_nowhere;
     frame->content = content;
+    memset(content, 0, sizeof *content);
+    content->bounds = content->mesh_bounds = spsi_nowhere;
+    content->parts[0] = content->parts[1] = 1;
     if (spsi_resolve_particles(context, frame, scene) || spsi_resolve_volumes(context, frame, scene) ||
         spsi_resolve_meshes(context, frame, scene))
         return NULL;
     if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lamps(context, frame, scene)) return NULL;
     spsi_resolve_scene(frame, scene);
-    memset(content, 0, sizeof *content);
-    content->bounds = content->outer = frame->volume_bounds;
-    content->parts[0] = content->parts[1] = 1;
-    content->mesh_bounds = spsi_nowhere;
+    content->outer = content->bounds;
     content->eye = frame->eye;
     return frame;
 }
@@ -27066,16 +27064,6 @@ static int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_ray
     return 0;
 }
 
-/* How volumes fill these samples. */
-static sps_result spsi_plan_samples(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
-    spsi_rays rays;
-    spsi_slabs slabs;
-    if (spsi_plan_aim(context, frame, &rays, &slabs))
-        spsi_plan_filling(frame, &rays, &slabs, SPSI_TARGET_SAMPLES, 0, &report->cells_gathered,
-                          &report->cells_filling);
-    return context->result;
-}
-
 /* Bytes of the largest sweep's planes, sheets, queues and pixels. */
 static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int n,
                                         uint64_t bricks, spsi_run *run, sps_plan_report *report) {
@@ -27153,24 +27141,20 @@ static const char *spsi_plan_map_reason(const spsi_frame *frame) {
 static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan_report *report) {
     const int shade = frame->matter.extinguishes;
     const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
-    int maps = 0;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        if (frame->lamps.list[i].has_map) maps += spsi_plan_tables(frame, &frame->lamps.list[i]);
+    int maps = 0, extended = 0;
+    report->light_points = frame->lamps.count > 0;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        if (lamp->has_map) maps += spsi_plan_tables(frame, lamp);
+        extended |= lamp->extent.exists && lamp->shadows;
+        report->light_points = spsi_most(report->light_points, lamp->point_count);
+    }
     spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, spsi_plan_sliced_count(frame), "volumes or particles cast shadows",
                    !shade                      ? nothing
                    : frame->lamps.shadow_count ? "every light that casts shadows has a shadow_map or a table"
                                                : "no light casts shadows on anything");
     spsi_plan_pass(report, SPS_PASS_LIGHT_MAPS, maps, spsi_plan_map_reason(frame),
                    !shade ? nothing : "no light that casts shadows has a shadow_map or a table");
-}
-
-static void spsi_plan_penumbra_pass(const spsi_frame *frame, int gases, sps_plan_report *report) {
-    int extended = 0;
-    report->light_points = frame->lamps.count > 0;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        extended |= frame->lamps.list[i].extent.exists && frame->lamps.list[i].shadows;
-        report->light_points = spsi_most(report->light_points, frame->lamps.list[i].point_count);
-    }
     spsi_plan_pass(report, SPS_PASS_PENUMBRAE, report->pass[SPS_PASS_PENUMBRAE].runs, "lights have an extent",
                    !extended ? "no light that casts shadows has an extent"
                    : !gases  ? "no volume or particle that could be seen"
@@ -27219,7 +27203,6 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                        : "volumes or particles are seen, one sweep for each part of an image too wide for one",
                    "no volume or particle that could be seen");
     spsi_plan_shadow_passes(frame, gases, report);
-    spsi_plan_penumbra_pass(frame, gases, report);
     spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradients ? sweeps : 0, "a volume is shaded as a surface",
                    "no volume shaded as a surface, or no light for it");
     spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->matter.scatters && lit ? sweeps : 0,
@@ -27358,6 +27341,8 @@ static sps_result spsi_plan_budget(sps_context *context, spsi_frame *frame, cons
 
 static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
     spsi_reading reading;
+    spsi_rays rays;
+    spsi_slabs slabs;
     uint64_t bricks;
     report->eye_filling = "no volume that could be seen";
     report->light_filling = "no volume casts shadows by sheets";
@@ -27372,8 +27357,10 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
     spsi_levels_choose(frame);
     spsi_plan_choices(context, frame);
     bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
-    if (spsi_plan_sweeps(context, frame, bricks, report) || spsi_plan_samples(context, frame, report))
-        return context->result;
+    if (spsi_plan_sweeps(context, frame, bricks, report)) return context->result;
+    if (spsi_plan_aim(context, frame, &rays, &slabs))
+        spsi_plan_filling(frame, &rays, &slabs, SPSI_TARGET_SAMPLES, 0, &report->cells_gathered,
+                          &report->cells_filling);
     spsi_plan_tmaps(frame, bricks, report);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_held(context, frame); ++i)
         report->triangle_calls +=

@@ -4576,7 +4576,7 @@ static sps_result spsi_check_vector(const spsi_subject *at, const char *field, c
     return bad ? spsi_wrong(at, field, *bad, "it must be within 1e15") : SPS_OK;
 }
 
-/* The same for a list, of which the number is named. */
+/* Fails at the first number of a list that is not usable as a coordinate, which is named. */
 static sps_result spsi_check_list(const spsi_subject *at, const char *list, const double *v, int count) {
     const double *bad = spsi_bad_coordinate(v, count);
     char field[32];
@@ -4674,9 +4674,8 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
                      volume->read_fn ? "set" : "NULL");
         return spsi_wrong_that(&at, "read_fn", 0, text);
     }
-    if (spsi_check_array(&at, volume)) return context->result;
-    if (spsi_check_lobes(&at, volume->lobes, volume->lobe_count)) return context->result;
-    if (spsi_check_bounded(&at, looks, sizeof looks / sizeof *looks) ||
+    if (spsi_check_array(&at, volume) || spsi_check_lobes(&at, volume->lobes, volume->lobe_count) ||
+        spsi_check_bounded(&at, looks, sizeof looks / sizeof *looks) ||
         spsi_check_color(&at, "ambient", volume->ambient, SPSI_VALUE_MAX))
         return context->result;
     return volume->transfer ? SPS_OK : spsi_check_gas_colors(&at, volume->albedo, volume->emission);
@@ -4710,8 +4709,7 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
         return spsi_wrong(&at, "triangle_count", (double)mesh->triangle_count, "it must be 0..2^29");
     if (mesh->triangle_count > 0 && !mesh->read_fn)
         return spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where there are triangles");
-    if (spsi_check_indexed(&at, mesh)) return context->result;
-    if (spsi_check_color(&at, "color", mesh->color, 1)) return context->result;
+    if (spsi_check_indexed(&at, mesh) || spsi_check_color(&at, "color", mesh->color, 1)) return context->result;
     return spsi_check_color(&at, "transmittance", mesh->transmittance, 1);
 }
 
@@ -5070,10 +5068,8 @@ static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
 static void spsi_material_gas(float extinction, const float albedo[3], const float emission[3],
                               spsi_material *material) {
     material->extinction = extinction;
-    for (int c = 0; c < 3; ++c) {
-        material->albedo[c] = albedo[c];
-        material->emission[c] = emission[c];
-    }
+    memcpy(material->albedo, albedo, sizeof material->albedo);
+    memcpy(material->emission, emission, sizeof material->emission);
     material->extinguishes = extinction > 0;
     material->scatters = material->extinguishes && !spsi_black(albedo);
     material->emits = !spsi_black(emission);
@@ -9107,9 +9103,10 @@ static sps_result spsi_gather_images(sps_context *context, const spsi_frame *fra
     }
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
+        const spsi_image *own = &images[lamp->projection.image];
         if (!lamp->projection.exists) continue;
-        if (spsi_image_read(context, frame, lamp, memory + laid, &images[lamp->projection.image])) return context->result;
-        spsi_image_halve(&images[lamp->projection.image]);
+        if (spsi_image_read(context, frame, lamp, memory + laid, own)) return context->result;
+        spsi_image_halve(own);
     }
     frame->content->images = images;
     return SPS_OK;
@@ -16656,7 +16653,7 @@ static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* Lays out the patches' bits, the beams' texels, the sheets and the workers' scratch memory, or counts only, and returns
+/* Lays out the patches' bits, the beams' texels, the sheets and the workers' scratch memory, or counts only. Returns
    their floats. */
 static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra *penumbra, int has_polygons,
                                       float *memory) {
@@ -26018,17 +26015,10 @@ static int spsi_lamps_are_open(const spsi_frame *frame) {
     return 0;
 }
 
-/* Lets lights choose between sheets and tables again. */
-static void spsi_choices_reopen(spsi_frame *frame) {
-    spsi_lamps *lamps = &frame->lamps;
-    for (int i = 0; i < lamps->whole_count; ++i)
-        if (lamps->whole[i].choice != SPSI_CHOICE_CALLER) spsi_lamp_take(&lamps->whole[i], 0, SPSI_CHOICE_OPEN);
-    spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
-}
-
-/* Applies a setting to the frame. Lights' choices are open then. */
+/* Applies a setting to the frame. Lights' choices between sheets and tables are open then. */
 static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
     const spsi_grade grade = spsi_grade_of(frame, setting->gas);
+    spsi_lamps *lamps = &frame->lamps;
     frame->view.quality = grade.quality;
     frame->view.slab = 0;
     frame->view.tolerance = grade.tolerance;
@@ -26036,7 +26026,9 @@ static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, co
     spsi_resolve_quality(frame);
     if (grade.slab > 0) frame->view.slab = grade.slab, frame->accuracy.slab_pixels = 0;
     frame->accuracy.light_points = spsi_point_grades[setting->points];
-    spsi_choices_reopen(frame);
+    for (int i = 0; i < lamps->whole_count; ++i)
+        if (lamps->whole[i].choice != SPSI_CHOICE_CALLER) spsi_lamp_take(&lamps->whole[i], 0, SPSI_CHOICE_OPEN);
+    spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
     return spsi_resolve_points(context, frame);
 }
 
@@ -26293,8 +26285,8 @@ static int spsi_offer_beats(const sps_view *view, const spsi_offer *a, const sps
     return open[0] < open[1];
 }
 
-/* Counts cells, as those to follow light in or as those that hold the light which a setting of the frame calls for: that
-   of the frame which made it. */
+/* Counts cells, as those to follow light in or as those that hold the light which a setting of the frame calls for:
+   that of the frame which made it. */
 static void spsi_work_count_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting,
                                   spsi_work *work) {
     const spsi_pace *pace = &context->pace;
@@ -26444,14 +26436,6 @@ static sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
 
 /* --- what the context learns --- */
 
-/* Whether a frame had thick slabs, and splatted all of its volumes in those of the eye or of lights. */
-static int spsi_pace_splats(const sps_stats_report *stats, const spsi_frame *frame, const spsi_setting *setting) {
-    const int for_eye = stats->eye_footprints > 0 && stats->eye_samples == 0;
-    const int for_lights = stats->light_footprints > 0 && stats->light_samples == 0;
-    return frame->medium_count > 0 && spsi_grade_of(frame, setting->gas).slab > 0 &&
-           (for_eye || for_lights);
-}
-
 /* Learns from a frame that had a budget and is finished. */
 static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     static const spsi_stage makers[] = {SPSI_STAGE_CELLS, SPSI_STAGE_LIGHT, SPSI_STAGE_EYE};
@@ -26462,7 +26446,10 @@ static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     pace->scattered = pace->counts && context->cells_held ? spsi_scattered_fingerprint(context, frame) : 0;
     pace->scattered_by = pace->setting;
     if (!pace->counts || !(total > 0)) return;
-    pace->splats[pace->setting.gas] = spsi_pace_splats(stats, frame, &pace->setting);
+    pace->splats[pace->setting.gas] = /* all volumes, in thick slabs of the eye or of lights */
+        frame->medium_count > 0 && spsi_grade_of(frame, pace->setting.gas).slab > 0 &&
+        ((stats->eye_footprints > 0 && stats->eye_samples == 0) ||
+         (stats->light_footprints > 0 && stats->light_samples == 0));
     seconds[SPSI_STAGE_READ] = stats->seconds_gather;
     seconds[SPSI_STAGE_FIELDS] = pace->seconds_fields;
     seconds[SPSI_STAGE_SURFACES] =
@@ -26782,7 +26769,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     run = spsi_run_reserve(context);
     if (!picture.total || !run) return context->result;
     if (spsi_forward_tables(context, frame)) return context->result;
-    for (int n = 0; n < spsi_sweep_count(frame); ++n) /* what no slabs serve is refused before cells, which take longest */
+    for (int n = 0; n < spsi_sweep_count(frame); ++n) /* what slabs cannot serve is refused before cells are lit */
         if (spsi_sweep_build(context, frame, n, 0, &sweep)) return context->result;
     if (spsi_scatters_fully(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
     if (spsi_scatters_aside(frame) && spsi_spreads_build(context, frame, &picture.faces, &cells, &picture.spreads))
@@ -26877,13 +26864,13 @@ static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* What was counted are bytes of a pass, unless it has needed more before. */
+/* Records what was counted as bytes of a pass, unless it has needed more before. */
 static void spsi_plan_take(sps_context *context, sps_plan_report *report, sps_pass pass) {
     if (context->counted > report->pass[pass].bytes) report->pass[pass].bytes = context->counted;
     context->counted = 0;
 }
 
-/* Lists grow by half, old and new at once. */
+/* Counts what is read. Lists grow by half, old and new at once. */
 static void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     const uint64_t whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     const uint64_t segments = reading->voxels_kept / (SPSI_SEGMENT - whole + 1) + 1;
@@ -26907,7 +26894,7 @@ static size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sw
     return (size_t)spsi_most(2, frame->view.shadow_size > 0 ? frame->view.shadow_size : spsi_light_texels_most(frame));
 }
 
-/* Bytes of what a sweep holds of bricks and particles. Once read, volumes may be cut into other slabs than their boxes,
+/* Counts what a sweep holds of bricks and particles. Once read, volumes may be cut into other slabs than their boxes,
    but not into many more; with particles there is no bound but the maximum. */
 static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      uint64_t bricks) {
@@ -27071,6 +27058,7 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
     const spsi_rays *eye = &frame->content->eye;
     const spsi_shape shape = spsi_shape_of(frame, 1); /* lights' sheets have no more channels */
     spsi_rays square; /* as many texels as the light may have */
+    spsi_lists lists;
     square.width = square.height = (int)side;
     run->shader.frame = frame;
     run->shader.sweep = sweep;
@@ -27083,13 +27071,13 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
     spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)run->shader.shadow_count, sizeof(spsi_shadow));
     spsi_reserve(context, SPSI_BUFFER_SHEETS, (size_t)spsi_worker_count(context),
                  spsi_sheet_tiles(frame) * spsi_shape_floats(&shape) * sizeof(float) + 7 * sizeof(uint64_t));
-    if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_EYE_BALLS, eye, particles, &run->eye.particles);
+    if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_EYE_BALLS, eye, particles, &lists);
     if (spsi_may_interpolate(frame))
         spsi_reserve(context, SPSI_BUFFER_EYE_SPENT, 1, spsi_spent_bytes(eye) + spsi_spent_bytes(&square));
     spsi_plan_take(context, report, SPS_PASS_EYE_SHEETS);
     if (sweep->lamp) {
         spsi_reserve(context, SPSI_BUFFER_PLANES, side * side + spsi_list_starts(&square), SPSI_PLANES_TEXEL_BYTES);
-        if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_LIGHT_BALLS, &square, particles, &run->eye.particles);
+        if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_LIGHT_BALLS, &square, particles, &lists);
         spsi_plan_take(context, report, SPS_PASS_LIGHT_SHEETS);
     }
     context->counts_only = 0;
@@ -27236,7 +27224,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    polygons ? "no light" : "no triangles");
 }
 
-/* Bytes of what polygons need outside the sweeps. */
+/* Counts what polygons need outside the sweeps. */
 static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
     const size_t pixels = spsi_ray_count(&frame->content->eye), triangles = frame->meshes.triangle_count;
     size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
@@ -27328,19 +27316,10 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* Chooses a setting for a budget, with the time that reading will take. */
-static sps_result spsi_plan_budget(sps_context *context, spsi_frame *frame, const spsi_reading *reading,
-                                   sps_plan_report *report) {
-    const spsi_setting setting = {0, 0, 0};
-    const double units =
-        spsi_fixed_units[SPSI_STAGE_READ] + (double)report->voxels_read + (double)frame->particles.count;
-    return spsi_budget_choose(context, frame, units * spsi_rate(context, SPSI_STAGE_READ, &setting),
-                              reading->held ? (double)context->voxel_count : (double)reading->voxels_kept,
-                              &report->budget);
-}
-
 static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
+    const spsi_setting coarsest = {0, 0, 0};
     spsi_reading reading;
+    double reads; /* units of work */
     spsi_rays rays;
     spsi_slabs slabs;
     uint64_t bricks;
@@ -27352,7 +27331,11 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
     if (!spsi_scatters_fully(frame) || spsi_polygons_scatter(frame) ||
         (reading.held && frame->particles.set_count == 0))
         if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
-    if (spsi_has_budget(&frame->view) && spsi_plan_budget(context, frame, &reading, report)) return context->result;
+    reads = spsi_fixed_units[SPSI_STAGE_READ] + (double)report->voxels_read + (double)frame->particles.count;
+    if (spsi_has_budget(&frame->view) &&
+        spsi_budget_choose(context, frame, reads * spsi_rate(context, SPSI_STAGE_READ, &coarsest),
+                           reading.held ? (double)context->voxel_count : (double)reading.voxels_kept, &report->budget))
+        return context->result;
     if (spsi_plan_fields(context, frame, &reading)) return context->result;
     spsi_levels_choose(frame);
     spsi_plan_choices(context, frame);

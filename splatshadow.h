@@ -8233,10 +8233,10 @@ static sps_result spsi_textures(sps_context *context, const spsi_frame *frame, c
     spsi_surface_batch *batch;
     sps_surface *out;
     visible->set = NULL;
-    if (frame->meshes.textured_count == 0) return SPS_OK;
+    if (frame->meshes.textured_count == 0 || faces->count == 0) return SPS_OK;
     out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, places, sizeof *out);
     batch = (spsi_surface_batch *)spsi_reserve(context, SPSI_BUFFER_SURFACE_BATCH, 1, sizeof *batch);
-    if (!out || !batch || !visible->hits) return context->result;
+    if (!out || !batch) return context->result;
     for (size_t i = 0; i < places; ++i) out[i].color[0] = -1; /* nothing is set there */
     batch->frame = frame;
     batch->faces = faces;

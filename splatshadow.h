@@ -27274,7 +27274,7 @@ static void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_
     if (frame->view.scattering == SPS_SCATTERING_AUTO) /* not decided yet */
         report->pass[SPS_PASS_CELLS].bytes += SPSI_BOUND_BYTES;
     if (frame->meshes.triangle_count > 0) spsi_plan_polygon_bytes(context, frame, report);
-    report->bytes = context->stats.bytes + SPSI_BUFFER_COUNT * SPSI_LINK_BYTES;
+    report->bytes = context->stats.bytes + 2 * SPSI_BUFFER_COUNT * SPSI_LINK_BYTES; /* segments and maps, too */
     for (int i = 0; i < SPS_PASS_COUNT; ++i) spsi_bytes_add(&report->bytes, report->pass[i].bytes, 1);
 }
 

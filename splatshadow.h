@@ -2311,13 +2311,16 @@ static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count,
     return NULL;
 }
 
-/* Takes the next floats of a block of memory, and adds them to those taken. Without memory it only counts: at most what
-   SIZE_MAX bytes hold, which cannot be reserved. */
-static float *spsi_lay(float *memory, size_t *laid, uint64_t floats) {
-    const size_t most = SIZE_MAX / sizeof(float);
+/* Takes the next floats of a block of memory, and adds them to those taken. Without memory it only counts. */
+static float *spsi_lay(float *memory, uint64_t *laid, uint64_t floats) {
     float *own = memory ? memory + *laid : NULL;
-    *laid = floats < most - *laid ? *laid + (size_t)floats : most;
+    *laid += floats;
     return own;
+}
+
+/* Reserves floats that were laid out, which may be more than a size_t can count. */
+static float *spsi_floats_reserve(sps_context *context, spsi_buffer_id id, uint64_t floats) {
+    return (float *)spsi_reserve(context, id, (size_t)(floats < SIZE_MAX ? floats : SIZE_MAX), sizeof(float));
 }
 
 static int spsi_worker_count(const sps_context *context) {
@@ -4381,7 +4384,6 @@ typedef struct spsi_frame {
     int medium_count;
     spsi_medium media[SPSI_VOLUMES_MAX];
     spsi_lattice lattices[SPSI_VOLUMES_MAX]; /* one per medium */
-    spsi_bounds volume_bounds;               /* of the volumes' boxes, extended by the reach of their kernels */
     spsi_particle_sets particles;
     spsi_matter matter;
     spsi_meshes meshes;
@@ -4518,7 +4520,7 @@ static sps_result spsi_check_vector(const spsi_subject *at, const char *field, c
     return bad ? spsi_wrong(at, field, *bad, "it must be within 1e15") : SPS_OK;
 }
 
-/* The same for a list, of which the number is named. */
+/* Fails at the first number of a list that is not usable as a coordinate, which is named. */
 static sps_result spsi_check_list(const spsi_subject *at, const char *list, const double *v, int count) {
     const double *bad = spsi_bad_coordinate(v, count);
     char field[32];
@@ -4616,9 +4618,8 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
                      volume->read_fn ? "set" : "NULL");
         return spsi_wrong_that(&at, "read_fn", 0, text);
     }
-    if (spsi_check_array(&at, volume)) return context->result;
-    if (spsi_check_lobes(&at, volume->lobes, volume->lobe_count)) return context->result;
-    if (spsi_check_bounded(&at, looks, sizeof looks / sizeof *looks) ||
+    if (spsi_check_array(&at, volume) || spsi_check_lobes(&at, volume->lobes, volume->lobe_count) ||
+        spsi_check_bounded(&at, looks, sizeof looks / sizeof *looks) ||
         spsi_check_color(&at, "ambient", volume->ambient, SPSI_VALUE_MAX))
         return context->result;
     return volume->transfer ? SPS_OK : spsi_check_gas_colors(&at, volume->albedo, volume->emission);
@@ -4652,8 +4653,7 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
         return spsi_wrong(&at, "triangle_count", (double)mesh->triangle_count, "it must be 0..2^29");
     if (mesh->triangle_count > 0 && !mesh->read_fn)
         return spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where there are triangles");
-    if (spsi_check_indexed(&at, mesh)) return context->result;
-    if (spsi_check_color(&at, "color", mesh->color, 1)) return context->result;
+    if (spsi_check_indexed(&at, mesh) || spsi_check_color(&at, "color", mesh->color, 1)) return context->result;
     return spsi_check_color(&at, "transmittance", mesh->transmittance, 1);
 }
 
@@ -5012,10 +5012,8 @@ static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
 static void spsi_material_gas(float extinction, const float albedo[3], const float emission[3],
                               spsi_material *material) {
     material->extinction = extinction;
-    for (int c = 0; c < 3; ++c) {
-        material->albedo[c] = albedo[c];
-        material->emission[c] = emission[c];
-    }
+    memcpy(material->albedo, albedo, sizeof material->albedo);
+    memcpy(material->emission, emission, sizeof material->emission);
     material->extinguishes = extinction > 0;
     material->scatters = material->extinguishes && !spsi_black(albedo);
     material->emits = !spsi_black(emission);
@@ -5133,7 +5131,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, 
         spsi_medium *medium = &frame->media[i];
         if (spsi_add_material(context, frame, medium, table)) return context->result;
         table += medium->given.transfer != NULL;
-        spsi_medium_bounds(medium, SPSI_REACH, &frame->volume_bounds);
+        spsi_medium_bounds(medium, SPSI_REACH, &frame->content->bounds);
     }
     return SPS_OK;
 }
@@ -5457,18 +5455,17 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     if (view) frame->view = *view;
     frame->viewer = SPS_OBJECT_VIEW;
     frame->wants_depth = wants_depth;
-    frame->volume_bounds = spsi_nowhere;
     frame->content = content;
+    memset(content, 0, sizeof *content);
+    content->bounds = content->mesh_bounds = spsi_nowhere;
+    content->parts[0] = content->parts[1] = 1;
     if (spsi_resolve_particles(context, frame, scene) || spsi_resolve_volumes(context, frame, scene) ||
         spsi_resolve_meshes(context, frame, scene))
         return NULL;
     if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lamps(context, frame, scene)) return NULL;
     spsi_resolve_scene(frame, scene);
-    memset(content, 0, sizeof *content);
-    content->bounds = content->outer = frame->volume_bounds;
-    content->parts[0] = content->parts[1] = 1;
-    content->mesh_bounds = spsi_nowhere;
+    content->outer = content->bounds;
     content->eye = frame->eye;
     return frame;
 }
@@ -8180,10 +8177,10 @@ static sps_result spsi_textures(sps_context *context, const spsi_frame *frame, c
     spsi_surface_batch *batch;
     sps_surface *out;
     visible->set = NULL;
-    if (frame->meshes.textured_count == 0) return SPS_OK;
+    if (frame->meshes.textured_count == 0 || faces->count == 0) return SPS_OK;
     out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, places, sizeof *out);
     batch = (spsi_surface_batch *)spsi_reserve(context, SPSI_BUFFER_SURFACE_BATCH, 1, sizeof *batch);
-    if (!out || !batch || !visible->hits) return context->result;
+    if (!out || !batch) return context->result;
     for (size_t i = 0; i < places; ++i) out[i].color[0] = -1; /* nothing is set there */
     batch->frame = frame;
     batch->faces = faces;
@@ -8932,22 +8929,17 @@ static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], doubl
 
 #define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of the row that is being read: a place and a color */
 
-static size_t spsi_image_level_floats(const spsi_image *image, int level) {
-    return 3 * (size_t)image->width[level] * (size_t)image->height[level];
-}
-
-/* Sets the sizes of an image's levels. From one to the next, the sides whose texels are the shorter ones are halved, or
-   both if texels are about square. Returns the number of floats of all. */
-static size_t spsi_image_size(const spsi_projection *projection, spsi_image *image) {
+/* Lays out an image's levels in memory, or counts only. From one to the next, the sides whose texels are the shorter
+   ones are halved, or both if texels are about square. */
+static void spsi_image_lay_out(const spsi_projection *projection, float *memory, uint64_t *laid, spsi_image *image) {
     int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = fmin(edge[0], edge[1]);
     const double unit = shortest;
-    size_t floats = 0;
     for (;;) {
         image->width[level] = size[0] + 2;
         image->height[level] = size[1] + 2;
         image->edge[level] = (float)(shortest / unit);
-        floats += spsi_image_level_floats(image, level++);
+        image->texels[level++] = spsi_lay(memory, laid, 3 * (uint64_t)(size[0] + 2) * (uint64_t)(size[1] + 2));
         if (size[0] == 1 && size[1] == 1) break;
         shortest = fmin(size[0] > 1 ? edge[0] : HUGE_VAL, size[1] > 1 ? edge[1] : HUGE_VAL);
         for (int k = 0; k < 2; ++k)
@@ -8955,7 +8947,6 @@ static size_t spsi_image_size(const spsi_projection *projection, spsi_image *ima
         shortest *= 2;
     }
     image->level_count = level;
-    return floats;
 }
 
 /* Fails on an invalid color of a texel, or makes it black. */
@@ -9031,43 +9022,35 @@ static void spsi_image_halve(const spsi_image *image) {
             for (int x = 0; x < image->width[level] - 2; ++x) spsi_image_halve_texel(image, level, x, y);
 }
 
-/* Lays out an image's levels in memory. Returns what follows them. */
-static float *spsi_image_lay_out(const spsi_projection *projection, float *memory, spsi_image *image) {
-    spsi_image_size(projection, image);
-    for (int level = 0; level < image->level_count; ++level) {
-        image->texels[level] = memory;
-        memory += spsi_image_level_floats(image, level);
-    }
-    return memory;
-}
-
 /* Reads the images of all lights. */
 static sps_result spsi_gather_images(sps_context *context, const spsi_frame *frame) {
-    size_t bytes = 0;
+    const uint64_t structs = (uint64_t)frame->lamps.image_count * (sizeof(spsi_image) / sizeof(float));
+    uint64_t laid = structs;
     spsi_image *images, image;
-    float *row;
+    float *memory;
     int width = 0; /* of the row that is being read */
     if (frame->lamps.image_count == 0) return SPS_OK;
-    spsi_bytes_add(&bytes, (size_t)frame->lamps.image_count, sizeof *images);
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_projection *projection = &frame->lamps.list[i].projection;
-        if (projection->exists) spsi_bytes_add(&bytes, spsi_image_size(projection, &image), sizeof(float));
+        if (projection->exists) spsi_image_lay_out(projection, NULL, &laid, &image);
         if (projection->exists) width = spsi_most(width, projection->given.width);
     }
-    spsi_bytes_add(&bytes, (size_t)width, SPSI_IMAGE_ROW_FLOATS * sizeof(float));
-    images = (spsi_image *)spsi_reserve(context, SPSI_BUFFER_IMAGES, 1, bytes);
-    if (!images) return context->result;
-    memset(images, 0, bytes);
-    row = (float *)(void *)(images + frame->lamps.image_count);
+    laid += SPSI_IMAGE_ROW_FLOATS * (uint64_t)width;
+    memory = spsi_floats_reserve(context, SPSI_BUFFER_IMAGES, laid);
+    if (!memory) return context->result;
+    memset(memory, 0, (size_t)laid * sizeof *memory);
+    images = (spsi_image *)(void *)memory;
+    laid = structs;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_projection *projection = &frame->lamps.list[i].projection;
-        if (projection->exists) row = spsi_image_lay_out(projection, row, &images[projection->image]);
+        if (projection->exists) spsi_image_lay_out(projection, memory, &laid, &images[projection->image]);
     }
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
+        const spsi_image *own = &images[lamp->projection.image];
         if (!lamp->projection.exists) continue;
-        if (spsi_image_read(context, frame, lamp, row, &images[lamp->projection.image])) return context->result;
-        spsi_image_halve(&images[lamp->projection.image]);
+        if (spsi_image_read(context, frame, lamp, memory + laid, own)) return context->result;
+        spsi_image_halve(own);
     }
     frame->content->images = images;
     return SPS_OK;
@@ -9182,7 +9165,7 @@ static size_t spsi_depth_map_floats_most(size_t size) {
 /* Lays out a depth map in memory, or counts only, and returns its floats. `first`: where a map of panes lists what
    begins where; NULL: it is none. */
 static size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
-    size_t laid = 0;
+    uint64_t laid = 0;
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
         const size_t texels = first ? 0 : spsi_ray_count(rays), rows = (size_t)spsi_depth_map_cells(rays->height);
@@ -9192,7 +9175,7 @@ static size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, floa
         map->cells[face] = spsi_depth_map_cells(rays->width);
         map->nearest[face] = spsi_lay(memory, &laid, 2 * (size_t)map->cells[face] * rows);
     }
-    return laid;
+    return (size_t)laid;
 }
 
 /* Aims a light's depth map: a single face fitted to the gas, however far the polygons reach, whose texels need not be
@@ -16566,12 +16549,13 @@ static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *fram
 }
 
 /* Lays out the patches' bits, the beams' texels, the sheets and the workers' scratch memory, or counts only. Returns
-   the number of floats. */
-static size_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra *penumbra, int has_polygons,
-                                    float *memory) {
+   their floats. */
+static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra *penumbra, int has_polygons,
+                                      float *memory) {
     const uint64_t sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
     const uint64_t tiles = (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y;
-    size_t laid = 0, most = 0;
+    uint64_t laid = 0;
+    size_t most = 0;
     /* first, as its alignment is the strictest */
     penumbra->held = (uint64_t *)(void *)spsi_lay(memory, &laid, 2 * tiles);
     for (int i = 0; i < penumbra->beam_count; ++i) {
@@ -16584,7 +16568,7 @@ static size_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra *p
     }
     penumbra->sheets = spsi_lay(memory, &laid, sheets);
     penumbra->hidden = has_polygons ? spsi_lay(memory, &laid, SPSI_PARTS * sheets) : NULL;
-    if (memory) memset(memory, 0, laid * sizeof *memory);
+    if (memory) memset(memory, 0, (size_t)laid * sizeof *memory);
     penumbra->scratch_floats = 3 * most + SPSI_LANES + 2 * SPSI_BEAM_TILE; /* lengths are stored in whole vectors */
     penumbra->scratch = spsi_lay(memory, &laid, (uint64_t)spsi_worker_count(context) * penumbra->scratch_floats);
     return laid;
@@ -16595,8 +16579,8 @@ static sps_result spsi_penumbra_begin(sps_context *context, const spsi_frame *fr
     const int has_polygons = faces->count > 0;
     float *memory;
     if (spsi_penumbra_aim(context, frame, sweep, penumbra)) return context->result;
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PENUMBRA,
-                                   spsi_penumbra_lay_out(context, penumbra, has_polygons, NULL), sizeof(float));
+    memory = spsi_floats_reserve(context, SPSI_BUFFER_PENUMBRA,
+                                 spsi_penumbra_lay_out(context, penumbra, has_polygons, NULL));
     if (!memory) return context->result;
     spsi_penumbra_lay_out(context, penumbra, has_polygons, memory);
     for (int i = 0; i < penumbra->beam_count && has_polygons; ++i)
@@ -18064,17 +18048,16 @@ static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
    them. */
 static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                         double texel, spsi_shadow *shadows, int count) {
-    size_t floats = 0, more;
+    uint64_t floats = 0;
     float *memory;
     if (faces->count == 0 || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     for (int i = 0; i < count; ++i) {
         if (shadows[i].soft) continue;
         spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), texel, &shadows[i].depth_map);
         if (!spsi_depth_map_met(faces, &shadows[i].depth_map)) shadows[i].depth_map.face_count = 0;
-        more = spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, NULL);
-        floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
+        floats += spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, NULL);
     }
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
+    memory = spsi_floats_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats);
     if (!memory) return context->result;
     for (int i = 0; i < count; ++i) memory += spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, memory);
     for (int i = 0; i < count; ++i)
@@ -24582,7 +24565,7 @@ static void spsi_cells_equations_task(void *data, int row) {
 /* Lays out a level of a solver in memory, or counts only, and returns its floats. */
 static size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
     const size_t terms = (size_t)(orders * orders) * level->count;
-    size_t laid = 0;
+    uint64_t laid = 0;
     level->depth = spsi_lay(memory, &laid, level->count);
     for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
         level->through[i] = spsi_lay(memory, &laid, level->count);
@@ -24592,7 +24575,7 @@ static size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float 
     level->given = spsi_lay(memory, &laid, terms);
     level->sent = spsi_lay(memory, &laid, terms);
     for (int i = 0; i < 2; ++i) level->moments[i] = spsi_lay(memory, &laid, terms);
-    return laid;
+    return (size_t)laid;
 }
 
 /* Floats for light of polygons: moments and a source of none, links and rows of coarse levels, and what leaves. */
@@ -24840,22 +24823,13 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
 
 /* --- all of it --- */
 
-/* Bytes of a light's table, at most: six faces, and the bands that fill them. */
-static size_t spsi_cells_map_bytes(const spsi_frame *frame, const spsi_lamp *lamp) {
-    spsi_lamp coarse = *lamp;
-    size_t held, filling;
-    spsi_cells_lamp(spsi_cell_texels(frame), NULL, &coarse);
-    spsi_lamp_tmap_bytes(frame, &coarse, &held, &filling);
-    return held + filling;
-}
-
 /* Lays out a grid that is held in memory, or counts only, and returns its floats: moments, depth, the scales of
    extinction, what polygons receive, first flights, and what is seen of it. */
 static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *grid, float *memory) {
     const size_t each = (size_t)grid->channels * grid->count, moments = each * (size_t)grid->terms;
     const int flies = spsi_cells_fly(frame), flies_to_cells = flies && spsi_flies_to_cells(frame);
     const size_t pyramids = 1 + (size_t)(frame->matter.emits ? frame->matter.material_count : 0);
-    size_t laid = 0;
+    uint64_t laid = 0;
     grid->moments = spsi_lay(memory, &laid, moments);
     grid->depth = spsi_lay(memory, &laid, grid->count);
     grid->scale = spsi_lay(memory, &laid, 3);
@@ -24866,7 +24840,7 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     grid->pyramid_rows = spsi_cell_pyramid_rows(grid);
     grid->pyramid = flies ? spsi_lay(memory, &laid, pyramids * grid->pyramid_rows * (size_t)grid->pitch) : NULL;
     grid->seen = spsi_lay(memory, &laid, (size_t)frame->matter.material_count * each);
-    return laid;
+    return (size_t)laid;
 }
 
 /* Upper bound of the bytes for first flights. */
@@ -24902,10 +24876,14 @@ static size_t spsi_cells_bytes(const spsi_frame *frame) {
     floats += SPSI_CELL_GRIDS * spsi_cell_grid_lay_out(frame, &grid, NULL);
     if (grid.flux_terms > 0) /* there are polygons, which receive light from cells */
         floats += spsi_cell_walls_floats(&grid) + spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        if ((frame->lamps.list[i].shadows || spsi_cells_pass_on(frame, &grid)) &&
-            !spsi_has_shadow_table(&frame->lamps.list[i]))
-            bytes += sizeof(sps_tmap) + spsi_cells_map_bytes(frame, &frame->lamps.list[i]);
+    for (int i = 0; i < frame->lamps.count; ++i) { /* lights' tables */
+        spsi_lamp coarse = frame->lamps.list[i];
+        size_t held, filling;
+        if ((!coarse.shadows && !spsi_cells_pass_on(frame, &grid)) || spsi_has_shadow_table(&coarse)) continue;
+        spsi_cells_lamp(spsi_cell_texels(frame), NULL, &coarse);
+        spsi_lamp_tmap_bytes(frame, &coarse, &held, &filling);
+        bytes += sizeof(sps_tmap) + held + filling;
+    }
     return bytes + floats * sizeof(float) + spsi_flights_bytes(frame, &grid);
 }
 
@@ -25962,17 +25940,10 @@ static int spsi_lamps_are_open(const spsi_frame *frame) {
     return 0;
 }
 
-/* Lets lights choose between sheets and tables again. */
-static void spsi_choices_reopen(spsi_frame *frame) {
-    spsi_lamps *lamps = &frame->lamps;
-    for (int i = 0; i < lamps->whole_count; ++i)
-        if (lamps->whole[i].choice != SPSI_CHOICE_CALLER) spsi_lamp_take(&lamps->whole[i], 0, SPSI_CHOICE_OPEN);
-    spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
-}
-
-/* Applies a setting to the frame. Lights' choices are open then. */
+/* Applies a setting to the frame. Lights' choices between sheets and tables are open then. */
 static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
     const spsi_grade grade = spsi_grade_of(frame, setting->gas);
+    spsi_lamps *lamps = &frame->lamps;
     frame->view.quality = grade.quality;
     frame->view.slab = 0;
     frame->view.tolerance = grade.tolerance;
@@ -25980,7 +25951,9 @@ static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, co
     spsi_resolve_quality(frame);
     if (grade.slab > 0) frame->view.slab = grade.slab, frame->accuracy.slab_pixels = 0;
     frame->accuracy.light_points = spsi_point_grades[setting->points];
-    spsi_choices_reopen(frame);
+    for (int i = 0; i < lamps->whole_count; ++i)
+        if (lamps->whole[i].choice != SPSI_CHOICE_CALLER) spsi_lamp_take(&lamps->whole[i], 0, SPSI_CHOICE_OPEN);
+    spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
     return spsi_resolve_points(context, frame);
 }
 
@@ -26237,8 +26210,8 @@ static int spsi_offer_beats(const sps_view *view, const spsi_offer *a, const sps
     return open[0] < open[1];
 }
 
-/* Counts cells, as those to follow light in or as those that hold the light which a setting of the frame calls for: that
-   of the frame which made it. */
+/* Counts cells, as those to follow light in or as those that hold the light which a setting of the frame calls for:
+   that of the frame which made it. */
 static void spsi_work_count_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting,
                                   spsi_work *work) {
     const spsi_pace *pace = &context->pace;
@@ -26388,14 +26361,6 @@ static sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
 
 /* --- what the context learns --- */
 
-/* Whether a frame had thick slabs, and splatted all of its volumes in those of the eye or of lights. */
-static int spsi_pace_splats(const sps_stats_report *stats, const spsi_frame *frame, const spsi_setting *setting) {
-    const int for_eye = stats->eye_footprints > 0 && stats->eye_samples == 0;
-    const int for_lights = stats->light_footprints > 0 && stats->light_samples == 0;
-    return frame->medium_count > 0 && spsi_grade_of(frame, setting->gas).slab > 0 &&
-           (for_eye || for_lights);
-}
-
 /* Learns from a frame that had a budget and is finished. */
 static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     static const spsi_stage makers[] = {SPSI_STAGE_CELLS, SPSI_STAGE_LIGHT, SPSI_STAGE_EYE};
@@ -26406,7 +26371,10 @@ static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     pace->scattered = pace->counts && context->cells_held ? spsi_scattered_fingerprint(context, frame) : 0;
     pace->scattered_by = pace->setting;
     if (!pace->counts || !(total > 0)) return;
-    pace->splats[pace->setting.gas] = spsi_pace_splats(stats, frame, &pace->setting);
+    pace->splats[pace->setting.gas] = /* all volumes, in thick slabs of the eye or of lights */
+        frame->medium_count > 0 && spsi_grade_of(frame, pace->setting.gas).slab > 0 &&
+        ((stats->eye_footprints > 0 && stats->eye_samples == 0) ||
+         (stats->light_footprints > 0 && stats->light_samples == 0));
     seconds[SPSI_STAGE_READ] = stats->seconds_gather;
     seconds[SPSI_STAGE_FIELDS] = pace->seconds_fields;
     seconds[SPSI_STAGE_SURFACES] =
@@ -26726,7 +26694,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     run = spsi_run_reserve(context);
     if (!picture.total || !run) return context->result;
     if (spsi_forward_tables(context, frame)) return context->result;
-    for (int n = 0; n < spsi_sweep_count(frame); ++n) /* what no slabs serve is refused before cells, which take longest */
+    for (int n = 0; n < spsi_sweep_count(frame); ++n) /* what slabs cannot serve is refused before cells are lit */
         if (spsi_sweep_build(context, frame, n, 0, &sweep)) return context->result;
     if (spsi_scatters_fully(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
     if (spsi_scatters_aside(frame) && spsi_spreads_build(context, frame, &picture.faces, &cells, &picture.spreads))
@@ -26821,13 +26789,13 @@ static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* What was counted are bytes of a pass, unless it has needed more before. */
+/* Records what was counted as bytes of a pass, unless it has needed more before. */
 static void spsi_plan_take(sps_context *context, sps_plan_report *report, sps_pass pass) {
     if (context->counted > report->pass[pass].bytes) report->pass[pass].bytes = context->counted;
     context->counted = 0;
 }
 
-/* Lists grow by half, old and new at once. */
+/* Counts what is read. Lists grow by half, old and new at once. */
 static void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     const uint64_t whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     const uint64_t segments = reading->voxels_kept / (SPSI_SEGMENT - whole + 1) + 1;
@@ -26851,7 +26819,7 @@ static size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sw
     return (size_t)spsi_most(2, frame->view.shadow_size > 0 ? frame->view.shadow_size : spsi_light_texels_most(frame));
 }
 
-/* Bytes of what a sweep holds of bricks and particles. Once read, volumes may be cut into other slabs than their boxes,
+/* Counts what a sweep holds of bricks and particles. Once read, volumes may be cut into other slabs than their boxes,
    but not into many more; with particles there is no bound but the maximum. */
 static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      uint64_t bricks) {
@@ -26880,8 +26848,10 @@ static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_fram
             penumbra.beams[i].rays.width = penumbra.beams[i].rays.height = 2 * rays.width + 8;
     } else if (spsi_penumbra_aim(context, frame, sweep, &penumbra))
         return context->result;
-    spsi_bytes_add(&context->counted, (size_t)penumbra.beam_count, sizeof(spsi_beam));
-    spsi_bytes_add(&context->counted, spsi_penumbra_lay_out(context, &penumbra, polygons, NULL), sizeof(float));
+    context->counts_only = 1;
+    spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra.beam_count, sizeof(spsi_beam));
+    spsi_floats_reserve(context, SPSI_BUFFER_PENUMBRA, spsi_penumbra_lay_out(context, &penumbra, polygons, NULL));
+    context->counts_only = 0;
     spsi_plan_take(context, report, SPS_PASS_PENUMBRAE);
     return SPS_OK;
 }
@@ -26913,7 +26883,8 @@ static void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
                              ((open + sliced == 0 || lamp->extent.exists) && spsi_axis_serves(frame, lamp));
         if (!is_known || lamp->choice == SPSI_CHOICE_OPEN)
             lamp->choice = is_known ? SPSI_CHOICE_SHEETS : SPSI_CHOICE_OPEN;
-        if (lamp->extent.exists && (!is_known || lamp->has_map)) lamp->tables = spsi_lamp_tables(lamp);
+        lamp->has_map |= !is_known; /* as well as sheets */
+        if (lamp->extent.exists && lamp->has_map) lamp->tables = spsi_lamp_tables(lamp);
         open += !is_known;
         sliced += is_known && lamp->sliced;
     }
@@ -26986,7 +26957,7 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays, co
 }
 
 /* Aims at the samples of cells about all gas, or at those of the first light that spreads. Returns 0 if there is
-   neither. */
+   neither, or on failure. */
 static int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_rays *rays, spsi_slabs *slabs) {
     spsi_cell_grid grid;
     spsi_spread spread;
@@ -27001,16 +26972,6 @@ static int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_ray
     return 0;
 }
 
-/* How volumes fill these samples. */
-static sps_result spsi_plan_samples(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
-    spsi_rays rays;
-    spsi_slabs slabs;
-    if (spsi_plan_aim(context, frame, &rays, &slabs))
-        spsi_plan_filling(frame, &rays, &slabs, SPSI_TARGET_SAMPLES, 0, &report->cells_gathered,
-                          &report->cells_filling);
-    return context->result;
-}
-
 /* Bytes of the largest sweep's planes, sheets, queues and pixels. */
 static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int n,
                                         uint64_t bricks, spsi_run *run, sps_plan_report *report) {
@@ -27018,6 +26979,7 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
     const spsi_rays *eye = &frame->content->eye;
     const spsi_shape shape = spsi_shape_of(frame, 1); /* lights' sheets have no more channels */
     spsi_rays square; /* as many texels as the light may have */
+    spsi_lists lists;
     square.width = square.height = (int)side;
     run->shader.frame = frame;
     run->shader.sweep = sweep;
@@ -27030,13 +26992,13 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
     spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)run->shader.shadow_count, sizeof(spsi_shadow));
     spsi_reserve(context, SPSI_BUFFER_SHEETS, (size_t)spsi_worker_count(context),
                  spsi_sheet_tiles(frame) * spsi_shape_floats(&shape) * sizeof(float) + 7 * sizeof(uint64_t));
-    if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_EYE_BALLS, eye, particles, &run->eye.particles);
+    if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_EYE_BALLS, eye, particles, &lists);
     if (spsi_may_interpolate(frame))
         spsi_reserve(context, SPSI_BUFFER_EYE_SPENT, 1, spsi_spent_bytes(eye) + spsi_spent_bytes(&square));
     spsi_plan_take(context, report, SPS_PASS_EYE_SHEETS);
     if (sweep->lamp) {
         spsi_reserve(context, SPSI_BUFFER_PLANES, side * side + spsi_list_starts(&square), SPSI_PLANES_TEXEL_BYTES);
-        if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_LIGHT_BALLS, &square, particles, &run->eye.particles);
+        if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_LIGHT_BALLS, &square, particles, &lists);
         spsi_plan_take(context, report, SPS_PASS_LIGHT_SHEETS);
     }
     context->counts_only = 0;
@@ -27088,25 +27050,20 @@ static const char *spsi_plan_map_reason(const spsi_frame *frame) {
 static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan_report *report) {
     const int shade = frame->matter.extinguishes;
     const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
-    int maps = 0;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        if (frame->lamps.list[i].has_map || frame->lamps.list[i].choice == SPSI_CHOICE_OPEN)
-            maps += spsi_plan_tables(frame, &frame->lamps.list[i]);
+    int maps = 0, extended = 0;
+    report->light_points = frame->lamps.count > 0;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        if (lamp->has_map) maps += spsi_plan_tables(frame, lamp);
+        extended |= lamp->extent.exists && lamp->shadows;
+        report->light_points = spsi_most(report->light_points, lamp->point_count);
+    }
     spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, spsi_plan_sliced_count(frame), "volumes or particles cast shadows",
                    !shade                      ? nothing
                    : frame->lamps.shadow_count ? "every light that casts shadows has a shadow_map or a table"
                                                : "no light casts shadows on anything");
     spsi_plan_pass(report, SPS_PASS_LIGHT_MAPS, maps, spsi_plan_map_reason(frame),
                    !shade ? nothing : "no light that casts shadows has a shadow_map or a table");
-}
-
-static void spsi_plan_penumbra_pass(const spsi_frame *frame, int gases, sps_plan_report *report) {
-    int extended = 0;
-    report->light_points = frame->lamps.count > 0;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        extended |= frame->lamps.list[i].extent.exists && frame->lamps.list[i].shadows;
-        report->light_points = spsi_most(report->light_points, frame->lamps.list[i].point_count);
-    }
     spsi_plan_pass(report, SPS_PASS_PENUMBRAE, report->pass[SPS_PASS_PENUMBRAE].runs, "lights have an extent",
                    !extended ? "no light that casts shadows has an extent"
                    : !gases  ? "no volume or particle that could be seen"
@@ -27155,7 +27112,6 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                        : "volumes or particles are seen, one sweep for each part of an image too wide for one",
                    "no volume or particle that could be seen");
     spsi_plan_shadow_passes(frame, gases, report);
-    spsi_plan_penumbra_pass(frame, gases, report);
     spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradients ? sweeps : 0, "a volume is shaded as a surface",
                    "no volume shaded as a surface, or no light for it");
     spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->matter.scatters && lit ? sweeps : 0,
@@ -27189,7 +27145,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    polygons ? "no light" : "no triangles");
 }
 
-/* Bytes of what polygons need outside the sweeps. */
+/* Counts what polygons need outside the sweeps. */
 static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
     const size_t pixels = spsi_ray_count(&frame->content->eye), triangles = frame->meshes.triangle_count;
     size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
@@ -27239,7 +27195,7 @@ static void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_
     if (frame->view.scattering == SPS_SCATTERING_AUTO) /* not decided yet */
         report->pass[SPS_PASS_CELLS].bytes += SPSI_BOUND_BYTES;
     if (frame->meshes.triangle_count > 0) spsi_plan_polygon_bytes(context, frame, report);
-    report->bytes = context->stats.bytes + SPSI_BUFFER_COUNT * SPSI_LINK_BYTES;
+    report->bytes = context->stats.bytes + 2 * SPSI_BUFFER_COUNT * SPSI_LINK_BYTES; /* segments and maps, too */
     for (int i = 0; i < SPS_PASS_COUNT; ++i) spsi_bytes_add(&report->bytes, report->pass[i].bytes, 1);
 }
 
@@ -27247,14 +27203,13 @@ static void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_
 static void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_report *report) {
     size_t most = 0, prints = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_lamp lamp = frame->lamps.list[i];
+        const spsi_lamp *lamp = &frame->lamps.list[i];
         size_t held, filling;
-        lamp.has_map |= lamp.choice == SPSI_CHOICE_OPEN;
-        if (!lamp.has_map) continue;
-        spsi_lamp_tmap_bytes(frame, &lamp, &held, &filling);
-        report->pass[SPS_PASS_LIGHT_MAPS].bytes += (size_t)spsi_plan_tables(frame, &lamp) * held;
+        if (!lamp->has_map) continue;
+        spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
+        report->pass[SPS_PASS_LIGHT_MAPS].bytes += (size_t)spsi_plan_tables(frame, lamp) * held;
         if (filling > most) most = filling;
-        if (spsi_has_shadow_table(&lamp)) prints = (size_t)bricks * sizeof(uint64_t);
+        if (spsi_has_shadow_table(lamp)) prints = (size_t)bricks * sizeof(uint64_t);
     }
     report->pass[SPS_PASS_LIGHT_MAPS].bytes += most + prints;
 }
@@ -27282,19 +27237,12 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* Chooses a setting for a budget, with the time that reading will take. */
-static sps_result spsi_plan_budget(sps_context *context, spsi_frame *frame, const spsi_reading *reading,
-                                   sps_plan_report *report) {
-    const spsi_setting setting = {0, 0, 0};
-    const double units =
-        spsi_fixed_units[SPSI_STAGE_READ] + (double)report->voxels_read + (double)frame->particles.count;
-    return spsi_budget_choose(context, frame, units * spsi_rate(context, SPSI_STAGE_READ, &setting),
-                              reading->held ? (double)context->voxel_count : (double)reading->voxels_kept,
-                              &report->budget);
-}
-
 static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
+    const spsi_setting coarsest = {0, 0, 0};
     spsi_reading reading;
+    double reads; /* units of work */
+    spsi_rays rays;
+    spsi_slabs slabs;
     uint64_t bricks;
     report->eye_filling = "no volume that could be seen";
     report->light_filling = "no volume casts shadows by sheets";
@@ -27304,13 +27252,19 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
     if (!spsi_scatters_fully(frame) || spsi_polygons_scatter(frame) ||
         (reading.held && frame->particles.set_count == 0))
         if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
-    if (spsi_has_budget(&frame->view) && spsi_plan_budget(context, frame, &reading, report)) return context->result;
+    reads = spsi_fixed_units[SPSI_STAGE_READ] + (double)report->voxels_read + (double)frame->particles.count;
+    if (spsi_has_budget(&frame->view) &&
+        spsi_budget_choose(context, frame, reads * spsi_rate(context, SPSI_STAGE_READ, &coarsest),
+                           reading.held ? (double)context->voxel_count : (double)reading.voxels_kept, &report->budget))
+        return context->result;
     if (spsi_plan_fields(context, frame, &reading)) return context->result;
     spsi_levels_choose(frame);
     spsi_plan_choices(context, frame);
     bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
-    if (spsi_plan_sweeps(context, frame, bricks, report) || spsi_plan_samples(context, frame, report))
-        return context->result;
+    if (spsi_plan_sweeps(context, frame, bricks, report)) return context->result;
+    if (spsi_plan_aim(context, frame, &rays, &slabs))
+        spsi_plan_filling(frame, &rays, &slabs, SPSI_TARGET_SAMPLES, 0, &report->cells_gathered,
+                          &report->cells_filling);
     spsi_plan_tmaps(frame, bricks, report);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_held(context, frame); ++i)
         report->triangle_calls +=
@@ -29984,19 +29938,6 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     return spsi_end(map->context);
 }
 
-/* Queries a map at up to SPSI_LANES positions, the answers to which begin with number `first`. */
-static void spsi_tmap_answer(const sps_tmap *map, size_t first, int count, const double *positions,
-                             float *optical_depths, float *transmittances) {
-    float depths[SPSI_LANES] = {0};
-    double lit[SPSI_LANES];
-    spsi_tmap_at(map, count, positions, depths, lit);
-    for (size_t i = 0; i < (size_t)count; ++i) {
-        const double depth = (double)depths[i];
-        if (transmittances) transmittances[first + i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
-        if (optical_depths) optical_depths[first + i] = (float)spsi_optical_depth_with_surfaces(depth, lit[i]);
-    }
-}
-
 static int spsi_tmap_queryable(const sps_tmap *map, size_t count, const void *positions) {
     return map && map->finished && (positions || count == 0);
 }
@@ -30005,8 +29946,15 @@ SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const doubl
                                   float *transmittances) {
     if (!spsi_tmap_queryable(map, count, positions)) return SPS_ERROR_ARGUMENT;
     for (size_t first = 0; first < count; first += SPSI_LANES) {
-        const int some = count - first < SPSI_LANES ? (int)(count - first) : SPSI_LANES;
-        spsi_tmap_answer(map, first, some, positions + 3 * first, optical_depths, transmittances);
+        const size_t some = count - first < SPSI_LANES ? count - first : SPSI_LANES;
+        float depths[SPSI_LANES] = {0};
+        double lit[SPSI_LANES];
+        spsi_tmap_at(map, (int)some, positions + 3 * first, depths, lit);
+        for (size_t i = 0; i < some; ++i) {
+            const double depth = (double)depths[i];
+            if (transmittances) transmittances[first + i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
+            if (optical_depths) optical_depths[first + i] = (float)spsi_optical_depth_with_surfaces(depth, lit[i]);
+        }
     }
     return SPS_OK;
 }
@@ -30016,14 +29964,15 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
     const char *next = (const char *)positions;
     if (!spsi_tmap_queryable(map, count, positions)) return SPS_ERROR_ARGUMENT;
     for (size_t first = 0; first < count; first += SPSI_LANES) {
-        const int some = count - first < SPSI_LANES ? (int)(count - first) : SPSI_LANES;
+        const size_t some = count - first < SPSI_LANES ? count - first : SPSI_LANES;
         double wide[3 * SPSI_LANES];
-        for (int i = 0; i < some; ++i, next += stride ? stride : 3 * sizeof(float)) {
+        for (size_t i = 0; i < some; ++i, next += stride ? stride : 3 * sizeof(float)) {
             float position[3];
             memcpy(position, next, sizeof position);
-            for (int k = 0; k < 3; ++k) wide[3 * i + k] = (double)position[k];
+            for (size_t k = 0; k < 3; ++k) wide[3 * i + k] = (double)position[k];
         }
-        spsi_tmap_answer(map, first, some, wide, optical_depths, transmittances);
+        sps_tmap_query(map, some, wide, optical_depths ? optical_depths + first : NULL,
+                       transmittances ? transmittances + first : NULL);
     }
     return SPS_OK;
 }

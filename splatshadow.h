@@ -4237,6 +4237,7 @@ typedef struct spsi_image {
     int width[SPSI_IMAGE_LEVELS], height[SPSI_IMAGE_LEVELS]; /* with the border */
     float edge[SPSI_IMAGE_LEVELS];                           /* of the texels, the shorter one; 1 at level 0 */
     float *texels[SPSI_IMAGE_LEVELS];
+    float *row; /* of the largest level, as it is read */
 } spsi_image;
 
 /* The grid in which light is followed from cell to cell, >>cells. Arrays have an entry per cell, x first, rows padded
@@ -8963,22 +8964,20 @@ static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], doubl
 
 #define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of the row that is being read: a place and a color */
 
-static size_t spsi_image_level_floats(const spsi_image *image, int level) {
-    return 3 * (size_t)image->width[level] * (size_t)image->height[level];
-}
-
-/* Sets the sizes of an image's levels. From one to the next, the sides whose texels are the shorter ones are halved, or
-   both if texels are about square. Returns the number of floats of all. */
-static size_t spsi_image_size(const spsi_projection *projection, spsi_image *image) {
+/* Sets the sizes of an image's levels, and lays them out in memory, or counts only. From one to the next, the sides
+   whose texels are the shorter ones are halved, or both if texels are about square. */
+static void spsi_image_lay_out(const spsi_projection *projection, float *memory, size_t *laid, spsi_image *image) {
     int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = fmin(edge[0], edge[1]);
     const double unit = shortest;
-    size_t floats = 0;
+    image->row = spsi_lay(memory, laid, SPSI_IMAGE_ROW_FLOATS * (uint64_t)size[0]);
     for (;;) {
         image->width[level] = size[0] + 2;
         image->height[level] = size[1] + 2;
         image->edge[level] = (float)(shortest / unit);
-        floats += spsi_image_level_floats(image, level++);
+        image->texels[level] =
+            spsi_lay(memory, laid, 3 * (uint64_t)image->width[level] * (uint64_t)image->height[level]);
+        ++level;
         if (size[0] == 1 && size[1] == 1) break;
         shortest = fmin(size[0] > 1 ? edge[0] : HUGE_VAL, size[1] > 1 ? edge[1] : HUGE_VAL);
         for (int k = 0; k < 2; ++k)
@@ -8986,22 +8985,20 @@ static size_t spsi_image_size(const spsi_projection *projection, spsi_image *ima
         shortest *= 2;
     }
     image->level_count = level;
-    return floats;
 }
 
-/* Bytes of all lights' images, and of the row that is being read. If they exceed a size_t: SIZE_MAX, which cannot be
-   reserved. */
-static size_t spsi_images_bytes(const spsi_frame *frame) {
-    uint64_t bytes = (uint64_t)frame->lamps.image_count * sizeof(spsi_image), row = 0;
+/* Lays out all lights' images in memory, or counts only. Returns the number of floats. */
+static size_t spsi_images_lay_out(const spsi_frame *frame, float *memory) {
+    size_t laid = 0;
+    const uint64_t bytes = (uint64_t)frame->lamps.image_count * sizeof(spsi_image);
+    spsi_image *images = (spsi_image *)(void *)spsi_lay(memory, &laid, bytes / sizeof(float));
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_projection *projection = &frame->lamps.list[i].projection;
-        const size_t width = (size_t)projection->given.width;
-        spsi_image image;
-        if (!projection->exists) continue;
-        bytes += (uint64_t)spsi_image_size(projection, &image) * sizeof(float);
-        if (width * SPSI_IMAGE_ROW_FLOATS * sizeof(float) > row) row = width * SPSI_IMAGE_ROW_FLOATS * sizeof(float);
+        spsi_image counted;
+        if (projection->exists)
+            spsi_image_lay_out(projection, memory, &laid, images ? &images[projection->image] : &counted);
     }
-    return bytes + row < SIZE_MAX ? (size_t)(bytes + row) : SIZE_MAX;
+    return laid;
 }
 
 /* Fails on an invalid color of a texel, or makes it black. */
@@ -9016,13 +9013,13 @@ static sps_result spsi_texel_validate(sps_context *context, const spsi_frame *fr
     return SPS_OK;
 }
 
-/* Reads an image row by row; `row` has room for one. */
-static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp, float *row,
+/* Reads an image row by row. */
+static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                   const spsi_image *image) {
     const spsi_projection *projection = &lamp->projection;
     const size_t width = (size_t)projection->given.width, pitch = (size_t)image->width[0];
     const size_t plane = pitch * (size_t)image->height[0];
-    float *rgb = row + 2 * width;
+    float *row = image->row, *rgb = row + 2 * width;
     for (int y = 0; y < projection->given.height; ++y) {
         if (spsi_progress(context, 0)) return context->result;
         for (size_t x = 0; x < width; ++x) {
@@ -9077,34 +9074,21 @@ static void spsi_image_halve(const spsi_image *image) {
             for (int x = 0; x < image->width[level] - 2; ++x) spsi_image_halve_texel(image, level, x, y);
 }
 
-/* Lays out an image's levels in memory. Returns what follows them. */
-static float *spsi_image_lay_out(const spsi_projection *projection, float *memory, spsi_image *image) {
-    spsi_image_size(projection, image);
-    for (int level = 0; level < image->level_count; ++level) {
-        image->texels[level] = memory;
-        memory += spsi_image_level_floats(image, level);
-    }
-    return memory;
-}
-
 /* Reads the images of all lights. */
 static sps_result spsi_gather_images(sps_context *context, const spsi_frame *frame) {
-    const size_t bytes = spsi_images_bytes(frame);
+    const size_t floats = spsi_images_lay_out(frame, NULL);
     spsi_image *images;
-    float *row;
+    float *memory;
     if (frame->lamps.image_count == 0) return SPS_OK;
-    images = (spsi_image *)spsi_reserve(context, SPSI_BUFFER_IMAGES, 1, bytes);
-    if (!images) return context->result;
-    memset(images, 0, bytes);
-    row = (float *)(void *)(images + frame->lamps.image_count);
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_projection *projection = &frame->lamps.list[i].projection;
-        if (projection->exists) row = spsi_image_lay_out(projection, row, &images[projection->image]);
-    }
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_IMAGES, floats, sizeof *memory);
+    if (!memory) return context->result;
+    memset(memory, 0, floats * sizeof *memory);
+    spsi_images_lay_out(frame, memory);
+    images = (spsi_image *)(void *)memory;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         if (!lamp->projection.exists) continue;
-        if (spsi_image_read(context, frame, lamp, row, &images[lamp->projection.image])) return context->result;
+        if (spsi_image_read(context, frame, lamp, &images[lamp->projection.image])) return context->result;
         spsi_image_halve(&images[lamp->projection.image]);
     }
     frame->content->images = images;
@@ -27256,7 +27240,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
         tables += frame->matter.materials[frame->media[i].channel].table != NULL;
     report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(context, frame, reading) +
                                           tables * sizeof(spsi_table) + frame->particles.count * sizeof(sps_particle);
-    report->pass[SPS_PASS_PROJECTORS].bytes = spsi_images_bytes(frame);
+    report->pass[SPS_PASS_PROJECTORS].bytes = spsi_images_lay_out(frame, NULL) * sizeof(float);
     if (spsi_scatters_forward(frame))
         report->pass[SPS_PASS_FORWARD].bytes = (size_t)frame->matter.material_count * sizeof(spsi_forward);
     if (spsi_scatters_aside(frame)) report->pass[SPS_PASS_SPREADING].bytes = spsi_spreads_bytes(frame);

@@ -14374,9 +14374,8 @@ typedef struct spsi_added {
 } spsi_added;
 
 typedef struct spsi_tmap_data {
-    spsi_buffer texels;   /* components of each texel, or the intervals or nodes of all */
+    spsi_buffer texels;   /* components of each texel, the intervals or nodes of all, or a table's pairs of planes */
     spsi_buffer starts;   /* of lists: the index of each texel's first item, plus one more for the end */
-    spsi_buffer table;    /* of a shadow table, in place of texels: pairs of planes */
     spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there are no opaque surfaces */
     spsi_buffer prints;   /* of a shadow table with a key: what its texels are made from, face by face, tile by tile */
 } spsi_tmap_data;
@@ -14591,7 +14590,7 @@ static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, spsi_v column, sp
     const spsi_v block = spsi_fma(y, spsi_set((float)spsi_shadow_table_columns(map)), x);
     const spsi_v within = spsi_fma(spsi_sub(row, spsi_mul(y, side)), side, spsi_sub(column, spsi_mul(x, side)));
     spsi_v pair[2];
-    spsi_lookup_pair((const uint32_t *)map->data.table.data, SPSI_SHADOW_TABLE_TEXELS, within,
+    spsi_lookup_pair((const uint32_t *)map->data.texels.data, SPSI_SHADOW_TABLE_TEXELS, within,
                      spsi_fma(block, planes, k), pair);
     return spsi_mul(spsi_mix(pair[0], pair[1], spsi_sub(at, k)), spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST));
 }
@@ -14601,7 +14600,7 @@ static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column,
     const float components = (float)map->settings.components;
     const spsi_texels texels = {(const float *)map->data.texels.data, map->rays[0].width * map->settings.components,
                                 spsi_mul(column, spsi_set(components)), row};
-    if (map->data.table.data) return spsi_shadow_table_at(map, column, row, u);
+    if (map->settings.technique == SPS_TMAP_TABLE) return spsi_shadow_table_at(map, column, row, u);
     return map->has_vectors ? spsi_tmap_texels_depths(map, &texels, u)
                             : spsi_tmap_each_optical_depth(map, column, row, u, weight);
 }
@@ -14765,8 +14764,8 @@ typedef struct spsi_filling {
     int pieces;    /* maximum number that a soft particle is cut into */
     float epsilon; /* of a compressed map, except for what soft pieces use up */
     int has_sizes; /* 1: the number of items of each texel is known; nodes replace its intervals where they fit */
-    char *scratch; /* scratch_size per worker: intervals to sort, a curve, and the nodes made of it */
-    size_t scratch_size, scratch_intervals, scratch_curve;
+    float *scratch; /* scratch_floats per worker: intervals to sort, a curve, and the nodes made of it */
+    size_t scratch_floats;
     double slab_u, u_per_slab; /* u of the plane before slab k: slab_u + k u_per_slab */
     double light_u;            /* of the light's own position, or -infinity */
     double progress;
@@ -14887,17 +14886,9 @@ static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_inte
 
 /* Inserts an interval into one texel. */
 static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
-    float lanes[3][SPSI_LANES] = {{0}};
-    spsi_intervals one;
-    if (!(interval->depth > 0)) return;
-    lanes[0][0] = interval->u0;
-    lanes[1][0] = interval->u1;
-    lanes[2][0] = interval->depth;
-    one.u0 = spsi_load(lanes[0]);
-    one.u1 = spsi_load(lanes[1]);
-    one.depth = spsi_load(lanes[2]);
-    one.soft = interval->soft;
-    spsi_insert(into, x, y, &one);
+    const spsi_v depth = spsi_select(spsi_less(spsi_iota(), spsi_set(0.5f)), spsi_set(interval->depth), spsi_set(0));
+    const spsi_intervals one = {spsi_set(interval->u0), spsi_set(interval->u1), depth, interval->soft};
+    if (interval->depth > 0) spsi_insert(into, x, y, &one);
 }
 
 /* Inserts the part of a soft interval between two positions as points: good to 1e-6 for moments and Fourier series,
@@ -15142,7 +15133,7 @@ static void spsi_clear_task(void *data, int index) {
 static void spsi_shadow_table_store(const sps_tmap *map, int x, int y, const float *sums, size_t stride) {
     const int planes = map->settings.components, side = SPSI_SHADOW_TABLE_SIDE;
     const size_t block = (size_t)(y / side) * (size_t)spsi_shadow_table_columns(map) + (size_t)(x / side);
-    uint32_t *to = (uint32_t *)map->data.table.data + block * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
+    uint32_t *to = (uint32_t *)map->data.texels.data + block * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
     const float end = map->table_end;
     uint32_t before = 0;
     double sum = 0;
@@ -15239,23 +15230,21 @@ typedef struct spsi_fitting {
     spsi_node *curve, *nodes;
 } spsi_fitting;
 
-/* Sizes of a worker's memory. Returns its bytes, in 64 bits, as a size_t may have fewer, and rounded up to whole
-   intervals, so that the next worker's is aligned. A deep map's lists are only sorted. */
-static uint64_t spsi_fitting_measure(spsi_filling *filling) {
+/* Lays out a worker's memory, or counts only. Returns its floats. A deep map's lists are only sorted. */
+static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, spsi_fitting *fitting) {
     const int sorts_only = filling->map->settings.technique == SPS_TMAP_DEEP;
-    const size_t most = filling->band.most, pieces = (size_t)filling->pieces;
-    uint64_t nodes;
-    filling->scratch_intervals = sorts_only ? most / 2 : SPSI_CURVE_SCRATCH(most, pieces);
-    filling->scratch_curve = sorts_only ? 0 : SPSI_CURVE_NODES(most, pieces);
-    nodes = filling->scratch_curve + (uint64_t)spsi_compressed_most((int)filling->scratch_curve, filling->epsilon);
-    return (filling->scratch_intervals + nodes * sizeof(spsi_node) / sizeof(spsi_interval) + 1) * sizeof(spsi_interval);
-}
-
-static void spsi_fitting_place(const spsi_filling *filling, int worker, spsi_fitting *fitting) {
+    const uint64_t most = filling->band.most, pieces = (uint64_t)filling->pieces;
+    const uint64_t curve = sorts_only ? 0 : SPSI_CURVE_NODES(most, pieces);
+    const uint64_t nodes = (uint64_t)spsi_compressed_most((int)curve, filling->epsilon);
+    const uint64_t intervals = sorts_only ? most / 2 : SPSI_CURVE_SCRATCH(most, pieces);
+    const size_t node = sizeof(spsi_node) / sizeof(float);
+    size_t laid = 0;
     fitting->filling = filling;
-    fitting->intervals = (spsi_interval *)(void *)(filling->scratch + (size_t)worker * filling->scratch_size);
-    fitting->curve = (spsi_node *)(void *)(fitting->intervals + filling->scratch_intervals);
-    fitting->nodes = fitting->curve + filling->scratch_curve;
+    fitting->intervals =
+        (spsi_interval *)(void *)spsi_lay(memory, &laid, sizeof(spsi_interval) / sizeof(float) * intervals);
+    fitting->curve = (spsi_node *)(void *)spsi_lay(memory, &laid, node * curve);
+    fitting->nodes = (spsi_node *)(void *)spsi_lay(memory, &laid, node * nodes);
+    return laid;
 }
 
 /* Computes the nodes of a compressed map's texel, whose list is sorted; returns their number. */
@@ -15308,7 +15297,7 @@ static void spsi_fit_task(void *data, int index, int worker) {
     spsi_map_tile into;
     if (filling->context->cancelled) return;
     spsi_map_tile_place(filling, index % filling->band.tiles_x, &into);
-    spsi_fitting_place(filling, worker, &fitting);
+    spsi_fitting_lay_out(filling, filling->scratch + (size_t)worker * filling->scratch_floats, &fitting);
     for (int i = 0; i < into.width; ++i) {
         const size_t texel = spsi_map_tile_texel(&into, into.x0 + i, into.y0 + index / filling->band.tiles_x);
         if (filling->has_sizes)
@@ -15348,7 +15337,7 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     sps_context *context = filling->context;
     const sps_tmap *map = filling->map;
     const int has_soft = filling->occluders->frame->particles.has_soft;
-    uint64_t bytes;
+    spsi_fitting fitting;
     int tasks;
     if (spsi_fill_lists(filling)) return context->result;
     filling->pieces = has_soft ? map->settings.components > 0 ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
@@ -15358,13 +15347,9 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     if (filling->band.most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in a texel",
                                (double)filling->band.most, "2 million can be fitted");
-    bytes = spsi_fitting_measure(filling);
-    if (bytes > SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "bytes to fit a texel", (double)bytes,
-                               "they are more than memory can have");
-    filling->scratch_size = (size_t)bytes;
-    filling->scratch =
-        (char *)spsi_reserve(context, SPSI_BUFFER_CURVES, (size_t)spsi_worker_count(context), filling->scratch_size);
+    filling->scratch_floats = spsi_fitting_lay_out(filling, NULL, &fitting);
+    filling->scratch = (float *)spsi_reserve(context, SPSI_BUFFER_CURVES, (size_t)spsi_worker_count(context),
+                                             filling->scratch_floats * sizeof(float));
     if (!filling->scratch) return context->result;
     filling->has_sizes = 0;
     tasks = filling->band.tiles_x * spsi_filling_height(filling);
@@ -15711,16 +15696,14 @@ static size_t spsi_tmap_known_items(const sps_tmap *map) {
 static size_t spsi_tmap_bytes(const sps_tmap *map) {
     const size_t fixed = sizeof *map + map->planes.size;
     if (map->finished)
-        return fixed + map->data.texels.size + map->data.starts.size + map->data.table.size + map->data.surfaces.size;
+        return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size;
     return fixed + spsi_tmap_known_items(map) * sizeof(float);
 }
 
 /* Reserves what the map will hold, as far as that is known. */
 static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     const size_t texels = spsi_tmap_texel_count(map);
-    spsi_buffer *known = map->technique->lists                       ? &map->data.starts
-                         : map->settings.technique == SPS_TMAP_TABLE ? &map->data.table
-                                                                     : &map->data.texels;
+    spsi_buffer *known = map->technique->lists ? &map->data.starts : &map->data.texels;
     float *surfaces = NULL;
     if (!map->updates && !spsi_buffer_reserve(map->context, known, spsi_tmap_known_items(map), sizeof(float)))
         return map->context->result;
@@ -15937,7 +15920,6 @@ static void spsi_tmap_release(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->planes);
     spsi_buffer_release(map->context, &map->data.texels);
     spsi_buffer_release(map->context, &map->data.starts);
-    spsi_buffer_release(map->context, &map->data.table);
     spsi_buffer_release(map->context, &map->data.surfaces);
     spsi_buffer_release(map->context, &map->data.prints);
 }
@@ -16095,11 +16077,11 @@ static uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uin
 static void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
     sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     int i = 0;
-    while (i < context->shadow_table_count && !(held[i].data.table.data && held[i].aim == map->aim)) ++i;
+    while (i < context->shadow_table_count && !(held[i].data.texels.data && held[i].aim == map->aim)) ++i;
     if (i == context->shadow_table_count || !map->key) return;
     map->finished = held[i].key == map->key;
     map->updates = !map->finished;
-    map->data.table = held[i].data.table;
+    map->data.texels = held[i].data.texels;
     map->data.prints = held[i].data.prints;
     memset(&held[i], 0, sizeof held[i]);
     held[i].context = context;
@@ -16119,7 +16101,7 @@ static void spsi_tmaps_drop(sps_context *context, spsi_buffer_id id, int *count)
    of all maps. */
 static void spsi_shadow_table_hold(sps_context *context, sps_tmap *map) {
     sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    if (!context->result && map->key && map->data.table.data)
+    if (!context->result && map->key && map->data.texels.data)
         held[context->shadow_table_count++] = *map;
     else
         spsi_tmap_release(map);

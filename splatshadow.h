@@ -16646,17 +16646,23 @@ static void spsi_penumbra_keep(const spsi_penumbra *penumbra, const spsi_light_s
     penumbra->held[index] = held;
 }
 
+static spsi_area spsi_tile_area(const spsi_penumbra *penumbra, int index) {
+    const int x0 = index % penumbra->tiles_x * SPSI_TILE_WIDTH, y0 = index / penumbra->tiles_x * SPSI_TILE_HEIGHT;
+    const spsi_area area = {x0, y0, spsi_least(penumbra->rays->width, x0 + SPSI_TILE_WIDTH) - 1,
+                            spsi_least(penumbra->rays->height, y0 + SPSI_TILE_HEIGHT) - 1};
+    return area;
+}
+
 /* Empties a tile's sheets. */
 static void spsi_penumbra_clear(const spsi_penumbra *penumbra, int index) {
-    const int x0 = index % penumbra->tiles_x * SPSI_TILE_WIDTH, y0 = index / penumbra->tiles_x * SPSI_TILE_HEIGHT;
-    const int width = penumbra->rays->width, some = spsi_least(SPSI_TILE_WIDTH, width - x0);
-    const size_t texels = spsi_ray_count(penumbra->rays);
+    const spsi_area tile = spsi_tile_area(penumbra, index);
+    const size_t texels = spsi_ray_count(penumbra->rays), width = (size_t)penumbra->rays->width;
     if (!penumbra->held[index]) return;
     penumbra->held[index] = 0;
     for (int k = 0; k < SPSI_CHUNK; ++k)
-        for (int y = y0; y < spsi_least(penumbra->rays->height, y0 + SPSI_TILE_HEIGHT); ++y)
-            memset(penumbra->sheets + (size_t)k * texels + (size_t)y * (size_t)width + (size_t)x0, 0,
-                   (size_t)some * sizeof(float));
+        for (int y = tile.y0; y <= tile.y1; ++y)
+            memset(penumbra->sheets + (size_t)k * texels + (size_t)y * width + (size_t)tile.x0, 0,
+                   (size_t)(tile.x1 - tile.x0 + 1) * sizeof(float));
 }
 
 /* A beam's texels as far as they reach a tile of the planes within a chunk. */
@@ -16674,13 +16680,6 @@ typedef struct spsi_beam_part {
 
 static spsi_area spsi_beam_area(const spsi_beam *beam) {
     const spsi_area area = {beam->x0, beam->y0, beam->x0 + beam->rays.width - 1, beam->y0 + beam->rays.height - 1};
-    return area;
-}
-
-static spsi_area spsi_tile_area(const spsi_penumbra *penumbra, int index) {
-    const int x0 = index % penumbra->tiles_x * SPSI_TILE_WIDTH, y0 = index / penumbra->tiles_x * SPSI_TILE_HEIGHT;
-    const spsi_area area = {x0, y0, spsi_least(penumbra->rays->width, x0 + SPSI_TILE_WIDTH) - 1,
-                            spsi_least(penumbra->rays->height, y0 + SPSI_TILE_HEIGHT) - 1};
     return area;
 }
 
@@ -27356,7 +27355,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
 #define SPSI_MARCH_ROUNDING   1e-6 /* relative, of bounds: colors are floats, and so are bounds */
 
 typedef struct spsi_dense {
-    const float *values;
+    float *values;
     float *most;          /* per brick: maximum value of it and its neighbours */
     float *bound;         /* per brick: upper bound of the extinction that goes with it; for paths only */
     double all_most;      /* maximum value; for bounds only */
@@ -28142,13 +28141,12 @@ static void spsi_dense_task(void *data, int index, int worker) {
 }
 
 /* Reads a whole volume, and its maxima by brick. */
-static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame, int medium, float *values,
-                                  spsi_dense *grid) {
+static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame, int medium, const spsi_dense *grid) {
     spsi_material plain;
     spsi_dense_job job;
     memset(&plain, 0, sizeof plain); /* a gas: blocks without margins */
     memset(&job, 0, sizeof job);
-    job.values = values;
+    job.values = grid->values;
     job.reader.medium = &frame->media[medium];
     job.reader.material = &plain;
     job.reader.replace = frame->given.replace_invalid;
@@ -28159,8 +28157,8 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
         for (int y = 0; y < grid->size[1]; ++y)
             for (int x = 0; x < grid->size[0]; ++x) {
                 const int b[3] = {x / SPSI_BRICK, y / SPSI_BRICK, z / SPSI_BRICK};
-                const float value =
-                    values[((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)x];
+                const size_t row = (size_t)z * (size_t)grid->size[1] + (size_t)y;
+                const float value = grid->values[row * (size_t)grid->size[0] + (size_t)x];
                 if (!(value > 0)) continue;
                 for (int n = 0; n < 27; ++n) { /* beyond the border, a brick at the border once more */
                     const int at[3] = {b[0] + n % 3 - 1, b[1] + n / 3 % 3 - 1, b[2] + n / 9 - 1};
@@ -28173,43 +28171,42 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
     return SPS_OK;
 }
 
-static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame, spsi_marcher *marcher) {
-    uint64_t voxels = 0, bricks = 0;
-    float *values, *most;
+/* Lays out the values of all volumes and their maxima in memory, or counts only. Returns the number of floats. */
+static size_t spsi_grids_lay_out(const spsi_frame *frame, float *memory, spsi_dense *grids) {
+    size_t laid = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_lattice *lattice = frame->media[i].lattice;
-        spsi_dense *grid = &marcher->grids[i];
-        uint64_t b = 1, v = 1;
+        spsi_dense *grid = &grids[i];
+        uint64_t bricks = 1, voxels = 1;
         for (int k = 0; k < 3; ++k) {
             grid->size[k] = frame->media[i].given.size[k];
             grid->bricks[k] = (grid->size[k] + SPSI_BRICK - 1) / SPSI_BRICK;
-            v *= (uint64_t)grid->size[k];
-            b *= (uint64_t)grid->bricks[k];
+            voxels *= (uint64_t)grid->size[k];
+            bricks *= (uint64_t)grid->bricks[k];
         }
         memcpy(grid->corner, lattice->corner, sizeof grid->corner);
         spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], grid->inverse);
-        voxels += v;
-        bricks += b;
+        grid->values = spsi_lay(memory, &laid, voxels);
+        grid->most = spsi_lay(memory, &laid, bricks);
+        grid->bound = spsi_lay(memory, &laid, bricks);
+        if (memory) memset(grid->most, 0, (size_t)bricks * sizeof(float));
     }
-    if (voxels + 2 * bricks > SIZE_MAX / 8)
+    return laid;
+}
+
+/* Reads all volumes. */
+static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame, spsi_marcher *marcher) {
+    const size_t floats = spsi_grids_lay_out(frame, NULL, marcher->grids);
+    float *memory;
+    if (floats > SIZE_MAX / 8)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_SCENE, -1, "volumes' number of voxels",
-                               (double)voxels,
+                               (double)floats,
                                "sps_reference holds all of them, and they are more than memory can have");
-    values =
-        (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES, (size_t)(voxels + 2 * bricks) + 1, sizeof(float));
-    if (!values) return context->result;
-    memset(values + voxels, 0, (size_t)bricks * 2 * sizeof(float));
-    most = values + voxels;
-    for (int i = 0; i < frame->medium_count; ++i) {
-        spsi_dense *grid = &marcher->grids[i];
-        const size_t count = (size_t)grid->bricks[0] * (size_t)grid->bricks[1] * (size_t)grid->bricks[2];
-        grid->values = values;
-        grid->most = most;
-        grid->bound = most + count;
-        if (spsi_dense_read(context, frame, i, values, grid)) return context->result;
-        values += (size_t)grid->size[0] * (size_t)grid->size[1] * (size_t)grid->size[2];
-        most += 2 * count;
-    }
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES, floats + 1, sizeof(float));
+    if (!memory) return context->result;
+    spsi_grids_lay_out(frame, memory, marcher->grids);
+    for (int i = 0; i < frame->medium_count; ++i)
+        if (spsi_dense_read(context, frame, i, &marcher->grids[i])) return context->result;
     return SPS_OK;
 }
 

@@ -9506,8 +9506,7 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
 
 /* Whether a face of a depth map may shade any of the ways from d[0] to d[1]. Wide ones, those of thick slabs, are
    looked at in parts. */
-static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y,
-                                           const spsi_v d[2]) {
+static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
     const int parts = 4;
     const spsi_v step = spsi_mul(spsi_sub(d[1], d[0]), spsi_set(1 / (float)parts));
     int wide, shadable = spsi_depth_map_shadable(map, face, at, y, d, &wide);
@@ -9611,8 +9610,7 @@ static void spsi_panes_through(const spsi_pane_map *map, int face, const spsi_fa
             const spsi_v slope[2] = {spsi_load(panes.slope[0]), spsi_load(panes.slope[1])};
             const spsi_v lit = spsi_map_way_share(way, &map->grid.rays[face], i, spsi_load(panes.depth), slope);
             for (int c = 0; c < 3; ++c)
-                texels[c][i] =
-                    spsi_mul(texels[c][i], spsi_fma(spsi_sub(one, lit), spsi_load(panes.passes[c]), lit));
+                texels[c][i] = spsi_mul(texels[c][i], spsi_fma(spsi_sub(one, lit), spsi_load(panes.passes[c]), lit));
         }
     }
     for (int c = 0; c < 3; ++c) through[c] = spsi_map_way_mean(way, texels[c]);
@@ -15695,8 +15693,7 @@ static size_t spsi_tmap_known_items(const sps_tmap *map) {
 /* Bytes that the map holds; before it is finished, what it will hold, as far as that is known. */
 static size_t spsi_tmap_bytes(const sps_tmap *map) {
     const size_t fixed = sizeof *map + map->planes.size;
-    if (map->finished)
-        return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size;
+    if (map->finished) return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size;
     return fixed + spsi_tmap_known_items(map) * sizeof(float);
 }
 
@@ -16561,8 +16558,8 @@ static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *fra
     penumbra->tiles_x = spsi_tile_columns(rays);
     penumbra->tiles_y = spsi_tile_rows(rays);
     penumbra->beam_count = sweep->lamp->point_count;
-    penumbra->beams = (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count,
-                                                sizeof *penumbra->beams);
+    penumbra->beams =
+        (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count, sizeof *penumbra->beams);
     return context->result;
 }
 

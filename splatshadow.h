@@ -3165,7 +3165,7 @@ typedef struct spsi_texels {
 typedef struct spsi_technique {
     const char *name;             /* with its article, for error sentences */
     int least, most, step, usual; /* components: minimum, maximum, step from the minimum, default */
-    int lists;                    /* 1: a list per texel, whose length depends on its ray; 0: insert and finish */
+    size_t lists;                 /* bytes of an item of a texel's list, as long as its ray makes it; 0: no lists */
     /* 1: insert has no closed form for a soft interval that is cut, which is inserted as points. 0: accepts intervals
        whose ends lie outside 0..1. */
     int points;
@@ -3204,16 +3204,12 @@ static inline float spsi_interval_share(const spsi_interval *interval, float u) 
     return interval->soft > 0 ? spsi_soft_share(interval->soft, t) : t;
 }
 
-/* The same for a query: at u = 1 what lies behind counts, too. */
-static inline float spsi_interval_before(const spsi_interval *interval, float u) {
-    return u < 1 ? spsi_interval_share(interval, u) : 1;
-}
-
-/* Exact optical depth before u of a list sorted by u0. Cost: the intervals that begin before u. */
+/* Exact optical depth before u of a list sorted by u0; at u = 1 what lies behind counts, too. Cost: the intervals that
+   begin before u. */
 static inline float spsi_intervals_optical_depth(const spsi_interval *list, uint32_t count, float u) {
     double sum = 0;
     for (uint32_t i = 0; i < count && list[i].u0 <= u; ++i)
-        sum += (double)list[i].depth * (double)spsi_interval_before(&list[i], u);
+        sum += (double)list[i].depth * (u < 1 ? (double)spsi_interval_share(&list[i], u) : 1);
     return (float)fmin(sum, (double)SPSI_DEPTH_MAX);
 }
 
@@ -3630,14 +3626,8 @@ static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, 
     }
 }
 
-/* The contribution of harmonic k to the optical depth before u, on top of a0 u / 2: (a_k sin(2 pi k u) +
-   b_k (1 - cos(2 pi k u))) / (2 pi k). [Jansen & Bavoil 2010] */
-static inline spsi_v spsi_fourier_harmonic(spsi_v a, spsi_v b, int k, spsi_v cosine, spsi_v sine) {
-    const spsi_v both = spsi_fma(a, sine, spsi_mul(b, spsi_sub(spsi_set(1), cosine)));
-    return spsi_mul(both, spsi_set((float)(1 / (2 * SPSI_PI * k))));
-}
-
-/* Clamped to 0 .. the total. */
+/* The sum of a0 u / 2 and, for each harmonic k, (a_k sin(2 pi k u) + b_k (1 - cos(2 pi k u))) / (2 pi k) [Jansen &
+   Bavoil 2010], clamped to 0 .. the total. */
 static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_texels_at(texels, spsi_set(0)));
     spsi_v cosine, sine, c, s, sum = spsi_mul(half, u);
@@ -3646,7 +3636,8 @@ static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, con
     for (int k = 1; 2 * k < settings->components; ++k) {
         const spsi_v a = spsi_texels_at(texels, spsi_set((float)(2 * k - 1)));
         const spsi_v b = spsi_texels_at(texels, spsi_set((float)(2 * k)));
-        sum = spsi_add(sum, spsi_fourier_harmonic(a, b, k, c, s));
+        const spsi_v both = spsi_fma(a, s, spsi_mul(b, spsi_sub(spsi_set(1), c)));
+        sum = spsi_add(sum, spsi_mul(both, spsi_set((float)(1 / (2 * SPSI_PI * k)))));
         spsi_turn_by(&c, &s, cosine, sine);
     }
     return spsi_clamp(sum, spsi_set(0), spsi_min(half, spsi_set(SPSI_DEPTH_MAX)));
@@ -3704,10 +3695,7 @@ typedef struct spsi_cuts {
     double through, end; /* T at the last cut, and at the end of the piece */
 } spsi_cuts;
 
-/* Before the first piece of a curve. */
-static void spsi_cuts_begin(spsi_cuts *cuts) { cuts->end = 1; }
-
-/* Goes on to the piece that ends at node i of a curve; T continues from the end of the piece before. */
+/* Goes on to the piece that ends at node i of a curve; T continues from the end of the piece before, 1 at first. */
 static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
     cuts->piece = spsi_curve_piece(curve, i);
     cuts->u = (float)cuts->piece.u0;
@@ -3805,7 +3793,7 @@ static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon,
     if (count <= 0) return 0;
     c.last_u = (double)curve[0].u;
     spsi_compressor_node(&c, c.last_u, 1);
-    spsi_cuts_begin(&cuts);
+    cuts.end = 1;
     for (int i = 0; i < count; ++i) {
         int more = 1;
         for (spsi_cuts_piece(&cuts, curve, i); more;) {
@@ -3815,11 +3803,6 @@ static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon,
     }
     spsi_compressor_end(&c);
     return c.count;
-}
-
-/* Optical depth of compressed nodes: -log T. */
-static float spsi_compressed_optical_depth(const spsi_node *nodes, uint32_t count, float u) {
-    return spsi_optical_depth_of(spsi_nodes_transmittance(nodes, count, u));
 }
 
 #define SPSI_THIN_EPSILON (1.0f / 1024) /* usual error of the line whose nodes are removed */
@@ -4022,8 +4005,8 @@ static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *
 /* By sps_tmap_technique; the default is resolved before (spsi_settings_resolve). */
 static const spsi_technique spsi_techniques[] = {
     {"no map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL},
-    {"a deep map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL},
-    {"a compressed map", 4, 64, 2, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL},
+    {"a deep map", 0, 0, 0, 0, sizeof(spsi_interval), 0, 0, NULL, NULL, NULL, NULL, NULL},
+    {"a compressed map", 4, 64, 2, 0, sizeof(spsi_node), 0, 0, NULL, NULL, NULL, NULL, NULL},
     {"an opacity map", 1, 65, 1, 8, 0, 0, 0, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths,
      NULL, spsi_opacity_bracket},
     {"a deep opacity map", 3, 65, 1, 8, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths,
@@ -14426,11 +14409,7 @@ static uint64_t spsi_tmap_patches(const sps_tmap *map, int row, int column) {
                           map->rays[0].height - 1 - row * SPSI_TILE_HEIGHT);
 }
 
-/* Of a map made from lists: bytes of an item, an interval or a node, and number of items. */
-static size_t spsi_tmap_item_bytes(const sps_tmap *map) {
-    return map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_interval) : sizeof(spsi_node);
-}
-
+/* The number of items of a map made from lists. */
 static size_t spsi_tmap_item_count(const sps_tmap *map) {
     return ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
 }
@@ -14461,9 +14440,10 @@ static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u)
     if (map->technique->lists) {
         const uint32_t *starts = (const uint32_t *)map->data.starts.data + index;
         const uint32_t count = starts[1] - starts[0];
+        const void *list = (const char *)map->data.texels.data + starts[0] * map->technique->lists;
         return map->settings.technique == SPS_TMAP_DEEP
-                   ? spsi_intervals_optical_depth((const spsi_interval *)map->data.texels.data + starts[0], count, u)
-                   : spsi_compressed_optical_depth((const spsi_node *)map->data.texels.data + starts[0], count, u);
+                   ? spsi_intervals_optical_depth((const spsi_interval *)list, count, u)
+                   : spsi_optical_depth_of(spsi_nodes_transmittance((const spsi_node *)list, count, u));
     }
     if (map->technique->optical_depth) return map->technique->optical_depth(&map->inner, one.floats, u);
     spsi_store(lanes, spsi_tmap_texels_depths(map, &one, spsi_set(u)));
@@ -15277,7 +15257,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
 /* Makes a texel's items once more, at their final place: they did not fit into its list. */
 static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
-    const size_t in_band = texel - filling->band.first_texel, item = spsi_tmap_item_bytes(filling->map);
+    const size_t in_band = texel - filling->band.first_texel, item = filling->map->technique->lists;
     const uint32_t *starts = (const uint32_t *)filling->map->data.starts.data + texel;
     const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band];
     const spsi_interval *list = filling->band.intervals + filling->band.starts[in_band];
@@ -15316,7 +15296,7 @@ static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
 static sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
-    const size_t item = spsi_tmap_item_bytes(map);
+    const size_t item = map->technique->lists;
     uint32_t *starts = (uint32_t *)map->data.starts.data + filling->band.first_texel;
     uint64_t sum;
     memcpy(starts + 1, filling->band.cursors, texels * sizeof *starts);
@@ -15722,7 +15702,7 @@ static sps_result spsi_tmap_reserve_prints(sps_tmap *map) {
 
 /* Releases the memory that a list has grown to beyond what it holds. */
 static sps_result spsi_tmap_trim(sps_tmap *map) {
-    const size_t item = spsi_tmap_item_bytes(map), count = spsi_tmap_item_count(map);
+    const size_t item = map->technique->lists, count = spsi_tmap_item_count(map);
     spsi_buffer exact = {NULL, 0};
     if (map->data.texels.size <= (count > 0 ? count : 1) * item) return SPS_OK;
     if (!spsi_buffer_reserve(map->context, &exact, count, item)) return map->context->result;
@@ -28040,15 +28020,10 @@ static void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centr
                     &marcher->frame->content->eye);
     for (size_t i = 0; i < pixels; ++i) {
         spsi_walker *walker = &marcher->walkers[i];
-        memset(walker->radiance, 0, sizeof walker->radiance);
-        memset(walker->scattered, 0, sizeof walker->scattered);
-        memset(walker->source, 0, sizeof walker->source);
+        memset(walker->radiance, 0, sizeof *walker - offsetof(spsi_walker, radiance));
         walker->filter[0] = walker->filter[1] = walker->filter[2] = 1;
-        walker->gas = spsi_between_of(0, 0);
-        walker->distance = 0;
         walker->high = walker->depth = -HUGE_VAL;
         walker->hit.face = -1;
-        walker->ended = 0;
     }
 }
 
@@ -30101,8 +30076,7 @@ SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info) {
     info->height = map->rays[0].height;
     info->face_count = map->face_count;
     info->is_finished = map->finished;
-    info->item_floats =
-        map->technique->lists ? (int)(spsi_tmap_item_bytes(map) / sizeof(float)) : map->settings.components;
+    info->item_floats = map->technique->lists ? (int)(map->technique->lists / sizeof(float)) : map->settings.components;
     info->texel_count = spsi_tmap_texel_count(map);
     info->float_count = info->texel_count * (size_t)info->item_floats;
     if (map->technique->lists)

@@ -9274,40 +9274,30 @@ static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int 
     cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], depth - fabsf(slope[0]) - fabsf(slope[1]));
 }
 
-/* Replaces the face numbers that the rasteriser left in one row of texels by the slopes of their planes, and lowers the
-   row's cells to the minimum that its planes reach within a texel. */
+/* Turns the fragments of one row of texels into panes, or replaces the face numbers that the rasteriser left there by
+   the slopes of their planes. Lowers the row's cells to the minimum that its planes reach within a texel. */
 static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
-    const spsi_depth_map *map = job->map;
-    const spsi_rays *rays = &map->rays[job->face];
-    const size_t first = (size_t)y * (size_t)rays->width;
+    const spsi_rays *rays = &job->map->rays[job->face];
+    const uint32_t *first = job->panes ? job->panes->first[job->face] : NULL;
+    float *const *slopes = job->map->slopes[job->face];
     spsi_map_plane plane = {job->faces, rays, -1, 0, 0, {0, 0, 0}, 0};
     for (int x = 0; x < rays->width; ++x) {
-        float *along_x = &map->slopes[job->face][0][first + (size_t)x];
-        float *along_y = &map->slopes[job->face][1][first + (size_t)x];
-        const float depth = map->depths[job->face][first + (size_t)x];
+        const size_t at = (size_t)y * (size_t)rays->width + (size_t)x;
         float slope[2] = {0, 0};
-        int number;
-        memcpy(&number, along_y, sizeof number);
-        if (number >= 0) spsi_map_plane_slopes(&plane, number, x, y, depth, slope, cells);
-        *along_x = slope[0];
-        *along_y = slope[1];
-    }
-}
-
-/* Turns the fragments of one row of texels into panes. */
-static void spsi_panes_row(const spsi_planes_job *job, int y, float *cells) {
-    const spsi_pane_map *map = job->panes;
-    const spsi_rays *rays = &map->grid.rays[job->face];
-    const uint32_t *first = map->first[job->face] + (size_t)y * (size_t)rays->width;
-    spsi_map_plane plane = {job->faces, rays, -1, 0, 0, {0, 0, 0}, 0};
-    for (int x = 0; x < rays->width; ++x)
-        for (uint32_t i = first[x]; i < first[x + 1]; ++i) {
+        int number = -1;
+        for (uint32_t i = first ? first[at] : 0; first && i < first[at + 1]; ++i) {
             const spsi_fragment *fragment = &job->fragments[i];
-            spsi_pane *pane = &map->list[job->face][i];
+            spsi_pane *pane = &job->panes->list[job->face][i];
             spsi_map_plane_slopes(&plane, fragment->face, x, y, fragment->depth, pane->slope, cells);
             pane->depth = fragment->depth;
             pane->face = fragment->face;
         }
+        if (first) continue;
+        memcpy(&number, &slopes[1][at], sizeof number);
+        if (number >= 0)
+            spsi_map_plane_slopes(&plane, number, x, y, job->map->depths[job->face][at], slope, cells);
+        for (int k = 0; k < 2; ++k) slopes[k][at] = slope[k];
+    }
 }
 
 /* Fills one row of cells. */
@@ -9317,10 +9307,7 @@ static void spsi_planes_task(void *data, int index) {
     float *cells = job->map->nearest[job->face] + (size_t)(spsi_depth_map_cells(height) + index) * (size_t)columns;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
     for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
-        if (job->panes)
-            spsi_panes_row(job, y, cells);
-        else
-            spsi_planes_row(job, y, cells);
+        spsi_planes_row(job, y, cells);
 }
 
 /* Finds the minimum depths about each of a grid's cells from those in each alone, which follow. */

@@ -3180,7 +3180,7 @@ typedef struct spsi_texels {
 typedef struct spsi_technique {
     const char *name;             /* with its article, for error sentences */
     int least, most, step, usual; /* components: minimum, maximum, step from the minimum, default */
-    int lists;                    /* 1: a list per texel, whose length depends on its ray; 0: insert and finish */
+    size_t lists;                 /* bytes of an item of a texel's list, as long as its ray makes it; 0: no lists */
     /* 1: insert has no closed form for a soft interval that is cut, which is inserted as points. 0: accepts intervals
        whose ends lie outside 0..1. */
     int points;
@@ -3219,16 +3219,12 @@ static inline float spsi_interval_share(const spsi_interval *interval, float u) 
     return interval->soft > 0 ? spsi_soft_share(interval->soft, t) : t;
 }
 
-/* The same for a query: at u = 1 what lies behind counts, too. */
-static inline float spsi_interval_before(const spsi_interval *interval, float u) {
-    return u < 1 ? spsi_interval_share(interval, u) : 1;
-}
-
-/* Exact optical depth before u of a list sorted by u0. Cost: the intervals that begin before u. */
+/* Exact optical depth before u of a list sorted by u0; at u = 1 what lies behind counts, too. Cost: the intervals that
+   begin before u. */
 static inline float spsi_intervals_optical_depth(const spsi_interval *list, uint32_t count, float u) {
     double sum = 0;
     for (uint32_t i = 0; i < count && list[i].u0 <= u; ++i)
-        sum += (double)list[i].depth * (double)spsi_interval_before(&list[i], u);
+        sum += (double)list[i].depth * (u < 1 ? (double)spsi_interval_share(&list[i], u) : 1);
     return (float)fmin(sum, (double)SPSI_DEPTH_MAX);
 }
 
@@ -3645,14 +3641,8 @@ static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, 
     }
 }
 
-/* The contribution of harmonic k to the optical depth before u, on top of a0 u / 2: (a_k sin(2 pi k u) +
-   b_k (1 - cos(2 pi k u))) / (2 pi k). [Jansen & Bavoil 2010] */
-static inline spsi_v spsi_fourier_harmonic(spsi_v a, spsi_v b, int k, spsi_v cosine, spsi_v sine) {
-    const spsi_v both = spsi_fma(a, sine, spsi_mul(b, spsi_sub(spsi_set(1), cosine)));
-    return spsi_mul(both, spsi_set((float)(1 / (2 * SPSI_PI * k))));
-}
-
-/* Clamped to 0 .. the total. */
+/* The sum of a0 u / 2 and, for each harmonic k, (a_k sin(2 pi k u) + b_k (1 - cos(2 pi k u))) / (2 pi k) [Jansen &
+   Bavoil 2010], clamped to 0 .. the total. */
 static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_texels_at(texels, spsi_set(0)));
     spsi_v cosine, sine, c, s, sum = spsi_mul(half, u);
@@ -3661,7 +3651,8 @@ static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, con
     for (int k = 1; 2 * k < settings->components; ++k) {
         const spsi_v a = spsi_texels_at(texels, spsi_set((float)(2 * k - 1)));
         const spsi_v b = spsi_texels_at(texels, spsi_set((float)(2 * k)));
-        sum = spsi_add(sum, spsi_fourier_harmonic(a, b, k, c, s));
+        const spsi_v both = spsi_fma(a, s, spsi_mul(b, spsi_sub(spsi_set(1), c)));
+        sum = spsi_add(sum, spsi_mul(both, spsi_set((float)(1 / (2 * SPSI_PI * k)))));
         spsi_turn_by(&c, &s, cosine, sine);
     }
     return spsi_clamp(sum, spsi_set(0), spsi_min(half, spsi_set(SPSI_DEPTH_MAX)));
@@ -3719,10 +3710,7 @@ typedef struct spsi_cuts {
     double through, end; /* T at the last cut, and at the end of the piece */
 } spsi_cuts;
 
-/* Before the first piece of a curve. */
-static void spsi_cuts_begin(spsi_cuts *cuts) { cuts->end = 1; }
-
-/* Goes on to the piece that ends at node i of a curve; T continues from the end of the piece before. */
+/* Goes on to the piece that ends at node i of a curve; T continues from the end of the piece before, 1 at first. */
 static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
     cuts->piece = spsi_curve_piece(curve, i);
     cuts->u = (float)cuts->piece.u0;
@@ -3820,7 +3808,7 @@ static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon,
     if (count <= 0) return 0;
     c.last_u = (double)curve[0].u;
     spsi_compressor_node(&c, c.last_u, 1);
-    spsi_cuts_begin(&cuts);
+    cuts.end = 1;
     for (int i = 0; i < count; ++i) {
         int more = 1;
         for (spsi_cuts_piece(&cuts, curve, i); more;) {
@@ -3830,11 +3818,6 @@ static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon,
     }
     spsi_compressor_end(&c);
     return c.count;
-}
-
-/* Optical depth of compressed nodes: -log T. */
-static float spsi_compressed_optical_depth(const spsi_node *nodes, uint32_t count, float u) {
-    return spsi_optical_depth_of(spsi_nodes_transmittance(nodes, count, u));
 }
 
 #define SPSI_THIN_EPSILON (1.0f / 1024) /* usual error of the line whose nodes are removed */
@@ -4037,8 +4020,8 @@ static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *
 /* By sps_tmap_technique; the default is resolved before (spsi_settings_resolve). */
 static const spsi_technique spsi_techniques[] = {
     {"no map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL},
-    {"a deep map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL},
-    {"a compressed map", 4, 64, 2, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL},
+    {"a deep map", 0, 0, 0, 0, sizeof(spsi_interval), 0, 0, NULL, NULL, NULL, NULL, NULL},
+    {"a compressed map", 4, 64, 2, 0, sizeof(spsi_node), 0, 0, NULL, NULL, NULL, NULL, NULL},
     {"an opacity map", 1, 65, 1, 8, 0, 0, 0, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths,
      NULL, spsi_opacity_bracket},
     {"a deep opacity map", 3, 65, 1, 8, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths,
@@ -4252,6 +4235,7 @@ typedef struct spsi_image {
     int width[SPSI_IMAGE_LEVELS], height[SPSI_IMAGE_LEVELS]; /* with the border */
     float edge[SPSI_IMAGE_LEVELS];                           /* of the texels, the shorter one; 1 at level 0 */
     float *texels[SPSI_IMAGE_LEVELS];
+    float *row; /* of the largest level, as it is read */
 } spsi_image;
 
 /* The grid in which light is followed from cell to cell, >>cells. Arrays have an entry per cell, x first, rows padded
@@ -8929,17 +8913,20 @@ static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], doubl
 
 #define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of the row that is being read: a place and a color */
 
-/* Lays out an image's levels in memory, or counts only. From one to the next, the sides whose texels are the shorter
-   ones are halved, or both if texels are about square. */
+/* Sets the sizes of an image's levels, and lays them out in memory, or counts only. From one to the next, the sides
+   whose texels are the shorter ones are halved, or both if texels are about square. */
 static void spsi_image_lay_out(const spsi_projection *projection, float *memory, uint64_t *laid, spsi_image *image) {
     int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = fmin(edge[0], edge[1]);
     const double unit = shortest;
+    image->row = spsi_lay(memory, laid, SPSI_IMAGE_ROW_FLOATS * (uint64_t)size[0]);
     for (;;) {
         image->width[level] = size[0] + 2;
         image->height[level] = size[1] + 2;
         image->edge[level] = (float)(shortest / unit);
-        image->texels[level++] = spsi_lay(memory, laid, 3 * (uint64_t)(size[0] + 2) * (uint64_t)(size[1] + 2));
+        image->texels[level] =
+            spsi_lay(memory, laid, 3 * (uint64_t)image->width[level] * (uint64_t)image->height[level]);
+        ++level;
         if (size[0] == 1 && size[1] == 1) break;
         shortest = fmin(size[0] > 1 ? edge[0] : HUGE_VAL, size[1] > 1 ? edge[1] : HUGE_VAL);
         for (int k = 0; k < 2; ++k)
@@ -8947,6 +8934,20 @@ static void spsi_image_lay_out(const spsi_projection *projection, float *memory,
         shortest *= 2;
     }
     image->level_count = level;
+}
+
+/* Lays out all lights' images in memory, or counts only. Returns the number of floats. */
+static uint64_t spsi_images_lay_out(const spsi_frame *frame, float *memory) {
+    uint64_t laid = 0;
+    const uint64_t bytes = (uint64_t)frame->lamps.image_count * sizeof(spsi_image);
+    spsi_image *images = (spsi_image *)(void *)spsi_lay(memory, &laid, bytes / sizeof(float));
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_projection *projection = &frame->lamps.list[i].projection;
+        spsi_image counted;
+        if (projection->exists)
+            spsi_image_lay_out(projection, memory, &laid, images ? &images[projection->image] : &counted);
+    }
+    return laid;
 }
 
 /* Fails on an invalid color of a texel, or makes it black. */
@@ -8961,13 +8962,13 @@ static sps_result spsi_texel_validate(sps_context *context, const spsi_frame *fr
     return SPS_OK;
 }
 
-/* Reads an image row by row; `row` has room for one. */
-static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp, float *row,
+/* Reads an image row by row. */
+static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                   const spsi_image *image) {
     const spsi_projection *projection = &lamp->projection;
     const size_t width = (size_t)projection->given.width, pitch = (size_t)image->width[0];
     const size_t plane = pitch * (size_t)image->height[0];
-    float *rgb = row + 2 * width;
+    float *row = image->row, *rgb = row + 2 * width;
     for (int y = 0; y < projection->given.height; ++y) {
         if (spsi_progress(context, 0)) return context->result;
         for (size_t x = 0; x < width; ++x) {
@@ -9024,32 +9025,20 @@ static void spsi_image_halve(const spsi_image *image) {
 
 /* Reads the images of all lights. */
 static sps_result spsi_gather_images(sps_context *context, const spsi_frame *frame) {
-    const uint64_t structs = (uint64_t)frame->lamps.image_count * (sizeof(spsi_image) / sizeof(float));
-    uint64_t laid = structs;
-    spsi_image *images, image;
+    const uint64_t floats = spsi_images_lay_out(frame, NULL);
+    spsi_image *images;
     float *memory;
-    int width = 0; /* of the row that is being read */
     if (frame->lamps.image_count == 0) return SPS_OK;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_projection *projection = &frame->lamps.list[i].projection;
-        if (projection->exists) spsi_image_lay_out(projection, NULL, &laid, &image);
-        if (projection->exists) width = spsi_most(width, projection->given.width);
-    }
-    laid += SPSI_IMAGE_ROW_FLOATS * (uint64_t)width;
-    memory = spsi_floats_reserve(context, SPSI_BUFFER_IMAGES, laid);
+    memory = spsi_floats_reserve(context, SPSI_BUFFER_IMAGES, floats);
     if (!memory) return context->result;
-    memset(memory, 0, (size_t)laid * sizeof *memory);
+    memset(memory, 0, (size_t)floats * sizeof *memory);
+    spsi_images_lay_out(frame, memory);
     images = (spsi_image *)(void *)memory;
-    laid = structs;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_projection *projection = &frame->lamps.list[i].projection;
-        if (projection->exists) spsi_image_lay_out(projection, memory, &laid, &images[projection->image]);
-    }
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_image *own = &images[lamp->projection.image];
         if (!lamp->projection.exists) continue;
-        if (spsi_image_read(context, frame, lamp, memory + laid, own)) return context->result;
+        if (spsi_image_read(context, frame, lamp, own)) return context->result;
         spsi_image_halve(own);
     }
     frame->content->images = images;
@@ -9252,40 +9241,30 @@ static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int 
     cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], depth - fabsf(slope[0]) - fabsf(slope[1]));
 }
 
-/* Replaces the face numbers that the rasteriser left in one row of texels by the slopes of their planes, and lowers the
-   row's cells to the minimum that its planes reach within a texel. */
+/* Turns the fragments of one row of texels into panes, or replaces the face numbers that the rasteriser left there by
+   the slopes of their planes. Lowers the row's cells to the minimum that its planes reach within a texel. */
 static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
-    const spsi_depth_map *map = job->map;
-    const spsi_rays *rays = &map->rays[job->face];
-    const size_t first = (size_t)y * (size_t)rays->width;
+    const spsi_rays *rays = &job->map->rays[job->face];
+    const uint32_t *first = job->panes ? job->panes->first[job->face] : NULL;
+    float *const *slopes = job->map->slopes[job->face];
     spsi_map_plane plane = {job->faces, rays, -1, 0, 0, {0, 0, 0}, 0};
     for (int x = 0; x < rays->width; ++x) {
-        float *along_x = &map->slopes[job->face][0][first + (size_t)x];
-        float *along_y = &map->slopes[job->face][1][first + (size_t)x];
-        const float depth = map->depths[job->face][first + (size_t)x];
+        const size_t at = (size_t)y * (size_t)rays->width + (size_t)x;
         float slope[2] = {0, 0};
-        int number;
-        memcpy(&number, along_y, sizeof number);
-        if (number >= 0) spsi_map_plane_slopes(&plane, number, x, y, depth, slope, cells);
-        *along_x = slope[0];
-        *along_y = slope[1];
-    }
-}
-
-/* Turns the fragments of one row of texels into panes. */
-static void spsi_panes_row(const spsi_planes_job *job, int y, float *cells) {
-    const spsi_pane_map *map = job->panes;
-    const spsi_rays *rays = &map->grid.rays[job->face];
-    const uint32_t *first = map->first[job->face] + (size_t)y * (size_t)rays->width;
-    spsi_map_plane plane = {job->faces, rays, -1, 0, 0, {0, 0, 0}, 0};
-    for (int x = 0; x < rays->width; ++x)
-        for (uint32_t i = first[x]; i < first[x + 1]; ++i) {
+        int number = -1;
+        for (uint32_t i = first ? first[at] : 0; first && i < first[at + 1]; ++i) {
             const spsi_fragment *fragment = &job->fragments[i];
-            spsi_pane *pane = &map->list[job->face][i];
+            spsi_pane *pane = &job->panes->list[job->face][i];
             spsi_map_plane_slopes(&plane, fragment->face, x, y, fragment->depth, pane->slope, cells);
             pane->depth = fragment->depth;
             pane->face = fragment->face;
         }
+        if (first) continue;
+        memcpy(&number, &slopes[1][at], sizeof number);
+        if (number >= 0)
+            spsi_map_plane_slopes(&plane, number, x, y, job->map->depths[job->face][at], slope, cells);
+        for (int k = 0; k < 2; ++k) slopes[k][at] = slope[k];
+    }
 }
 
 /* Fills one row of cells. */
@@ -9295,10 +9274,7 @@ static void spsi_planes_task(void *data, int index) {
     float *cells = job->map->nearest[job->face] + (size_t)(spsi_depth_map_cells(height) + index) * (size_t)columns;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
     for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
-        if (job->panes)
-            spsi_panes_row(job, y, cells);
-        else
-            spsi_planes_row(job, y, cells);
+        spsi_planes_row(job, y, cells);
 }
 
 /* Finds the minimum depths about each of a grid's cells from those in each alone, which follow. */
@@ -9467,8 +9443,7 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
 
 /* Whether a face of a depth map may shade any of the ways from d[0] to d[1]. Wide ones, those of thick slabs, are
    looked at in parts. */
-static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y,
-                                           const spsi_v d[2]) {
+static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
     const int parts = 4;
     const spsi_v step = spsi_mul(spsi_sub(d[1], d[0]), spsi_set(1 / (float)parts));
     int wide, shadable = spsi_depth_map_shadable(map, face, at, y, d, &wide);
@@ -9572,8 +9547,7 @@ static void spsi_panes_through(const spsi_pane_map *map, int face, const spsi_fa
             const spsi_v slope[2] = {spsi_load(panes.slope[0]), spsi_load(panes.slope[1])};
             const spsi_v lit = spsi_map_way_share(way, &map->grid.rays[face], i, spsi_load(panes.depth), slope);
             for (int c = 0; c < 3; ++c)
-                texels[c][i] =
-                    spsi_mul(texels[c][i], spsi_fma(spsi_sub(one, lit), spsi_load(panes.passes[c]), lit));
+                texels[c][i] = spsi_mul(texels[c][i], spsi_fma(spsi_sub(one, lit), spsi_load(panes.passes[c]), lit));
         }
     }
     for (int c = 0; c < 3; ++c) through[c] = spsi_map_way_mean(way, texels[c]);
@@ -14325,9 +14299,8 @@ typedef struct spsi_added {
 } spsi_added;
 
 typedef struct spsi_tmap_data {
-    spsi_buffer texels;   /* components of each texel, or the intervals or nodes of all */
+    spsi_buffer texels;   /* components of each texel, the intervals or nodes of all, or a table's pairs of planes */
     spsi_buffer starts;   /* of lists: the index of each texel's first item, plus one more for the end */
-    spsi_buffer table;    /* of a shadow table, in place of texels: pairs of planes */
     spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there are no opaque surfaces */
     spsi_buffer prints;   /* of a shadow table with a key: what its texels are made from, face by face, tile by tile */
 } spsi_tmap_data;
@@ -14380,11 +14353,7 @@ static uint64_t spsi_tmap_patches(const sps_tmap *map, int row, int column) {
                           map->rays[0].height - 1 - row * SPSI_TILE_HEIGHT);
 }
 
-/* Of a map made from lists: bytes of an item, an interval or a node, and number of items. */
-static size_t spsi_tmap_item_bytes(const sps_tmap *map) {
-    return map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_interval) : sizeof(spsi_node);
-}
-
+/* The number of items of a map made from lists. */
 static size_t spsi_tmap_item_count(const sps_tmap *map) {
     return ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
 }
@@ -14415,9 +14384,10 @@ static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u)
     if (map->technique->lists) {
         const uint32_t *starts = (const uint32_t *)map->data.starts.data + index;
         const uint32_t count = starts[1] - starts[0];
+        const void *list = (const char *)map->data.texels.data + starts[0] * map->technique->lists;
         return map->settings.technique == SPS_TMAP_DEEP
-                   ? spsi_intervals_optical_depth((const spsi_interval *)map->data.texels.data + starts[0], count, u)
-                   : spsi_compressed_optical_depth((const spsi_node *)map->data.texels.data + starts[0], count, u);
+                   ? spsi_intervals_optical_depth((const spsi_interval *)list, count, u)
+                   : spsi_optical_depth_of(spsi_nodes_transmittance((const spsi_node *)list, count, u));
     }
     if (map->technique->optical_depth) return map->technique->optical_depth(&map->inner, one.floats, u);
     spsi_store(lanes, spsi_tmap_texels_depths(map, &one, spsi_set(u)));
@@ -14542,7 +14512,7 @@ static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, spsi_v column, sp
     const spsi_v block = spsi_fma(y, spsi_set((float)spsi_shadow_table_columns(map)), x);
     const spsi_v within = spsi_fma(spsi_sub(row, spsi_mul(y, side)), side, spsi_sub(column, spsi_mul(x, side)));
     spsi_v pair[2];
-    spsi_lookup_pair((const uint32_t *)map->data.table.data, SPSI_SHADOW_TABLE_TEXELS, within,
+    spsi_lookup_pair((const uint32_t *)map->data.texels.data, SPSI_SHADOW_TABLE_TEXELS, within,
                      spsi_fma(block, planes, k), pair);
     return spsi_mul(spsi_mix(pair[0], pair[1], spsi_sub(at, k)), spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST));
 }
@@ -14552,7 +14522,7 @@ static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column,
     const float components = (float)map->settings.components;
     const spsi_texels texels = {(const float *)map->data.texels.data, map->rays[0].width * map->settings.components,
                                 spsi_mul(column, spsi_set(components)), row};
-    if (map->data.table.data) return spsi_shadow_table_at(map, column, row, u);
+    if (map->settings.technique == SPS_TMAP_TABLE) return spsi_shadow_table_at(map, column, row, u);
     return map->has_vectors ? spsi_tmap_texels_depths(map, &texels, u)
                             : spsi_tmap_each_optical_depth(map, column, row, u, weight);
 }
@@ -14716,8 +14686,8 @@ typedef struct spsi_filling {
     int pieces;    /* maximum number that a soft particle is cut into */
     float epsilon; /* of a compressed map, except for what soft pieces use up */
     int has_sizes; /* 1: the number of items of each texel is known; nodes replace its intervals where they fit */
-    char *scratch; /* scratch_size per worker: intervals to sort, a curve, and the nodes made of it */
-    size_t scratch_size, scratch_intervals, scratch_curve;
+    float *scratch; /* scratch_floats per worker: intervals to sort, a curve, and the nodes made of it */
+    size_t scratch_floats;
     double slab_u, u_per_slab; /* u of the plane before slab k: slab_u + k u_per_slab */
     double light_u;            /* of the light's own position, or -infinity */
     double progress;
@@ -14838,17 +14808,9 @@ static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_inte
 
 /* Inserts an interval into one texel. */
 static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
-    float lanes[3][SPSI_LANES] = {{0}};
-    spsi_intervals one;
-    if (!(interval->depth > 0)) return;
-    lanes[0][0] = interval->u0;
-    lanes[1][0] = interval->u1;
-    lanes[2][0] = interval->depth;
-    one.u0 = spsi_load(lanes[0]);
-    one.u1 = spsi_load(lanes[1]);
-    one.depth = spsi_load(lanes[2]);
-    one.soft = interval->soft;
-    spsi_insert(into, x, y, &one);
+    const spsi_v depth = spsi_select(spsi_less(spsi_iota(), spsi_set(0.5f)), spsi_set(interval->depth), spsi_set(0));
+    const spsi_intervals one = {spsi_set(interval->u0), spsi_set(interval->u1), depth, interval->soft};
+    if (interval->depth > 0) spsi_insert(into, x, y, &one);
 }
 
 /* Inserts the part of a soft interval between two positions as points: good to 1e-6 for moments and Fourier series,
@@ -15093,7 +15055,7 @@ static void spsi_clear_task(void *data, int index) {
 static void spsi_shadow_table_store(const sps_tmap *map, int x, int y, const float *sums, size_t stride) {
     const int planes = map->settings.components, side = SPSI_SHADOW_TABLE_SIDE;
     const size_t block = (size_t)(y / side) * (size_t)spsi_shadow_table_columns(map) + (size_t)(x / side);
-    uint32_t *to = (uint32_t *)map->data.table.data + block * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
+    uint32_t *to = (uint32_t *)map->data.texels.data + block * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
     const float end = map->table_end;
     uint32_t before = 0;
     double sum = 0;
@@ -15190,23 +15152,21 @@ typedef struct spsi_fitting {
     spsi_node *curve, *nodes;
 } spsi_fitting;
 
-/* Sizes of a worker's memory. Returns its bytes, in 64 bits, as a size_t may have fewer, and rounded up to whole
-   intervals, so that the next worker's is aligned. A deep map's lists are only sorted. */
-static uint64_t spsi_fitting_measure(spsi_filling *filling) {
+/* Lays out a worker's memory, or counts only. Returns its floats. A deep map's lists are only sorted. */
+static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, spsi_fitting *fitting) {
     const int sorts_only = filling->map->settings.technique == SPS_TMAP_DEEP;
-    const size_t most = filling->band.most, pieces = (size_t)filling->pieces;
-    uint64_t nodes;
-    filling->scratch_intervals = sorts_only ? most / 2 : SPSI_CURVE_SCRATCH(most, pieces);
-    filling->scratch_curve = sorts_only ? 0 : SPSI_CURVE_NODES(most, pieces);
-    nodes = filling->scratch_curve + (uint64_t)spsi_compressed_most((int)filling->scratch_curve, filling->epsilon);
-    return (filling->scratch_intervals + nodes * sizeof(spsi_node) / sizeof(spsi_interval) + 1) * sizeof(spsi_interval);
-}
-
-static void spsi_fitting_place(const spsi_filling *filling, int worker, spsi_fitting *fitting) {
+    const uint64_t most = filling->band.most, pieces = (uint64_t)filling->pieces;
+    const uint64_t curve = sorts_only ? 0 : SPSI_CURVE_NODES(most, pieces);
+    const uint64_t nodes = (uint64_t)spsi_compressed_most((int)curve, filling->epsilon);
+    const uint64_t intervals = sorts_only ? most / 2 : SPSI_CURVE_SCRATCH(most, pieces);
+    const size_t node = sizeof(spsi_node) / sizeof(float);
+    size_t laid = 0;
     fitting->filling = filling;
-    fitting->intervals = (spsi_interval *)(void *)(filling->scratch + (size_t)worker * filling->scratch_size);
-    fitting->curve = (spsi_node *)(void *)(fitting->intervals + filling->scratch_intervals);
-    fitting->nodes = fitting->curve + filling->scratch_curve;
+    fitting->intervals =
+        (spsi_interval *)(void *)spsi_lay(memory, &laid, sizeof(spsi_interval) / sizeof(float) * intervals);
+    fitting->curve = (spsi_node *)(void *)spsi_lay(memory, &laid, node * curve);
+    fitting->nodes = (spsi_node *)(void *)spsi_lay(memory, &laid, node * nodes);
+    return laid;
 }
 
 /* Computes the nodes of a compressed map's texel, whose list is sorted; returns their number. */
@@ -15241,7 +15201,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
 /* Makes a texel's items once more, at their final place: they did not fit into its list. */
 static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
-    const size_t in_band = texel - filling->band.first_texel, item = spsi_tmap_item_bytes(filling->map);
+    const size_t in_band = texel - filling->band.first_texel, item = filling->map->technique->lists;
     const uint32_t *starts = (const uint32_t *)filling->map->data.starts.data + texel;
     const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band];
     const spsi_interval *list = filling->band.intervals + filling->band.starts[in_band];
@@ -15259,7 +15219,7 @@ static void spsi_fit_task(void *data, int index, int worker) {
     spsi_map_tile into;
     if (filling->context->cancelled) return;
     spsi_map_tile_place(filling, index % filling->band.tiles_x, &into);
-    spsi_fitting_place(filling, worker, &fitting);
+    spsi_fitting_lay_out(filling, filling->scratch + (size_t)worker * filling->scratch_floats, &fitting);
     for (int i = 0; i < into.width; ++i) {
         const size_t texel = spsi_map_tile_texel(&into, into.x0 + i, into.y0 + index / filling->band.tiles_x);
         if (filling->has_sizes)
@@ -15280,7 +15240,7 @@ static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
 static sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
-    const size_t item = spsi_tmap_item_bytes(map);
+    const size_t item = map->technique->lists;
     uint32_t *starts = (uint32_t *)map->data.starts.data + filling->band.first_texel;
     uint64_t sum;
     memcpy(starts + 1, filling->band.cursors, texels * sizeof *starts);
@@ -15299,7 +15259,7 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     sps_context *context = filling->context;
     const sps_tmap *map = filling->map;
     const int has_soft = filling->occluders->frame->particles.has_soft;
-    uint64_t bytes;
+    spsi_fitting fitting;
     int tasks;
     if (spsi_fill_lists(filling)) return context->result;
     filling->pieces = has_soft ? map->settings.components > 0 ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
@@ -15309,13 +15269,9 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     if (filling->band.most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in a texel",
                                (double)filling->band.most, "2 million can be fitted");
-    bytes = spsi_fitting_measure(filling);
-    if (bytes > SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "bytes to fit a texel", (double)bytes,
-                               "they are more than memory can have");
-    filling->scratch_size = (size_t)bytes;
-    filling->scratch =
-        (char *)spsi_reserve(context, SPSI_BUFFER_CURVES, (size_t)spsi_worker_count(context), filling->scratch_size);
+    filling->scratch_floats = spsi_fitting_lay_out(filling, NULL, &fitting);
+    filling->scratch = (float *)spsi_reserve(context, SPSI_BUFFER_CURVES, (size_t)spsi_worker_count(context),
+                                             filling->scratch_floats * sizeof(float));
     if (!filling->scratch) return context->result;
     filling->has_sizes = 0;
     tasks = filling->band.tiles_x * spsi_filling_height(filling);
@@ -15661,17 +15617,14 @@ static size_t spsi_tmap_known_items(const sps_tmap *map) {
 /* Bytes that the map holds; before it is finished, what it will hold, as far as that is known. */
 static size_t spsi_tmap_bytes(const sps_tmap *map) {
     const size_t fixed = sizeof *map + map->planes.size;
-    if (map->finished)
-        return fixed + map->data.texels.size + map->data.starts.size + map->data.table.size + map->data.surfaces.size;
+    if (map->finished) return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size;
     return fixed + spsi_tmap_known_items(map) * sizeof(float);
 }
 
 /* Reserves what the map will hold, as far as that is known. */
 static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     const size_t texels = spsi_tmap_texel_count(map);
-    spsi_buffer *known = map->technique->lists                       ? &map->data.starts
-                         : map->settings.technique == SPS_TMAP_TABLE ? &map->data.table
-                                                                     : &map->data.texels;
+    spsi_buffer *known = map->technique->lists ? &map->data.starts : &map->data.texels;
     float *surfaces = NULL;
     if (!map->updates && !spsi_buffer_reserve(map->context, known, spsi_tmap_known_items(map), sizeof(float)))
         return map->context->result;
@@ -15693,7 +15646,7 @@ static sps_result spsi_tmap_reserve_prints(sps_tmap *map) {
 
 /* Releases the memory that a list has grown to beyond what it holds. */
 static sps_result spsi_tmap_trim(sps_tmap *map) {
-    const size_t item = spsi_tmap_item_bytes(map), count = spsi_tmap_item_count(map);
+    const size_t item = map->technique->lists, count = spsi_tmap_item_count(map);
     spsi_buffer exact = {NULL, 0};
     if (map->data.texels.size <= (count > 0 ? count : 1) * item) return SPS_OK;
     if (!spsi_buffer_reserve(map->context, &exact, count, item)) return map->context->result;
@@ -15888,7 +15841,6 @@ static void spsi_tmap_release(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->planes);
     spsi_buffer_release(map->context, &map->data.texels);
     spsi_buffer_release(map->context, &map->data.starts);
-    spsi_buffer_release(map->context, &map->data.table);
     spsi_buffer_release(map->context, &map->data.surfaces);
     spsi_buffer_release(map->context, &map->data.prints);
 }
@@ -16046,11 +15998,11 @@ static uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uin
 static void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
     sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     int i = 0;
-    while (i < context->shadow_table_count && !(held[i].data.table.data && held[i].aim == map->aim)) ++i;
+    while (i < context->shadow_table_count && !(held[i].data.texels.data && held[i].aim == map->aim)) ++i;
     if (i == context->shadow_table_count || !map->key) return;
     map->finished = held[i].key == map->key;
     map->updates = !map->finished;
-    map->data.table = held[i].data.table;
+    map->data.texels = held[i].data.texels;
     map->data.prints = held[i].data.prints;
     memset(&held[i], 0, sizeof held[i]);
     held[i].context = context;
@@ -16070,7 +16022,7 @@ static void spsi_tmaps_drop(sps_context *context, spsi_buffer_id id, int *count)
    of all maps. */
 static void spsi_shadow_table_hold(sps_context *context, sps_tmap *map) {
     sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    if (!context->result && map->key && map->data.table.data)
+    if (!context->result && map->key && map->data.texels.data)
         held[context->shadow_table_count++] = *map;
     else
         spsi_tmap_release(map);
@@ -16530,8 +16482,8 @@ static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *fra
     penumbra->tiles_x = spsi_tile_columns(rays);
     penumbra->tiles_y = spsi_tile_rows(rays);
     penumbra->beam_count = sweep->lamp->point_count;
-    penumbra->beams = (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count,
-                                                sizeof *penumbra->beams);
+    penumbra->beams =
+        (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count, sizeof *penumbra->beams);
     return context->result;
 }
 
@@ -16616,17 +16568,23 @@ static void spsi_penumbra_keep(const spsi_penumbra *penumbra, const spsi_light_s
     penumbra->held[index] = held;
 }
 
+static spsi_area spsi_tile_area(const spsi_penumbra *penumbra, int index) {
+    const int x0 = index % penumbra->tiles_x * SPSI_TILE_WIDTH, y0 = index / penumbra->tiles_x * SPSI_TILE_HEIGHT;
+    const spsi_area area = {x0, y0, spsi_least(penumbra->rays->width, x0 + SPSI_TILE_WIDTH) - 1,
+                            spsi_least(penumbra->rays->height, y0 + SPSI_TILE_HEIGHT) - 1};
+    return area;
+}
+
 /* Empties a tile's sheets. */
 static void spsi_penumbra_clear(const spsi_penumbra *penumbra, int index) {
-    const int x0 = index % penumbra->tiles_x * SPSI_TILE_WIDTH, y0 = index / penumbra->tiles_x * SPSI_TILE_HEIGHT;
-    const int width = penumbra->rays->width, some = spsi_least(SPSI_TILE_WIDTH, width - x0);
-    const size_t texels = spsi_ray_count(penumbra->rays);
+    const spsi_area tile = spsi_tile_area(penumbra, index);
+    const size_t texels = spsi_ray_count(penumbra->rays), width = (size_t)penumbra->rays->width;
     if (!penumbra->held[index]) return;
     penumbra->held[index] = 0;
     for (int k = 0; k < SPSI_CHUNK; ++k)
-        for (int y = y0; y < spsi_least(penumbra->rays->height, y0 + SPSI_TILE_HEIGHT); ++y)
-            memset(penumbra->sheets + (size_t)k * texels + (size_t)y * (size_t)width + (size_t)x0, 0,
-                   (size_t)some * sizeof(float));
+        for (int y = tile.y0; y <= tile.y1; ++y)
+            memset(penumbra->sheets + (size_t)k * texels + (size_t)y * width + (size_t)tile.x0, 0,
+                   (size_t)(tile.x1 - tile.x0 + 1) * sizeof(float));
 }
 
 /* A beam's texels as far as they reach a tile of the planes within a chunk. */
@@ -16644,13 +16602,6 @@ typedef struct spsi_beam_part {
 
 static spsi_area spsi_beam_area(const spsi_beam *beam) {
     const spsi_area area = {beam->x0, beam->y0, beam->x0 + beam->rays.width - 1, beam->y0 + beam->rays.height - 1};
-    return area;
-}
-
-static spsi_area spsi_tile_area(const spsi_penumbra *penumbra, int index) {
-    const int x0 = index % penumbra->tiles_x * SPSI_TILE_WIDTH, y0 = index / penumbra->tiles_x * SPSI_TILE_HEIGHT;
-    const spsi_area area = {x0, y0, spsi_least(penumbra->rays->width, x0 + SPSI_TILE_WIDTH) - 1,
-                            spsi_least(penumbra->rays->height, y0 + SPSI_TILE_HEIGHT) - 1};
     return area;
 }
 
@@ -27303,7 +27254,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
 #define SPSI_MARCH_ROUNDING   1e-6 /* relative, of bounds: colors are floats, and so are bounds */
 
 typedef struct spsi_dense {
-    const float *values;
+    float *values;
     float *most;          /* per brick: maximum value of it and its neighbours */
     float *bound;         /* per brick: upper bound of the extinction that goes with it; for paths only */
     double all_most;      /* maximum value; for bounds only */
@@ -27991,15 +27942,10 @@ static void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centr
                     &marcher->frame->content->eye);
     for (size_t i = 0; i < pixels; ++i) {
         spsi_walker *walker = &marcher->walkers[i];
-        memset(walker->radiance, 0, sizeof walker->radiance);
-        memset(walker->scattered, 0, sizeof walker->scattered);
-        memset(walker->source, 0, sizeof walker->source);
+        memset(walker->radiance, 0, sizeof *walker - offsetof(spsi_walker, radiance));
         walker->filter[0] = walker->filter[1] = walker->filter[2] = 1;
-        walker->gas = spsi_between_of(0, 0);
-        walker->distance = 0;
         walker->high = walker->depth = -HUGE_VAL;
         walker->hit.face = -1;
-        walker->ended = 0;
     }
 }
 
@@ -28089,13 +28035,12 @@ static void spsi_dense_task(void *data, int index, int worker) {
 }
 
 /* Reads a whole volume, and its maxima by brick. */
-static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame, int medium, float *values,
-                                  spsi_dense *grid) {
+static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame, int medium, const spsi_dense *grid) {
     spsi_material plain;
     spsi_dense_job job;
     memset(&plain, 0, sizeof plain); /* a gas: blocks without margins */
     memset(&job, 0, sizeof job);
-    job.values = values;
+    job.values = grid->values;
     job.reader.medium = &frame->media[medium];
     job.reader.material = &plain;
     job.reader.replace = frame->given.replace_invalid;
@@ -28106,8 +28051,8 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
         for (int y = 0; y < grid->size[1]; ++y)
             for (int x = 0; x < grid->size[0]; ++x) {
                 const int b[3] = {x / SPSI_BRICK, y / SPSI_BRICK, z / SPSI_BRICK};
-                const float value =
-                    values[((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)x];
+                const size_t row = (size_t)z * (size_t)grid->size[1] + (size_t)y;
+                const float value = grid->values[row * (size_t)grid->size[0] + (size_t)x];
                 if (!(value > 0)) continue;
                 for (int n = 0; n < 27; ++n) { /* beyond the border, a brick at the border once more */
                     const int at[3] = {b[0] + n % 3 - 1, b[1] + n / 3 % 3 - 1, b[2] + n / 9 - 1};
@@ -28120,43 +28065,42 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
     return SPS_OK;
 }
 
-static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame, spsi_marcher *marcher) {
-    uint64_t voxels = 0, bricks = 0;
-    float *values, *most;
+/* Lays out the values of all volumes and their maxima in memory, or counts only. Returns the number of floats. */
+static size_t spsi_grids_lay_out(const spsi_frame *frame, float *memory, spsi_dense *grids) {
+    size_t laid = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_lattice *lattice = frame->media[i].lattice;
-        spsi_dense *grid = &marcher->grids[i];
-        uint64_t b = 1, v = 1;
+        spsi_dense *grid = &grids[i];
+        uint64_t bricks = 1, voxels = 1;
         for (int k = 0; k < 3; ++k) {
             grid->size[k] = frame->media[i].given.size[k];
             grid->bricks[k] = (grid->size[k] + SPSI_BRICK - 1) / SPSI_BRICK;
-            v *= (uint64_t)grid->size[k];
-            b *= (uint64_t)grid->bricks[k];
+            voxels *= (uint64_t)grid->size[k];
+            bricks *= (uint64_t)grid->bricks[k];
         }
         memcpy(grid->corner, lattice->corner, sizeof grid->corner);
         spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], grid->inverse);
-        voxels += v;
-        bricks += b;
+        grid->values = spsi_lay(memory, &laid, voxels);
+        grid->most = spsi_lay(memory, &laid, bricks);
+        grid->bound = spsi_lay(memory, &laid, bricks);
+        if (memory) memset(grid->most, 0, (size_t)bricks * sizeof(float));
     }
-    if (voxels + 2 * bricks > SIZE_MAX / 8)
+    return laid;
+}
+
+/* Reads all volumes. */
+static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame, spsi_marcher *marcher) {
+    const size_t floats = spsi_grids_lay_out(frame, NULL, marcher->grids);
+    float *memory;
+    if (floats > SIZE_MAX / 8)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_SCENE, -1, "volumes' number of voxels",
-                               (double)voxels,
+                               (double)floats,
                                "sps_reference holds all of them, and they are more than memory can have");
-    values =
-        (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES, (size_t)(voxels + 2 * bricks) + 1, sizeof(float));
-    if (!values) return context->result;
-    memset(values + voxels, 0, (size_t)bricks * 2 * sizeof(float));
-    most = values + voxels;
-    for (int i = 0; i < frame->medium_count; ++i) {
-        spsi_dense *grid = &marcher->grids[i];
-        const size_t count = (size_t)grid->bricks[0] * (size_t)grid->bricks[1] * (size_t)grid->bricks[2];
-        grid->values = values;
-        grid->most = most;
-        grid->bound = most + count;
-        if (spsi_dense_read(context, frame, i, values, grid)) return context->result;
-        values += (size_t)grid->size[0] * (size_t)grid->size[1] * (size_t)grid->size[2];
-        most += 2 * count;
-    }
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES, floats + 1, sizeof(float));
+    if (!memory) return context->result;
+    spsi_grids_lay_out(frame, memory, marcher->grids);
+    for (int i = 0; i < frame->medium_count; ++i)
+        if (spsi_dense_read(context, frame, i, &marcher->grids[i])) return context->result;
     return SPS_OK;
 }
 
@@ -30044,8 +29988,7 @@ SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info) {
     info->height = map->rays[0].height;
     info->face_count = map->face_count;
     info->is_finished = map->finished;
-    info->item_floats =
-        map->technique->lists ? (int)(spsi_tmap_item_bytes(map) / sizeof(float)) : map->settings.components;
+    info->item_floats = map->technique->lists ? (int)(map->technique->lists / sizeof(float)) : map->settings.components;
     info->texel_count = spsi_tmap_texel_count(map);
     info->float_count = info->texel_count * (size_t)info->item_floats;
     if (map->technique->lists)

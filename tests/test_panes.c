@@ -594,6 +594,30 @@ static void penumbra_in_fog(const renderer *r) {
 }
 static void test_penumbra_in_fog(void) { EACH_RENDERER(penumbra_in_fog); }
 
+/* Two panes between fog and the sun: the fog's light is the product of what each lets pass times what it is without
+   them, up to some roundings of floats. */
+static void panes_before_fog(const renderer *r) {
+    static const double corners[2][3] = {{-3, -50, -50}, {-4, -50, -50}}, u[3] = {0, 100, 0}, v[3] = {0, 0, 100};
+    float *const into[2] = {plain, image};
+    check_scene s;
+    for (int n = 0; n < 2; ++n) {
+        sps_volume *fog;
+        start(&s, 1, 1);
+        fog = add_fog(&s, 0.05);
+        for (int k = 0; k < 3; ++k) fog->size[k] /= 2;
+        check_color(fog->albedo, 1, 1, 1);
+        for (int k = 0; k < 2; ++k) check_add_quad(&lists[k], corners[k], u, v);
+        if (n > 0) add_mesh(&s, 0.5, 0.5, 0.5), add_mesh(&s, 0.2, 0.4, 0.8);
+        check_set3(check_add_light(&s, SPS_LIGHT_DIRECTIONAL, 1)->direction, 1, 0, 0);
+        s.view.camera.ortho_height = 1;
+        if (!render_into(r, &s, into[n])) return;
+    }
+    for (int c = 0; c < 3; ++c)
+        CHECK_NEAR((double)image[c], 0.5 * 0.2 * (1 << c) * (double)plain[c], 2e-6 * (double)plain[c]);
+    CHECK(plain[0] > 0);
+}
+static void test_panes_before_fog(void) { EACH_RENDERER(panes_before_fog); }
+
 /* Fog of extinction sigma in front of polygons k = 0..2, which are `away[k]` from the eye and let T[k] pass: the color
    behind the first k parts of the fog adds surface[k], and the fog S (1 - e^-tau). *distance: mean distance of what is
    taken away, of one color; a part of length L from distance d on has d (1 - e^-tau) + (1 - e^-tau (1 + tau)) /
@@ -1026,6 +1050,7 @@ int main(void) {
     RUN(test_lit_fog);
     RUN(test_lit_before_a_pane);
     RUN(test_penumbra_in_fog);
+    RUN(test_panes_before_fog);
     RUN(test_eye_in_fog);
     RUN(test_gas_between_panes);
     RUN(test_straight_edge);

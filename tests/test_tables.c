@@ -797,7 +797,7 @@ static void test_settings(void) {
         s.light[0].shadow_map_size = size;
         stats = render_stats(&s, image_b);
         CHECK(context->shadow_table_count == 1);
-        CHECK(((const sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data)->data.table.size <
+        CHECK(((const sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data)->data.texels.size <
               settings.byte_budget);
     }
     settings.byte_budget = 60000;

@@ -22607,7 +22607,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int 
         const double a = (double)knots[first]->irradiance[c] + tile->least[c];
         const double middle = (double)knots[first + step]->irradiance[c] + tile->least[c];
         const double b = (double)knots[first + 2 * step]->irradiance[c] + tile->least[c];
-        if (!(fabs(middle - 0.5 * (a + b)) <= (clear ? 0.05 : 0.014) * fmin(a, b))) return clear ? longer : 2;
+        if (!(fabs(middle - 0.5 * (a + b)) <= (clear ? 0.03 : 0.014) * fmin(a, b))) return clear ? longer : 2;
     }
     return -1;
 }

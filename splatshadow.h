@@ -24935,21 +24935,21 @@ static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
     spsi_cell_patches_fill(job->solver, grid, channel);
 }
 
-/* Finds what polygons send, given what cells send so far, and what of that reaches each cell. Returns 0 if it has
-   hardly changed. */
-static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
+/* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly
+   changed. Returns by how much. */
+static double spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
     spsi_cell_pass pass = spsi_cell_pass_of(job->solver, plain);
     double change;
     if (job->wall_light) spsi_cells_take_flux(job, channel);
     change = spsi_cell_walls_send(job, channel);
-    if (change < SPSI_CELL_CHANGE && job->wall_light) return 0;
+    if (change < SPSI_CELL_CHANGE && job->wall_light) return change;
     pass.walls = job->walls.sent;
     if (change > 0)
         spsi_cells_carry(&pass);
     else
         memset(plain->moments[0], 0, (size_t)job->solver->terms * plain->count * sizeof(float));
     job->wall_light = plain->moments[0];
-    return 1;
+    return change;
 }
 
 /* Adds what peaks pass on of the light of lights without shadows, which cells do not send. */
@@ -24976,6 +24976,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
     const float *found = solver->levels[0].moments[0];
     float *light = grid->moments + (size_t)job->channel * moments;
     spsi_part_of_call each = *part;
+    double last = 0, change = 0;
     memset(solver->levels[0].depth, 0, (size_t)(solver->scratch - solver->levels[0].depth) * sizeof(float));
     job->wall_light = NULL;
     if (plain) {
@@ -24983,7 +24984,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
         memset(solver->leaving, 0, spsi_cell_leaving_floats(grid->size[2]) * sizeof(float));
         spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         spsi_cells_levels(solver);
-        spsi_cells_reflect(job, job->channel, plain);
+        change = spsi_cells_reflect(job, job->channel, plain);
     }
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
         each.share *= 0.5;
@@ -24991,12 +24992,13 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
         spsi_copy(job->context, light, found, moments * sizeof(float));
         each.progress += each.share;
-        if (!plain || !spsi_cells_reflect(job, job->channel, plain)) break;
+        if (!plain || change * change < SPSI_CELL_CHANGE * last) break; /* the next falls as much as this did */
+        last = change;
+        change = spsi_cells_reflect(job, job->channel, plain);
+        if (change < SPSI_CELL_CHANGE) break;
     }
-    if (plain && grid->pyramid) {
-        spsi_cells_sweep_rest(job, job->channel);
-        spsi_cells_take_flux(job, job->channel);
-    }
+    if (plain && grid->pyramid) spsi_cells_sweep_rest(job, job->channel);
+    if (plain) spsi_cells_take_flux(job, job->channel);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
     return SPS_OK;

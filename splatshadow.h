@@ -18838,11 +18838,7 @@ typedef struct spsi_cell_pass {
 } spsi_cell_pass;
 
 static spsi_cell_pass spsi_cell_pass_of(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    spsi_cell_pass pass;
-    pass.solver = solver;
-    pass.level = level;
-    pass.walls = NULL;
-    pass.leaving = level == &solver->levels[0] ? solver->leaving : NULL;
+    const spsi_cell_pass pass = {solver, level, NULL, level == &solver->levels[0] ? solver->leaving : NULL};
     return pass;
 }
 
@@ -19422,14 +19418,10 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
 static void spsi_cells_levels(const spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
         spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[n]);
-        spsi_cell_step step;
         if (n > 0) {
-            step.fine = &solver->levels[n - 1];
-            step.coarse = pass.level;
-            step.from = step.fine->keep[0];
-            step.to = step.coarse->keep[0];
-            step.count = solver->orders;
-            spsi_parallel_items(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+            const spsi_cell_level *fine = &solver->levels[n - 1];
+            spsi_cell_step step = {fine, pass.level, fine->keep[0], pass.level->keep[0], solver->orders};
+            spsi_parallel_items(solver->context, pass.level->size[2], spsi_cells_coarsen_task, &step);
         }
         spsi_parallel_items(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
     }
@@ -20548,27 +20540,29 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
 }
 
 /* Radius of a ball about what a node sends: the 16th power's mean over its parts, which is close to the largest and
-   does not see those that send next to nothing. */
-static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_node *const *own, int count,
+   does not see those that send next to nothing. In nodes smaller than `edge`, parts are as one: the mean of theirs. */
+static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_node *const *own, int count, double edge,
                                 const spsi_emitter *sum) {
-    double reach[SPSI_TREE_LEAF], most = DBL_MIN, mean = 0, all = 0;
+    double reach[SPSI_TREE_LEAF], weight[SPSI_TREE_LEAF], most = DBL_MIN, mean = 0, each = 0, all = 0;
     for (int i = 0; i < count; ++i) {
         double apart[3];
+        weight[i] = (double)below[i].sent[0] + (double)below[i].sent[1] + (double)below[i].sent[2];
         for (int k = 0; k < 3; ++k) apart[k] = (double)below[i].at[k] - (double)sum->at[k];
-        reach[i] = spsi_length(apart) + (double)(own[i] ? own[i]->reach : spsi_emitter_reach(&below[i]));
+        reach[i] = (double)(own[i] ? own[i]->reach : spsi_emitter_reach(&below[i]));
+        each += weight[i] * reach[i];
+        all += weight[i];
+        reach[i] += spsi_length(apart);
         most = fmax(most, reach[i]);
     }
-    for (int i = 0; i < count; ++i) {
-        const double weight = (double)below[i].sent[0] + (double)below[i].sent[1] + (double)below[i].sent[2];
-        mean += weight * pow(reach[i] / most, 16);
-        all += weight;
-    }
-    return (float)(most * pow(mean / all, 1.0 / 16));
+    if (most < edge) return (float)(each / all);
+    for (int i = 0; i < count; ++i) mean += weight[i] * pow(reach[i] / most, 16);
+    return (float)fmax(most * pow(mean / all, 1.0 / 16), edge);
 }
 
 /* Sums up a node and those below it. Recursion is as deep as the tree, which is at most SPSI_TREE_STACK. */
 static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights, int number) {
     const spsi_tree_node *node = &tree->nodes[number];
+    const float small = (float)flights->grids->edge;
     spsi_flight_node *sum = &flights->nodes[number];
     spsi_emitter below[SPSI_TREE_LEAF];
     const spsi_flight_node *own[SPSI_TREE_LEAF] = {NULL};
@@ -20584,10 +20578,11 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
         below[count] = own[count]->sum;
     }
     spsi_emitters_join(below, count, &sum->sum);
-    sum->reach = spsi_flights_reach(below, own, count, &sum->sum);
-    for (int i = 0; i < count; ++i) spsi_flights_leave(flights, &below[i], own[i], sum, leaves);
+    sum->reach = spsi_flights_reach(below, own, count, (double)small, &sum->sum);
+    for (int i = 0; i < count && sum->reach >= small; ++i) spsi_flights_leave(flights, &below[i], own[i], sum, leaves);
     for (int c = 0; c < 3; ++c)
-        for (int i = 0; i < SPSI_FLIGHT_WAYS; ++i) sum->leaves[c][i] = leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN);
+        for (int i = 0; i < SPSI_FLIGHT_WAYS; ++i)
+            sum->leaves[c][i] = sum->reach < small ? 1 : leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN);
     for (int i = 0; i < 6; ++i) mean += sum->leaves[0][i] / 6;
     sum->breadth = 2 * sum->sum.radius * fminf(1 - logf(fmaxf(mean, FLT_MIN)), 4);
 }
@@ -22566,9 +22561,9 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, c
     }
 }
 
-/* Whether light on a block is nearly linear along six lines of three knots: what sends it is far off against the block's
-   width, and no polygon is in its way unless the block is one of 16 pixels. Then it is -1, or else the axis to halve the
-   block along, the longer one on the plane; 2: beside polygons, each pixel is by itself. */
+/* Whether light on a block is nearly linear along six lines of three knots: what sends it is far off against its width,
+   and no polygon is in its way unless it is one of 16 pixels. Then it is -1, or else the axis to halve it along, the
+   longer one on the plane; 2: beside polygons, each pixel is by itself. */
 static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int size[2],
                              const spsi_received *knots[9]) {
     static const int order[9] = {4, 0, 2, 6, 8, 1, 3, 5, 7}; /* edges are last */
@@ -24679,14 +24674,8 @@ static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
     const int *size = job->grid->size;
     const int rows = (size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
     const int layers = (size[2] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
-    spsi_flight_job flight;
+    spsi_flight_job flight = {job->frame, job->flights, job->faces, job->grid, job->scattered, job->emitted};
     if (!job->later && spsi_cells_emitters(job)) return job->context->result;
-    flight.frame = job->frame;
-    flight.flights = job->flights;
-    flight.faces = job->faces;
-    flight.grid = job->grid;
-    flight.scattered = job->scattered;
-    flight.emitted = job->emitted;
     if (job->frame->matter.scatters && job->flights[0].count + job->flights[1].count + job->flights[2].count > 0)
         spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
     return SPS_OK;

@@ -22589,7 +22589,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int 
     for (int n = 0; n < 9; ++n) {
         const int i = order[n], column = x0 + i % 3 * size[0] / 2, row = y0 + i / 3 * size[1] / 2;
         const int step = i % 3 == 1 ? 1 : 3;
-        const double at[2] = {tile->x0 + column, tile->y0 + row};
+        const double at[2] = {(double)(tile->x0 + column), (double)(tile->y0 + row)};
         spsi_received *knot = n > 4 && !clear ? &tile->edge[n - 5] : &tile->knots[row * SPSI_RECEIVED_KNOTS + column];
         for (int c = 0; c < 3 && n > 4 && !clear; ++c)
             knot->irradiance[c] = 0.5f * (knots[i - step]->irradiance[c] + knots[i + step]->irradiance[c]);

@@ -18596,11 +18596,7 @@ typedef struct spsi_cell_pass {
 } spsi_cell_pass;
 
 static spsi_cell_pass spsi_cell_pass_of(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    spsi_cell_pass pass;
-    pass.solver = solver;
-    pass.level = level;
-    pass.walls = NULL;
-    pass.leaving = level == &solver->levels[0] ? solver->leaving : NULL;
+    const spsi_cell_pass pass = {solver, level, NULL, level == &solver->levels[0] ? solver->leaving : NULL};
     return pass;
 }
 
@@ -19180,14 +19176,10 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
 static void spsi_cells_levels(const spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
         spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[n]);
-        spsi_cell_step step;
         if (n > 0) {
-            step.fine = &solver->levels[n - 1];
-            step.coarse = pass.level;
-            step.from = step.fine->keep[0];
-            step.to = step.coarse->keep[0];
-            step.count = solver->orders;
-            spsi_parallel_items(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+            const spsi_cell_level *fine = &solver->levels[n - 1];
+            spsi_cell_step step = {fine, pass.level, fine->keep[0], pass.level->keep[0], solver->orders};
+            spsi_parallel_items(solver->context, pass.level->size[2], spsi_cells_coarsen_task, &step);
         }
         spsi_parallel_items(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
     }
@@ -20314,27 +20306,29 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
 }
 
 /* Radius of a ball about what a node sends: the 16th power's mean over its parts, which is close to the largest and
-   does not see those that send next to nothing. */
-static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_node *const *own, int count,
+   does not see those that send next to nothing. In nodes smaller than `edge`, parts are as one: the mean of theirs. */
+static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_node *const *own, int count, double edge,
                                 const spsi_emitter *sum) {
-    double reach[SPSI_TREE_LEAF], most = DBL_MIN, mean = 0, all = 0;
+    double reach[SPSI_TREE_LEAF], weight[SPSI_TREE_LEAF], most = DBL_MIN, mean = 0, each = 0, all = 0;
     for (int i = 0; i < count; ++i) {
         double apart[3];
+        weight[i] = (double)below[i].sent[0] + (double)below[i].sent[1] + (double)below[i].sent[2];
         for (int k = 0; k < 3; ++k) apart[k] = (double)below[i].at[k] - (double)sum->at[k];
-        reach[i] = spsi_length(apart) + (double)(own[i] ? own[i]->reach : spsi_emitter_reach(&below[i]));
+        reach[i] = (double)(own[i] ? own[i]->reach : spsi_emitter_reach(&below[i]));
+        each += weight[i] * reach[i];
+        all += weight[i];
+        reach[i] += spsi_length(apart);
         most = fmax(most, reach[i]);
     }
-    for (int i = 0; i < count; ++i) {
-        const double weight = (double)below[i].sent[0] + (double)below[i].sent[1] + (double)below[i].sent[2];
-        mean += weight * pow(reach[i] / most, 16);
-        all += weight;
-    }
-    return (float)(most * pow(mean / all, 1.0 / 16));
+    if (most < edge) return (float)(each / all);
+    for (int i = 0; i < count; ++i) mean += weight[i] * pow(reach[i] / most, 16);
+    return (float)fmax(most * pow(mean / all, 1.0 / 16), edge);
 }
 
 /* Sums up a node and those below it. Recursion is as deep as the tree, which is at most SPSI_TREE_STACK. */
 static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights, int number) {
     const spsi_tree_node *node = &tree->nodes[number];
+    const float small = (float)flights->grids->edge;
     spsi_flight_node *sum = &flights->nodes[number];
     spsi_emitter below[SPSI_TREE_LEAF];
     const spsi_flight_node *own[SPSI_TREE_LEAF] = {NULL};
@@ -20350,10 +20344,11 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
         below[count] = own[count]->sum;
     }
     spsi_emitters_join(below, count, &sum->sum);
-    sum->reach = spsi_flights_reach(below, own, count, &sum->sum);
-    for (int i = 0; i < count; ++i) spsi_flights_leave(flights, &below[i], own[i], sum, leaves);
+    sum->reach = spsi_flights_reach(below, own, count, (double)small, &sum->sum);
+    for (int i = 0; i < count && sum->reach >= small; ++i) spsi_flights_leave(flights, &below[i], own[i], sum, leaves);
     for (int c = 0; c < 3; ++c)
-        for (int i = 0; i < SPSI_FLIGHT_WAYS; ++i) sum->leaves[c][i] = leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN);
+        for (int i = 0; i < SPSI_FLIGHT_WAYS; ++i)
+            sum->leaves[c][i] = sum->reach < small ? 1 : leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN);
     for (int i = 0; i < 6; ++i) mean += sum->leaves[0][i] / 6;
     sum->breadth = 2 * sum->sum.radius * fminf(1 - logf(fmaxf(mean, FLT_MIN)), 4);
 }
@@ -22234,8 +22229,10 @@ static double spsi_straight_scale(const spsi_frame *frame, int c) {
 
 /* --- what pixels' polygons receive from cells and by first flights --- */
 
-#define SPSI_RECEIVED_TILE  64 /* pixels along a side of a task's tile */
-#define SPSI_RECEIVED_KNOTS (SPSI_RECEIVED_TILE / 2 + 1)
+#define SPSI_RECEIVED_TILE  32 /* pixels along a side of a task's tile */
+#define SPSI_RECEIVED_KNOTS (SPSI_RECEIVED_TILE + 1)
+
+static const int spsi_receive_whole[2] = {SPSI_RECEIVED_TILE, SPSI_RECEIVED_TILE};
 
 typedef struct spsi_receive_job {
     const spsi_frame *frame;
@@ -22250,14 +22247,14 @@ typedef struct spsi_received {
     float irradiance[3], reach; /* reach: across which light changes smoothly; 0: not known */
 } spsi_received;
 
-/* A tile of pixels, and places of a plane in it, two pixels apart. */
+/* A tile of pixels, and places of a plane at each. */
 typedef struct spsi_receive_tile {
     const spsi_receive_job *job;
     int x0, y0, flown;                                           /* its first pixel; 0: from cells, 1: by flights */
     const spsi_hit *hit;                                         /* of the plane */
     unsigned char shows[SPSI_RECEIVED_TILE][SPSI_RECEIVED_TILE]; /* 0: it is done, 1: flat, 2: on the plane */
     double least[3]; /* that first flights bring to any of the knots: what comes from cells is small beside it */
-    spsi_received knots[SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS];
+    spsi_received knots[SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS], edge[4];
 } spsi_receive_tile;
 
 /* Adds what cells of a grid send to a surface, by channel. Returns a length across which that changes smoothly. */
@@ -22297,25 +22294,26 @@ static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, const
     to->reach = (float)fmin(reach, (double)FLT_MAX);
 }
 
-/* What a place of a block receives, from -1 to 1 along each side, between its corners and its middle. */
-static float spsi_received_between(const spsi_received *const knots[5], size_t c, const float at[2]) {
-    const float bulge = (1 - at[0] * at[0]) * (1 - at[1] * at[1]);
-    float sum = bulge * knots[4]->irradiance[c];
-    for (int i = 0; i < 4; ++i) {
-        const float share = (1 + (i % 2 ? at[0] : -at[0])) * (1 + (i / 2 ? at[1] : -at[1]));
-        sum += 0.25f * (share - bulge) * knots[i]->irradiance[c];
+/* What a place of a block receives, from -1 to 1 along each side, by the quadratic through nine knots. */
+static float spsi_received_between(const spsi_received *const knots[9], size_t c, const float at[2]) {
+    float share[2][3], sum = 0;
+    for (int k = 0; k < 2; ++k) {
+        share[k][0] = 0.5f * at[k] * (at[k] - 1);
+        share[k][1] = 1 - at[k] * at[k];
+        share[k][2] = 0.5f * at[k] * (at[k] + 1);
     }
+    for (int i = 0; i < 9; ++i) sum += share[0][i % 3] * share[1][i / 3] * knots[i]->irradiance[c];
     return sum;
 }
 
 /* Adds what pixels of a tile's block that show its plane receive: each by itself, or between knots. */
-static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, int size,
-                                const spsi_received *const knots[5]) {
+static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, const int size[2],
+                                const spsi_received *const knots[9]) {
     const spsi_frame *frame = tile->job->frame;
     const size_t channels = (size_t)frame->content->cells->channels;
-    for (int n = 0; n < size * size; ++n) {
-        const int x = x0 + n % size, y = y0 + n / size;
-        const float at[2] = {2 * (float)(x - x0) / (float)size - 1, 2 * (float)(y - y0) / (float)size - 1};
+    for (int n = 0; n < size[0] * size[1]; ++n) {
+        const int column = n % size[0], row = n / size[0], x = x0 + column, y = y0 + row;
+        const float at[2] = {2 * (float)column / (float)size[0] - 1, 2 * (float)row / (float)size[1] - 1};
         spsi_place place;
         spsi_received own;
         if (tile->shows[y][x] != 2 || !spsi_in_region(frame, tile->x0 + x, tile->y0 + y)) continue;
@@ -22327,61 +22325,67 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, i
     }
 }
 
-/* Whether light on a block is nearly linear: what sends it is far off against the block's width, no polygon is in its
-   way unless the block is one of 4^2, and in the middle it is the mean of the corners. */
-static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, int size, const spsi_received *knots[5]) {
+/* Whether light on a block is nearly linear along six lines of three knots: what sends it is far off against its width,
+   and no polygon is in its way unless it is one of 16 pixels. Then it is -1, or else the axis to halve it along, the
+   longer one on the plane; 2: beside polygons, each pixel is by itself. */
+static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int size[2],
+                             const spsi_received *knots[9]) {
+    static const int order[9] = {4, 0, 2, 6, 8, 1, 3, 5, 7}; /* edges are last */
     const spsi_receive_job *job = tile->job;
-    double at[5][2], point[4][3], across[3];
+    double point[4][3], across[3], edge[2][3];
     spsi_bounds bounds = spsi_nowhere;
     spsi_shaft shaft;
-    int clear;
-    for (int i = 0; i < 5; ++i) {
+    int clear, longer;
+    for (int i = 0; i < 4; ++i) {
         spsi_surface surface;
-        at[i][0] = tile->x0 + x0 + (i == 4 ? size / 2 : i % 2 * size);
-        at[i][1] = tile->y0 + y0 + (i == 4 ? size / 2 : i / 2 * size);
-        if (i == 4) break;
-        spsi_surface_at(&job->frame->content->eye, job->faces, tile->hit, at[i][0], at[i][1], &surface);
+        spsi_surface_at(&job->frame->content->eye, job->faces, tile->hit, tile->x0 + x0 + i % 2 * size[0],
+                        tile->y0 + y0 + i / 2 * size[1], &surface);
         memcpy(point[i], surface.point, sizeof point[i]);
         spsi_bounds_add(&bounds, point[i]);
     }
+    for (int k = 0; k < 2; ++k) spsi_along(point[1 + k], point[0], -1, edge[k]);
+    longer = size[0] == 2 || (size[1] > 2 && spsi_length(edge[1]) > spsi_length(edge[0]));
     spsi_along(bounds.high, bounds.low, -1, across);
     spsi_shaft_build(job->faces, &bounds, &job->from[tile->flown], &shaft);
     clear = !job->frame->meshes.translucent &&
             spsi_shaft_is_clear(job->faces, &shaft, &tile->hit->face, 1, (const double(*)[3])point, 4);
-    if (!clear && size > 4) return 0;
-    for (int i = 4; i >= 0; --i) {
-        const int column = ((int)at[i][0] - tile->x0) / 2, row = ((int)at[i][1] - tile->y0) / 2;
-        spsi_received *knot = &tile->knots[row * SPSI_RECEIVED_KNOTS + column];
-        if (!(knot->reach > 0)) spsi_receive(job, tile->hit, at[i], tile->flown, clear, knot);
-        if (!(spsi_length(across) <= (size > 4 ? 0.5 : 1) * (double)knot->reach)) return 0;
+    if (!clear && size[0] * size[1] > 16) return longer;
+    for (int n = 0; n < 9; ++n) {
+        const int i = order[n], column = x0 + i % 3 * size[0] / 2, row = y0 + i / 3 * size[1] / 2;
+        const int step = i % 3 == 1 ? 1 : 3;
+        const double at[2] = {(double)(tile->x0 + column), (double)(tile->y0 + row)};
+        spsi_received *knot = n > 4 && !clear ? &tile->edge[n - 5] : &tile->knots[row * SPSI_RECEIVED_KNOTS + column];
+        for (int c = 0; c < 3 && n > 4 && !clear; ++c)
+            knot->irradiance[c] = 0.5f * (knots[i - step]->irradiance[c] + knots[i + step]->irradiance[c]);
+        if ((n <= 4 || clear) && !(knot->reach > 0)) spsi_receive(job, tile->hit, at, tile->flown, clear, knot);
+        if (n == 0 && !(spsi_length(across) <= (double)knot->reach)) return longer;
         knots[i] = knot;
     }
-    for (int c = 0; c < 3; ++c) {
-        double sum = 0, low = HUGE_VAL, high = 0;
-        for (int i = 0; i < 4; ++i) {
-            const double own = (double)knots[i]->irradiance[c] + tile->least[c];
-            sum += 0.25 * own, low = fmin(low, own), high = fmax(high, own);
-        }
-        sum = fabs((double)knots[4]->irradiance[c] + tile->least[c] - sum);
-        if (!(sum <= 0.0125 * high) || !(low >= 0.6 * high)) return 0;
+    for (int n = 0; n < 18; ++n) {
+        const int c = n % 3, line = n / 3, first = line < 3 ? 3 * line : line - 3, step = line < 3 ? 1 : 3;
+        const double a = (double)knots[first]->irradiance[c] + tile->least[c];
+        const double middle = (double)knots[first + step]->irradiance[c] + tile->least[c];
+        const double b = (double)knots[first + 2 * step]->irradiance[c] + tile->least[c];
+        if (!(fabs(middle - 0.5 * (a + b)) <= (clear ? 0.03 : 0.014) * fmin(a, b))) return clear ? longer : 2;
     }
-    return 1;
+    return -1;
 }
 
-/* Adds what pixels of a block that show the plane receive: between its corners if light is linear there, or else by
-   quarters. */
-static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, int size) {
-    const spsi_received *knots[5];
-    int count = 0;
-    for (int y = y0; y < y0 + size; ++y)
-        for (int x = x0; x < x0 + size; ++x) count += tile->shows[y][x] == 2;
-    if (count >= 5 && spsi_receive_even(tile, x0, y0, size, knots))
-        spsi_receive_pixels(tile, x0, y0, size, knots);
-    else if (count < 5 || size == 4)
-        spsi_receive_pixels(tile, x0, y0, size, NULL);
-    else
-        for (int i = 0; i < 4; ++i)
-            spsi_receive_block(tile, x0 + i % 2 * size / 2, y0 + i / 2 * size / 2, size / 2);
+/* Adds what pixels of a block that show the plane receive: between its knots if light is linear there, or else by
+   halves. */
+static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, const int size[2]) {
+    const spsi_received *knots[9];
+    int count = 0, longer = 0, half[2] = {size[0], size[1]};
+    for (int y = y0; y < y0 + size[1]; ++y)
+        for (int x = x0; x < x0 + size[0]; ++x) count += tile->shows[y][x] == 2;
+    if (count >= 5) longer = spsi_receive_even(tile, x0, y0, size, knots);
+    if (count < 5 || longer < 0 || longer > 1 || size[0] * size[1] <= 8) {
+        spsi_receive_pixels(tile, x0, y0, size, longer < 0 ? knots : NULL);
+        return;
+    }
+    half[longer] /= 2;
+    for (int i = 0; i < 2; ++i)
+        spsi_receive_block(tile, x0 + (longer ? 0 : i * half[0]), y0 + (longer ? i * half[1] : 0), half);
 }
 
 /* Whether a flat face lies on another's plane, and has its normal. */
@@ -22414,7 +22418,7 @@ static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
     memset(tile->least, 0, sizeof tile->least);
     for (tile->flown = content->flights ? 1 : 0; tile->flown >= 0; --tile->flown) {
         memset(tile->knots, 0, sizeof tile->knots);
-        spsi_receive_block(tile, 0, 0, SPSI_RECEIVED_TILE);
+        spsi_receive_block(tile, 0, 0, spsi_receive_whole);
         for (int c = 0; c < 3; ++c) tile->least[c] = HUGE_VAL;
         for (int n = 0; n < SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS; ++n)
             for (int c = 0; c < 3 && tile->knots[n].reach > 0; ++c)
@@ -22445,7 +22449,7 @@ static void spsi_receive_task(void *data, int index) {
             if (face >= 0) tile.shows[y][x] = spsi_face_is_flat(&job->faces->list[face]) ? 1 : 2;
         }
     for (tile.flown = 0; tile.flown < (frame->content->flights ? 2 : 1); ++tile.flown)
-        spsi_receive_pixels(&tile, 0, 0, SPSI_RECEIVED_TILE, NULL);
+        spsi_receive_pixels(&tile, 0, 0, spsi_receive_whole, NULL);
     for (int n = 0; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n) {
         const int x = n % SPSI_RECEIVED_TILE, y = n / SPSI_RECEIVED_TILE;
         if (tile.shows[y][x] == 2) tile.shows[y][x] = 0;
@@ -24430,14 +24434,8 @@ static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
     const int *size = job->grid->size;
     const int rows = (size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
     const int layers = (size[2] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
-    spsi_flight_job flight;
+    spsi_flight_job flight = {job->frame, job->flights, job->faces, job->grid, job->scattered, job->emitted};
     if (!job->later && spsi_cells_emitters(job)) return job->context->result;
-    flight.frame = job->frame;
-    flight.flights = job->flights;
-    flight.faces = job->faces;
-    flight.grid = job->grid;
-    flight.scattered = job->scattered;
-    flight.emitted = job->emitted;
     if (job->frame->matter.scatters && job->flights[0].count + job->flights[1].count + job->flights[2].count > 0)
         spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
     return SPS_OK;
@@ -24686,21 +24684,21 @@ static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
     spsi_cell_patches_fill(job->solver, grid, channel);
 }
 
-/* Finds what polygons send, given what cells send so far, and what of that reaches each cell. Returns 0 if it has
-   hardly changed. */
-static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
+/* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly
+   changed. Returns by how much. */
+static double spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
     spsi_cell_pass pass = spsi_cell_pass_of(job->solver, plain);
     double change;
     if (job->wall_light) spsi_cells_take_flux(job, channel);
     change = spsi_cell_walls_send(job, channel);
-    if (change < SPSI_CELL_CHANGE && job->wall_light) return 0;
+    if (change < SPSI_CELL_CHANGE && job->wall_light) return change;
     pass.walls = job->walls.sent;
     if (change > 0)
         spsi_cells_carry(&pass);
     else
         memset(plain->moments[0], 0, (size_t)job->solver->terms * plain->count * sizeof(float));
     job->wall_light = plain->moments[0];
-    return 1;
+    return change;
 }
 
 /* Adds what peaks pass on of the light of lights without shadows, which cells do not send. */
@@ -24727,6 +24725,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
     const float *found = solver->levels[0].moments[0];
     float *light = grid->moments + (size_t)job->channel * moments;
     spsi_part_of_call each = *part;
+    double last = 0, change = 0;
     memset(solver->levels[0].depth, 0, (size_t)(solver->scratch - solver->levels[0].depth) * sizeof(float));
     job->wall_light = NULL;
     if (plain) {
@@ -24734,7 +24733,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
         memset(solver->leaving, 0, spsi_cell_leaving_floats(grid->size[2]) * sizeof(float));
         spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         spsi_cells_levels(solver);
-        spsi_cells_reflect(job, job->channel, plain);
+        change = spsi_cells_reflect(job, job->channel, plain);
     }
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
         each.share *= 0.5;
@@ -24742,12 +24741,13 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
         spsi_copy(job->context, light, found, moments * sizeof(float));
         each.progress += each.share;
-        if (!plain || !spsi_cells_reflect(job, job->channel, plain)) break;
+        if (!plain || change * change < SPSI_CELL_CHANGE * last) break; /* the next falls as much as this did */
+        last = change;
+        change = spsi_cells_reflect(job, job->channel, plain);
+        if (change < SPSI_CELL_CHANGE) break;
     }
-    if (plain && grid->pyramid) {
-        spsi_cells_sweep_rest(job, job->channel);
-        spsi_cells_take_flux(job, job->channel);
-    }
+    if (plain && grid->pyramid) spsi_cells_sweep_rest(job, job->channel);
+    if (plain) spsi_cells_take_flux(job, job->channel);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
     return SPS_OK;

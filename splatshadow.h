@@ -19758,7 +19758,9 @@ static float *spsi_cell_pyramid(const spsi_cell_grid *grid, int number) {
 }
 
 /* Length from an emitter's centre up to which it knows what gas hides. */
-static float spsi_emitter_reach(const spsi_emitter *emitter) { return fmaxf(0.75f * emitter->radius, emitter->clear); }
+static float spsi_emitter_reach(const spsi_emitter *emitter) {
+    return emitter->clear > 0 ? emitter->clear : 0.75f * emitter->radius + emitter->ahead;
+}
 
 /* By how many radii the way from an even ball is shorter than that from its middle, which is u radii: the mean of ways
    from all of it, weighted by 1 / way^2, is half a radius anywhere within, two thirds at its rim. */
@@ -19774,25 +19776,30 @@ static spsi_v spsi_emitter_begin(const spsi_emitter *emitter, spsi_v length) {
     const spsi_v part = spsi_div(spsi_set(-0.25f), spsi_max(spsi_mul(u, u), spsi_set(0.5f)));
     const spsi_v ahead = spsi_fma(spsi_set(emitter->ahead), part, spsi_set(emitter->ahead));
     if (emitter->clear > 0) return spsi_min(spsi_fma(radius, spsi_ball_nearer(u), ahead), length);
-    return spsi_min(spsi_set(0.75f * emitter->radius), length);
+    return spsi_min(spsi_set(spsi_emitter_reach(emitter)), length);
 }
 
 /* Lets less leave an emitter: it hides itself as a ball of the gas in the cells about it, the mean of those of six
-   places. sqrt(0.6) of a radius away along each axis, these have a ball's mean of what is of degree 2. */
+   places. sqrt(0.6) of a radius away along each axis, these have a ball's mean of what is of degree 2. As much of the
+   gas as does not go on twice as far away ends with the ball: from there on, nothing of it is in the way. */
 static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];
         const double radius = (double)emitter->radius;
-        double leaves[3] = {0, 0, 0};
-        for (int n = 0; n < 6; ++n) {
+        double leaves[3] = {0, 0, 0}, within = 0, beyond = 0;
+        for (int n = 0; n < 12; ++n) {
+            const double away = 0.775 * (n < 6 ? radius : 2 * radius);
             double place[3], depth = 0;
             size_t at;
             memcpy(place, point, sizeof place);
-            place[n / 2] += (n % 2 ? 0.775 : -0.775) * radius;
+            place[n % 3] += n / 3 % 2 ? away : -away;
             if (spsi_cell_holding(grid, place, &at)) depth = radius / grid->edge * (double)grid->depth[at];
-            for (int c = 0; c < 3; ++c)
+            within += n < 6 ? depth : 0;
+            beyond += n < 6 ? 0 : fmin(depth, within / 6);
+            for (int c = 0; c < 3 && n < 6; ++c)
                 leaves[c] += spsi_ball_escape(depth * (double)grid->scale[spsi_least(c, grid->channels - 1)]) / 6;
         }
+        if (within > 0) emitter->ahead = (float)(0.25 * radius * (1 - beyond / within));
         for (int c = 0; c < 3; ++c) emitter->leaves[c] *= (float)leaves[c];
     }
 }

@@ -325,6 +325,50 @@ static void test_wide_ball(void) {
         }
 }
 
+/* Irradiance of the floor at (x, -0.45, 0) by two even balls of radius 0.1 and a depth, `apart` along x. */
+static double pair_exact(double x, double depth, double apart) {
+    enum { ALONG = 400, AROUND = 400 };
+    double sum = 0;
+    for (int n = 0; n < ALONG * AROUND; ++n) {
+        const double cosine = (n % ALONG + 0.5) / ALONG, turn = SPSI_PI * (n / ALONG + 0.5) / AROUND;
+        const double sine = sqrt(1 - cosine * cosine), way[3] = {sine * cos(turn), cosine, sine * sin(turn)};
+        double passed = 0;
+        for (int i = 0; i < 2; ++i) {
+            const double to[3] = {i * apart - x, 0.45, 0}, along = spsi_dot(to, way);
+            const double square = 0.01 - spsi_dot(to, to) + along * along;
+            if (square > 0) passed += 2 * sqrt(square) * depth / 0.2;
+        }
+        sum -= expm1(-passed) * cosine;
+    }
+    return sum * 2 * SPSI_PI / ALONG / AROUND;
+}
+
+/* Floors below two balls that overlap, touch, or stand apart, in the mean of six places. 5 %: what leaves a ball is the
+   mean over six directions, in which the other one hides all, half or nothing of it. */
+static void test_pair(void) {
+    static const double gaps[] = {0.02, 0.16, 0.21, 0.25, 0.4}, depths[] = {1, 4};
+    for (int n = 0; n < 10; ++n) {
+        const double depth = depths[n / 5], apart = gaps[n % 5];
+        sps_particle balls[2];
+        double mean = 0;
+        ball_scene b;
+        ball_scene_build(&b, 0, 0.1, depth, NULL, 0);
+        b.s.scene.volume_count = 0, b.s.view.scatter_size = 0;
+        balls[0] = balls[1] = b.ball;
+        for (int k = 0; k < 3; ++k) balls[0].position[k] = balls[1].position[k] = 0;
+        balls[1].position[0] = (float)apart;
+        b.set.user = balls, b.set.count = 2;
+        for (int i = 0; i < 6; ++i) {
+            const double x = 0.5 * apart - 0.5 + 0.2 * i;
+            mean += (ball_irradiance(&b, x, 0) / pair_exact(x, depth, apart) - 1) / 6;
+        }
+        if (figures()) printf("pair of depth %g, %g apart: %+.3f\n", depth, apart, mean);
+        CHECK_CASE("Scattering", "a floor below two dense balls that overlap, touch or stand apart, mean of six places",
+                   "the way through both, over directions; relative", fabs(mean), 0.05, "six directions of what hides");
+        check_free_triangles(&b.floor);
+    }
+}
+
 /* Opaque matter that absorbs all shines no brighter than emission over extinction, 1, and lights haze and a floor less
    than that. 1 %: voxels' kernels ripple. */
 static void test_opaque(void) {
@@ -847,6 +891,7 @@ int main(void) {
     RUN(test_specks);
     RUN(test_balls);
     RUN(test_wide_ball);
+    RUN(test_pair);
     RUN(test_opaque);
     RUN(test_trapped);
     RUN(test_small_volumes);

@@ -138,8 +138,8 @@ static sps_result render_frame(engine *e, sps_context *context, sps_scene *scene
            stats.seconds_total, (unsigned long long)stats.read_calls, (unsigned long long)stats.blocks_skipped,
            1e-6 * (double)e->bytes_peak);
     if (why.result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_LIGHT &&
-        light[why.index].kind != SPS_LIGHT_POINT) {
-        light[why.index].kind = SPS_LIGHT_POINT; /* a point can be amid gas */
+        light[why.index].shadow_source == SPS_SHADOW_SHEETS) {
+        light[why.index].shadow_source = SPS_SHADOW_AUTO; /* no slabs serve it: tables do */
         return render_frame(e, context, scene, light, image, seconds);
     }
     return why.result;
@@ -160,6 +160,7 @@ int main(int argc, char **argv) {
     sps_light lights[2] = {{.direction = {1, -1, -0.7}, .color = {5, 5.5f, 6}},
                            {.kind = SPS_LIGHT_DISC, .position = {0, 0.35, 0}, .color = {1.5f, 0.6f, 0.2f}}};
     lights[1].axes[0][0] = lights[1].axes[1][2] = 0.05; /* a flame */
+    lights[1].shadow_source = SPS_SHADOW_SHEETS;
     sps_scene scene = {.volumes = &smoke, .volume_count = 1, .meshes = &mesh, .mesh_count = 1};
     scene.lights = lights, scene.light_count = 2;
     scene.background[0] = 0.05f, scene.background[1] = 0.07f, scene.background[2] = 0.1f;

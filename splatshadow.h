@@ -19769,8 +19769,8 @@ static spsi_v spsi_ball_nearer(spsi_v u) {
     return spsi_min(spsi_mul(part, spsi_fma(spsi_mul(part, part), third, fifth)), spsi_add(u, spsi_set(-0.5f)));
 }
 
-/* Length from an emitter's centre at which ways of some lengths through gas begin. What a particle hides of itself does
-   not include other gas within it. */
+/* Distance from an emitter's centre at which the march through gas begins, for ways of some lengths. A particle's own
+   escape leaves out other gas within it, which the march has to cross. */
 static spsi_v spsi_emitter_begin(const spsi_emitter *emitter, spsi_v length) {
     const spsi_v radius = spsi_set(fmaxf(emitter->radius, FLT_MIN)), u = spsi_div(length, radius);
     const spsi_v part = spsi_div(spsi_set(-0.25f), spsi_max(spsi_mul(u, u), spsi_set(0.5f)));
@@ -19804,9 +19804,10 @@ static void spsi_emitter_hide(const spsi_flights *flights, const double point[3]
     }
 }
 
-/* Sets what lies about a ball of material m, of an optical depth `own` along a radius: its own gas, which cells hold up
-   to two edges beyond, is not in its way; light leaves it nearer to what receives it than from its middle, by 0.2 radii
-   times own and half the depth of other gas within, at most by two thirds. */
+/* Sets how a ball of material m hides itself; `own` is its optical depth along a radius. Cells hold its gas up to two
+   edges beyond its rim: there, that gas does not count as being in its way. The denser it is, the nearer to the
+   receiver light leaves it: 0.2 radii before its middle per optical depth, two thirds of a radius at most. Half of the
+   other gas within counts, too. */
 static void spsi_emitter_clear(const spsi_flights *flights, const double point[3], double radius, double own, int m,
                                spsi_emitter *emitter) {
     emitter->clear = (float)(radius + 2 * flights->grids->edge);
@@ -19935,8 +19936,8 @@ static void spsi_emitter_trap(const spsi_material *material, double x, double pa
     }
 }
 
-/* How crowded particles are: the volume of all but the largest, over that of an even ball of the spread of all. Without
-   particles 0. */
+/* How crowded particles are: the volume of all but the largest, divided by that of an even ball that is spread as wide
+   as all of them. 0 without particles. */
 static double spsi_particles_crowd(const sps_particle *list, int count) {
     double cubes = 0, largest = 0, at[3] = {0, 0, 0}, square = 0;
     for (int n = 0; n < count; ++n) {
@@ -19954,9 +19955,9 @@ static double spsi_particles_crowd(const sps_particle *list, int count) {
     return (cubes - largest) / fmax(pow(fmax(5.0 / 3 * square, 0), 1.5), DBL_MIN);
 }
 
-/* Sets which fraction of each set's glow always flies: cells do not resolve how dense particles hide themselves, of a
-   depth of 0.5 or less none, of 1.5 and more all. Up to 32 of any depth fly, and fewer of up to 64. Where particles
-   overlap, cells know what hides them. */
+/* Sets the fraction of each set's glow that always flies. Cells cannot resolve how dense particles hide themselves:
+   below an optical depth of 0.5 none fly, from 1.5 on all do. Up to 32 particles fly at any depth, and part of up to
+   64. Where particles overlap, cells know what hides them, and fewer fly. */
 static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     const double few = fmax(0, fmin(2 - (double)content->particle_count / 32, 1));
@@ -19976,8 +19977,9 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* Sets which fraction of each volume's glow always flies: all if its depth is 0.5 or more and its voxels, with their
-   kernels, are up to 6 cells wide, a part up to 12; nothing if polygons are among these voxels. */
+/* Sets the fraction of each volume's glow that always flies: all of it if its optical depth is 0.5 or more and its
+   voxels, with their kernels, are up to 6 cells wide; part of it up to 12 cells. None flies if polygons are among these
+   voxels. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                              double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
@@ -20397,8 +20399,8 @@ typedef struct spsi_flight_open {
     int node;
 } spsi_flight_open;
 
-/* The angle under which all places within `reach` of one see a node; of nodes that may be about them, the larger one's
-   is the wider. */
+/* The widest angle under which a node is seen from places within `reach` of one. If the node may lie about these
+   places, the angle grows with its size. */
 static double spsi_flights_angle(const spsi_flights *flights, const double place[3], double reach, int number) {
     const spsi_flight_node *node = &flights->nodes[number];
     double toward[3], distance;
@@ -20444,9 +20446,10 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
     }
 }
 
-/* Over what an emitter or node sends, the fraction that gets past its own gas in a vector of directions, for a channel.
-   Of a node, it is the polynomial of degree 4 in the cosines through what is known; an emitter sends it already. On
-   `part` of the way that these stand for it is T^part, near the mean of T / (T + part (1 - T)) and 1 - part (1 - T). */
+/* The fraction of a node's light that gets past its own gas in some directions, for a channel: T, a polynomial of
+   degree 4 in the cosines through the directions that were marched. An emitter's light has lost that already. If only
+   `part` of the gas is in the way, T^part gets past; near it is the mean of T / (T + part (1 - T)) and 1 - part (1 -
+   T). */
 static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const spsi_v unit[3], spsi_v part) {
     const spsi_flight_node *node = flight->node;
     const spsi_v one = spsi_set(1);
@@ -20474,8 +20477,9 @@ static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const s
     return node ? low : spsi_div(low, sum);
 }
 
-/* Which part of the way that a node's or emitter's own gas stands for is on ways of a vector of lengths. Over an even
-   ball in even gas they are as above; if gas ends with it, they grow from 0.5 radii to 0.75. */
+/* The share of its own gas that a node or an emitter puts in the way of receivers at some distances: all of it far
+   away, less for a receiver within. In even gas the ways are those above; where the gas ends with the ball, they grow
+   from 0.5 radii to 0.75. */
 static spsi_v spsi_flight_part(const spsi_flight *flight, spsi_v length) {
     const float known = flight->node ? flight->node->reach : 0;
     const float radius = fmaxf(fmaxf(flight->emitter->radius, 1e-3f * known), FLT_MIN);
@@ -22332,9 +22336,10 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, c
     }
 }
 
-/* Whether light on a block is nearly linear along six lines of three knots: what sends it is far off against its width,
-   and no polygon is in its way unless it is one of 16 pixels. Then it is -1, or else the axis to halve it along, the
-   longer one on the plane; 2: beside polygons, each pixel is by itself. */
+/* Tests whether a block's light can be interpolated. It must be nearly linear along six lines of three knots, and come
+   from farther away than the block is wide. No polygon may be in the way, except of blocks of up to 16 pixels; shadows
+   of gas are seen by the knots alone. Returns -1 if so. Otherwise returns the axis to halve the block along, the longer
+   one on the plane, or 2 beside polygons, where each pixel is by itself. */
 static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int size[2],
                              const spsi_received *knots[9]) {
     static const int order[9] = {4, 0, 2, 6, 8, 1, 3, 5, 7}; /* edges are last */
@@ -22407,7 +22412,7 @@ static int spsi_faces_share_plane(const spsi_face *face, const spsi_face *other)
     return !(apart > 0) && memcmp(face->normal[0], other->normal[0], sizeof face->normal[0]) == 0;
 }
 
-/* Adds what the pixels receive that show the plane of the tile's hit, from one of them on. */
+/* Adds what a tile's pixels receive that show the same plane as its hit. The search for them begins at `first`. */
 static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
     const spsi_receive_job *job = tile->job;
     const spsi_content *content = job->frame->content;
@@ -24931,9 +24936,9 @@ static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
     glow->depth += depth * cbrt(sum * sum / squares);
 }
 
-/* Chooses which fractions of what glows fly: to cells, all of it where it fills less than a hundredth of the grid,
-   since directions serve wide sources well, and for less time; to polygons, all of it up to a depth of 4, and from 20/3
-   on two thirds: there, nodes are 10 % too dark and cells 20 % too bright. */
+/* Chooses the fractions of the glow that fly. To cells: all if the glow fills less than a hundredth of the grid;
+   directions serve wide sources well, in less time. To polygons: all up to an optical depth of 4, two thirds from 20/3
+   on, where nodes are 10 % too dark and cells 20 % too bright. */
 static void spsi_glow_split(const spsi_glow *glow, int scatters, spsi_flights *flights) {
     const double sum = glow->sum > 0 ? glow->sum : 1, alone = log(fmax(glow->parts / sum, 1) / 32) / log(4);
     const double bare = glow->sum > 0 ? fmin(fmax(1.5 - glow->depth / sum / 8, 2.0 / 3), 1) : 0;

@@ -24253,7 +24253,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
         sent = color * ambient + (double)walls->lit[own + at] - ambient;
         if (job->wall_light && spsi_cell_walls_mean(job, at, point, normal)) {
             const spsi_cell_receiver to = {point, normal, NULL, 2};
-            double irradiance[3];
+            double irradiance[3] = {0, 0, 0};
             spsi_cells_irradiance(grid, c, 1, &to, irradiance);
             sent += color / SPSI_PI * irradiance[0];
         }
@@ -26308,7 +26308,7 @@ static sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, do
 static sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
     const double spent = spsi_clock(context) - context->clock_start;
     sps_budget_report *report = &context->stats.budget;
-    char text[SPSI_SENTENCE_SIZE];
+    char text[SPSI_SENTENCE_SIZE / 2];
     if (spsi_budget_choose(context, frame, spent, (double)context->voxel_count, report)) return context->result;
     if (report->is_met || !(report->seconds > 0)) return SPS_OK; /* or it is refused with its own reason */
     if (frame->view.budget_error > 0) {

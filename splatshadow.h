@@ -3946,8 +3946,9 @@ static int spsi_parabola_roots(double a, double b, double c, double *roots) {
     return count;
 }
 
-/* The same of a parabola or a cubic whose roots are all real. Of a cubic's, the one farthest to the side of their mean
-   has a closed form without cancellation [Viete]; it is at least half as large as any, so dividing by it is stable. */
+/* Finds the roots of a parabola, or of a cubic all of whose roots are real. A cubic's root farthest out on the side of
+   their mean has a closed form without cancellation [Viete]; no other is more than twice as large, so dividing by it is
+   stable. If all three are 0, `turn` and `rest` are not numbers, and 0 is found once. */
 static int spsi_polynomial_roots(const double *c, int degree, double *roots) {
     double side, a, b, q, turn, root, rest;
     int count;
@@ -4234,7 +4235,7 @@ typedef struct spsi_image {
     int width[SPSI_IMAGE_LEVELS], height[SPSI_IMAGE_LEVELS]; /* with the border */
     float edge[SPSI_IMAGE_LEVELS];                           /* of the texels, the shorter one; 1 at level 0 */
     float *texels[SPSI_IMAGE_LEVELS];
-    float *row; /* of the largest level, as it is read */
+    float *row; /* the row of level 0 that is being read */
 } spsi_image;
 
 /* The grid in which light is followed from cell to cell, >>cells. Arrays have an entry per cell, x first, rows padded
@@ -4257,7 +4258,7 @@ typedef struct spsi_cell_grid {
     float *patches; /* the grid's sides in parts, >>cells: place, area and, per channel, what leaves each */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
     float *pyramid; /* levels of depth, each half as fine; then of each material's; >>flights; NULL: nothing flies */
-    size_t pyramid_rows; /* that each pyramid has */
+    size_t pyramid_rows; /* rows of each pyramid */
 } spsi_cell_grid;
 
 /* A small source of light, >>flights: an even ball. In a direction d it sends 1 - |axis| + 4 max(0, axis . d) of the
@@ -4268,7 +4269,8 @@ typedef struct spsi_emitter {
     float axis[3];
     float leaves[3]; /* fraction of what it sends that `sent` is: the rest is taken by its own gas */
     float clear;      /* up to here, cells hold gas of its own, which is not in its way */
-    float own, ahead; /* the pyramid that holds that gas; length by which light leaves nearer than the middle */
+    float own;        /* the pyramid that holds that gas */
+    float ahead;      /* how much later ways through gas begin: light leaves at the near side, or gas ends there */
     float gas;        /* optical depth times area of its own gas, if `sent` has what that scatters; or 0 */
     float trapped[3]; /* if gas > 0, the mean of its own light within it */
 } spsi_emitter;
@@ -24997,12 +24999,15 @@ static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Places grids about all gas: one, or one about each of groups that are far apart. Returns their number. */
+/* Places grids about all gas: one, or one about each of groups that are far apart, and sets the content's bounds to
+   theirs. Returns their number. */
 static int spsi_cells_place_all(const sps_context *context, const spsi_frame *frame, spsi_groups *groups,
                                 spsi_cell_grid *grids) {
     int count = 0;
     spsi_groups_build(context, frame, groups);
+    frame->content->bounds = spsi_nowhere;
     for (int n = 0; n < groups->count; ++n) {
+        spsi_bounds_join(&frame->content->bounds, &groups->list[n]);
         if (!spsi_cells_place(frame, &groups->list[n], &grids[count])) continue;
         groups->list[count] = groups->list[n];
         spsi_cells_lay_out(frame, &grids[count++]);
@@ -25114,12 +25119,6 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     float levels[SPSI_VOLUMES_MAX];
     memcpy(levels, content->levels, sizeof levels);
     for (int m = 0; m < frame->medium_count; ++m) content->levels[m] = spsi_lower(levels[m], 0);
-    spsi_bricks_bounds(context, frame, &content->bounds);
-    for (int i = 0; i < content->particle_count; ++i) {
-        spsi_bounds box;
-        spsi_particle_bounds(&content->particles[i], &box);
-        spsi_bounds_join(&content->bounds, &box);
-    }
     (void)spsi_cells_find(context, frame, faces, part);
     if (memcmp(content->levels, levels, sizeof levels)) /* lights' own tables of these levels are not the picture's */
         spsi_tmaps_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count);

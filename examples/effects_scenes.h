@@ -529,7 +529,7 @@ typedef struct ex_unneeded {
 
 static const ex_unneeded ex_unneeded_effects[] = {
     {"emission of 0", NULL, ex_emit_nothing, EX_UNTOUCHED, 0, ""},
-    {"a black light, soft, that throws an image", NULL, ex_add_dark, EX_UNTOUCHED, 0, ""},
+    {"a soft black light with an image", NULL, ex_add_dark, EX_UNTOUCHED, 0, ""},
     {"a light, and nothing that it could shine on", ex_absorb_unlit, ex_light_up, EX_UNTOUCHED, 0, ""},
     {"a volume of no voxels that emits", NULL, ex_add_empty_volume, EX_UNTOUCHED, 0, ""},
     {"a volume without extinction and emission", NULL, ex_add_clear_volume, EX_UNTOUCHED, 0, ""},

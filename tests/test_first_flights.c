@@ -680,7 +680,7 @@ static void test_between_pixels(void) {
             if (exact[i] > 0) worst = fmax(worst, fabs((double)picture[i] / (double)exact[i] - 1));
         if (!curved)
             CHECK_CASE("Scattering", "a flat floor below a wide glowing ball: pixels between those that are known",
-                       "a curved floor's; relative", worst, 0.02, "linear between four pixels; steps of cells");
+                       "a curved floor's; relative", worst, 0.02, "a parabola through nine knots; steps of cells");
         check_free_triangles(&b.floor);
     }
 }

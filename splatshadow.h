@@ -985,8 +985,8 @@ typedef struct sps_plan_report {
     /* Upper bound of all that the context will hold, with image.depth, but without layers (of pixels, and of texels of
        lights) and the lists that maps are made from, which may be several times as much. Often 2 or 3 times the actual
        size. With particles, whose extents are not known, lights' sheets and maps count with their maximum size, and the
-       bound is far higher, unless shadow_size or shadow_map_size sets it. Then it holds for lights with an extent if,
-       from none of their points, gas looks more than twice as wide as from their centre. With a budget, it is that of
+       bound is far higher, unless shadow_size or shadow_map_size sets it. For lights with an extent it holds if, from
+       none of their points, gas looks more than twice as wide as their sheets. With a budget, it is that of
        the setting which `budget` names, and not of what sps_render may choose instead. */
     size_t bytes;
 } sps_plan_report;
@@ -6005,10 +6005,15 @@ static void spsi_tell_replaced(const sps_context *context, uint64_t before, cons
 
 #define SPSI_VALUES_REPLACED "values of volumes were invalid and count as 0"
 
-/* Reads the relevant voxels of all volumes, unless they are still held from the last call. */
+/* Whether the last call's voxels are those of this frame. */
+static int spsi_volumes_held(const sps_context *context, const spsi_frame *frame) {
+    return context->gathered != 0 && context->gathered == spsi_volumes_fingerprint(frame);
+}
+
+/* Reads the relevant voxels of all volumes, unless they are held. */
 static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
-    const uint64_t fingerprint = spsi_volumes_fingerprint(frame), replaced = context->stats.values_replaced;
-    if (fingerprint == 0 || fingerprint != context->gathered) {
+    const uint64_t replaced = context->stats.values_replaced;
+    if (!spsi_volumes_held(context, frame)) {
         int current = -1;
         context->gathered = 0;
         context->bricks_printed = 0;
@@ -6017,7 +6022,7 @@ static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
         context->voxel_count = 0;
         for (int i = 0; i < frame->medium_count; ++i)
             if (spsi_gather_medium(context, frame, i, &current)) return context->result;
-        context->gathered = fingerprint;
+        context->gathered = spsi_volumes_fingerprint(frame);
         spsi_tell_replaced(context, replaced, SPSI_VALUES_REPLACED);
     }
     context->stats.bricks = (uint64_t)context->brick_count;
@@ -26690,7 +26695,7 @@ typedef struct spsi_reading {
 static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *frame, sps_plan_report *report,
                                     spsi_reading *reading) {
     memset(reading, 0, sizeof *reading);
-    reading->held = context->gathered != 0 && context->gathered == spsi_volumes_fingerprint(frame);
+    reading->held = spsi_volumes_held(context, frame);
     if (reading->held) spsi_bricks_bounds(context, frame, &frame->content->bounds);
     if (reading->held) return SPS_OK;
     for (int medium = 0; medium < frame->medium_count; ++medium) {
@@ -26794,22 +26799,22 @@ static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *fra
 }
 
 /* Bytes by which a sweep's light casts penumbrae. Particles and polygons have not been read: whether penumbrae are wide
-   enough is not known then. With particles, beams count as twice as wide as the light's sheets, which is their maximum
-   if shadow_size does not set that of the sheets. Boxes of volumes may be wider than what is in them, and penumbrae
-   narrower in their texels, so that the bytes count even if those are left sharp. */
+   enough is not known then. While contents are not known, beams count as twice as wide as the light's sheets, which is
+   their maximum if shadow_size does not set that of the sheets. Boxes of volumes may be wider than what is in them, and
+   penumbrae narrower in their texels, so that the bytes count even if those are left sharp. */
 static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                            sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
     spsi_penumbra penumbra;
     spsi_rays rays;
     report->pass[SPS_PASS_PENUMBRAE].runs += sweep->soft || frame->particles.set_count > 0 || polygons;
-    if (frame->particles.set_count > 0) {
+    if (frame->particles.set_count == 0 && spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;
+    if (frame->particles.set_count > 0 || !spsi_volumes_held(context, frame)) {
         rays.width = rays.height = (int)spsi_plan_light_side(frame, sweep);
         if (spsi_penumbra_open(context, frame, sweep, &rays, &penumbra)) return context->result;
         for (int i = 0; i < penumbra.beam_count; ++i)
             penumbra.beams[i].rays.width = penumbra.beams[i].rays.height = 2 * rays.width + 8;
-    } else if (spsi_penumbra_aim(context, frame, sweep, &penumbra))
-        return context->result;
+    }
     context->counts_only = 1;
     spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra.beam_count, sizeof(spsi_beam));
     spsi_floats_reserve(context, SPSI_BUFFER_PENUMBRA, spsi_penumbra_lay_out(context, &penumbra, polygons, NULL));
@@ -27121,6 +27126,8 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
     spsi_reserve(context, SPSI_BUFFER_FACES, triangles, sizeof(spsi_face) + 4 * sizeof(int)); /* and their rows */
     spsi_reserve(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
     spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
+    if (spsi_scatters_fully(frame) || frame->matter.emits)
+        spsi_reserve(context, SPSI_BUFFER_RECEIVED, pixels, (size_t)frame->channels * sizeof(float));
     spsi_plan_take(context, report, SPS_PASS_EYE_POLYGONS);
     spsi_layers_build(context, frame, &faces, NULL, &visible.layers);
     spsi_plan_take(context, report, SPS_PASS_LAYERS);
@@ -27134,6 +27141,7 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
         shares += spsi_plan_tables(frame, lamp) * spsi_sight_floats(frame, lamp, lamp->extent.exists) - 1;
         lights += (size_t)spsi_plan_tables(frame, lamp) - 1;
     }
+    if (spsi_scatters_fully(frame)) lights = (size_t)spsi_most((int)lights, frame->lamps.shadow_count); /* of cells */
     if (frame->lamps.shadow_count == 0) return;
     if (frame->matter.scatters)
         spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, lights,

@@ -17981,6 +17981,7 @@ static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     spsi_content *content = frame->content;
     const spsi_bounds tight = content->bounds;
     double room = context->config.memory_limit > 0 ? (double)context->config.memory_limit : HUGE_VAL;
+    content->parts[0] = content->parts[1] = 1;
     if (spsi_bounds_empty(&tight)) return;
     spsi_bounds_join(&content->outer, &tight);
     content->bounds = content->outer;

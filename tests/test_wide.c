@@ -333,6 +333,29 @@ static void test_shadows_once(void) {
     CHECK(narrow.shadow_rays == narrow.pixels_of_polygons && narrow.slabs < stats.slabs);
 }
 
+/* What a budget tries before it chooses leaves nothing behind: the picture is that of the settings that it chose, also
+   where some of these cut the image into parts and others do not. */
+static void test_budget(void) {
+    for (int n = 0; n < 4; ++n) {
+        const double turn = 2.399963 * (28 + 3 * n); /* suns all around the axis, from behind the eye */
+        sps_context *other = check_context(NULL);
+        sps_stats_report stats;
+        check_scene s;
+        start(&s, GAS, 2.55);
+        check_set3(s.view.camera.position, 0.05, 0.1, 0.4);
+        check_set3(s.light[0].direction, cos(turn), -0.4 - 0.15 * n, sin(turn));
+        s.view.budget_error = 0.2;
+        check_render(other, &s, image_a);
+        sps_get_stats(other, &stats);
+        sps_destroy(other);
+        s.view.budget_error = 0;
+        s.view.quality = stats.budget.quality, s.view.slab = stats.budget.slab;
+        s.view.tolerance = stats.budget.tolerance, s.view.scatter_size = stats.budget.scatter_size;
+        check_render(context, &s, image_b);
+        CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+    }
+}
+
 int main(void) {
     context = check_context(NULL);
     RUN(test_against_reference);
@@ -344,6 +367,7 @@ int main(void) {
     RUN(test_workers);
     RUN(test_tiles);
     RUN(test_shadows_once);
+    RUN(test_budget);
     check_free_triangles(&ground);
     sps_destroy(context);
     return check_report();

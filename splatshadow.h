@@ -986,8 +986,8 @@ typedef struct sps_plan_report {
        lights) and the lists that maps are made from, which may be several times as much. Often 2 or 3 times the actual
        size. With particles, whose extents are not known, lights' sheets and maps count with their maximum size, and the
        bound is far higher, unless shadow_size or shadow_map_size sets it. For lights with an extent it holds if, from
-       none of their points, gas looks more than twice as wide as their sheets. With a budget, it is that of
-       the setting which `budget` names, and not of what sps_render may choose instead. */
+       none of their points, gas looks more than twice as wide as their sheets. With a budget, it is that of the setting
+       which `budget` names, and not of what sps_render may choose instead. */
     size_t bytes;
 } sps_plan_report;
 

@@ -456,10 +456,10 @@ typedef struct sps_particle {
 } sps_particle;
 
 /* A set of particles of the same material. Those smaller than a pixel or texel are widened to one. Up to 8/3 pixels (1
-   texel) a particle keeps its mass wherever it lies; from 4 pixels (1.5 texels) on, optical depth along rays is exact,
-   for slabs of any thickness. Light within a ball is resolved by slabs (sps_view.slab) and by the texels of the light's
-   sheets, which are 0.35 radii wide at medium quality; both are up to 8 times finer where particles are dense. A
-   particle that overlaps a polygon ends at it. */
+   texel) a particle keeps its mass wherever it lies; a dense one below a pixel keeps the light that it stops. From 4
+   pixels (1.5 texels) on, optical depth along rays is exact, for slabs of any thickness. Light within a ball is resolved
+   by slabs (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality; both
+   are up to 8 times finer where particles are dense. A particle that overlaps a polygon ends at it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -9635,15 +9635,41 @@ static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
     return spsi_maximum(spsi_dot(rays->inverse[2], offset), 0);
 }
 
-/* The particle's radius, raised to the minimum that pixels allow, and its optical depth, reduced by as much as the area
-   has grown. `offset`: of its centre from the rays' origin. */
+/* How much of the light on its outline a ball stops, from a depth of 1 on. Even: 1 - 2 (1 - (1 + d) e^-d) / d^2; soft:
+   a fit, within 2 %. */
+static double spsi_ball_stops(double depth, int soft) {
+    depth = fmax(depth, 1);
+    if (soft) return 1 - 0.38 * exp(-0.4335 * depth) - 0.62 * pow(1 + 0.5692 * depth, -2.0 / 3);
+    return 1 - 2 * (1 - (1 + depth) * exp(-depth)) / (depth * depth);
+}
+
+/* The optical depth at which a ball stops that much: a fit, within 2 % (soft: 3 %), exact if thin. Depths end at about
+   1e6. */
+static double spsi_ball_depth(double stops, int soft) {
+    const double root = 1 / sqrt(fmax(1 - stops, 1e-12));
+    if (soft) return 0.858 * (root * root * root - 1) + 1.213 * stops;
+    return 1.414 * (root - 1) + 1.586 * stops / (2 - stops);
+}
+
+/* Mean of a ball's chords, which are 1 in the middle, over its outline. */
+static double spsi_ball_mean(int soft) { return soft ? 2.0 / 5 : 2.0 / 3; }
+
+/* Optical depth of a ball that is widened until its own area is a share of its new one. Up to a depth of 1 it keeps its
+   mass, as all gas does. A denser one stops as much light as before, though not less than one of 1. */
+static double spsi_ball_widen(double depth, int soft, double share) {
+    const double stops = fmax(spsi_ball_stops(depth, soft), spsi_ball_mean(soft));
+    return depth > 1 ? fmin(share * depth, spsi_ball_depth(share * stops, soft)) : share * depth;
+}
+
+/* The particle's radius, raised to the minimum that pixels allow, and its optical depth, reduced as its area has grown.
+   `offset`: of its centre from the rays' origin. */
 static void spsi_ball_size(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
                            const double offset[3], spsi_ball *ball, double *radius) {
     const double pixel = rays->pixel * spsi_distance_to(rays, offset);
     const double own = (double)particle->radius;
     double depth = spsi_particle_depth(particle, set);
     *radius = spsi_maximum(own, SPSI_BALL_LEAST * pixel);
-    if (own < *radius) depth *= (own / *radius) * (own / *radius);
+    if (own < *radius) depth = spsi_ball_widen(depth, set->soft, (own / *radius) * (own / *radius));
     ball->depth = (float)spsi_minimum(depth, (double)SPSI_DEPTH_MAX);
     ball->soft = set->soft;
 }
@@ -9854,9 +9880,6 @@ static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const 
     return sum;
 }
 
-/* Mean of a ball's chords, which are 1 in the middle, over its outline. */
-static double spsi_ball_mean(const spsi_ball *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
-
 /* Box of texels that a ball which is not near may cover, also beyond its face's edges: that of an ellipse. Returns the
    ellipse's area, or 0 where the angle is so grazing that there is none. */
 static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
@@ -9890,7 +9913,7 @@ static double spsi_ball_mass_round(const spsi_rays *own, const spsi_rays *faces,
         box[0] = other.x0, box[1] = other.y0, box[2] = other.x1, box[3] = other.y1;
         sum += spsi_ball_sum(rays, &other, box, 1);
     }
-    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball));
+    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball->soft));
 }
 
 /* Ratio of the sum of a ball's chords over all texels to the exact sum; 1 where that is unknown. */
@@ -9900,7 +9923,7 @@ static double spsi_ball_mass(const spsi_rays *rays, const spsi_rays *faces, cons
     double area;
     if (faces) return spsi_ball_mass_round(rays, faces, set, particle, ball, offset);
     area = ball->near_by ? 0 : spsi_ball_box(ball, box);
-    return area > 0 ? spsi_ball_sum(rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
+    return area > 0 ? spsi_ball_sum(rays, ball, box, 0) / (area * spsi_ball_mean(ball->soft)) : 1;
 }
 
 /* Adjusts the optical depth of a small ball so that its mass is exact wherever its centre lies among the texels: of

@@ -455,11 +455,11 @@ typedef struct sps_particle {
     float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
 } sps_particle;
 
-/* A set of particles of the same material. Those smaller than a pixel or texel are widened to one. Up to 8/3 pixels (1
-   texel) a particle keeps its mass wherever it lies; a dense one below a pixel keeps the light that it stops. From 4
-   pixels (1.5 texels) on, optical depth along rays is exact, for slabs of any thickness. Light within a ball is resolved
-   by slabs (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality; both
-   are up to 8 times finer where particles are dense. A particle that overlaps a polygon ends at it. */
+/* A set of particles of the same material. Those smaller than a pixel or texel are widened to one, and stop as much
+   light as before. Up to 8/3 pixels (1 texel) a thin particle keeps its mass wherever it lies; from 4 pixels (1.5
+   texels) on, optical depth along rays is exact, for slabs of any thickness. Light within a ball is resolved by slabs
+   (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality; both are up to 8
+   times finer where particles are dense. A particle that overlaps a polygon ends at it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -9635,42 +9635,29 @@ static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
     return spsi_maximum(spsi_dot(rays->inverse[2], offset), 0);
 }
 
-/* How much of the light on its outline a ball stops, from a depth of 1 on. Even: 1 - 2 (1 - (1 + d) e^-d) / d^2; soft:
-   a fit, within 2 %. */
-static double spsi_ball_stops(double depth, int soft) {
-    depth = fmax(depth, 1);
-    if (soft) return 1 - 0.38 * exp(-0.4335 * depth) - 0.62 * pow(1 + 0.5692 * depth, -2.0 / 3);
-    return 1 - 2 * (1 - (1 + depth) * exp(-depth)) / (depth * depth);
-}
-
-/* The optical depth at which a ball stops that much: a fit, within 2 % (soft: 3 %), exact if thin. Depths end at about
-   1e6. */
-static double spsi_ball_depth(double stops, int soft) {
-    const double root = 1 / sqrt(fmax(1 - stops, 1e-12));
-    if (soft) return 0.858 * (root * root * root - 1) + 1.213 * stops;
-    return 1.414 * (root - 1) + 1.586 * stops / (2 - stops);
-}
-
-/* Mean of a ball's chords, which are 1 in the middle, over its outline. */
-static double spsi_ball_mean(int soft) { return soft ? 2.0 / 5 : 2.0 / 3; }
-
-/* Optical depth of a ball that is widened until its own area is a share of its new one. Up to a depth of 1 it keeps its
-   mass, as all gas does. A denser one stops as much light as before, though not less than one of 1. */
+/* Optical depth of a ball that is widened until its own area is a share of its new one: it stops as much light as
+   before. Of light on its outline a ball lets pass f^-2, or f^-2/3 if soft, where f is a fit: within 1 % of what an even
+   ball stops, 1 - 2 (1 - (1 + d) e^-d) / d^2, and within 2 % of what a soft one does. */
 static double spsi_ball_widen(double depth, int soft, double share) {
-    const double stops = fmax(spsi_ball_stops(depth, soft), spsi_ball_mean(soft));
-    return depth > 1 ? fmin(share * depth, spsi_ball_depth(share * stops, soft)) : share * depth;
+    const double a = soft ? 0.6 : 1.0 / 3, b = soft ? 0.566 : 0.374, c = soft ? 3.6 : 7;
+    const double f = 1 + depth * (a + b * depth / (depth + c)), passes = 1 / (soft ? cbrt(f * f) : f * f);
+    const double stops = fmin(share * (1 - passes), 1 - 1e-8), root = sqrt(1 - stops), less = stops / (1 + root);
+    const double wide = soft ? less * (1 + root + root * root) / (root * root * root) : less / root; /* f - 1 */
+    const double half = 0.5 * (a * c - wide);
+    return fmin(share * depth, c * wide / (half + sqrt(half * half + (a + b) * c * wide)));
 }
 
-/* The particle's radius, raised to the minimum that pixels allow, and its optical depth, reduced as its area has grown.
-   `offset`: of its centre from the rays' origin. */
-static void spsi_ball_size(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
-                           const double offset[3], spsi_ball *ball, double *radius) {
-    const double pixel = rays->pixel * spsi_distance_to(rays, offset);
-    const double own = (double)particle->radius;
-    double depth = spsi_particle_depth(particle, set);
-    *radius = spsi_maximum(own, SPSI_BALL_LEAST * pixel);
-    if (own < *radius) depth = spsi_ball_widen(depth, set->soft, (own / *radius) * (own / *radius));
-    ball->depth = (float)spsi_minimum(depth, (double)SPSI_DEPTH_MAX);
+/* A particle's radius, raised to the minimum that pixels allow. `offset`: of its centre from the rays' origin. */
+static double spsi_ball_radius(const spsi_rays *rays, const sps_particle *particle, const double offset[3]) {
+    return spsi_maximum((double)particle->radius, SPSI_BALL_LEAST * rays->pixel * spsi_distance_to(rays, offset));
+}
+
+/* Sets the optical depth of a ball of that radius. One below 1e-3 is thin, within 4e-4. */
+static void spsi_ball_thin(const spsi_particle_set *set, const sps_particle *particle, double radius, spsi_ball *ball) {
+    const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
+    const double depth = spsi_particle_depth(particle, set);
+    const double wide = depth < 1e-3 || !(share < 1) ? share * depth : spsi_ball_widen(depth, set->soft, share);
+    ball->depth = (float)spsi_minimum(wide, (double)SPSI_DEPTH_MAX);
     ball->soft = set->soft;
 }
 
@@ -9750,7 +9737,8 @@ static double spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *se
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
     spsi_project(rays, centre, q);
-    spsi_ball_size(rays, set, particle, offset, ball, &radius);
+    radius = spsi_ball_radius(rays, particle, offset);
+    spsi_ball_thin(set, particle, radius, ball);
     ball->x1 = ball->y1 = -1;
     ahead = q[2] / rays->per_length; /* distance from the origin's plane, in the world */
     if (!(ball->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return radius;
@@ -9880,6 +9868,9 @@ static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const 
     return sum;
 }
 
+/* Mean of a ball's chords, which are 1 in the middle, over its outline. */
+static double spsi_ball_mean(const spsi_ball *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
+
 /* Box of texels that a ball which is not near may cover, also beyond its face's edges: that of an ellipse. Returns the
    ellipse's area, or 0 where the angle is so grazing that there is none. */
 static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
@@ -9900,10 +9891,10 @@ static double spsi_ball_mass_round(const spsi_rays *own, const spsi_rays *faces,
                                    const sps_particle *particle, const spsi_ball *ball, const double offset[3]) {
     const double texel = spsi_length(own->a) * spsi_length(offset);
     const int last = own->width - 1;
-    double radius, sum = 0;
+    const double radius = spsi_ball_radius(own, particle, offset);
+    double sum = 0;
     spsi_ball other;
     int box[4], alone;
-    spsi_ball_size(own, set, particle, offset, &other, &radius);
     alone = !ball->near_by && spsi_ball_box(ball, box) > 0;
     alone = alone && box[0] > 0 && box[1] > 0 && box[2] < last && box[3] < last; /* no other face sees it */
     for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
@@ -9913,7 +9904,7 @@ static double spsi_ball_mass_round(const spsi_rays *own, const spsi_rays *faces,
         box[0] = other.x0, box[1] = other.y0, box[2] = other.x1, box[3] = other.y1;
         sum += spsi_ball_sum(rays, &other, box, 1);
     }
-    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball->soft));
+    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball));
 }
 
 /* Ratio of the sum of a ball's chords over all texels to the exact sum; 1 where that is unknown. */
@@ -9923,7 +9914,7 @@ static double spsi_ball_mass(const spsi_rays *rays, const spsi_rays *faces, cons
     double area;
     if (faces) return spsi_ball_mass_round(rays, faces, set, particle, ball, offset);
     area = ball->near_by ? 0 : spsi_ball_box(ball, box);
-    return area > 0 ? spsi_ball_sum(rays, ball, box, 0) / (area * spsi_ball_mean(ball->soft)) : 1;
+    return area > 0 ? spsi_ball_sum(rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
 }
 
 /* Adjusts the optical depth of a small ball so that its mass is exact wherever its centre lies among the texels: of
@@ -11428,16 +11419,13 @@ static void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slabs, 
 }
 
 /* Slab coordinate of a particle's centre, and its radius in slabs, for these rays. */
-static void spsi_particle_slabs(const spsi_crossing *crossing, const spsi_particle_set *set,
-                                const sps_particle *particle, double *slab, double *reach) {
-    const spsi_rays *rays = crossing->rays;
-    double centre[3], offset[3], radius;
-    spsi_ball size;
+static void spsi_particle_slabs(const spsi_crossing *crossing, const sps_particle *particle, double *slab,
+                                double *reach) {
+    double centre[3], offset[3];
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
-    spsi_along(centre, rays->origin, -1, offset);
-    spsi_ball_size(rays, set, particle, offset, &size, &radius);
+    spsi_along(centre, crossing->rays->origin, -1, offset);
     *slab = spsi_dot(crossing->row, centre) - crossing->slab_origin;
-    *reach = radius * crossing->reach;
+    *reach = spsi_ball_radius(crossing->rays, particle, offset) * crossing->reach;
 }
 
 static void spsi_seen_build(const spsi_crossing *crossing, const spsi_particle_set *set, const sps_particle *particle,
@@ -13688,10 +13676,9 @@ static void spsi_particles_task(void *data, int i) {
     spsi_contents *contents = (spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
     const int chunks = spsi_chunk_count(contents->slabs);
-    const spsi_particle_set *set = spsi_set_of(frame, i);
     double slab = 0, reach, farthest = 0, room;
     for (int n = 0; n < contents->target_count; ++n) {
-        spsi_particle_slabs(&contents->targets[n]->crossing, set, &frame->content->particles[i], &slab, &reach);
+        spsi_particle_slabs(&contents->targets[n]->crossing, &frame->content->particles[i], &slab, &reach);
         farthest = fmax(farthest, reach);
     }
     room = farthest + 1e-3 + 1e-6 * farthest;

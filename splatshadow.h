@@ -23015,31 +23015,39 @@ typedef struct spsi_scratch {
 /* Number of samples of a worker's scratch memory. */
 static int spsi_scratch_samples(const spsi_frame *frame) { return frame->matter.material_count * (SPSI_PARTS + 1); }
 
-/* What each slab of a group holds, into sums of the group, one for each material, and the shares of optical depth that
-   slabs have. Returns 0 if there is nothing. */
-static int spsi_group_sum(const spsi_shader *shader, const spsi_tile *tile, size_t at, spsi_v length, spsi_slab *slab) {
+/* Sums what a slab holds, or each of a group, one sum for each material. Returns 0 if there is nothing. */
+static int spsi_group_sum(const spsi_tile *tile, size_t at, spsi_v length, spsi_slab *slab) {
     const spsi_v zero = spsi_set(0);
-    spsi_v any = zero, whole = zero;
-    slab->filled = 0;
-    for (int m = 0; m < slab->material_count; ++m) slab->samples[m].value_length = zero;
+    spsi_v any = zero;
+    for (int m = 0; m < slab->material_count; ++m) {
+        spsi_v sum = spsi_mul(spsi_sheet_sum(tile, m, at), length);
+        for (int i = 1; i < slab->group; ++i)
+            sum = spsi_add(sum, spsi_mul(spsi_sheet_sum(tile, m, at + (size_t)i * tile->sheet_size), length));
+        slab->samples[m].value_length = sum;
+        any = spsi_max(any, sum);
+    }
+    return spsi_bits(spsi_less(zero, any)) != 0;
+}
+
+/* The shares of optical depth that slabs of a group have. */
+static void spsi_group_shares(const spsi_shader *shader, const spsi_tile *tile, size_t at, spsi_v length,
+                              spsi_slab *slab) {
+    const spsi_v zero = spsi_set(0);
+    spsi_v whole = zero;
+    slab->filled = spsi_scatters_forward(shader->frame) ? ~0 : 0; /* then light at all planes is used */
     for (int i = 0; i < slab->group; ++i, at += tile->sheet_size) {
         slab->share[i] = zero;
         for (int m = 0; m < slab->material_count; ++m) {
             const float extinction = shader->frame->matter.materials[m].extinction;
             const spsi_v sum = spsi_mul(spsi_sheet_sum(tile, m, at), length);
             const spsi_v depth = spsi_min(spsi_mul(sum, spsi_set(extinction)), spsi_set(SPSI_DEPTH_MAX));
-            any = spsi_max(any, sum);
-            slab->samples[m].value_length = spsi_add(slab->samples[m].value_length, sum);
             slab->share[i] = spsi_add(slab->share[i], depth);
         }
         whole = spsi_add(whole, slab->share[i]);
         if (spsi_bits(spsi_less(zero, slab->share[i]))) slab->filled |= 3 << (i & ~1);
     }
-    if (slab->group == 1 || spsi_scatters_forward(shader->frame)) slab->filled = ~0; /* light at all planes is used */
-    if (slab->group == 1) return spsi_bits(spsi_less(zero, any)) != 0;
     whole = spsi_div(spsi_set(1), spsi_max(whole, spsi_set(FLT_MIN)));
     for (int i = 0; i < slab->group; ++i) slab->share[i] = spsi_mul(slab->share[i], whole);
-    return spsi_bits(spsi_less(zero, any)) != 0;
 }
 
 /* Reads slab k of a vector of pixels, or a group from there on. Returns 0 if it holds nothing. */
@@ -23049,8 +23057,10 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     const size_t at = spsi_tile_at(tile, &p->line, k);
     const spsi_v zero = spsi_set(0), whole = spsi_mul(spsi_abs(p->line.scale), spsi_set((float)slab->group));
     spsi_v way;
-    if (!spsi_group_sum(shader, tile, at, p->length, slab)) return 0;
+    if (!spsi_group_sum(tile, at, p->length, slab)) return 0;
     slab->k = k;
+    slab->filled = ~0;
+    if (slab->group > 1) spsi_group_shares(shader, tile, at, p->length, slab);
     spsi_slab_range(shader, &p->line, k, slab->group, &slab->enter, &slab->leave);
     way = spsi_sub(slab->leave, slab->enter);
     if (!spsi_bits(spsi_less(zero, way))) return 0;
@@ -23321,13 +23331,12 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     row.has_layers = spsi_pixels_layered(shader, x, y, width);
     if (row.has_layers) spsi_ahead_begin(shader, &row.pixels, width, shading->low, &row.ahead);
     spsi_gathered_load(shader, at, &row.sum);
-    for (int k = 0; k < shading->slab_count; k += group) {
+    for (int k = 0; k < spsi_most(shading->slab_count, 1); k += group) {
         held += width * spsi_add_slab(shading, k, &row);
-        if (!shader->sweep->back_to_front &&
+        if (!shader->sweep->back_to_front && shading->slab_count > 0 &&
             !spsi_end_rays(shader, &row.pixels, k + group, spsi_row_ahead(&row), &row.sum))
             break;
     }
-    if (shading->slab_count == 0) spsi_add_slab(shading, 0, &row);
     spsi_gathered_store(shader, at, &row.sum);
     return held;
 }

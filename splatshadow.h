@@ -16611,7 +16611,7 @@ typedef struct spsi_beam_part {
     float *depth;   /* optical depth so far */
     float *stopped; /* share of light that polygons stop in a layer */
     float *lengths; /* world length per slab */
-    float low;      /* slab coordinate at which polygons stop the first of its rays */
+    int hides;      /* 1: polygons stop some of its rays before the chunk ends */
     float *passes;  /* per texel of the tile: transmittance of gas at the last plane */
     float *weight;  /* per texel of the tile: its mean over the last slab */
 } spsi_beam_part;
@@ -16640,11 +16640,13 @@ static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
 typedef struct spsi_lookups {
     spsi_area bounds;
     spsi_area rows[SPSI_TILE_HEIGHT / SPSI_PATCH]; /* per row of patches */
+    uint64_t layers;                               /* of the chunk's slabs, as bits: that polygons hide anything of */
 } spsi_lookups;
 
 static void spsi_lookups_find(const spsi_penumbra *penumbra, int index, spsi_lookups *lookups) {
     const spsi_area tile = spsi_tile_area(penumbra, index);
     lookups->bounds = spsi_area_none();
+    lookups->layers = 0;
     for (int row = 0; row < SPSI_TILE_HEIGHT / SPSI_PATCH; ++row) {
         lookups->rows[row] = spsi_area_none();
         for (int column = 0; column < SPSI_TILE_WIDTH / SPSI_PATCH; ++column) {
@@ -16693,29 +16695,32 @@ static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *me
     part->passes = memory + 2 * texels; /* before the lengths, which are stored in whole vectors */
     part->weight = part->passes + SPSI_BEAM_TILE;
     part->lengths = part->weight + SPSI_BEAM_TILE;
-    part->low = SPSI_INFINITY;
     for (int y = 0; y < part->height; ++y) {
         const size_t from = (size_t)(area.y0 + y - beam->y0) * width + (size_t)(area.x0 - beam->x0);
         const size_t to = (size_t)y * (size_t)part->width;
         memcpy(part->depth + to, beam->depth + from, (size_t)part->width * sizeof(float));
         spsi_beam_lengths(beam, area.x0, area.y0 + y, part->width, part->lengths + to);
-        for (int x = 0; x < part->width && beam->stop; ++x)
-            part->low = spsi_lower(beam->stop[from + (size_t)x], part->low);
     }
 }
 
-/* The fraction of each texel's light that polygons stop, as the mean over a layer of a slab. */
-static void spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
+/* The fraction of each texel's light that polygons stop, as the mean over a layer of a slab. Returns bounds of the texels
+   where there is any, as those of the beam. */
+static spsi_area spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
     const spsi_beam *beam = part->beam;
-    for (int y = 0; y < part->height; ++y) {
-        const size_t own =
-            (size_t)(part->area.y0 + y - beam->y0) * (size_t)beam->rays.width + (size_t)(part->area.x0 - beam->x0);
-        float *stopped = part->stopped + (size_t)y * (size_t)part->width;
-        for (int x = 0; x < part->width; ++x) {
-            const float behind = layer + 1 - SPSI_PARTS * beam->stop[own + (size_t)x];
-            stopped[x] = behind > 0 ? behind < 1 ? behind : 1 : 0;
+    spsi_area any = spsi_area_none();
+    for (int y = part->area.y0; y <= part->area.y1; ++y) {
+        const size_t own = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(part->area.x0 - beam->x0);
+        float *stopped = part->stopped + (size_t)(y - part->area.y0) * (size_t)part->width;
+        for (int x = 0; x < part->width; x += SPSI_LANES) {
+            const int some = spsi_least(SPSI_LANES, part->width - x);
+            const spsi_area here = {part->area.x0 + x, y, part->area.x0 + x + some - 1, y};
+            const spsi_v stop = spsi_mul(spsi_set(SPSI_PARTS), spsi_load_first(beam->stop + own + x, some));
+            const spsi_v share = spsi_clamp(spsi_sub(spsi_set(layer + 1), stop), spsi_set(0), spsi_set(1));
+            spsi_store_first(stopped + x, share, some);
+            if (spsi_bits(spsi_less(spsi_set(0), share)) & ~(~0U << some)) any = spsi_area_join(any, here);
         }
     }
+    return any;
 }
 
 /* What planes sum up is this, less what each beam lets pass. With 1, they sum up what is lost, which is exact where
@@ -16738,7 +16743,7 @@ static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam_par
         const spsi_v through = spsi_exp(spsi_sub(zero, spsi_max(zero, spsi_load(depth + i))));
         const spsi_v lost = spsi_sub(whole, through);
         spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), lost), some);
-        if (!penumbra->hidden) continue;
+        if (!part->hides) continue;
         spsi_store_first(weight + i, spsi_mul(half, spsi_add(spsi_load_first(passes + i, some), through)), some);
         spsi_store_first(passes + i, through, some);
     }
@@ -16762,28 +16767,32 @@ static void spsi_beam_hide_row(const spsi_beam_part *part, const spsi_slide *sli
 }
 
 /* Adds what polygons stop of a beam to the layers of slab k, whose weights are known. */
-static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam_part *part, const spsi_lookups *lookups,
-                           int k) {
+static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam_part *part, spsi_lookups *lookups, int k) {
     const size_t texels = spsi_ray_count(penumbra->rays), pitch = (size_t)penumbra->rays->width;
-    const float slab = (float)(penumbra->first_slab + k);
     spsi_slide slide;
-    for (int n = 0; n < SPSI_PARTS; ++n) {
-        float *layer = penumbra->hidden + (size_t)(k * SPSI_PARTS + n) * texels;
-        if (!(part->low < slab + (float)(n + 1) / SPSI_PARTS)) continue;
-        spsi_beam_part_stop(part, slab * SPSI_PARTS + (float)n);
-        spsi_slide_build(penumbra, part->beam, (double)slab + (n + 0.5) / SPSI_PARTS, -1, &slide);
-        for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {
+    for (int n = SPSI_PARTS * k; n < SPSI_PARTS * (k + 1); ++n) {
+        const double at = penumbra->first_slab + (n + 0.5) / SPSI_PARTS;
+        spsi_area any = spsi_beam_part_stop(part, (float)(SPSI_PARTS * penumbra->first_slab + n));
+        if (spsi_area_empty(any)) continue;
+        any.x0 -= 3, any.y0 -= 3, any.x1 += 3, any.y1 += 3; /* as far as cubics reach, and a texel */
+        any = spsi_area_meet(spsi_slide_area(penumbra, part->beam, at, at, 1, any), lookups->bounds);
+        lookups->layers |= UINT64_C(1) << n;
+        spsi_slide_build(penumbra, part->beam, at, -1, &slide);
+        for (int y = any.y0; y <= any.y1; ++y) {
             const spsi_area *row = &lookups->rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
-            if (!spsi_area_empty(*row))
-                spsi_beam_hide_row(part, &slide, row, y, layer + (size_t)y * pitch + (size_t)row->x0);
+            spsi_area some = spsi_area_meet(*row, any);
+            if (spsi_area_empty(some)) continue;
+            some.x0 -= (some.x0 - row->x0) % SPSI_LANES;
+            spsi_beam_hide_row(part, &slide, &some, y,
+                               penumbra->hidden + (size_t)n * texels + (size_t)y * pitch + (size_t)some.x0);
         }
     }
 }
 
 /* Adds one beam to a tile of the planes of a chunk. Returns 0 if it passes all that is looked up there unhindered, and
    was not added. */
-static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, const spsi_lookups *lookups,
-                         float *memory, float *const *planes) {
+static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_lookups *lookups, float *memory,
+                         float *const *planes) {
     const double first = penumbra->first_slab;
     const spsi_area reach = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, lookups->bounds);
     const spsi_area area = spsi_area_meet(reach, spsi_beam_area(beam));
@@ -16795,6 +16804,8 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, c
     held = spsi_penumbra_holds(penumbra, spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, 1, area));
     if (!held && spsi_area_empty(spsi_area_meet(area, beam->crossed))) return 0;
     spsi_beam_part_load(beam, area, memory, &part);
+    part.hides = beam->stop != NULL &&
+                 !spsi_area_empty(spsi_beam_part_stop(&part, (float)(SPSI_PARTS * (first + SPSI_CHUNK) - 1)));
     for (int k = 0; k <= SPSI_CHUNK; ++k) {
         spsi_slide_build(penumbra, beam, first + k, -1, &slide);
         for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {
@@ -16802,7 +16813,7 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, c
             if (!spsi_area_empty(*row))
                 spsi_beam_add_row(penumbra, &part, &slide, row, y, planes[k] + (size_t)y * pitch + (size_t)row->x0);
         }
-        if (k > 0 && penumbra->hidden) spsi_beam_hide(penumbra, &part, lookups, k - 1);
+        if (k > 0 && part.hides) spsi_beam_hide(penumbra, &part, lookups, k - 1);
         if (k == SPSI_CHUNK || !held) continue;
         spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slide);
         for (int y = 0; y < part.height; ++y) {
@@ -16863,7 +16874,7 @@ static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int wor
                     float *layer = penumbra->hidden + (size_t)(k * SPSI_PARTS + n) * texels + at;
                     if (pass == 0)
                         memset(layer, 0, (size_t)count * sizeof(float));
-                    else
+                    else if (lookups.layers >> (k * SPSI_PARTS + n) & 1)
                         spsi_penumbra_hide_row(penumbra, added, count, planes[k] + at, planes[k + 1] + at, layer);
                 }
                 if (pass == 1) spsi_penumbra_finish_row(penumbra, added, count, planes[k] + at);
@@ -23031,31 +23042,39 @@ typedef struct spsi_scratch {
 /* Number of samples of a worker's scratch memory. */
 static int spsi_scratch_samples(const spsi_frame *frame) { return frame->matter.material_count * (SPSI_PARTS + 1); }
 
-/* What each slab of a group holds, into sums of the group, one for each material, and the shares of optical depth that
-   slabs have. Returns 0 if there is nothing. */
-static int spsi_group_sum(const spsi_shader *shader, const spsi_tile *tile, size_t at, spsi_v length, spsi_slab *slab) {
+/* Sums what a slab holds, or each of a group, one sum for each material. Returns 0 if there is nothing. */
+static int spsi_group_sum(const spsi_tile *tile, size_t at, spsi_v length, spsi_slab *slab) {
     const spsi_v zero = spsi_set(0);
-    spsi_v any = zero, whole = zero;
-    slab->filled = 0;
-    for (int m = 0; m < slab->material_count; ++m) slab->samples[m].value_length = zero;
+    spsi_v any = zero;
+    for (int m = 0; m < slab->material_count; ++m) {
+        spsi_v sum = spsi_mul(spsi_sheet_sum(tile, m, at), length);
+        for (int i = 1; i < slab->group; ++i)
+            sum = spsi_add(sum, spsi_mul(spsi_sheet_sum(tile, m, at + (size_t)i * tile->sheet_size), length));
+        slab->samples[m].value_length = sum;
+        any = spsi_max(any, sum);
+    }
+    return spsi_bits(spsi_less(zero, any)) != 0;
+}
+
+/* The shares of optical depth that slabs of a group have. */
+static void spsi_group_shares(const spsi_shader *shader, const spsi_tile *tile, size_t at, spsi_v length,
+                              spsi_slab *slab) {
+    const spsi_v zero = spsi_set(0);
+    spsi_v whole = zero;
+    slab->filled = spsi_scatters_forward(shader->frame) ? ~0 : 0; /* then light at all planes is used */
     for (int i = 0; i < slab->group; ++i, at += tile->sheet_size) {
         slab->share[i] = zero;
         for (int m = 0; m < slab->material_count; ++m) {
             const float extinction = shader->frame->matter.materials[m].extinction;
             const spsi_v sum = spsi_mul(spsi_sheet_sum(tile, m, at), length);
             const spsi_v depth = spsi_min(spsi_mul(sum, spsi_set(extinction)), spsi_set(SPSI_DEPTH_MAX));
-            any = spsi_max(any, sum);
-            slab->samples[m].value_length = spsi_add(slab->samples[m].value_length, sum);
             slab->share[i] = spsi_add(slab->share[i], depth);
         }
         whole = spsi_add(whole, slab->share[i]);
         if (spsi_bits(spsi_less(zero, slab->share[i]))) slab->filled |= 3 << (i & ~1);
     }
-    if (slab->group == 1 || spsi_scatters_forward(shader->frame)) slab->filled = ~0; /* light at all planes is used */
-    if (slab->group == 1) return spsi_bits(spsi_less(zero, any)) != 0;
     whole = spsi_div(spsi_set(1), spsi_max(whole, spsi_set(FLT_MIN)));
     for (int i = 0; i < slab->group; ++i) slab->share[i] = spsi_mul(slab->share[i], whole);
-    return spsi_bits(spsi_less(zero, any)) != 0;
 }
 
 /* Reads slab k of a vector of pixels, or a group from there on. Returns 0 if it holds nothing. */
@@ -23065,8 +23084,10 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     const size_t at = spsi_tile_at(tile, &p->line, k);
     const spsi_v zero = spsi_set(0), whole = spsi_mul(spsi_abs(p->line.scale), spsi_set((float)slab->group));
     spsi_v way;
-    if (!spsi_group_sum(shader, tile, at, p->length, slab)) return 0;
+    if (!spsi_group_sum(tile, at, p->length, slab)) return 0;
     slab->k = k;
+    slab->filled = ~0;
+    if (slab->group > 1) spsi_group_shares(shader, tile, at, p->length, slab);
     spsi_slab_range(shader, &p->line, k, slab->group, &slab->enter, &slab->leave);
     way = spsi_sub(slab->leave, slab->enter);
     if (!spsi_bits(spsi_less(zero, way))) return 0;
@@ -23337,13 +23358,12 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     row.has_layers = spsi_pixels_layered(shader, x, y, width);
     if (row.has_layers) spsi_ahead_begin(shader, &row.pixels, width, shading->low, &row.ahead);
     spsi_gathered_load(shader, at, &row.sum);
-    for (int k = 0; k < shading->slab_count; k += group) {
+    for (int k = 0; k < spsi_most(shading->slab_count, 1); k += group) {
         held += width * spsi_add_slab(shading, k, &row);
-        if (!shader->sweep->back_to_front &&
+        if (!shader->sweep->back_to_front && shading->slab_count > 0 &&
             !spsi_end_rays(shader, &row.pixels, k + group, spsi_row_ahead(&row), &row.sum))
             break;
     }
-    if (shading->slab_count == 0) spsi_add_slab(shading, 0, &row);
     spsi_gathered_store(shader, at, &row.sum);
     return held;
 }

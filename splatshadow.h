@@ -17863,7 +17863,7 @@ static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
     return i == sweep->lamp->point_count;
 }
 
-/* Number of tables that an area light's points share, a Fibonacci number. */
+/* Number of tables that an area light's points share. */
 static int spsi_lamp_tables(const spsi_lamp *lamp) {
     const int count = lamp->point_count;
     return count < 32 ? spsi_least(count, 5) : count < 64 ? 8 : SPSI_TABLES_MOST;
@@ -17929,44 +17929,71 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
         spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
 }
 
-/* Makes lights of their own of an area light's points that share a table, every tables-th of them: that of their mean.
-   On a spiral of golden angles these are sectors, on a lattice of golden rows strips. */
-static void spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts, spsi_lamp *points) {
+/* The square of how far two lights are apart: in place, or in direction. */
+static double spsi_lamps_apart(const spsi_lamp *a, const spsi_lamp *b) {
+    double offset[3];
+    spsi_along(a->is_point ? a->position : a->direction, b->is_point ? b->position : b->direction, -1, offset);
+    return spsi_dot(offset, offset);
+}
+
+/* Makes lights of their own of an area light's points that share a table: those that are nearest to one of as many even
+   places. Tables are made from the means of their points, moved away from the light's centre until their variance is
+   that of all points: then the mean of what gas passes is right up to the third order of the light's size. Returns how
+   many there are: a place that is nearest to no point has none. */
+static int spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts, spsi_lamp *points) {
+    const double *centre = lamp->is_point ? lamp->position : lamp->direction;
+    double variance = 0, kept = 0;
+    int nearest[SPSI_POINTS_MAX], count = 0;
+    spsi_extent_points(lamp, lamp->tables, parts);
+    for (int i = 0; i < lamp->point_count; ++i) {
+        const spsi_lamp *point = &lamp->points[i];
+        nearest[i] = 0;
+        for (int n = 1; n < lamp->tables; ++n)
+            if (spsi_lamps_apart(point, &parts[n]) < spsi_lamps_apart(point, &parts[nearest[i]])) nearest[i] = n;
+        variance += spsi_lamps_apart(point, lamp);
+    }
     for (int n = 0; n < lamp->tables; ++n) {
-        spsi_lamp *part = &parts[n];
+        spsi_lamp *part = &parts[count];
         double sum[3] = {0, 0, 0};
         *part = *lamp;
         part->points = part->few = points; /* the light may be as close as gas gets */
-        part->point_count = part->few_count = (lamp->point_count - n + lamp->tables - 1) / lamp->tables;
-        for (int i = n; i < lamp->point_count; i += lamp->tables) {
-            const spsi_lamp *point = &lamp->points[i];
-            spsi_along(sum, lamp->is_point ? point->position : point->direction, 1.0 / part->point_count, sum);
-            *points++ = *point;
+        for (int i = 0; i < lamp->point_count; ++i) {
+            if (nearest[i] != n) continue;
+            *points++ = lamp->points[i];
+            spsi_along(sum, lamp->is_point ? points[-1].position : points[-1].direction, 1, sum);
         }
-        memcpy(lamp->is_point ? part->position : part->direction, sum, sizeof sum);
-        if (!lamp->is_point) spsi_normalise(part->direction);
+        part->point_count = part->few_count = (int)(points - part->points);
+        if (part->point_count == 0) continue;
+        for (int i = 0; i < 3; ++i) (lamp->is_point ? part->position : part->direction)[i] = sum[i] / part->point_count;
         for (int c = 0; c < 3; ++c) part->color[c] *= (float)part->point_count / (float)lamp->point_count;
+        kept += part->point_count * spsi_lamps_apart(part, lamp);
+        ++count;
     }
+    for (int n = 0; n < count && kept > 0; ++n) {
+        double *place = lamp->is_point ? parts[n].position : parts[n].direction, offset[3];
+        spsi_along(place, centre, -1, offset);
+        spsi_along(centre, offset, sqrt(variance / kept), place);
+        if (!lamp->is_point) spsi_normalise(place);
+    }
+    return count;
 }
 
 /* Lists lights as they are, except for those whose points share tables: as several. */
 static void spsi_lamps_split(spsi_lamps *lamps) {
     spsi_lamp *list = lamps->whole + lamps->whole_count, *points = lamps->split_points;
-    int count = 0, split = 0;
+    int count = 0;
     for (int i = 0; i < lamps->whole_count; ++i) {
         const spsi_lamp *lamp = &lamps->whole[i];
         if (lamp->tables > 1) {
-            spsi_lamp_split(lamp, list + count, points);
-            count += lamp->tables;
+            count += spsi_lamp_split(lamp, list + count, points);
             points += lamp->point_count;
-            split = 1;
             continue;
         }
         list[count] = *lamp;
         if (!lamp->extent.exists) list[count].points = list[count].few = &list[count];
         ++count;
     }
-    spsi_lamps_list(lamps, split ? list : lamps->whole, split ? count : lamps->whole_count);
+    spsi_lamps_list(lamps, count > lamps->whole_count ? list : lamps->whole, count);
 }
 
 /* Chooses how gas is shaded by each light that leaves it open, and how the image is cut, from the volumes' boxes and

@@ -20512,23 +20512,29 @@ static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
 
 /* --- what arrives --- */
 
-/* What polygons let pass of a vector of rays, by color. A ray to a ball of radius `cut` that polygons may cut is a mean
-   of 16 to places in it, and afterwards goes to the middle of those that are seen. Along each axis, their heights are
-   those of sixteenths of the ball. `own`: the face that all rays begin on; -1: none. */
+/* What polygons let pass of a vector of rays, by color. A ray to a ball of radius `cut` that polygons may cut stands
+   for 16 places in it, whose heights along each axis are those of its sixteenths. It gets their mean, weighted by how
+   much they light the receiver: a surface below the whole ball, or, if `normal` is NULL, a cell. `own`: the
+   face that all rays begin on; -1: none. */
 static void spsi_flights_unblocked(const spsi_faces *faces, int own, int lanes, double origin[SPSI_LANES][3],
-                                   double toward[SPSI_LANES][3], const float cut[SPSI_LANES], spsi_v passes[3]) {
+                                   double toward[SPSI_LANES][3], const float cut[SPSI_LANES], const double *normal,
+                                   spsi_v passes[3]) {
     static const double places[8][3] = {{-0.62, -0.49, 0.04}, {0.77, 0.13, 0.49},   {0.3, -0.21, -0.79},
                                         {-0.4, 0.63, -0.41},  {-0.5, 0.05, -0.19},  {-0.22, -0.39, 0.63},
                                         {-0.13, 0.3, 0.3},    {0.05, -0.78, -0.13}}; /* and opposite ones */
-    double seen[SPSI_LANES][3] = {{0}};
-    float out[3][SPSI_LANES] = {{0}};
+    float out[3][SPSI_LANES] = {{0}}, all[SPSI_LANES] = {0}, weight[SPSI_LANES];
     for (int n = 0; n < 16 && lanes; ++n) {
         spsi_packet packet;
         spsi_packet_begin(faces, 0, own >= 0, &packet);
         for (int i = 0; i < SPSI_LANES; ++i) {
-            double to[3];
-            spsi_along(toward[i], places[n / 2], n & 1 ? -(double)cut[i] : (double)cut[i], to);
-            if (lanes >> i & 1) spsi_packet_add(&faces->tree, i, own, origin[i], to, &packet);
+            const double radius = (double)cut[i], small = fmax(0.01 * radius * radius, 1e-60);
+            double to[3], share;
+            if (!(lanes >> i & 1)) continue;
+            spsi_along(toward[i], places[n / 2], n & 1 ? -radius : radius, to);
+            spsi_packet_add(&faces->tree, i, own, origin[i], to, &packet);
+            share = (spsi_dot(toward[i], toward[i]) + small) / (spsi_dot(to, to) + small);
+            if (normal && radius > 0) share *= sqrt(share) * spsi_dot(to, normal) / spsi_dot(toward[i], normal);
+            all[i] += weight[i] = (float)share;
         }
         spsi_packet_trace(faces, &packet);
         for (int i = 0; i < SPSI_LANES; ++i) {
@@ -20536,13 +20542,10 @@ static void spsi_flights_unblocked(const spsi_faces *faces, int own, int lanes, 
             if (!(cut[i] > 0)) lanes &= ~(1 << i);
             if (!(packet.open >> i & 1)) continue;
             if (packet.filtered >> i & 1) spsi_packet_through(&packet, i, through);
-            for (int c = 0; c < 3; ++c) out[c][i] += (float)(cut[i] > 0 ? through[c] / 16 : through[c]);
-            spsi_along(seen[i], places[n / 2], (n & 1 ? -1 : 1) * through[0] / 16, seen[i]);
+            for (int c = 0; c < 3; ++c) out[c][i] += weight[i] * (float)through[c];
         }
     }
-    for (int i = 0; i < SPSI_LANES; ++i)
-        if (out[0][i] > 0) spsi_along(toward[i], seen[i], (double)(cut[i] / out[0][i]), toward[i]);
-    for (int c = 0; c < 3; ++c) passes[c] = spsi_load(out[c]);
+    for (int c = 0; c < 3; ++c) passes[c] = spsi_div(spsi_load(out[c]), spsi_max(spsi_load(all), spsi_set(FLT_MIN)));
 }
 
 /* The cells that first flights are sent to, and where their moments are added up. */
@@ -20604,7 +20607,7 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
                          cells->at[2], origin[i]);
         for (int k = 0; k < 3; ++k) toward[i][k] = job->flights->centre[k] + (double)node->at[k] - origin[i][k];
     }
-    spsi_flights_unblocked(job->faces, -1, cells->lanes, origin, toward, cut, passes);
+    spsi_flights_unblocked(job->faces, -1, cells->lanes, origin, toward, cut, NULL, passes);
 }
 
 /* The square of the distance whose inverse is the mean of 1 / distance^2 over a cell of edge 1 and over an even ball of
@@ -20833,11 +20836,9 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
     if (!some) return;
     for (int c = 0; c < 3; ++c) passes[c] = spsi_set(1);
-    if (place->faces) spsi_flights_unblocked(place->faces, place->face, some, origin, toward, cut, passes);
+    if (place->faces)
+        spsi_flights_unblocked(place->faces, place->face, some, origin, toward, cut, place->normal, passes);
     spsi_flight_ways_pass(flights, &ways, through);
-    for (int i = 0; i < SPSI_LANES; ++i)
-        if (some >> i & 1 && cut[i] > 0)
-            share[i] = spsi_ball_lights(spsi_length(toward[i]), spsi_dot(toward[i], place->normal), (double)cut[i]);
     for (int c = 0; c < flights->grids[0].channels; ++c) {
         spsi_store(out[c], spsi_mul(passes[c], through[c]));
         for (int i = 0; i < SPSI_LANES; ++i)

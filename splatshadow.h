@@ -4265,6 +4265,7 @@ typedef struct spsi_cell_grid {
    mean over all directions: gas has no axis, a polygon its normal. */
 typedef struct spsi_emitter {
     float at[3], radius; /* relative to the tree's centre */
+    float cut;           /* the radius, if polygons may be within it; otherwise 0 */
     float sent[3];       /* mean radiance times area that leaves it, by channel */
     float axis[3];
     float leaves[3]; /* fraction of what it sends that `sent` is: the rest is taken by its own gas */
@@ -17889,7 +17890,7 @@ static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
     return i == sweep->lamp->point_count;
 }
 
-/* Number of tables that an area light's points share, a Fibonacci number. */
+/* Number of tables that an area light's points share. */
 static int spsi_lamp_tables(const spsi_lamp *lamp) {
     const int count = lamp->point_count;
     return count < 32 ? spsi_least(count, 5) : count < 64 ? 8 : SPSI_TABLES_MOST;
@@ -17955,44 +17956,70 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
         spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
 }
 
-/* Makes lights of their own of an area light's points that share a table, every tables-th of them: that of their mean.
-   On a spiral of golden angles these are sectors, on a lattice of golden rows strips. */
-static void spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts, spsi_lamp *points) {
+/* The square of how far two lights are apart: in place, or in direction. */
+static double spsi_lamps_apart(const spsi_lamp *a, const spsi_lamp *b) {
+    double offset[3];
+    spsi_along(a->is_point ? a->position : a->direction, b->is_point ? b->position : b->direction, -1, offset);
+    return spsi_dot(offset, offset);
+}
+
+/* Makes lights of their own of an area light's points that share a table: those that are nearest to one of as many even
+   places. Tables are made from the means of their points, moved away from the light's centre until their variance is
+   that of all points: then the mean of what gas passes is right up to the third order of the light's size. Returns how
+   many there are: a place that is nearest to no point has none. */
+static int spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts, spsi_lamp *points) {
+    const double *centre = lamp->is_point ? lamp->position : lamp->direction;
+    double variance = 0, kept = 0;
+    int nearest[SPSI_POINTS_MAX], count = 0;
+    spsi_extent_points(lamp, lamp->tables, parts);
+    for (int i = 0; i < lamp->point_count; ++i) {
+        const spsi_lamp *point = &lamp->points[i];
+        nearest[i] = 0;
+        for (int n = 1; n < lamp->tables; ++n)
+            if (spsi_lamps_apart(point, &parts[n]) < spsi_lamps_apart(point, &parts[nearest[i]])) nearest[i] = n;
+        variance += spsi_lamps_apart(point, lamp);
+    }
     for (int n = 0; n < lamp->tables; ++n) {
-        spsi_lamp *part = &parts[n];
+        spsi_lamp *part = &parts[count];
         double sum[3] = {0, 0, 0};
         *part = *lamp;
         part->points = part->few = points; /* the light may be as close as gas gets */
-        part->point_count = part->few_count = (lamp->point_count - n + lamp->tables - 1) / lamp->tables;
-        for (int i = n; i < lamp->point_count; i += lamp->tables) {
-            const spsi_lamp *point = &lamp->points[i];
-            spsi_along(sum, lamp->is_point ? point->position : point->direction, 1.0 / part->point_count, sum);
-            *points++ = *point;
+        for (int i = 0; i < lamp->point_count; ++i) {
+            if (nearest[i] != n) continue;
+            *points++ = lamp->points[i];
+            spsi_along(sum, lamp->is_point ? points[-1].position : points[-1].direction, 1, sum);
         }
-        memcpy(lamp->is_point ? part->position : part->direction, sum, sizeof sum);
-        if (!lamp->is_point) spsi_normalise(part->direction);
+        part->point_count = part->few_count = (int)(points - part->points);
+        if (part->point_count == 0) continue;
+        for (int i = 0; i < 3; ++i) (lamp->is_point ? part->position : part->direction)[i] = sum[i] / part->point_count;
         for (int c = 0; c < 3; ++c) part->color[c] *= (float)part->point_count / (float)lamp->point_count;
+        kept += part->point_count * spsi_lamps_apart(part, lamp);
+        ++count;
     }
+    for (int n = 0; n < count && kept > 0; ++n) {
+        double *place = lamp->is_point ? parts[n].position : parts[n].direction;
+        for (int i = 0; i < 3; ++i) place[i] = centre[i] + sqrt(variance / kept) * (place[i] - centre[i]);
+        if (!lamp->is_point) spsi_normalise(place);
+    }
+    return count;
 }
 
 /* Lists lights as they are, except for those whose points share tables: as several. */
 static void spsi_lamps_split(spsi_lamps *lamps) {
     spsi_lamp *list = lamps->whole + lamps->whole_count, *points = lamps->split_points;
-    int count = 0, split = 0;
+    int count = 0;
     for (int i = 0; i < lamps->whole_count; ++i) {
         const spsi_lamp *lamp = &lamps->whole[i];
         if (lamp->tables > 1) {
-            spsi_lamp_split(lamp, list + count, points);
-            count += lamp->tables;
+            count += spsi_lamp_split(lamp, list + count, points);
             points += lamp->point_count;
-            split = 1;
             continue;
         }
         list[count] = *lamp;
         if (!lamp->extent.exists) list[count].points = list[count].few = &list[count];
         ++count;
     }
-    spsi_lamps_list(lamps, split ? list : lamps->whole, split ? count : lamps->whole_count);
+    spsi_lamps_list(lamps, count > lamps->whole_count ? list : lamps->whole, count);
 }
 
 /* Chooses how gas is shaded by each light that leaves it open, and how the image is cut, from the volumes' boxes and
@@ -19852,19 +19879,21 @@ static void spsi_emitter_clear(const spsi_flights *flights, const double point[3
 
 /* Adds an emitter at a point that sends so many times what `like` does, unless it is black. own: its optical depth
    along a radius; negative: that of the gas about it. */
-static void spsi_emitters_add(spsi_flights *flights, const double point[3], double amount, double own,
-                              const spsi_emitter *like, spsi_tree_item *items) {
+static void spsi_emitters_add(spsi_flights *flights, const spsi_faces *faces, const double point[3], double amount,
+                              double own, const spsi_emitter *like, spsi_tree_item *items) {
     spsi_emitter *emitter = &flights->emitters[flights->count];
+    const double half[3] = {(double)like->radius, (double)like->radius, (double)like->radius};
     double low[3], high[3];
     if (!(amount > 0)) return;
     *emitter = *like;
     for (int k = 0; k < 3; ++k) {
         emitter->leaves[k] = own < 0 ? 1 : (float)spsi_ball_escape(own);
         emitter->at[k] = (float)(point[k] - flights->centre[k]);
-        low[k] = point[k] - (double)like->radius;
-        high[k] = point[k] + (double)like->radius;
     }
+    spsi_along(point, half, -1, low);
+    spsi_along(point, half, 1, high);
     if (own < 0) spsi_emitter_hide(flights, point, emitter);
+    if (faces && faces->count > 0 && spsi_faces_near(faces, point, half)) emitter->cut = like->radius;
     for (int c = 0; c < 3; ++c)
         emitter->sent[c] =
             (float)fmin(amount * (double)like->sent[c] * (double)emitter->leaves[c], (double)SPSI_RADIANCE_MAX);
@@ -19928,8 +19957,8 @@ static double spsi_emitter_sum_ball(const spsi_lattice *lattice, const spsi_emit
 }
 
 /* Adds the blocks of a brick, as even balls of the same spread, unless all of its glow always flies. */
-static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame *frame, const spsi_brick *brick,
-                                    int edge, spsi_flights *flights, spsi_tree_item *items) {
+static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                    const spsi_brick *brick, int edge, spsi_flights *flights, spsi_tree_item *items) {
     const spsi_lattice *lattice = &frame->lattices[brick->lattice];
     const int m = frame->media[lattice->medium].channel;
     const double amount = lattice->voxel_volume * (1 - (double)frame->content->flies[m]);
@@ -19944,7 +19973,7 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
         double point[3];
         if (!(sums[n].value > 0)) continue;
         spsi_emitter_sum_ball(lattice, &sums[n], point, &like);
-        spsi_emitters_add(flights, point, sums[n].value * amount, -1, &like, items);
+        spsi_emitters_add(flights, faces, point, sums[n].value * amount, -1, &like, items);
     }
 }
 
@@ -20007,10 +20036,8 @@ static void spsi_particles_fly(const spsi_frame *frame) {
 }
 
 /* Sets the fraction of each volume's glow that always flies: all of it if its optical depth is 0.5 or more and its
-   voxels, with their kernels, are up to 6 cells wide; part of it up to 12 cells. None flies if polygons are among these
-   voxels. */
-static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                             double edge) {
+   voxels, with their kernels, are up to 6 cells wide; part of it up to 12 cells. */
+static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     float top[SPSI_VOLUMES_MAX] = {0};
     spsi_bounds bounds[SPSI_VOLUMES_MAX];
@@ -20024,20 +20051,16 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
     for (int i = 0; i < frame->medium_count && spsi_cells_fly(frame); ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         const double width = spsi_bounds_longest(&bounds[i]);
-        double fly, middle[3], half[3];
-        if (!(top[i] > 0)) continue;
-        spsi_bounds_centre(&bounds[i], middle);
-        for (int k = 0; k < 3; ++k) half[k] = bounds[i].high[k] - middle[k];
-        fly = fmin(2 * width * (double)top[i] * (double)material->extinction, 1) * fmax(0, 2 - width / (6 * edge));
-        if (!material->emits || (faces->count > 0 && spsi_faces_near(faces, middle, half))) continue;
-        frame->content->flies[frame->media[i].channel] = (float)fmin(fly, 1);
+        const double dense = fmin(2 * width * (double)top[i] * (double)material->extinction, 1);
+        if (top[i] > 0 && material->emits)
+            frame->content->flies[frame->media[i].channel] = (float)fmin(dense * fmax(0, 2 - width / (6 * edge)), 1);
     }
 }
 
 /* Adds all particles: to `flights` or, as far as they always fly, to the next tree. A soft one has the spread of an
    even ball of 0.845 of its radius, and lets out what one of 0.75 of its depth does, within 4 % up to a depth of 10.
    What a particle hides of itself follows from its own depth: its gas in the cells about it is not counted. */
-static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights,
+static void spsi_emitters_add_particles(const spsi_frame *frame, const spsi_faces *faces, spsi_flights *flights,
                                         spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_content *content = frame->content;
     for (int i = 0, n = 0; i < frame->particles.set_count; ++i) {
@@ -20057,12 +20080,12 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             like.radius = (float)(set->soft ? 0.845 * radius : radius);
             like.clear = like.gas = 0;
             memcpy(like.sent, material->emission, sizeof like.sent);
-            spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
+            spsi_emitters_add(flights, faces, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
             if (!(flies > 0)) continue;
             like.gas = (float)amount;
             spsi_emitter_trap(material, own, flies, &like);
             spsi_emitter_clear(flights, point, radius, own, set->channel, &like);
-            spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
+            spsi_emitters_add(flights + 1, faces, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
     }
 }
@@ -20070,12 +20093,16 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
 /* Sums up emitters: their centre and spread are weighted by what they send. */
 static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter *sum) {
     double all = 0, at[3] = {0, 0, 0}, square = 0, sent[3] = {0, 0, 0}, axis[3] = {0, 0, 0};
+    sum->own = list[0].own;
+    sum->clear = sum->gas = sum->cut = 0;
     for (int i = 0; i < count; ++i) {
         const double weight = (double)list[i].sent[0] + (double)list[i].sent[1] + (double)list[i].sent[2];
         all += weight;
         for (int k = 0; k < 3; ++k) at[k] += weight * (double)list[i].at[k];
         for (int k = 0; k < 3; ++k) axis[k] += weight * (double)list[i].axis[k];
         for (int k = 0; k < 3; ++k) sent[k] += (double)list[i].sent[k];
+        if (sum->own > list[i].own || sum->own < list[i].own) sum->own = 0;
+        sum->cut = fmaxf(sum->cut, list[i].cut);
     }
     for (int k = 0; k < 3; ++k) at[k] /= all;
     for (int k = 0; k < 3; ++k) sum->axis[k] = (float)(axis[k] / all);
@@ -20088,17 +20115,14 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     for (int k = 0; k < 3; ++k) sum->at[k] = (float)at[k];
     for (int k = 0; k < 3; ++k) sum->sent[k] = (float)fmin(sent[k], (double)SPSI_RADIANCE_MAX);
     sum->radius = (float)sqrt(5.0 / 3 * square);
-    sum->clear = sum->gas = 0;
-    sum->own = list[0].own;
-    for (int i = 1; i < count; ++i)
-        if (sum->own > list[i].own || sum->own < list[i].own) sum->own = 0;
+    if (sum->cut > 0) sum->cut = sum->radius;
 }
 
 /* Adds the glow of a volume that always flies, as one even ball of the voxels' mass and spread, of a kernel's radius at
    least. It hides as much of itself as an ellipsoid does on the mean of all directions: if that is 1:3:1, it sends 10 %
    too little across and 40 % too much along. */
-static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
-                                     spsi_flights *flights, spsi_tree_item *items) {
+static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_faces *faces, const spsi_lattice *lattice,
+                                     const spsi_emitter_sum *sum, spsi_flights *flights, spsi_tree_item *items) {
     const int m = frame->media[lattice->medium].channel;
     const spsi_material *material = &frame->matter.materials[m];
     const double flies = (double)frame->content->flies[m], extinction = (double)material->extinction;
@@ -20112,12 +20136,12 @@ static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice
     own = 0.75 / SPSI_PI * amount * extinction / area;
     spsi_emitter_trap(material, own, flies / fmax(extinction, (double)FLT_MIN), &like);
     spsi_emitter_clear(flights, point, (double)like.radius, own, m, &like);
-    spsi_emitters_add(flights, point, flies * amount, own, &like, items);
+    spsi_emitters_add(flights, faces, point, flies * amount, own, &like, items);
 }
 
 /* Lists all that glows. */
-static void spsi_emitters_list(const sps_context *context, const spsi_frame *frame, int blocks, spsi_flights *flights,
-                               spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
+static void spsi_emitters_list(const sps_context *context, const spsi_frame *frame, const spsi_faces *faces, int blocks,
+                               spsi_flights *flights, spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     spsi_emitter_sum whole;
     memset(&whole, 0, sizeof whole);
@@ -20125,14 +20149,14 @@ static void spsi_emitters_list(const sps_context *context, const spsi_frame *fra
         const spsi_lattice *lattice = &frame->lattices[bricks[i].lattice];
         const int m = frame->media[lattice->medium].channel;
         if (!frame->matter.materials[m].emits) continue;
-        spsi_emitters_add_brick(context, frame, &bricks[i], blocks, flights, items[SPSI_FLIGHTS_GLOW]);
+        spsi_emitters_add_brick(context, frame, faces, &bricks[i], blocks, flights, items[SPSI_FLIGHTS_GLOW]);
         if (!(frame->content->flies[m] > 0)) continue;
         spsi_emitter_sum_brick(context, &bricks[i], SPSI_BRICK, &whole);
         if (i + 1 < context->brick_count && bricks[i + 1].lattice == bricks[i].lattice) continue;
-        spsi_emitters_add_volume(frame, lattice, &whole, flights + 1, items[SPSI_FLIGHTS_BEAMS]);
+        spsi_emitters_add_volume(frame, faces, lattice, &whole, flights + 1, items[SPSI_FLIGHTS_BEAMS]);
         memset(&whole, 0, sizeof whole);
     }
-    spsi_emitters_add_particles(frame, flights, items);
+    spsi_emitters_add_particles(frame, faces, flights, items);
 }
 
 /* Begins all trees, with room for so many emitters. */
@@ -20422,12 +20446,6 @@ typedef struct spsi_flight_list {
     int count;
 } spsi_flight_list;
 
-/* A node that is seen under too wide an angle. */
-typedef struct spsi_flight_open {
-    double angle;
-    int node;
-} spsi_flight_open;
-
 /* The widest angle under which a node is seen from places within `reach` of one. If the node may lie about these
    places, the angle grows with its size. */
 static double spsi_flights_angle(const spsi_flights *flights, const double place[3], double reach, int number) {
@@ -20442,37 +20460,31 @@ static double spsi_flights_angle(const spsi_flights *flights, const double place
    where the list would get too long: the widest is opened first. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
                                 spsi_flight_list *list) {
-    spsi_flight_open open[SPSI_FLIGHT_NODES];
-    const int most = list->count + SPSI_FLIGHT_NODES;
-    int count = 0, next = 0, end = flights->count > 0; /* next to end: nodes that are looked at */
+    spsi_flight *entry = list->entry + list->count;
+    double angles[SPSI_FLIGHT_NODES];
+    int count = 0, next = 0, end = flights->count > 0; /* next to end: nodes that are added */
     for (;;) {
         const spsi_flight_node *node;
         int widest = 0;
         for (; next < end; ++next) {
-            open[count].node = next;
-            open[count].angle = spsi_flights_angle(flights, place, reach, next);
-            if (open[count].angle > angle) {
-                ++count;
-            } else {
-                list->entry[list->count].node = &flights->nodes[next];
-                list->entry[list->count++].emitter = &flights->nodes[next].sum;
-            }
+            angles[count] = spsi_flights_angle(flights, place, reach, next);
+            entry[count].node = &flights->nodes[next];
+            entry[count++].emitter = &flights->nodes[next].sum;
         }
-        if (count == 0 || list->count + count + SPSI_TREE_LEAF > most) break;
         for (int i = 1; i < count; ++i)
-            if (open[i].angle > open[widest].angle) widest = i;
-        node = &flights->nodes[open[widest].node];
-        open[widest] = open[--count];
+            if (angles[i] > angles[widest]) widest = i;
+        if (count == 0 || !(angles[widest] > angle) || count + SPSI_TREE_LEAF > SPSI_FLIGHT_NODES) break;
+        node = entry[widest].node;
+        entry[widest] = entry[--count];
+        angles[widest] = angles[count];
         for (int i = 0; i < node->count; ++i) {
-            list->entry[list->count].node = NULL;
-            list->entry[list->count++].emitter = &flights->emitters[flights->order[node->first + i]];
+            angles[count] = 0;
+            entry[count].node = NULL;
+            entry[count++].emitter = &flights->emitters[flights->order[node->first + i]];
         }
         if (node->count == 0) next = node->first, end = next + 2;
     }
-    for (int i = 0; i < count; ++i) {
-        list->entry[list->count].node = &flights->nodes[open[i].node];
-        list->entry[list->count++].emitter = &flights->nodes[open[i].node].sum;
-    }
+    list->count += count;
 }
 
 /* The fraction of a node's light that gets past its own gas in some directions, for a channel: T, a polynomial of
@@ -20527,22 +20539,40 @@ static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
 
 /* --- what arrives --- */
 
-/* What polygons let pass of a vector of rays, by color. `own`: the face that all of them begin on; -1: none. */
+/* What polygons let pass of a vector of rays, by color. A ray to a ball of radius `cut` that polygons may cut stands
+   for 16 places in it, whose heights along each axis are those of its sixteenths. It gets their mean, weighted by how
+   much they light the receiver: a surface below the whole ball, or, if `normal` is NULL, a cell. `own`: the
+   face that all rays begin on; -1: none. */
 static void spsi_flights_unblocked(const spsi_faces *faces, int own, int lanes, double origin[SPSI_LANES][3],
-                                   double toward[SPSI_LANES][3], spsi_v passes[3]) {
-    float out[3][SPSI_LANES] = {{0}};
-    spsi_packet packet;
-    spsi_packet_begin(faces, 0, own >= 0, &packet);
-    for (int i = 0; i < SPSI_LANES; ++i)
-        if (lanes >> i & 1) spsi_packet_add(&faces->tree, i, own, origin[i], toward[i], &packet);
-    spsi_packet_trace(faces, &packet);
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        double through[3] = {1, 1, 1};
-        if (!(packet.open >> i & 1)) continue;
-        if (packet.filtered >> i & 1) spsi_packet_through(&packet, i, through);
-        for (int c = 0; c < 3; ++c) out[c][i] = (float)through[c];
+                                   double toward[SPSI_LANES][3], const float cut[SPSI_LANES], const double *normal,
+                                   spsi_v passes[3]) {
+    static const double places[8][3] = {{-0.62, -0.49, 0.04}, {0.77, 0.13, 0.49},   {0.3, -0.21, -0.79},
+                                        {-0.4, 0.63, -0.41},  {-0.5, 0.05, -0.19},  {-0.22, -0.39, 0.63},
+                                        {-0.13, 0.3, 0.3},    {0.05, -0.78, -0.13}}; /* and opposite ones */
+    float out[3][SPSI_LANES] = {{0}}, all[SPSI_LANES] = {0}, weight[SPSI_LANES];
+    for (int n = 0; n < 16 && lanes; ++n) {
+        spsi_packet packet;
+        spsi_packet_begin(faces, 0, own >= 0, &packet);
+        for (int i = 0; i < SPSI_LANES; ++i) {
+            const double radius = (double)cut[i], small = fmax(0.01 * radius * radius, 1e-60);
+            double to[3], share;
+            if (!(lanes >> i & 1)) continue;
+            spsi_along(toward[i], places[n / 2], n & 1 ? -radius : radius, to);
+            spsi_packet_add(&faces->tree, i, own, origin[i], to, &packet);
+            share = (spsi_dot(toward[i], toward[i]) + small) / (spsi_dot(to, to) + small);
+            if (normal && radius > 0) share *= sqrt(share) * spsi_dot(to, normal) / spsi_dot(toward[i], normal);
+            all[i] += weight[i] = (float)share;
+        }
+        spsi_packet_trace(faces, &packet);
+        for (int i = 0; i < SPSI_LANES; ++i) {
+            double through[3] = {1, 1, 1};
+            if (!(cut[i] > 0)) lanes &= ~(1 << i);
+            if (!(packet.open >> i & 1)) continue;
+            if (packet.filtered >> i & 1) spsi_packet_through(&packet, i, through);
+            for (int c = 0; c < 3; ++c) out[c][i] += weight[i] * (float)through[c];
+        }
     }
-    for (int c = 0; c < 3; ++c) passes[c] = spsi_load(out[c]);
+    for (int c = 0; c < 3; ++c) passes[c] = spsi_div(spsi_load(out[c]), spsi_max(spsi_load(all), spsi_set(FLT_MIN)));
 }
 
 /* The cells that first flights are sent to, and where their moments are added up. */
@@ -20597,12 +20627,14 @@ static void spsi_flight_cells_build(const spsi_flight_job *job, int x, int y, in
 static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_flight_cells *cells,
                                         const spsi_emitter *node, spsi_v passes[3]) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3];
+    float cut[SPSI_LANES];
     for (int i = 0; i < SPSI_LANES; ++i) {
+        cut[i] = node->cut;
         spsi_cell_centre(job->grid, 1, cells->at[0] + i % SPSI_FLIGHT_ALONG, cells->at[1] + i / SPSI_FLIGHT_ALONG,
                          cells->at[2], origin[i]);
         for (int k = 0; k < 3; ++k) toward[i][k] = job->flights->centre[k] + (double)node->at[k] - origin[i][k];
     }
-    spsi_flights_unblocked(job->faces, -1, cells->lanes, origin, toward, passes);
+    spsi_flights_unblocked(job->faces, -1, cells->lanes, origin, toward, cut, NULL, passes);
 }
 
 /* The square of the distance whose inverse is the mean of 1 / distance^2 over a cell of edge 1 and over an even ball of
@@ -20704,7 +20736,7 @@ static void spsi_flight_cells_trap(const spsi_flight_job *job, const spsi_flight
 static int spsi_flight_blocked(const spsi_flight_job *job, const double centre[3], double half,
                                const spsi_emitter *node) {
     double middle[3], reach[3];
-    if (job->faces->count == 0) return 0;
+    if (job->faces->count == 0 || node->cut > 0) return job->faces->count > 0;
     for (int k = 0; k < 3; ++k) {
         const double way = job->flights->centre[k] + (double)node->at[k] - centre[k];
         const double low = fmin(-half, way), high = fmax(half, way);
@@ -20795,9 +20827,9 @@ static double spsi_ball_lights(double distance, double height, double radius) {
 /* Adds a fraction of the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts
    go to the middle of what is above it. */
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights, float fraction,
-                                       const spsi_flight_list *list, int n, double irradiance[3]) {
+                                       const spsi_flight_list *list, int n, double irradiance[3], double *nearest) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
-    float out[3][SPSI_LANES], begin[SPSI_LANES];
+    float out[3][SPSI_LANES], begin[SPSI_LANES], cut[SPSI_LANES];
     spsi_v through[3], passes[3];
     spsi_flight_ways ways;
     int some = 0;
@@ -20811,8 +20843,10 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
             toward[i][k] = flights->centre[k] + (double)node->at[k] - place->point[k];
         }
         distance = spsi_length(toward[i]);
+        *nearest = fmin(*nearest, fmax(distance, (double)node->radius));
         height = spsi_dot(toward[i], place->normal);
         raise = 0.5 * fmax((double)node->radius - fabs(height), 0) + fmax(-height, 0);
+        cut[i] = fabs(height) < (double)node->radius ? 0 : node->cut; /* its own plane is known */
         share[i] = spsi_ball_lights(distance, height, (double)node->radius);
         share[i] *= spsi_emitter_lobe(node, toward[i], distance);
         some |= (share[i] > 0) << i;
@@ -20829,7 +20863,8 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
     if (!some) return;
     for (int c = 0; c < 3; ++c) passes[c] = spsi_set(1);
-    if (place->faces) spsi_flights_unblocked(place->faces, place->face, some, origin, toward, passes);
+    if (place->faces)
+        spsi_flights_unblocked(place->faces, place->face, some, origin, toward, cut, place->normal, passes);
     spsi_flight_ways_pass(flights, &ways, through);
     for (int c = 0; c < flights->grids[0].channels; ++c) {
         spsi_store(out[c], spsi_mul(passes[c], through[c]));
@@ -20861,13 +20896,7 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
         list.count = 0;
         if (share > 0) spsi_flights_choose(&trees[i], place->point, 0, angle, &list);
         for (int n = 0; n < list.count; n += SPSI_LANES)
-            spsi_flights_irradiance_of(place, &trees[i], share, &list, n, irradiance);
-        for (int n = 0; n < list.count; ++n) {
-            const spsi_emitter *node = list.entry[n].emitter;
-            double way[3];
-            for (int k = 0; k < 3; ++k) way[k] = trees[i].centre[k] + (double)node->at[k] - place->point[k];
-            nearest = fmin(nearest, fmax(spsi_length(way), (double)node->radius));
-        }
+            spsi_flights_irradiance_of(place, &trees[i], share, &list, n, irradiance, &nearest);
     }
     return nearest;
 }
@@ -24371,7 +24400,7 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_beam_ray 
         for (int k = 0; k < 3; ++k) /* 4 max(0, cos) has a mean cosine of 2 / 3 */
             like.axis[k] = all > 0 ? (float)(fmin(1.5 * fmax(ahead / all, 0), 1) * beam->direction[k]) : 0;
         like.radius = (float)(0.37 * length);
-        spsi_emitters_add(flights, point, beam->fraction / (4 * SPSI_PI), -1, &like, items);
+        spsi_emitters_add(flights, NULL, point, beam->fraction / (4 * SPSI_PI), -1, &like, items);
     }
 }
 
@@ -24410,7 +24439,7 @@ static void spsi_beams_on_polygons(const spsi_cell_job *job, const spsi_shadow *
             like.axis[c] = (float)hits.surface[i].normal[c];
         }
         spsi_along(hits.surface[i].point, hits.surface[i].normal, 1e-3 * job->grid->edge, point);
-        spsi_emitters_add(flights, point, met[i]->fraction * area / (4 * SPSI_PI), -1, &like, items);
+        spsi_emitters_add(flights, NULL, point, met[i]->fraction * area / (4 * SPSI_PI), -1, &like, items);
     }
 }
 
@@ -24468,7 +24497,7 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     if (!items[0] || spsi_flights_begin(job->context, job->grid, job->grid_count, most, trees))
         return job->context->result;
     for (int i = 1; i < SPSI_FLIGHT_TREES; ++i) items[i] = items[i - 1] + most[i - 1];
-    spsi_emitters_list(job->context, frame, blocks, trees, items);
+    spsi_emitters_list(job->context, frame, job->faces, blocks, trees, items);
     for (int i = 0; i < frame->lamps.count && most[1] > 0; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
@@ -24704,7 +24733,7 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
         }
         for (int k = 0; k < 3; ++k) like.axis[k] = (float)(mean[k] / fmax(spsi_length(mean), 1));
         spsi_cell_centre(grid, 1, column, row % grid->size[1], row / grid->size[1], point);
-        spsi_emitters_add(flights, point, area, -1, &like, items);
+        spsi_emitters_add(flights, NULL, point, area, -1, &like, items);
         for (int t = 0; t < grid->terms; ++t) level->sent[(size_t)t * grid->count + at] *= (float)(own / power);
     }
     return flights->count - first;
@@ -25133,7 +25162,7 @@ static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame,
     held = spsi_scattered_take(context, key);
     if (spsi_cells_reserve(context, frame, grids, count)) return context->result;
     spsi_particles_fly(frame);
-    spsi_volumes_fly(context, frame, faces, grids->edge);
+    spsi_volumes_fly(context, frame, grids->edge);
     if (!held && spsi_cells_make(context, frame, faces, &groups, part, grids, count, flights)) return context->result;
     for (int n = 0; n < count && !held; ++n)
         context->stats.cells += (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];

@@ -1962,6 +1962,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_ARRIVALS,      /* light that arrives at a vector of pixels, per worker */
     SPSI_BUFFER_SURFACE_LIGHT, /* per light of a sweep: the pixels whose polygons see it */
     SPSI_BUFFER_RECEIVED,      /* what pixels' polygons receive from cells and by flights */
+    SPSI_BUFFER_RECEIVE_TILES, /* a tile of them per worker */
     SPSI_BUFFER_DEPTH_MAPS,
     SPSI_BUFFER_PANE_MAPS,         /* of translucent polygons, >>depthmaps */
     SPSI_BUFFER_PANE_TEXELS,       /* where each texel's panes begin */
@@ -22309,6 +22310,7 @@ typedef struct spsi_receive_job {
     const spsi_visible *visible;
     spsi_bounds from[2]; /* about all that sends light: cells; first flights */
     float *received;     /* as spsi_visible's */
+    struct spsi_receive_tile *tiles; /* by worker */
 } spsi_receive_job;
 
 /* What a face's plane receives at a place. */
@@ -22500,33 +22502,42 @@ static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
 }
 
 /* Finds what a tile's pixels receive, unless none of them is in the region. */
-static void spsi_receive_task(void *data, int index) {
+static void spsi_receive_task(void *data, int index, int worker) {
     const spsi_receive_job *job = (const spsi_receive_job *)data;
     const spsi_frame *frame = job->frame;
     const int *region = frame->view.region;
     const int width = frame->content->eye.width, height = frame->content->eye.height;
     const int columns = (width + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE;
-    spsi_receive_tile tile;
-    tile.job = job;
-    tile.x0 = index % columns * SPSI_RECEIVED_TILE;
-    tile.y0 = index / columns * SPSI_RECEIVED_TILE;
-    if (tile.x0 >= region[0] + region[2] || tile.x0 + SPSI_RECEIVED_TILE <= region[0]) return;
-    if (tile.y0 >= region[1] + region[3] || tile.y0 + SPSI_RECEIVED_TILE <= region[1]) return;
-    memset(tile.shows, 0, sizeof tile.shows);
-    for (int y = 0; y < spsi_least(SPSI_RECEIVED_TILE, height - tile.y0); ++y)
-        for (int x = 0; x < spsi_least(SPSI_RECEIVED_TILE, width - tile.x0); ++x) {
-            const int face = job->visible->hits[(size_t)(tile.y0 + y) * (size_t)width + (size_t)(tile.x0 + x)].face;
-            if (face >= 0) tile.shows[y][x] = spsi_face_is_flat(&job->faces->list[face]) ? 1 : 2;
+    spsi_receive_tile *tile = &job->tiles[worker];
+    tile->job = job;
+    tile->x0 = index % columns * SPSI_RECEIVED_TILE;
+    tile->y0 = index / columns * SPSI_RECEIVED_TILE;
+    if (tile->x0 >= region[0] + region[2] || tile->x0 + SPSI_RECEIVED_TILE <= region[0]) return;
+    if (tile->y0 >= region[1] + region[3] || tile->y0 + SPSI_RECEIVED_TILE <= region[1]) return;
+    memset(tile->shows, 0, sizeof tile->shows);
+    for (int y = 0; y < spsi_least(SPSI_RECEIVED_TILE, height - tile->y0); ++y)
+        for (int x = 0; x < spsi_least(SPSI_RECEIVED_TILE, width - tile->x0); ++x) {
+            const int face = job->visible->hits[(size_t)(tile->y0 + y) * (size_t)width + (size_t)(tile->x0 + x)].face;
+            if (face >= 0) tile->shows[y][x] = spsi_face_is_flat(&job->faces->list[face]) ? 1 : 2;
         }
-    for (tile.flown = 0; tile.flown < (frame->content->flights ? 2 : 1); ++tile.flown)
-        spsi_receive_pixels(&tile, 0, 0, spsi_receive_whole, NULL);
+    for (tile->flown = 0; tile->flown < (frame->content->flights ? 2 : 1); ++tile->flown)
+        spsi_receive_pixels(tile, 0, 0, spsi_receive_whole, NULL);
     for (int n = 0; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n) {
         const int x = n % SPSI_RECEIVED_TILE, y = n / SPSI_RECEIVED_TILE;
-        if (tile.shows[y][x] == 2) tile.shows[y][x] = 0;
-        if (tile.shows[y][x] != 1) continue;
-        tile.hit = &job->visible->hits[(size_t)(tile.y0 + y) * (size_t)width + (size_t)(tile.x0 + x)];
-        spsi_receive_plane(&tile, n);
+        if (tile->shows[y][x] == 2) tile->shows[y][x] = 0;
+        if (tile->shows[y][x] != 1) continue;
+        tile->hit = &job->visible->hits[(size_t)(tile->y0 + y) * (size_t)width + (size_t)(tile->x0 + x)];
+        spsi_receive_plane(tile, n);
     }
+}
+
+/* Returns 0 on failure. */
+static int spsi_receive_reserve(sps_context *context, const spsi_frame *frame, spsi_receive_job *job) {
+    const size_t floats = spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
+    job->received = (float *)spsi_reserve(context, SPSI_BUFFER_RECEIVED, floats, sizeof(float));
+    job->tiles = (spsi_receive_tile *)spsi_reserve(context, SPSI_BUFFER_RECEIVE_TILES,
+                                                   (size_t)spsi_worker_count(context), sizeof *job->tiles);
+    return job->received && job->tiles;
 }
 
 /* Finds what the region's pixels receive. Tiles are aligned to the image: all of a tile decides where places of a plane
@@ -22535,10 +22546,9 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
                                    spsi_visible *visible) {
     const spsi_content *content = frame->content;
     const size_t floats = spsi_ray_count(&content->eye) * (size_t)frame->channels;
-    spsi_receive_job job = {frame, faces, visible, {spsi_nowhere, spsi_nowhere}, NULL};
+    spsi_receive_job job = {frame, faces, visible, {spsi_nowhere, spsi_nowhere}, NULL, NULL};
     if (!content->cells || !visible->hits) return SPS_OK;
-    job.received = (float *)spsi_reserve(context, SPSI_BUFFER_RECEIVED, floats, sizeof(float));
-    if (!job.received) return context->result;
+    if (!spsi_receive_reserve(context, frame, &job)) return context->result;
     memset(job.received, 0, floats * sizeof(float));
     for (int n = 0; n < content->cell_grid_count; ++n) {
         const spsi_cell_grid *grid = &content->cells[n];
@@ -22552,10 +22562,10 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
         spsi_bounds_add(&job.from[1], content->flights[i].bounds.low);
         spsi_bounds_add(&job.from[1], content->flights[i].bounds.high);
     }
-    spsi_parallel_items(context,
-                        (content->eye.width + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE *
-                            ((content->eye.height + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE),
-                        spsi_receive_task, &job);
+    spsi_parallel(context,
+                  (content->eye.width + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE *
+                      ((content->eye.height + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE),
+                  spsi_receive_task, &job);
     visible->received = job.received;
     return SPS_OK;
 }
@@ -22564,7 +22574,8 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
 static void spsi_add_flux(const spsi_shader *shader, const spsi_place *place, const double color[3],
                           float radiance[3]) {
     const spsi_content *content = shader->frame->content;
-    const spsi_receive_job job = {shader->frame, shader->faces, shader->visible, {spsi_nowhere, spsi_nowhere}, NULL};
+    const spsi_receive_job job = {
+        shader->frame, shader->faces, shader->visible, {spsi_nowhere, spsi_nowhere}, NULL, NULL};
     const size_t channels = (size_t)content->cells->channels;
     float irradiance[3] = {0, 0, 0};
     if (place->index < spsi_ray_count(&content->eye))
@@ -27180,14 +27191,14 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
     spsi_face_lists lists;
     spsi_faces faces;
     spsi_visible visible;
+    spsi_receive_job received;
     memset(&faces, 0, sizeof faces);
     memset(&visible, 0, sizeof visible);
     faces.count = (int)triangles;
     spsi_reserve(context, SPSI_BUFFER_FACES, triangles, sizeof(spsi_face) + 4 * sizeof(int)); /* and their rows */
     spsi_reserve(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
     spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
-    if (spsi_scatters_fully(frame) || frame->matter.emits)
-        spsi_reserve(context, SPSI_BUFFER_RECEIVED, pixels, (size_t)frame->channels * sizeof(float));
+    if (spsi_scatters_fully(frame) || frame->matter.emits) spsi_receive_reserve(context, frame, &received);
     spsi_plan_take(context, report, SPS_PASS_EYE_POLYGONS);
     spsi_layers_build(context, frame, &faces, NULL, &visible.layers);
     spsi_plan_take(context, report, SPS_PASS_LAYERS);

@@ -16596,7 +16596,7 @@ typedef struct spsi_beam_part {
     float *depth;   /* optical depth so far */
     float *stopped; /* share of light that polygons stop in a layer */
     float *lengths; /* world length per slab */
-    int hides;      /* 1: polygons stop some of its rays before the chunk ends */
+    spsi_area stops; /* texels outside of which polygons stop nothing before the chunk ends */
     float *passes;  /* per texel of the tile: transmittance of gas at the last plane */
     float *weight;  /* per texel of the tile: its mean over the last slab */
 } spsi_beam_part;
@@ -16688,23 +16688,22 @@ static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *me
     }
 }
 
-/* The fraction of each texel's light that polygons stop, as the mean over a layer of a slab. Returns bounds of the texels
-   where there is any, as those of the beam. */
+/* The fraction of each texel's light that polygons stop, as the mean over a layer of a slab. Returns bounds of the
+   texels where there is any. */
 static spsi_area spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
     const spsi_beam *beam = part->beam;
     spsi_area any = spsi_area_none();
-    for (int y = part->area.y0; y <= part->area.y1; ++y) {
-        const size_t own = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(part->area.x0 - beam->x0);
-        float *stopped = part->stopped + (size_t)(y - part->area.y0) * (size_t)part->width;
-        for (int x = 0; x < part->width; x += SPSI_LANES) {
-            const int some = spsi_least(SPSI_LANES, part->width - x);
-            const spsi_area here = {part->area.x0 + x, y, part->area.x0 + x + some - 1, y};
-            const spsi_v stop = spsi_mul(spsi_set(SPSI_PARTS), spsi_load_first(beam->stop + own + x, some));
+    for (int y = part->stops.y0; y <= part->stops.y1; ++y)
+        for (int x = part->stops.x0; x <= part->stops.x1; x += SPSI_LANES) {
+            const int some = spsi_least(SPSI_LANES, part->stops.x1 - x + 1);
+            const spsi_area here = {x, y, x + some - 1, y};
+            const size_t from = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(x - beam->x0);
+            const size_t to = (size_t)(y - part->area.y0) * (size_t)part->width + (size_t)(x - part->area.x0);
+            const spsi_v stop = spsi_mul(spsi_set(SPSI_PARTS), spsi_load_first(beam->stop + from, some));
             const spsi_v share = spsi_clamp(spsi_sub(spsi_set(layer + 1), stop), spsi_set(0), spsi_set(1));
-            spsi_store_first(stopped + x, share, some);
+            spsi_store_first(part->stopped + to, share, some);
             if (spsi_bits(spsi_less(spsi_set(0), share)) & ~(~0U << some)) any = spsi_area_join(any, here);
         }
-    }
     return any;
 }
 
@@ -16728,7 +16727,7 @@ static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam_par
         const spsi_v through = spsi_exp(spsi_sub(zero, spsi_max(zero, spsi_load(depth + i))));
         const spsi_v lost = spsi_sub(whole, through);
         spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), lost), some);
-        if (!part->hides) continue;
+        if (spsi_area_empty(part->stops)) continue;
         spsi_store_first(weight + i, spsi_mul(half, spsi_add(spsi_load_first(passes + i, some), through)), some);
         spsi_store_first(passes + i, through, some);
     }
@@ -16789,8 +16788,8 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, s
     held = spsi_penumbra_holds(penumbra, spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, 1, area));
     if (!held && spsi_area_empty(spsi_area_meet(area, beam->crossed))) return 0;
     spsi_beam_part_load(beam, area, memory, &part);
-    part.hides = beam->stop != NULL &&
-                 !spsi_area_empty(spsi_beam_part_stop(&part, (float)(SPSI_PARTS * (first + SPSI_CHUNK) - 1)));
+    part.stops = beam->stop ? part.area : spsi_area_none();
+    part.stops = spsi_beam_part_stop(&part, (float)(SPSI_PARTS * (first + SPSI_CHUNK) - 1));
     for (int k = 0; k <= SPSI_CHUNK; ++k) {
         spsi_slide_build(penumbra, beam, first + k, -1, &slide);
         for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {
@@ -16798,7 +16797,7 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, s
             if (!spsi_area_empty(*row))
                 spsi_beam_add_row(penumbra, &part, &slide, row, y, planes[k] + (size_t)y * pitch + (size_t)row->x0);
         }
-        if (k > 0 && part.hides) spsi_beam_hide(penumbra, &part, lookups, k - 1);
+        if (k > 0 && !spsi_area_empty(part.stops)) spsi_beam_hide(penumbra, &part, lookups, k - 1);
         if (k == SPSI_CHUNK || !held) continue;
         spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slide);
         for (int y = 0; y < part.height; ++y) {
@@ -21724,27 +21723,25 @@ static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shado
 }
 
 /* The fraction of what gas lets pass to a part that opaque polygons stop on the way from a light's points. */
-static spsi_v spsi_part_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
-                               const spsi_part *part) {
+static spsi_v spsi_part_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
+                               const spsi_pixels *p, const spsi_part *part) {
     const int count = shader->frame->matter.classifies ? 1 : SPSI_PARTS;
     const spsi_v layers = spsi_set(SPSI_PARTS), scale = spsi_div(layers, p->line.scale);
     spsi_v sum = spsi_set(0), at[3];
-    spsi_courses courses;
-    spsi_courses_build(shadow->along, p->line.at, (float)p->line.y, &courses);
     for (int i = 0; i < count; ++i) {
         const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
-        spsi_courses_at(&courses, d, at);
+        spsi_courses_at(&arrival->courses, d, at);
         sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, at, spsi_fma(d, scale, spsi_mul(layers, p->line.base))));
     }
     return spsi_mul(sum, spsi_set(1.0f / (float)count));
 }
 
 /* Multiplies by what polygons let pass from a light to a part: translucent ones, and opaque ones from its points. */
-static void spsi_part_pass(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
-                           const spsi_part *part, spsi_v filter[3]) {
+static void spsi_part_pass(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
+                           const spsi_pixels *p, const spsi_part *part, spsi_v filter[3]) {
     if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
     if (shadow->soft && shadow->sliced->penumbra.hidden) {
-        const spsi_v seen = spsi_sub(spsi_set(1), spsi_part_hidden(shader, shadow, p, part));
+        const spsi_v seen = spsi_sub(spsi_set(1), spsi_part_hidden(shader, shadow, arrival, p, part));
         for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(filter[c], seen);
     }
 }
@@ -21801,7 +21798,7 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
         arrives = spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
         if (slab->group > 1) arrives = spsi_select(whole, spsi_group_passes(slab, arrival, part, 0), arrives);
     }
-    if (shadow->soft || shadow->pane_map_count > 0) spsi_part_pass(shader, shadow, p, part, filter);
+    if (shadow->soft || shadow->pane_map_count > 0) spsi_part_pass(shader, shadow, arrival, p, part, filter);
     for (int c = 0; c < 3; ++c) {
         carried.passes[c] = spsi_mul(passes, filter[c]);
         carried.lit[c] = spsi_mul(arrives, filter[c]);
@@ -22763,7 +22760,8 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
                                          const spsi_surfaces *list, spsi_v lit[3]) {
     const spsi_lamp *lamp = shadow->lamp;
     const double unit = spsi_surfaces_unit(lamp, list);
-    spsi_v all = spsi_set(FLT_MIN), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+    const int alike = !shader->frame->content->cells;
+    spsi_v all = spsi_set(FLT_MIN), passes = spsi_set(1), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     for (int i = 0; i < lamp->point_count; ++i) {
         spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, weight, depth;
         float open[SPSI_LANES] = {0};
@@ -22778,7 +22776,8 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
         all = spsi_add(all, weight);
         for (int c = 0; c < 3; ++c) {
             const spsi_v scale = spsi_set(-(float)spsi_straight_scale(shader->frame, c));
-            sum[c] = spsi_fma(weight, spsi_exp(spsi_mul(depth, scale)), sum[c]);
+            if (c == 0 || !alike) passes = spsi_exp(spsi_mul(depth, scale));
+            sum[c] = spsi_fma(weight, passes, sum[c]);
         }
     }
     for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_div(sum[c], all));

@@ -20405,56 +20405,39 @@ typedef struct spsi_flight_list {
     int count;
 } spsi_flight_list;
 
-/* A node that is seen under too wide an angle. */
-typedef struct spsi_flight_open {
-    double angle;
-    int node;
-} spsi_flight_open;
-
-/* The widest angle under which a node is seen from places within `reach` of one. If the node may lie about these
-   places, the angle grows with its size. */
-static double spsi_flights_angle(const spsi_flights *flights, const double place[3], double reach, int number) {
-    const spsi_flight_node *node = &flights->nodes[number];
-    double toward[3], distance;
+/* Whether a node is opened: whether some place within `reach` of one may see it under more than an angle, or may lie
+   in it. `scale` times as near to it if the list would get too long. */
+static int spsi_flights_opens(const spsi_flights *flights, const double place[3], double reach, double per_angle,
+                              double scale, const spsi_flight_node *node) {
+    const double wide = (double)node->breadth * per_angle, own = (double)node->reach;
+    const double least = scale * (reach + (wide > own ? wide : own));
+    double toward[3];
     for (int k = 0; k < 3; ++k) toward[k] = place[k] - flights->centre[k] - (double)node->sum.at[k];
-    distance = spsi_length(toward) - reach;
-    return distance > (double)node->reach ? (double)node->breadth / distance : 1e3 + (double)node->sum.radius;
+    return spsi_dot(toward, toward) < least * least;
 }
 
-/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; wider ones
-   where the list would get too long: the widest is opened first. */
+/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; of all that are
+   opened alike wider ones, where the list would get too long. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
                                 spsi_flight_list *list) {
-    spsi_flight_open open[SPSI_FLIGHT_NODES];
-    const int most = list->count + SPSI_FLIGHT_NODES;
-    int count = 0, next = 0, end = flights->count > 0; /* next to end: nodes that are looked at */
-    for (;;) {
-        const spsi_flight_node *node;
-        int widest = 0;
-        for (; next < end; ++next) {
-            open[count].node = next;
-            open[count].angle = spsi_flights_angle(flights, place, reach, next);
-            if (open[count].angle > angle) {
-                ++count;
-            } else {
-                list->entry[list->count].node = &flights->nodes[next];
-                list->entry[list->count++].emitter = &flights->nodes[next].sum;
+    const int first = list->count, most = first + SPSI_FLIGHT_NODES;
+    int waits[SPSI_FLIGHT_NODES], count = flights->count > 0;
+    for (double scale = 1; count > 0; scale = fmax(0.9 * scale - 0.02, 0)) { /* at 0, the root is all */
+        waits[0] = 0;
+        list->count = first;
+        for (count = 1; count > 0 && list->count + count + SPSI_TREE_LEAF <= most;) {
+            const spsi_flight_node *node = &flights->nodes[waits[--count]];
+            const int opens = spsi_flights_opens(flights, place, reach, 1 / angle, scale, node);
+            if (!opens) {
+                list->entry[list->count].node = node;
+                list->entry[list->count++].emitter = &node->sum;
             }
+            for (int i = 0; i < node->count && opens; ++i) {
+                list->entry[list->count].node = NULL;
+                list->entry[list->count++].emitter = &flights->emitters[flights->order[node->first + i]];
+            }
+            for (int i = 0; i < 2 && node->count == 0 && opens; ++i) waits[count++] = node->first + i;
         }
-        if (count == 0 || list->count + count + SPSI_TREE_LEAF > most) break;
-        for (int i = 1; i < count; ++i)
-            if (open[i].angle > open[widest].angle) widest = i;
-        node = &flights->nodes[open[widest].node];
-        open[widest] = open[--count];
-        for (int i = 0; i < node->count; ++i) {
-            list->entry[list->count].node = NULL;
-            list->entry[list->count++].emitter = &flights->emitters[flights->order[node->first + i]];
-        }
-        if (node->count == 0) next = node->first, end = next + 2;
-    }
-    for (int i = 0; i < count; ++i) {
-        list->entry[list->count].node = &flights->nodes[open[i].node];
-        list->entry[list->count++].emitter = &flights->nodes[open[i].node].sum;
     }
 }
 

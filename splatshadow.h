@@ -16613,7 +16613,7 @@ typedef struct spsi_beam_part {
     float *depth;   /* optical depth so far */
     float *stopped; /* share of light that polygons stop in a layer */
     float *lengths; /* world length per slab */
-    int hides;      /* 1: polygons stop some of its rays before the chunk ends */
+    spsi_area stops; /* texels outside of which polygons stop nothing before the chunk ends */
     float *passes;  /* per texel of the tile: transmittance of gas at the last plane */
     float *weight;  /* per texel of the tile: its mean over the last slab */
 } spsi_beam_part;
@@ -16705,23 +16705,22 @@ static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *me
     }
 }
 
-/* The fraction of each texel's light that polygons stop, as the mean over a layer of a slab. Returns bounds of the texels
-   where there is any, as those of the beam. */
+/* The fraction of each texel's light that polygons stop, as the mean over a layer of a slab. Returns bounds of the
+   texels where there is any. */
 static spsi_area spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
     const spsi_beam *beam = part->beam;
     spsi_area any = spsi_area_none();
-    for (int y = part->area.y0; y <= part->area.y1; ++y) {
-        const size_t own = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(part->area.x0 - beam->x0);
-        float *stopped = part->stopped + (size_t)(y - part->area.y0) * (size_t)part->width;
-        for (int x = 0; x < part->width; x += SPSI_LANES) {
-            const int some = spsi_least(SPSI_LANES, part->width - x);
-            const spsi_area here = {part->area.x0 + x, y, part->area.x0 + x + some - 1, y};
-            const spsi_v stop = spsi_mul(spsi_set(SPSI_PARTS), spsi_load_first(beam->stop + own + x, some));
+    for (int y = part->stops.y0; y <= part->stops.y1; ++y)
+        for (int x = part->stops.x0; x <= part->stops.x1; x += SPSI_LANES) {
+            const int some = spsi_least(SPSI_LANES, part->stops.x1 - x + 1);
+            const spsi_area here = {x, y, x + some - 1, y};
+            const size_t from = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(x - beam->x0);
+            const size_t to = (size_t)(y - part->area.y0) * (size_t)part->width + (size_t)(x - part->area.x0);
+            const spsi_v stop = spsi_mul(spsi_set(SPSI_PARTS), spsi_load_first(beam->stop + from, some));
             const spsi_v share = spsi_clamp(spsi_sub(spsi_set(layer + 1), stop), spsi_set(0), spsi_set(1));
-            spsi_store_first(stopped + x, share, some);
+            spsi_store_first(part->stopped + to, share, some);
             if (spsi_bits(spsi_less(spsi_set(0), share)) & ~(~0U << some)) any = spsi_area_join(any, here);
         }
-    }
     return any;
 }
 
@@ -16745,7 +16744,7 @@ static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam_par
         const spsi_v through = spsi_exp(spsi_sub(zero, spsi_max(zero, spsi_load(depth + i))));
         const spsi_v lost = spsi_sub(whole, through);
         spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), lost), some);
-        if (!part->hides) continue;
+        if (spsi_area_empty(part->stops)) continue;
         spsi_store_first(weight + i, spsi_mul(half, spsi_add(spsi_load_first(passes + i, some), through)), some);
         spsi_store_first(passes + i, through, some);
     }
@@ -16806,8 +16805,8 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, s
     held = spsi_penumbra_holds(penumbra, spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, 1, area));
     if (!held && spsi_area_empty(spsi_area_meet(area, beam->crossed))) return 0;
     spsi_beam_part_load(beam, area, memory, &part);
-    part.hides = beam->stop != NULL &&
-                 !spsi_area_empty(spsi_beam_part_stop(&part, (float)(SPSI_PARTS * (first + SPSI_CHUNK) - 1)));
+    part.stops = beam->stop ? part.area : spsi_area_none();
+    part.stops = spsi_beam_part_stop(&part, (float)(SPSI_PARTS * (first + SPSI_CHUNK) - 1));
     for (int k = 0; k <= SPSI_CHUNK; ++k) {
         spsi_slide_build(penumbra, beam, first + k, -1, &slide);
         for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {
@@ -16815,7 +16814,7 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, s
             if (!spsi_area_empty(*row))
                 spsi_beam_add_row(penumbra, &part, &slide, row, y, planes[k] + (size_t)y * pitch + (size_t)row->x0);
         }
-        if (k > 0 && part.hides) spsi_beam_hide(penumbra, &part, lookups, k - 1);
+        if (k > 0 && !spsi_area_empty(part.stops)) spsi_beam_hide(penumbra, &part, lookups, k - 1);
         if (k == SPSI_CHUNK || !held) continue;
         spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slide);
         for (int y = 0; y < part.height; ++y) {
@@ -20447,45 +20446,40 @@ typedef struct spsi_flight_list {
     int count;
 } spsi_flight_list;
 
-/* The widest angle under which a node is seen from places within `reach` of one. If the node may lie about these
-   places, the angle grows with its size. */
-static double spsi_flights_angle(const spsi_flights *flights, const double place[3], double reach, int number) {
-    const spsi_flight_node *node = &flights->nodes[number];
-    double toward[3], distance;
+/* Whether a node is opened: whether some place within `reach` of one may see it under more than an angle, or may lie
+   in it. `scale` times as near to it if the list would get too long. */
+static int spsi_flights_opens(const spsi_flights *flights, const double place[3], double reach, double per_angle,
+                              double scale, const spsi_flight_node *node) {
+    const double wide = (double)node->breadth * per_angle, own = (double)node->reach;
+    const double least = scale * (reach + (wide > own ? wide : own));
+    double toward[3];
     for (int k = 0; k < 3; ++k) toward[k] = place[k] - flights->centre[k] - (double)node->sum.at[k];
-    distance = spsi_length(toward) - reach;
-    return distance > (double)node->reach ? (double)node->breadth / distance : 1e3 + (double)node->sum.radius;
+    return spsi_dot(toward, toward) < least * least;
 }
 
-/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; wider ones
-   where the list would get too long: the widest is opened first. */
+/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; of all that are
+   opened alike wider ones, where the list would get too long. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
                                 spsi_flight_list *list) {
-    spsi_flight *entry = list->entry + list->count;
-    double angles[SPSI_FLIGHT_NODES];
-    int count = 0, next = 0, end = flights->count > 0; /* next to end: nodes that are added */
-    for (;;) {
-        const spsi_flight_node *node;
-        int widest = 0;
-        for (; next < end; ++next) {
-            angles[count] = spsi_flights_angle(flights, place, reach, next);
-            entry[count].node = &flights->nodes[next];
-            entry[count++].emitter = &flights->nodes[next].sum;
+    const int first = list->count, most = first + SPSI_FLIGHT_NODES;
+    int waits[SPSI_FLIGHT_NODES], count = flights->count > 0;
+    for (double scale = 1; count > 0; scale = fmax(0.9 * scale - 0.02, 0)) { /* at 0, the root is all */
+        waits[0] = 0;
+        list->count = first;
+        for (count = 1; count > 0 && list->count + count + SPSI_TREE_LEAF <= most;) {
+            const spsi_flight_node *node = &flights->nodes[waits[--count]];
+            const int opens = spsi_flights_opens(flights, place, reach, 1 / angle, scale, node);
+            if (!opens) {
+                list->entry[list->count].node = node;
+                list->entry[list->count++].emitter = &node->sum;
+            }
+            for (int i = 0; i < node->count && opens; ++i) {
+                list->entry[list->count].node = NULL;
+                list->entry[list->count++].emitter = &flights->emitters[flights->order[node->first + i]];
+            }
+            for (int i = 0; i < 2 && node->count == 0 && opens; ++i) waits[count++] = node->first + i;
         }
-        for (int i = 1; i < count; ++i)
-            if (angles[i] > angles[widest]) widest = i;
-        if (count == 0 || !(angles[widest] > angle) || count + SPSI_TREE_LEAF > SPSI_FLIGHT_NODES) break;
-        node = entry[widest].node;
-        entry[widest] = entry[--count];
-        angles[widest] = angles[count];
-        for (int i = 0; i < node->count; ++i) {
-            angles[count] = 0;
-            entry[count].node = NULL;
-            entry[count++].emitter = &flights->emitters[flights->order[node->first + i]];
-        }
-        if (node->count == 0) next = node->first, end = next + 2;
     }
-    list->count += count;
 }
 
 /* The fraction of a node's light that gets past its own gas in some directions, for a channel: T, a polynomial of
@@ -21770,27 +21764,25 @@ static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shado
 }
 
 /* The fraction of what gas lets pass to a part that opaque polygons stop on the way from a light's points. */
-static spsi_v spsi_part_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
-                               const spsi_part *part) {
+static spsi_v spsi_part_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
+                               const spsi_pixels *p, const spsi_part *part) {
     const int count = shader->frame->matter.classifies ? 1 : SPSI_PARTS;
     const spsi_v layers = spsi_set(SPSI_PARTS), scale = spsi_div(layers, p->line.scale);
     spsi_v sum = spsi_set(0), at[3];
-    spsi_courses courses;
-    spsi_courses_build(shadow->along, p->line.at, (float)p->line.y, &courses);
     for (int i = 0; i < count; ++i) {
         const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
-        spsi_courses_at(&courses, d, at);
+        spsi_courses_at(&arrival->courses, d, at);
         sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, at, spsi_fma(d, scale, spsi_mul(layers, p->line.base))));
     }
     return spsi_mul(sum, spsi_set(1.0f / (float)count));
 }
 
 /* Multiplies by what polygons let pass from a light to a part: translucent ones, and opaque ones from its points. */
-static void spsi_part_pass(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
-                           const spsi_part *part, spsi_v filter[3]) {
+static void spsi_part_pass(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
+                           const spsi_pixels *p, const spsi_part *part, spsi_v filter[3]) {
     if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
     if (shadow->soft && shadow->sliced->penumbra.hidden) {
-        const spsi_v seen = spsi_sub(spsi_set(1), spsi_part_hidden(shader, shadow, p, part));
+        const spsi_v seen = spsi_sub(spsi_set(1), spsi_part_hidden(shader, shadow, arrival, p, part));
         for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(filter[c], seen);
     }
 }
@@ -21847,7 +21839,7 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
         arrives = spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
         if (slab->group > 1) arrives = spsi_select(whole, spsi_group_passes(slab, arrival, part, 0), arrives);
     }
-    if (shadow->soft || shadow->pane_map_count > 0) spsi_part_pass(shader, shadow, p, part, filter);
+    if (shadow->soft || shadow->pane_map_count > 0) spsi_part_pass(shader, shadow, arrival, p, part, filter);
     for (int c = 0; c < 3; ++c) {
         carried.passes[c] = spsi_mul(passes, filter[c]);
         carried.lit[c] = spsi_mul(arrives, filter[c]);
@@ -22819,7 +22811,8 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
                                          const spsi_surfaces *list, spsi_v lit[3]) {
     const spsi_lamp *lamp = shadow->lamp;
     const double unit = spsi_surfaces_unit(lamp, list);
-    spsi_v all = spsi_set(FLT_MIN), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+    const int alike = !shader->frame->content->cells;
+    spsi_v all = spsi_set(FLT_MIN), passes = spsi_set(1), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     for (int i = 0; i < lamp->point_count; ++i) {
         spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, weight, depth;
         float open[SPSI_LANES] = {0};
@@ -22834,7 +22827,8 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
         all = spsi_add(all, weight);
         for (int c = 0; c < 3; ++c) {
             const spsi_v scale = spsi_set(-(float)spsi_straight_scale(shader->frame, c));
-            sum[c] = spsi_fma(weight, spsi_exp(spsi_mul(depth, scale)), sum[c]);
+            if (c == 0 || !alike) passes = spsi_exp(spsi_mul(depth, scale));
+            sum[c] = spsi_fma(weight, passes, sum[c]);
         }
     }
     for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_div(sum[c], all));

@@ -819,7 +819,7 @@ static void test_cut_on_walls(void) {
             sum += (double)picture[4 * i];
         }
         check_free_triangles(&floor), check_free_triangles(&wall);
-        if (getenv("CHECK_FIGURES")) printf("%d, height %g: %.2f %%\n", n % 3, height, 100 * (sum / all - 1));
+        if (figures()) printf("%d, height %g: %.2f %%\n", n % 3, height, 100 * (sum / all - 1));
         CHECK_CASE("Scattering", "a glowing ball that a floor cuts, above a tenth of it and more: walls and haze",
                    "integral over what is above; times the part that is", fabs(sum / all - 1) * part,
                    0.04 + 0.03 * part, "16 places in the ball, cells, voxels");

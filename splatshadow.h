@@ -20544,7 +20544,7 @@ static void spsi_flights_unblocked(const spsi_faces *faces, int own, int lanes, 
     static const double places[8][3] = {{-0.62, -0.49, 0.04}, {0.77, 0.13, 0.49},   {0.3, -0.21, -0.79},
                                         {-0.4, 0.63, -0.41},  {-0.5, 0.05, -0.19},  {-0.22, -0.39, 0.63},
                                         {-0.13, 0.3, 0.3},    {0.05, -0.78, -0.13}}; /* and opposite ones */
-    float out[3][SPSI_LANES] = {{0}}, all[SPSI_LANES] = {0}, weight[SPSI_LANES];
+    float out[3][SPSI_LANES] = {{0}}, all[SPSI_LANES] = {0}, weight[SPSI_LANES] = {0};
     for (int n = 0; n < 16 && lanes; ++n) {
         spsi_packet packet;
         spsi_packet_begin(faces, 0, own >= 0, &packet);

@@ -739,6 +739,93 @@ static void test_cut(void) {
     }
 }
 
+/* Irradiance of a wall at z = -1.5 by what is above y = 0 of an even ball of radius 0.3 that sends 1 per volume, its
+   middle on the y axis at a height; or, if the place is not on the wall, 4 pi times the mean radiance there. */
+static double cut_lights(double height, const double place[3]) {
+    enum { N = 20 };
+    const double low = fmax(-0.3, -height), high = 0.3 - low;
+    double sum = 0;
+    for (int n = 0; n < N * N * N; ++n) {
+        const double at[3] = {(n % N + 0.5) * 0.6 / N - 0.3, (n / N % N + 0.5) * high / N + low,
+                              (n / N / N + 0.5) * 0.6 / N - 0.3};
+        const double way[3] = {at[0] - place[0], at[1] + height - place[1], at[2] - place[2]};
+        const double square = spsi_dot(way, way);
+        if (spsi_dot(at, at) < 0.09) sum += (place[2] > -1.5 ? 1 : way[2] / sqrt(square)) / square;
+    }
+    return sum * 0.36 * high / (N * N * N);
+}
+
+/* Gas of that ball, its rim a voxel wide; user: its height. */
+static double cut_gas(const void *user, const double p[3]) {
+    const double up = p[1] - *(const double *)user;
+    return fmax(0, fmin((0.3 - sqrt(p[0] * p[0] + up * up + p[2] * p[2])) * 30 + 0.5, 1));
+}
+
+/* A wall, and haze before it, beside a thin glowing ball that a black floor cuts: one particle or voxels. 16 places are
+   within 0.04 of the part of the ball that is above a plane, and may all be so at once. Voxels are larger than a ball
+   of their middles by their kernels, 2 %; cells at the haze's rim are dark by what they reach beyond it, 3 % of the
+   mean. */
+static void test_cut_on_walls(void) {
+    static const double heights[] = {-0.1, 0, 0.1, 0.4}, radius = 0.3;
+    static const float one = 1;
+    static const double origin[3] = {-6, 0, -6}, along[3] = {0, 0, 12}, side[3] = {12, 0, 0};
+    static const double corner[3] = {-3, 0, -1.5}, across[3] = {6, 0, 0}, up[3] = {0, 4, 0};
+    for (int n = 0; n < 12; ++n) {
+        const double height = heights[n / 3], u = fmax(-1, fmin(height / radius, 1)),
+                     part = (2 + 3 * u - u * u * u) / 4;
+        const int hazy = n % 3 == 2, voxels = n % 3 == 1;
+        const check_field field = {cut_gas, &height, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+        double sum = 0, all = 0;
+        check_triangles floor, wall;
+        check_scene s;
+        sps_particle ball;
+        sps_particles set;
+        memset(&floor, 0, sizeof floor), memset(&wall, 0, sizeof wall);
+        memset(&ball, 0, sizeof ball), memset(&set, 0, sizeof set);
+        check_clear(&s, 8, 8);
+        check_add_quad(&floor, origin, along, side);
+        check_add_mesh(&s, &floor, 0);
+        check_add_quad(&wall, corner, across, up);
+        if (!hazy) check_add_mesh(&s, &wall, 0.8);
+        if (voxels || hazy) {
+            const double half = voxels ? 0.4 : 1.5, middle = voxels ? height : 0;
+            const sps_placement box = check_box(-half, middle - half, -half, half, middle + half, half);
+            sps_volume *gas = check_add_volume(&s, 24, 24, 24, box);
+            gas->eval_fn = voxels ? check_eval_field : check_eval_constant;
+            gas->user = voxels ? (void *)(size_t)&field : (void *)(size_t)&one;
+            gas->extinction = voxels ? 1e-4f : 1e-3f;
+            for (int k = 0; k < 3; ++k) gas->emission[k] = (float)voxels, gas->albedo[k] = 1;
+        }
+        if (!voxels) {
+            ball.position[1] = (float)height, ball.radius = (float)radius, ball.optical_depth = 0.001f;
+            set.count = 1, set.read_fn = check_read_particles, set.user = &ball;
+            for (int k = 0; k < 3; ++k) set.emission[k] = (float)(2 * radius / 0.001);
+            s.scene.particles = &set, s.scene.particle_set_count = 1;
+        }
+        check_set3(s.view.camera.position, 0.8, 0.8, 20);
+        check_set3(s.view.camera.target, 0.8, 0.8, 0);
+        check_orthographic(&s.view.camera, 1);
+        s.view.scatter_size = 24;
+        s.view.scattering = SPS_SCATTERING_FULL;
+        if (!check_render(context, &s, picture)) return;
+        for (int i = 0; i < 64; i += 5) {
+            double place[3] = {0.8 + (i % 8 - 3.5) / 8, 0.8 - (i / 8 - 3.5) / 8, -1.5}, exact = 0;
+            if (!hazy) exact = 0.8 / SPSI_PI * cut_lights(height, place);
+            for (int k = 0; k < 12 && hazy; ++k) {
+                place[2] = -1.5 + 3 * (k + 0.5) / 12;
+                exact += 1e-3 / (4 * SPSI_PI) * 3 / 12 * cut_lights(height, place);
+            }
+            all += exact;
+            sum += (double)picture[4 * i];
+        }
+        check_free_triangles(&floor), check_free_triangles(&wall);
+        if (figures()) printf("%d, height %g: %.2f %%\n", n % 3, height, 100 * (sum / all - 1));
+        CHECK_CASE("Scattering", "a glowing ball that a floor cuts, above a tenth of it and more: walls and haze",
+                   "integral over what is above; times the part that is", fabs(sum / all - 1) * part,
+                   0.04 + 0.03 * part, "16 places in the ball, cells, voxels");
+    }
+}
+
 /* Waves of gas; user: their amplitude, that of a voxel's kernel included if it is not NULL. */
 static double uneven_gas(const void *user, const double p[3]) {
     const double amplitude = user ? *(const double *)user : 1;
@@ -900,6 +987,7 @@ int main(void) {
     RUN(test_crowd);
     RUN(test_between_pixels);
     RUN(test_cut);
+    RUN(test_cut_on_walls);
     RUN(test_uneven);
     RUN(test_rim);
     RUN(test_halo);

@@ -19879,21 +19879,19 @@ static void spsi_emitter_clear(const spsi_flights *flights, const double point[3
 
 /* Adds an emitter at a point that sends so many times what `like` does, unless it is black. own: its optical depth
    along a radius; negative: that of the gas about it. */
-static void spsi_emitters_add(spsi_flights *flights, const spsi_faces *faces, const double point[3], double amount,
-                              double own, const spsi_emitter *like, spsi_tree_item *items) {
+static void spsi_emitters_add(spsi_flights *flights, const double point[3], double amount, double own,
+                              const spsi_emitter *like, spsi_tree_item *items) {
     spsi_emitter *emitter = &flights->emitters[flights->count];
-    const double half[3] = {(double)like->radius, (double)like->radius, (double)like->radius};
     double low[3], high[3];
     if (!(amount > 0)) return;
     *emitter = *like;
     for (int k = 0; k < 3; ++k) {
         emitter->leaves[k] = own < 0 ? 1 : (float)spsi_ball_escape(own);
         emitter->at[k] = (float)(point[k] - flights->centre[k]);
+        low[k] = point[k] - (double)like->radius;
+        high[k] = point[k] + (double)like->radius;
     }
-    spsi_along(point, half, -1, low);
-    spsi_along(point, half, 1, high);
     if (own < 0) spsi_emitter_hide(flights, point, emitter);
-    if (faces && faces->count > 0 && spsi_faces_near(faces, point, half)) emitter->cut = like->radius;
     for (int c = 0; c < 3; ++c)
         emitter->sent[c] =
             (float)fmin(amount * (double)like->sent[c] * (double)emitter->leaves[c], (double)SPSI_RADIANCE_MAX);
@@ -19957,8 +19955,8 @@ static double spsi_emitter_sum_ball(const spsi_lattice *lattice, const spsi_emit
 }
 
 /* Adds the blocks of a brick, as even balls of the same spread, unless all of its glow always flies. */
-static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                    const spsi_brick *brick, int edge, spsi_flights *flights, spsi_tree_item *items) {
+static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame *frame, const spsi_brick *brick,
+                                    int edge, spsi_flights *flights, spsi_tree_item *items) {
     const spsi_lattice *lattice = &frame->lattices[brick->lattice];
     const int m = frame->media[lattice->medium].channel;
     const double amount = lattice->voxel_volume * (1 - (double)frame->content->flies[m]);
@@ -19973,7 +19971,7 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
         double point[3];
         if (!(sums[n].value > 0)) continue;
         spsi_emitter_sum_ball(lattice, &sums[n], point, &like);
-        spsi_emitters_add(flights, faces, point, sums[n].value * amount, -1, &like, items);
+        spsi_emitters_add(flights, point, sums[n].value * amount, -1, &like, items);
     }
 }
 
@@ -20060,7 +20058,7 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
 /* Adds all particles: to `flights` or, as far as they always fly, to the next tree. A soft one has the spread of an
    even ball of 0.845 of its radius, and lets out what one of 0.75 of its depth does, within 4 % up to a depth of 10.
    What a particle hides of itself follows from its own depth: its gas in the cells about it is not counted. */
-static void spsi_emitters_add_particles(const spsi_frame *frame, const spsi_faces *faces, spsi_flights *flights,
+static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights,
                                         spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_content *content = frame->content;
     for (int i = 0, n = 0; i < frame->particles.set_count; ++i) {
@@ -20080,12 +20078,12 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, const spsi_face
             like.radius = (float)(set->soft ? 0.845 * radius : radius);
             like.clear = like.gas = 0;
             memcpy(like.sent, material->emission, sizeof like.sent);
-            spsi_emitters_add(flights, faces, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
+            spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
             if (!(flies > 0)) continue;
             like.gas = (float)amount;
             spsi_emitter_trap(material, own, flies, &like);
             spsi_emitter_clear(flights, point, radius, own, set->channel, &like);
-            spsi_emitters_add(flights + 1, faces, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
+            spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
     }
 }
@@ -20121,8 +20119,8 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
 /* Adds the glow of a volume that always flies, as one even ball of the voxels' mass and spread, of a kernel's radius at
    least. It hides as much of itself as an ellipsoid does on the mean of all directions: if that is 1:3:1, it sends 10 %
    too little across and 40 % too much along. */
-static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_faces *faces, const spsi_lattice *lattice,
-                                     const spsi_emitter_sum *sum, spsi_flights *flights, spsi_tree_item *items) {
+static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
+                                     spsi_flights *flights, spsi_tree_item *items) {
     const int m = frame->media[lattice->medium].channel;
     const spsi_material *material = &frame->matter.materials[m];
     const double flies = (double)frame->content->flies[m], extinction = (double)material->extinction;
@@ -20136,12 +20134,12 @@ static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_faces *
     own = 0.75 / SPSI_PI * amount * extinction / area;
     spsi_emitter_trap(material, own, flies / fmax(extinction, (double)FLT_MIN), &like);
     spsi_emitter_clear(flights, point, (double)like.radius, own, m, &like);
-    spsi_emitters_add(flights, faces, point, flies * amount, own, &like, items);
+    spsi_emitters_add(flights, point, flies * amount, own, &like, items);
 }
 
 /* Lists all that glows. */
-static void spsi_emitters_list(const sps_context *context, const spsi_frame *frame, const spsi_faces *faces, int blocks,
-                               spsi_flights *flights, spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
+static void spsi_emitters_list(const sps_context *context, const spsi_frame *frame, int blocks, spsi_flights *flights,
+                               spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     spsi_emitter_sum whole;
     memset(&whole, 0, sizeof whole);
@@ -20149,14 +20147,25 @@ static void spsi_emitters_list(const sps_context *context, const spsi_frame *fra
         const spsi_lattice *lattice = &frame->lattices[bricks[i].lattice];
         const int m = frame->media[lattice->medium].channel;
         if (!frame->matter.materials[m].emits) continue;
-        spsi_emitters_add_brick(context, frame, faces, &bricks[i], blocks, flights, items[SPSI_FLIGHTS_GLOW]);
+        spsi_emitters_add_brick(context, frame, &bricks[i], blocks, flights, items[SPSI_FLIGHTS_GLOW]);
         if (!(frame->content->flies[m] > 0)) continue;
         spsi_emitter_sum_brick(context, &bricks[i], SPSI_BRICK, &whole);
         if (i + 1 < context->brick_count && bricks[i + 1].lattice == bricks[i].lattice) continue;
-        spsi_emitters_add_volume(frame, faces, lattice, &whole, flights + 1, items[SPSI_FLIGHTS_BEAMS]);
+        spsi_emitters_add_volume(frame, lattice, &whole, flights + 1, items[SPSI_FLIGHTS_BEAMS]);
         memset(&whole, 0, sizeof whole);
     }
-    spsi_emitters_add_particles(frame, faces, flights, items);
+    spsi_emitters_add_particles(frame, flights, items);
+}
+
+/* Marks emitters that polygons may be within. */
+static void spsi_emitters_cut(const spsi_faces *faces, const spsi_flights *flights) {
+    for (int i = 0; i < flights->count && faces->count > 0; ++i) {
+        spsi_emitter *emitter = &flights->emitters[i];
+        const double radius = (double)emitter->radius, half[3] = {radius, radius, radius};
+        double point[3];
+        for (int k = 0; k < 3; ++k) point[k] = flights->centre[k] + (double)emitter->at[k];
+        if (spsi_faces_near(faces, point, half)) emitter->cut = emitter->radius;
+    }
 }
 
 /* Begins all trees, with room for so many emitters. */
@@ -20550,12 +20559,13 @@ static void spsi_flights_unblocked(const spsi_faces *faces, int own, int lanes, 
         spsi_packet_begin(faces, 0, own >= 0, &packet);
         for (int i = 0; i < SPSI_LANES; ++i) {
             const double radius = (double)cut[i], small = fmax(0.01 * radius * radius, 1e-60);
+            const double height = normal ? spsi_dot(toward[i], normal) : 0;
             double to[3], share;
             if (!(lanes >> i & 1)) continue;
             spsi_along(toward[i], places[n / 2], n & 1 ? -radius : radius, to);
             spsi_packet_add(&faces->tree, i, own, origin[i], to, &packet);
             share = (spsi_dot(toward[i], toward[i]) + small) / (spsi_dot(to, to) + small);
-            if (normal && radius > 0) share *= sqrt(share) * spsi_dot(to, normal) / spsi_dot(toward[i], normal);
+            if (radius > 0 && height > radius) share *= sqrt(share) * spsi_dot(to, normal) / height;
             all[i] += weight[i] = (float)share;
         }
         spsi_packet_trace(faces, &packet);
@@ -24405,7 +24415,7 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_beam_ray 
         for (int k = 0; k < 3; ++k) /* 4 max(0, cos) has a mean cosine of 2 / 3 */
             like.axis[k] = all > 0 ? (float)(fmin(1.5 * fmax(ahead / all, 0), 1) * beam->direction[k]) : 0;
         like.radius = (float)(0.37 * length);
-        spsi_emitters_add(flights, NULL, point, beam->fraction / (4 * SPSI_PI), -1, &like, items);
+        spsi_emitters_add(flights, point, beam->fraction / (4 * SPSI_PI), -1, &like, items);
     }
 }
 
@@ -24444,7 +24454,7 @@ static void spsi_beams_on_polygons(const spsi_cell_job *job, const spsi_shadow *
             like.axis[c] = (float)hits.surface[i].normal[c];
         }
         spsi_along(hits.surface[i].point, hits.surface[i].normal, 1e-3 * job->grid->edge, point);
-        spsi_emitters_add(flights, NULL, point, met[i]->fraction * area / (4 * SPSI_PI), -1, &like, items);
+        spsi_emitters_add(flights, point, met[i]->fraction * area / (4 * SPSI_PI), -1, &like, items);
     }
 }
 
@@ -24502,7 +24512,8 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     if (!items[0] || spsi_flights_begin(job->context, job->grid, job->grid_count, most, trees))
         return job->context->result;
     for (int i = 1; i < SPSI_FLIGHT_TREES; ++i) items[i] = items[i - 1] + most[i - 1];
-    spsi_emitters_list(job->context, frame, job->faces, blocks, trees, items);
+    spsi_emitters_list(job->context, frame, blocks, trees, items);
+    for (int i = 0; i < 2; ++i) spsi_emitters_cut(job->faces, &trees[i]);
     for (int i = 0; i < frame->lamps.count && most[1] > 0; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
@@ -24738,7 +24749,7 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
         }
         for (int k = 0; k < 3; ++k) like.axis[k] = (float)(mean[k] / fmax(spsi_length(mean), 1));
         spsi_cell_centre(grid, 1, column, row % grid->size[1], row / grid->size[1], point);
-        spsi_emitters_add(flights, NULL, point, area, -1, &like, items);
+        spsi_emitters_add(flights, point, area, -1, &like, items);
         for (int t = 0; t < grid->terms; ++t) level->sent[(size_t)t * grid->count + at] *= (float)(own / power);
     }
     return flights->count - first;

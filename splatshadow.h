@@ -16702,7 +16702,7 @@ static spsi_area spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
             const spsi_v stop = spsi_mul(spsi_set(SPSI_PARTS), spsi_load_first(beam->stop + from, some));
             const spsi_v share = spsi_clamp(spsi_sub(spsi_set(layer + 1), stop), spsi_set(0), spsi_set(1));
             spsi_store_first(part->stopped + to, share, some);
-            if (spsi_bits(spsi_less(spsi_set(0), share)) & ~(~0U << some)) any = spsi_area_join(any, here);
+            if (spsi_bits(spsi_less(spsi_set(0), share)) & (int)~(~0U << some)) any = spsi_area_join(any, here);
         }
     return any;
 }
@@ -21729,11 +21729,12 @@ static spsi_v spsi_part_hidden(const spsi_shader *shader, const spsi_shadow *sha
                                const spsi_pixels *p, const spsi_part *part) {
     const int count = shader->frame->matter.classifies ? 1 : SPSI_PARTS;
     const spsi_v layers = spsi_set(SPSI_PARTS), scale = spsi_div(layers, p->line.scale);
-    spsi_v sum = spsi_set(0), at[3];
+    spsi_v sum = spsi_set(0), place[3];
     for (int i = 0; i < count; ++i) {
         const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
-        spsi_courses_at(&arrival->courses, d, at);
-        sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, at, spsi_fma(d, scale, spsi_mul(layers, p->line.base))));
+        spsi_courses_at(&arrival->courses, d, place);
+        sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, place,
+                                               spsi_fma(d, scale, spsi_mul(layers, p->line.base))));
     }
     return spsi_mul(sum, spsi_set(1.0f / (float)count));
 }

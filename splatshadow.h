@@ -16719,7 +16719,7 @@ static spsi_area spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
             const spsi_v stop = spsi_mul(spsi_set(SPSI_PARTS), spsi_load_first(beam->stop + from, some));
             const spsi_v share = spsi_clamp(spsi_sub(spsi_set(layer + 1), stop), spsi_set(0), spsi_set(1));
             spsi_store_first(part->stopped + to, share, some);
-            if (spsi_bits(spsi_less(spsi_set(0), share)) & ~(~0U << some)) any = spsi_area_join(any, here);
+            if (spsi_bits(spsi_less(spsi_set(0), share)) & (int)~(~0U << some)) any = spsi_area_join(any, here);
         }
     return any;
 }
@@ -20455,39 +20455,57 @@ typedef struct spsi_flight_list {
     int count;
 } spsi_flight_list;
 
-/* Whether a node is opened: whether some place within `reach` of one may see it under more than an angle, or may lie
-   in it. `scale` times as near to it if the list would get too long. */
-static int spsi_flights_opens(const spsi_flights *flights, const double place[3], double reach, double per_angle,
-                              double scale, const spsi_flight_node *node) {
-    const double wide = (double)node->breadth * per_angle, own = (double)node->reach;
-    const double least = scale * (reach + (wide > own ? wide : own));
+/* Places within `reach` of one, and the nodes that they take. */
+typedef struct spsi_flight_choice {
+    const spsi_flights *flights;
+    const double *place;
+    double reach, per_angle; /* 1 / the angle under which they may see a node */
+    int first;               /* of the list's entries that belong to these flights */
+} spsi_flight_choice;
+
+/* Whether a node is opened: some of the places may see it under too wide an angle, or lie in it. With a `scale` below
+   1, angles may be wider. */
+static int spsi_flights_opens(const spsi_flight_choice *choice, double scale, const spsi_flight_node *node) {
+    const double wide = scale * (double)node->breadth * choice->per_angle, own = (double)node->reach;
+    const double least = (scale < 0.25 ? 4 * scale : 1) * (choice->reach + (wide > own ? wide : own));
     double toward[3];
-    for (int k = 0; k < 3; ++k) toward[k] = place[k] - flights->centre[k] - (double)node->sum.at[k];
+    for (int k = 0; k < 3; ++k)
+        toward[k] = choice->place[k] - choice->flights->centre[k] - (double)node->sum.at[k];
     return spsi_dot(toward, toward) < least * least;
 }
 
-/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; of all that are
-   opened alike wider ones, where the list would get too long. */
+/* Opens the nodes of a list, and those that come out of them. Returns 0 if the list would get too long. */
+static int spsi_flights_open(const spsi_flight_choice *choice, double scale, spsi_flight_list *list) {
+    const spsi_flights *flights = choice->flights;
+    for (int i = choice->first; i < list->count;) {
+        const spsi_flight_node *node = list->entry[i].node;
+        if (!node || !spsi_flights_opens(choice, scale, node)) {
+            ++i;
+            continue;
+        }
+        if (list->count + SPSI_TREE_LEAF > choice->first + SPSI_FLIGHT_NODES) return 0;
+        for (int n = 0; n < (node->count > 0 ? node->count : 2); ++n) {
+            spsi_flight *to = n > 0 ? &list->entry[list->count++] : &list->entry[i];
+            to->node = node->count > 0 ? NULL : &flights->nodes[node->first + n];
+            to->emitter = to->node ? &to->node->sum : &flights->emitters[flights->order[node->first + n]];
+        }
+    }
+    return 1;
+}
+
+/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; wider ones
+   where the list would get too long: the widest are opened first. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
                                 spsi_flight_list *list) {
-    const int first = list->count, most = first + SPSI_FLIGHT_NODES;
-    int waits[SPSI_FLIGHT_NODES], count = flights->count > 0;
-    for (double scale = 1; count > 0; scale = fmax(0.9 * scale - 0.02, 0)) { /* at 0, the root is all */
-        waits[0] = 0;
-        list->count = first;
-        for (count = 1; count > 0 && list->count + count + SPSI_TREE_LEAF <= most;) {
-            const spsi_flight_node *node = &flights->nodes[waits[--count]];
-            const int opens = spsi_flights_opens(flights, place, reach, 1 / angle, scale, node);
-            if (!opens) {
-                list->entry[list->count].node = node;
-                list->entry[list->count++].emitter = &node->sum;
-            }
-            for (int i = 0; i < node->count && opens; ++i) {
-                list->entry[list->count].node = NULL;
-                list->entry[list->count++].emitter = &flights->emitters[flights->order[node->first + i]];
-            }
-            for (int i = 0; i < 2 && node->count == 0 && opens; ++i) waits[count++] = node->first + i;
-        }
+    const spsi_flight_choice choice = {flights, place, reach, 1 / angle, list->count};
+    double scale = 1, finer = 1;
+    for (int all = flights->count == 0; !all; scale = fmax(0.9 * scale - 0.02, 0)) { /* at 0, the root stays */
+        list->count = choice.first + 1;
+        list->entry[choice.first].node = flights->nodes;
+        list->entry[choice.first].emitter = &flights->nodes->sum;
+        all = spsi_flights_open(&choice, scale, list);
+        if (all && scale < 1) spsi_flights_open(&choice, finer, list);
+        finer = scale;
     }
 }
 
@@ -20814,17 +20832,18 @@ static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3]
 static double spsi_ball_lights(double distance, double height, double radius) {
     const int steps = 32;
     const double far_off = distance / fmax(radius, 1e-60), away = fmax(distance, 1e-60);
-    const double tilt = fabs(height) < distance ? height / distance : 1;
+    const double tilt = fabs(height) < distance ? height / distance : 1, level = sqrt(1 - tilt * tilt);
     const double low = far_off > 1 ? sqrt(1 - 1 / (far_off * far_off)) : -1;
     double sum = 0;
     if (fabs(height) >= radius) return fmax(height, 0) / (away * away * away);
     for (int i = 0; i < steps; ++i) {
         const double cosine = low + (1 - low) * (i + 0.5) / steps, sine = sqrt(1 - cosine * cosine);
-        const double half = sqrt(fmax(0, 1 - far_off * far_off * sine * sine)), middle = far_off * cosine;
-        const double up = cosine * tilt, aside = sine * sqrt(1 - tilt * tilt);
-        double seen = SPSI_PI * fmax(up, 0);
+        const double chord = 1 - far_off * far_off * sine * sine, half = chord > 0 ? sqrt(chord) : 0;
+        const double middle = far_off * cosine, begin = middle > half ? middle - half : 0;
+        const double up = cosine * tilt, aside = sine * level;
+        double seen = up > 0 ? SPSI_PI * up : 0;
         if (fabs(up) < aside) seen = up * acos(-up / aside) + sqrt(aside * aside - up * up);
-        sum += seen * (middle + half - fmax(middle - half, 0));
+        sum += seen * (middle + half - begin);
     }
     return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius);
 }
@@ -21778,11 +21797,12 @@ static spsi_v spsi_part_hidden(const spsi_shader *shader, const spsi_shadow *sha
                                const spsi_pixels *p, const spsi_part *part) {
     const int count = shader->frame->matter.classifies ? 1 : SPSI_PARTS;
     const spsi_v layers = spsi_set(SPSI_PARTS), scale = spsi_div(layers, p->line.scale);
-    spsi_v sum = spsi_set(0), at[3];
+    spsi_v sum = spsi_set(0), place[3];
     for (int i = 0; i < count; ++i) {
         const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
-        spsi_courses_at(&arrival->courses, d, at);
-        sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, at, spsi_fma(d, scale, spsi_mul(layers, p->line.base))));
+        spsi_courses_at(&arrival->courses, d, place);
+        sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, place,
+                                               spsi_fma(d, scale, spsi_mul(layers, p->line.base))));
     }
     return spsi_mul(sum, spsi_set(1.0f / (float)count));
 }

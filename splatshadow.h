@@ -20576,13 +20576,13 @@ static void spsi_flights_unblocked(const spsi_faces *faces, int own, int lanes, 
         spsi_packet packet;
         spsi_packet_begin(faces, 0, own >= 0, &packet);
         for (int i = 0; i < SPSI_LANES; ++i) {
-            const double radius = (double)cut[i], small = fmax(0.01 * radius * radius, 1e-60);
+            const double radius = (double)cut[i], least = fmax(0.01 * radius * radius, 1e-60);
             const double height = normal ? spsi_dot(toward[i], normal) : 0;
             double to[3], share;
             if (!(lanes >> i & 1)) continue;
             spsi_along(toward[i], places[n / 2], n & 1 ? -radius : radius, to);
             spsi_packet_add(&faces->tree, i, own, origin[i], to, &packet);
-            share = (spsi_dot(toward[i], toward[i]) + small) / (spsi_dot(to, to) + small);
+            share = (spsi_dot(toward[i], toward[i]) + least) / (spsi_dot(to, to) + least);
             if (radius > 0 && height > radius) share *= sqrt(share) * spsi_dot(to, normal) / height;
             all[i] += weight[i] = (float)share;
         }

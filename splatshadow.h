@@ -2632,11 +2632,16 @@ static void spsi_to_rays(const spsi_rays *rays, const double offset[3], double q
     for (int i = 0; i < 3; ++i) q[i] = spsi_dot(rays->inverse[i], offset);
 }
 
-/* Pixel coordinates and depth t of a world point; x and y are meaningless if t is not positive in perspective. */
-static void spsi_project(const spsi_rays *rays, const double point[3], double q[3]) {
+/* The same for a world point. */
+static void spsi_point_to_rays(const spsi_rays *rays, const double point[3], double q[3]) {
     double offset[3];
     spsi_along(point, rays->origin, -1, offset);
     spsi_to_rays(rays, offset, q);
+}
+
+/* Pixel coordinates and depth t of a world point; x and y are meaningless if t is not positive in perspective. */
+static void spsi_project(const spsi_rays *rays, const double point[3], double q[3]) {
+    spsi_point_to_rays(rays, point, q);
     if (rays->perspective && q[2] > 0) q[0] /= q[2], q[1] /= q[2];
 }
 
@@ -8828,8 +8833,7 @@ static double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *shadin
             if (shading->is_point) spsi_along(point, shading->position, -1, way);
             spsi_to_rays(eye, way, rates[corner]);
         }
-        spsi_along(point, eye->origin, -1, point);
-        spsi_to_rays(eye, point, q[corner]);
+        spsi_point_to_rays(eye, point, q[corner]);
     }
     if (falls) end = spsi_way_in_image(eye, q, rates);
     for (int i = 0; i < 8; ++i) nearest = fmin(nearest, rates[i][2] < 0 ? q[i][2] + end * rates[i][2] : q[i][2]);
@@ -9025,12 +9029,6 @@ static void spsi_image_halve_texel(const spsi_image *image, int level, int x, in
     }
 }
 
-static void spsi_image_halve(const spsi_image *image) {
-    for (int level = 1; level < image->level_count; ++level)
-        for (int y = 0; y < image->height[level] - 2; ++y)
-            for (int x = 0; x < image->width[level] - 2; ++x) spsi_image_halve_texel(image, level, x, y);
-}
-
 /* Reads the images of all lights. */
 static sps_result spsi_gather_images(sps_context *context, const spsi_frame *frame) {
     const uint64_t floats = spsi_images_lay_out(frame, NULL);
@@ -9047,7 +9045,9 @@ static sps_result spsi_gather_images(sps_context *context, const spsi_frame *fra
         const spsi_image *own = &images[lamp->projection.image];
         if (!lamp->projection.exists) continue;
         if (spsi_image_read(context, frame, lamp, own)) return context->result;
-        spsi_image_halve(own);
+        for (int level = 1; level < own->level_count; ++level)
+            for (int y = 0; y < own->height[level] - 2; ++y)
+                for (int x = 0; x < own->width[level] - 2; ++x) spsi_image_halve_texel(own, level, x, y);
     }
     frame->content->images = images;
     return SPS_OK;
@@ -11214,11 +11214,10 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
 /* Position of a brick for these rays and slabs; slab coordinates are relative to `first_slab`. */
 static void spsi_anchor_build(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_rays *rays,
                               const spsi_slabs *slabs, int first_slab, spsi_anchor *anchor) {
-    double at[3], point[3], offset[3], q[3];
+    double at[3], point[3], q[3];
     for (int i = 0; i < 3; ++i) at[i] = brick->base[i] + 0.5;
     spsi_voxel_position(lattice, at, point);
-    spsi_along(point, rays->origin, -1, offset);
-    spsi_to_rays(rays, offset, q);
+    spsi_point_to_rays(rays, point, q);
     for (int i = 0; i < 3; ++i) anchor->q[i] = (float)q[i];
     anchor->depth = (float)(q[2] - rays->depth_reference);
     anchor->slab = (float)(spsi_slab_at(slabs, point) - first_slab);
@@ -11251,11 +11250,10 @@ static void spsi_voxel_breadths(const spsi_splatter *s, const float q[3], float 
    beside the nearest. */
 static void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *rays, const spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
-        double offset[3], q[3];
+        double point[3], q[3];
         float at[3], breadth[3];
-        spsi_bounds_corner(bounds, corner, offset);
-        spsi_along(offset, rays->origin, -1, offset);
-        spsi_to_rays(rays, offset, q);
+        spsi_bounds_corner(bounds, corner, point);
+        spsi_point_to_rays(rays, point, q);
         for (int k = 0; k < 3; ++k) at[k] = (float)q[k];
         if (splatter->perspective && !(at[2] > splatter->near_depth)) return;
         spsi_voxel_breadths(splatter, at, breadth);
@@ -12430,14 +12428,6 @@ typedef struct spsi_tap_patch {
     float x[16], y[16]; /* of the rays, row by row */
 } spsi_tap_patch;
 
-static void spsi_tap_patch_place(int x0, int y0, int x1, int y1, spsi_tap_patch *patch) {
-    patch->x0 = x0, patch->y0 = y0, patch->x1 = x1, patch->y1 = y1;
-    for (int n = 0; n < 16; ++n) {
-        patch->x[n] = (float)x0 + (float)(x1 - x0) * (float)(n % 4) / 3;
-        patch->y[n] = (float)y0 + (float)(y1 - y0) * (float)(n / 4) / 3;
-    }
-}
-
 /* The ray through a patch's first corner (0), that beside it (1), or those below them (2, 3). */
 static inline int spsi_tap_corner(int corner) { return 3 * (corner & 1) + 12 * (corner >> 1); }
 
@@ -12819,8 +12809,7 @@ static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lat
         at[k] = SPSI_BRICK * (field->low[k] + share * field->size[k]) + 0.5;
     }
     spsi_voxel_position(lattice, at, point);
-    spsi_along(point, rays->origin, -1, point);
-    spsi_to_rays(rays, point, q);
+    spsi_point_to_rays(rays, point, q);
 }
 
 /* Whether a field serves these rays: voxels are no smaller than texels may be and not near the origin of rays, and
@@ -12896,9 +12885,9 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
     spsi_bounds bounds = spsi_nowhere;
     spsi_medium_bounds(medium, SPSI_REACH, &bounds);
     for (int corner = 0; corner < 8; ++corner) {
-        double offset[3], q[3];
-        for (int k = 0; k < 3; ++k) offset[k] = (corner >> k & 1 ? bounds.high[k] : bounds.low[k]) - rays->origin[k];
-        spsi_to_rays(rays, offset, q);
+        double point[3], q[3];
+        spsi_bounds_corner(&bounds, corner, point);
+        spsi_point_to_rays(rays, point, q);
         if (!(q[2] < rays->near_depth)) return 0;
     }
     return 1;
@@ -13614,8 +13603,7 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
     int ahead = 0, back = 0;
     for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + 0.5 + brick->low[k] - reach;
     spsi_voxel_position(lattice, at, point);
-    spsi_along(point, rays->origin, -1, point);
-    spsi_to_rays(rays, point, first);
+    spsi_point_to_rays(rays, point, first);
     for (int k = 0; k < 3; ++k) {
         spsi_to_rays(rays, lattice->step[k], edges[k]);
         for (int i = 0; i < 3; ++i) edges[k][i] *= brick->high[k] - brick->low[k] + 2 * reach;
@@ -13877,9 +13865,12 @@ static void spsi_tile_carry(spsi_tile_fill *fill) {
 static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_tap_patch *patch) {
     const int x = tile->x0 + number % 8 * SPSI_PATCH, y = tile->y0 + number / 8 * SPSI_PATCH;
     const int x1 = spsi_least(tile->x1, x + SPSI_PATCH - 1), y1 = spsi_least(tile->y1, y + SPSI_PATCH - 1);
-    if (x > x1 || y > y1) return 0;
-    spsi_tap_patch_place(x, y, x1, y1, patch);
-    return 1;
+    patch->x0 = x, patch->y0 = y, patch->x1 = x1, patch->y1 = y1;
+    for (int n = 0; n < 16; ++n) {
+        patch->x[n] = (float)x + (float)(x1 - x) * (float)(n % 4) / 3;
+        patch->y[n] = (float)y + (float)(y1 - y) * (float)(n / 4) / 3;
+    }
+    return x <= x1 && y <= y1;
 }
 
 /* Optical depth of a slab on a patch's rays, if the value of a gas is 1. */
@@ -16436,8 +16427,7 @@ static int spsi_beam_aim(const spsi_frame *frame, const spsi_penumbra *penumbra,
     double offset[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, *corner;
     beam->rays = *rays;
     if (rays->perspective) {
-        spsi_along(point->position, rays->origin, -1, offset);
-        spsi_to_rays(rays, offset, beam->shift);
+        spsi_point_to_rays(rays, point->position, beam->shift);
         memcpy(beam->rays.origin, point->position, sizeof beam->rays.origin);
     } else {
         const double across = spsi_dot(slabs->normal, rays->c), own = spsi_dot(slabs->normal, point->direction);
@@ -16889,13 +16879,6 @@ static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int wor
 
 #define SPSI_BEAM_BLOCK 32 /* texels on a side of a block, which crosses sheets as a whole or not at all */
 
-/* Rows of blocks of the tallest beam. */
-static int spsi_beam_tasks(const spsi_penumbra *penumbra) {
-    int most = 0;
-    for (int i = 0; i < penumbra->beam_count; ++i) most = spsi_most(most, penumbra->beams[i].rays.height);
-    return (most + SPSI_BEAM_BLOCK - 1) / SPSI_BEAM_BLOCK;
-}
-
 /* Lets a block of a beam's texels cross the chunk's sheets. */
 static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area block) {
     const double first = penumbra->first_slab;
@@ -16923,21 +16906,18 @@ static void spsi_beam_task(void *data, int index) {
     }
 }
 
-/* Texels of the tiles whose sheets hold something. */
-static spsi_area spsi_penumbra_held(const spsi_penumbra *penumbra) {
-    spsi_area area = spsi_area_none();
-    for (int tile = 0; tile < penumbra->tiles_x * penumbra->tiles_y; ++tile)
-        if (penumbra->held[tile]) area = spsi_area_join(area, spsi_tile_area(penumbra, tile));
-    return area;
-}
-
 /* Lets the beams cross the sheets that are kept, if they have not yet. */
 static void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra) {
     const double first = penumbra->first_slab;
-    const spsi_area held = spsi_penumbra_held(penumbra);
+    spsi_area held = spsi_area_none(); /* texels of the tiles whose sheets hold something */
+    int most = 0;                      /* rows of the tallest beam */
     if (!penumbra->pending) return;
     penumbra->pending = 0;
-    spsi_parallel_items(context, penumbra->beam_count * spsi_beam_tasks(penumbra), spsi_beam_task, penumbra);
+    for (int tile = 0; tile < penumbra->tiles_x * penumbra->tiles_y; ++tile)
+        if (penumbra->held[tile]) held = spsi_area_join(held, spsi_tile_area(penumbra, tile));
+    for (int i = 0; i < penumbra->beam_count; ++i) most = spsi_most(most, penumbra->beams[i].rays.height);
+    spsi_parallel_items(context, penumbra->beam_count * ((most + SPSI_BEAM_BLOCK - 1) / SPSI_BEAM_BLOCK),
+                        spsi_beam_task, penumbra);
     for (int i = 0; i < penumbra->beam_count && !spsi_area_empty(held); ++i) {
         spsi_beam *beam = &penumbra->beams[i];
         const spsi_area crossed = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, held);
@@ -17531,7 +17511,8 @@ static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *
 }
 
 /* Sets all planes of a tile to the optical depth so far, if the last chunk changed it. */
-static void spsi_planes_level(spsi_planes *planes, int tile) {
+static void spsi_planes_level(void *data, int tile) {
+    spsi_planes *planes = (spsi_planes *)data;
     const int x0 = tile % planes->tiles_x * SPSI_TILE_WIDTH, y0 = tile / planes->tiles_x * SPSI_TILE_HEIGHT;
     const int width = spsi_least(SPSI_TILE_WIDTH, planes->width - x0);
     if (!planes->uneven[tile]) return;
@@ -17677,16 +17658,12 @@ static void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     context->stats.seconds_light += spsi_clock(context) - start;
 }
 
-static void spsi_level_task(void *data, int index) {
-    spsi_planes_level(&((spsi_sliced *)data)->planes, index);
-}
-
 /* Advances past the current chunk: all planes hold the optical depth so far. */
 static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
     if (sliced->is_soft)
         spsi_penumbra_cross(context, &sliced->penumbra);
     else
-        spsi_parallel_items(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_level_task, sliced);
+        spsi_parallel_items(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_planes_level, &sliced->planes);
 }
 
 /* --- lookup --- */
@@ -22579,11 +22556,9 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
         spsi_bounds_add(&job.from[0], grid->corner);
         spsi_bounds_add(&job.from[0], far_corner);
     }
-    for (int i = 0; i < SPSI_FLIGHT_TREES && content->flights; ++i) {
-        if (content->flights[i].count == 0 || !(content->flights[i].to_polygons > 0)) continue;
-        spsi_bounds_add(&job.from[1], content->flights[i].bounds.low);
-        spsi_bounds_add(&job.from[1], content->flights[i].bounds.high);
-    }
+    for (int i = 0; i < SPSI_FLIGHT_TREES && content->flights; ++i)
+        if (content->flights[i].count > 0 && content->flights[i].to_polygons > 0)
+            spsi_bounds_join(&job.from[1], &content->flights[i].bounds);
     spsi_parallel(context,
                   (content->eye.width + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE *
                       ((content->eye.height + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE),
@@ -27432,9 +27407,7 @@ typedef struct spsi_marcher {
 } spsi_marcher;
 
 static spsi_between spsi_between_of(double low, double high) {
-    spsi_between interval;
-    interval.low = low;
-    interval.high = high;
+    const spsi_between interval = {low, high};
     return interval;
 }
 
@@ -27525,14 +27498,14 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
 typedef struct spsi_ray_chord {
     double depth;        /* of the whole chord */
     double middle, half; /* where s is 0, and its half length */
-    double from, to;     /* the function at the ends of the ray's segment */
+    double at[2];        /* the function at the ends of the ray's segment */
 } spsi_ray_chord;
 
 /* Returns 0 if the ray's line does not meet the ball. */
 static int spsi_ray_chord_in_ball(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
                                   spsi_ray_chord *chord) {
     const double radius = (double)particle->radius;
-    double offset[3], ends[2], square;
+    double offset[3], square;
     for (int i = 0; i < 3; ++i) offset[i] = (double)particle->position[i] - ray->origin[i];
     chord->middle = spsi_dot(offset, ray->direction);
     spsi_along(offset, ray->direction, -chord->middle, offset);
@@ -27541,11 +27514,9 @@ static int spsi_ray_chord_in_ball(const spsi_ray *ray, const sps_particle *parti
     chord->half = radius * sqrt(square);
     chord->depth = fmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX) * sqrt(square);
     if (set->soft) chord->depth *= square;
-    ends[0] = fmin(fmax((ray->low - chord->middle) / chord->half, -1), 1);
-    ends[1] = fmin(fmax((ray->high - chord->middle) / chord->half, -1), 1);
-    for (int i = 0; i < 2; ++i) ends[i] *= set->soft ? (3 - ends[i] * ends[i]) / 4 : 0.5;
-    chord->from = ends[0];
-    chord->to = ends[1];
+    chord->at[0] = fmin(fmax((ray->low - chord->middle) / chord->half, -1), 1);
+    chord->at[1] = fmin(fmax((ray->high - chord->middle) / chord->half, -1), 1);
+    for (int i = 0; i < 2; ++i) chord->at[i] *= set->soft ? (3 - chord->at[i] * chord->at[i]) / 4 : 0.5;
     return 1;
 }
 
@@ -27561,7 +27532,7 @@ static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *
         const spsi_particle_set *set = spsi_set_of(frame, particle);
         spsi_ray_chord chord;
         if (spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord))
-            depths[set - frame->particles.sets] += chord.depth * (chord.to - chord.from);
+            depths[set - frame->particles.sets] += chord.depth * (chord.at[1] - chord.at[0]);
     }
     for (int i = 0; i < frame->particles.set_count; ++i) sum += depths[i];
     return sum;
@@ -29134,7 +29105,7 @@ static void spsi_tracker_enter(spsi_tracker *tracker) {
 
 /* Returns 0 if the ray does not meet the volume. */
 static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const spsi_ray *ray, spsi_tracker *tracker) {
-    spsi_ray local;
+    spsi_ray local = *ray;
     double offset[3], low[3], high[3], range[2];
     tracker->grid = &marcher->grids[medium];
     tracker->material = spsi_part_material(marcher->frame, medium);
@@ -29147,8 +29118,6 @@ static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const sps
         low[i] = -SPSI_REFERENCE_REACH;
         high[i] = tracker->grid->size[i] + SPSI_REFERENCE_REACH;
     }
-    local.low = ray->low;
-    local.high = ray->high;
     if (!spsi_ray_meets_box(&local, low, high, range) || !(range[1] > range[0])) return 0;
     tracker->voxel = 1 / spsi_length(tracker->along);
     tracker->t = range[0];
@@ -29205,8 +29174,8 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
         spsi_ray_chord chord;
         double at;
         if (!spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord)) continue;
-        at = chord.from + spsi_random_depth(random) / chord.depth;
-        if (!(at < chord.to)) continue;
+        at = chord.at[0] + spsi_random_depth(random) / chord.depth;
+        if (!(at < chord.at[1])) continue;
         at = set->soft ? 2 * sin(asin(fmax(2 * at, -1)) / 3) : 2 * at; /* s, of 3 s / 4 - s^3 / 4 */
         ray->high = fmax(chord.middle + at * chord.half, ray->low);
         *part = frame->medium_count + (int)(set - frame->particles.sets);

@@ -7557,14 +7557,10 @@ static void spsi_group_look(const spsi_layers_job *job, const spsi_rays *rays, c
 /* Describes what one sample sees. */
 static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, int x, int y, spsi_group *group) {
     spsi_edges e;
-    spsi_hit hit;
     double w[3] = {1, 0, 0};
     spsi_face_edges(job->faces, face, &job->fine, &e);
     spsi_face_hit(&e, x, y, w);
-    hit.depth = depth;
-    hit.face = face;
-    hit.weights[0] = (float)w[1];
-    hit.weights[1] = (float)w[2];
+    const spsi_hit hit = {depth, face, {(float)w[1], (float)w[2]}};
     spsi_group_look(job, &job->fine, &hit, x, y, group);
     group->mask = 0;
 }
@@ -11170,11 +11166,7 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
                              const spsi_segment *segment, const spsi_brick *brick, float *channel) {
     const spsi_v reach = spsi_set(s->reach_slabs);
     spsi_footprints f;
-    spsi_print print;
-    print.tile = tile;
-    print.splatter = s;
-    print.footprints = &f;
-    print.channel = channel;
+    spsi_print print = {tile, s, &f, 0, channel};
     memset(&f, 0, sizeof f); /* compilers do not see that perspective fills it in later */
     if (!s->perspective) spsi_footprint_shape(s, spsi_set(0), spsi_set(0), spsi_set(1), spsi_set(1), &f);
     const float unit = f.amplitude[0];
@@ -11536,19 +11528,14 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     const float low = seen->slab - seen->reach - rounding, high = seen->slab + seen->reach + rounding;
     const int clamped = ball->near_by || (tile->clamped && (ball->t + seen->reach_depth > tile->nearest_limit ||
                                                             ball->t - seen->reach_depth < crossing->eye_near));
-    spsi_ball_print p;
-    p.tile = tile;
-    p.crossing = crossing;
-    p.seen = seen;
-    p.x0 = spsi_most(ball->x0, tile->x0), p.x1 = spsi_least(ball->x1, tile->x1);
-    p.y0 = spsi_most(ball->y0, tile->y0), p.y1 = spsi_least(ball->y1, tile->y1);
-    p.first = (int)floorf(spsi_lower(spsi_higher(low, 0), (float)(spsi_least(left, SPSI_CHUNK) - 1)));
-    p.last = (int)ceilf(spsi_lower(spsi_higher(high, (float)(p.first + 1)), (float)spsi_least(left, SPSI_CHUNK)));
-    p.starts = starts && p.first == 0;
-    p.ends = p.last == left;
+    const int first = (int)floorf(spsi_lower(spsi_higher(low, 0), (float)(spsi_least(left, SPSI_CHUNK) - 1)));
+    const int last = (int)ceilf(spsi_lower(spsi_higher(high, (float)(first + 1)), (float)spsi_least(left, SPSI_CHUNK)));
+    const spsi_ball_print p = {tile, crossing, seen, spsi_most(ball->x0, tile->x0), spsi_least(ball->x1, tile->x1),
+                               spsi_most(ball->y0, tile->y0), spsi_least(ball->y1, tile->y1), first, last,
+                               starts && first == 0, last == left};
     if (p.x0 > p.x1 || p.y0 > p.y1 || !(tile->open & spsi_patches(tile, p.x0, p.y0, p.x1, p.y1))) return;
     tile->visits += 1;
-    tile->fragments += (uint64_t)(p.x1 - p.x0 + 1) * (uint64_t)(p.y1 - p.y0 + 1) * (uint64_t)(p.last - p.first);
+    tile->fragments += (uint64_t)(p.x1 - p.x0 + 1) * (uint64_t)(p.y1 - p.y0 + 1) * (uint64_t)(last - first);
     if (clamped)
         spsi_splat_ball(&p, 1);
     else
@@ -13251,9 +13238,7 @@ static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field *field = &fields->list[m];
         const size_t count = 8 * spsi_field_cells(field);
-        spsi_bend_job job;
-        job.field = field;
-        job.taps = fields->taps;
+        spsi_bend_job job = {field, fields->taps};
         field->bends = bends;
         bends += count;
         if (field->count == 0) continue;
@@ -14239,10 +14224,8 @@ typedef struct spsi_row_slabs {
 
 static inline spsi_row_slabs spsi_row_slabs_at(const spsi_light_shader *shader, int x, int y) {
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
-    spsi_row_slabs slabs;
-    slabs.length = spsi_ray_lengths(shader->rays, at, (float)y);
-    slabs.count = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y));
-    slabs.per_slab = spsi_div(spsi_set(1), slabs.count);
+    const spsi_v count = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y));
+    const spsi_row_slabs slabs = {spsi_ray_lengths(shader->rays, at, (float)y), count, spsi_div(spsi_set(1), count)};
     return slabs;
 }
 
@@ -17279,22 +17262,12 @@ static void spsi_spread_column_by(const spsi_spread_column *column) {
 
 /* Spreads light along its columns: those of side 1 are rows. */
 static void spsi_spread_along(const spsi_spread_light *light, int side, float **part, int from, float least) {
-    spsi_spread_column column;
-    column.light = light;
-    column.side = side;
-    column.part = part;
-    column.from = from;
-    column.least = least;
-    column.way = side ? SPSI_SPREAD_WIDTH_X : SPSI_SPREAD_WIDTH_Y;
-    column.pitch = (size_t)light->pitch[side];
-    column.lines = light->size[!side];
-    column.share = light->memory;
-    column.moved[0] = column.share + (size_t)(column.lines + SPSI_SPREAD_STEP) * SPSI_LANES;
-    column.moved[1] = column.moved[0] + (size_t)(column.lines + 2 * SPSI_SPREAD_STEP) * SPSI_LANES;
-    for (int x = 0; x < light->pitch[side]; x += SPSI_LANES) {
-        column.first = (size_t)x;
-        spsi_spread_column_by(&column);
-    }
+    const int lines = light->size[!side];
+    float *up = light->memory + (size_t)(lines + SPSI_SPREAD_STEP) * SPSI_LANES;
+    float *down = up + (size_t)(lines + 2 * SPSI_SPREAD_STEP) * SPSI_LANES;
+    spsi_spread_column column = {light, side, part, from, side ? SPSI_SPREAD_WIDTH_X : SPSI_SPREAD_WIDTH_Y, least, 0,
+                                 (size_t)light->pitch[side], lines, light->memory, {up, down}};
+    for (; column.first < column.pitch; column.first += SPSI_LANES) spsi_spread_column_by(&column);
 }
 
 /* Turns columns into rows, or rows into columns. */
@@ -17663,7 +17636,8 @@ static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
     if (sliced->is_soft)
         spsi_penumbra_cross(context, &sliced->penumbra);
     else
-        spsi_parallel_items(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_planes_level, &sliced->planes);
+        spsi_parallel_items(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_planes_level,
+                            &sliced->planes);
 }
 
 /* --- lookup --- */

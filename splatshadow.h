@@ -11530,12 +11530,12 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
                                                             ball->t - seen->reach_depth < crossing->eye_near));
     const int first = (int)floorf(spsi_lower(spsi_higher(low, 0), (float)(spsi_least(left, SPSI_CHUNK) - 1)));
     const int last = (int)ceilf(spsi_lower(spsi_higher(high, (float)(first + 1)), (float)spsi_least(left, SPSI_CHUNK)));
-    const spsi_ball_print p = {tile, crossing, seen, spsi_most(ball->x0, tile->x0), spsi_least(ball->x1, tile->x1),
-                               spsi_most(ball->y0, tile->y0), spsi_least(ball->y1, tile->y1), first, last,
-                               starts && first == 0, last == left};
-    if (p.x0 > p.x1 || p.y0 > p.y1 || !(tile->open & spsi_patches(tile, p.x0, p.y0, p.x1, p.y1))) return;
+    const int x0 = spsi_most(ball->x0, tile->x0), x1 = spsi_least(ball->x1, tile->x1);
+    const int y0 = spsi_most(ball->y0, tile->y0), y1 = spsi_least(ball->y1, tile->y1);
+    const spsi_ball_print p = {tile, crossing, seen, x0, x1, y0, y1, first, last, starts && first == 0, last == left};
+    if (x0 > x1 || y0 > y1 || !(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
-    tile->fragments += (uint64_t)(p.x1 - p.x0 + 1) * (uint64_t)(p.y1 - p.y0 + 1) * (uint64_t)(last - first);
+    tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) * (uint64_t)(last - first);
     if (clamped)
         spsi_splat_ball(&p, 1);
     else
@@ -17262,12 +17262,12 @@ static void spsi_spread_column_by(const spsi_spread_column *column) {
 
 /* Spreads light along its columns: those of side 1 are rows. */
 static void spsi_spread_along(const spsi_spread_light *light, int side, float **part, int from, float least) {
-    const int lines = light->size[!side];
+    const int lines = light->size[!side], way = side ? SPSI_SPREAD_WIDTH_X : SPSI_SPREAD_WIDTH_Y;
+    const size_t pitch = (size_t)light->pitch[side];
     float *up = light->memory + (size_t)(lines + SPSI_SPREAD_STEP) * SPSI_LANES;
     float *down = up + (size_t)(lines + 2 * SPSI_SPREAD_STEP) * SPSI_LANES;
-    spsi_spread_column column = {light, side, part, from, side ? SPSI_SPREAD_WIDTH_X : SPSI_SPREAD_WIDTH_Y, least, 0,
-                                 (size_t)light->pitch[side], lines, light->memory, {up, down}};
-    for (; column.first < column.pitch; column.first += SPSI_LANES) spsi_spread_column_by(&column);
+    spsi_spread_column column = {light, side, part, from, way, least, 0, pitch, lines, light->memory, {up, down}};
+    for (; column.first < pitch; column.first += SPSI_LANES) spsi_spread_column_by(&column);
 }
 
 /* Turns columns into rows, or rows into columns. */

@@ -10199,13 +10199,6 @@ static int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     return spsi_sweep_turn(frame, axis, sweep) || spsi_sweep_turn(frame, eye, sweep);
 }
 
-/* The voxel edge that stands for particles: a ball has the variance of the kernel of a voxel of 0.7 radii (r^2 / 5 if
-   it is homogeneous). Particles much smaller than their cloud need not be told apart in depth: a cloud is at most about
-   500 of these edges deep. 0 without particles. */
-static double spsi_particle_edge(const spsi_frame *frame) {
-    return fmax(SPSI_PARTICLE_EDGE * frame->content->particle_radius, frame->content->particle_spread / 200);
-}
-
 /* The voxel length by which slabs across s are sized for a ray: what the ray crosses of a voxel, and half or a quarter
    of that where the ray grazes the slabs and is long in each of them. Powers of 1/2 keep all slabs in place as a light
    turns: errors that jump would be visible. */
@@ -10393,11 +10386,14 @@ static double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) 
     return fmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
 }
 
-/* Begins the n-th sweep for a part of the image. Returns the voxel edge that stands for particles, infinite without. */
+/* Begins the n-th sweep for a part of the image. Returns the voxel edge that stands for particles, infinite without: a
+   ball has the variance of the kernel of a voxel of 0.7 radii (r^2 / 5 if it is homogeneous). Particles much smaller
+   than their cloud need not be told apart in depth: a cloud is at most about 500 of these edges deep. */
 static double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     spsi_sweep_clear(frame, spsi_sliced_lamp(frame, n), part, sweep);
     sweep->first = n == 0;
-    return frame->content->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
+    if (frame->content->particle_count == 0) return HUGE_VAL;
+    return fmax(SPSI_PARTICLE_EDGE * frame->content->particle_radius, frame->content->particle_spread / 200);
 }
 
 /* Sets up the n-th sweep for a part of the image. Without gas there are no slabs, and nothing can prevent slicing. */
@@ -11075,19 +11071,14 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
     const int behind = s->whole && fabsf(slab - tile->eye_slab) < s->reach_slabs + SPSI_BEHIND;
     const float side = behind && at[2] < 0 ? -1.0f : 1.0f; /* the mirror image has the same pixels */
     int x0 = tile->x0, x1 = tile->x1, y0 = tile->y0, y1 = tile->y1;
+    const int first = (int)floorf(slab - s->reach_slabs), last = (int)floorf(slab + s->reach_slabs) + 1;
+    const float unit = s->near_case.unit, q[3] = {at[0] / unit, at[1] / unit, at[2] / unit};
+    spsi_near_print print = {tile, s, {q[0], q[1], q[2]}, value, x1, first, last, channel};
     float low, high;
-    spsi_near_print print;
     spsi_extent across, down;
-    print.tile = tile;
-    print.splatter = s;
-    for (int i = 0; i < 3; ++i) print.q[i] = at[i] / s->near_case.unit;
-    print.value = value;
-    print.first = (int)floorf(slab - s->reach_slabs);
-    print.last = (int)floorf(slab + s->reach_slabs) + 1;
-    print.channel = channel;
-    if (!spsi_near_meets(tile, s, print.q, 1) && !(behind && spsi_near_meets(tile, s, print.q, -1))) return;
-    across = spsi_near_extent(s, print.q, 0, side);
-    down = spsi_near_extent(s, print.q, 1, side);
+    if (!spsi_near_meets(tile, s, q, 1) && !(behind && spsi_near_meets(tile, s, q, -1))) return;
+    across = spsi_near_extent(s, q, 0, side);
+    down = spsi_near_extent(s, q, 1, side);
     if (spsi_extent_range(&across, &low, &high)) {
         x0 = (int)fmaxf(ceilf(low), (float)x0); /* a tile's margin may lie beyond the image */
         x1 = spsi_least(x1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
@@ -11096,12 +11087,12 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
         y0 = (int)fmaxf(ceilf(low), (float)y0);
         y1 = spsi_least(y1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
     }
-    if (x0 > x1 || y0 > y1 || print.first >= tile->slab_count || print.last <= 0) return;
+    if (x0 > x1 || y0 > y1 || first >= tile->slab_count || last <= 0) return;
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     print.x1 = x1;
     tile->visits += 1;
     tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) *
-                       (uint64_t)(spsi_least(print.last, tile->slab_count) - spsi_most(print.first, 0));
+                       (uint64_t)(spsi_least(last, tile->slab_count) - spsi_most(first, 0));
     for (int y = y0; y <= y1; ++y)
         for (int x = x0; x <= x1; x += SPSI_LANES) spsi_splat_near_row(&print, x, y);
 }
@@ -25652,7 +25643,8 @@ static void spsi_eye_task(void *data, int index, int worker) {
     uint64_t shaded = 0;
     int touched = 0;
     spsi_tile tile;
-    spsi_shading shading;
+    const spsi_scratch scratch = {run->samples + (size_t)worker * (size_t)spsi_scratch_samples(run->shader.frame),
+                                  run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count};
     if (!region->open[index]) return;
     spsi_tile_place(&run->eye, column, row, worker, &tile);
     tile.open = region->open[index];
@@ -25664,13 +25656,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     spsi_tile_limit(run, index, &tile);
     if (run->slab_count > 0) touched = spsi_tile_splat(&run->eye, &run->contents, column, row, &tile);
     if (!touched && !polygons) return;
-    shading.shader = &run->shader;
-    shading.tile = &tile;
-    shading.scratch.samples = run->samples + (size_t)worker * (size_t)spsi_scratch_samples(run->shader.frame);
-    shading.scratch.arrivals = run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count;
-    shading.slab_count = touched ? SPSI_CHUNK : 0;
-    shading.low = run->low;
-    shading.high = run->high;
+    const spsi_shading shading = {&run->shader, &tile, scratch, touched ? SPSI_CHUNK : 0, run->low, run->high};
     for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
         for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y) /* down: see spsi_plane_light */
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))

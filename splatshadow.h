@@ -237,7 +237,7 @@ typedef struct sps_error_info {
 /* Runs a loop in parallel. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on
    any threads, and return when all calls have returned and their writes are visible to the caller. Tasks that were left
    out are run afterwards by the calling thread, as worker 0. `worker` is 0..worker_count-1 and never the same for two
-   calls that run at the same time. Tasks do not block, and use up to 16 KB of stack (28 KB with AVX-512). They call no
+   calls that run at the same time. Tasks do not block, and use up to 16 KB of stack (24 KB with AVX-512). They call no
    callback except for clock_fn, and read_fn, range_fn and eval_fn of volumes that are `concurrent`, whose blocking and
    stack come on top. */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);
@@ -2641,7 +2641,7 @@ static void spsi_to_rays(const spsi_rays *rays, const double offset[3], double q
     for (int i = 0; i < 3; ++i) q[i] = spsi_dot(rays->inverse[i], offset);
 }
 
-/* The same for a world point. */
+/* Coefficients of a world point: of a, b and c, from the rays' origin. */
 static void spsi_point_to_rays(const spsi_rays *rays, const double point[3], double q[3]) {
     double offset[3];
     spsi_along(point, rays->origin, -1, offset);
@@ -9659,8 +9659,8 @@ static double spsi_ball_radius(const spsi_rays *rays, const sps_particle *partic
     return spsi_maximum((double)particle->radius, SPSI_BALL_LEAST * rays->pixel * spsi_distance_to(rays, offset));
 }
 
-/* Sets the optical depth of a ball of that radius. One below 1e-3 is thin, within 4e-4. */
-static void spsi_ball_thin(const spsi_particle_set *set, const sps_particle *particle, double radius, spsi_ball *ball) {
+/* Sets the optical depth of a ball that is widened to a radius. Below 1e-3 it falls as the area grows, within 4e-4. */
+static void spsi_ball_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius, spsi_ball *ball) {
     const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
     const double depth = spsi_particle_depth(particle, set);
     const double wide = depth < 1e-3 || !(share < 1) ? share * depth : spsi_ball_widen(depth, set->soft, share);
@@ -9745,7 +9745,7 @@ static double spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *se
     spsi_along(centre, rays->origin, -1, offset);
     spsi_project(rays, centre, q);
     radius = spsi_ball_radius(rays, particle, offset);
-    spsi_ball_thin(set, particle, radius, ball);
+    spsi_ball_dilute(set, particle, radius, ball);
     ball->x1 = ball->y1 = -1;
     ahead = q[2] / rays->per_length; /* distance from the origin's plane, in the world */
     if (!(ball->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return radius;
@@ -16583,7 +16583,7 @@ typedef struct spsi_beam_part {
     float *depth;   /* optical depth so far */
     float *stopped; /* share of light that polygons stop in a layer */
     float *lengths; /* world length per slab */
-    spsi_area stops; /* texels outside of which polygons stop nothing before the chunk ends */
+    spsi_area stops; /* texels in which polygons stop light before the chunk ends */
     float *passes;  /* per texel of the tile: transmittance of gas at the last plane */
     float *weight;  /* per texel of the tile: its mean over the last slab */
 } spsi_beam_part;
@@ -16612,7 +16612,7 @@ static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
 typedef struct spsi_lookups {
     spsi_area bounds;
     spsi_area rows[SPSI_TILE_HEIGHT / SPSI_PATCH]; /* per row of patches */
-    uint64_t layers;                               /* of the chunk's slabs, as bits: that polygons hide anything of */
+    uint64_t layers;                               /* bit i: polygons hide some of the chunk's layer i */
 } spsi_lookups;
 
 static void spsi_lookups_find(const spsi_penumbra *penumbra, int index, spsi_lookups *lookups) {
@@ -17911,10 +17911,10 @@ static double spsi_lamps_apart(const spsi_lamp *a, const spsi_lamp *b) {
     return spsi_dot(offset, offset);
 }
 
-/* Makes lights of their own of an area light's points that share a table: those that are nearest to one of as many even
-   places. Tables are made from the means of their points, moved away from the light's centre until their variance is
-   that of all points: then the mean of what gas passes is right up to the third order of the light's size. Returns how
-   many there are: a place that is nearest to no point has none. */
+/* Splits an area light into lights that have a table each: a point goes to the nearest of as many even places. A table
+   is made from the mean of its points. These means move away from the light's centre until their variance is that of
+   all points: then what gas passes is right up to the third order of the light's size. Returns the number of lights:
+   a place that is nearest to no point has none. */
 static int spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts, spsi_lamp *points) {
     const double *centre = lamp->is_point ? lamp->position : lamp->direction;
     double variance = 0, kept = 0;
@@ -23092,7 +23092,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
 }
 
 /* The i-th part of a slab. `depth` is the optical depth that the ray has accumulated: front to back, that in front of
-   the part. A part begins where the one before ended, which `part` still holds. */
+   the part. The share of it begins where that of the part before ended, which `part` still holds. */
 static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth, spsi_part *part) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
@@ -23101,7 +23101,7 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
     part->samples = slab->samples + i * slab->material_count;
     part->middle = spsi_mix(from, to, spsi_set(((float)i + 0.5f) / count));
     part->half = spsi_mul(spsi_abs(spsi_sub(to, from)), spsi_set(0.5f / count));
-    part->ends[0] = i > 0 ? part->ends[1] : from;
+    part->ends[0] = i > 0 ? spsi_mix(from, to, spsi_set((float)i / count)) : from;
     part->ends[1] = i + 1 < slab->part_count ? spsi_mix(from, to, spsi_set(((float)i + 1) / count)) : to;
     part->depth = slab->part_depth[i];
     part->first = i > 0 ? part->last : spsi_set(0);
@@ -23112,20 +23112,19 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
     part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
 }
 
-/* The shares from cut[0] to cut[1] of a slab's way, as far as they belong to one part of it, the whole. Within a part,
-   matter is even. `samples` receives its samples. Returns 0 if there is nothing of it. */
-static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], const spsi_part *whole,
-                         spsi_sample *samples, spsi_v depth, spsi_part *part) {
+/* Cuts a part to the shares from cut[0] to cut[1] of its slab's way. Within a part, matter is even. `samples` receives
+   what is left of its samples. Returns 0 if nothing is left. */
+static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], spsi_sample *samples,
+                         spsi_v depth, spsi_part *part) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v zero = spsi_set(0), one = spsi_set(1), count = spsi_set((float)slab->part_count);
-    const spsi_v number = spsi_set((float)whole->number);
+    const spsi_v number = spsi_set((float)part->number), end = part->ends[0], first = part->first;
     const spsi_v from = spsi_clamp(spsi_sub(spsi_mul(cut[0], count), number), zero, one);
     const spsi_v to = spsi_clamp(spsi_sub(spsi_mul(cut[1], count), number), from, one);
     const spsi_v share = spsi_sub(to, from), aside = spsi_sub(spsi_add(from, to), one);
     if (!spsi_bits(spsi_less(zero, share))) return 0;
-    *part = *whole;
     for (int m = 0; m < slab->material_count; ++m) {
-        samples[m] = whole->samples[m];
+        samples[m] = part->samples[m];
         samples[m].depth = spsi_mul(samples[m].depth, share);
         samples[m].value_length = spsi_mul(samples[m].value_length, share);
     }
@@ -23133,13 +23132,13 @@ static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, const
     part->is_cut = 1;
     part->cut[0] = from;
     part->cut[1] = to;
-    part->middle = spsi_fma(spsi_mul(whole->half, spsi_set(backwards ? -1.0f : 1.0f)), aside, whole->middle);
-    part->half = spsi_mul(whole->half, share);
-    part->ends[0] = spsi_mix(whole->ends[0], whole->ends[1], from);
-    part->ends[1] = spsi_mix(whole->ends[0], whole->ends[1], to);
-    part->depth = spsi_mul(whole->depth, share);
-    part->first = spsi_mix(whole->first, whole->last, from);
-    part->last = spsi_mix(whole->first, whole->last, to);
+    part->middle = spsi_fma(spsi_mul(part->half, spsi_set(backwards ? -1.0f : 1.0f)), aside, part->middle);
+    part->half = spsi_mul(part->half, share);
+    part->ends[0] = spsi_mix(end, part->ends[1], from);
+    part->ends[1] = spsi_mix(end, part->ends[1], to);
+    part->depth = spsi_mul(part->depth, share);
+    part->first = spsi_mix(first, part->last, from);
+    part->last = spsi_mix(first, part->last, to);
     part->before = backwards ? part->depth : depth;
     part->after = backwards ? zero : spsi_add(depth, part->depth);
     return 1;
@@ -23215,12 +23214,15 @@ static const spsi_ahead *spsi_row_ahead(const spsi_row *row) { return row->has_l
 static void spsi_add_parts(const spsi_shading *shading, const spsi_v *cut, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     spsi_sample *samples = shading->scratch.samples + SPSI_PARTS * row->slab.material_count;
-    spsi_part whole, some;
+    spsi_part part;
     for (int i = 0; i < row->slab.part_count; ++i) {
-        spsi_part_build(shader, &row->slab, i, row->sum.depth, &whole);
-        if (cut && !spsi_part_cut(shader, &row->slab, cut, &whole, samples, row->sum.depth, &some)) continue;
-        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), (cut ? &some : &whole)->depth)))
-            spsi_add_part(shader, &row->pixels, &row->slab, cut ? &some : &whole, spsi_row_ahead(row), &row->sum);
+        spsi_v last; /* where the next part's share begins */
+        spsi_part_build(shader, &row->slab, i, row->sum.depth, &part);
+        last = part.last;
+        if ((!cut || spsi_part_cut(shader, &row->slab, cut, samples, row->sum.depth, &part)) &&
+            (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth))))
+            spsi_add_part(shader, &row->pixels, &row->slab, &part, spsi_row_ahead(row), &row->sum);
+        part.last = last;
     }
 }
 

@@ -9660,7 +9660,8 @@ static double spsi_ball_radius(const spsi_rays *rays, const sps_particle *partic
 }
 
 /* Sets the optical depth of a ball that is widened to a radius. Below 1e-3 it falls as the area grows, within 4e-4. */
-static void spsi_ball_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius, spsi_ball *ball) {
+static void spsi_ball_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius,
+                             spsi_ball *ball) {
     const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
     const double depth = spsi_particle_depth(particle, set);
     const double wide = depth < 1e-3 || !(share < 1) ? share * depth : spsi_ball_widen(depth, set->soft, share);
@@ -20486,32 +20487,39 @@ static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
 
 /* --- what arrives --- */
 
+/* What first flights reach: a point of a polygon, or a cell. */
+typedef struct spsi_flight_place {
+    const spsi_frame *frame;
+    const spsi_faces *faces;              /* NULL: none are in the way */
+    const double *point, *start, *normal; /* start: of rays; normal: a unit vector; NULL: a cell */
+    int face; /* that the point is on; -1: none, it is a cell's, which takes only what flies to cells */
+} spsi_flight_place;
+
 /* What polygons let pass of a vector of rays, by color. A ray to a ball of radius `cut` that polygons may cut stands
    for 16 places in it, whose heights along each axis are those of its sixteenths. It gets their mean, weighted by how
-   much they light the receiver: a surface below the whole ball, or, if `normal` is NULL, a cell. `own`: the
-   face that all rays begin on; -1: none. */
-static void spsi_flights_unblocked(const spsi_faces *faces, int own, int lanes, double origin[SPSI_LANES][3],
-                                   double toward[SPSI_LANES][3], const float cut[SPSI_LANES], const double *normal,
-                                   spsi_v passes[3]) {
+   much they light the receiver: a cell, or a surface below the whole ball. */
+static void spsi_flights_unblocked(const spsi_flight_place *place, int lanes, double origin[SPSI_LANES][3],
+                                   double toward[SPSI_LANES][3], const float cut[SPSI_LANES], spsi_v passes[3]) {
     static const double places[8][3] = {{-0.62, -0.49, 0.04}, {0.77, 0.13, 0.49},   {0.3, -0.21, -0.79},
                                         {-0.4, 0.63, -0.41},  {-0.5, 0.05, -0.19},  {-0.22, -0.39, 0.63},
                                         {-0.13, 0.3, 0.3},    {0.05, -0.78, -0.13}}; /* and opposite ones */
+    const double *normal = place->normal;
     float out[3][SPSI_LANES] = {{0}}, all[SPSI_LANES] = {0}, weight[SPSI_LANES] = {0};
     for (int n = 0; n < 16 && lanes; ++n) {
         spsi_packet packet;
-        spsi_packet_begin(faces, 0, own >= 0, &packet);
+        spsi_packet_begin(place->faces, 0, place->face >= 0, &packet);
         for (int i = 0; i < SPSI_LANES; ++i) {
             const double radius = (double)cut[i], least = fmax(0.01 * radius * radius, 1e-60);
             const double height = normal ? spsi_dot(toward[i], normal) : 0;
             double to[3], share;
             if (!(lanes >> i & 1)) continue;
             spsi_along(toward[i], places[n / 2], n & 1 ? -radius : radius, to);
-            spsi_packet_add(&faces->tree, i, own, origin[i], to, &packet);
+            spsi_packet_add(&place->faces->tree, i, place->face, origin[i], to, &packet);
             share = (spsi_dot(toward[i], toward[i]) + least) / (spsi_dot(to, to) + least);
             if (radius > 0 && height > radius) share *= sqrt(share) * spsi_dot(to, normal) / height;
             all[i] += weight[i] = (float)share;
         }
-        spsi_packet_trace(faces, &packet);
+        spsi_packet_trace(place->faces, &packet);
         for (int i = 0; i < SPSI_LANES; ++i) {
             double through[3] = {1, 1, 1};
             if (!(cut[i] > 0)) lanes &= ~(1 << i);
@@ -20568,6 +20576,7 @@ static void spsi_flight_cells_build(const spsi_flight_job *job, const int first[
 /* What polygons let pass between a node and a vector of cells. */
 static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_flight_cells *cells,
                                         const spsi_emitter *node, spsi_v passes[3]) {
+    const spsi_flight_place place = {job->frame, job->faces, NULL, NULL, NULL, -1};
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3];
     float cut[SPSI_LANES];
     for (int i = 0; i < SPSI_LANES; ++i) {
@@ -20576,7 +20585,7 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
                          cells->at[2], origin[i]);
         for (int k = 0; k < 3; ++k) toward[i][k] = job->flights->centre[k] + (double)node->at[k] - origin[i][k];
     }
-    spsi_flights_unblocked(job->faces, -1, cells->lanes, origin, toward, cut, NULL, passes);
+    spsi_flights_unblocked(&place, cells->lanes, origin, toward, cut, passes);
 }
 
 /* The square of the distance whose inverse is the mean of 1 / distance^2 over a cell of edge 1 and over an even ball of
@@ -20729,14 +20738,6 @@ static void spsi_flights_light_task(void *data, int index) {
     for (; first[0] < size[0]; first[0] += SPSI_FLIGHT_BLOCK) spsi_flights_light_cube(job, first);
 }
 
-/* Points of polygons that first flights reach. */
-typedef struct spsi_flight_place {
-    const spsi_frame *frame;
-    const spsi_faces *faces;              /* NULL: none are in the way */
-    const double *point, *start, *normal; /* start: of rays; normal: a unit vector */
-    int face; /* that the point is on; -1: none, it is a cell's, which takes only what flies to cells */
-} spsi_flight_place;
-
 /* What a node sends in the direction from a point to it, turned round, over the mean of all directions. */
 static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3], double distance) {
     const double axis[3] = {(double)node->axis[0], (double)node->axis[1], (double)node->axis[2]};
@@ -20803,8 +20804,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
     if (!some) return;
     for (int c = 0; c < 3; ++c) passes[c] = spsi_set(1);
-    if (place->faces)
-        spsi_flights_unblocked(place->faces, place->face, some, origin, toward, cut, place->normal, passes);
+    if (place->faces) spsi_flights_unblocked(place, some, origin, toward, cut, passes);
     spsi_flight_ways_pass(flights, &ways, through);
     for (int c = 0; c < flights->grids[0].channels; ++c) {
         spsi_store(out[c], spsi_mul(passes[c], through[c]));

@@ -458,8 +458,8 @@ typedef struct sps_particle {
 /* A set of particles of the same material. Those smaller than a pixel or texel are widened to one, and stop as much
    light as before. Up to 8/3 pixels (1 texel) a thin particle keeps its mass wherever it lies; from 4 pixels (1.5
    texels) on, optical depth along rays is exact, for slabs of any thickness. Light within a ball is resolved by slabs
-   (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality; both are up to 8
-   times finer where particles are dense. A particle that overlaps a polygon ends at it. */
+   (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality. Both are up to
+   8 times finer where particles are dense. A particle that overlaps a polygon ends at it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -9643,7 +9643,7 @@ static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
 }
 
 /* Optical depth of a ball that is widened until its own area is a share of its new one: it stops as much light as
-   before. Of light on its outline a ball lets pass f^-2, or f^-2/3 if soft, where f is a fit: within 1 % of what an even
+   before. A ball lets pass f^-2 of the light on its outline, or f^-2/3 if soft. f is a fit: within 1 % of what an even
    ball stops, 1 - 2 (1 - (1 + d) e^-d) / d^2, and within 2 % of what a soft one does. */
 static double spsi_ball_widen(double depth, int soft, double share) {
     const double a = soft ? 0.6 : 1.0 / 3, b = soft ? 0.566 : 0.374, c = soft ? 3.6 : 7;

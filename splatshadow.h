@@ -18444,7 +18444,7 @@ typedef struct spsi_cell_solver {
     spsi_cell_level levels[SPSI_CELL_LEVELS];
     float *scratch;  /* rows and planes of radiance */
     double *balance; /* per plane of cells: what is missing, and what is sent */
-    float *leaving;  /* per plane of cells, three parts: what leaves the grid; NULL: not wanted */
+    float *leaving;  /* what leaves the grid in parts of a sweep: up and down, and within each plane; NULL: not wanted */
 } spsi_cell_solver;
 
 /* The link by which light in the direction of a step enters a cell. */
@@ -18736,8 +18736,10 @@ static int spsi_cell_patch_first(int patch, int size) {
     return (patch * size + SPSI_CELL_PATCHES - 1) / SPSI_CELL_PATCHES;
 }
 
-/* Floats of what leaves the grid, by plane of cells, part of a sweep, harmonic and patch. */
-static size_t spsi_cell_leaving_floats(int planes) { return 3 * SPSI_CELL_TERMS * SPSI_CELL_SHEET * (size_t)planes; }
+/* Floats of what leaves the grid, by part of a sweep, patch and harmonic. */
+static size_t spsi_cell_leaving_floats(int planes) {
+    return SPSI_CELL_TERMS * SPSI_CELL_SHEET * (size_t)(2 + planes);
+}
 
 /* The share of its cosine with which each side of the grid counts that light leaves by, where it leaves a cell by
    several (bits, by axis) at once: at a slant all of it crosses the side along its axis, and a third each of the
@@ -18769,9 +18771,9 @@ static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, con
         for (int k = 0; k < 3; ++k) {
             const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
             const float u = 0.57735027f * fabsf(direction->harmonic[harmonic[k]]);
-            float *to = leaving + side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
-            if (!(sides >> k & 1)) continue;
-            for (int i = 0; i < SPSI_CELL_TERMS; ++i) to[i * SPSI_CELL_SHEET] += sent * u * direction->harmonic[i];
+            float *to = leaving + (side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low]) * SPSI_CELL_TERMS;
+            for (int i = 0; i < SPSI_CELL_TERMS && sides >> k & 1; i += SPSI_LANES)
+                spsi_store(to + i, spsi_fma(spsi_set(sent * u), spsi_load(direction->harmonic + i), spsi_load(to + i)));
         }
     }
 }
@@ -18785,7 +18787,7 @@ static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int
                   pass->solver->terms);
     for (int i = 0; i < beams->count && pass->leaving; ++i)
         spsi_cell_row_leaves(level, y, z, beams->direction[i], patch, beams->out[i],
-                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_TERMS * SPSI_CELL_SHEET);
+                             pass->leaving + (size_t)(part < 2 ? part : part + z) * SPSI_CELL_TERMS * SPSI_CELL_SHEET);
 }
 
 /* --- sweeping --- */
@@ -19357,18 +19359,21 @@ static void spsi_cell_side_fit(const spsi_cell_direction *directions, int side, 
         }
 }
 
-/* Sets what leaves patches, per area: the sum over planes and parts of a sweep. */
+/* Sets what leaves patches, per area: the sum over parts of a sweep. */
 static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
     const int count = SPSI_CELL_TERMS * SPSI_CELL_SHEET;
     const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
     float *flux = grid->patches + 4 * SPSI_CELL_SHEET + (count + SPSI_CELL_SHEET) * channel;
     float *patch = flux + SPSI_CELL_SHEET;
-    memset(patch, 0, (size_t)count * sizeof *patch);
-    for (int i = 0; i < 3 * grid->size[2]; ++i)
-        for (int n = 0; n < count; ++n) patch[n] += solver->leaving[(size_t)i * (size_t)count + (size_t)n];
-    for (int n = 0; n < count; ++n) {
-        const float whole = area[n % SPSI_CELL_SHEET];
-        if (whole > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / whole;
+    for (int n = 0; n < count; n += SPSI_LANES) {
+        const int at = n / SPSI_CELL_TERMS;
+        const float per_area = area[at] > 0 ? (float)(4 * SPSI_PI * grid->edge * grid->edge) / area[at] : 1;
+        float lanes[SPSI_LANES];
+        spsi_v sum = spsi_set(0);
+        for (int i = 0; i < grid->size[2] + 2; ++i)
+            sum = spsi_add(sum, spsi_load(solver->leaving + (size_t)i * (size_t)count + n));
+        spsi_store(lanes, spsi_mul(sum, spsi_set(per_area)));
+        for (int i = 0; i < SPSI_LANES; ++i) patch[(n + i) % SPSI_CELL_TERMS * SPSI_CELL_SHEET + at] = lanes[i];
     }
     memcpy(flux, patch, SPSI_CELL_SHEET * sizeof *flux);
     for (int side = 0; side < 6; ++side) spsi_cell_side_fit(solver->directions, side, patch + side * SPSI_CELL_SIDE);

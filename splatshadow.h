@@ -18411,6 +18411,7 @@ typedef struct spsi_cell_direction {
     int length;   /* of its way through a cell */
     float weight; /* its share of the sphere */
     float harmonic[SPSI_CELL_TERMS];
+    double back[3], across[2][3]; /* unit vectors: against it, and perpendicular */
 } spsi_cell_direction;
 
 /* A grid of cells for one channel. Rows are padded to whole vectors by cells without extinction. */
@@ -18498,6 +18499,8 @@ static void spsi_cell_direction_build(int x, int y, int z, int axis, spsi_cell_d
     direction->weight = (float)weight[direction->length];
     spsi_normalise(unit);
     spsi_harmonics(unit, direction->harmonic);
+    for (int k = 0; k < 3; ++k) direction->back[k] = -unit[k];
+    spsi_basis(direction->back, direction->across[0], direction->across[1]);
 }
 
 /* All directions: those to neighbours, by step along z, then y, then x; then those at a slant that fall along z, and
@@ -19240,7 +19243,8 @@ static float spsi_cell_flown(const spsi_material *material, const double toward[
     return (float)(4 * SPSI_PI * sum) * flown[0];
 }
 
-/* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells. */
+/* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells: 0 for empty
+   ones. */
 static void spsi_cells_look_task(void *data, int row) {
     const spsi_cell_look *look = (const spsi_cell_look *)data;
     const spsi_cell_grid *grid = look->grid;
@@ -19248,6 +19252,7 @@ static void spsi_cells_look_task(void *data, int row) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         float harmonic[SPSI_CELL_TERMS], degree[SPSI_CELL_ORDERS];
         double toward[3];
+        if (!(grid->depth[at] > 0)) continue;
         spsi_cell_toward_eye(look, x, row % grid->size[1], row / grid->size[1], toward, harmonic);
         for (int c = 0; c < grid->channels; ++c) {
             const float *moments = grid->moments + (size_t)(c * grid->terms) * grid->count + at;
@@ -19292,6 +19297,16 @@ static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen,
     return count[0] > 0 ? sum[0] / (float)count[0] : count[1] > 0 ? sum[1] / (float)count[1] : 0;
 }
 
+/* Optical depth of a row's cell and those beside it in the eight rows about it. */
+static float spsi_cells_about(const spsi_cell_grid *grid, int x, int y, int z) {
+    const int *size = grid->size;
+    float sum = 0;
+    for (int pz = spsi_most(z - 1, 0); pz < spsi_least(z + 2, size[2]); ++pz)
+        for (int py = spsi_most(y - 1, 0); py < spsi_least(y + 2, size[1]); ++py)
+            sum += grid->depth[(size_t)(pz * size[1] + py) * (size_t)grid->pitch + (size_t)x];
+    return sum;
+}
+
 /* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
    of its end is between both. */
 static void spsi_cells_continue_task(void *data, int row) {
@@ -19299,9 +19314,13 @@ static void spsi_cells_continue_task(void *data, int row) {
     const spsi_cell_grid *grid = look->grid;
     const int count = look->frame->matter.material_count * grid->channels;
     int at[3] = {0, row % grid->size[1], row / grid->size[1]};
+    float about[3] = {0, 0, spsi_cells_about(grid, 0, at[1], at[2])};
     for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
         const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
-        if (grid->depth[cell] > 0) continue;
+        about[0] = about[1];
+        about[1] = about[2];
+        about[2] = at[0] + 1 < grid->size[0] ? spsi_cells_about(grid, at[0] + 1, at[1], at[2]) : 0;
+        if (grid->depth[cell] > 0 || !(about[0] + about[1] + about[2] > 0)) continue;
         for (int i = 0; i < count; ++i) {
             float *seen = grid->seen + (size_t)i * grid->count;
             seen[cell] = spsi_cells_continued(grid, seen, at);
@@ -24009,23 +24028,22 @@ static int spsi_cell_view_link(const spsi_cell_view *view, int link, spsi_ray *r
    another ray among those for which the direction stands, so that a floor is half of what cells see along it. */
 static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_direction *direction, int number,
                                   spsi_ray *ray, spsi_hit *hit) {
-    const double count = number + 1 + 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
-    const double turn = 2 * SPSI_PI * (count * 0.7548776662466927 - floor(count * 0.7548776662466927));
-    const double radius = count * 0.5698402909980532 - floor(count * 0.5698402909980532);
-    const double off = 2 * sqrt((double)direction->weight * radius);
-    double unit[3], across[2][3];
+    double count = number + 1, turn, radius, off;
     int enters = 0;
     for (int k = 0; k < 3; ++k) {
         const int next = view->at[k] - direction->step[k];
         enters |= next < 0 || next >= view->size[k];
-        unit[k] = -direction->step[k] * (k == direction->axis ? 3 : 1);
     }
     if (!enters) return 0;
-    spsi_normalise(unit);
-    spsi_basis(unit, across[0], across[1]);
+    count += 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
+    turn = 2 * SPSI_PI * (count * 0.7548776662466927 - floor(count * 0.7548776662466927));
+    radius = count * 0.5698402909980532 - floor(count * 0.5698402909980532);
+    off = 2 * sqrt((double)direction->weight * radius);
     memcpy(ray->origin, view->centre, sizeof ray->origin);
-    for (int k = 0; k < 3; ++k)
-        ray->direction[k] = view->grid->edge * (unit[k] + off * (cos(turn) * across[0][k] + sin(turn) * across[1][k]));
+    for (int k = 0; k < 3; ++k) {
+        const double aside = cos(turn) * direction->across[0][k] + sin(turn) * direction->across[1][k];
+        ray->direction[k] = view->grid->edge * (direction->back[k] + off * aside);
+    }
     ray->low = 0;
     ray->high = HUGE_VAL;
     return spsi_ray_to_wall(view->faces, ray, hit);

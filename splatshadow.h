@@ -18969,12 +18969,6 @@ static void spsi_cells_carry(spsi_cell_pass *pass) {
     spsi_parallel_items(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
 }
 
-/* Carries what cells send through all of the grid: its moments and, of the finest level, what leaves it. */
-static void spsi_cells_sweep(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
-    spsi_cells_carry(&pass);
-}
-
 /* --- the equations --- */
 
 /* Of what a cell sends in moments of one degree, what it does not receive itself and scatter again. Of its own mean,
@@ -19141,11 +19135,12 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
     return sent > 0 ? missing / sent : 0;
 }
 
-/* Sweeps a level, and finds what its cells miss, or mends it. */
+/* Carries what a level's cells send through all of the grid: its moments and, of the finest level, what leaves it. Then
+   finds what its cells miss, or mends it, unless `task` is NULL. */
 static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_level *level, spsi_item_fn task) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
     spsi_cells_carry(&pass);
-    spsi_parallel_items(solver->context, level->size[2], task, &pass);
+    if (task) spsi_parallel_items(solver->context, level->size[2], task, &pass);
 }
 
 /* Corrects what a level sends, given what it misses, by two cycles of the next coarser one; the coarsest is mended as
@@ -19163,7 +19158,7 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
     spsi_parallel_items(solver->context, coarse->size[2], spsi_cells_coarsen_task, &step);
     spsi_copy(solver->context, coarse->sent, coarse->given, (size_t)solver->terms * coarse->count * sizeof(float));
     for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
-    spsi_cells_sweep(solver, coarse);
+    spsi_cells_check(solver, coarse, NULL);
     spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
 }
 
@@ -19278,33 +19273,24 @@ static void spsi_cells_look_task(void *data, int row) {
 /* The mean of what is seen of cells beside an empty one, each continued by the next one beyond; without any, of those
    that share an edge or a corner with it; 0 without these. */
 static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
-    const size_t here = (size_t)(at[2] * grid->size[1] + at[1]) * (size_t)grid->pitch + (size_t)at[0];
+    const int *size = grid->size;
+    const size_t here = (size_t)(at[2] * size[1] + at[1]) * (size_t)grid->pitch + (size_t)at[0];
     float sum[2] = {0, 0};
     int count[2] = {0, 0};
-    for (int i = 0; i < 27; ++i) {
-        const int step[3] = {i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1};
-        const int aside = abs(step[0]) + abs(step[1]) + abs(step[2]) != 1;
-        const ptrdiff_t next = step[0] + (ptrdiff_t)grid->pitch * (step[1] + grid->size[1] * step[2]);
-        const float *depth = grid->depth + here, *own = seen + here;
-        int room = 2; /* cells before the grid ends */
-        for (int k = 0; k < 3; ++k)
-            if (step[k]) room = spsi_least(room, step[k] > 0 ? grid->size[k] - 1 - at[k] : at[k]);
-        if (room < 1 || !(depth[next] > 0)) continue;
-        count[aside] += 1;
-        sum[aside] += own[next];
-        if (!aside && room > 1 && depth[2 * next] > 0) sum[0] += spsi_higher(own[next] - own[2 * next], -own[next]);
-    }
+    for (int z = spsi_most(at[2] - 1, 0); z < spsi_least(at[2] + 2, size[2]); ++z)
+        for (int y = spsi_most(at[1] - 1, 0); y < spsi_least(at[1] + 2, size[1]); ++y)
+            for (int x = spsi_most(at[0] - 1, 0); x < spsi_least(at[0] + 2, size[0]); ++x) {
+                const size_t next = (size_t)(z * size[1] + y) * (size_t)grid->pitch + (size_t)x, beyond = 2 * next - here;
+                const int aside = abs(x - at[0]) + abs(y - at[1]) + abs(z - at[2]) != 1;
+                const int last[3] = {2 * x - at[0], 2 * y - at[1], 2 * z - at[2]};
+                int ends = aside;
+                if (!(grid->depth[next] > 0)) continue;
+                for (int k = 0; k < 3; ++k) ends |= last[k] < 0 || last[k] >= size[k];
+                count[aside] += 1;
+                sum[aside] += seen[next];
+                if (!ends && grid->depth[beyond] > 0) sum[0] += spsi_higher(seen[next] - seen[beyond], -seen[next]);
+            }
     return count[0] > 0 ? sum[0] / (float)count[0] : count[1] > 0 ? sum[1] / (float)count[1] : 0;
-}
-
-/* Optical depth of a row's cell and those beside it in the eight rows about it. */
-static float spsi_cells_about(const spsi_cell_grid *grid, int x, int y, int z) {
-    const int *size = grid->size;
-    float sum = 0;
-    for (int pz = spsi_most(z - 1, 0); pz < spsi_least(z + 2, size[2]); ++pz)
-        for (int py = spsi_most(y - 1, 0); py < spsi_least(y + 2, size[1]); ++py)
-            sum += grid->depth[(size_t)(pz * size[1] + py) * (size_t)grid->pitch + (size_t)x];
-    return sum;
 }
 
 /* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
@@ -19314,14 +19300,9 @@ static void spsi_cells_continue_task(void *data, int row) {
     const spsi_cell_grid *grid = look->grid;
     const int count = look->frame->matter.material_count * grid->channels;
     int at[3] = {0, row % grid->size[1], row / grid->size[1]};
-    float about[3] = {0, 0, spsi_cells_about(grid, 0, at[1], at[2])};
     for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
         const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
-        about[0] = about[1];
-        about[1] = about[2];
-        about[2] = at[0] + 1 < grid->size[0] ? spsi_cells_about(grid, at[0] + 1, at[1], at[2]) : 0;
-        if (grid->depth[cell] > 0 || !(about[0] + about[1] + about[2] > 0)) continue;
-        for (int i = 0; i < count; ++i) {
+        for (int i = 0; i < count && !(grid->depth[cell] > 0); ++i) {
             float *seen = grid->seen + (size_t)i * grid->count;
             seen[cell] = spsi_cells_continued(grid, seen, at);
         }
@@ -19712,6 +19693,7 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
    the same and a few rays for a point of a polygon. [Lathrop 1968] */
 
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
+#define SPSI_EMITTERS_EACH 4096  /* where more particles of a set glow, those of a block of cells are one emitter */
 #define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
 #define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
 #define SPSI_FLIGHT_STEP   0.15f /* length of a step per distance from the nearer end; at least a cell's edge */
@@ -20000,9 +19982,58 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
     }
 }
 
-/* Adds all particles: to `flights` or, as far as they always fly, to the next tree. A soft one has the spread of an
-   even ball of 0.845 of its radius, and lets out what one of 0.75 of its depth does, within 4 % up to a depth of 10.
-   What a particle hides of itself follows from its own depth: its gas in the cells about it is not counted. */
+/* Sets where a particle is, its radius, and its optical depth along it: a soft one has the spread of an even ball of
+   0.845 of its radius, and lets out what one of 0.75 of its depth does, within 4 % up to a depth of 10. Returns the
+   volume of its gas times extinction. */
+static double spsi_emitter_particle(const sps_particle *particle, const spsi_particle_set *set, double point[3],
+                                    double *own, spsi_emitter *like) {
+    const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
+    for (int k = 0; k < 3; ++k) point[k] = (double)particle->position[k];
+    *own = (set->soft ? 0.375 : 0.5) * depth;
+    like->radius = (float)(set->soft ? 0.845 * radius : radius);
+    return (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth;
+}
+
+/* Adds part of the glow of many particles: those of a block of cells are one even ball of their spread. It hides itself
+   as even gas does. Each particle hides its own light more than that, as far as it is not all of the block, nor of the
+   gas about it. Sums take the place of the tree's nodes, which follow: value, place, then square, value^2 and depth. */
+static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_set *set, const sps_particle *list,
+                                     int count, double part, spsi_emitter *like, spsi_tree_item *items) {
+    spsi_emitter_sum *sum, *sums = (spsi_emitter_sum *)(void *)flights->nodes;
+    for (int g = 0; g < flights->grid_count; ++g) {
+        spsi_cell_grid blocks = flights->grids[g];
+        double point[3], own;
+        size_t at;
+        for (blocks.pitch = blocks.size[0]; blocks.pitch * blocks.size[1] * blocks.size[2] > SPSI_EMITTERS_EACH * 4;) {
+            blocks.edge *= 2;
+            for (int k = 0; k < 3; ++k) blocks.size[k] = (blocks.size[k] + 1) / 2;
+            blocks.pitch = blocks.size[0];
+        }
+        memset(sums, 0, SPSI_EMITTERS_EACH * 4 * sizeof *sums);
+        for (int n = 0; n < count; ++n) {
+            const double amount = spsi_emitter_particle(&list[n], set, point, &own, like);
+            if (!spsi_cell_holding(&blocks, point, &at)) continue;
+            sum = &sums[at];
+            spsi_along(point, blocks.corner, -1, point);
+            spsi_along(sum->place, point, amount, sum->place);
+            sum->value += amount;
+            sum->square[0] += amount * (spsi_dot(point, point) + 0.6 * (double)(like->radius * like->radius));
+            sum->square[1] += amount * amount;
+            sum->square[2] += amount * own;
+        }
+        for (sum = sums; sum < sums + SPSI_EMITTERS_EACH * 4; ++sum) {
+            const double per = 1 / fmax(sum->value, DBL_MIN), others = 1 - per * per * sum->square[1];
+            const double square = per * sum->square[0] - per * per * spsi_dot(sum->place, sum->place);
+            spsi_along(blocks.corner, sum->place, per, point);
+            like->radius = (float)sqrt(5.0 / 3 * fmax(square, 0));
+            own = per * sum->square[2] * others * others;
+            spsi_emitters_add(flights, point, part * sum->value * spsi_ball_escape(own), -1, like, items);
+        }
+    }
+}
+
+/* Adds all particles: to `flights` or, as far as they always fly, to the next tree. What a particle hides of itself then
+   follows from its own depth: its gas in the cells about it is not counted. */
 static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights,
                                         spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_content *content = frame->content;
@@ -20010,20 +20041,21 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
         const spsi_particle_set *set = &frame->particles.sets[i];
         const spsi_material *material = &frame->matter.materials[set->channel];
         const double flies = (double)content->flies[set->channel];
+        const int count = content->set_ends[i] - n, many = count > SPSI_EMITTERS_EACH;
         spsi_emitter like;
         memset(&like, 0, sizeof like);
+        memcpy(like.sent, material->emission, sizeof like.sent);
+        if (many)
+            spsi_emitters_add_blocks(flights, set, &content->particles[n], count, 1 - flies, &like,
+                                     items[SPSI_FLIGHTS_GLOW]);
         for (; n < content->set_ends[i]; ++n) {
-            const sps_particle *particle = &content->particles[n];
-            const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
-            const double amount = (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth;
-            const double point[3] = {(double)particle->position[0], (double)particle->position[1],
-                                     (double)particle->position[2]};
-            const double own = (set->soft ? 0.375 : 0.5) * depth;
+            const double radius = (double)content->particles[n].radius;
+            double point[3], own;
+            const double amount = spsi_emitter_particle(&content->particles[n], set, point, &own, &like);
             if (!material->emits) continue;
-            like.radius = (float)(set->soft ? 0.845 * radius : radius);
             like.clear = like.gas = 0;
             memcpy(like.sent, material->emission, sizeof like.sent);
-            spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
+            if (!many) spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
             if (!(flies > 0)) continue;
             like.gas = (float)amount;
             spsi_emitter_trap(material, own, flies, &like);
@@ -24695,7 +24727,7 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
         for (size_t at = 0; at < job->grid->count; ++at)
             if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
         if (!back) changed |= spsi_cells_set_apart(job, channel) > 0;
-        if (!back && changed) spsi_cells_sweep(job->solver, level);
+        if (!back && changed) spsi_cells_check(job->solver, level, NULL);
     }
 }
 

@@ -18595,13 +18595,7 @@ typedef struct spsi_cell_pass {
     const spsi_cell_solver *solver;
     const spsi_cell_level *level;
     const float *walls; /* per cell: radiance that enters it by closed links; NULL: none */
-    float *leaving;     /* as in the solver */
 } spsi_cell_pass;
-
-static spsi_cell_pass spsi_cell_pass_of(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    const spsi_cell_pass pass = {solver, level, NULL, level == &solver->levels[0] ? solver->leaving : NULL};
-    return pass;
-}
 
 /* The distance between cells of a row whose links may be closed, from the first one on; 0: all are open. Those from
    outside matter only for what polygons send; of a row within the grid, only both ends have such. */
@@ -18785,12 +18779,13 @@ static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, con
 static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int z, const spsi_cell_beams *beams,
                                 const float *const before[2], float *moments) {
     const spsi_cell_level *level = pass->level;
+    float *leaving = level == pass->solver->levels ? pass->solver->leaving : NULL;
     int patch[3] = {0, spsi_cell_patch(y, level->size[1]), spsi_cell_patch(z, level->size[2])};
     spsi_cell_row(level, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, beams, before, moments,
                   pass->solver->terms);
-    for (int i = 0; i < beams->count && pass->leaving; ++i)
+    for (int i = 0; i < beams->count && leaving; ++i)
         spsi_cell_row_leaves(level, y, z, beams->direction[i], patch, beams->out[i],
-                             pass->leaving + (size_t)(part < 2 ? part : part + z) * SPSI_CELL_TERMS * SPSI_CELL_SHEET);
+                             leaving + (size_t)(part < 2 ? part : part + z) * SPSI_CELL_TERMS * SPSI_CELL_SHEET);
 }
 
 /* --- sweeping --- */
@@ -18964,9 +18959,11 @@ static void spsi_cells_plane_task(void *data, int z) {
 }
 
 static void spsi_cells_carry(spsi_cell_pass *pass) {
-    if (pass->leaving) memset(pass->leaving, 0, spsi_cell_leaving_floats(pass->level->size[2]) * sizeof *pass->leaving);
-    spsi_parallel_items(pass->solver->context, 2, spsi_cells_along_task, pass);
-    spsi_parallel_items(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
+    const spsi_cell_solver *solver = pass->solver;
+    if (pass->level == solver->levels && solver->leaving)
+        memset(solver->leaving, 0, spsi_cell_leaving_floats(pass->level->size[2]) * sizeof(float));
+    spsi_parallel_items(solver->context, 2, spsi_cells_along_task, pass);
+    spsi_parallel_items(solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
 }
 
 /* --- the equations --- */
@@ -19138,7 +19135,7 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
 /* Carries what a level's cells send through all of the grid: its moments and, of the finest level, what leaves it. Then
    finds what its cells miss, or mends it, unless `task` is NULL. */
 static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_level *level, spsi_item_fn task) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
+    spsi_cell_pass pass = {solver, level, NULL};
     spsi_cells_carry(&pass);
     if (task) spsi_parallel_items(solver->context, level->size[2], task, &pass);
 }
@@ -19165,7 +19162,7 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
 /* Sets up all levels from the finest one's depth and albedo. */
 static void spsi_cells_levels(const spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
-        spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[n]);
+        spsi_cell_pass pass = {solver, &solver->levels[n], NULL};
         if (n > 0) {
             const spsi_cell_level *fine = &solver->levels[n - 1];
             spsi_cell_step step = {fine, pass.level, fine->keep[0], pass.level->keep[0], solver->orders};
@@ -19694,6 +19691,7 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
 #define SPSI_EMITTERS_EACH 4096  /* where more particles of a set glow, those of a block of cells are one emitter */
+#define SPSI_EMITTER_BLOCKS 26   /* along each edge of a grid, at most: their sums fit in the nodes of so many particles */
 #define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
 #define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
 #define SPSI_FLIGHT_STEP   0.15f /* length of a step per distance from the nearer end; at least a cell's edge */
@@ -20002,14 +20000,13 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
     spsi_emitter_sum *sum, *sums = (spsi_emitter_sum *)(void *)flights->nodes;
     for (int g = 0; g < flights->grid_count; ++g) {
         spsi_cell_grid blocks = flights->grids[g];
+        const int wide = 1 + spsi_most(blocks.size[0], spsi_most(blocks.size[1], blocks.size[2])) / SPSI_EMITTER_BLOCKS;
+        size_t all = 1, at;
         double point[3], own;
-        size_t at;
-        for (blocks.pitch = blocks.size[0]; blocks.pitch * blocks.size[1] * blocks.size[2] > SPSI_EMITTERS_EACH * 4;) {
-            blocks.edge *= 2;
-            for (int k = 0; k < 3; ++k) blocks.size[k] = (blocks.size[k] + 1) / 2;
-            blocks.pitch = blocks.size[0];
-        }
-        memset(sums, 0, SPSI_EMITTERS_EACH * 4 * sizeof *sums);
+        blocks.edge *= wide;
+        for (int k = 0; k < 3; ++k) all *= (size_t)(blocks.size[k] = (blocks.size[k] + wide - 1) / wide);
+        blocks.pitch = blocks.size[0];
+        memset(sums, 0, all * sizeof *sums);
         for (int n = 0; n < count; ++n) {
             const double amount = spsi_emitter_particle(&list[n], set, point, &own, like);
             if (!spsi_cell_holding(&blocks, point, &at)) continue;
@@ -20021,7 +20018,7 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
             sum->square[1] += amount * amount;
             sum->square[2] += amount * own;
         }
-        for (sum = sums; sum < sums + SPSI_EMITTERS_EACH * 4; ++sum) {
+        for (sum = sums; sum < sums + all; ++sum) {
             const double per = 1 / fmax(sum->value, DBL_MIN), others = 1 - per * per * sum->square[1];
             const double square = per * sum->square[0] - per * per * spsi_dot(sum->place, sum->place);
             spsi_along(blocks.corner, sum->place, per, point);
@@ -24060,17 +24057,16 @@ static int spsi_cell_view_link(const spsi_cell_view *view, int link, spsi_ray *r
    another ray among those for which the direction stands, so that a floor is half of what cells see along it. */
 static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_direction *direction, int number,
                                   spsi_ray *ray, spsi_hit *hit) {
-    double count = number + 1, turn, radius, off;
+    const double count = number + 1 + 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
+    double turn, off;
     int enters = 0;
     for (int k = 0; k < 3; ++k) {
         const int next = view->at[k] - direction->step[k];
         enters |= next < 0 || next >= view->size[k];
     }
     if (!enters) return 0;
-    count += 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
     turn = 2 * SPSI_PI * (count * 0.7548776662466927 - floor(count * 0.7548776662466927));
-    radius = count * 0.5698402909980532 - floor(count * 0.5698402909980532);
-    off = 2 * sqrt((double)direction->weight * radius);
+    off = 2 * sqrt((double)direction->weight * (count * 0.5698402909980532 - floor(count * 0.5698402909980532)));
     memcpy(ray->origin, view->centre, sizeof ray->origin);
     for (int k = 0; k < 3; ++k) {
         const double aside = cos(turn) * direction->across[0][k] + sin(turn) * direction->across[1][k];
@@ -24743,12 +24739,11 @@ static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
 /* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly
    changed. Returns by how much. */
 static double spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
-    spsi_cell_pass pass = spsi_cell_pass_of(job->solver, plain);
+    spsi_cell_pass pass = {job->solver, plain, job->walls.sent};
     double change;
     if (job->wall_light) spsi_cells_take_flux(job, channel);
     change = spsi_cell_walls_send(job, channel);
     if (change < SPSI_CELL_CHANGE && job->wall_light) return change;
-    pass.walls = job->walls.sent;
     if (change > 0)
         spsi_cells_carry(&pass);
     else

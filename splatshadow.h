@@ -18445,7 +18445,7 @@ typedef struct spsi_cell_solver {
     spsi_cell_level levels[SPSI_CELL_LEVELS];
     float *scratch;  /* rows and planes of radiance */
     double *balance; /* per plane of cells: what is missing, and what is sent */
-    float *leaving;  /* what leaves the grid in parts of a sweep: up and down, and within each plane; NULL: not wanted */
+    float *leaving;  /* what leaves the grid: falling, rising, then within each plane of cells; NULL: not wanted */
 } spsi_cell_solver;
 
 /* The link by which light in the direction of a step enters a cell. */
@@ -18768,9 +18768,10 @@ static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, con
         for (int k = 0; k < 3; ++k) {
             const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
             const float u = 0.57735027f * fabsf(direction->harmonic[harmonic[k]]);
-            float *to = leaving + (side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low]) * SPSI_CELL_TERMS;
+            const int at = side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
+            float *to = &leaving[at * SPSI_CELL_TERMS];
             for (int i = 0; i < SPSI_CELL_TERMS && sides >> k & 1; i += SPSI_LANES)
-                spsi_store(to + i, spsi_fma(spsi_set(sent * u), spsi_load(direction->harmonic + i), spsi_load(to + i)));
+                spsi_store(&to[i], spsi_fma(spsi_set(sent * u), spsi_load(&direction->harmonic[i]), spsi_load(&to[i])));
         }
     }
 }
@@ -19271,13 +19272,13 @@ static void spsi_cells_look_task(void *data, int row) {
    that share an edge or a corner with it; 0 without these. */
 static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
     const int *size = grid->size;
-    const size_t here = (size_t)(at[2] * size[1] + at[1]) * (size_t)grid->pitch + (size_t)at[0];
+    const size_t pitch = (size_t)grid->pitch, here = (size_t)(at[2] * size[1] + at[1]) * pitch + (size_t)at[0];
     float sum[2] = {0, 0};
     int count[2] = {0, 0};
     for (int z = spsi_most(at[2] - 1, 0); z < spsi_least(at[2] + 2, size[2]); ++z)
         for (int y = spsi_most(at[1] - 1, 0); y < spsi_least(at[1] + 2, size[1]); ++y)
             for (int x = spsi_most(at[0] - 1, 0); x < spsi_least(at[0] + 2, size[0]); ++x) {
-                const size_t next = (size_t)(z * size[1] + y) * (size_t)grid->pitch + (size_t)x, beyond = 2 * next - here;
+                const size_t next = (size_t)(z * size[1] + y) * pitch + (size_t)x, beyond = 2 * next - here;
                 const int aside = abs(x - at[0]) + abs(y - at[1]) + abs(z - at[2]) != 1;
                 const int last[3] = {2 * x - at[0], 2 * y - at[1], 2 * z - at[2]};
                 int ends = aside;
@@ -19691,7 +19692,7 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
 #define SPSI_EMITTERS_EACH 4096  /* where more particles of a set glow, those of a block of cells are one emitter */
-#define SPSI_EMITTER_BLOCKS 26   /* along each edge of a grid, at most: their sums fit in the nodes of so many particles */
+#define SPSI_EMITTER_BLOCKS 26   /* along each edge of a grid, at most: sums fit in the nodes of so many particles */
 #define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
 #define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
 #define SPSI_FLIGHT_STEP   0.15f /* length of a step per distance from the nearer end; at least a cell's edge */
@@ -20029,8 +20030,8 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
     }
 }
 
-/* Adds all particles: to `flights` or, as far as they always fly, to the next tree. What a particle hides of itself then
-   follows from its own depth: its gas in the cells about it is not counted. */
+/* Adds all particles: to `flights` or, as far as they always fly, to the next tree. There, what a particle hides of
+   itself follows from its own depth: its gas in the cells about it is not counted. */
 static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights,
                                         spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_content *content = frame->content;

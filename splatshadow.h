@@ -20010,7 +20010,7 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
         memset(sums, 0, all * sizeof *sums);
         for (int n = 0; n < count; ++n) {
             const double amount = spsi_emitter_particle(&list[n], set, point, &own, like);
-            if (!spsi_cell_holding(&blocks, point, &at)) continue;
+            if (!spsi_cell_holding(&blocks, point, &at) && flights->grid_count > 1) continue;
             sum = &sums[at];
             spsi_along(point, blocks.corner, -1, point);
             spsi_along(sum->place, point, amount, sum->place);

@@ -20039,13 +20039,11 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
         const spsi_particle_set *set = &frame->particles.sets[i];
         const spsi_material *material = &frame->matter.materials[set->channel];
         const double flies = (double)content->flies[set->channel];
-        const int count = content->set_ends[i] - n, many = count > SPSI_EMITTERS_EACH;
+        const int count = content->set_ends[i] - n, many = material->emits && count > SPSI_EMITTERS_EACH;
         spsi_emitter like;
         memset(&like, 0, sizeof like);
         memcpy(like.sent, material->emission, sizeof like.sent);
-        if (many)
-            spsi_emitters_add_blocks(flights, set, &content->particles[n], count, 1 - flies, &like,
-                                     items[SPSI_FLIGHTS_GLOW]);
+        if (many) spsi_emitters_add_blocks(flights, set, &content->particles[n], count, 1 - flies, &like, *items);
         for (; n < content->set_ends[i]; ++n) {
             const double radius = (double)content->particles[n].radius;
             double point[3], own;

@@ -18411,6 +18411,7 @@ typedef struct spsi_cell_direction {
     int length;   /* of its way through a cell */
     float weight; /* its share of the sphere */
     float harmonic[SPSI_CELL_TERMS];
+    double back[3], across[2][3]; /* unit vectors: against it, and perpendicular */
 } spsi_cell_direction;
 
 /* A grid of cells for one channel. Rows are padded to whole vectors by cells without extinction. */
@@ -18444,7 +18445,7 @@ typedef struct spsi_cell_solver {
     spsi_cell_level levels[SPSI_CELL_LEVELS];
     float *scratch;  /* rows and planes of radiance */
     double *balance; /* per plane of cells: what is missing, and what is sent */
-    float *leaving;  /* per plane of cells, three parts: what leaves the grid; NULL: not wanted */
+    float *leaving;  /* what leaves the grid: falling, rising, then within each plane of cells; NULL: not wanted */
 } spsi_cell_solver;
 
 /* The link by which light in the direction of a step enters a cell. */
@@ -18498,6 +18499,8 @@ static void spsi_cell_direction_build(int x, int y, int z, int axis, spsi_cell_d
     direction->weight = (float)weight[direction->length];
     spsi_normalise(unit);
     spsi_harmonics(unit, direction->harmonic);
+    for (int k = 0; k < 3; ++k) direction->back[k] = -unit[k];
+    spsi_basis(direction->back, direction->across[0], direction->across[1]);
 }
 
 /* All directions: those to neighbours, by step along z, then y, then x; then those at a slant that fall along z, and
@@ -18592,13 +18595,7 @@ typedef struct spsi_cell_pass {
     const spsi_cell_solver *solver;
     const spsi_cell_level *level;
     const float *walls; /* per cell: radiance that enters it by closed links; NULL: none */
-    float *leaving;     /* as in the solver */
 } spsi_cell_pass;
-
-static spsi_cell_pass spsi_cell_pass_of(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    const spsi_cell_pass pass = {solver, level, NULL, level == &solver->levels[0] ? solver->leaving : NULL};
-    return pass;
-}
 
 /* The distance between cells of a row whose links may be closed, from the first one on; 0: all are open. Those from
    outside matter only for what polygons send; of a row within the grid, only both ends have such. */
@@ -18736,8 +18733,10 @@ static int spsi_cell_patch_first(int patch, int size) {
     return (patch * size + SPSI_CELL_PATCHES - 1) / SPSI_CELL_PATCHES;
 }
 
-/* Floats of what leaves the grid, by plane of cells, part of a sweep, harmonic and patch. */
-static size_t spsi_cell_leaving_floats(int planes) { return 3 * SPSI_CELL_TERMS * SPSI_CELL_SHEET * (size_t)planes; }
+/* Floats of what leaves the grid, by part of a sweep, patch and harmonic. */
+static size_t spsi_cell_leaving_floats(int planes) {
+    return SPSI_CELL_TERMS * SPSI_CELL_SHEET * (size_t)(2 + planes);
+}
 
 /* The share of its cosine with which each side of the grid counts that light leaves by, where it leaves a cell by
    several (bits, by axis) at once: at a slant all of it crosses the side along its axis, and a third each of the
@@ -18769,9 +18768,10 @@ static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, con
         for (int k = 0; k < 3; ++k) {
             const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
             const float u = 0.57735027f * fabsf(direction->harmonic[harmonic[k]]);
-            float *to = leaving + side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
-            if (!(sides >> k & 1)) continue;
-            for (int i = 0; i < SPSI_CELL_TERMS; ++i) to[i * SPSI_CELL_SHEET] += sent * u * direction->harmonic[i];
+            const int at = side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
+            float *to = &leaving[at * SPSI_CELL_TERMS];
+            for (int i = 0; i < SPSI_CELL_TERMS && sides >> k & 1; i += SPSI_LANES)
+                spsi_store(&to[i], spsi_fma(spsi_set(sent * u), spsi_load(&direction->harmonic[i]), spsi_load(&to[i])));
         }
     }
 }
@@ -18780,12 +18780,13 @@ static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, con
 static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int z, const spsi_cell_beams *beams,
                                 const float *const before[2], float *moments) {
     const spsi_cell_level *level = pass->level;
+    float *leaving = level == pass->solver->levels ? pass->solver->leaving : NULL;
     int patch[3] = {0, spsi_cell_patch(y, level->size[1]), spsi_cell_patch(z, level->size[2])};
     spsi_cell_row(level, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, beams, before, moments,
                   pass->solver->terms);
-    for (int i = 0; i < beams->count && pass->leaving; ++i)
+    for (int i = 0; i < beams->count && leaving; ++i)
         spsi_cell_row_leaves(level, y, z, beams->direction[i], patch, beams->out[i],
-                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_TERMS * SPSI_CELL_SHEET);
+                             leaving + (size_t)(part < 2 ? part : part + z) * SPSI_CELL_TERMS * SPSI_CELL_SHEET);
 }
 
 /* --- sweeping --- */
@@ -18959,15 +18960,11 @@ static void spsi_cells_plane_task(void *data, int z) {
 }
 
 static void spsi_cells_carry(spsi_cell_pass *pass) {
-    if (pass->leaving) memset(pass->leaving, 0, spsi_cell_leaving_floats(pass->level->size[2]) * sizeof *pass->leaving);
-    spsi_parallel_items(pass->solver->context, 2, spsi_cells_along_task, pass);
-    spsi_parallel_items(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
-}
-
-/* Carries what cells send through all of the grid: its moments and, of the finest level, what leaves it. */
-static void spsi_cells_sweep(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
-    spsi_cells_carry(&pass);
+    const spsi_cell_solver *solver = pass->solver;
+    if (pass->level == solver->levels && solver->leaving)
+        memset(solver->leaving, 0, spsi_cell_leaving_floats(pass->level->size[2]) * sizeof(float));
+    spsi_parallel_items(solver->context, 2, spsi_cells_along_task, pass);
+    spsi_parallel_items(solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
 }
 
 /* --- the equations --- */
@@ -19136,11 +19133,12 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
     return sent > 0 ? missing / sent : 0;
 }
 
-/* Sweeps a level, and finds what its cells miss, or mends it. */
+/* Carries what a level's cells send through all of the grid: its moments and, of the finest level, what leaves it. Then
+   finds what its cells miss, or mends it, unless `task` is NULL. */
 static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_level *level, spsi_item_fn task) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
+    spsi_cell_pass pass = {solver, level, NULL};
     spsi_cells_carry(&pass);
-    spsi_parallel_items(solver->context, level->size[2], task, &pass);
+    if (task) spsi_parallel_items(solver->context, level->size[2], task, &pass);
 }
 
 /* Corrects what a level sends, given what it misses, by two cycles of the next coarser one; the coarsest is mended as
@@ -19158,14 +19156,14 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
     spsi_parallel_items(solver->context, coarse->size[2], spsi_cells_coarsen_task, &step);
     spsi_copy(solver->context, coarse->sent, coarse->given, (size_t)solver->terms * coarse->count * sizeof(float));
     for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
-    spsi_cells_sweep(solver, coarse);
+    spsi_cells_check(solver, coarse, NULL);
     spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
 }
 
 /* Sets up all levels from the finest one's depth and albedo. */
 static void spsi_cells_levels(const spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
-        spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[n]);
+        spsi_cell_pass pass = {solver, &solver->levels[n], NULL};
         if (n > 0) {
             const spsi_cell_level *fine = &solver->levels[n - 1];
             spsi_cell_step step = {fine, pass.level, fine->keep[0], pass.level->keep[0], solver->orders};
@@ -19238,7 +19236,8 @@ static float spsi_cell_flown(const spsi_material *material, const double toward[
     return (float)(4 * SPSI_PI * sum) * flown[0];
 }
 
-/* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells. */
+/* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells: 0 for empty
+   ones. */
 static void spsi_cells_look_task(void *data, int row) {
     const spsi_cell_look *look = (const spsi_cell_look *)data;
     const spsi_cell_grid *grid = look->grid;
@@ -19246,6 +19245,7 @@ static void spsi_cells_look_task(void *data, int row) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         float harmonic[SPSI_CELL_TERMS], degree[SPSI_CELL_ORDERS];
         double toward[3];
+        if (!(grid->depth[at] > 0)) continue;
         spsi_cell_toward_eye(look, x, row % grid->size[1], row / grid->size[1], toward, harmonic);
         for (int c = 0; c < grid->channels; ++c) {
             const float *moments = grid->moments + (size_t)(c * grid->terms) * grid->count + at;
@@ -19271,22 +19271,23 @@ static void spsi_cells_look_task(void *data, int row) {
 /* The mean of what is seen of cells beside an empty one, each continued by the next one beyond; without any, of those
    that share an edge or a corner with it; 0 without these. */
 static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
-    const size_t here = (size_t)(at[2] * grid->size[1] + at[1]) * (size_t)grid->pitch + (size_t)at[0];
+    const int *size = grid->size;
+    const size_t pitch = (size_t)grid->pitch, here = (size_t)(at[2] * size[1] + at[1]) * pitch + (size_t)at[0];
     float sum[2] = {0, 0};
     int count[2] = {0, 0};
-    for (int i = 0; i < 27; ++i) {
-        const int step[3] = {i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1};
-        const int aside = abs(step[0]) + abs(step[1]) + abs(step[2]) != 1;
-        const ptrdiff_t next = step[0] + (ptrdiff_t)grid->pitch * (step[1] + grid->size[1] * step[2]);
-        const float *depth = grid->depth + here, *own = seen + here;
-        int room = 2; /* cells before the grid ends */
-        for (int k = 0; k < 3; ++k)
-            if (step[k]) room = spsi_least(room, step[k] > 0 ? grid->size[k] - 1 - at[k] : at[k]);
-        if (room < 1 || !(depth[next] > 0)) continue;
-        count[aside] += 1;
-        sum[aside] += own[next];
-        if (!aside && room > 1 && depth[2 * next] > 0) sum[0] += spsi_higher(own[next] - own[2 * next], -own[next]);
-    }
+    for (int z = spsi_most(at[2] - 1, 0); z < spsi_least(at[2] + 2, size[2]); ++z)
+        for (int y = spsi_most(at[1] - 1, 0); y < spsi_least(at[1] + 2, size[1]); ++y)
+            for (int x = spsi_most(at[0] - 1, 0); x < spsi_least(at[0] + 2, size[0]); ++x) {
+                const size_t next = (size_t)(z * size[1] + y) * pitch + (size_t)x, beyond = 2 * next - here;
+                const int aside = abs(x - at[0]) + abs(y - at[1]) + abs(z - at[2]) != 1;
+                const int last[3] = {2 * x - at[0], 2 * y - at[1], 2 * z - at[2]};
+                int ends = aside;
+                if (!(grid->depth[next] > 0)) continue;
+                for (int k = 0; k < 3; ++k) ends |= last[k] < 0 || last[k] >= size[k];
+                count[aside] += 1;
+                sum[aside] += seen[next];
+                if (!ends && grid->depth[beyond] > 0) sum[0] += spsi_higher(seen[next] - seen[beyond], -seen[next]);
+            }
     return count[0] > 0 ? sum[0] / (float)count[0] : count[1] > 0 ? sum[1] / (float)count[1] : 0;
 }
 
@@ -19299,8 +19300,7 @@ static void spsi_cells_continue_task(void *data, int row) {
     int at[3] = {0, row % grid->size[1], row / grid->size[1]};
     for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
         const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
-        if (grid->depth[cell] > 0) continue;
-        for (int i = 0; i < count; ++i) {
+        for (int i = 0; i < count && !(grid->depth[cell] > 0); ++i) {
             float *seen = grid->seen + (size_t)i * grid->count;
             seen[cell] = spsi_cells_continued(grid, seen, at);
         }
@@ -19357,18 +19357,21 @@ static void spsi_cell_side_fit(const spsi_cell_direction *directions, int side, 
         }
 }
 
-/* Sets what leaves patches, per area: the sum over planes and parts of a sweep. */
+/* Sets what leaves patches, per area: the sum over parts of a sweep. */
 static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
     const int count = SPSI_CELL_TERMS * SPSI_CELL_SHEET;
     const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
     float *flux = grid->patches + 4 * SPSI_CELL_SHEET + (count + SPSI_CELL_SHEET) * channel;
     float *patch = flux + SPSI_CELL_SHEET;
-    memset(patch, 0, (size_t)count * sizeof *patch);
-    for (int i = 0; i < 3 * grid->size[2]; ++i)
-        for (int n = 0; n < count; ++n) patch[n] += solver->leaving[(size_t)i * (size_t)count + (size_t)n];
-    for (int n = 0; n < count; ++n) {
-        const float whole = area[n % SPSI_CELL_SHEET];
-        if (whole > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / whole;
+    for (int n = 0; n < count; n += SPSI_LANES) {
+        const int at = n / SPSI_CELL_TERMS;
+        const float per_area = area[at] > 0 ? (float)(4 * SPSI_PI * grid->edge * grid->edge) / area[at] : 1;
+        float lanes[SPSI_LANES];
+        spsi_v sum = spsi_set(0);
+        for (int i = 0; i < grid->size[2] + 2; ++i)
+            sum = spsi_add(sum, spsi_load(solver->leaving + (size_t)i * (size_t)count + n));
+        spsi_store(lanes, spsi_mul(sum, spsi_set(per_area)));
+        for (int i = 0; i < SPSI_LANES; ++i) patch[(n + i) % SPSI_CELL_TERMS * SPSI_CELL_SHEET + at] = lanes[i];
     }
     memcpy(flux, patch, SPSI_CELL_SHEET * sizeof *flux);
     for (int side = 0; side < 6; ++side) spsi_cell_side_fit(solver->directions, side, patch + side * SPSI_CELL_SIDE);
@@ -19688,6 +19691,8 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
    the same and a few rays for a point of a polygon. [Lathrop 1968] */
 
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
+#define SPSI_EMITTERS_EACH 4096  /* where more particles of a set glow, those of a block of cells are one emitter */
+#define SPSI_EMITTER_BLOCKS 26   /* along each edge of a grid, at most: sums fit in the nodes of so many particles */
 #define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
 #define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
 #define SPSI_FLIGHT_STEP   0.15f /* length of a step per distance from the nearer end; at least a cell's edge */
@@ -19976,9 +19981,57 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
     }
 }
 
-/* Adds all particles: to `flights` or, as far as they always fly, to the next tree. A soft one has the spread of an
-   even ball of 0.845 of its radius, and lets out what one of 0.75 of its depth does, within 4 % up to a depth of 10.
-   What a particle hides of itself follows from its own depth: its gas in the cells about it is not counted. */
+/* Sets where a particle is, its radius, and its optical depth along it: a soft one has the spread of an even ball of
+   0.845 of its radius, and lets out what one of 0.75 of its depth does, within 4 % up to a depth of 10. Returns the
+   volume of its gas times extinction. */
+static double spsi_emitter_particle(const sps_particle *particle, const spsi_particle_set *set, double point[3],
+                                    double *own, spsi_emitter *like) {
+    const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
+    for (int k = 0; k < 3; ++k) point[k] = (double)particle->position[k];
+    *own = (set->soft ? 0.375 : 0.5) * depth;
+    like->radius = (float)(set->soft ? 0.845 * radius : radius);
+    return (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth;
+}
+
+/* Adds part of the glow of many particles: those of a block of cells are one even ball of their spread. It hides itself
+   as even gas does. Each particle hides its own light more than that, as far as it is not all of the block, nor of the
+   gas about it. Sums take the place of the tree's nodes, which follow: value, place, then square, value^2 and depth. */
+static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_set *set, const sps_particle *list,
+                                     int count, double part, spsi_emitter *like, spsi_tree_item *items) {
+    spsi_emitter_sum *sum, *sums = (spsi_emitter_sum *)(void *)flights->nodes;
+    for (int g = 0; g < flights->grid_count; ++g) {
+        spsi_cell_grid blocks = flights->grids[g];
+        const int wide = 1 + spsi_most(blocks.size[0], spsi_most(blocks.size[1], blocks.size[2])) / SPSI_EMITTER_BLOCKS;
+        size_t all = 1, at;
+        double point[3], own;
+        blocks.edge *= wide;
+        for (int k = 0; k < 3; ++k) all *= (size_t)(blocks.size[k] = (blocks.size[k] + wide - 1) / wide);
+        blocks.pitch = blocks.size[0];
+        memset(sums, 0, all * sizeof *sums);
+        for (int n = 0; n < count; ++n) {
+            const double amount = spsi_emitter_particle(&list[n], set, point, &own, like);
+            if (!spsi_cell_holding(&blocks, point, &at) && flights->grid_count > 1) continue;
+            sum = &sums[at];
+            spsi_along(point, blocks.corner, -1, point);
+            spsi_along(sum->place, point, amount, sum->place);
+            sum->value += amount;
+            sum->square[0] += amount * (spsi_dot(point, point) + 0.6 * (double)(like->radius * like->radius));
+            sum->square[1] += amount * amount;
+            sum->square[2] += amount * own;
+        }
+        for (sum = sums; sum < sums + all; ++sum) {
+            const double per = 1 / fmax(sum->value, DBL_MIN), others = 1 - per * per * sum->square[1];
+            const double square = per * sum->square[0] - per * per * spsi_dot(sum->place, sum->place);
+            spsi_along(blocks.corner, sum->place, per, point);
+            like->radius = (float)sqrt(5.0 / 3 * fmax(square, 0));
+            own = per * sum->square[2] * others * others;
+            spsi_emitters_add(flights, point, part * sum->value * spsi_ball_escape(own), -1, like, items);
+        }
+    }
+}
+
+/* Adds all particles: to `flights` or, as far as they always fly, to the next tree. There, what a particle hides of
+   itself follows from its own depth: its gas in the cells about it is not counted. */
 static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights,
                                         spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_content *content = frame->content;
@@ -19986,20 +20039,19 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
         const spsi_particle_set *set = &frame->particles.sets[i];
         const spsi_material *material = &frame->matter.materials[set->channel];
         const double flies = (double)content->flies[set->channel];
+        const int count = content->set_ends[i] - n, many = material->emits && count > SPSI_EMITTERS_EACH;
         spsi_emitter like;
         memset(&like, 0, sizeof like);
+        memcpy(like.sent, material->emission, sizeof like.sent);
+        if (many) spsi_emitters_add_blocks(flights, set, &content->particles[n], count, 1 - flies, &like, *items);
         for (; n < content->set_ends[i]; ++n) {
-            const sps_particle *particle = &content->particles[n];
-            const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
-            const double amount = (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth;
-            const double point[3] = {(double)particle->position[0], (double)particle->position[1],
-                                     (double)particle->position[2]};
-            const double own = (set->soft ? 0.375 : 0.5) * depth;
+            const double radius = (double)content->particles[n].radius;
+            double point[3], own;
+            const double amount = spsi_emitter_particle(&content->particles[n], set, point, &own, &like);
             if (!material->emits) continue;
-            like.radius = (float)(set->soft ? 0.845 * radius : radius);
             like.clear = like.gas = 0;
             memcpy(like.sent, material->emission, sizeof like.sent);
-            spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
+            if (!many) spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
             if (!(flies > 0)) continue;
             like.gas = (float)amount;
             spsi_emitter_trap(material, own, flies, &like);
@@ -24005,22 +24057,20 @@ static int spsi_cell_view_link(const spsi_cell_view *view, int link, spsi_ray *r
 static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_direction *direction, int number,
                                   spsi_ray *ray, spsi_hit *hit) {
     const double count = number + 1 + 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
-    const double turn = 2 * SPSI_PI * (count * 0.7548776662466927 - floor(count * 0.7548776662466927));
-    const double radius = count * 0.5698402909980532 - floor(count * 0.5698402909980532);
-    const double off = 2 * sqrt((double)direction->weight * radius);
-    double unit[3], across[2][3];
+    double turn, off;
     int enters = 0;
     for (int k = 0; k < 3; ++k) {
         const int next = view->at[k] - direction->step[k];
         enters |= next < 0 || next >= view->size[k];
-        unit[k] = -direction->step[k] * (k == direction->axis ? 3 : 1);
     }
     if (!enters) return 0;
-    spsi_normalise(unit);
-    spsi_basis(unit, across[0], across[1]);
+    turn = 2 * SPSI_PI * (count * 0.7548776662466927 - floor(count * 0.7548776662466927));
+    off = 2 * sqrt((double)direction->weight * (count * 0.5698402909980532 - floor(count * 0.5698402909980532)));
     memcpy(ray->origin, view->centre, sizeof ray->origin);
-    for (int k = 0; k < 3; ++k)
-        ray->direction[k] = view->grid->edge * (unit[k] + off * (cos(turn) * across[0][k] + sin(turn) * across[1][k]));
+    for (int k = 0; k < 3; ++k) {
+        const double aside = cos(turn) * direction->across[0][k] + sin(turn) * direction->across[1][k];
+        ray->direction[k] = view->grid->edge * (direction->back[k] + off * aside);
+    }
     ray->low = 0;
     ray->high = HUGE_VAL;
     return spsi_ray_to_wall(view->faces, ray, hit);
@@ -24491,6 +24541,7 @@ static void spsi_cells_equations_task(void *data, int row) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         const float emitted = job->emitted[(size_t)c * grid->count + at], whole = grid->depth[at];
         float degree[SPSI_CELL_ORDERS] = {0}, depth = whole, keep[SPSI_CELL_ORDERS];
+        if (!(whole > 0 || emitted > 0)) continue; /* all is 0 */
         for (int m = 0; m < job->frame->matter.material_count; ++m) {
             const float scattered = job->scattered[(size_t)(m * grid->channels + c) * grid->count + at];
             depth -= scattered * grid->peak[m];
@@ -24671,7 +24722,7 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
         for (size_t at = 0; at < job->grid->count; ++at)
             if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
         if (!back) changed |= spsi_cells_set_apart(job, channel) > 0;
-        if (!back && changed) spsi_cells_sweep(job->solver, level);
+        if (!back && changed) spsi_cells_check(job->solver, level, NULL);
     }
 }
 
@@ -24687,12 +24738,11 @@ static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
 /* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly
    changed. Returns by how much. */
 static double spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
-    spsi_cell_pass pass = spsi_cell_pass_of(job->solver, plain);
+    spsi_cell_pass pass = {job->solver, plain, job->walls.sent};
     double change;
     if (job->wall_light) spsi_cells_take_flux(job, channel);
     change = spsi_cell_walls_send(job, channel);
     if (change < SPSI_CELL_CHANGE && job->wall_light) return change;
-    pass.walls = job->walls.sent;
     if (change > 0)
         spsi_cells_carry(&pass);
     else

@@ -4303,7 +4303,7 @@ typedef struct spsi_flight_node {
 } spsi_flight_node;
 
 /* Trees of emitters: what glows; dense particles, and what gas scatters of narrow beams; what polygons reflect of
-   these; and what some cells send to polygons more than others. */
+   these; and what some cells send more than others. */
 enum { SPSI_FLIGHTS_GLOW, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHTS_CELLS, SPSI_FLIGHT_TREES };
 
 typedef struct spsi_flights {
@@ -24665,7 +24665,7 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
     const int rows = grid->size[1] * grid->size[2];
-    const float area = (float)(grid->edge * grid->edge);
+    const double area = grid->edge * grid->edge;
     int *numbers = (int *)(void *)job->samples; /* of emitters, by cell: lights need no samples any more */
     int some = 0;
     double all = 0;
@@ -24677,11 +24677,13 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
             const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
             const float power = level->depth[at] * level->sent[at], seen = power * level->through[0][at];
             spsi_emitter *emitter = seen > most ? spsi_cell_emitter(job, x, row, &numbers[at]) : NULL;
-            const float share = seen < 2 * most ? 2 * (1 - most / seen) : 1;
+            float share;
             if (!emitter) continue;
             some = 1;
+            share = spsi_lower(2 - 2 * most / seen, 1);
             for (int c = channel; c < 3 && spsi_least(c, grid->channels - 1) == channel; ++c)
-                emitter->sent[c] = spsi_lower(share * power * area * emitter->leaves[c], SPSI_RADIANCE_MAX);
+                emitter->sent[c] =
+                    (float)fmin(area * (double)(share * power * emitter->leaves[c]), (double)SPSI_RADIANCE_MAX);
             for (int t = 0; t < grid->terms; ++t) level->sent[(size_t)t * grid->count + at] *= 1 - share;
         }
     return some;
@@ -24691,12 +24693,12 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
 static void spsi_cells_send_glow(const spsi_cell_job *job, int channel, float fraction) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
-    for (size_t at = 0; at < job->grid->count; ++at)
+    for (size_t at = 0; at < job->grid->count && fraction != 0; ++at)
         if (level->depth[at] > 0) level->sent[at] += fraction * emitted[at] / level->depth[at];
 }
 
-/* Sweeps once more without that of cells that send most: what cells get of it flies like what glows. Polygons do not
-   get what flies to them, but not to cells. */
+/* Sweeps once more without what cells send that are set apart. `light` of cells loses as much of that as flies to them,
+   like what glows; polygons also lose what glows and flies to them, but not to cells. */
 static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;

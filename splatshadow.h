@@ -117,7 +117,7 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
     bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
     which the default is where gas calls for it, adds 130 to 840 bytes per cell, by colors and phase functions, 200 to
-    360 more beside polygons, up to 300 more if lamps light both, and a shadow table per light;
+    360 more beside polygons or 60 where gas glows, up to 300 more if lamps light both, and a shadow table per light;
     SPS_SCATTERING_CONVOLUTION adds 12 per texel and sheet of a light, by channel of color. Reading volumes takes 1.1 MB
     per worker, 0.3 MB if there is only one. sps_plan returns an upper bound beforehand, without these layers and the
     lists that maps are made from, which may be several times as much; memory_limit is never exceeded.

@@ -117,7 +117,7 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
     bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
     which the default is where gas calls for it, adds 130 to 840 bytes per cell, by colors and phase functions, 200 to
-    360 more beside polygons, up to 300 more if lamps light both, and a shadow table per light;
+    360 more beside polygons or 60 where gas glows, up to 300 more if lamps light both, and a shadow table per light;
     SPS_SCATTERING_CONVOLUTION adds 12 per texel and sheet of a light, by channel of color. Reading volumes takes 1.1 MB
     per worker, 0.3 MB if there is only one. sps_plan returns an upper bound beforehand, without these layers and the
     lists that maps are made from, which may be several times as much; memory_limit is never exceeded.
@@ -4303,7 +4303,7 @@ typedef struct spsi_flight_node {
 } spsi_flight_node;
 
 /* Trees of emitters: what glows; dense particles, and what gas scatters of narrow beams; what polygons reflect of
-   these; and what some cells send to polygons more than others. */
+   these; and what some cells send more than others. */
 enum { SPSI_FLIGHTS_GLOW, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHTS_CELLS, SPSI_FLIGHT_TREES };
 
 typedef struct spsi_flights {
@@ -19702,12 +19702,6 @@ static int spsi_lamp_has_beam(const spsi_lamp *lamp) {
     return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.1;
 }
 
-/* How many cells may be emitters at most, counted once for each channel. */
-static size_t spsi_emitting_cells(const spsi_frame *frame) {
-    const size_t side = (size_t)frame->view.scatter_size;
-    return frame->meshes.count > 0 ? side * side * side / 8 : 0;
-}
-
 /* Whether first flights reach cells: from what glows, or narrow beams. */
 static int spsi_flies_to_cells(const spsi_frame *frame) {
     int narrow = 0;
@@ -19721,6 +19715,12 @@ static int spsi_cells_fly(const spsi_frame *frame) {
     for (int i = 0; i < frame->lamps.count; ++i) lamps |= frame->lamps.list[i].is_point;
     return spsi_flies_to_cells(frame) ||
            (frame->meshes.count > 0 && (frame->matter.emits || (frame->matter.scatters && lamps)));
+}
+
+/* How many cells may be emitters at most. */
+static size_t spsi_emitting_cells(const spsi_frame *frame) {
+    const size_t side = (size_t)frame->view.scatter_size;
+    return spsi_cells_fly(frame) ? side * side * side / 8 : 0;
 }
 
 /* --- emitters --- */
@@ -20433,7 +20433,7 @@ typedef struct spsi_flight_choice {
     const spsi_flights *flights;
     const double *place;
     double reach, per_angle; /* 1 / the angle under which they may see a node */
-    int first;               /* of the list's entries that belong to these flights */
+    int first, most;         /* of the list's entries that belong to these flights */
 } spsi_flight_choice;
 
 /* Whether a node is opened: some of the places may see it under too wide an angle, or lie in it. With a `scale` below
@@ -20456,7 +20456,7 @@ static int spsi_flights_open(const spsi_flight_choice *choice, double scale, sps
             ++i;
             continue;
         }
-        if (list->count + SPSI_TREE_LEAF > choice->first + SPSI_FLIGHT_NODES) return 0;
+        if (list->count + SPSI_TREE_LEAF > choice->first + choice->most) return 0;
         for (int n = 0; n < (node->count > 0 ? node->count : 2); ++n) {
             spsi_flight *to = n > 0 ? &list->entry[list->count++] : &list->entry[i];
             to->node = node->count > 0 ? NULL : &flights->nodes[node->first + n];
@@ -20467,10 +20467,10 @@ static int spsi_flights_open(const spsi_flight_choice *choice, double scale, sps
 }
 
 /* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; wider ones
-   where the list would get too long: the widest are opened first. */
+   where these would be more than `most`: the widest are opened first. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
-                                spsi_flight_list *list) {
-    const spsi_flight_choice choice = {flights, place, reach, 1 / angle, list->count};
+                                int most, spsi_flight_list *list) {
+    const spsi_flight_choice choice = {flights, place, reach, 1 / angle, list->count, most};
     double scale = 1, finer = 1;
     for (int all = flights->count == 0; !all; scale = fmax(0.9 * scale - 0.02, 0)) { /* at 0, the root stays */
         list->count = choice.first + 1;
@@ -20589,6 +20589,7 @@ typedef struct spsi_flight_job {
     const spsi_flights *flights;
     const spsi_faces *faces;
     const spsi_cell_grid *grid;
+    int tree_count;
     const float *scattered; /* as in spsi_cell_job */
     float *emitted;
 } spsi_flight_job;
@@ -20753,13 +20754,15 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
     const double half = 0.5 * SPSI_FLIGHT_BLOCK * grid->edge;
     unsigned char blocked[SPSI_FLIGHT_TREES * SPSI_FLIGHT_NODES];
     spsi_flight_list list;
+    const int coarse = job->tree_count > 1 ? 2 : 4; /* what gas has scattered needs few nodes */
     double centre[3];
     int glow = 0;
     for (int k = 0; k < 3; ++k) centre[k] = grid->corner[k] + grid->edge * (first[k] + 0.5 * SPSI_FLIGHT_BLOCK);
     list.count = 0;
-    for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
+    for (int i = 0; i < job->tree_count; ++i) {
         if (job->flights[i].to_cells > 0)
-            spsi_flights_choose(&job->flights[i], centre, 1.3 * half, 2 * job->frame->accuracy.flight_angle, &list);
+            spsi_flights_choose(&job->flights[i], centre, 1.3 * half, coarse * job->frame->accuracy.flight_angle,
+                                4 * SPSI_FLIGHT_NODES / (coarse * coarse), &list);
         if (i == SPSI_FLIGHTS_GLOW) glow = list.count;
     }
     for (int i = 0; i < list.count; ++i)
@@ -20777,7 +20780,7 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
                 float *to = grid->flown + (size_t)n * grid->count, lanes[SPSI_LANES];
                 spsi_store(lanes, cells.sum[n / grid->terms][n % grid->terms]);
                 for (int k = 0; k < SPSI_LANES; ++k)
-                    if (cells.lanes >> k & 1) to[spsi_flight_cell(job, &cells, k)] = lanes[k];
+                    if (cells.lanes >> k & 1) to[spsi_flight_cell(job, &cells, k)] += lanes[k];
             }
         }
 }
@@ -20884,7 +20887,7 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
         const float share = fminf(trees[i].to_polygons, cell ? trees[i].to_cells : 1);
         spsi_flight_list list;
         list.count = 0;
-        if (share > 0) spsi_flights_choose(&trees[i], place->point, 0, angle, &list);
+        if (share > 0) spsi_flights_choose(&trees[i], place->point, 0, angle, SPSI_FLIGHT_NODES, &list);
         for (int n = 0; n < list.count; n += SPSI_LANES)
             spsi_flights_irradiance_of(place, &trees[i], share, &list, n, irradiance, &nearest);
     }
@@ -24481,15 +24484,21 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     return SPS_OK;
 }
 
+/* Sends what emitters of some trees do to a grid's cells. */
+static void spsi_cells_fly_from(const spsi_cell_job *job, const spsi_cell_grid *grid, const spsi_flights *trees,
+                                int tree_count) {
+    const int rows = (grid->size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
+    const int layers = (grid->size[2] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
+    spsi_flight_job flight = {job->frame, trees, job->faces, grid, tree_count, job->scattered, job->emitted};
+    int count = 0;
+    for (int i = 0; i < tree_count; ++i) count += trees[i].count;
+    if (count > 0 && grid->flown) spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
+}
+
 /* Sends first flights to a grid's cells. */
 static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
-    const int *size = job->grid->size;
-    const int rows = (size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
-    const int layers = (size[2] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
-    spsi_flight_job flight = {job->frame, job->flights, job->faces, job->grid, job->scattered, job->emitted};
     if (!job->later && spsi_cells_emitters(job)) return job->context->result;
-    if (job->frame->matter.scatters && job->flights[0].count + job->flights[1].count + job->flights[2].count > 0)
-        spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
+    spsi_cells_fly_from(job, job->grid, job->flights, SPSI_FLIGHTS_CELLS);
     return SPS_OK;
 }
 
@@ -24671,59 +24680,93 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     solver->leaving = memory;
 }
 
-/* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
-   directions make a star of rays on polygons. A cell by itself may send half of what comes from each face of the grid's
-   sides on the mean, where a ray adds 1 % to what comes there, or 4 times the cells' mean. Returns their number. */
-static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
+/* The emitter of a cell that sends much in a channel, and in others; NULL: there is no room for it. `number`: of the
+   emitter, from 1 on, or 0 if there is none yet. Its direction is that of the first channel. */
+static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int row, int *number) {
     static const int term[3] = {3, 1, 2};
-    const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
-    const double x = grid->size[0], y = grid->size[1], z = grid->size[2], area = grid->edge * grid->edge;
+    const float *sent = job->solver->levels[0].sent + (size_t)row * (size_t)grid->pitch + (size_t)column;
     spsi_flights *flights = &job->flights[SPSI_FLIGHTS_CELLS];
     spsi_tree_item *items = (spsi_tree_item *)job->context->buffers[SPSI_BUFFER_TREE_ITEMS].data;
-    const int first = flights->count;
-    const int end = first + (int)spsi_emitting_cells(job->frame) / (grid->channels * job->grid_count);
-    double all = 0, cells = 0, most;
-    for (size_t at = 0; at < grid->count; ++at) {
-        const double sent = (double)(level->depth[at] * level->sent[at]);
-        if (sent > 0) all += sent, cells += 1;
-    }
-    most = all * fmax(0.25 / (x * y + y * z + z * x), 4 / fmax(cells, 1));
-    for (int n = 0; n < grid->size[0] * grid->size[1] * grid->size[2]; ++n) {
-        const int column = n % grid->size[0], row = n / grid->size[0];
-        const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)column;
-        const double power = (double)(level->depth[at] * level->sent[at]);
-        const double own = most / fmax((double)level->through[0][at], 1e-30); /* dense cells hide what they send */
+    const int share = (int)spsi_emitting_cells(job->frame) / job->grid_count, before = flights->count;
+    if (!*number && before < share * (int)(grid - flights->grids + 1)) {
         double point[3], mean[3];
         spsi_emitter like;
-        if (!(power > own) || flights->count >= end) continue;
         memset(&like, 0, sizeof like);
         like.radius = (float)(0.645 * grid->edge); /* the spread of a cube */
         for (int c = 0; c < 3; ++c) {
-            like.sent[c] = spsi_least(c, grid->channels - 1) == channel ? (float)(power - own) : 0;
-            mean[c] = 1.5 * sqrt(1.0 / 3) * (double)(level->sent[(size_t)term[c] * grid->count + at] / level->sent[at]);
+            like.sent[c] = 1;
+            mean[c] = grid->terms > 1 ? sqrt(0.75) * (double)(sent[(size_t)term[c] * grid->count] / sent[0]) : 0;
         }
         for (int k = 0; k < 3; ++k) like.axis[k] = (float)(mean[k] / fmax(spsi_length(mean), 1));
         spsi_cell_centre(grid, 1, column, row % grid->size[1], row / grid->size[1], point);
-        spsi_emitters_add(flights, point, area, -1, &like, items);
-        for (int t = 0; t < grid->terms; ++t) level->sent[(size_t)t * grid->count + at] *= (float)(own / power);
+        spsi_emitters_add(flights, point, 1, -1, &like, items);
+        if (flights->count > before) {
+            memset(flights->emitters[before].sent, 0, sizeof like.sent);
+            *number = flights->count;
+        }
     }
-    return flights->count - first;
+    return *number ? &flights->emitters[*number - 1] : NULL;
 }
 
-/* Sweeps once more without what flies to polygons, but not to cells, and without that of cells that send most. */
-static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
+/* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
+   directions make a star of rays. A cell sends all by itself up to four times the grid's mean, and nothing from eight
+   times on; dense cells hide what they send. Returns whether there are any. */
+static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
+    const spsi_cell_level *level = &job->solver->levels[0];
+    const spsi_cell_grid *grid = job->grid;
+    const int rows = grid->size[1] * grid->size[2];
+    const double area = grid->edge * grid->edge;
+    int *numbers = (int *)(void *)job->samples; /* of emitters, by cell: lights need no samples any more */
+    int some = 0;
+    double all = 0;
+    if (channel == 0) memset(numbers, 0, grid->count * sizeof *numbers);
+    for (size_t at = 0; at < grid->count; ++at) all += (double)spsi_higher(level->depth[at] * level->sent[at], 0);
+    const float most = (float)(4 * all / ((double)rows * grid->size[0]));
+    for (int row = 0; row < rows; ++row)
+        for (int x = 0; x < grid->size[0]; ++x) {
+            const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
+            const float power = level->depth[at] * level->sent[at], seen = power * level->through[0][at];
+            spsi_emitter *emitter = seen > most ? spsi_cell_emitter(job, x, row, &numbers[at]) : NULL;
+            float share;
+            if (!emitter) continue;
+            some = 1;
+            share = spsi_lower(2 - 2 * most / seen, 1);
+            for (int c = channel; c < 3 && spsi_least(c, grid->channels - 1) == channel; ++c)
+                emitter->sent[c] =
+                    (float)fmin(area * (double)(share * power * emitter->leaves[c]), (double)SPSI_RADIANCE_MAX);
+            for (int t = 0; t < grid->terms; ++t) level->sent[(size_t)t * grid->count + at] *= 1 - share;
+        }
+    return some;
+}
+
+/* Adds so many times what glows and is swept to what cells send in a channel. */
+static void spsi_cells_send_glow(const spsi_cell_job *job, int channel, float fraction) {
+    const spsi_cell_level *level = &job->solver->levels[0];
+    const float *emitted = job->emitted + (size_t)channel * job->grid->count;
+    for (size_t at = 0; at < job->grid->count && fraction != 0; ++at)
+        if (level->depth[at] > 0) level->sent[at] += fraction * emitted[at] / level->depth[at];
+}
+
+/* Sweeps once more without what cells send that are set apart. `light` of cells loses as much of that as flies to them,
+   like what glows; polygons also lose what glows and flies to them, but not to cells. */
+static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
-    const float fraction = all > cells ? (all - cells) / (1 - cells) : 0;
-    const float *emitted = job->emitted + (size_t)channel * job->grid->count;
-    int changed = fraction > 0;
-    for (int back = 0; back < 2; ++back) {
-        for (size_t at = 0; at < job->grid->count; ++at)
-            if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
-        if (!back) changed |= spsi_cells_set_apart(job, channel) > 0;
-        if (!back && changed) spsi_cells_check(job->solver, level, NULL);
+    const float fraction = job->walls.closed && all > cells ? (all - cells) / (1 - cells) : 0;
+    const int flies = cells > 0 && job->grid->flown;
+    int apart;
+    if (!job->walls.closed && !flies) return;
+    spsi_cells_send_glow(job, channel, -fraction);
+    apart = spsi_cells_set_apart(job, channel);
+    if (apart && flies) {
+        spsi_cells_send_glow(job, channel, fraction);
+        spsi_cells_check(job->solver, level, NULL);
+        for (size_t i = 0; i < (size_t)job->grid->terms * job->grid->count; ++i)
+            light[i] += cells * (level->moments[0][i] - light[i]);
+        spsi_cells_send_glow(job, channel, -fraction);
     }
+    if (fraction > 0 || (apart && !flies)) spsi_cells_check(job->solver, level, NULL);
 }
 
 /* Keeps what the last sweep found, by which polygons are lit. */
@@ -24796,7 +24839,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
         change = spsi_cells_reflect(job, job->channel, plain);
         if (change < SPSI_CELL_CHANGE) break;
     }
-    if (plain && grid->pyramid) spsi_cells_sweep_rest(job, job->channel);
+    if (grid->pyramid) spsi_cells_sweep_rest(job, job->channel, light);
     if (plain) spsi_cells_take_flux(job, job->channel);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
@@ -25095,10 +25138,15 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
         if (spsi_cells_solve_all(job, &third)) return context->result;
         third.progress += third.share;
     }
+    flights[SPSI_FLIGHTS_CELLS].to_cells = flights->to_cells;
     flights[SPSI_FLIGHTS_CELLS].to_polygons = 1;
-    return flies ? spsi_flights_build(context, (spsi_tree_item *)context->buffers[SPSI_BUFFER_TREE_ITEMS].data,
-                                      &flights[SPSI_FLIGHTS_CELLS])
-                 : SPS_OK;
+    if (!flies || spsi_flights_build(context, (spsi_tree_item *)context->buffers[SPSI_BUFFER_TREE_ITEMS].data,
+                                     &flights[SPSI_FLIGHTS_CELLS]))
+        return context->result;
+    for (int n = 0; n < count && flights->to_cells > 0; ++n)
+        spsi_cells_fly_from(job, &grids[n], &flights[SPSI_FLIGHTS_CELLS], 1);
+    flights[SPSI_FLIGHTS_CELLS].to_cells = 0; /* polygons may take wide nodes */
+    return SPS_OK;
 }
 
 /* Finds what the eye sees of a grid. */

@@ -24711,7 +24711,8 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
 
 /* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
    directions make a star of rays. A cell sends all by itself up to four times the grid's mean, and nothing from eight
-   times on; dense cells hide what they send. Returns whether there are any. */
+   times on; dense cells hide what they send. Where flames are too wide to fly to gas, the mean is of cells that send:
+   their rays are as wide. Returns whether there are any. */
 static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
@@ -24719,10 +24720,14 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     const double area = grid->edge * grid->edge;
     int *numbers = (int *)(void *)job->samples; /* of emitters, by cell: lights need no samples any more */
     int some = 0;
-    double all = 0;
+    double all = 0, cells = 0;
     if (channel == 0) memset(numbers, 0, grid->count * sizeof *numbers);
-    for (size_t at = 0; at < grid->count; ++at) all += (double)spsi_higher(level->depth[at] * level->sent[at], 0);
-    const float most = (float)(4 * all / ((double)rows * grid->size[0]));
+    for (size_t at = 0; at < grid->count; ++at) {
+        const double power = (double)spsi_higher(level->depth[at] * level->sent[at], 0);
+        all += power, cells += power > 0;
+    }
+    if (job->flights->to_cells > 0) cells = rows * grid->size[0];
+    const float most = (float)(4 * all / fmax(cells, 1));
     for (int row = 0; row < rows; ++row)
         for (int x = 0; x < grid->size[0]; ++x) {
             const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;

@@ -18441,7 +18441,6 @@ typedef struct spsi_cell_solver {
     spsi_cell_level levels[SPSI_CELL_LEVELS];
     float *scratch;  /* rows and planes of radiance */
     double *balance; /* per plane of cells: what is missing, and what is sent */
-    float *leaving;  /* per plane of cells, three parts: what leaves the grid; NULL: not wanted */
 } spsi_cell_solver;
 
 /* The link by which light in the direction of a step enters a cell. */
@@ -18593,11 +18592,10 @@ typedef struct spsi_cell_pass {
     const spsi_cell_solver *solver;
     const spsi_cell_level *level;
     const float *walls; /* per cell: radiance that enters it by closed links; NULL: none */
-    float *leaving;     /* as in the solver */
 } spsi_cell_pass;
 
 static spsi_cell_pass spsi_cell_pass_of(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    const spsi_cell_pass pass = {solver, level, NULL, level == &solver->levels[0] ? solver->leaving : NULL};
+    const spsi_cell_pass pass = {solver, level, NULL};
     return pass;
 }
 
@@ -18724,71 +18722,6 @@ static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const 
     }
 }
 
-/* --- what leaves the grid --- */
-
-#define SPSI_CELL_PATCHES 8 /* along each edge of a side of the grid */
-#define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
-/* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
-#define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-
-/* The patch of a side that a cell is part of, and the first cell of a patch. */
-static int spsi_cell_patch(int at, int size) { return at * SPSI_CELL_PATCHES / size; }
-static int spsi_cell_patch_first(int patch, int size) {
-    return (patch * size + SPSI_CELL_PATCHES - 1) / SPSI_CELL_PATCHES;
-}
-
-/* Floats of what leaves the grid, by plane of cells, part of a sweep, harmonic and patch. */
-static size_t spsi_cell_leaving_floats(int planes) { return 3 * SPSI_CELL_TERMS * SPSI_CELL_SHEET * (size_t)planes; }
-
-/* The share of its cosine with which each side of the grid counts that light leaves by, where it leaves a cell by
-   several (bits, by axis) at once: at a slant all of it crosses the side along its axis, and a third each of the
-   others. So what leaves is what the cells beyond would receive. */
-static float spsi_cell_leaving_share(const spsi_cell_direction *direction, int sides) {
-    const int count = (sides & 1) + (sides >> 1 & 1) + (sides >> 2 & 1);
-    if (direction->axis < 0) return 1.0f / (float)count;
-    if (sides >> direction->axis & 1) return 3.0f / (float)(2 + count);
-    return count == 2 ? 5.0f / 6 : 1;
-}
-
-/* Adds what light of a direction carries through the sides of the grid that a row of cells touches, per area of a
-   cell's face: the mean over all directions of radiance times cosine, and of that times each harmonic. patch: the
-   row's, across x. */
-static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, const spsi_cell_direction *direction,
-                                 int patch[3], const float *out, float *leaving) {
-    static const int harmonic[3] = {3, 1, 2};
-    const int *step = direction->step, *size = level->size, last = size[0] - 1;
-    const int row = (step[1] && y == (step[1] < 0 ? 0 : size[1] - 1) ? 2 : 0) |
-                    (step[2] && z == (step[2] < 0 ? 0 : size[2] - 1) ? 4 : 0);
-    const int first = !row && step[0] > 0 ? last : 0, end = row ? size[0] : step[0] ? first + 1 : 0;
-    for (int x = first, next; x < end; x = next) {
-        const int sides = row | (step[0] && x == (step[0] < 0 ? 0 : last) ? 1 : 0);
-        float sent = 0;
-        patch[0] = spsi_cell_patch(x, size[0]);
-        next = sides & 1 ? x + 1 : spsi_least(spsi_cell_patch_first(patch[0] + 1, size[0]), end - (step[0] > 0));
-        for (int i = x; i < next; ++i) sent += out[i];
-        sent *= direction->weight * spsi_cell_leaving_share(direction, sides);
-        for (int k = 0; k < 3; ++k) {
-            const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
-            const float u = 0.57735027f * fabsf(direction->harmonic[harmonic[k]]);
-            float *to = leaving + side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
-            if (!(sides >> k & 1)) continue;
-            for (int i = 0; i < SPSI_CELL_TERMS; ++i) to[i * SPSI_CELL_SHEET] += sent * u * direction->harmonic[i];
-        }
-    }
-}
-
-/* Carries light through row y of plane z, in directions of one of the sweep's three parts. */
-static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int z, const spsi_cell_beams *beams,
-                                const float *const before[2], float *moments) {
-    const spsi_cell_level *level = pass->level;
-    int patch[3] = {0, spsi_cell_patch(y, level->size[1]), spsi_cell_patch(z, level->size[2])};
-    spsi_cell_row(level, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, beams, before, moments,
-                  pass->solver->terms);
-    for (int i = 0; i < beams->count && pass->leaving; ++i)
-        spsi_cell_row_leaves(level, y, z, beams->direction[i], patch, beams->out[i],
-                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_TERMS * SPSI_CELL_SHEET);
-}
-
 /* --- sweeping --- */
 
 /* A plane that is being swept along z, falling (index 0) or rising (1). */
@@ -18899,7 +18832,8 @@ static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int c
     for (int n = 0; n < level->size[1]; ++n) {
         const int y = falls ? level->size[1] - 1 - n : n;
         spsi_cell_along_enter(along, first, y, &beams);
-        spsi_cell_row_swept(along->pass, along->index, y, along->z, &beams, before, moments);
+        spsi_cell_row(level, (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch, &beams, before, moments,
+                      along->pass->solver->terms);
     }
 }
 
@@ -18945,7 +18879,7 @@ static void spsi_cells_across(const spsi_cell_pass *pass, int z, int falls, cons
             beams.out[i] = rows + (size_t)(2 * k + 1 - n % 2) * pitch;
         }
         if (!falls) spsi_cell_rows_follow(pass, row, beams.direction, 1, sent, in);
-        spsi_cell_row_swept(pass, 2, y, z, &beams, before, level->moments[0]);
+        spsi_cell_row(level, row, &beams, before, level->moments[0], pass->solver->terms);
     }
 }
 
@@ -18960,12 +18894,11 @@ static void spsi_cells_plane_task(void *data, int z) {
 }
 
 static void spsi_cells_carry(spsi_cell_pass *pass) {
-    if (pass->leaving) memset(pass->leaving, 0, spsi_cell_leaving_floats(pass->level->size[2]) * sizeof *pass->leaving);
     spsi_parallel_items(pass->solver->context, 2, spsi_cells_along_task, pass);
     spsi_parallel_items(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
 }
 
-/* Carries what cells send through all of the grid: its moments and, of the finest level, what leaves it. */
+/* Carries what cells send through all of the grid. */
 static void spsi_cells_sweep(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
     spsi_cells_carry(&pass);
@@ -19320,69 +19253,115 @@ static void spsi_cells_continue_task(void *data, int row) {
 
 /* --- what lights polygons --- */
 
-/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel its
-   flux and the polynomial of what leaves it. */
+#define SPSI_CELL_PATCHES 8 /* along each edge of a side of the grid */
+#define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
+/* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
+#define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
+#define SPSI_CELL_ROWS_OF_PATCHES 6 /* floats of where each is: its middle, from the grid's corner; area; widths */
+#define SPSI_CELL_WAYS  8 /* directions along each edge of a patch's table, whose corners are the axes along the side */
+#define SPSI_CELL_TABLE (SPSI_CELL_WAYS * SPSI_CELL_WAYS)
+
+/* Floats of a grid's patches: where they are and, per channel, a table of what leaves each. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    return (size_t)((4 + (1 + SPSI_CELL_TERMS) * grid->channels) * SPSI_CELL_SHEET);
+    return (size_t)((SPSI_CELL_ROWS_OF_PATCHES + SPSI_CELL_TABLE * grid->channels) * SPSI_CELL_SHEET);
+}
+
+/* The tables of a channel: a row per patch and row of directions. */
+static float *spsi_cell_tables(const spsi_cell_grid *grid, int channel) {
+    return grid->patches + (SPSI_CELL_ROWS_OF_PATCHES + SPSI_CELL_TABLE * channel) * SPSI_CELL_SHEET;
+}
+
+/* Where a patch begins, as a share of the side's edge: at rims, where light changes most, patches are half as wide. */
+static double spsi_cell_patch_begin(int patch) {
+    const double at = (double)patch / SPSI_CELL_PATCHES;
+    return 0.5 * at * (1 + at * (3 - 2 * at));
 }
 
 /* Sets where patches are. */
 static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
-    float *at[4];
-    for (int k = 0; k < 4; ++k) at[k] = grid->patches + k * SPSI_CELL_SHEET;
+    float *at[SPSI_CELL_ROWS_OF_PATCHES];
+    for (int k = 0; k < SPSI_CELL_ROWS_OF_PATCHES; ++k) at[k] = grid->patches + k * SPSI_CELL_SHEET;
     for (int n = 0; n < SPSI_CELL_SHEET; ++n) {
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
         const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
         const int patch[2] = {n % SPSI_CELL_PATCHES, n / SPSI_CELL_PATCHES % SPSI_CELL_PATCHES};
-        double area = 1;
         at[axis][n] = upper ? (float)(grid->edge * grid->size[axis]) : 0;
         for (int i = 0; i < 2; ++i) {
-            const int first = spsi_cell_patch_first(patch[i], grid->size[along[i]]);
-            const int end = spsi_cell_patch_first(patch[i] + 1, grid->size[along[i]]);
-            at[along[i]][n] = (float)(0.5 * grid->edge * (first + end));
-            area *= grid->edge * (end - first);
+            const double extent = grid->edge * grid->size[along[i]], begin = spsi_cell_patch_begin(patch[i]);
+            const double end = spsi_cell_patch_begin(patch[i] + 1);
+            at[along[i]][n] = (float)(0.5 * extent * (begin + end));
+            at[4 + i][n] = (float)(extent * (end - begin));
         }
-        at[3][n] = (float)area;
+        at[3][n] = at[4][n] * at[5][n];
     }
 }
 
-/* Turns the sums of a side's patches into harmonics that have them, which are their radiance times pi. Sums over the
-   cells' own directions stand for integrals, so that even light stays even. Degree 3 is damped: its sums err most. */
-static void spsi_cell_side_fit(const spsi_cell_direction *directions, int side, float *sum) {
-    static const int along[3] = {3, 1, 2};
-    double matrix[SPSI_CELL_TERMS][SPSI_CELL_TERMS] = {{0}};
-    for (int n = 0; n < SPSI_CELL_DIRECTIONS; ++n) {
-        const float *harmonic = directions[n].harmonic;
-        const double u = sqrt(1.0 / 3) * (double)harmonic[along[side / 2]] * (side % 2 ? 1 : -1);
-        for (int i = 0; i < SPSI_CELL_TERMS && u > 0; ++i)
-            for (int k = 0; k < SPSI_CELL_TERMS; ++k)
-                matrix[i][k] += 4 * u * (double)(directions[n].weight * harmonic[i] * harmonic[k]);
+/* What a patch's table is filled from. */
+typedef struct spsi_cell_leaving {
+    const spsi_cell_solver *solver;
+    const spsi_cell_grid *grid;
+    int channel;
+} spsi_cell_leaving;
+
+/* The radiance that comes back along rays into the grid, which begin on its side, `from` in cells: what cells send, in
+   equal steps of at most an edge. */
+static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const float from[3], const spsi_v way[3]) {
+    const spsi_cell_level *level = &solver->levels[0];
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), tiny = spsi_set(1e-6f);
+    spsi_v length = spsi_set(1e6f), through = one, sum = zero, back[3], harmonic[SPSI_CELL_TERMS], count, step;
+    for (int k = 0; k < 3; ++k) {
+        const spsi_v ahead = spsi_set((float)level->size[k] - from[k]), behind = spsi_set(from[k]);
+        back[k] = spsi_sub(zero, way[k]);
+        length = spsi_min(length, spsi_div(spsi_select(spsi_less(zero, way[k]), ahead, behind),
+                                           spsi_max(spsi_abs(way[k]), tiny)));
     }
-    for (int i = 9; i < SPSI_CELL_TERMS; ++i) matrix[i][i] *= 1.15;
-    for (int i = 0; i < SPSI_CELL_TERMS; ++i) /* Gauss and Jordan: the matrix is positive definite */
-        for (int k = 0; k < SPSI_CELL_TERMS; ++k) {
-            const double share = k == i ? 1 - 1 / matrix[i][i] : matrix[k][i] / matrix[i][i];
-            for (int m = 0; m < SPSI_CELL_TERMS; ++m) matrix[k][m] -= share * matrix[i][m];
-            for (int n = 0; n < SPSI_CELL_SIDE; ++n)
-                sum[k * SPSI_CELL_SHEET + n] -= (float)share * sum[i * SPSI_CELL_SHEET + n];
-        }
+    spsi_harmonics_v(back, solver->terms, harmonic);
+    count = spsi_max(spsi_sub(zero, spsi_floor(spsi_sub(zero, length))), one);
+    step = spsi_div(length, count);
+    for (float i = 0.5f;; i += 1) {
+        const spsi_m on = spsi_and(spsi_less(spsi_set(i), count), spsi_less(spsi_set(1e-3f), through));
+        spsi_v at[3], row, depth, passes, taken, sent;
+        if (!spsi_bits(on)) return sum;
+        for (int k = 0; k < 3; ++k)
+            at[k] = spsi_clamp(spsi_floor(spsi_fma(spsi_mul(way[k], step), spsi_set(i), spsi_set(from[k]))), zero,
+                               spsi_set((float)(level->size[k] - 1)));
+        row = spsi_fma(at[2], spsi_set((float)level->size[1]), at[1]);
+        depth = spsi_mul(spsi_lookup(level->depth, level->pitch, at[0], row), step);
+        sent = spsi_lookup(level->sent, level->pitch, at[0], row);
+        for (int t = 1; t < solver->terms; ++t)
+            sent = spsi_fma(harmonic[t], spsi_lookup(level->sent + (size_t)t * level->count, level->pitch, at[0], row),
+                            sent);
+        passes = spsi_exp(spsi_sub(zero, depth));
+        taken = spsi_select(spsi_less(depth, spsi_set(1e-3f)), depth, spsi_sub(one, passes));
+        sum = spsi_select(on, spsi_fma(spsi_mul(through, taken), sent, sum), sum);
+        through = spsi_mul(through, passes);
+    }
 }
 
-/* Sets what leaves patches, per area: the sum over planes and parts of a sweep. */
-static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
-    const int count = SPSI_CELL_TERMS * SPSI_CELL_SHEET;
-    const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
-    float *flux = grid->patches + 4 * SPSI_CELL_SHEET + (count + SPSI_CELL_SHEET) * channel;
-    float *patch = flux + SPSI_CELL_SHEET;
-    memset(patch, 0, (size_t)count * sizeof *patch);
-    for (int i = 0; i < 3 * grid->size[2]; ++i)
-        for (int n = 0; n < count; ++n) patch[n] += solver->leaving[(size_t)i * (size_t)count + (size_t)n];
-    for (int n = 0; n < count; ++n) {
-        const float whole = area[n % SPSI_CELL_SHEET];
-        if (whole > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / whole;
+/* Fills the table of a patch: radiance times pi by direction. Half of the sphere is an octahedron's half, seen as a
+   square; directions along the side are turned off it, since within the outermost cells they differ from all others. */
+static void spsi_cell_patch_task(void *data, int patch) {
+    const spsi_cell_leaving *leaving = (const spsi_cell_leaving *)data;
+    const spsi_cell_grid *grid = leaving->grid;
+    const int axis = patch / SPSI_CELL_SIDE / 2, upper = patch / SPSI_CELL_SIDE % 2;
+    const spsi_v one = spsi_set(1), scale = spsi_set(2.0f / (SPSI_CELL_WAYS - 1));
+    float *table = spsi_cell_tables(grid, leaving->channel) + SPSI_CELL_TABLE * patch, from[3];
+    for (int k = 0; k < 3; ++k) from[k] = grid->patches[k * SPSI_CELL_SHEET + patch] / (float)grid->edge;
+    for (int n = 0; n < SPSI_CELL_TABLE; n += SPSI_LANES) {
+        const spsi_v number = spsi_add(spsi_set((float)n), spsi_iota());
+        const spsi_v row = spsi_floor(spsi_mul(number, spsi_set(1.0f / SPSI_CELL_WAYS)));
+        const spsi_v column = spsi_fma(row, spsi_set(-SPSI_CELL_WAYS), number);
+        const spsi_v s = spsi_fma(column, scale, spsi_set(-1)), t = spsi_fma(row, scale, spsi_set(-1));
+        const spsi_v a = spsi_mul(spsi_add(s, t), spsi_set(-0.5f)), b = spsi_mul(spsi_sub(s, t), spsi_set(-0.5f));
+        spsi_v u = spsi_sub(spsi_sub(one, spsi_abs(a)), spsi_abs(b)), way[3], length;
+        u = spsi_max(u, spsi_set(0.1f));
+        way[axis] = upper ? spsi_sub(spsi_set(0), u) : u;
+        way[axis == 0 ? 1 : 0] = a;
+        way[axis == 2 ? 1 : 2] = b;
+        length = spsi_sqrt(spsi_dot_v(way, way));
+        for (int k = 0; k < 3; ++k) way[k] = spsi_div(way[k], length);
+        spsi_store(table + n, spsi_mul(spsi_cells_radiance(leaving->solver, from, way), spsi_set((float)SPSI_PI)));
     }
-    memcpy(flux, patch, SPSI_CELL_SHEET * sizeof *flux);
-    for (int side = 0; side < 6; ++side) spsi_cell_side_fit(solver->directions, side, patch + side * SPSI_CELL_SIDE);
 }
 
 /* Adds a cell's moments to the irradiance of a surface, from whose normal light comes: of light of degree 0, 1, 2 the
@@ -19483,28 +19462,25 @@ static void spsi_cell_sight_ray(const spsi_cell_sight *sight, int patch, int num
     const int at[2] = {patch % SPSI_CELL_PATCHES, patch / SPSI_CELL_PATCHES % SPSI_CELL_PATCHES};
     toward[axis] = grid->corner[axis] - start[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
     for (int i = 0; i < 2; ++i) {
-        const int k = along[i], first = spsi_cell_patch_first(at[i], grid->size[k]);
-        const int end = spsi_cell_patch_first(at[i] + 1, grid->size[k]);
+        const int k = along[i];
+        const double begin = spsi_cell_patch_begin(at[i]), width = spsi_cell_patch_begin(at[i] + 1) - begin;
         const int part = (reversed[at[1 - i]] + SPSI_CELL_PATCHES / 2 * bits[i]) % SPSI_CELL_PATCHES;
         const double shift = part + 0.25 * bits[i] + 0.5 * bits[1 - i] + 0.125;
-        toward[k] = grid->corner[k] - start[k] + grid->edge * (first + (end - first) * shift / SPSI_CELL_PATCHES);
+        toward[k] = grid->corner[k] - start[k] + grid->edge * grid->size[k] * (begin + width * shift / SPSI_CELL_PATCHES);
     }
 }
 
-/* Bit mask of a side's patches that the surface faces, as far as they send anything. */
+/* Bit mask of a side's patches that the surface faces. */
 static uint64_t spsi_cell_sight_faced(const spsi_cell_sight *sight, int side) {
     const spsi_cell_grid *grid = sight->grid;
     uint64_t faced = 0;
     for (int n = 0; n < SPSI_CELL_SIDE; ++n) {
         const float *patch = grid->patches + side * SPSI_CELL_SIDE + n;
         double facing = 0;
-        float sent = 0;
         for (int k = 0; k < 3; ++k)
             facing +=
                 sight->normal[k] * ((double)patch[k * SPSI_CELL_SHEET] + grid->corner[k] - sight->surface->point[k]);
-        for (int c = 0; c < grid->channels; ++c)
-            sent += fabsf(patch[(4 + (1 + SPSI_CELL_TERMS) * c) * SPSI_CELL_SHEET]);
-        if (facing > 0 && sent > 0) faced |= (uint64_t)1 << n;
+        if (facing > 0) faced |= (uint64_t)1 << n;
     }
     return faced;
 }
@@ -19566,30 +19542,58 @@ static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_S
     return hidden;
 }
 
-/* Adds the irradiance of a surface, in `count` channels, by a vector of patches, of which `way` is the way to a part,
-   `area` large: a disc, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if
-   it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and
-   discs where that is too little. `sent`: of the first channel, their flux and the polynomial of what leaves them. */
-static void spsi_cell_patches_send(const float *sent, int count, int axis, const spsi_v way[3], const spsi_v normal[3],
-                                   spsi_v area, spsi_v sums[3]) {
-    const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
-    const spsi_v away = spsi_div(spsi_set(-1), spsi_sqrt(square)), nearer = spsi_mul(away, away);
-    const spsi_v before = spsi_abs(way[axis]), u = spsi_min(spsi_abs(spsi_mul(before, away)), one);
-    const spsi_v toward[3] = {spsi_mul(way[0], away), spsi_mul(way[1], away), spsi_mul(way[2], away)};
-    const spsi_v zero = spsi_set(0), wide = spsi_min(spsi_mul(area, nearer), one);
-    const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
-    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), zero), before), harmonic[SPSI_CELL_TERMS];
-    spsi_harmonics_v(toward, SPSI_CELL_TERMS, harmonic);
+/* A side of the grid that lights a surface, in `count` channels. */
+typedef struct spsi_cell_sender {
+    const float *tables; /* of the first channel */
+    int count, side, axis, along[2], parts;
+    spsi_v normal[3]; /* the surface's */
+} spsi_cell_sender;
+
+/* Looks up what leaves a vector of patches in a direction of the table. `at`: in patches, along the side; between the
+   middles of four of them it is linear, where they are seen in parts. */
+static inline spsi_v spsi_cell_patches_lookup(const spsi_cell_sender *from, const float *table, const spsi_v at[2],
+                                              const spsi_v direction[2]) {
+    const int height = SPSI_CELL_WAYS * SPSI_CELL_SHEET, apart[2] = {SPSI_CELL_WAYS, SPSI_CELL_WAYS * SPSI_CELL_PATCHES};
+    spsi_v row = spsi_add(spsi_set((float)(SPSI_CELL_WAYS * SPSI_CELL_SIDE * from->side)), direction[1]), share[2], mean[2];
+    for (int k = 0; k < 2; ++k) {
+        const spsi_v place = spsi_clamp(at[k], spsi_set(0), spsi_set(SPSI_CELL_PATCHES - 1));
+        const spsi_v low = from->parts > 1 ? spsi_min(spsi_floor(place), spsi_set(SPSI_CELL_PATCHES - 2)) : place;
+        share[k] = spsi_sub(place, low);
+        row = spsi_fma(low, spsi_set((float)apart[k]), row);
+    }
+    if (from->parts == 1) return spsi_bilinear(table, SPSI_CELL_WAYS, height, direction[0], row);
+    for (int k = 0; k < 2; ++k) {
+        const spsi_v next = spsi_add(row, spsi_set((float)apart[0]));
+        mean[k] = spsi_mix(spsi_bilinear(table, SPSI_CELL_WAYS, height, direction[0], row),
+                           spsi_bilinear(table, SPSI_CELL_WAYS, height, direction[0], next), share[0]);
+        row = spsi_add(row, spsi_set((float)apart[1]));
+    }
+    return spsi_mix(mean[0], mean[1], share[1]);
+}
+
+/* Adds the irradiance by a vector of patches, of which `way` is the way to a part, `area` large: a disc, whose fraction
+   of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if it is straight ahead; its second order
+   in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and discs where that is too little. */
+static void spsi_cell_patches_send(const spsi_cell_sender *from, const spsi_v way[3], const spsi_v at[2], spsi_v area,
+                                   spsi_v sums[3]) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f * (SPSI_CELL_WAYS - 1));
+    const spsi_v square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f)), nearer = spsi_div(one, square);
+    const spsi_v before = spsi_abs(way[from->axis]), a = way[from->along[0]], b = way[from->along[1]];
+    const spsi_v uu = spsi_min(spsi_mul(spsi_mul(before, before), nearer), one);
+    const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
+    const spsi_v facing = spsi_max(spsi_fma(uu, spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
+    const spsi_v length = spsi_max(spsi_add(spsi_add(spsi_abs(a), spsi_abs(b)), before), spsi_set(1e-30f));
+    const spsi_v scale = spsi_div(spsi_sub(zero, half), length);
+    const spsi_v direction[2] = {spsi_fma(spsi_add(a, b), scale, half), spsi_fma(spsi_sub(a, b), scale, half)};
+    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, from->normal), zero), before);
     share = spsi_min(spsi_mul(share, nearer), one);
     share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
-    for (int c = 0; c < count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
-        const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
-        spsi_v sum = spsi_load(sent + SPSI_CELL_SHEET);
-        for (int i = 1; i < SPSI_CELL_TERMS; ++i)
-            sum = spsi_fma(harmonic[i], spsi_load(sent + (1 + i) * SPSI_CELL_SHEET), sum);
-        sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
-        sums[c] = spsi_fma(share, sum, sums[c]);
-    }
+    if (!spsi_bits(spsi_less(zero, share))) return;
+    for (int c = 0; c < from->count; ++c)
+        sums[c] = spsi_fma(share,
+                           spsi_cell_patches_lookup(from, from->tables + SPSI_CELL_TABLE * SPSI_CELL_SHEET * c, at,
+                                                    direction),
+                           sums[c]);
 }
 
 /* A surface that cells light. */
@@ -19599,45 +19603,54 @@ typedef struct spsi_cell_receiver {
     int finest;                   /* a near patch counts as so many parts along an edge at most */
 } spsi_cell_receiver;
 
-/* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most 0.6 of their
-   distance; nearer than a fifth of a patch, cells are looked up themselves. */
+/* In how many parts along an edge a vector of near patches counts: of at most 0.6 of their distance. `before`: from the
+   side; `square`: from their middles. Elsewhere the parts are one. */
+static int spsi_cell_patches_parts(double longest, double before, spsi_v square, int finest) {
+    float lanes[SPSI_LANES];
+    double nearest = HUGE_VAL;
+    if (!spsi_bits(spsi_less(square, spsi_set((float)(7.3 * longest * longest)))) || before < 0.05 * longest) return 1;
+    spsi_store(lanes, square);
+    for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
+    nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, before), 0.4 * longest);
+    return spsi_least((int)ceil(1.7 * longest / nearest), finest);
+}
+
+/* Irradiance of a surface outside, in `count` channels from one on. */
 static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                           const spsi_cell_receiver *to, double irradiance[3]) {
-    const float *patch = grid->patches, *sent = patch + (4 + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
-    spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, from[3];
+    const float *patch = grid->patches;
+    const double widest = spsi_cell_patch_begin(1 + SPSI_CELL_PATCHES / 2) - 0.5;
+    spsi_cell_sender from = {spsi_cell_tables(grid, channel), count, 0, 0, {0, 0}, 1, {spsi_set(0), spsi_set(0), spsi_set(0)}};
+    spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     float lanes[SPSI_LANES];
-    spsi_set3(to->normal, from);
+    spsi_set3(to->normal, from.normal);
     for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
-        const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
         const double before = to->point[axis] - grid->corner[axis] - (upper ? grid->edge * grid->size[axis] : 0);
-        const double longest = grid->edge * spsi_most(grid->size[along[0]], grid->size[along[1]]) / SPSI_CELL_PATCHES;
-        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n), square;
+        const spsi_v number = spsi_add(spsi_set((float)(n % SPSI_CELL_SIDE)), spsi_iota());
+        const spsi_v row = spsi_floor(spsi_mul(number, spsi_set(1.0f / SPSI_CELL_PATCHES)));
+        const spsi_v first[2] = {spsi_fma(row, spsi_set(-SPSI_CELL_PATCHES), number), row};
+        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n);
         spsi_v some[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-        int parts = 1; /* a patch may be all that a surface sees */
-        spsi_m near_by;
         if (!(upper ? before > 0 : before < 0)) continue;
+        from.side = n / SPSI_CELL_SIDE, from.axis = axis;
+        from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
         for (int k = 0; k < 3; ++k)
             middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET + n),
                                  spsi_set((float)(to->point[k] - grid->corner[k])));
-        square = spsi_dot_v(middle, middle);
-        near_by = spsi_less(square, spsi_set((float)(7.3 * longest * longest)));
-        if (fabs(before) >= 0.05 * longest && spsi_bits(near_by)) { /* elsewhere the parts are one */
-            double nearest = HUGE_VAL;
-            spsi_store(lanes, square);
-            for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
-            nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
-            parts = spsi_least((int)ceil(1.7 * longest / nearest), to->finest);
-        }
-        area = spsi_mul(area, spsi_set(1 / (float)(parts * parts)));
-        for (int i = 0; i < parts * parts; ++i) {
-            spsi_v way[3] = {middle[0], middle[1], middle[2]};
+        from.parts = spsi_cell_patches_parts(
+            widest * grid->edge * spsi_most(grid->size[from.along[0]], grid->size[from.along[1]]), fabs(before),
+            spsi_dot_v(middle, middle), to->finest);
+        area = spsi_mul(area, spsi_set(1 / (float)(from.parts * from.parts)));
+        for (int i = 0; i < from.parts * from.parts; ++i) { /* a patch may be all that a surface sees */
+            spsi_v way[3] = {middle[0], middle[1], middle[2]}, at[2];
             for (int k = 0; k < 2; ++k) {
-                const double off = ((k ? i / parts : i % parts) + 0.5) / parts - 0.5;
-                const double step = off * grid->edge * grid->size[along[k]] / SPSI_CELL_PATCHES;
-                way[along[k]] = spsi_add(way[along[k]], spsi_set((float)step));
+                const float off = ((float)(k ? i / from.parts : i % from.parts) + 0.5f) / (float)from.parts - 0.5f;
+                const int axis_along = from.along[k];
+                way[axis_along] = spsi_fma(spsi_load(patch + (4 + k) * SPSI_CELL_SHEET + n), spsi_set(off), way[axis_along]);
+                at[k] = spsi_add(first[k], spsi_set(off));
             }
-            spsi_cell_patches_send(sent + n, count, axis, way, from, area, some);
+            spsi_cell_patches_send(&from, way, at, area, some);
         }
         for (int c = 0; c < count; ++c)
             all[c] = spsi_fma(some[c], to->open ? spsi_load(to->open + n) : spsi_set(1), all[c]);
@@ -24541,12 +24554,12 @@ static size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float 
     return (size_t)laid;
 }
 
-/* Floats for light of polygons: moments and a source of none, links and rows of coarse levels, and what leaves. */
+/* Floats for light of polygons: moments and a source of none, links and rows of coarse levels. */
 static size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
         floats += 2 * solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
-    return floats + spsi_cell_leaving_floats(solver->levels[0].size[2]);
+    return floats;
 }
 
 /* Sizes of a solver's levels, each half as long as the one before, down to four cells. Returns the floats of all. */
@@ -24631,7 +24644,6 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
         memory += 2 * level->count + spsi_cell_rows_floats(level->size);
         spsi_parallel_items(job->context, level->size[1] * level->size[2], spsi_cells_close_task, job);
     }
-    solver->leaving = memory;
 }
 
 /* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
@@ -24674,28 +24686,25 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     return flights->count - first;
 }
 
+/* Keeps what the last sweep found, by which polygons are lit. */
+static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
+    const spsi_cell_grid *grid = job->grid;
+    const size_t floats = (size_t)grid->flux_terms * grid->count;
+    spsi_cell_leaving leaving = {job->solver, grid, channel};
+    spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
+              floats * sizeof(float));
+    spsi_parallel_items(job->context, SPSI_CELL_SHEET, spsi_cell_patch_task, &leaving);
+}
+
 /* Sweeps once more without what flies to polygons, but not to cells, and without that of cells that send most. */
 static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
     const float fraction = all > cells ? (all - cells) / (1 - cells) : 0;
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
-    int changed = fraction > 0;
-    for (int back = 0; back < 2; ++back) {
-        for (size_t at = 0; at < job->grid->count; ++at)
-            if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
-        if (!back) changed |= spsi_cells_set_apart(job, channel) > 0;
-        if (!back && changed) spsi_cells_sweep(job->solver, level);
-    }
-}
-
-/* Keeps what the last sweep found, by which polygons are lit. */
-static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
-    const spsi_cell_grid *grid = job->grid;
-    const size_t floats = (size_t)grid->flux_terms * grid->count;
-    spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
-              floats * sizeof(float));
-    spsi_cell_patches_fill(job->solver, grid, channel);
+    for (size_t at = 0; at < job->grid->count; ++at)
+        if (level->depth[at] > 0) level->sent[at] -= fraction * emitted[at] / level->depth[at];
+    if (spsi_cells_set_apart(job, channel) > 0 || fraction > 0) spsi_cells_sweep(job->solver, level);
 }
 
 /* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly
@@ -24744,7 +24753,6 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
     job->wall_light = NULL;
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
-        memset(solver->leaving, 0, spsi_cell_leaving_floats(grid->size[2]) * sizeof(float));
         spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         spsi_cells_levels(solver);
         change = spsi_cells_reflect(job, job->channel, plain);

@@ -4256,6 +4256,7 @@ typedef struct spsi_cell_grid {
     int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
     float *patches; /* the grid's sides in parts, >>cells: place, area and, per channel, what leaves each */
+    float thick[3]; /* per channel: optical depth along an edge, on the mean of all cells */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
     float *pyramid; /* levels of depth, each half as fine; then of each material's; >>flights; NULL: nothing flies */
     size_t pyramid_rows; /* rows of each pyramid */
@@ -18400,6 +18401,7 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 #define SPSI_CELL_LEVELS     9  /* 256 cells, halved down to one */
 #define SPSI_CELL_ALONG      21 /* directions that rise along z */
 #define SPSI_CELL_BEAMS      17 /* most directions that a row of cells is swept in at once */
+#define SPSI_CELL_RAYS       64 /* by which a part of the grid's sides looks into it */
 
 /* A direction in which light is carried. */
 typedef struct spsi_cell_direction {
@@ -18434,6 +18436,13 @@ static size_t spsi_cell_stride(size_t cells) {
     return cells < 4096 ? cells : cells + (1024 + 80 - cells % 1024) % 1024;
 }
 
+/* The rays by which a part of the grid's sides looks into it. `out`: along the side, and out of it; `harmonic`: of that;
+   `fit`: what a ray's radiance counts in each harmonic. */
+typedef struct spsi_cell_rays {
+    float out[3][SPSI_CELL_RAYS], weight[SPSI_CELL_RAYS];
+    float harmonic[SPSI_CELL_TERMS][SPSI_CELL_RAYS], fit[SPSI_CELL_TERMS][SPSI_CELL_RAYS];
+} spsi_cell_rays;
+
 typedef struct spsi_cell_solver {
     sps_context *context;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
@@ -18441,6 +18450,7 @@ typedef struct spsi_cell_solver {
     spsi_cell_level levels[SPSI_CELL_LEVELS];
     float *scratch;  /* rows and planes of radiance */
     double *balance; /* per plane of cells: what is missing, and what is sent */
+    spsi_cell_rays rays;
 } spsi_cell_solver;
 
 /* The link by which light in the direction of a step enters a cell. */
@@ -19257,18 +19267,16 @@ static void spsi_cells_continue_task(void *data, int row) {
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
 /* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-#define SPSI_CELL_ROWS_OF_PATCHES 6 /* floats of where each is: its middle, from the grid's corner; area; widths */
-#define SPSI_CELL_WAYS  8 /* directions along each edge of a patch's table, whose corners are the axes along the side */
-#define SPSI_CELL_TABLE (SPSI_CELL_WAYS * SPSI_CELL_WAYS)
+#define SPSI_CELL_PLACES 6 /* floats of where a patch is: its middle, from the grid's corner; area; widths */
 
-/* Floats of a grid's patches: where they are and, per channel, a table of what leaves each. */
+/* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    return (size_t)((SPSI_CELL_ROWS_OF_PATCHES + SPSI_CELL_TABLE * grid->channels) * SPSI_CELL_SHEET);
+    return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * grid->channels) * SPSI_CELL_SHEET);
 }
 
-/* The tables of a channel: a row per patch and row of directions. */
-static float *spsi_cell_tables(const spsi_cell_grid *grid, int channel) {
-    return grid->patches + (SPSI_CELL_ROWS_OF_PATCHES + SPSI_CELL_TABLE * channel) * SPSI_CELL_SHEET;
+/* What leaves patches in a channel. */
+static float *spsi_cell_patches_sent(const spsi_cell_grid *grid, int channel) {
+    return grid->patches + (SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
 }
 
 /* Where a patch begins, as a share of the side's edge: at rims, where light changes most, patches are half as wide. */
@@ -19279,8 +19287,8 @@ static double spsi_cell_patch_begin(int patch) {
 
 /* Sets where patches are. */
 static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
-    float *at[SPSI_CELL_ROWS_OF_PATCHES];
-    for (int k = 0; k < SPSI_CELL_ROWS_OF_PATCHES; ++k) at[k] = grid->patches + k * SPSI_CELL_SHEET;
+    float *at[SPSI_CELL_PLACES];
+    for (int k = 0; k < SPSI_CELL_PLACES; ++k) at[k] = grid->patches + k * SPSI_CELL_SHEET;
     for (int n = 0; n < SPSI_CELL_SHEET; ++n) {
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
         const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
@@ -19296,34 +19304,70 @@ static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
     }
 }
 
-/* What a patch's table is filled from. */
-typedef struct spsi_cell_leaving {
-    const spsi_cell_solver *solver;
-    const spsi_cell_grid *grid;
-    int channel;
-} spsi_cell_leaving;
-
-/* The radiance that comes back along rays into the grid, which begin on its side, `from` in cells: what cells send, in
-   equal steps of at most an edge. */
-static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const float from[3], const spsi_v way[3]) {
-    const spsi_cell_level *level = &solver->levels[0];
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), tiny = spsi_set(1e-6f);
-    spsi_v length = spsi_set(1e6f), through = one, sum = zero, back[3], harmonic[SPSI_CELL_TERMS], count, step;
-    for (int k = 0; k < 3; ++k) {
-        const spsi_v ahead = spsi_set((float)level->size[k] - from[k]), behind = spsi_set(from[k]);
-        back[k] = spsi_sub(zero, way[k]);
-        length = spsi_min(length, spsi_div(spsi_select(spsi_less(zero, way[k]), ahead, behind),
-                                           spsi_max(spsi_abs(way[k]), tiny)));
+/* Sets a patch's rays: half of the sphere is that of an octahedron, seen as a square of 8 x 8. They count as they cross
+   the side, and the sum of harmonics that is nearest to what they find is linear in that. */
+static void spsi_cell_rays_build(spsi_cell_rays *rays) {
+    double matrix[SPSI_CELL_TERMS][SPSI_CELL_TERMS] = {{0}}, fit[SPSI_CELL_TERMS][SPSI_CELL_RAYS];
+    for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
+        const double s = 0.25 * (n % 8 + 0.5) - 1, t = 0.25 * (n / 8 + 0.5) - 1;
+        double out[3] = {0.5 * (s + t), 0.5 * (s - t), 1 - 0.5 * (fabs(s + t) + fabs(s - t))}, weight;
+        const double length = spsi_length(out);
+        float harmonic[SPSI_CELL_TERMS];
+        spsi_normalise(out);
+        spsi_harmonics(out, harmonic);
+        weight = out[2] / (length * length * length);
+        rays->weight[n] = (float)weight;
+        for (int k = 0; k < 3; ++k) rays->out[k][n] = (float)out[k];
+        for (int i = 0; i < SPSI_CELL_TERMS; ++i) {
+            rays->harmonic[i][n] = harmonic[i];
+            fit[i][n] = weight * (double)harmonic[i];
+            for (int k = 0; k < SPSI_CELL_TERMS; ++k) matrix[i][k] += fit[i][n] * (double)harmonic[k];
+        }
     }
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i) /* Gauss and Jordan: the matrix is positive definite */
+        for (int k = 0; k < SPSI_CELL_TERMS; ++k) {
+            const double share = k == i ? 1 - 1 / matrix[i][i] : matrix[k][i] / matrix[i][i];
+            for (int m = 0; m < SPSI_CELL_TERMS; ++m) matrix[k][m] -= share * matrix[i][m];
+            for (int n = 0; n < SPSI_CELL_RAYS; ++n) fit[k][n] -= share * fit[i][n];
+        }
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i)
+        for (int n = 0; n < SPSI_CELL_RAYS; ++n) rays->fit[i][n] = (float)fit[i][n];
+}
+
+/* The length of a way through the grid, in units of `way`: from a place on its sides, relative to the corner. */
+static inline spsi_v spsi_cell_way_through(const double extent[3], const spsi_v from[3], const spsi_v way[3]) {
+    spsi_v length = spsi_set(1e30f);
+    for (int k = 0; k < 3; ++k) {
+        const spsi_m rises = spsi_less(spsi_set(0), way[k]);
+        const spsi_v ahead = spsi_select(rises, spsi_sub(spsi_set((float)extent[k]), from[k]), from[k]);
+        length = spsi_min(length, spsi_div(ahead, spsi_max(spsi_abs(way[k]), spsi_set(1e-20f))));
+    }
+    return length;
+}
+
+/* What gas of an optical depth takes of light: 1 - exp(-depth), where depth is small, too. */
+static inline spsi_v spsi_cell_takes(spsi_v depth, spsi_v passes) {
+    const spsi_v thin = spsi_fma(spsi_mul(depth, depth), spsi_set(-0.5f), depth);
+    return spsi_select(spsi_less(depth, spsi_set(2e-3f)), thin, spsi_sub(spsi_set(1), passes));
+}
+
+/* The radiance that comes back along rays of a length in cells, which begin at a place in cells: what these send, in
+   equal steps of at most an edge. */
+static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
+                                  spsi_v length) {
+    const spsi_cell_level *level = &solver->levels[0];
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    const spsi_v count = spsi_max(spsi_sub(zero, spsi_floor(spsi_sub(zero, length))), one);
+    const spsi_v step = spsi_div(length, count);
+    const spsi_v back[3] = {spsi_sub(zero, way[0]), spsi_sub(zero, way[1]), spsi_sub(zero, way[2])};
+    spsi_v through = one, sum = zero, harmonic[SPSI_CELL_TERMS];
     spsi_harmonics_v(back, solver->terms, harmonic);
-    count = spsi_max(spsi_sub(zero, spsi_floor(spsi_sub(zero, length))), one);
-    step = spsi_div(length, count);
     for (float i = 0.5f;; i += 1) {
         const spsi_m on = spsi_and(spsi_less(spsi_set(i), count), spsi_less(spsi_set(1e-3f), through));
-        spsi_v at[3], row, depth, passes, taken, sent;
+        spsi_v at[3], row, depth, passes, sent;
         if (!spsi_bits(on)) return sum;
         for (int k = 0; k < 3; ++k)
-            at[k] = spsi_clamp(spsi_floor(spsi_fma(spsi_mul(way[k], step), spsi_set(i), spsi_set(from[k]))), zero,
+            at[k] = spsi_clamp(spsi_floor(spsi_fma(spsi_mul(way[k], step), spsi_set(i), from[k])), zero,
                                spsi_set((float)(level->size[k] - 1)));
         row = spsi_fma(at[2], spsi_set((float)level->size[1]), at[1]);
         depth = spsi_mul(spsi_lookup(level->depth, level->pitch, at[0], row), step);
@@ -19332,36 +19376,69 @@ static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const float fr
             sent = spsi_fma(harmonic[t], spsi_lookup(level->sent + (size_t)t * level->count, level->pitch, at[0], row),
                             sent);
         passes = spsi_exp(spsi_sub(zero, depth));
-        taken = spsi_select(spsi_less(depth, spsi_set(1e-3f)), depth, spsi_sub(one, passes));
-        sum = spsi_select(on, spsi_fma(spsi_mul(through, taken), sent, sum), sum);
+        sum = spsi_select(on, spsi_fma(spsi_mul(through, spsi_cell_takes(depth, passes)), sent, sum), sum);
         through = spsi_mul(through, passes);
     }
 }
 
-/* Fills the table of a patch: radiance times pi by direction. Half of the sphere is an octahedron's half, seen as a
-   square; directions along the side are turned off it, since within the outermost cells they differ from all others. */
+/* What patches are filled from. */
+typedef struct spsi_cell_leaving {
+    const spsi_cell_solver *solver;
+    const spsi_cell_grid *grid;
+    int channel;
+} spsi_cell_leaving;
+
+static float spsi_sum_of(spsi_v values) {
+    float lanes[SPSI_LANES], sum = 0;
+    spsi_store(lanes, values);
+    for (int i = 0; i < SPSI_LANES; ++i) sum += lanes[i];
+    return sum;
+}
+
+/* Finds what leaves a patch, seen by rays from its middle: radiance times pi, over what even gas of the grid's mean depth
+   takes on their ways. That has most of what is not smooth in it, the shape of the grid; the rest is made of harmonics,
+   which are as much flux where they are not of the other sign. */
 static void spsi_cell_patch_task(void *data, int patch) {
     const spsi_cell_leaving *leaving = (const spsi_cell_leaving *)data;
     const spsi_cell_grid *grid = leaving->grid;
+    const spsi_cell_rays *rays = &leaving->solver->rays;
     const int axis = patch / SPSI_CELL_SIDE / 2, upper = patch / SPSI_CELL_SIDE % 2;
-    const spsi_v one = spsi_set(1), scale = spsi_set(2.0f / (SPSI_CELL_WAYS - 1));
-    float *table = spsi_cell_tables(grid, leaving->channel) + SPSI_CELL_TABLE * patch, from[3];
-    for (int k = 0; k < 3; ++k) from[k] = grid->patches[k * SPSI_CELL_SHEET + patch] / (float)grid->edge;
-    for (int n = 0; n < SPSI_CELL_TABLE; n += SPSI_LANES) {
-        const spsi_v number = spsi_add(spsi_set((float)n), spsi_iota());
-        const spsi_v row = spsi_floor(spsi_mul(number, spsi_set(1.0f / SPSI_CELL_WAYS)));
-        const spsi_v column = spsi_fma(row, spsi_set(-SPSI_CELL_WAYS), number);
-        const spsi_v s = spsi_fma(column, scale, spsi_set(-1)), t = spsi_fma(row, scale, spsi_set(-1));
-        const spsi_v a = spsi_mul(spsi_add(s, t), spsi_set(-0.5f)), b = spsi_mul(spsi_sub(s, t), spsi_set(-0.5f));
-        spsi_v u = spsi_sub(spsi_sub(one, spsi_abs(a)), spsi_abs(b)), way[3], length;
-        u = spsi_max(u, spsi_set(0.1f));
-        way[axis] = upper ? spsi_sub(spsi_set(0), u) : u;
-        way[axis == 0 ? 1 : 0] = a;
-        way[axis == 2 ? 1 : 2] = b;
-        length = spsi_sqrt(spsi_dot_v(way, way));
-        for (int k = 0; k < 3; ++k) way[k] = spsi_div(way[k], length);
-        spsi_store(table + n, spsi_mul(spsi_cells_radiance(leaving->solver, from, way), spsi_set((float)SPSI_PI)));
+    const double extent[3] = {grid->size[0], grid->size[1], grid->size[2]}; /* in cells */
+    const spsi_v zero = spsi_set(0), pi = spsi_set((float)SPSI_PI);
+    float *sent = spsi_cell_patches_sent(grid, leaving->channel) + patch;
+    float taken[SPSI_CELL_RAYS], factor, flux, made;
+    spsi_v from[3], terms[SPSI_CELL_TERMS], all = zero, out = zero, kept = zero;
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i) terms[i] = zero;
+    for (int k = 0; k < 3; ++k) from[k] = spsi_set(grid->patches[k * SPSI_CELL_SHEET + patch] / (float)grid->edge);
+    for (int n = 0; n < SPSI_CELL_RAYS; n += SPSI_LANES) {
+        const spsi_v weight = spsi_load(rays->weight + n), in = spsi_load(rays->out[2] + n);
+        spsi_v way[3], length, depth, seen;
+        way[axis] = upper ? spsi_sub(zero, in) : in;
+        way[axis == 0 ? 1 : 0] = spsi_sub(zero, spsi_load(rays->out[0] + n));
+        way[axis == 2 ? 1 : 2] = spsi_sub(zero, spsi_load(rays->out[1] + n));
+        length = spsi_cell_way_through(extent, from, way);
+        depth = spsi_mul(length, spsi_set(grid->thick[leaving->channel]));
+        depth = spsi_cell_takes(depth, spsi_exp(spsi_sub(zero, depth)));
+        spsi_store(taken + n, depth);
+        seen = spsi_mul(spsi_cells_radiance(leaving->solver, from, way, length), pi);
+        all = spsi_add(all, weight);
+        out = spsi_fma(weight, seen, out);
+        seen = spsi_div(seen, spsi_max(depth, spsi_set(1e-30f)));
+        for (int i = 0; i < SPSI_CELL_TERMS; ++i) terms[i] = spsi_fma(spsi_load(rays->fit[i] + n), seen, terms[i]);
     }
+    flux = spsi_sum_of(out);
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i) sent[(1 + i) * SPSI_CELL_SHEET] = spsi_sum_of(terms[i]);
+    for (int n = 0; n < SPSI_CELL_RAYS; n += SPSI_LANES) {
+        const spsi_v weight = spsi_mul(spsi_load(rays->weight + n), spsi_load(taken + n));
+        spsi_v sum = zero;
+        for (int i = 0; i < SPSI_CELL_TERMS; ++i)
+            sum = spsi_fma(spsi_load(rays->harmonic[i] + n), spsi_set(sent[(1 + i) * SPSI_CELL_SHEET]), sum);
+        kept = spsi_fma(weight, flux < 0 ? spsi_min(sum, zero) : spsi_max(sum, zero), kept);
+    }
+    made = spsi_sum_of(kept);
+    factor = fabsf(made) > 0 ? flux / made : 0;
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i) sent[(1 + i) * SPSI_CELL_SHEET] *= factor;
+    sent[0] = flux / spsi_sum_of(all);
 }
 
 /* Adds a cell's moments to the irradiance of a surface, from whose normal light comes: of light of degree 0, 1, 2 the
@@ -19544,56 +19621,42 @@ static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_S
 
 /* A side of the grid that lights a surface, in `count` channels. */
 typedef struct spsi_cell_sender {
-    const float *tables; /* of the first channel */
-    int count, side, axis, along[2], parts;
+    const float *sent; /* by the first channel's patches */
+    int count, axis, along[2];
+    float thick[3];   /* per channel: the grid's mean extinction */
+    double extent[3]; /* of the grid */
     spsi_v normal[3]; /* the surface's */
 } spsi_cell_sender;
 
-/* Looks up what leaves a vector of patches in a direction of the table. `at`: in patches, along the side; between the
-   middles of four of them it is linear, where they are seen in parts. */
-static inline spsi_v spsi_cell_patches_lookup(const spsi_cell_sender *from, const float *table, const spsi_v at[2],
-                                              const spsi_v direction[2]) {
-    const int height = SPSI_CELL_WAYS * SPSI_CELL_SHEET, apart[2] = {SPSI_CELL_WAYS, SPSI_CELL_WAYS * SPSI_CELL_PATCHES};
-    spsi_v row = spsi_add(spsi_set((float)(SPSI_CELL_WAYS * SPSI_CELL_SIDE * from->side)), direction[1]), share[2], mean[2];
-    for (int k = 0; k < 2; ++k) {
-        const spsi_v place = spsi_clamp(at[k], spsi_set(0), spsi_set(SPSI_CELL_PATCHES - 1));
-        const spsi_v low = from->parts > 1 ? spsi_min(spsi_floor(place), spsi_set(SPSI_CELL_PATCHES - 2)) : place;
-        share[k] = spsi_sub(place, low);
-        row = spsi_fma(low, spsi_set((float)apart[k]), row);
-    }
-    if (from->parts == 1) return spsi_bilinear(table, SPSI_CELL_WAYS, height, direction[0], row);
-    for (int k = 0; k < 2; ++k) {
-        const spsi_v next = spsi_add(row, spsi_set((float)apart[0]));
-        mean[k] = spsi_mix(spsi_bilinear(table, SPSI_CELL_WAYS, height, direction[0], row),
-                           spsi_bilinear(table, SPSI_CELL_WAYS, height, direction[0], next), share[0]);
-        row = spsi_add(row, spsi_set((float)apart[1]));
-    }
-    return spsi_mix(mean[0], mean[1], share[1]);
-}
-
-/* Adds the irradiance by a vector of patches, of which `way` is the way to a part, `area` large: a disc, whose fraction
-   of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if it is straight ahead; its second order
-   in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and discs where that is too little. */
-static void spsi_cell_patches_send(const spsi_cell_sender *from, const spsi_v way[3], const spsi_v at[2], spsi_v area,
-                                   spsi_v sums[3]) {
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f * (SPSI_CELL_WAYS - 1));
-    const spsi_v square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f)), nearer = spsi_div(one, square);
-    const spsi_v before = spsi_abs(way[from->axis]), a = way[from->along[0]], b = way[from->along[1]];
-    const spsi_v uu = spsi_min(spsi_mul(spsi_mul(before, before), nearer), one);
+/* Adds the irradiance by a vector of patches, whose parts are `area` large and at a place relative to the grid's corner,
+   to which `way` is the way: discs, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2 +
+   area), if it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above
+   0, and discs where that is too little. */
+static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v place[3],
+                                   const spsi_v way[3], spsi_v area, spsi_v sums[3]) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
+    const spsi_v length = spsi_sqrt(square), away = spsi_div(one, length), nearer = spsi_mul(away, away);
+    const spsi_v before = spsi_abs(way[from->axis]), u = spsi_min(spsi_mul(before, away), one);
+    const spsi_v back = spsi_sub(zero, away);
+    const spsi_v toward[3] = {spsi_mul(way[from->along[0]], back), spsi_mul(way[from->along[1]], back), u};
     const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
-    const spsi_v facing = spsi_max(spsi_fma(uu, spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
-    const spsi_v length = spsi_max(spsi_add(spsi_add(spsi_abs(a), spsi_abs(b)), before), spsi_set(1e-30f));
-    const spsi_v scale = spsi_div(spsi_sub(zero, half), length);
-    const spsi_v direction[2] = {spsi_fma(spsi_add(a, b), scale, half), spsi_fma(spsi_sub(a, b), scale, half)};
-    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, from->normal), zero), before);
+    const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
+    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, from->normal), zero), before), harmonic[SPSI_CELL_TERMS], through;
     share = spsi_min(spsi_mul(share, nearer), one);
     share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
     if (!spsi_bits(spsi_less(zero, share))) return;
-    for (int c = 0; c < from->count; ++c)
-        sums[c] = spsi_fma(share,
-                           spsi_cell_patches_lookup(from, from->tables + SPSI_CELL_TABLE * SPSI_CELL_SHEET * c, at,
-                                                    direction),
-                           sums[c]);
+    spsi_harmonics_v(toward, SPSI_CELL_TERMS, harmonic);
+    through = spsi_mul(spsi_cell_way_through(from->extent, place, way), length);
+    for (int c = 0; c < from->count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
+        const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
+        const spsi_v depth = spsi_mul(through, spsi_set(from->thick[c]));
+        spsi_v sum = spsi_load(sent + SPSI_CELL_SHEET);
+        for (int i = 1; i < SPSI_CELL_TERMS; ++i)
+            sum = spsi_fma(harmonic[i], spsi_load(sent + (1 + i) * SPSI_CELL_SHEET), sum);
+        sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
+        sum = spsi_mul(sum, spsi_cell_takes(depth, spsi_exp(spsi_sub(zero, depth))));
+        sums[c] = spsi_fma(share, sum, sums[c]);
+    }
 }
 
 /* A surface that cells light. */
@@ -19603,54 +19666,59 @@ typedef struct spsi_cell_receiver {
     int finest;                   /* a near patch counts as so many parts along an edge at most */
 } spsi_cell_receiver;
 
-/* In how many parts along an edge a vector of near patches counts: of at most 0.6 of their distance. `before`: from the
-   side; `square`: from their middles. Elsewhere the parts are one. */
-static int spsi_cell_patches_parts(double longest, double before, spsi_v square, int finest) {
+/* Sets in how many parts a vector of near patches counts: of at most 0.6 of their distance. `before`: from the side;
+   `square`: from their middles. Elsewhere the parts are one. */
+static void spsi_cell_patches_part(const double widest[2], double before, spsi_v square, int finest, int parts[2]) {
+    const double longest = fmax(widest[0], widest[1]);
     float lanes[SPSI_LANES];
     double nearest = HUGE_VAL;
-    if (!spsi_bits(spsi_less(square, spsi_set((float)(7.3 * longest * longest)))) || before < 0.05 * longest) return 1;
+    parts[0] = parts[1] = 1;
+    if (!spsi_bits(spsi_less(square, spsi_set((float)(7.3 * longest * longest)))) || before < 0.05 * longest) return;
     spsi_store(lanes, square);
     for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
-    nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, before), 0.4 * longest);
-    return spsi_least((int)ceil(1.7 * longest / nearest), finest);
+    nearest = fmax(sqrt(nearest) - 0.7 * longest, before);
+    for (int k = 0; k < 2; ++k) parts[k] = spsi_least((int)ceil(1.7 * widest[k] / nearest), finest);
 }
 
 /* Irradiance of a surface outside, in `count` channels from one on. */
 static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                           const spsi_cell_receiver *to, double irradiance[3]) {
-    const float *patch = grid->patches;
-    const double widest = spsi_cell_patch_begin(1 + SPSI_CELL_PATCHES / 2) - 0.5;
-    spsi_cell_sender from = {spsi_cell_tables(grid, channel), count, 0, 0, {0, 0}, 1, {spsi_set(0), spsi_set(0), spsi_set(0)}};
+    const double share = spsi_cell_patch_begin(1 + SPSI_CELL_PATCHES / 2) - 0.5; /* of an edge, in the middle */
     spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     float lanes[SPSI_LANES];
+    spsi_cell_sender from;
+    memset(&from, 0, sizeof from);
+    from.sent = spsi_cell_patches_sent(grid, channel), from.count = count;
     spsi_set3(to->normal, from.normal);
+    for (int k = 0; k < 3; ++k) from.extent[k] = grid->edge * grid->size[k];
+    for (int c = 0; c < count; ++c) from.thick[c] = grid->thick[channel + c] / (float)grid->edge;
     for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
+        const float *patch = grid->patches + n;
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
-        const double before = to->point[axis] - grid->corner[axis] - (upper ? grid->edge * grid->size[axis] : 0);
-        const spsi_v number = spsi_add(spsi_set((float)(n % SPSI_CELL_SIDE)), spsi_iota());
-        const spsi_v row = spsi_floor(spsi_mul(number, spsi_set(1.0f / SPSI_CELL_PATCHES)));
-        const spsi_v first[2] = {spsi_fma(row, spsi_set(-SPSI_CELL_PATCHES), number), row};
-        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n);
+        const double before = to->point[axis] - grid->corner[axis] - (upper ? from.extent[axis] : 0);
+        spsi_v middle[3], way[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET);
         spsi_v some[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+        double widest[2];
+        int parts[2];
         if (!(upper ? before > 0 : before < 0)) continue;
-        from.side = n / SPSI_CELL_SIDE, from.axis = axis;
-        from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
-        for (int k = 0; k < 3; ++k)
-            middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET + n),
-                                 spsi_set((float)(to->point[k] - grid->corner[k])));
-        from.parts = spsi_cell_patches_parts(
-            widest * grid->edge * spsi_most(grid->size[from.along[0]], grid->size[from.along[1]]), fabs(before),
-            spsi_dot_v(middle, middle), to->finest);
-        area = spsi_mul(area, spsi_set(1 / (float)(from.parts * from.parts)));
-        for (int i = 0; i < from.parts * from.parts; ++i) { /* a patch may be all that a surface sees */
-            spsi_v way[3] = {middle[0], middle[1], middle[2]}, at[2];
+        from.axis = axis, from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
+        for (int k = 0; k < 3; ++k) {
+            middle[k] = spsi_load(patch + k * SPSI_CELL_SHEET);
+            way[k] = spsi_sub(middle[k], spsi_set((float)(to->point[k] - grid->corner[k])));
+        }
+        for (int k = 0; k < 2; ++k) widest[k] = share * from.extent[from.along[k]];
+        spsi_cell_patches_part(widest, fabs(before), spsi_dot_v(way, way), to->finest, parts);
+        area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
+        for (int i = 0; i < parts[0] * parts[1]; ++i) { /* a patch may be all that a surface sees */
+            spsi_v at[3] = {middle[0], middle[1], middle[2]}, toward[3] = {way[0], way[1], way[2]};
             for (int k = 0; k < 2; ++k) {
-                const float off = ((float)(k ? i / from.parts : i % from.parts) + 0.5f) / (float)from.parts - 0.5f;
-                const int axis_along = from.along[k];
-                way[axis_along] = spsi_fma(spsi_load(patch + (4 + k) * SPSI_CELL_SHEET + n), spsi_set(off), way[axis_along]);
-                at[k] = spsi_add(first[k], spsi_set(off));
+                const int along = from.along[k], part = k ? i / parts[0] : i % parts[0];
+                const spsi_v off = spsi_mul(spsi_load(patch + (4 + k) * SPSI_CELL_SHEET),
+                                            spsi_set(((float)part + 0.5f) / (float)parts[k] - 0.5f));
+                at[along] = spsi_add(at[along], off);
+                toward[along] = spsi_add(toward[along], off);
             }
-            spsi_cell_patches_send(&from, way, at, area, some);
+            spsi_cell_patches_send(&from, from.sent + n, at, toward, area, some);
         }
         for (int c = 0; c < count; ++c)
             all[c] = spsi_fma(some[c], to->open ? spsi_load(to->open + n) : spsi_set(1), all[c]);
@@ -24591,6 +24659,7 @@ static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_g
     memset(solver, 0, sizeof *solver);
     solver->context = context;
     spsi_cell_directions(solver->directions);
+    spsi_cell_rays_build(&solver->rays);
     floats = spsi_cell_solver_size(grid, solver);
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SOLVER, floats, sizeof(float));
     if (!memory) return context->result;
@@ -24691,6 +24760,9 @@ static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
     spsi_cell_leaving leaving = {job->solver, grid, channel};
+    double depth = 0;
+    for (size_t at = 0; at < grid->count; ++at) depth += (double)job->solver->levels[0].depth[at];
+    job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
     spsi_parallel_items(job->context, SPSI_CELL_SHEET, spsi_cell_patch_task, &leaving);

@@ -19666,24 +19666,22 @@ typedef struct spsi_cell_receiver {
     int finest;                   /* a near patch counts as so many parts along an edge at most */
 } spsi_cell_receiver;
 
-/* Sets in how many parts a vector of near patches counts: of at most 0.6 of their distance. `before`: from the side;
-   `square`: from their middles. Elsewhere the parts are one. */
-static void spsi_cell_patches_part(const double widest[2], double before, spsi_v square, int finest, int parts[2]) {
-    const double longest = fmax(widest[0], widest[1]);
-    float lanes[SPSI_LANES];
-    double nearest = HUGE_VAL;
-    parts[0] = parts[1] = 1;
-    if (!spsi_bits(spsi_less(square, spsi_set((float)(7.3 * longest * longest)))) || before < 0.05 * longest) return;
-    spsi_store(lanes, square);
-    for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
-    nearest = fmax(sqrt(nearest) - 0.7 * longest, before);
-    for (int k = 0; k < 2; ++k) parts[k] = spsi_least((int)ceil(1.7 * widest[k] / nearest), finest);
+/* Sets in how many parts the patches of a row count: as wide as 0.6 of the distance from the row, at most. `at`: the
+   surface, across the side and before it. */
+static void spsi_cell_patches_part(const spsi_cell_sender *from, int row, const double at[3], int finest,
+                                   int parts[2]) {
+    const double width = spsi_cell_patch_begin(1 + SPSI_CELL_PATCHES / 2) - 0.5; /* of the widest */
+    const double begin = spsi_cell_patch_begin(row) * from->extent[from->along[1]];
+    const double end = spsi_cell_patch_begin(row + 1) * from->extent[from->along[1]];
+    const double x = fmax(0, fmax(-at[0], at[0] - from->extent[from->along[0]]));
+    const double y = fmax(0, fmax(begin - at[1], at[1] - end)), nearest = sqrt(x * x + y * y + at[2] * at[2]);
+    parts[0] = (int)fmin(ceil(2.8 * width * from->extent[from->along[0]] / nearest), finest);
+    parts[1] = (int)fmin(ceil(2.8 * (end - begin) / nearest), finest);
 }
 
 /* Irradiance of a surface outside, in `count` channels from one on. */
 static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                           const spsi_cell_receiver *to, double irradiance[3]) {
-    const double share = spsi_cell_patch_begin(1 + SPSI_CELL_PATCHES / 2) - 0.5; /* of an edge, in the middle */
     spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     float lanes[SPSI_LANES];
     spsi_cell_sender from;
@@ -19698,7 +19696,7 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
         const double before = to->point[axis] - grid->corner[axis] - (upper ? from.extent[axis] : 0);
         spsi_v middle[3], way[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET);
         spsi_v some[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-        double widest[2];
+        double across[3] = {0, 0, before};
         int parts[2];
         if (!(upper ? before > 0 : before < 0)) continue;
         from.axis = axis, from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
@@ -19706,8 +19704,8 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
             middle[k] = spsi_load(patch + k * SPSI_CELL_SHEET);
             way[k] = spsi_sub(middle[k], spsi_set((float)(to->point[k] - grid->corner[k])));
         }
-        for (int k = 0; k < 2; ++k) widest[k] = share * from.extent[from.along[k]];
-        spsi_cell_patches_part(widest, fabs(before), spsi_dot_v(way, way), to->finest, parts);
+        for (int k = 0; k < 2; ++k) across[k] = to->point[from.along[k]] - grid->corner[from.along[k]];
+        spsi_cell_patches_part(&from, n % SPSI_CELL_SIDE / SPSI_CELL_PATCHES, across, to->finest, parts);
         area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
         for (int i = 0; i < parts[0] * parts[1]; ++i) { /* a patch may be all that a surface sees */
             spsi_v at[3] = {middle[0], middle[1], middle[2]}, toward[3] = {way[0], way[1], way[2]};
@@ -19745,7 +19743,7 @@ static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int c
         longest = fmax(longest, extent);
     }
     facing = longest * fmax(facing, 0.25 * sqrt(square));
-    outside = facing > 0 ? fmin(1.8 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
+    outside = facing > 0 ? fmin(2.2 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
     if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, to, irradiance);
     if (!(outside < 1)) return;
     if (to->open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, &bare, all);
@@ -22357,7 +22355,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     float patches[SPSI_CELL_SHEET];
     const spsi_cell_sight sight = {grid, faces, surface, surface->normal, face};
     const int hidden = spsi_cells_sight(&sight, patches);
-    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL, 5};
+    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL, 6};
     double own[3], square = 16 * grid->edge * grid->edge;
     spsi_cells_irradiance(grid, 0, grid->channels, &to, own);
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += (float)own[c];

@@ -4256,7 +4256,7 @@ typedef struct spsi_cell_grid {
     int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
     float *patches; /* the grid's sides in parts, >>cells: place, area and, per channel, what leaves each */
-    float thick[3]; /* per channel: optical depth along an edge, on the mean of all cells */
+    float *thick;   /* per channel: optical depth along an edge, on the mean of all cells */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
     float *pyramid; /* levels of depth, each half as fine; then of each material's; >>flights; NULL: nothing flies */
     size_t pyramid_rows; /* rows of each pyramid */
@@ -19350,16 +19350,32 @@ static inline spsi_v spsi_cell_takes(spsi_v depth, spsi_v passes) {
     return spsi_select(spsi_less(depth, spsi_set(2e-3f)), thin, spsi_sub(spsi_set(1), passes));
 }
 
+/* Ends rays that a closed link keeps from a cell: what is beyond does not reach the one before. */
+static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[3], const spsi_v at[3],
+                              spsi_v through) {
+    float cell[3][SPSI_LANES], last[3][SPSI_LANES], passes[SPSI_LANES];
+    spsi_store(passes, through);
+    for (int k = 0; k < 3; ++k) spsi_store(cell[k], at[k]), spsi_store(last[k], before[k]);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const int x = (int)last[0][i], row = (int)last[2][i] * level->size[1] + (int)last[1][i];
+        const int link = spsi_cell_link(x - (int)cell[0][i], (int)(last[1][i] - cell[1][i]),
+                                        (int)(last[2][i] - cell[2][i]));
+        if (level->walled[row] == 1 && level->closed[(size_t)row * (size_t)level->pitch + (size_t)x] >> link & 1)
+            passes[i] = 0;
+    }
+    return spsi_load(passes);
+}
+
 /* The radiance that comes back along rays of a length in cells, which begin at a place in cells: what these send, in
    equal steps of at most three quarters of an edge: longer ones are 3 % too bright beside dense gas. */
-static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
-                                  spsi_v length) {
+static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, int walled, const spsi_v from[3],
+                                  const spsi_v way[3], spsi_v length) {
     const spsi_cell_level *level = &solver->levels[0];
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     const spsi_v count = spsi_add(spsi_floor(spsi_mul(length, spsi_set(1 / 0.75f))), one);
     const spsi_v step = spsi_div(length, count);
     const spsi_v back[3] = {spsi_sub(zero, way[0]), spsi_sub(zero, way[1]), spsi_sub(zero, way[2])};
-    spsi_v through = one, sum = zero, harmonic[SPSI_CELL_TERMS];
+    spsi_v through = one, sum = zero, harmonic[SPSI_CELL_TERMS], before[3];
     spsi_harmonics_v(back, solver->terms, harmonic);
     for (float i = 0.5f;; i += 1) {
         const spsi_m on = spsi_and(spsi_less(spsi_set(i), count), spsi_less(spsi_set(1e-3f), through));
@@ -19368,6 +19384,8 @@ static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v f
         for (int k = 0; k < 3; ++k)
             at[k] = spsi_clamp(spsi_floor(spsi_fma(spsi_mul(way[k], step), spsi_set(i), from[k])), zero,
                                spsi_set((float)(level->size[k] - 1)));
+        if (walled && i > 1) through = spsi_cells_stop(level, before, at, through);
+        memcpy(before, at, sizeof before);
         row = spsi_fma(at[2], spsi_set((float)level->size[1]), at[1]);
         depth = spsi_mul(spsi_lookup(level->depth, level->pitch, at[0], row), step);
         sent = spsi_lookup(level->sent, level->pitch, at[0], row);
@@ -19384,7 +19402,7 @@ static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v f
 typedef struct spsi_cell_leaving {
     const spsi_cell_solver *solver;
     const spsi_cell_grid *grid;
-    int channel;
+    int channel, walled; /* walled: 1: links between cells are closed */
 } spsi_cell_leaving;
 
 static float spsi_sum_of(spsi_v values) {
@@ -19419,7 +19437,7 @@ static void spsi_cell_patch_task(void *data, int patch) {
         depth = spsi_mul(length, spsi_set(grid->thick[leaving->channel]));
         depth = spsi_cell_takes(depth, spsi_exp(spsi_sub(zero, depth)));
         spsi_store(taken + n, depth);
-        seen = spsi_mul(spsi_cells_radiance(leaving->solver, from, way, length), pi);
+        seen = spsi_mul(spsi_cells_radiance(leaving->solver, leaving->walled, from, way, length), pi);
         all = spsi_add(all, weight);
         out = spsi_fma(weight, seen, out);
         seen = spsi_div(seen, spsi_max(depth, spsi_set(1e-30f)));
@@ -19674,6 +19692,8 @@ static void spsi_cell_patches_part(const spsi_cell_sender *from, int row, const 
     const double end = spsi_cell_patch_begin(row + 1) * from->extent[from->along[1]];
     const double x = fmax(0, fmax(-at[0], at[0] - from->extent[from->along[0]]));
     const double y = fmax(0, fmax(begin - at[1], at[1] - end)), nearest = sqrt(x * x + y * y + at[2] * at[2]);
+    parts[0] = parts[1] = 1;
+    if (fabs(at[2]) < 0.05 * width * fmax(from->extent[from->along[0]], from->extent[from->along[1]])) return;
     parts[0] = (int)fmin(ceil(2.8 * width * from->extent[from->along[0]] / nearest), finest);
     parts[1] = (int)fmin(ceil(2.8 * (end - begin) / nearest), finest);
 }
@@ -24756,9 +24776,10 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
 static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    spsi_cell_leaving leaving = {job->solver, grid, channel};
+    spsi_cell_leaving leaving = {job->solver, grid, channel, 0};
     double depth = 0;
     for (size_t at = 0; at < grid->count; ++at) depth += (double)job->solver->levels[0].depth[at];
+    for (int n = 0; n < grid->size[1] * grid->size[2]; ++n) leaving.walled |= job->walls.walled[n] == 1;
     job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
@@ -24875,6 +24896,7 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     grid->moments = spsi_lay(memory, &laid, moments);
     grid->depth = spsi_lay(memory, &laid, grid->count);
     grid->scale = spsi_lay(memory, &laid, 3);
+    grid->thick = spsi_lay(memory, &laid, 3);
     grid->flux = spsi_lay(memory, &laid, each * (size_t)grid->flux_terms);
     grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? spsi_cell_patch_floats(grid) : 0);
     grid->flown = flies_to_cells ? spsi_lay(memory, &laid, moments) : NULL;

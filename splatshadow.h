@@ -19762,7 +19762,7 @@ static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int c
         longest = fmax(longest, extent);
     }
     facing = longest * fmax(facing, 0.25 * sqrt(square));
-    outside = facing > 0 ? fmin(2.2 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
+    outside = facing > 0 ? fmin(2 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
     if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, to, irradiance);
     if (!(outside < 1)) return;
     if (to->open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, &bare, all);
@@ -22374,7 +22374,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     float patches[SPSI_CELL_SHEET];
     const spsi_cell_sight sight = {grid, faces, surface, surface->normal, face};
     const int hidden = spsi_cells_sight(&sight, patches);
-    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL, 6};
+    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL, 8};
     double own[3], square = 16 * grid->edge * grid->edge;
     spsi_cells_irradiance(grid, 0, grid->channels, &to, own);
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += (float)own[c];

@@ -231,7 +231,7 @@ static void test_dark_side(void) {
 /* Irradiance by one channel of a grid's sides, and of a grid. */
 static double outside(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
                       const float *open) {
-    const spsi_cell_receiver to = {point, normal, open, 6};
+    const spsi_cell_receiver to = {point, normal, open, 8};
     double irradiance[3];
     spsi_cells_irradiance_outside(grid, channel, 1, &to, irradiance);
     return irradiance[0];
@@ -239,7 +239,7 @@ static double outside(const spsi_cell_grid *grid, int channel, const double poin
 
 static double irradiance_at(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
                             const float *open) {
-    const spsi_cell_receiver to = {point, normal, open, 6};
+    const spsi_cell_receiver to = {point, normal, open, 8};
     double irradiance[3];
     spsi_cells_irradiance(grid, channel, 1, &to, irradiance);
     return irradiance[0];
@@ -313,14 +313,14 @@ static void test_outside(void) {
         worst[n / 4 % 3 != 0] = fmax(worst[n / 4 % 3 != 0], off / fmax(exact, 0.01));
     }
     if (figures()) printf("worst %.3f, close by %.3f\n", worst[0], worst[1]);
-    { /* next to its centre a patch is all that a surface sees; the change to light within takes five elevenths
-         of a patch, of which `before` is 11 / 15 away */
+    { /* next to its centre a patch is all that a surface sees; the change to light within takes half of a patch,
+         of which `before` is two thirds away */
         const size_t middle = SPSI_CELL_SIDE / 2 + 4;
         const double point[3] = {grid.corner[0] - 0.01, grid.corner[1] + (double)patches[SPSI_CELL_SHEET + middle],
                                  grid.corner[2] + (double)patches[2 * SPSI_CELL_SHEET + middle]};
         const double before[3] = {-1.3, 0.2, 0}, normal[3] = {1, 0, 0};
         CHECK_NEAR(outside(&grid, 0, point, normal, NULL), 1, 0.05);
-        CHECK_NEAR(irradiance_at(&grid, 0, before, normal, NULL), 11.0 / 15 * outside(&grid, 0, before, normal, NULL),
+        CHECK_NEAR(irradiance_at(&grid, 0, before, normal, NULL), 2.0 / 3 * outside(&grid, 0, before, normal, NULL),
                    1e-6);
         for (int i = 0; i < 64 * 12 * 5; ++i) flux[i] = 1;
         grid.flux_terms = 1, grid.pitch = spsi_cell_pitch(16);

@@ -380,7 +380,8 @@ static void test_before(void) {
 }
 
 /* What leaves the grid by its sides is all that is sent in it, less what is absorbed: for a floor far below and gas
-   that absorbs nothing, the light that goes in. */
+   that absorbs nothing, the light that goes in. The sweep keeps to that, but spreads light between cells, while rays
+   see what cells send along lines: where gas of a depth of 6 has so few cells, the two differ by a twentieth. */
 static void test_leaving(void) {
     static const int sides[] = {16, 9, 5, 3};
     for (int n = 0; n < 4; ++n) {
@@ -400,7 +401,7 @@ static void test_leaving(void) {
         for (size_t i = 0; i < grid->count; ++i) /* E / 4 pi, weighted by optical depth; four samples of half an edge */
             in += (double)job_of(context)->incoming[i] / 4 * 4 * SPSI_PI * grid->edge * grid->edge;
         if (figures()) printf("%d cells: out %.4f of %.4f\n", sides[n], out, in);
-        CHECK_NEAR(out, in, 2 * SPSI_CELL_BALANCE * in);
+        CHECK_NEAR(out, in, (n ? 0.06 : 0.01) * in);
     }
 }
 
@@ -482,8 +483,8 @@ static double roofed(const spsi_cell_grid *grid, const double point[3], double y
                 const double part[2] = {(i % POINTS + 0.5) / POINTS, (i / POINTS + 0.5) / POINTS};
                 for (int k = 0; k < 2; ++k) {
                     const double begin = spsi_cell_patch_begin(at[k]), end = spsi_cell_patch_begin(at[k] + 1);
-                    to[along[k]] = grid->corner[along[k]] +
-                                   grid->edge * grid->size[along[k]] * (begin + part[k] * (end - begin));
+                    to[along[k]] =
+                        grid->corner[along[k]] + grid->edge * grid->size[along[k]] * (begin + part[k] * (end - begin));
                 }
                 seen += !is_hidden(point, to, y, low, high);
             }
@@ -915,17 +916,25 @@ static void test_behind_slab(void) {
     }
 }
 
-/* Floors, walls aside and before it, askew and past its edges, by paths as above (the last place's by 8e5 photons,
-   within 0.7 %). What the cells send to these places is within 2.5 %, summed along rays; the rest is that of 25
-   directions by side, of which harmonics up to degree 3 are made. */
+/* Floors, walls aside and before it, askew and past its edges, by paths as above (the eighth place's by 8e5 photons,
+   the others' within 0.7 %). What the cells send to these places is within 2.5 %, summed along rays; harmonics up to
+   degree 3 over the shape of the grid are within 2 % of that beside it. Without the shape, and by the cells' 25
+   directions on each side, light past the edges was 9 % too bright. */
 static void test_beside_slab(void) {
-    static const double places[8][6] = {{0, -3.5, 1, 0, 1, 0},     {1, -4, 0.5, 0, 1, 0},    {0, -5, 2, 0, 1, 0},
-                                        {4.5, 0.5, 1.5, -1, 0, 0}, {5, -4, 3, -0.6, 0.8, 0}, {0, -4, 3, 0, 0.6, -0.8},
-                                        {0.5, 0.3, -1, 0, 0, 1},   {0.1, -3.5, 0, 0, 0, 1}};
-    static const double exact[4][8] = {{0.06837, 0.04712, 0.02776, 0.03726, 0.01515, 0.03527, 0.07135, 0.02687},
-                                       {0.16172, 0.11157, 0.06061, 0.08408, 0.03118, 0.08080, 0.21459, 0.06576},
-                                       {0.23286, 0.16882, 0.07661, 0.11227, 0.03273, 0.09094, 0.46942, 0.10023},
-                                       {0.21469, 0.17293, 0.06633, 0.10127, 0.02448, 0.06385, 0.64035, 0.10253}};
+    enum { BESIDE = 16 };
+    static const double places[BESIDE][6] = {
+        {0, -3.5, 1, 0, 1, 0},      {1, -4, 0.5, 0, 1, 0},    {0, -5, 2, 0, 1, 0},     {4.5, 0.5, 1.5, -1, 0, 0},
+        {5, -4, 3, -0.6, 0.8, 0},   {0, -4, 3, 0, 0.6, -0.8}, {0.5, 0.3, -1, 0, 0, 1}, {0.1, -3.5, 0, 0, 0, 1},
+        {3, -4, 1, -1, 0, 0},       {2.5, -5, 1, 0, 1, 0},    {3, -5, 1, -1, 0, 0},    {2.5, -7, 1, 0, 1, 0},
+        {0.1, -3.5, 1.75, 0, 1, 0}, {2.7, 0.1, 3, 0, 0, -1},  {0.1, -7, 0, 0, 0, 1},   {0.1, -4, 2.2, 0, 0, -1}};
+    static const double exact[4][BESIDE] = {{0.06837, 0.04712, 0.02776, 0.03726, 0.01515, 0.03527, 0.07135, 0.02687,
+                                             0.02005, 0.02339, 0.01145, 0.01240, 0.05708, 0.04477, 0.00241, 0.01933},
+                                            {0.16172, 0.11157, 0.06061, 0.08408, 0.03118, 0.08080, 0.21459, 0.06576,
+                                             0.04327, 0.05039, 0.02480, 0.02593, 0.12261, 0.10730, 0.00526, 0.04758},
+                                            {0.23286, 0.16882, 0.07661, 0.11227, 0.03273, 0.09094, 0.46942, 0.10023,
+                                             0.05582, 0.06598, 0.03245, 0.03295, 0.13610, 0.12053, 0.00669, 0.06735},
+                                            {0.21469, 0.17293, 0.06633, 0.10127, 0.02448, 0.06385, 0.64035, 0.10253,
+                                             0.05067, 0.06156, 0.03012, 0.03052, 0.09995, 0.07477, 0.00580, 0.06016}};
     double squares = 0;
     for (int n = 0; n < 4; ++n) {
         check_triangles wall;
@@ -933,17 +942,17 @@ static void test_beside_slab(void) {
         start_slab(&s, slab_depths[n], 200, &wall);
         check_set3(s.view.camera.position, 0, 0, 100), check_set3(s.view.camera.target, 0, 0, 200);
         check_render(context, &s, image_a);
-        for (int i = 0; i < 8; ++i) {
+        for (int i = 0; i < BESIDE; ++i) {
             const double off = irradiance_at(grid_of(context), 0, places[i], places[i] + 3, NULL) / exact[n][i] - 1;
             if (figures()) printf("depth %g, place %d beside: %+.1f %%\n", slab_depths[n], i, 100 * off);
-            squares += off * off / 32;
+            squares += off * off / (4 * BESIDE);
             CHECK_CASE("Scattering", "floors and walls 0.5 to 3 beside a slab of depth 0.3 to 6",
-                       "random paths, relative", fabs(off), 0.05, "degree 3 in directions at the grid's sides");
+                       "random paths, relative", fabs(off), 0.04, "degree 3 in directions at the grid's sides");
         }
         check_free_triangles(&wall);
     }
     if (figures()) printf("beside a slab: rms %.2f %%\n", 100 * sqrt(squares));
-    CHECK(sqrt(squares) < 0.025);
+    CHECK(sqrt(squares) < 0.02);
 }
 
 /* Length of a ray's way out of the cube from -1 to 1. */

@@ -24706,8 +24706,7 @@ static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v f
 /* Finds what leaves a patch, seen by rays from its middle: radiance times pi, over what about even gas of the grid's mean
    depth would take on their ways. That has most of what is not smooth in it, the shape of the grid; the rest is made of
    harmonics, which are as much flux where they are not of the other sign. */
-static void spsi_cell_patch_task(void *data, int patch) {
-    const spsi_cell_job *job = (const spsi_cell_job *)data;
+static void spsi_cell_patch_fill(const spsi_cell_job *job, int patch) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_cell_rays *rays = &job->solver->rays;
     const int axis = patch / SPSI_CELL_SIDE / 2, upper = patch / SPSI_CELL_SIDE % 2;
@@ -24742,6 +24741,11 @@ static void spsi_cell_patch_task(void *data, int patch) {
         sent[(1 + i) * SPSI_CELL_SHEET] = fabsf(made) > 0 ? (float)SPSI_PI * terms[i] * (flux / made) : 0;
 }
 
+static void spsi_cell_patches_task(void *data, int row) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
+    for (int n = 0; n < SPSI_CELL_PATCHES; ++n) spsi_cell_patch_fill(job, row * SPSI_CELL_PATCHES + n);
+}
+
 /* Keeps what the last sweep found, by which polygons are lit. */
 static void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
     const spsi_cell_grid *grid = job->grid;
@@ -24751,7 +24755,7 @@ static void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
     job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
-    spsi_parallel_items(job->context, SPSI_CELL_SHEET, spsi_cell_patch_task, job);
+    spsi_parallel_items(job->context, SPSI_CELL_SHEET / SPSI_CELL_PATCHES, spsi_cell_patches_task, job);
 }
 
 /* Sweeps once more without what flies to polygons, but not to cells, and without that of cells that send most. */

@@ -19300,8 +19300,8 @@ static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
     }
 }
 
-/* Sets a patch's rays: half of the sphere is that of an octahedron, seen as a square of 8 x 8. The sum of harmonics that
-   is nearest to what they find, by solid angle, is linear in that. */
+/* Sets a patch's rays: half of the sphere is that of an octahedron, seen as a square of 8 x 8. The sum of harmonics
+   that is nearest to what they find, by solid angle, is linear in that. */
 static void spsi_cell_rays_build(spsi_cell_rays *rays) {
     double matrix[SPSI_CELL_TERMS][SPSI_CELL_TERMS] = {{0}}, fit[SPSI_CELL_TERMS][SPSI_CELL_RAYS];
     for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
@@ -19443,7 +19443,8 @@ static void spsi_cell_sight_ray(const spsi_cell_sight *sight, int patch, int num
     for (int i = 0; i < 2; ++i) {
         const int k = along[i], part = (reversed[at[1 - i]] + SPSI_CELL_PATCHES / 2 * bits[i]) % SPSI_CELL_PATCHES;
         const double shift = (part + 0.25 * bits[i] + 0.5 * bits[1 - i] + 0.125) / SPSI_CELL_PATCHES - 0.5;
-        toward[k] = grid->corner[k] - start[k] + (double)own[k * SPSI_CELL_SHEET] + shift * (double)own[(4 + i) * SPSI_CELL_SHEET];
+        toward[k] = grid->corner[k] - start[k] + (double)own[k * SPSI_CELL_SHEET];
+        toward[k] += shift * (double)own[(4 + i) * SPSI_CELL_SHEET];
     }
 }
 
@@ -19528,10 +19529,10 @@ typedef struct spsi_cell_sender {
     spsi_v normal[3]; /* the surface's */
 } spsi_cell_sender;
 
-/* Adds the irradiance by a vector of patches, whose parts are `area` large and at a place relative to the grid's corner,
-   to which `way` is the way: discs, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2 +
-   area), if it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above
-   0, and discs where that is too little. */
+/* Adds the irradiance by a vector of patches, whose parts are `area` large, at a place relative to the grid's corner.
+   `way`: to there. They are discs, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2
+   + area), if it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is
+   above 0, and discs where that is too little. */
 static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v place[3],
                                    const spsi_v way[3], spsi_v area, spsi_v sums[3]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
@@ -19565,18 +19566,19 @@ typedef struct spsi_cell_receiver {
     int finest;                   /* a near patch counts as so many parts along an edge at most */
 } spsi_cell_receiver;
 
-/* Sets in how many parts the patches of a row count: as wide as 0.36 of the distance from the row, at most. `at`: the
-   surface, across the side and before it; next to the side a patch is all that it sees. */
+/* Sets in how many parts the patches of a vector count, which begins with a row: as wide as 0.36 of their distance, at
+   most. `at`: the surface, across the side and before it; next to the side a patch is all that it sees. */
 static void spsi_cell_patches_part(const spsi_cell_sender *from, int row, const double at[3], int finest,
                                    int parts[2]) {
     const double extent[2] = {from->extent[from->along[0]], from->extent[from->along[1]]};
-    const double begin = spsi_cell_patch_begin(row) * extent[1], end = spsi_cell_patch_begin(row + 1) * extent[1];
+    const int rows = spsi_most(1, SPSI_LANES / SPSI_CELL_PATCHES); /* in a vector */
+    const double begin = spsi_cell_patch_begin(row) * extent[1];
+    const double end = spsi_cell_patch_begin(row + rows) * extent[1];
     const double widest = spsi_cell_patch_begin(1 + SPSI_CELL_PATCHES / 2) - 0.5; /* in the middle */
     const double x = fmax(0, fmax(-at[0], at[0] - extent[0])), y = fmax(0, fmax(begin - at[1], at[1] - end));
     const double nearest = sqrt(x * x + y * y + at[2] * at[2]);
     if (fabs(at[2]) < 0.05 * widest * fmax(extent[0], extent[1])) finest = 1;
-    parts[0] = (int)fmin(ceil(2.8 * widest * extent[0] / nearest), finest);
-    parts[1] = (int)fmin(ceil(2.8 * (end - begin) / nearest), finest);
+    for (int k = 0; k < 2; ++k) parts[k] = (int)fmin(ceil(2.8 * widest * extent[k] / nearest), finest);
 }
 
 /* Irradiance of a surface outside, in `count` channels from one on. */
@@ -19628,9 +19630,9 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
     }
 }
 
-/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within five
-   ninths of a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid;
-   what hides some of the patches there hides as much of the cells. */
+/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within half of
+   a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid; what hides
+   some of the patches there hides as much of the cells. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const spsi_cell_receiver *to,
                                   double irradiance[3]) {
     const spsi_cell_receiver bare = {to->point, to->normal, NULL, to->finest};
@@ -24703,14 +24705,14 @@ static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v f
     }
 }
 
-/* Finds what leaves a patch, seen by rays from its middle: radiance times pi, over what about even gas of the grid's mean
-   depth would take on their ways. That has most of what is not smooth in it, the shape of the grid; the rest is made of
+/* Finds what leaves a patch, seen by rays from its middle: radiance times pi, over about what even gas of the grid's
+   mean depth takes on their ways. That has most of what is not smooth in it, the shape of the grid; the rest is made of
    harmonics, which are as much flux where they are not of the other sign. */
 static void spsi_cell_patch_fill(const spsi_cell_job *job, int patch) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_cell_rays *rays = &job->solver->rays;
     const int axis = patch / SPSI_CELL_SIDE / 2, upper = patch / SPSI_CELL_SIDE % 2;
-    const double extent[3] = {grid->size[0], grid->size[1], grid->size[2]}; /* in cells */
+    const double extent[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]}; /* in cells */
     float *sent = spsi_cell_patches_sent(grid, job->channel) + patch;
     float seen[SPSI_CELL_RAYS], taken[SPSI_CELL_RAYS], terms[SPSI_CELL_TERMS] = {0}, flux = 0, made = 0;
     spsi_v from[3];

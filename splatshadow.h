@@ -4257,6 +4257,7 @@ typedef struct spsi_cell_grid {
     int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
     float *patches; /* the grid's sides in parts, >>cells: place, area and, per channel, what leaves each */
+    float *thick;   /* per channel: optical depth along an edge, on the mean of all cells */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
     float *pyramid; /* levels of depth, each half as fine; then of each material's; >>flights; NULL: nothing flies */
     size_t pyramid_rows; /* rows of each pyramid */
@@ -18454,6 +18455,7 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 #define SPSI_CELL_LEVELS     9  /* 256 cells, halved down to one */
 #define SPSI_CELL_ALONG      21 /* directions that rise along z */
 #define SPSI_CELL_BEAMS      17 /* most directions that a row of cells is swept in at once */
+#define SPSI_CELL_RAYS       64 /* by which a part of the grid's sides looks into it */
 
 /* A direction in which light is carried. */
 typedef struct spsi_cell_direction {
@@ -18488,6 +18490,13 @@ static size_t spsi_cell_stride(size_t cells) {
     return cells < 4096 ? cells : cells + (1024 + 80 - cells % 1024) % 1024;
 }
 
+/* The rays by which a part of the grid's sides looks into it. `out`: along the side, and out of it; `weight`: in flux;
+   `harmonic`: of `out`; `fit`: what a ray's radiance counts in each harmonic. */
+typedef struct spsi_cell_rays {
+    float out[3][SPSI_CELL_RAYS], weight[SPSI_CELL_RAYS];
+    float harmonic[SPSI_CELL_RAYS][SPSI_CELL_TERMS], fit[SPSI_CELL_RAYS][SPSI_CELL_TERMS];
+} spsi_cell_rays;
+
 typedef struct spsi_cell_solver {
     sps_context *context;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
@@ -18495,7 +18504,8 @@ typedef struct spsi_cell_solver {
     spsi_cell_level levels[SPSI_CELL_LEVELS];
     float *scratch;  /* rows and planes of radiance */
     double *balance; /* per plane of cells: what is missing, and what is sent */
-    float *leaving;  /* per plane of cells, three parts: what leaves the grid; NULL: not wanted */
+    spsi_cell_rays rays;
+    int walled; /* 1: links between cells are closed */
 } spsi_cell_solver;
 
 /* The link by which light in the direction of a step enters a cell. */
@@ -18647,13 +18657,7 @@ typedef struct spsi_cell_pass {
     const spsi_cell_solver *solver;
     const spsi_cell_level *level;
     const float *walls; /* per cell: radiance that enters it by closed links; NULL: none */
-    float *leaving;     /* as in the solver */
 } spsi_cell_pass;
-
-static spsi_cell_pass spsi_cell_pass_of(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    const spsi_cell_pass pass = {solver, level, NULL, level == &solver->levels[0] ? solver->leaving : NULL};
-    return pass;
-}
 
 /* The distance between cells of a row whose links may be closed, from the first one on; 0: all are open. Those from
    outside matter only for what polygons send; of a row within the grid, only both ends have such. */
@@ -18778,71 +18782,6 @@ static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const 
     }
 }
 
-/* --- what leaves the grid --- */
-
-#define SPSI_CELL_PATCHES 8 /* along each edge of a side of the grid */
-#define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
-/* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
-#define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-
-/* The patch of a side that a cell is part of, and the first cell of a patch. */
-static int spsi_cell_patch(int at, int size) { return at * SPSI_CELL_PATCHES / size; }
-static int spsi_cell_patch_first(int patch, int size) {
-    return (patch * size + SPSI_CELL_PATCHES - 1) / SPSI_CELL_PATCHES;
-}
-
-/* Floats of what leaves the grid, by plane of cells, part of a sweep, harmonic and patch. */
-static size_t spsi_cell_leaving_floats(int planes) { return 3 * SPSI_CELL_TERMS * SPSI_CELL_SHEET * (size_t)planes; }
-
-/* The share of its cosine with which each side of the grid counts that light leaves by, where it leaves a cell by
-   several (bits, by axis) at once: at a slant all of it crosses the side along its axis, and a third each of the
-   others. So what leaves is what the cells beyond would receive. */
-static float spsi_cell_leaving_share(const spsi_cell_direction *direction, int sides) {
-    const int count = (sides & 1) + (sides >> 1 & 1) + (sides >> 2 & 1);
-    if (direction->axis < 0) return 1.0f / (float)count;
-    if (sides >> direction->axis & 1) return 3.0f / (float)(2 + count);
-    return count == 2 ? 5.0f / 6 : 1;
-}
-
-/* Adds what light of a direction carries through the sides of the grid that a row of cells touches, per area of a
-   cell's face: the mean over all directions of radiance times cosine, and of that times each harmonic. patch: the
-   row's, across x. */
-static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, const spsi_cell_direction *direction,
-                                 int patch[3], const float *out, float *leaving) {
-    static const int harmonic[3] = {3, 1, 2};
-    const int *step = direction->step, *size = level->size, last = size[0] - 1;
-    const int row = (step[1] && y == (step[1] < 0 ? 0 : size[1] - 1) ? 2 : 0) |
-                    (step[2] && z == (step[2] < 0 ? 0 : size[2] - 1) ? 4 : 0);
-    const int first = !row && step[0] > 0 ? last : 0, end = row ? size[0] : step[0] ? first + 1 : 0;
-    for (int x = first, next; x < end; x = next) {
-        const int sides = row | (step[0] && x == (step[0] < 0 ? 0 : last) ? 1 : 0);
-        float sent = 0;
-        patch[0] = spsi_cell_patch(x, size[0]);
-        next = sides & 1 ? x + 1 : spsi_least(spsi_cell_patch_first(patch[0] + 1, size[0]), end - (step[0] > 0));
-        for (int i = x; i < next; ++i) sent += out[i];
-        sent *= direction->weight * spsi_cell_leaving_share(direction, sides);
-        for (int k = 0; k < 3; ++k) {
-            const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
-            const float u = 0.57735027f * fabsf(direction->harmonic[harmonic[k]]);
-            float *to = leaving + side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
-            if (!(sides >> k & 1)) continue;
-            for (int i = 0; i < SPSI_CELL_TERMS; ++i) to[i * SPSI_CELL_SHEET] += sent * u * direction->harmonic[i];
-        }
-    }
-}
-
-/* Carries light through row y of plane z, in directions of one of the sweep's three parts. */
-static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int z, const spsi_cell_beams *beams,
-                                const float *const before[2], float *moments) {
-    const spsi_cell_level *level = pass->level;
-    int patch[3] = {0, spsi_cell_patch(y, level->size[1]), spsi_cell_patch(z, level->size[2])};
-    spsi_cell_row(level, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, beams, before, moments,
-                  pass->solver->terms);
-    for (int i = 0; i < beams->count && pass->leaving; ++i)
-        spsi_cell_row_leaves(level, y, z, beams->direction[i], patch, beams->out[i],
-                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_TERMS * SPSI_CELL_SHEET);
-}
-
 /* --- sweeping --- */
 
 /* A plane that is being swept along z, falling (index 0) or rising (1). */
@@ -18953,7 +18892,8 @@ static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int c
     for (int n = 0; n < level->size[1]; ++n) {
         const int y = falls ? level->size[1] - 1 - n : n;
         spsi_cell_along_enter(along, first, y, &beams);
-        spsi_cell_row_swept(along->pass, along->index, y, along->z, &beams, before, moments);
+        spsi_cell_row(level, (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch, &beams, before, moments,
+                      along->pass->solver->terms);
     }
 }
 
@@ -18999,7 +18939,7 @@ static void spsi_cells_across(const spsi_cell_pass *pass, int z, int falls, cons
             beams.out[i] = rows + (size_t)(2 * k + 1 - n % 2) * pitch;
         }
         if (!falls) spsi_cell_rows_follow(pass, row, beams.direction, 1, sent, in);
-        spsi_cell_row_swept(pass, 2, y, z, &beams, before, level->moments[0]);
+        spsi_cell_row(level, row, &beams, before, level->moments[0], pass->solver->terms);
     }
 }
 
@@ -19014,14 +18954,13 @@ static void spsi_cells_plane_task(void *data, int z) {
 }
 
 static void spsi_cells_carry(spsi_cell_pass *pass) {
-    if (pass->leaving) memset(pass->leaving, 0, spsi_cell_leaving_floats(pass->level->size[2]) * sizeof *pass->leaving);
     spsi_parallel_items(pass->solver->context, 2, spsi_cells_along_task, pass);
     spsi_parallel_items(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
 }
 
-/* Carries what cells send through all of the grid: its moments and, of the finest level, what leaves it. */
+/* Carries what cells send through all of the grid. */
 static void spsi_cells_sweep(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
+    spsi_cell_pass pass = {solver, level, NULL};
     spsi_cells_carry(&pass);
 }
 
@@ -19199,7 +19138,7 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
 
 /* Sweeps a level, and finds what its cells miss, or mends it. */
 static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_level *level, spsi_item_fn task) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
+    spsi_cell_pass pass = {solver, level, NULL};
     spsi_cells_carry(&pass);
     spsi_parallel_items(solver->context, level->size[2], task, &pass);
 }
@@ -19230,7 +19169,7 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
 /* Sets up all levels from the finest one's depth and albedo. */
 static void spsi_cells_levels(const spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
-        spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[n]);
+        spsi_cell_pass pass = {solver, &solver->levels[n], NULL};
         if (n > 0) {
             const spsi_cell_level *fine = &solver->levels[n - 1];
             spsi_cell_step step = {fine, pass.level, fine->keep[0], pass.level->keep[0], solver->orders};
@@ -19374,69 +19313,87 @@ static void spsi_cells_continue_task(void *data, int row) {
 
 /* --- what lights polygons --- */
 
-/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel its
-   flux and the polynomial of what leaves it. */
+#define SPSI_CELL_PATCHES 8 /* along each edge of a side of the grid */
+#define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
+/* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
+#define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
+#define SPSI_CELL_PLACES 6 /* floats of where a patch is: its middle, from the grid's corner; area; widths */
+
+/* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    return (size_t)((4 + (1 + SPSI_CELL_TERMS) * grid->channels) * SPSI_CELL_SHEET);
+    return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * grid->channels) * SPSI_CELL_SHEET);
+}
+
+/* What leaves patches in a channel. */
+static float *spsi_cell_patches_sent(const spsi_cell_grid *grid, int channel) {
+    return grid->patches + (SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
+}
+
+/* Where a patch begins, as a share of the side's edge: at rims, where light changes most, patches are half as wide. */
+static double spsi_cell_patch_begin(int patch) {
+    const double at = (double)patch / SPSI_CELL_PATCHES;
+    return 0.5 * at * (1 + at * (3 - 2 * at));
 }
 
 /* Sets where patches are. */
 static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
-    float *at[4];
-    for (int k = 0; k < 4; ++k) at[k] = grid->patches + k * SPSI_CELL_SHEET;
+    float *at[SPSI_CELL_PLACES];
+    for (int k = 0; k < SPSI_CELL_PLACES; ++k) at[k] = grid->patches + k * SPSI_CELL_SHEET;
     for (int n = 0; n < SPSI_CELL_SHEET; ++n) {
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
         const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
         const int patch[2] = {n % SPSI_CELL_PATCHES, n / SPSI_CELL_PATCHES % SPSI_CELL_PATCHES};
-        double area = 1;
         at[axis][n] = upper ? (float)(grid->edge * grid->size[axis]) : 0;
         for (int i = 0; i < 2; ++i) {
-            const int first = spsi_cell_patch_first(patch[i], grid->size[along[i]]);
-            const int end = spsi_cell_patch_first(patch[i] + 1, grid->size[along[i]]);
-            at[along[i]][n] = (float)(0.5 * grid->edge * (first + end));
-            area *= grid->edge * (end - first);
+            const double extent = grid->edge * grid->size[along[i]], begin = spsi_cell_patch_begin(patch[i]);
+            const double end = spsi_cell_patch_begin(patch[i] + 1);
+            at[along[i]][n] = (float)(0.5 * extent * (begin + end));
+            at[4 + i][n] = (float)(extent * (end - begin));
         }
-        at[3][n] = (float)area;
+        at[3][n] = at[4][n] * at[5][n];
     }
 }
 
-/* Turns the sums of a side's patches into harmonics that have them, which are their radiance times pi. Sums over the
-   cells' own directions stand for integrals, so that even light stays even. Degree 3 is damped: its sums err most. */
-static void spsi_cell_side_fit(const spsi_cell_direction *directions, int side, float *sum) {
-    static const int along[3] = {3, 1, 2};
-    double matrix[SPSI_CELL_TERMS][SPSI_CELL_TERMS] = {{0}};
-    for (int n = 0; n < SPSI_CELL_DIRECTIONS; ++n) {
-        const float *harmonic = directions[n].harmonic;
-        const double u = sqrt(1.0 / 3) * (double)harmonic[along[side / 2]] * (side % 2 ? 1 : -1);
-        for (int i = 0; i < SPSI_CELL_TERMS && u > 0; ++i)
-            for (int k = 0; k < SPSI_CELL_TERMS; ++k)
-                matrix[i][k] += 4 * u * (double)(directions[n].weight * harmonic[i] * harmonic[k]);
+/* Sets a patch's rays: half of the sphere is that of an octahedron, seen as a square of 8 x 8. The sum of harmonics
+   that is nearest to what they find, by solid angle, is linear in that. */
+static void spsi_cell_rays_build(spsi_cell_rays *rays) {
+    double matrix[SPSI_CELL_TERMS][SPSI_CELL_TERMS] = {{0}}, fit[SPSI_CELL_TERMS][SPSI_CELL_RAYS];
+    for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
+        const double s = 0.25 * (n % 8 + 0.5) - 1, t = 0.25 * (n / 8 + 0.5) - 1;
+        double out[3] = {0.5 * (s + t), 0.5 * (s - t), 1 - 0.5 * (fabs(s + t) + fabs(s - t))};
+        const double length = spsi_length(out), angle = 1 / (length * length * length);
+        float *harmonic = rays->harmonic[n];
+        spsi_normalise(out);
+        spsi_harmonics(out, harmonic);
+        rays->weight[n] = (float)(angle * out[2] / 32); /* the sum is pi */
+        for (int k = 0; k < 3; ++k) rays->out[k][n] = (float)out[k];
+        for (int i = 0; i < SPSI_CELL_TERMS; ++i) {
+            fit[i][n] = angle * (double)harmonic[i];
+            for (int k = 0; k < SPSI_CELL_TERMS; ++k) matrix[i][k] += fit[i][n] * (double)harmonic[k];
+        }
     }
-    for (int i = 9; i < SPSI_CELL_TERMS; ++i) matrix[i][i] *= 1.15;
     for (int i = 0; i < SPSI_CELL_TERMS; ++i) /* Gauss and Jordan: the matrix is positive definite */
         for (int k = 0; k < SPSI_CELL_TERMS; ++k) {
             const double share = k == i ? 1 - 1 / matrix[i][i] : matrix[k][i] / matrix[i][i];
             for (int m = 0; m < SPSI_CELL_TERMS; ++m) matrix[k][m] -= share * matrix[i][m];
-            for (int n = 0; n < SPSI_CELL_SIDE; ++n)
-                sum[k * SPSI_CELL_SHEET + n] -= (float)share * sum[i * SPSI_CELL_SHEET + n];
+            for (int n = 0; n < SPSI_CELL_RAYS; ++n) fit[k][n] -= share * fit[i][n];
         }
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i)
+        for (int n = 0; n < SPSI_CELL_RAYS; ++n) rays->fit[n][i] = (float)fit[i][n];
 }
 
-/* Sets what leaves patches, per area: the sum over planes and parts of a sweep. */
-static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
-    const int count = SPSI_CELL_TERMS * SPSI_CELL_SHEET;
-    const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
-    float *flux = grid->patches + 4 * SPSI_CELL_SHEET + (count + SPSI_CELL_SHEET) * channel;
-    float *patch = flux + SPSI_CELL_SHEET;
-    memset(patch, 0, (size_t)count * sizeof *patch);
-    for (int i = 0; i < 3 * grid->size[2]; ++i)
-        for (int n = 0; n < count; ++n) patch[n] += solver->leaving[(size_t)i * (size_t)count + (size_t)n];
-    for (int n = 0; n < count; ++n) {
-        const float whole = area[n % SPSI_CELL_SHEET];
-        if (whole > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / whole;
+/* About what even gas of an optical depth takes of light. */
+static inline spsi_v spsi_cell_shape(spsi_v depth) { return spsi_div(depth, spsi_add(depth, spsi_set(1))); }
+
+/* The length of a way through the grid, in units of `way`: from a place on its sides, relative to the corner. */
+static inline spsi_v spsi_cell_way_through(const double extent[3], const spsi_v from[3], const spsi_v way[3]) {
+    spsi_v length = spsi_set(1e30f);
+    for (int k = 0; k < 3; ++k) {
+        const spsi_m rises = spsi_less(spsi_set(0), way[k]);
+        const spsi_v ahead = spsi_select(rises, spsi_sub(spsi_set((float)extent[k]), from[k]), from[k]);
+        length = spsi_min(length, spsi_div(ahead, spsi_max(spsi_abs(way[k]), spsi_set(1e-20f))));
     }
-    memcpy(flux, patch, SPSI_CELL_SHEET * sizeof *flux);
-    for (int side = 0; side < 6; ++side) spsi_cell_side_fit(solver->directions, side, patch + side * SPSI_CELL_SIDE);
+    return length;
 }
 
 /* Adds a cell's moments to the irradiance of a surface, from whose normal light comes: of light of degree 0, 1, 2 the
@@ -19535,30 +19492,27 @@ static void spsi_cell_sight_ray(const spsi_cell_sight *sight, int patch, int num
     const int axis = patch / SPSI_CELL_SIDE / 2, upper = patch / SPSI_CELL_SIDE % 2;
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2}, bits[2] = {number % 2, number / 2};
     const int at[2] = {patch % SPSI_CELL_PATCHES, patch / SPSI_CELL_PATCHES % SPSI_CELL_PATCHES};
+    const float *own = grid->patches + patch;
     toward[axis] = grid->corner[axis] - start[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
     for (int i = 0; i < 2; ++i) {
-        const int k = along[i], first = spsi_cell_patch_first(at[i], grid->size[k]);
-        const int end = spsi_cell_patch_first(at[i] + 1, grid->size[k]);
-        const int part = (reversed[at[1 - i]] + SPSI_CELL_PATCHES / 2 * bits[i]) % SPSI_CELL_PATCHES;
-        const double shift = part + 0.25 * bits[i] + 0.5 * bits[1 - i] + 0.125;
-        toward[k] = grid->corner[k] - start[k] + grid->edge * (first + (end - first) * shift / SPSI_CELL_PATCHES);
+        const int k = along[i], part = (reversed[at[1 - i]] + SPSI_CELL_PATCHES / 2 * bits[i]) % SPSI_CELL_PATCHES;
+        const double shift = (part + 0.25 * bits[i] + 0.5 * bits[1 - i] + 0.125) / SPSI_CELL_PATCHES - 0.5;
+        toward[k] = grid->corner[k] - start[k] + (double)own[k * SPSI_CELL_SHEET];
+        toward[k] += shift * (double)own[(4 + i) * SPSI_CELL_SHEET];
     }
 }
 
-/* Bit mask of a side's patches that the surface faces, as far as they send anything. */
+/* Bit mask of a side's patches that the surface faces. */
 static uint64_t spsi_cell_sight_faced(const spsi_cell_sight *sight, int side) {
     const spsi_cell_grid *grid = sight->grid;
     uint64_t faced = 0;
     for (int n = 0; n < SPSI_CELL_SIDE; ++n) {
         const float *patch = grid->patches + side * SPSI_CELL_SIDE + n;
         double facing = 0;
-        float sent = 0;
         for (int k = 0; k < 3; ++k)
             facing +=
                 sight->normal[k] * ((double)patch[k * SPSI_CELL_SHEET] + grid->corner[k] - sight->surface->point[k]);
-        for (int c = 0; c < grid->channels; ++c)
-            sent += fabsf(patch[(4 + (1 + SPSI_CELL_TERMS) * c) * SPSI_CELL_SHEET]);
-        if (facing > 0 && sent > 0) faced |= (uint64_t)1 << n;
+        if (facing > 0) faced |= (uint64_t)1 << n;
     }
     return faced;
 }
@@ -19620,29 +19574,42 @@ static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_S
     return hidden;
 }
 
-/* Adds the irradiance of a surface, in `count` channels, by a vector of patches, of which `way` is the way to a part,
-   `area` large: a disc, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if
-   it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and
-   discs where that is too little. `sent`: of the first channel, their flux and the polynomial of what leaves them. */
-static void spsi_cell_patches_send(const float *sent, int count, int axis, const spsi_v way[3], const spsi_v normal[3],
-                                   spsi_v area, spsi_v sums[3]) {
-    const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
-    const spsi_v away = spsi_div(spsi_set(-1), spsi_sqrt(square)), nearer = spsi_mul(away, away);
-    const spsi_v before = spsi_abs(way[axis]), u = spsi_min(spsi_abs(spsi_mul(before, away)), one);
-    const spsi_v toward[3] = {spsi_mul(way[0], away), spsi_mul(way[1], away), spsi_mul(way[2], away)};
-    const spsi_v zero = spsi_set(0), wide = spsi_min(spsi_mul(area, nearer), one);
+/* A side of the grid that lights a surface, in `count` channels. */
+typedef struct spsi_cell_sender {
+    const float *sent; /* by the first channel's patches */
+    int count, axis, along[2];
+    float thick[3];   /* per channel: the grid's mean extinction */
+    double extent[3]; /* of the grid */
+    spsi_v normal[3]; /* the surface's */
+} spsi_cell_sender;
+
+/* Adds the irradiance by a vector of patches, whose parts are `area` large, at a place relative to the grid's corner.
+   `way`: to there. They are discs, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2
+   + area), if it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is
+   above 0, and discs where that is too little. */
+static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v place[3],
+                                   const spsi_v way[3], spsi_v area, spsi_v sums[3]) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
+    const spsi_v length = spsi_sqrt(square), away = spsi_div(one, length), nearer = spsi_mul(away, away);
+    const spsi_v before = spsi_abs(way[from->axis]), u = spsi_min(spsi_mul(before, away), one);
+    const spsi_v back = spsi_sub(zero, away);
+    const spsi_v toward[3] = {spsi_mul(way[from->along[0]], back), spsi_mul(way[from->along[1]], back), u};
+    const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
     const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
-    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), zero), before), harmonic[SPSI_CELL_TERMS];
-    spsi_harmonics_v(toward, SPSI_CELL_TERMS, harmonic);
+    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, from->normal), zero), before), harmonic[SPSI_CELL_TERMS], through;
     share = spsi_min(spsi_mul(share, nearer), one);
     share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
-    for (int c = 0; c < count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
+    if (!spsi_bits(spsi_less(zero, share))) return;
+    spsi_harmonics_v(toward, SPSI_CELL_TERMS, harmonic);
+    through = spsi_mul(spsi_cell_way_through(from->extent, place, way), length);
+    for (int c = 0; c < from->count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
         const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
+        const spsi_v depth = spsi_mul(through, spsi_set(from->thick[c]));
         spsi_v sum = spsi_load(sent + SPSI_CELL_SHEET);
         for (int i = 1; i < SPSI_CELL_TERMS; ++i)
             sum = spsi_fma(harmonic[i], spsi_load(sent + (1 + i) * SPSI_CELL_SHEET), sum);
         sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
-        sums[c] = spsi_fma(share, sum, sums[c]);
+        sums[c] = spsi_fma(spsi_mul(share, spsi_cell_shape(depth)), sum, sums[c]);
     }
 }
 
@@ -19653,45 +19620,59 @@ typedef struct spsi_cell_receiver {
     int finest;                   /* a near patch counts as so many parts along an edge at most */
 } spsi_cell_receiver;
 
-/* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most 0.6 of their
-   distance; nearer than a fifth of a patch, cells are looked up themselves. */
+/* Sets in how many parts the patches of a vector count, which begins with a row: as wide as 0.36 of their distance, at
+   most. `at`: the surface, across the side and before it; next to the side a patch is all that it sees. */
+static void spsi_cell_patches_part(const spsi_cell_sender *from, int row, const double at[3], int finest,
+                                   int parts[2]) {
+    const double extent[2] = {from->extent[from->along[0]], from->extent[from->along[1]]};
+    const int rows = spsi_most(1, SPSI_LANES / SPSI_CELL_PATCHES); /* in a vector */
+    const double begin = spsi_cell_patch_begin(row) * extent[1];
+    const double end = spsi_cell_patch_begin(row + rows) * extent[1];
+    const double widest = spsi_cell_patch_begin(1 + SPSI_CELL_PATCHES / 2) - 0.5; /* in the middle */
+    const double x = fmax(0, fmax(-at[0], at[0] - extent[0])), y = fmax(0, fmax(begin - at[1], at[1] - end));
+    const double nearest = sqrt(x * x + y * y + at[2] * at[2]);
+    if (fabs(at[2]) < 0.05 * widest * fmax(extent[0], extent[1])) finest = 1;
+    for (int k = 0; k < 2; ++k) parts[k] = (int)fmin(ceil(2.8 * widest * extent[k] / nearest), finest);
+}
+
+/* Irradiance of a surface outside, in `count` channels from one on. */
 static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                           const spsi_cell_receiver *to, double irradiance[3]) {
-    const float *patch = grid->patches, *sent = patch + (4 + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
-    spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, from[3];
+    spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     float lanes[SPSI_LANES];
-    spsi_set3(to->normal, from);
+    spsi_cell_sender from;
+    memset(&from, 0, sizeof from);
+    from.sent = spsi_cell_patches_sent(grid, channel), from.count = count;
+    spsi_set3(to->normal, from.normal);
+    for (int k = 0; k < 3; ++k) from.extent[k] = grid->edge * grid->size[k];
+    for (int c = 0; c < count; ++c) from.thick[c] = grid->thick[channel + c] / (float)grid->edge;
     for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
+        const float *patch = grid->patches + n;
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
-        const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
-        const double before = to->point[axis] - grid->corner[axis] - (upper ? grid->edge * grid->size[axis] : 0);
-        const double longest = grid->edge * spsi_most(grid->size[along[0]], grid->size[along[1]]) / SPSI_CELL_PATCHES;
-        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n), square;
+        const double before = to->point[axis] - grid->corner[axis] - (upper ? from.extent[axis] : 0);
+        spsi_v middle[3], way[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET);
         spsi_v some[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-        int parts = 1; /* a patch may be all that a surface sees */
-        spsi_m near_by;
+        double across[3] = {0, 0, before};
+        int parts[2];
         if (!(upper ? before > 0 : before < 0)) continue;
-        for (int k = 0; k < 3; ++k)
-            middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET + n),
-                                 spsi_set((float)(to->point[k] - grid->corner[k])));
-        square = spsi_dot_v(middle, middle);
-        near_by = spsi_less(square, spsi_set((float)(7.3 * longest * longest)));
-        if (fabs(before) >= 0.05 * longest && spsi_bits(near_by)) { /* elsewhere the parts are one */
-            double nearest = HUGE_VAL;
-            spsi_store(lanes, square);
-            for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
-            nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
-            parts = spsi_least((int)ceil(1.7 * longest / nearest), to->finest);
+        from.axis = axis, from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
+        for (int k = 0; k < 3; ++k) {
+            middle[k] = spsi_load(patch + k * SPSI_CELL_SHEET);
+            way[k] = spsi_sub(middle[k], spsi_set((float)(to->point[k] - grid->corner[k])));
         }
-        area = spsi_mul(area, spsi_set(1 / (float)(parts * parts)));
-        for (int i = 0; i < parts * parts; ++i) {
-            spsi_v way[3] = {middle[0], middle[1], middle[2]};
+        for (int k = 0; k < 2; ++k) across[k] = to->point[from.along[k]] - grid->corner[from.along[k]];
+        spsi_cell_patches_part(&from, n % SPSI_CELL_SIDE / SPSI_CELL_PATCHES, across, to->finest, parts);
+        area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
+        for (int i = 0; i < parts[0] * parts[1]; ++i) { /* a patch may be all that a surface sees */
+            spsi_v at[3] = {middle[0], middle[1], middle[2]}, toward[3] = {way[0], way[1], way[2]};
             for (int k = 0; k < 2; ++k) {
-                const double off = ((k ? i / parts : i % parts) + 0.5) / parts - 0.5;
-                const double step = off * grid->edge * grid->size[along[k]] / SPSI_CELL_PATCHES;
-                way[along[k]] = spsi_add(way[along[k]], spsi_set((float)step));
+                const int along = from.along[k], part = k ? i / parts[0] : i % parts[0];
+                const spsi_v off = spsi_mul(spsi_load(patch + (4 + k) * SPSI_CELL_SHEET),
+                                            spsi_set(((float)part + 0.5f) / (float)parts[k] - 0.5f));
+                at[along] = spsi_add(at[along], off);
+                toward[along] = spsi_add(toward[along], off);
             }
-            spsi_cell_patches_send(sent + n, count, axis, way, from, area, some);
+            spsi_cell_patches_send(&from, from.sent + n, at, toward, area, some);
         }
         for (int c = 0; c < count; ++c)
             all[c] = spsi_fma(some[c], to->open ? spsi_load(to->open + n) : spsi_set(1), all[c]);
@@ -19703,9 +19684,9 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
     }
 }
 
-/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within five
-   ninths of a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid;
-   what hides some of the patches there hides as much of the cells. */
+/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within half of
+   a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid; what hides
+   some of the patches there hides as much of the cells. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const spsi_cell_receiver *to,
                                   double irradiance[3]) {
     const spsi_cell_receiver bare = {to->point, to->normal, NULL, to->finest};
@@ -19718,7 +19699,7 @@ static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int c
         longest = fmax(longest, extent);
     }
     facing = longest * fmax(facing, 0.25 * sqrt(square));
-    outside = facing > 0 ? fmin(1.8 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
+    outside = facing > 0 ? fmin(2 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
     if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, to, irradiance);
     if (!(outside < 1)) return;
     if (to->open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, &bare, all);
@@ -22356,7 +22337,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     float patches[SPSI_CELL_SHEET];
     const spsi_cell_sight sight = {grid, faces, surface, surface->normal, face};
     const int hidden = spsi_cells_sight(&sight, patches);
-    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL, 5};
+    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL, 8};
     double own[3], square = 16 * grid->edge * grid->edge;
     spsi_cells_irradiance(grid, 0, grid->channels, &to, own);
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += (float)own[c];
@@ -24642,12 +24623,12 @@ static size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float 
     return (size_t)laid;
 }
 
-/* Floats for light of polygons: moments and a source of none, links and rows of coarse levels, and what leaves. */
+/* Floats for light of polygons: moments and a source of none, links and rows of coarse levels. */
 static size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
         floats += 2 * solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
-    return floats + spsi_cell_leaving_floats(solver->levels[0].size[2]);
+    return floats;
 }
 
 /* Sizes of a solver's levels, each half as long as the one before, down to four cells. Returns the floats of all. */
@@ -24679,6 +24660,7 @@ static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_g
     memset(solver, 0, sizeof *solver);
     solver->context = context;
     spsi_cell_directions(solver->directions);
+    spsi_cell_rays_build(&solver->rays);
     floats = spsi_cell_solver_size(grid, solver);
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SOLVER, floats, sizeof(float));
     if (!memory) return context->result;
@@ -24720,6 +24702,7 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     memset(memory, 0, spsi_cell_solver_wall_floats(solver) * sizeof *memory);
     solver->levels[0].closed = job->walls.closed;
     solver->levels[0].walled = job->walls.walled;
+    for (int n = 0; n < job->grid->size[1] * job->grid->size[2]; ++n) solver->walled |= job->walls.walled[n] == 1;
     *plain = solver->levels[0];
     plain->sent = memory;
     plain->moments[0] = memory + floats;
@@ -24732,7 +24715,6 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
         memory += 2 * level->count + spsi_cell_rows_floats(level->size);
         spsi_parallel_items(job->context, level->size[1] * level->size[2], spsi_cells_close_task, job);
     }
-    solver->leaving = memory;
 }
 
 /* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
@@ -24775,39 +24757,129 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     return flights->count - first;
 }
 
+/* Ends rays that a closed link keeps from a cell: what is beyond does not reach the one before. */
+static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[3], const spsi_v at[3],
+                              spsi_v through) {
+    float cell[3][SPSI_LANES], last[3][SPSI_LANES], passes[SPSI_LANES];
+    spsi_store(passes, through);
+    for (int k = 0; k < 3; ++k) spsi_store(cell[k], at[k]), spsi_store(last[k], before[k]);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const int x = (int)last[0][i], row = (int)last[2][i] * level->size[1] + (int)last[1][i];
+        const int link = spsi_cell_link(x - (int)cell[0][i], (int)(last[1][i] - cell[1][i]),
+                                        (int)(last[2][i] - cell[2][i]));
+        if (level->walled[row] == 1 && level->closed[(size_t)row * (size_t)level->pitch + (size_t)x] >> link & 1)
+            passes[i] = 0;
+    }
+    return spsi_load(passes);
+}
+
+/* The radiance that comes back along rays of a length in cells, which begin at a place in cells: what these send, in
+   equal steps of at most three quarters of an edge: longer ones are 3 % too bright beside dense gas. */
+static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
+                                  spsi_v length) {
+    const spsi_cell_level *level = &solver->levels[0];
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    const spsi_v count = spsi_add(spsi_floor(spsi_mul(length, spsi_set(1 / 0.75f))), one);
+    const spsi_v step = spsi_div(length, count);
+    const spsi_v back[3] = {spsi_sub(zero, way[0]), spsi_sub(zero, way[1]), spsi_sub(zero, way[2])};
+    spsi_v through = one, sum = zero, harmonic[SPSI_CELL_TERMS], before[3];
+    spsi_harmonics_v(back, solver->terms, harmonic);
+    for (float i = 0.5f;; i += 1) {
+        const spsi_m on = spsi_and(spsi_less(spsi_set(i), count), spsi_less(spsi_set(1e-3f), through));
+        spsi_v at[3], row, depth, passes, taken, sent;
+        if (!spsi_bits(on)) return sum;
+        for (int k = 0; k < 3; ++k)
+            at[k] = spsi_clamp(spsi_floor(spsi_fma(spsi_mul(way[k], step), spsi_set(i), from[k])), zero,
+                               spsi_set((float)(level->size[k] - 1)));
+        if (solver->walled && i > 1) through = spsi_cells_stop(level, before, at, through);
+        memcpy(before, at, sizeof before);
+        row = spsi_fma(at[2], spsi_set((float)level->size[1]), at[1]);
+        depth = spsi_mul(spsi_lookup(level->depth, level->pitch, at[0], row), step);
+        sent = spsi_lookup(level->sent, level->pitch, at[0], row);
+        for (int t = 1; t < solver->terms; ++t)
+            sent = spsi_fma(harmonic[t], spsi_lookup(level->sent + (size_t)t * level->count, level->pitch, at[0], row),
+                            sent);
+        passes = spsi_exp(spsi_sub(zero, depth));
+        taken = spsi_select(spsi_less(depth, spsi_set(1e-3f)), depth, spsi_sub(one, passes));
+        sum = spsi_select(on, spsi_fma(spsi_mul(through, taken), sent, sum), sum);
+        through = spsi_mul(through, passes);
+    }
+}
+
+/* Finds what leaves a patch, seen by rays from its middle: radiance times pi, over about what even gas of the grid's
+   mean depth takes on their ways. That has most of what is not smooth in it, the shape of the grid; the rest is made of
+   harmonics, which are as much flux where they are not of the other sign. */
+static void spsi_cell_patch_fill(const spsi_cell_job *job, int patch) {
+    const spsi_cell_grid *grid = job->grid;
+    const spsi_cell_rays *rays = &job->solver->rays;
+    const int axis = patch / SPSI_CELL_SIDE / 2, upper = patch / SPSI_CELL_SIDE % 2;
+    const double extent[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]}; /* in cells */
+    float *sent = spsi_cell_patches_sent(grid, job->channel) + patch;
+    float seen[SPSI_CELL_RAYS], taken[SPSI_CELL_RAYS], terms[SPSI_CELL_TERMS] = {0}, flux = 0, made = 0;
+    spsi_v from[3];
+    for (int k = 0; k < 3; ++k) from[k] = spsi_set(grid->patches[k * SPSI_CELL_SHEET + patch] / (float)grid->edge);
+    for (int n = 0; n < SPSI_CELL_RAYS; n += SPSI_LANES) {
+        spsi_v way[3], length;
+        for (int k = 0; k < 3; ++k) {
+            const int own = k == axis ? 2 : k > axis ? k - 1 : k; /* along the side: the lower axis first */
+            const spsi_v out = spsi_load(rays->out[own] + n);
+            way[k] = k == axis && !upper ? out : spsi_sub(spsi_set(0), out);
+        }
+        length = spsi_cell_way_through(extent, from, way);
+        spsi_store(taken + n, spsi_cell_shape(spsi_mul(length, spsi_set(grid->thick[job->channel]))));
+        spsi_store(seen + n, spsi_cells_radiance(job->solver, from, way, length));
+    }
+    for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
+        const float ratio = seen[n] / spsi_higher(taken[n], FLT_MIN);
+        flux += rays->weight[n] * seen[n];
+        for (int i = 0; i < SPSI_CELL_TERMS; ++i) terms[i] += ratio * rays->fit[n][i];
+    }
+    for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
+        float ratio = 0;
+        for (int i = 0; i < SPSI_CELL_TERMS; ++i) ratio += terms[i] * rays->harmonic[n][i];
+        if ((ratio > 0) == (flux > 0)) made += rays->weight[n] * taken[n] * ratio;
+    }
+    sent[0] = flux;
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i)
+        sent[(1 + i) * SPSI_CELL_SHEET] = fabsf(made) > 0 ? (float)SPSI_PI * terms[i] * (flux / made) : 0;
+}
+
+static void spsi_cell_patches_task(void *data, int row) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
+    for (int n = 0; n < SPSI_CELL_PATCHES; ++n) spsi_cell_patch_fill(job, row * SPSI_CELL_PATCHES + n);
+}
+
+/* Keeps what the last sweep found, by which polygons are lit. */
+static void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
+    const spsi_cell_grid *grid = job->grid;
+    const size_t floats = (size_t)grid->flux_terms * grid->count;
+    double depth = 0;
+    for (size_t at = 0; at < grid->count; ++at) depth += (double)job->solver->levels[0].depth[at];
+    job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
+    spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
+              floats * sizeof(float));
+    spsi_parallel_items(job->context, SPSI_CELL_SHEET / SPSI_CELL_PATCHES, spsi_cell_patches_task, job);
+}
+
 /* Sweeps once more without what flies to polygons, but not to cells, and without that of cells that send most. */
 static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
     const float fraction = all > cells ? (all - cells) / (1 - cells) : 0;
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
-    int changed = fraction > 0;
-    for (int back = 0; back < 2; ++back) {
-        for (size_t at = 0; at < job->grid->count; ++at)
-            if (level->depth[at] > 0) level->sent[at] += (back ? fraction : -fraction) * emitted[at] / level->depth[at];
-        if (!back) changed |= spsi_cells_set_apart(job, channel) > 0;
-        if (!back && changed) spsi_cells_sweep(job->solver, level);
-    }
-}
-
-/* Keeps what the last sweep found, by which polygons are lit. */
-static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
-    const spsi_cell_grid *grid = job->grid;
-    const size_t floats = (size_t)grid->flux_terms * grid->count;
-    spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
-              floats * sizeof(float));
-    spsi_cell_patches_fill(job->solver, grid, channel);
+    for (size_t at = 0; at < job->grid->count; ++at)
+        if (level->depth[at] > 0) level->sent[at] -= fraction * emitted[at] / level->depth[at];
+    if (spsi_cells_set_apart(job, channel) > 0 || fraction > 0) spsi_cells_sweep(job->solver, level);
 }
 
 /* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly
    changed. Returns by how much. */
 static double spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
-    spsi_cell_pass pass = spsi_cell_pass_of(job->solver, plain);
+    spsi_cell_pass pass = {job->solver, plain, job->walls.sent};
     double change;
     if (job->wall_light) spsi_cells_take_flux(job, channel);
     change = spsi_cell_walls_send(job, channel);
     if (change < SPSI_CELL_CHANGE && job->wall_light) return change;
-    pass.walls = job->walls.sent;
     if (change > 0)
         spsi_cells_carry(&pass);
     else
@@ -24845,7 +24917,6 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
     job->wall_light = NULL;
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
-        memset(solver->leaving, 0, spsi_cell_leaving_floats(grid->size[2]) * sizeof(float));
         spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         spsi_cells_levels(solver);
         change = spsi_cells_reflect(job, job->channel, plain);
@@ -24899,6 +24970,7 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     grid->moments = spsi_lay(memory, &laid, moments);
     grid->depth = spsi_lay(memory, &laid, grid->count);
     grid->scale = spsi_lay(memory, &laid, 3);
+    grid->thick = spsi_lay(memory, &laid, 3);
     grid->flux = spsi_lay(memory, &laid, each * (size_t)grid->flux_terms);
     grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? spsi_cell_patch_floats(grid) : 0);
     grid->flown = flies_to_cells ? spsi_lay(memory, &laid, moments) : NULL;

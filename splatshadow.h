@@ -237,7 +237,7 @@ typedef struct sps_error_info {
 /* Runs a loop in parallel. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on
    any threads, and return when all calls have returned and their writes are visible to the caller. Tasks that were left
    out are run afterwards by the calling thread, as worker 0. `worker` is 0..worker_count-1 and never the same for two
-   calls that run at the same time. Tasks do not block, and use up to 16 KB of stack (24 KB with AVX-512). They call no
+   calls that run at the same time. Tasks do not block, and use up to 16 KB of stack (28 KB with AVX-512). They call no
    callback except for clock_fn, and read_fn, range_fn and eval_fn of volumes that are `concurrent`, whose blocking and
    stack come on top. */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);

@@ -1604,6 +1604,15 @@ static inline float spsi_one(spsi_v a) {
     return lanes[0];
 }
 
+/* The sum of all lanes. */
+static double spsi_total(spsi_v a) {
+    float lanes[SPSI_LANES];
+    double sum = 0;
+    spsi_store(lanes, a);
+    for (int i = 0; i < SPSI_LANES; ++i) sum += (double)lanes[i];
+    return sum;
+}
+
 /* The longest vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row
    empty. spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole
    rows. */
@@ -9854,7 +9863,6 @@ static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
 static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const int box[4], int round) {
     float lanes[SPSI_LANES];
     spsi_v sums = spsi_set(0);
-    double sum = 0;
     for (int y = box[1]; y <= box[3]; ++y)
         for (int x = box[0]; x <= box[2]; x += SPSI_LANES) {
             const spsi_m inside = spsi_less(spsi_iota(), spsi_set((float)(box[2] - x) + 0.5f));
@@ -9866,9 +9874,7 @@ static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const 
             if (round) share = spsi_mul(share, spsi_load(lanes));
             sums = spsi_add(sums, spsi_select(inside, share, spsi_set(0)));
         }
-    spsi_store(lanes, sums);
-    for (int i = 0; i < SPSI_LANES; ++i) sum += (double)lanes[i];
-    return sum;
+    return spsi_total(sums);
 }
 
 /* Mean of a ball's chords, which are 1 in the middle, over its outline. */
@@ -18540,13 +18546,9 @@ static inline void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPS
 /* All of them for one direction. */
 static void spsi_harmonics(const double v[3], float out[SPSI_CELL_TERMS]) {
     spsi_v from[3], all[SPSI_CELL_TERMS];
-    float lanes[SPSI_LANES];
     spsi_set3(v, from);
     spsi_harmonics_v(from, SPSI_CELL_TERMS, all);
-    for (int i = 0; i < SPSI_CELL_TERMS; ++i) {
-        spsi_store(lanes, all[i]);
-        out[i] = lanes[0];
-    }
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i) out[i] = spsi_one(all[i]);
 }
 
 /* The degree of a term. */
@@ -18984,7 +18986,6 @@ static void spsi_cells_miss_task(void *data, int z) {
     const size_t end = first + (size_t)(level->size[1] * level->pitch);
     double *balance = pass->solver->balance + 2 * z;
     spsi_v missing = spsi_set(0), all = missing;
-    float lanes[2][SPSI_LANES];
     for (int t = 0; t < pass->solver->terms; ++t) {
         const float *keep = level->keep[spsi_term_degree(t)];
         for (size_t at = first; at < end; at += SPSI_LANES) {
@@ -19000,13 +19001,8 @@ static void spsi_cells_miss_task(void *data, int z) {
             }
         }
     }
-    spsi_store(lanes[0], missing);
-    spsi_store(lanes[1], all);
-    balance[0] = balance[1] = 0;
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        balance[0] += (double)lanes[0][i];
-        balance[1] += (double)lanes[1][i];
-    }
+    balance[0] = spsi_total(missing);
+    balance[1] = spsi_total(all);
 }
 
 /* The same, put right as far as a cell by itself can: what it sends more, it receives in part. */
@@ -19147,22 +19143,18 @@ static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_lev
    often as it takes. Coarse levels are mended before they are corrected, which halves the number of cycles; the finest
    converges as fast without. Recursion is as deep as there are levels. */
 static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
-    const spsi_cell_level *level = &solver->levels[n];
-    spsi_cell_step step;
+    const spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
     if (n == solver->level_count - 1) {
         for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_check(solver, level, spsi_cells_mend_task);
         return;
     }
-    step.fine = level;
-    step.coarse = &solver->levels[n + 1];
     if (n > 0) spsi_cells_check(solver, level, spsi_cells_miss_task);
-    step.from = level->moments[1]; /* coarse cells are given what fine ones miss */
-    step.to = step.coarse->given;
-    step.count = solver->terms;
-    spsi_parallel_items(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
-    spsi_copy(solver->context, step.coarse->sent, step.to, (size_t)step.count * step.coarse->count * sizeof(float));
+    /* coarse cells are given what fine ones miss */
+    spsi_cell_step step = {level, coarse, level->moments[1], coarse->given, solver->terms};
+    spsi_parallel_items(solver->context, coarse->size[2], spsi_cells_coarsen_task, &step);
+    spsi_copy(solver->context, coarse->sent, coarse->given, (size_t)solver->terms * coarse->count * sizeof(float));
     for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
-    spsi_cells_sweep(solver, step.coarse);
+    spsi_cells_sweep(solver, coarse);
     spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
 }
 
@@ -19639,7 +19631,6 @@ static void spsi_cell_patches_part(const spsi_cell_sender *from, int row, const 
 static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                           const spsi_cell_receiver *to, double irradiance[3]) {
     spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-    float lanes[SPSI_LANES];
     spsi_cell_sender from;
     memset(&from, 0, sizeof from);
     from.sent = spsi_cell_patches_sent(grid, channel), from.count = count;
@@ -19677,11 +19668,7 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
         for (int c = 0; c < count; ++c)
             all[c] = spsi_fma(some[c], to->open ? spsi_load(to->open + n) : spsi_set(1), all[c]);
     }
-    for (int c = 0; c < count; ++c) {
-        spsi_store(lanes, all[c]);
-        irradiance[c] = 0;
-        for (int i = 0; i < SPSI_LANES; ++i) irradiance[c] += (double)lanes[i];
-    }
+    for (int c = 0; c < count; ++c) irradiance[c] = spsi_total(all[c]);
 }
 
 /* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within half of
@@ -20608,10 +20595,10 @@ static size_t spsi_flight_cell(const spsi_flight_job *job, const spsi_flight_cel
 static void spsi_flight_cells_build(const spsi_flight_job *job, int x, int y, int z, spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     float lanes[4][SPSI_LANES] = {{0}};
+    memset(cells, 0, sizeof *cells);
     cells->at[0] = x;
     cells->at[1] = y;
     cells->at[2] = z;
-    cells->lanes = 0;
     for (int i = 0; i < SPSI_LANES; ++i) {
         const int at[3] = {x + i % SPSI_FLIGHT_ALONG, y + i / SPSI_FLIGHT_ALONG, z};
         for (int k = 0; k < 3; ++k) lanes[k][i] = (float)at[k] + 0.5f;
@@ -20621,10 +20608,6 @@ static void spsi_flight_cells_build(const spsi_flight_job *job, int x, int y, in
     }
     for (int k = 0; k < 3; ++k) cells->centre[k] = spsi_load(lanes[k]);
     cells->depth = spsi_load(lanes[3]);
-    cells->gas = spsi_set(0);
-    for (int c = 0; c < 3; ++c) cells->own[c] = cells->trapped[c] = spsi_set(0);
-    for (int c = 0; c < 3; ++c)
-        for (int t = 0; t < SPSI_CELL_TERMS; ++t) cells->sum[c][t] = spsi_set(0);
 }
 
 /* What polygons let pass between a node and a vector of cells. */
@@ -20722,17 +20705,15 @@ static void spsi_flight_cells_trap(const spsi_flight_job *job, const spsi_flight
     const spsi_v per_gas = spsi_div(spsi_set(1), spsi_max(cells->gas, spsi_set(FLT_MIN)));
     for (int n = 0; n < grid->channels * SPSI_LANES; ++n) {
         const int c = n / SPSI_LANES, i = n % SPSI_LANES;
-        float own[SPSI_LANES], trapped[SPSI_LANES];
-        size_t at;
+        const float own = spsi_lane(spsi_mul(cells->own[c], per_gas), i);
+        const float trapped = spsi_lane(spsi_mul(cells->trapped[c], per_gas), i);
+        const size_t at = spsi_flight_cell(job, cells, i);
         if (!(cells->lanes >> i & 1)) continue;
-        at = spsi_flight_cell(job, cells, i);
-        spsi_store(own, spsi_mul(cells->own[c], per_gas));
-        spsi_store(trapped, spsi_mul(cells->trapped[c], per_gas));
-        grid->trapped[(size_t)c * grid->count + at] = trapped[i] - own[i];
+        grid->trapped[(size_t)c * grid->count + at] = trapped - own;
         for (int m = 0; m < job->frame->matter.material_count; ++m)
             if (job->frame->content->flies[m] > 0)
                 job->emitted[(size_t)c * grid->count + at] -=
-                    own[i] * grid->lobes[m][0] * job->scattered[(size_t)(m * grid->channels + c) * grid->count + at];
+                    own * grid->lobes[m][0] * job->scattered[(size_t)(m * grid->channels + c) * grid->count + at];
     }
 }
 
@@ -20834,7 +20815,7 @@ static double spsi_ball_lights(double distance, double height, double radius) {
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights, float fraction,
                                        const spsi_flight_list *list, int n, double irradiance[3], double *nearest) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
-    float out[3][SPSI_LANES], begin[SPSI_LANES], cut[SPSI_LANES];
+    float out[3][SPSI_LANES], cut[SPSI_LANES];
     spsi_v through[3], passes[3];
     spsi_flight_ways ways;
     int some = 0;
@@ -20861,8 +20842,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
             toward[i][k] += place->point[k] - place->start[k] + raise * place->normal[k];
         }
         ways.length[i] = ways.end[i] = (float)distance;
-        spsi_store(begin, spsi_flight_begin(flight, spsi_set((float)distance)));
-        ways.begin[i] = begin[0];
+        ways.begin[i] = spsi_one(spsi_flight_begin(flight, spsi_set((float)distance)));
         ways.clear[i] = spsi_flight_clear(node, flight->node);
         ways.own[i] = node->own;
     }
@@ -20879,11 +20859,9 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
                 const spsi_v unit[3] = {spsi_set(ways.unit[0][i]), spsi_set(ways.unit[1][i]),
                                         spsi_set(ways.unit[2][i])};
                 const spsi_v part = spsi_flight_part(flight, spsi_set(ways.length[i]));
-                float own[SPSI_LANES];
-                spsi_store(own, spsi_flight_leaves(flight, c, unit, part));
-                irradiance[c] +=
-                    fmin(share[i] * (double)(fraction * flight->emitter->sent[c] * own[0] * out[c][i]),
-                         (double)SPSI_RADIANCE_MAX);
+                const float own = spsi_one(spsi_flight_leaves(flight, c, unit, part));
+                irradiance[c] += fmin(share[i] * (double)(fraction * flight->emitter->sent[c] * own * out[c][i]),
+                                      (double)SPSI_RADIANCE_MAX);
             }
     }
 }
@@ -24046,15 +24024,6 @@ typedef struct spsi_cell_view {
     double centre[3];
 } spsi_cell_view;
 
-static void spsi_cell_view_build(const spsi_faces *faces, const spsi_cell_grid *grid, const int size[3], int scale,
-                                 spsi_cell_view *view) {
-    memset(view, 0, sizeof *view);
-    view->faces = faces;
-    view->grid = grid;
-    view->size = size;
-    view->scale = scale;
-}
-
 /* Turns to a cell. */
 static void spsi_cell_view_move(spsi_cell_view *view, int x, int y, int z) {
     view->at[0] = x;
@@ -24194,16 +24163,9 @@ static void spsi_cell_walls_fly(const spsi_cell_job *job, size_t at) {
     const spsi_cell_walls *walls = &job->walls;
     const spsi_cell_grid *grid = job->grid;
     double point[3], start[3], normal[3], irradiance[3] = {0, 0, 0};
-    spsi_flight_place place;
+    const spsi_flight_place place = {job->frame, job->faces, point, start, normal, -1};
     if (!spsi_cell_walls_mean(job, at, point, normal)) return;
     spsi_along(point, normal, 0.02 * grid->edge, start);
-    memset(&place, 0, sizeof place);
-    place.frame = job->frame;
-    place.faces = job->faces;
-    place.point = point;
-    place.start = start;
-    place.normal = normal;
-    place.face = -1;
     spsi_flights_irradiance(&place, job->flights, irradiance);
     for (size_t c = 0; c < (size_t)grid->channels; ++c)
         walls->lit[c * grid->count + at] +=
@@ -24270,9 +24232,8 @@ static void spsi_cells_walls_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
-    spsi_cell_view view;
+    spsi_cell_view view = {job->faces, grid, grid->size, 1, {0, 0, 0}, {0, 0, 0}};
     int near_row;
-    spsi_cell_view_build(job->faces, grid, grid->size, 1, &view);
     spsi_cell_view_move(&view, 0, y, z);
     near_row = spsi_cell_view_near(&view, grid->size[0]);
     for (int x = 0; x < grid->size[0]; ++x) {
@@ -24423,12 +24384,11 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_beam_ray 
 /* Adds what polygons reflect of a ring of a beam's rays. */
 static void spsi_beams_on_polygons(const spsi_cell_job *job, const spsi_shadow *shadow, spsi_beam_ray *ring,
                                    spsi_flights *flights, spsi_tree_item *items) {
-    spsi_cell_view view;
+    const spsi_cell_view view = {job->faces, job->grid, job->grid->size, 1, {0, 0, 0}, {0, 0, 0}};
     spsi_cell_hits hits;
     spsi_beam_ray *met[SPSI_BEAM_RINGS];
     hits.count = 0;
     memset(hits.lit, 0, sizeof hits.lit);
-    spsi_cell_view_build(job->faces, job->grid, job->grid->size, 1, &view);
     for (int i = 0; i < SPSI_BEAM_RINGS; ++i) {
         const int before = hits.count;
         spsi_ray ray;
@@ -24645,8 +24605,7 @@ static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver
             longest = spsi_most(longest, level->size[k]);
         }
         level->pitch = spsi_cell_pitch(level->size[0]);
-        level->count = spsi_cell_stride((size_t)level->pitch * (size_t)(level->size[1] * level->size[2]));
-        if (n == 0) level->count = grid->count;
+        level->count = spsi_cell_stride((size_t)level->pitch * (size_t)spsi_most(2, level->size[1] * level->size[2]));
         floats += spsi_cell_level_lay_out(level, grid->orders, NULL);
         if (longest <= 4) break;
     }
@@ -24682,8 +24641,7 @@ static void spsi_cells_close_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_level *level = &job->solver->levels[job->level];
     const int y = row % level->size[1], z = row / level->size[1];
-    spsi_cell_view view;
-    spsi_cell_view_build(job->faces, job->grid, level->size, 1 << job->level, &view);
+    spsi_cell_view view = {job->faces, job->grid, level->size, 1 << job->level, {0, 0, 0}, {0, 0, 0}};
     spsi_cell_view_move(&view, 0, y, z);
     if (!spsi_cell_view_near(&view, level->size[0])) return;
     for (int x = 0; x < level->size[0]; ++x) {
@@ -25241,9 +25199,7 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
 /* Finds what the eye sees of a grid. */
 static void spsi_cells_look(sps_context *context, const spsi_frame *frame, const spsi_flights *flights,
                             spsi_cell_grid *grid) {
-    spsi_cell_look look;
-    look.frame = frame;
-    look.grid = grid;
+    spsi_cell_look look = {frame, grid};
     for (int m = 0; m < frame->matter.material_count; ++m)
         grid->swept[m] = (1 - flights->to_cells) * (1 - frame->content->flies[m]);
     spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);

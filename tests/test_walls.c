@@ -172,12 +172,11 @@ static void test_rays(void) {
         double mean[3] = {0, 0, 0}, square = 0;
         int count = 0, wrong = 0;
         for (int cell = 0; cell < CELLS * CELLS * CELLS; ++cell) {
-            spsi_cell_view view;
+            spsi_cell_view view = {&none, &grid, size, 1, {0, 0, 0}, {0, 0, 0}};
             spsi_ray ray;
             spsi_hit hit;
             double off[3];
             int leaves = 0;
-            spsi_cell_view_build(&none, &grid, size, 1, &view);
             spsi_cell_view_move(&view, cell % CELLS, cell / CELLS % CELLS, cell / CELLS / CELLS);
             for (int k = 0; k < 3; ++k) {
                 const int next = view.at[k] - directions[i].step[k];

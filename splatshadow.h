@@ -18472,8 +18472,9 @@ typedef struct spsi_cell_direction {
     float harmonic[SPSI_CELL_TERMS];
 } spsi_cell_direction;
 
-/* A grid of cells for one channel. Rows are padded to whole vectors by cells without extinction. */
+/* A grid of cells for one channel, of a solver. Rows are padded to whole vectors by cells without extinction. */
 typedef struct spsi_cell_level {
+    const struct spsi_cell_solver *solver;
     int size[3], pitch;                /* cells along each axis; floats per row */
     size_t count;                      /* floats per array */
     float *depth;                      /* scaled optical depth along an edge */
@@ -18481,6 +18482,7 @@ typedef struct spsi_cell_level {
     float *average[SPSI_CELL_LENGTHS]; /* the mean of transmittance along it */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
     float *given, *sent, *moments[2];  /* each an array per term; moments[1] is scratch after a sweep */
+    const float *walls;                /* per cell: radiance that enters it by closed links; NULL: none */
     /* Per cell: bit i closes the link of step i, >>lighting; then the same from outside the grid, by direction at a
        slant. NULL: all are open. */
     uint32_t *closed;
@@ -18655,38 +18657,31 @@ static size_t spsi_cell_scratch_floats(const spsi_cell_level *finest) {
     return along > rows ? along : rows;
 }
 
-typedef struct spsi_cell_pass {
-    const spsi_cell_solver *solver;
-    const spsi_cell_level *level;
-    const float *walls; /* per cell: radiance that enters it by closed links; NULL: none */
-} spsi_cell_pass;
-
 /* The distance between cells of a row whose links may be closed, from the first one on; 0: all are open. Those from
    outside matter only for what polygons send; of a row within the grid, only both ends have such. */
-static int spsi_cell_row_closed(const spsi_cell_pass *pass, size_t row) {
-    const spsi_cell_level *level = pass->level;
+static int spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
     const int number = (int)(row / (size_t)level->pitch), y = number % level->size[1], z = number / level->size[1];
     const int walled = level->closed ? level->walled[number] : 0;
-    if (!walled || (walled == 2 && !pass->walls)) return 0;
+    if (!walled || (walled == 2 && !level->walls)) return 0;
     if (walled == 1 || y == 0 || y == level->size[1] - 1 || z == 0 || z == level->size[2] - 1) return 1;
     return spsi_most(1, level->size[0] - 1);
 }
 
 /* What enters a row of cells from their neighbours, given what has left those: a copy in `own`, where links are
    closed. */
-static const float *spsi_cell_row_enters(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction,
+static const float *spsi_cell_row_enters(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
                                          const float *in, float *own) {
     const int link = spsi_cell_link(direction->step[0], direction->step[1], direction->step[2]);
-    const int stride = spsi_cell_row_closed(pass, row), size = pass->level->size[0];
-    const uint32_t *closed = pass->level->closed;
+    const int stride = spsi_cell_row_closed(level, row), size = level->size[0];
+    const uint32_t *closed = level->closed;
     int x = 0;
     if (!stride) return in;
     closed += row;
     while (x < size && !(closed[x] >> link & 1)) x += stride;
     if (x >= size) return in;
-    for (int n = 0; n < pass->level->pitch; n += SPSI_LANES) spsi_store(own + n, spsi_load(in + n));
+    for (int n = 0; n < level->pitch; n += SPSI_LANES) spsi_store(own + n, spsi_load(in + n));
     for (; x < size; x += stride)
-        if (closed[x] >> link & 1) own[x] = pass->walls ? pass->walls[row + (size_t)x] : 0;
+        if (closed[x] >> link & 1) own[x] = level->walls ? level->walls[row + (size_t)x] : 0;
     return own;
 }
 
@@ -18710,9 +18705,8 @@ typedef struct spsi_cell_links {
     int bit[2], end;
 } spsi_cell_links;
 
-static spsi_cell_links spsi_cell_links_of(const spsi_cell_pass *pass, const spsi_cell_direction *direction, size_t row,
-                                          const int step[3]) {
-    const spsi_cell_level *level = pass->level;
+static spsi_cell_links spsi_cell_links_of(const spsi_cell_level *level, const spsi_cell_direction *direction,
+                                          size_t row, const int step[3]) {
     const int number = (int)(row / (size_t)level->pitch);
     const int y = number % level->size[1] - step[1], z = number / level->size[1] - step[2];
     const int leaves = y < 0 || y >= level->size[1] || z < 0 || z >= level->size[2];
@@ -18721,7 +18715,7 @@ static spsi_cell_links spsi_cell_links_of(const spsi_cell_pass *pass, const spsi
     for (int i = 0; i < 2; ++i) {
         const int outside = direction->axis >= 0 && (i == 1 || leaves);
         links.closed[i] = level->closed + (outside ? level->count : 0) + row;
-        links.bit[i] = outside ? (int)(direction - pass->solver->directions) - SPSI_CELL_STRAIGHT
+        links.bit[i] = outside ? (int)(direction - level->solver->directions) - SPSI_CELL_STRAIGHT
                                : spsi_cell_link(step[0], step[1], step[2]);
     }
     return links;
@@ -18733,42 +18727,41 @@ static inline int spsi_cell_shut(const spsi_cell_links *links, int x) {
 }
 
 /* spsi_cell_rows_follow for one of the directions, where links within the row are closed. */
-static void spsi_cell_row_follow_closed(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction,
+static void spsi_cell_row_follow_closed(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
                                         const float *sent, float share, float *in) {
-    const spsi_cell_level *level = pass->level;
     const int back = direction->step[0] < 0, step[3] = {direction->step[0], 0, 0};
     const float *through = level->through[direction->length] + row;
-    const spsi_cell_links links = spsi_cell_links_of(pass, direction, row, step);
+    const spsi_cell_links links = spsi_cell_links_of(level, direction, row, step);
     float radiance = 0;
     for (int n = 0; n < level->pitch; ++n) {
         const int x = back ? level->pitch - 1 - n : n;
-        const float wall = pass->walls ? pass->walls[row + (size_t)x] : 0;
+        const float wall = level->walls ? level->walls[row + (size_t)x] : 0;
         in[x] += share * (spsi_cell_shut(&links, x) ? wall : radiance);
         radiance = sent[x] + (in[x] - sent[x]) * through[x];
     }
 }
 
 /* Adds what polygons outside the grid send into a row's end. */
-static void spsi_cell_row_end(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction, float share,
-                              float *in) {
+static void spsi_cell_row_end(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
+                              float share, float *in) {
     const int step[3] = {direction->step[0], 0, 0};
-    const spsi_cell_links links = spsi_cell_links_of(pass, direction, row, step);
-    if (spsi_cell_shut(&links, links.end)) in[links.end] += share * pass->walls[row + (size_t)links.end];
+    const spsi_cell_links links = spsi_cell_links_of(level, direction, row, step);
+    if (spsi_cell_shut(&links, links.end)) in[links.end] += share * level->walls[row + (size_t)links.end];
 }
 
 /* The radiance that enters each cell of a row in two directions, the first with a step back along x, the second with
    one ahead: what is in `in` already, and `share` of what leaves the cell before it. Each cell waits for that one; two
    directions at once hide half of the time. `sent`: two scratch rows. */
-static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *const direction[2],
-                                  float share, float *const sent[2], float *const in[2]) {
-    const spsi_cell_level *level = pass->level;
-    const int last = level->pitch - 1, stride = spsi_cell_row_closed(pass, row);
+static void spsi_cell_rows_follow(const spsi_cell_level *level, size_t row,
+                                  const spsi_cell_direction *const direction[2], float share, float *const sent[2],
+                                  float *const in[2]) {
+    const int last = level->pitch - 1, stride = spsi_cell_row_closed(level, row);
     const float *through = level->through[direction[0]->length] + row;
     float back = 0, ahead = 0;
     for (int i = 0; i < 2; ++i) {
-        spsi_cell_row_sent(level, row, direction[i], pass->solver->terms, sent[i]);
-        if (stride == 1) spsi_cell_row_follow_closed(pass, row, direction[i], sent[i], share, in[i]);
-        if (stride > 1) spsi_cell_row_end(pass, row, direction[i], share, in[i]);
+        spsi_cell_row_sent(level, row, direction[i], level->solver->terms, sent[i]);
+        if (stride == 1) spsi_cell_row_follow_closed(level, row, direction[i], sent[i], share, in[i]);
+        if (stride > 1) spsi_cell_row_end(level, row, direction[i], share, in[i]);
     }
     if (stride == 1) return;
     for (int x = 0; x <= last; x += SPSI_LANES)
@@ -18788,26 +18781,26 @@ static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const 
 
 /* A plane that is being swept along z, falling (index 0) or rising (1). */
 typedef struct spsi_cell_along {
-    const spsi_cell_pass *pass;
+    const spsi_cell_level *level;
     const spsi_cell_direction *directions[SPSI_CELL_ALONG];
     float *planes, *rows; /* two planes for each direction; rows of what enters at a slant, and what is sent */
     int index, z, number; /* number: of planes before this one */
 } spsi_cell_along;
 
-static void spsi_cell_along_begin(const spsi_cell_pass *pass, int index, spsi_cell_along *along) {
-    const spsi_cell_direction *directions = pass->solver->directions;
-    along->pass = pass;
+static void spsi_cell_along_begin(const spsi_cell_level *level, int index, spsi_cell_along *along) {
+    const spsi_cell_direction *directions = level->solver->directions;
+    along->level = level;
     along->index = index;
-    along->planes = pass->solver->scratch + (size_t)index * spsi_cell_along_floats(pass->level);
-    along->rows = along->planes + 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(pass->level);
+    along->planes = level->solver->scratch + (size_t)index * spsi_cell_along_floats(level);
+    along->rows = along->planes + 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(level);
     for (int i = 0; i < 9; ++i) along->directions[i] = &directions[(index ? 17 : 0) + i];
     for (int i = 0; i < 12; ++i) along->directions[9 + i] = &directions[SPSI_CELL_STRAIGHT + 12 * index + i];
-    memset(along->planes, 0, spsi_cell_along_floats(pass->level) * sizeof(float));
+    memset(along->planes, 0, spsi_cell_along_floats(level) * sizeof(float));
 }
 
 /* The radiance that has left row y in this plane, or in the one before. */
 static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, int before, int y) {
-    const spsi_cell_level *level = along->pass->level;
+    const spsi_cell_level *level = along->level;
     const int plane = 2 * direction + (before ? along->number % 2 : 1 - along->number % 2);
     return along->planes + (size_t)plane * spsi_cell_plane_floats(level) +
            (size_t)(y + 1) * spsi_cell_row_floats(level) + SPSI_LANES;
@@ -18817,21 +18810,21 @@ static const float spsi_cell_shares[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9
 
 /* Puts right what enters the closed cells of a row at a slant, given what has left four rows. Along x, the cell
    straight on is followed in turn. */
-static void spsi_cell_slant_closed(const spsi_cell_pass *pass, const spsi_cell_direction *direction, size_t row,
+static void spsi_cell_slant_closed(const spsi_cell_level *level, const spsi_cell_direction *direction, size_t row,
                                    const float *const from[4], float *in) {
-    const uint32_t *closed = pass->level->closed;
-    const int stride = spsi_cell_row_closed(pass, row);
+    const uint32_t *closed = level->closed;
+    const int stride = spsi_cell_row_closed(level, row);
     const int x = direction->step[0], y = direction->step[1], z = direction->step[2], axis = direction->axis;
     const int near_y = axis == 2 ? 0 : y, near_z = axis == 2 ? z : 0;
     const int steps[4][3] = {
         {0, near_y, near_z}, {x, near_y, near_z}, {axis == 0 ? x : 0, axis == 0 ? 0 : y, z}, {x, y, z}};
     spsi_cell_links links[4];
     int found = 0;
-    for (int n = 0; n < pass->level->size[0] && stride; n += stride) {
+    for (int n = 0; n < level->size[0] && stride; n += stride) {
         const size_t at = row + (size_t)n;
-        const float wall = pass->walls ? pass->walls[at] : 0;
-        if (!closed[at] && !closed[pass->level->count + at]) continue;
-        for (int k = 0; k < 4 && !found; ++k) links[k] = spsi_cell_links_of(pass, direction, row, steps[k]);
+        const float wall = level->walls ? level->walls[at] : 0;
+        if (!closed[at] && !closed[level->count + at]) continue;
+        for (int k = 0; k < 4 && !found; ++k) links[k] = spsi_cell_links_of(level, direction, row, steps[k]);
         found = 1;
         in[n] = 0;
         for (int k = axis == 0 ? 1 : 0; k < 4; ++k)
@@ -18842,7 +18835,7 @@ static void spsi_cell_slant_closed(const spsi_cell_pass *pass, const spsi_cell_d
 /* The radiance that enters row y at a slant, a third of the way between four cells: straight on, except along x, and a
    step along x aside. */
 static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, float *in) {
-    const spsi_cell_level *level = along->pass->level;
+    const spsi_cell_level *level = along->level;
     const spsi_cell_direction *direction = along->directions[i];
     const int x = direction->step[0], back = y - direction->step[1], first = direction->axis == 0 ? 1 : 0;
     const size_t row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
@@ -18854,13 +18847,13 @@ static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, fl
         for (int k = first; k < 3; ++k) sum = spsi_fma(spsi_set(spsi_cell_shares[k]), spsi_load(from[k] + n), sum);
         spsi_store(in + n, sum);
     }
-    spsi_cell_slant_closed(along->pass, direction, row, from, in);
+    spsi_cell_slant_closed(along->level, direction, row, from, in);
 }
 
 /* Sets what enters row y in some directions, which leave it in the plane's buffers. The last two take three steps along
    x, back and ahead. */
 static void spsi_cell_along_enter(const spsi_cell_along *along, int first, int y, spsi_cell_beams *beams) {
-    const spsi_cell_level *level = along->pass->level;
+    const spsi_cell_level *level = along->level;
     const size_t pitch = spsi_cell_row_floats(level),
                  row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
     float *const sent[2] = {along->rows + 8 * pitch, along->rows + 9 * pitch};
@@ -18878,15 +18871,15 @@ static void spsi_cell_along_enter(const spsi_cell_along *along, int first, int y
             continue;
         }
         left = spsi_cell_along_row(along, first + k, 1, y - direction->step[1]) - direction->step[0];
-        beams->in[k] = spsi_cell_row_enters(along->pass, row, direction, left, along->rows + (size_t)(10 + k) * pitch);
+        beams->in[k] = spsi_cell_row_enters(along->level, row, direction, left, along->rows + (size_t)(10 + k) * pitch);
     }
-    spsi_cell_rows_follow(along->pass, row, &beams->direction[beams->count - 2], spsi_cell_shares[0], sent,
+    spsi_cell_rows_follow(along->level, row, &beams->direction[beams->count - 2], spsi_cell_shares[0], sent,
                           &slanted[slants - 2]);
 }
 
 /* Sweeps some directions through the plane, in rising or falling order of rows; the first ones begin the moments. */
 static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int count, int falls) {
-    const spsi_cell_level *level = along->pass->level;
+    const spsi_cell_level *level = along->level;
     float *moments = level->moments[along->index];
     const float *const before[2] = {first > 0 ? moments : NULL, NULL};
     spsi_cell_beams beams;
@@ -18895,16 +18888,16 @@ static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int c
         const int y = falls ? level->size[1] - 1 - n : n;
         spsi_cell_along_enter(along, first, y, &beams);
         spsi_cell_row(level, (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch, &beams, before, moments,
-                      along->pass->solver->terms);
+                      along->level->solver->terms);
     }
 }
 
 /* Sweeps all directions that fall (index 0) or rise (1) along z, plane by plane. */
 static void spsi_cells_along_task(void *data, int index) {
-    const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
-    const int planes = pass->level->size[2];
+    const spsi_cell_level *level = (const spsi_cell_level *)data;
+    const int planes = level->size[2];
     spsi_cell_along along;
-    spsi_cell_along_begin(pass, index, &along);
+    spsi_cell_along_begin(level, index, &along);
     for (along.number = 0; along.number < planes; ++along.number) {
         along.z = index ? along.number : planes - 1 - along.number;
         spsi_cell_along_sweep(&along, 0, SPSI_CELL_BEAMS, 0);
@@ -18914,9 +18907,9 @@ static void spsi_cells_along_task(void *data, int index) {
 
 /* Sweeps the directions without a step along z, within plane z: the three that fall along y, or the others, of which
    the first two go along x. */
-static void spsi_cells_across(const spsi_cell_pass *pass, int z, int falls, const float *const before[2], float *rows) {
-    const spsi_cell_level *level = pass->level;
-    const spsi_cell_direction *directions = &pass->solver->directions[falls ? 9 : 12];
+static void spsi_cells_across(const spsi_cell_level *level, int z, int falls, const float *const before[2],
+                              float *rows) {
+    const spsi_cell_direction *directions = &level->solver->directions[falls ? 9 : 12];
     const size_t pitch = spsi_cell_row_floats(level);
     float *const in[2] = {rows + 9 * pitch, rows + 10 * pitch}, *const sent[2] = {rows + 11 * pitch, rows + 12 * pitch};
     spsi_cell_beams beams;
@@ -18937,33 +18930,27 @@ static void spsi_cells_across(const spsi_cell_pass *pass, int z, int falls, cons
                 continue;
             }
             left = rows + (size_t)(2 * k + n % 2) * pitch - directions[i].step[0];
-            beams.in[i] = spsi_cell_row_enters(pass, row, &directions[i], left, rows + (size_t)(6 + k) * pitch);
+            beams.in[i] = spsi_cell_row_enters(level, row, &directions[i], left, rows + (size_t)(6 + k) * pitch);
             beams.out[i] = rows + (size_t)(2 * k + 1 - n % 2) * pitch;
         }
-        if (!falls) spsi_cell_rows_follow(pass, row, beams.direction, 1, sent, in);
-        spsi_cell_row(level, row, &beams, before, level->moments[0], pass->solver->terms);
+        if (!falls) spsi_cell_rows_follow(level, row, beams.direction, 1, sent, in);
+        spsi_cell_row(level, row, &beams, before, level->moments[0], level->solver->terms);
     }
 }
 
 /* Sweeps what is left, within plane z: directions without a step along z. */
 static void spsi_cells_plane_task(void *data, int z) {
-    const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
-    const spsi_cell_level *level = pass->level;
+    const spsi_cell_level *level = (const spsi_cell_level *)data;
     const float *const both[2] = {level->moments[0], level->moments[1]}, *const one[2] = {level->moments[0], NULL};
-    float *rows = pass->solver->scratch + SPSI_CELL_ROWS * spsi_cell_row_floats(level) * (size_t)z;
-    spsi_cells_across(pass, z, 1, both, rows);
-    spsi_cells_across(pass, z, 0, one, rows);
-}
-
-static void spsi_cells_carry(spsi_cell_pass *pass) {
-    spsi_parallel_items(pass->solver->context, 2, spsi_cells_along_task, pass);
-    spsi_parallel_items(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
+    float *rows = level->solver->scratch + SPSI_CELL_ROWS * spsi_cell_row_floats(level) * (size_t)z;
+    spsi_cells_across(level, z, 1, both, rows);
+    spsi_cells_across(level, z, 0, one, rows);
 }
 
 /* Carries what cells send through all of the grid. */
-static void spsi_cells_sweep(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    spsi_cell_pass pass = {solver, level, NULL};
-    spsi_cells_carry(&pass);
+static void spsi_cells_sweep(spsi_cell_level *level) {
+    spsi_parallel_items(level->solver->context, 2, spsi_cells_along_task, level);
+    spsi_parallel_items(level->solver->context, level->size[2], spsi_cells_plane_task, level);
 }
 
 /* --- the equations --- */
@@ -18980,13 +18967,12 @@ static inline spsi_v spsi_cell_unkept(const spsi_cell_level *level, const float 
 
 /* After a sweep: what each cell of a plane sends too little, as a residual in moments[1], and the plane's balance. */
 static void spsi_cells_miss_task(void *data, int z) {
-    const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
-    const spsi_cell_level *level = pass->level;
+    const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
     const size_t end = first + (size_t)(level->size[1] * level->pitch);
-    double *balance = pass->solver->balance + 2 * z;
+    double *balance = level->solver->balance + 2 * z;
     spsi_v missing = spsi_set(0), all = missing;
-    for (int t = 0; t < pass->solver->terms; ++t) {
+    for (int t = 0; t < level->solver->terms; ++t) {
         const float *keep = level->keep[spsi_term_degree(t)];
         for (size_t at = first; at < end; at += SPSI_LANES) {
             const size_t term = (size_t)t * level->count + at;
@@ -19007,11 +18993,10 @@ static void spsi_cells_miss_task(void *data, int z) {
 
 /* The same, put right as far as a cell by itself can: what it sends more, it receives in part. */
 static void spsi_cells_mend_task(void *data, int z) {
-    const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
-    const spsi_cell_level *level = pass->level;
+    const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
     spsi_cells_miss_task(data, z);
-    for (int t = 0; t < pass->solver->terms; ++t) {
+    for (int t = 0; t < level->solver->terms; ++t) {
         const float *keep = level->keep[spsi_term_degree(t)], *miss = level->moments[1] + (size_t)t * level->count;
         float *sent = level->sent + (size_t)t * level->count;
         for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES) {
@@ -19106,7 +19091,7 @@ static void spsi_cells_correct_task(void *data, int z) {
 /* Ways through the cells of a plane. */
 static void spsi_cells_ways_task(void *data, int z) {
     static const float ways[SPSI_CELL_LENGTHS] = {1, 1.41421356f, 1.73205081f, 1.10554160f};
-    const spsi_cell_level *level = ((const spsi_cell_pass *)data)->level;
+    const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
     for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES)
         for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
@@ -19133,49 +19118,48 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
 }
 
 /* Sweeps a level, and finds what its cells miss, or mends it. */
-static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_level *level, spsi_item_fn task) {
-    spsi_cell_pass pass = {solver, level, NULL};
-    spsi_cells_carry(&pass);
-    spsi_parallel_items(solver->context, level->size[2], task, &pass);
+static void spsi_cells_check(spsi_cell_level *level, spsi_item_fn task) {
+    spsi_cells_sweep(level);
+    spsi_parallel_items(level->solver->context, level->size[2], task, level);
 }
 
 /* Corrects what a level sends, given what it misses, by two cycles of the next coarser one; the coarsest is mended as
    often as it takes. Coarse levels are mended before they are corrected, which halves the number of cycles; the finest
    converges as fast without. Recursion is as deep as there are levels. */
-static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
-    const spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
+static void spsi_cells_cycle(spsi_cell_solver *solver, int n) {
+    spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
     if (n == solver->level_count - 1) {
-        for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_check(solver, level, spsi_cells_mend_task);
+        for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_check(level, spsi_cells_mend_task);
         return;
     }
-    if (n > 0) spsi_cells_check(solver, level, spsi_cells_miss_task);
+    if (n > 0) spsi_cells_check(level, spsi_cells_miss_task);
     /* coarse cells are given what fine ones miss */
     spsi_cell_step step = {level, coarse, level->moments[1], coarse->given, solver->terms};
     spsi_parallel_items(solver->context, coarse->size[2], spsi_cells_coarsen_task, &step);
     spsi_copy(solver->context, coarse->sent, coarse->given, (size_t)solver->terms * coarse->count * sizeof(float));
     for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
-    spsi_cells_sweep(solver, coarse);
+    spsi_cells_sweep(coarse);
     spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
 }
 
 /* Sets up all levels from the finest one's depth and albedo. */
-static void spsi_cells_levels(const spsi_cell_solver *solver) {
+static void spsi_cells_levels(spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
-        spsi_cell_pass pass = {solver, &solver->levels[n], NULL};
+        spsi_cell_level *level = &solver->levels[n];
         if (n > 0) {
-            const spsi_cell_level *fine = &solver->levels[n - 1];
-            spsi_cell_step step = {fine, pass.level, fine->keep[0], pass.level->keep[0], solver->orders};
-            spsi_parallel_items(solver->context, pass.level->size[2], spsi_cells_coarsen_task, &step);
+            const spsi_cell_level *fine = level - 1;
+            spsi_cell_step step = {fine, level, fine->keep[0], level->keep[0], solver->orders};
+            spsi_parallel_items(solver->context, level->size[2], spsi_cells_coarsen_task, &step);
         }
-        spsi_parallel_items(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
+        spsi_parallel_items(solver->context, level->size[2], spsi_cells_ways_task, level);
     }
 }
 
 /* Solves for what cells of the finest level send, whose depth, keep and given are set; moments, and what leaves, are
    those of what is sent. Before anything is sent, all that is given is missing: coarse levels begin. `started`: 1:
    cells send what they did before more was given. */
-static sps_result spsi_cells_solve(const spsi_cell_solver *solver, int started, const spsi_part_of_call *part) {
-    const spsi_cell_level *finest = &solver->levels[0];
+static sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, const spsi_part_of_call *part) {
+    spsi_cell_level *finest = &solver->levels[0];
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
     if (!started) {
         spsi_cells_levels(solver);
@@ -19186,7 +19170,7 @@ static sps_result spsi_cells_solve(const spsi_cell_solver *solver, int started, 
     for (int i = 0;; ++i) {
         if (spsi_progress(solver->context, spsi_part_done(part, (double)i / (SPSI_CELL_CYCLES + 1))))
             return solver->context->result;
-        spsi_cells_check(solver, finest, spsi_cells_miss_task);
+        spsi_cells_check(finest, spsi_cells_miss_task);
         if (i == SPSI_CELL_CYCLES || spsi_cells_imbalance(solver, finest) < SPSI_CELL_BALANCE) return SPS_OK;
         spsi_cells_cycle(solver, 0);
     }
@@ -24600,6 +24584,7 @@ static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver
         const int n = solver->level_count++;
         spsi_cell_level *level = &solver->levels[n];
         int longest = 0;
+        level->solver = solver;
         for (int k = 0; k < 3; ++k) {
             level->size[k] = n == 0 ? grid->size[k] : (solver->levels[n - 1].size[k] + 1) / 2;
             longest = spsi_most(longest, level->size[k]);
@@ -24662,6 +24647,7 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     solver->levels[0].walled = job->walls.walled;
     for (int n = 0; n < job->grid->size[1] * job->grid->size[2]; ++n) solver->walled |= job->walls.walled[n] == 1;
     *plain = solver->levels[0];
+    plain->walls = job->walls.sent;
     plain->sent = memory;
     plain->moments[0] = memory + floats;
     plain->moments[1] = memory + 2 * floats;
@@ -24821,25 +24807,24 @@ static void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
 
 /* Sweeps once more without what flies to polygons, but not to cells, and without that of cells that send most. */
 static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
-    const spsi_cell_level *level = &job->solver->levels[0];
+    spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
     const float fraction = all > cells ? (all - cells) / (1 - cells) : 0;
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
     for (size_t at = 0; at < job->grid->count; ++at)
         if (level->depth[at] > 0) level->sent[at] -= fraction * emitted[at] / level->depth[at];
-    if (spsi_cells_set_apart(job, channel) > 0 || fraction > 0) spsi_cells_sweep(job->solver, level);
+    if (spsi_cells_set_apart(job, channel) > 0 || fraction > 0) spsi_cells_sweep(level);
 }
 
 /* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly
    changed. Returns by how much. */
-static double spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
-    spsi_cell_pass pass = {job->solver, plain, job->walls.sent};
+static double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_level *plain) {
     double change;
     if (job->wall_light) spsi_cells_take_flux(job, channel);
     change = spsi_cell_walls_send(job, channel);
     if (change < SPSI_CELL_CHANGE && job->wall_light) return change;
     if (change > 0)
-        spsi_cells_carry(&pass);
+        spsi_cells_sweep(plain);
     else
         memset(plain->moments[0], 0, (size_t)job->solver->terms * plain->count * sizeof(float));
     job->wall_light = plain->moments[0];
@@ -24862,8 +24847,7 @@ static void spsi_cells_add_passed_on(const spsi_cell_job *job, int channel) {
 }
 
 /* Solves for one channel; beside polygons, again with what they reflect. */
-static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_level *plain,
-                                           const spsi_part_of_call *part) {
+static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_level *plain, const spsi_part_of_call *part) {
     spsi_cell_solver *solver = job->solver;
     const spsi_cell_grid *grid = job->grid;
     const size_t moments = (size_t)grid->terms * grid->count;

@@ -19616,7 +19616,6 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
                                           const spsi_cell_receiver *to, double irradiance[3]) {
     spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     spsi_cell_sender from;
-    memset(&from, 0, sizeof from);
     from.sent = spsi_cell_patches_sent(grid, channel), from.count = count;
     spsi_set3(to->normal, from.normal);
     for (int k = 0; k < 3; ++k) from.extent[k] = grid->edge * grid->size[k];
@@ -19775,16 +19774,6 @@ static float spsi_emitter_reach(const spsi_emitter *emitter) {
 static spsi_v spsi_ball_nearer(spsi_v u) {
     const spsi_v part = spsi_div(spsi_set(1), u), third = spsi_set(2.0f / 15), fifth = spsi_set(0.2f);
     return spsi_min(spsi_mul(part, spsi_fma(spsi_mul(part, part), third, fifth)), spsi_add(u, spsi_set(-0.5f)));
-}
-
-/* Distance from an emitter's centre at which the march through gas begins, for ways of some lengths. A particle's own
-   escape leaves out other gas within it, which the march has to cross. */
-static spsi_v spsi_emitter_begin(const spsi_emitter *emitter, spsi_v length) {
-    const spsi_v radius = spsi_set(fmaxf(emitter->radius, FLT_MIN)), u = spsi_div(length, radius);
-    const spsi_v part = spsi_div(spsi_set(-0.25f), spsi_max(spsi_mul(u, u), spsi_set(0.5f)));
-    const spsi_v ahead = spsi_fma(spsi_set(emitter->ahead), part, spsi_set(emitter->ahead));
-    if (emitter->clear > 0) return spsi_min(spsi_fma(radius, spsi_ball_nearer(u), ahead), length);
-    return spsi_min(spsi_set(spsi_emitter_reach(emitter)), length);
 }
 
 /* Lets less leave an emitter: it hides itself as a ball of the gas in the cells about it, the mean of those of six
@@ -20505,10 +20494,15 @@ static spsi_v spsi_flight_part(const spsi_flight *flight, spsi_v length) {
     return spsi_mul(spsi_sub(spsi_min(u, spsi_set(own)), spsi_ball_nearer(u)), spsi_set(1 / own));
 }
 
-/* Length from its centre at which ways of some lengths through gas begin. */
+/* Distance from its centre at which the march through gas begins, for ways of some lengths. A particle's own escape
+   leaves out other gas within it, which the march has to cross. */
 static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
-    return flight->node ? spsi_min(spsi_set(flight->node->reach), length)
-                        : spsi_emitter_begin(flight->emitter, length);
+    const spsi_emitter *emitter = flight->emitter;
+    const spsi_v radius = spsi_set(fmaxf(emitter->radius, FLT_MIN)), u = spsi_div(length, radius);
+    const spsi_v part = spsi_div(spsi_set(-0.25f), spsi_max(spsi_mul(u, u), spsi_set(0.5f)));
+    const spsi_v ahead = spsi_fma(spsi_set(emitter->ahead), part, spsi_set(emitter->ahead));
+    if (!flight->node && emitter->clear > 0) return spsi_min(spsi_fma(radius, spsi_ball_nearer(u), ahead), length);
+    return spsi_min(spsi_set(flight->node ? flight->node->reach : spsi_emitter_reach(emitter)), length);
 }
 
 /* --- what arrives --- */
@@ -20576,15 +20570,13 @@ static size_t spsi_flight_cell(const spsi_flight_job *job, const spsi_flight_cel
     return (size_t)(cells->at[2] * job->grid->size[1] + y) * (size_t)job->grid->pitch + (size_t)x;
 }
 
-static void spsi_flight_cells_build(const spsi_flight_job *job, int x, int y, int z, spsi_flight_cells *cells) {
+static void spsi_flight_cells_build(const spsi_flight_job *job, const int first[3], spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     float lanes[4][SPSI_LANES] = {{0}};
     memset(cells, 0, sizeof *cells);
-    cells->at[0] = x;
-    cells->at[1] = y;
-    cells->at[2] = z;
+    memcpy(cells->at, first, sizeof cells->at);
     for (int i = 0; i < SPSI_LANES; ++i) {
-        const int at[3] = {x + i % SPSI_FLIGHT_ALONG, y + i / SPSI_FLIGHT_ALONG, z};
+        const int at[3] = {first[0] + i % SPSI_FLIGHT_ALONG, first[1] + i / SPSI_FLIGHT_ALONG, first[2]};
         for (int k = 0; k < 3; ++k) lanes[k][i] = (float)at[k] + 0.5f;
         if (at[0] >= grid->size[0] || at[1] >= grid->size[1]) continue;
         lanes[3][i] = grid->depth[spsi_flight_cell(job, cells, i)];
@@ -20735,9 +20727,9 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
     for (int z = first[2]; z < spsi_least(first[2] + SPSI_FLIGHT_BLOCK, grid->size[2]); ++z)
         for (int i = 0; i < SPSI_FLIGHT_BLOCK * SPSI_FLIGHT_BLOCK; i += SPSI_LANES) {
             spsi_flight_cells cells;
-            const int x = first[0] + i % SPSI_FLIGHT_BLOCK, y = first[1] + i / SPSI_FLIGHT_BLOCK;
-            if (x >= grid->size[0] || y >= grid->size[1]) continue;
-            spsi_flight_cells_build(job, x, y, z, &cells);
+            const int at[3] = {first[0] + i % SPSI_FLIGHT_BLOCK, first[1] + i / SPSI_FLIGHT_BLOCK, z};
+            if (at[0] >= grid->size[0] || at[1] >= grid->size[1]) continue;
+            spsi_flight_cells_build(job, at, &cells);
             for (int n = 0; n < list.count && cells.lanes; ++n)
                 spsi_flight_cells_add(job, &list.entry[n], n < glow ? job->flights->to_cells : 1, blocked[n], &cells);
             if (spsi_bits(spsi_less(spsi_set(0), cells.gas))) spsi_flight_cells_trap(job, &cells);
@@ -23525,9 +23517,8 @@ static void spsi_groups_build(const sps_context *context, const spsi_frame *fram
 
 /* Places a grid about gas. Returns 0 if there is none. */
 static int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, spsi_cell_grid *grid) {
-    double longest;
+    const double longest = spsi_bounds_longest(bounds);
     memset(grid, 0, sizeof *grid);
-    longest = spsi_bounds_longest(bounds);
     if (!(longest > 0)) return 0;
     grid->edge = longest / frame->view.scatter_size;
     for (int k = 0; k < 3; ++k) {
@@ -24299,8 +24290,8 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
 /* A ray of a narrow beam, and the solid angle for which it stands. */
 typedef struct spsi_beam_ray {
     const spsi_lamp *lamp;
-    double direction[3], solid, fraction;
-    double end; /* distance of the polygon that it meets; infinity: none */
+    spsi_ray ray; /* to the polygon that it meets; infinity: none */
+    double solid, fraction;
 } spsi_beam_ray;
 
 /* Light of a beam at a distance, by channel: irradiance there, before any shadow, times its width. */
@@ -24308,8 +24299,8 @@ static void spsi_beam_light(const spsi_cell_job *job, const spsi_beam_ray *beam,
     double irradiance[3];
     spsi_surface surface;
     memset(&surface, 0, sizeof surface);
-    spsi_along(beam->lamp->position, beam->direction, distance, surface.point);
-    for (int k = 0; k < 3; ++k) surface.normal[k] = -beam->direction[k];
+    spsi_along(beam->ray.origin, beam->ray.direction, distance, surface.point);
+    for (int k = 0; k < 3; ++k) surface.normal[k] = -beam->ray.direction[k];
     surface.pixel = job->grid->edge;
     spsi_surface_point_irradiance(job->frame, beam->lamp, &surface, irradiance);
     for (int c = 0; c < 3; ++c)
@@ -24323,23 +24314,18 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_beam_ray 
     const spsi_cell_grid *grid = job->grid;
     const int shadows = beam->lamp->shadows;
     double low[3], high[3], range[2], depth = 0;
-    spsi_ray ray;
     for (int k = 0; k < 3; ++k) {
         low[k] = grid->corner[k];
         high[k] = low[k] + grid->edge * grid->size[k];
-        ray.origin[k] = beam->lamp->position[k];
-        ray.direction[k] = beam->direction[k];
     }
-    ray.low = 0;
-    ray.high = beam->end;
-    if (!spsi_ray_meets_box(&ray, low, high, range)) return;
+    if (!spsi_ray_meets_box(&beam->ray, low, high, range)) return;
     for (double from = range[0]; from < range[1]; from += grid->edge) {
         const double length = fmin(grid->edge, range[1] - from), middle = from + 0.5 * length;
         double point[3], ahead = 0, all = 0, own;
         spsi_emitter like;
         size_t at;
         memset(&like, 0, sizeof like);
-        spsi_along(ray.origin, ray.direction, middle, point);
+        spsi_along(beam->ray.origin, beam->ray.direction, middle, point);
         (void)spsi_cell_holding(grid, point, &at);
         own = (double)grid->depth[at] * length / grid->edge;
         if (!(own > 0)) continue;
@@ -24359,7 +24345,7 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_beam_ray 
         }
         depth += own;
         for (int k = 0; k < 3; ++k) /* 4 max(0, cos) has a mean cosine of 2 / 3 */
-            like.axis[k] = all > 0 ? (float)(fmin(1.5 * fmax(ahead / all, 0), 1) * beam->direction[k]) : 0;
+            like.axis[k] = all > 0 ? (float)(fmin(1.5 * fmax(ahead / all, 0), 1) * beam->ray.direction[k]) : 0;
         like.radius = (float)(0.37 * length);
         spsi_emitters_add(flights, point, beam->fraction / (4 * SPSI_PI), -1, &like, items);
     }
@@ -24375,21 +24361,15 @@ static void spsi_beams_on_polygons(const spsi_cell_job *job, const spsi_shadow *
     memset(hits.lit, 0, sizeof hits.lit);
     for (int i = 0; i < SPSI_BEAM_RINGS; ++i) {
         const int before = hits.count;
-        spsi_ray ray;
         spsi_hit hit;
-        memcpy(ray.origin, ring[i].lamp->position, sizeof ray.origin);
-        memcpy(ray.direction, ring[i].direction, sizeof ray.direction);
-        ray.low = 0;
-        ray.high = ring[i].end = HUGE_VAL;
-        if (job->faces->count == 0 || !spsi_ray_to_wall(job->faces, &ray, &hit)) continue;
-        ring[i].end = ray.high;
-        spsi_cell_hits_add(&view, &ray, &hit, &hits);
+        if (job->faces->count == 0 || !spsi_ray_to_wall(job->faces, &ring[i].ray, &hit)) continue;
+        spsi_cell_hits_add(&view, &ring[i].ray, &hit, &hits);
         if (hits.count > before) met[before] = &ring[i];
     }
     if (hits.count > 0) spsi_cell_hits_light(job, ring->lamp, 1, shadow, 0, &hits);
     for (int i = 0; i < hits.count; ++i) {
-        const double cosine = fmax(-spsi_dot(hits.surface[i].normal, met[i]->direction), 1e-3);
-        const double area = met[i]->solid * met[i]->end * met[i]->end / cosine;
+        const double cosine = fmax(-spsi_dot(hits.surface[i].normal, met[i]->ray.direction), 1e-3);
+        const double area = met[i]->solid * met[i]->ray.high * met[i]->ray.high / cosine;
         double point[3];
         spsi_emitter like;
         memset(&like, 0, sizeof like);
@@ -24414,10 +24394,13 @@ static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, con
         for (int i = 0; i < SPSI_BEAM_RINGS; ++i) {
             const double turn = 2 * SPSI_PI * (i + 0.5 * (n % 2)) / SPSI_BEAM_RINGS;
             ring[i].lamp = lamp;
+            ring[i].ray.low = 0;
+            ring[i].ray.high = HUGE_VAL;
+            memcpy(ring[i].ray.origin, lamp->position, sizeof lamp->position);
             ring[i].solid = 2 * SPSI_PI * lamp->cone.none / (SPSI_BEAM_RINGS * SPSI_BEAM_RINGS);
             ring[i].fraction = spsi_cells_beams(job, lamp);
             for (int k = 0; k < 3; ++k)
-                ring[i].direction[k] =
+                ring[i].ray.direction[k] =
                     (1 - versine) * lamp->direction[k] + sine * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
         }
         spsi_beams_on_polygons(job, shadow, ring, &job->flights[SPSI_FLIGHTS_SPOTS], items[SPSI_FLIGHTS_SPOTS]);
@@ -24711,8 +24694,7 @@ static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[
         const int x = (int)last[0][i], row = (int)last[2][i] * level->size[1] + (int)last[1][i];
         const int link = spsi_cell_link(x - (int)cell[0][i], (int)(last[1][i] - cell[1][i]),
                                         (int)(last[2][i] - cell[2][i]));
-        if (level->walled[row] == 1 && level->closed[(size_t)row * (size_t)level->pitch + (size_t)x] >> link & 1)
-            passes[i] = 0;
+        if (level->closed[(size_t)row * (size_t)level->pitch + (size_t)x] >> link & 1) passes[i] = 0;
     }
     return spsi_load(passes);
 }

@@ -24290,7 +24290,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
 /* A ray of a narrow beam, and the solid angle for which it stands. */
 typedef struct spsi_beam_ray {
     const spsi_lamp *lamp;
-    spsi_ray ray; /* to the polygon that it meets; infinity: none */
+    spsi_ray ray; /* ends at the polygon that it meets; infinity: none */
     double solid, fraction;
 } spsi_beam_ray;
 

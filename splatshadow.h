@@ -237,7 +237,7 @@ typedef struct sps_error_info {
 /* Runs a loop in parallel. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on
    any threads, and return when all calls have returned and their writes are visible to the caller. Tasks that were left
    out are run afterwards by the calling thread, as worker 0. `worker` is 0..worker_count-1 and never the same for two
-   calls that run at the same time. Tasks do not block, and use up to 16 KB of stack (28 KB with AVX-512). They call no
+   calls that run at the same time. Tasks do not block, and use up to 16 KB of stack (24 KB with AVX-512). They call no
    callback except for clock_fn, and read_fn, range_fn and eval_fn of volumes that are `concurrent`, whose blocking and
    stack come on top. */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);
@@ -458,8 +458,8 @@ typedef struct sps_particle {
 /* A set of particles of the same material. Those smaller than a pixel or texel are widened to one, and stop as much
    light as before. Up to 8/3 pixels (1 texel) a thin particle keeps its mass wherever it lies; from 4 pixels (1.5
    texels) on, optical depth along rays is exact, for slabs of any thickness. Light within a ball is resolved by slabs
-   (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality; both are up to 8
-   times finer where particles are dense. A particle that overlaps a polygon ends at it. */
+   (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality. Both are up to
+   8 times finer where particles are dense. A particle that overlaps a polygon ends at it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -2641,11 +2641,16 @@ static void spsi_to_rays(const spsi_rays *rays, const double offset[3], double q
     for (int i = 0; i < 3; ++i) q[i] = spsi_dot(rays->inverse[i], offset);
 }
 
-/* Pixel coordinates and depth t of a world point; x and y are meaningless if t is not positive in perspective. */
-static void spsi_project(const spsi_rays *rays, const double point[3], double q[3]) {
+/* Coefficients of a world point: of a, b and c, from the rays' origin. */
+static void spsi_point_to_rays(const spsi_rays *rays, const double point[3], double q[3]) {
     double offset[3];
     spsi_along(point, rays->origin, -1, offset);
     spsi_to_rays(rays, offset, q);
+}
+
+/* Pixel coordinates and depth t of a world point; x and y are meaningless if t is not positive in perspective. */
+static void spsi_project(const spsi_rays *rays, const double point[3], double q[3]) {
+    spsi_point_to_rays(rays, point, q);
     if (rays->perspective && q[2] > 0) q[0] /= q[2], q[1] /= q[2];
 }
 
@@ -7562,14 +7567,10 @@ static void spsi_group_look(const spsi_layers_job *job, const spsi_rays *rays, c
 /* Describes what one sample sees. */
 static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, int x, int y, spsi_group *group) {
     spsi_edges e;
-    spsi_hit hit;
     double w[3] = {1, 0, 0};
     spsi_face_edges(job->faces, face, &job->fine, &e);
     spsi_face_hit(&e, x, y, w);
-    hit.depth = depth;
-    hit.face = face;
-    hit.weights[0] = (float)w[1];
-    hit.weights[1] = (float)w[2];
+    const spsi_hit hit = {depth, face, {(float)w[1], (float)w[2]}};
     spsi_group_look(job, &job->fine, &hit, x, y, group);
     group->mask = 0;
 }
@@ -8838,8 +8839,7 @@ static double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *shadin
             if (shading->is_point) spsi_along(point, shading->position, -1, way);
             spsi_to_rays(eye, way, rates[corner]);
         }
-        spsi_along(point, eye->origin, -1, point);
-        spsi_to_rays(eye, point, q[corner]);
+        spsi_point_to_rays(eye, point, q[corner]);
     }
     if (falls) end = spsi_way_in_image(eye, q, rates);
     for (int i = 0; i < 8; ++i) nearest = fmin(nearest, rates[i][2] < 0 ? q[i][2] + end * rates[i][2] : q[i][2]);
@@ -9035,12 +9035,6 @@ static void spsi_image_halve_texel(const spsi_image *image, int level, int x, in
     }
 }
 
-static void spsi_image_halve(const spsi_image *image) {
-    for (int level = 1; level < image->level_count; ++level)
-        for (int y = 0; y < image->height[level] - 2; ++y)
-            for (int x = 0; x < image->width[level] - 2; ++x) spsi_image_halve_texel(image, level, x, y);
-}
-
 /* Reads the images of all lights. */
 static sps_result spsi_gather_images(sps_context *context, const spsi_frame *frame) {
     const uint64_t floats = spsi_images_lay_out(frame, NULL);
@@ -9057,7 +9051,9 @@ static sps_result spsi_gather_images(sps_context *context, const spsi_frame *fra
         const spsi_image *own = &images[lamp->projection.image];
         if (!lamp->projection.exists) continue;
         if (spsi_image_read(context, frame, lamp, own)) return context->result;
-        spsi_image_halve(own);
+        for (int level = 1; level < own->level_count; ++level)
+            for (int y = 0; y < own->height[level] - 2; ++y)
+                for (int x = 0; x < own->width[level] - 2; ++x) spsi_image_halve_texel(own, level, x, y);
     }
     frame->content->images = images;
     return SPS_OK;
@@ -9648,7 +9644,7 @@ static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
 }
 
 /* Optical depth of a ball that is widened until its own area is a share of its new one: it stops as much light as
-   before. Of light on its outline a ball lets pass f^-2, or f^-2/3 if soft, where f is a fit: within 1 % of what an even
+   before. A ball lets pass f^-2 of the light on its outline, or f^-2/3 if soft. f is a fit: within 1 % of what an even
    ball stops, 1 - 2 (1 - (1 + d) e^-d) / d^2, and within 2 % of what a soft one does. */
 static double spsi_ball_widen(double depth, int soft, double share) {
     const double a = soft ? 0.6 : 1.0 / 3, b = soft ? 0.566 : 0.374, c = soft ? 3.6 : 7;
@@ -9664,8 +9660,9 @@ static double spsi_ball_radius(const spsi_rays *rays, const sps_particle *partic
     return spsi_maximum((double)particle->radius, SPSI_BALL_LEAST * rays->pixel * spsi_distance_to(rays, offset));
 }
 
-/* Sets the optical depth of a ball of that radius. One below 1e-3 is thin, within 4e-4. */
-static void spsi_ball_thin(const spsi_particle_set *set, const sps_particle *particle, double radius, spsi_ball *ball) {
+/* Sets the optical depth of a ball that is widened to a radius. Below 1e-3 it falls as the area grows, within 4e-4. */
+static void spsi_ball_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius,
+                             spsi_ball *ball) {
     const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
     const double depth = spsi_particle_depth(particle, set);
     const double wide = depth < 1e-3 || !(share < 1) ? share * depth : spsi_ball_widen(depth, set->soft, share);
@@ -9750,7 +9747,7 @@ static double spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *se
     spsi_along(centre, rays->origin, -1, offset);
     spsi_project(rays, centre, q);
     radius = spsi_ball_radius(rays, particle, offset);
-    spsi_ball_thin(set, particle, radius, ball);
+    spsi_ball_dilute(set, particle, radius, ball);
     ball->x1 = ball->y1 = -1;
     ahead = q[2] / rays->per_length; /* distance from the origin's plane, in the world */
     if (!(ball->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return radius;
@@ -10210,13 +10207,6 @@ static int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     return spsi_sweep_turn(frame, axis, sweep) || spsi_sweep_turn(frame, eye, sweep);
 }
 
-/* The voxel edge that stands for particles: a ball has the variance of the kernel of a voxel of 0.7 radii (r^2 / 5 if
-   it is homogeneous). Particles much smaller than their cloud need not be told apart in depth: a cloud is at most about
-   500 of these edges deep. 0 without particles. */
-static double spsi_particle_edge(const spsi_frame *frame) {
-    return fmax(SPSI_PARTICLE_EDGE * frame->content->particle_radius, frame->content->particle_spread / 200);
-}
-
 /* The voxel length by which slabs across s are sized for a ray: what the ray crosses of a voxel, and half or a quarter
    of that where the ray grazes the slabs and is long in each of them. Powers of 1/2 keep all slabs in place as a light
    turns: errors that jump would be visible. */
@@ -10404,11 +10394,14 @@ static double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) 
     return fmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
 }
 
-/* Begins the n-th sweep for a part of the image. Returns the voxel edge that stands for particles, infinite without. */
+/* Begins the n-th sweep for a part of the image. Returns the voxel edge that stands for particles, infinite without: a
+   ball has the variance of the kernel of a voxel of 0.7 radii (r^2 / 5 if it is homogeneous). Particles much smaller
+   than their cloud need not be told apart in depth: a cloud is at most about 500 of these edges deep. */
 static double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     spsi_sweep_clear(frame, spsi_sliced_lamp(frame, n), part, sweep);
     sweep->first = n == 0;
-    return frame->content->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
+    if (frame->content->particle_count == 0) return HUGE_VAL;
+    return fmax(SPSI_PARTICLE_EDGE * frame->content->particle_radius, frame->content->particle_spread / 200);
 }
 
 /* Sets up the n-th sweep for a part of the image. Without gas there are no slabs, and nothing can prevent slicing. */
@@ -11086,19 +11079,14 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
     const int behind = s->whole && fabsf(slab - tile->eye_slab) < s->reach_slabs + SPSI_BEHIND;
     const float side = behind && at[2] < 0 ? -1.0f : 1.0f; /* the mirror image has the same pixels */
     int x0 = tile->x0, x1 = tile->x1, y0 = tile->y0, y1 = tile->y1;
+    const int first = (int)floorf(slab - s->reach_slabs), last = (int)floorf(slab + s->reach_slabs) + 1;
+    const float unit = s->near_case.unit, q[3] = {at[0] / unit, at[1] / unit, at[2] / unit};
+    spsi_near_print print = {tile, s, {q[0], q[1], q[2]}, value, x1, first, last, channel};
     float low, high;
-    spsi_near_print print;
     spsi_extent across, down;
-    print.tile = tile;
-    print.splatter = s;
-    for (int i = 0; i < 3; ++i) print.q[i] = at[i] / s->near_case.unit;
-    print.value = value;
-    print.first = (int)floorf(slab - s->reach_slabs);
-    print.last = (int)floorf(slab + s->reach_slabs) + 1;
-    print.channel = channel;
-    if (!spsi_near_meets(tile, s, print.q, 1) && !(behind && spsi_near_meets(tile, s, print.q, -1))) return;
-    across = spsi_near_extent(s, print.q, 0, side);
-    down = spsi_near_extent(s, print.q, 1, side);
+    if (!spsi_near_meets(tile, s, q, 1) && !(behind && spsi_near_meets(tile, s, q, -1))) return;
+    across = spsi_near_extent(s, q, 0, side);
+    down = spsi_near_extent(s, q, 1, side);
     if (spsi_extent_range(&across, &low, &high)) {
         x0 = (int)fmaxf(ceilf(low), (float)x0); /* a tile's margin may lie beyond the image */
         x1 = spsi_least(x1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
@@ -11107,12 +11095,12 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
         y0 = (int)fmaxf(ceilf(low), (float)y0);
         y1 = spsi_least(y1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
     }
-    if (x0 > x1 || y0 > y1 || print.first >= tile->slab_count || print.last <= 0) return;
+    if (x0 > x1 || y0 > y1 || first >= tile->slab_count || last <= 0) return;
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     print.x1 = x1;
     tile->visits += 1;
     tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) *
-                       (uint64_t)(spsi_least(print.last, tile->slab_count) - spsi_most(print.first, 0));
+                       (uint64_t)(spsi_least(last, tile->slab_count) - spsi_most(first, 0));
     for (int y = y0; y <= y1; ++y)
         for (int x = x0; x <= x1; x += SPSI_LANES) spsi_splat_near_row(&print, x, y);
 }
@@ -11177,11 +11165,7 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
                              const spsi_segment *segment, const spsi_brick *brick, float *channel) {
     const spsi_v reach = spsi_set(s->reach_slabs);
     spsi_footprints f;
-    spsi_print print;
-    print.tile = tile;
-    print.splatter = s;
-    print.footprints = &f;
-    print.channel = channel;
+    spsi_print print = {tile, s, &f, 0, channel};
     memset(&f, 0, sizeof f); /* compilers do not see that perspective fills it in later */
     if (!s->perspective) spsi_footprint_shape(s, spsi_set(0), spsi_set(0), spsi_set(1), spsi_set(1), &f);
     const float unit = f.amplitude[0];
@@ -11221,11 +11205,10 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
 /* Position of a brick for these rays and slabs; slab coordinates are relative to `first_slab`. */
 static void spsi_anchor_build(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_rays *rays,
                               const spsi_slabs *slabs, int first_slab, spsi_anchor *anchor) {
-    double at[3], point[3], offset[3], q[3];
+    double at[3], point[3], q[3];
     for (int i = 0; i < 3; ++i) at[i] = brick->base[i] + 0.5;
     spsi_voxel_position(lattice, at, point);
-    spsi_along(point, rays->origin, -1, offset);
-    spsi_to_rays(rays, offset, q);
+    spsi_point_to_rays(rays, point, q);
     for (int i = 0; i < 3; ++i) anchor->q[i] = (float)q[i];
     anchor->depth = (float)(q[2] - rays->depth_reference);
     anchor->slab = (float)(spsi_slab_at(slabs, point) - first_slab);
@@ -11258,11 +11241,10 @@ static void spsi_voxel_breadths(const spsi_splatter *s, const float q[3], float 
    beside the nearest. */
 static void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *rays, const spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
-        double offset[3], q[3];
+        double point[3], q[3];
         float at[3], breadth[3];
-        spsi_bounds_corner(bounds, corner, offset);
-        spsi_along(offset, rays->origin, -1, offset);
-        spsi_to_rays(rays, offset, q);
+        spsi_bounds_corner(bounds, corner, point);
+        spsi_point_to_rays(rays, point, q);
         for (int k = 0; k < 3; ++k) at[k] = (float)q[k];
         if (splatter->perspective && !(at[2] > splatter->near_depth)) return;
         spsi_voxel_breadths(splatter, at, breadth);
@@ -11545,19 +11527,14 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     const float low = seen->slab - seen->reach - rounding, high = seen->slab + seen->reach + rounding;
     const int clamped = ball->near_by || (tile->clamped && (ball->t + seen->reach_depth > tile->nearest_limit ||
                                                             ball->t - seen->reach_depth < crossing->eye_near));
-    spsi_ball_print p;
-    p.tile = tile;
-    p.crossing = crossing;
-    p.seen = seen;
-    p.x0 = spsi_most(ball->x0, tile->x0), p.x1 = spsi_least(ball->x1, tile->x1);
-    p.y0 = spsi_most(ball->y0, tile->y0), p.y1 = spsi_least(ball->y1, tile->y1);
-    p.first = (int)floorf(spsi_lower(spsi_higher(low, 0), (float)(spsi_least(left, SPSI_CHUNK) - 1)));
-    p.last = (int)ceilf(spsi_lower(spsi_higher(high, (float)(p.first + 1)), (float)spsi_least(left, SPSI_CHUNK)));
-    p.starts = starts && p.first == 0;
-    p.ends = p.last == left;
-    if (p.x0 > p.x1 || p.y0 > p.y1 || !(tile->open & spsi_patches(tile, p.x0, p.y0, p.x1, p.y1))) return;
+    const int first = (int)floorf(spsi_lower(spsi_higher(low, 0), (float)(spsi_least(left, SPSI_CHUNK) - 1)));
+    const int last = (int)ceilf(spsi_lower(spsi_higher(high, (float)(first + 1)), (float)spsi_least(left, SPSI_CHUNK)));
+    const int x0 = spsi_most(ball->x0, tile->x0), x1 = spsi_least(ball->x1, tile->x1);
+    const int y0 = spsi_most(ball->y0, tile->y0), y1 = spsi_least(ball->y1, tile->y1);
+    const spsi_ball_print p = {tile, crossing, seen, x0, x1, y0, y1, first, last, starts && first == 0, last == left};
+    if (x0 > x1 || y0 > y1 || !(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
-    tile->fragments += (uint64_t)(p.x1 - p.x0 + 1) * (uint64_t)(p.y1 - p.y0 + 1) * (uint64_t)(p.last - p.first);
+    tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) * (uint64_t)(last - first);
     if (clamped)
         spsi_splat_ball(&p, 1);
     else
@@ -12437,14 +12414,6 @@ typedef struct spsi_tap_patch {
     float x[16], y[16]; /* of the rays, row by row */
 } spsi_tap_patch;
 
-static void spsi_tap_patch_place(int x0, int y0, int x1, int y1, spsi_tap_patch *patch) {
-    patch->x0 = x0, patch->y0 = y0, patch->x1 = x1, patch->y1 = y1;
-    for (int n = 0; n < 16; ++n) {
-        patch->x[n] = (float)x0 + (float)(x1 - x0) * (float)(n % 4) / 3;
-        patch->y[n] = (float)y0 + (float)(y1 - y0) * (float)(n / 4) / 3;
-    }
-}
-
 /* The ray through a patch's first corner (0), that beside it (1), or those below them (2, 3). */
 static inline int spsi_tap_corner(int corner) { return 3 * (corner & 1) + 12 * (corner >> 1); }
 
@@ -12826,8 +12795,7 @@ static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lat
         at[k] = SPSI_BRICK * (field->low[k] + share * field->size[k]) + 0.5;
     }
     spsi_voxel_position(lattice, at, point);
-    spsi_along(point, rays->origin, -1, point);
-    spsi_to_rays(rays, point, q);
+    spsi_point_to_rays(rays, point, q);
 }
 
 /* Whether a field serves these rays: voxels are no smaller than texels may be and not near the origin of rays, and
@@ -12903,9 +12871,9 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
     spsi_bounds bounds = spsi_nowhere;
     spsi_medium_bounds(medium, SPSI_REACH, &bounds);
     for (int corner = 0; corner < 8; ++corner) {
-        double offset[3], q[3];
-        for (int k = 0; k < 3; ++k) offset[k] = (corner >> k & 1 ? bounds.high[k] : bounds.low[k]) - rays->origin[k];
-        spsi_to_rays(rays, offset, q);
+        double point[3], q[3];
+        spsi_bounds_corner(&bounds, corner, point);
+        spsi_point_to_rays(rays, point, q);
         if (!(q[2] < rays->near_depth)) return 0;
     }
     return 1;
@@ -13269,9 +13237,7 @@ static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field *field = &fields->list[m];
         const size_t count = 8 * spsi_field_cells(field);
-        spsi_bend_job job;
-        job.field = field;
-        job.taps = fields->taps;
+        spsi_bend_job job = {field, fields->taps};
         field->bends = bends;
         bends += count;
         if (field->count == 0) continue;
@@ -13621,8 +13587,7 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
     int ahead = 0, back = 0;
     for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + 0.5 + brick->low[k] - reach;
     spsi_voxel_position(lattice, at, point);
-    spsi_along(point, rays->origin, -1, point);
-    spsi_to_rays(rays, point, first);
+    spsi_point_to_rays(rays, point, first);
     for (int k = 0; k < 3; ++k) {
         spsi_to_rays(rays, lattice->step[k], edges[k]);
         for (int i = 0; i < 3; ++i) edges[k][i] *= brick->high[k] - brick->low[k] + 2 * reach;
@@ -13884,9 +13849,12 @@ static void spsi_tile_carry(spsi_tile_fill *fill) {
 static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_tap_patch *patch) {
     const int x = tile->x0 + number % 8 * SPSI_PATCH, y = tile->y0 + number / 8 * SPSI_PATCH;
     const int x1 = spsi_least(tile->x1, x + SPSI_PATCH - 1), y1 = spsi_least(tile->y1, y + SPSI_PATCH - 1);
-    if (x > x1 || y > y1) return 0;
-    spsi_tap_patch_place(x, y, x1, y1, patch);
-    return 1;
+    patch->x0 = x, patch->y0 = y, patch->x1 = x1, patch->y1 = y1;
+    for (int n = 0; n < 16; ++n) {
+        patch->x[n] = (float)x + (float)(x1 - x) * (float)(n % 4) / 3;
+        patch->y[n] = (float)y + (float)(y1 - y) * (float)(n / 4) / 3;
+    }
+    return x <= x1 && y <= y1;
 }
 
 /* Optical depth of a slab on a patch's rays, if the value of a gas is 1. */
@@ -14255,10 +14223,8 @@ typedef struct spsi_row_slabs {
 
 static inline spsi_row_slabs spsi_row_slabs_at(const spsi_light_shader *shader, int x, int y) {
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
-    spsi_row_slabs slabs;
-    slabs.length = spsi_ray_lengths(shader->rays, at, (float)y);
-    slabs.count = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y));
-    slabs.per_slab = spsi_div(spsi_set(1), slabs.count);
+    const spsi_v count = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y));
+    const spsi_row_slabs slabs = {spsi_ray_lengths(shader->rays, at, (float)y), count, spsi_div(spsi_set(1), count)};
     return slabs;
 }
 
@@ -16443,8 +16409,7 @@ static int spsi_beam_aim(const spsi_frame *frame, const spsi_penumbra *penumbra,
     double offset[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, *corner;
     beam->rays = *rays;
     if (rays->perspective) {
-        spsi_along(point->position, rays->origin, -1, offset);
-        spsi_to_rays(rays, offset, beam->shift);
+        spsi_point_to_rays(rays, point->position, beam->shift);
         memcpy(beam->rays.origin, point->position, sizeof beam->rays.origin);
     } else {
         const double across = spsi_dot(slabs->normal, rays->c), own = spsi_dot(slabs->normal, point->direction);
@@ -16620,7 +16585,7 @@ typedef struct spsi_beam_part {
     float *depth;   /* optical depth so far */
     float *stopped; /* share of light that polygons stop in a layer */
     float *lengths; /* world length per slab */
-    spsi_area stops; /* texels outside of which polygons stop nothing before the chunk ends */
+    spsi_area stops; /* texels in which polygons stop light before the chunk ends */
     float *passes;  /* per texel of the tile: transmittance of gas at the last plane */
     float *weight;  /* per texel of the tile: its mean over the last slab */
 } spsi_beam_part;
@@ -16649,7 +16614,7 @@ static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
 typedef struct spsi_lookups {
     spsi_area bounds;
     spsi_area rows[SPSI_TILE_HEIGHT / SPSI_PATCH]; /* per row of patches */
-    uint64_t layers;                               /* of the chunk's slabs, as bits: that polygons hide anything of */
+    uint64_t layers;                               /* bit i: polygons hide some of the chunk's layer i */
 } spsi_lookups;
 
 static void spsi_lookups_find(const spsi_penumbra *penumbra, int index, spsi_lookups *lookups) {
@@ -16896,13 +16861,6 @@ static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int wor
 
 #define SPSI_BEAM_BLOCK 32 /* texels on a side of a block, which crosses sheets as a whole or not at all */
 
-/* Rows of blocks of the tallest beam. */
-static int spsi_beam_tasks(const spsi_penumbra *penumbra) {
-    int most = 0;
-    for (int i = 0; i < penumbra->beam_count; ++i) most = spsi_most(most, penumbra->beams[i].rays.height);
-    return (most + SPSI_BEAM_BLOCK - 1) / SPSI_BEAM_BLOCK;
-}
-
 /* Lets a block of a beam's texels cross the chunk's sheets. */
 static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area block) {
     const double first = penumbra->first_slab;
@@ -16930,21 +16888,18 @@ static void spsi_beam_task(void *data, int index) {
     }
 }
 
-/* Texels of the tiles whose sheets hold something. */
-static spsi_area spsi_penumbra_held(const spsi_penumbra *penumbra) {
-    spsi_area area = spsi_area_none();
-    for (int tile = 0; tile < penumbra->tiles_x * penumbra->tiles_y; ++tile)
-        if (penumbra->held[tile]) area = spsi_area_join(area, spsi_tile_area(penumbra, tile));
-    return area;
-}
-
 /* Lets the beams cross the sheets that are kept, if they have not yet. */
 static void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra) {
     const double first = penumbra->first_slab;
-    const spsi_area held = spsi_penumbra_held(penumbra);
+    spsi_area held = spsi_area_none(); /* texels of the tiles whose sheets hold something */
+    int most = 0;                      /* rows of the tallest beam */
     if (!penumbra->pending) return;
     penumbra->pending = 0;
-    spsi_parallel_items(context, penumbra->beam_count * spsi_beam_tasks(penumbra), spsi_beam_task, penumbra);
+    for (int tile = 0; tile < penumbra->tiles_x * penumbra->tiles_y; ++tile)
+        if (penumbra->held[tile]) held = spsi_area_join(held, spsi_tile_area(penumbra, tile));
+    for (int i = 0; i < penumbra->beam_count; ++i) most = spsi_most(most, penumbra->beams[i].rays.height);
+    spsi_parallel_items(context, penumbra->beam_count * ((most + SPSI_BEAM_BLOCK - 1) / SPSI_BEAM_BLOCK),
+                        spsi_beam_task, penumbra);
     for (int i = 0; i < penumbra->beam_count && !spsi_area_empty(held); ++i) {
         spsi_beam *beam = &penumbra->beams[i];
         const spsi_area crossed = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, held);
@@ -17306,22 +17261,12 @@ static void spsi_spread_column_by(const spsi_spread_column *column) {
 
 /* Spreads light along its columns: those of side 1 are rows. */
 static void spsi_spread_along(const spsi_spread_light *light, int side, float **part, int from, float least) {
-    spsi_spread_column column;
-    column.light = light;
-    column.side = side;
-    column.part = part;
-    column.from = from;
-    column.least = least;
-    column.way = side ? SPSI_SPREAD_WIDTH_X : SPSI_SPREAD_WIDTH_Y;
-    column.pitch = (size_t)light->pitch[side];
-    column.lines = light->size[!side];
-    column.share = light->memory;
-    column.moved[0] = column.share + (size_t)(column.lines + SPSI_SPREAD_STEP) * SPSI_LANES;
-    column.moved[1] = column.moved[0] + (size_t)(column.lines + 2 * SPSI_SPREAD_STEP) * SPSI_LANES;
-    for (int x = 0; x < light->pitch[side]; x += SPSI_LANES) {
-        column.first = (size_t)x;
-        spsi_spread_column_by(&column);
-    }
+    const int lines = light->size[!side], way = side ? SPSI_SPREAD_WIDTH_X : SPSI_SPREAD_WIDTH_Y;
+    const size_t pitch = (size_t)light->pitch[side];
+    float *up = light->memory + (size_t)(lines + SPSI_SPREAD_STEP) * SPSI_LANES;
+    float *down = up + (size_t)(lines + 2 * SPSI_SPREAD_STEP) * SPSI_LANES;
+    spsi_spread_column column = {light, side, part, from, way, least, 0, pitch, lines, light->memory, {up, down}};
+    for (; column.first < pitch; column.first += SPSI_LANES) spsi_spread_column_by(&column);
 }
 
 /* Turns columns into rows, or rows into columns. */
@@ -17538,7 +17483,8 @@ static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *
 }
 
 /* Sets all planes of a tile to the optical depth so far, if the last chunk changed it. */
-static void spsi_planes_level(spsi_planes *planes, int tile) {
+static void spsi_planes_level(void *data, int tile) {
+    spsi_planes *planes = (spsi_planes *)data;
     const int x0 = tile % planes->tiles_x * SPSI_TILE_WIDTH, y0 = tile / planes->tiles_x * SPSI_TILE_HEIGHT;
     const int width = spsi_least(SPSI_TILE_WIDTH, planes->width - x0);
     if (!planes->uneven[tile]) return;
@@ -17684,16 +17630,13 @@ static void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     context->stats.seconds_light += spsi_clock(context) - start;
 }
 
-static void spsi_level_task(void *data, int index) {
-    spsi_planes_level(&((spsi_sliced *)data)->planes, index);
-}
-
 /* Advances past the current chunk: all planes hold the optical depth so far. */
 static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
     if (sliced->is_soft)
         spsi_penumbra_cross(context, &sliced->penumbra);
     else
-        spsi_parallel_items(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_level_task, sliced);
+        spsi_parallel_items(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_planes_level,
+                            &sliced->planes);
 }
 
 /* --- lookup --- */
@@ -17970,10 +17913,10 @@ static double spsi_lamps_apart(const spsi_lamp *a, const spsi_lamp *b) {
     return spsi_dot(offset, offset);
 }
 
-/* Makes lights of their own of an area light's points that share a table: those that are nearest to one of as many even
-   places. Tables are made from the means of their points, moved away from the light's centre until their variance is
-   that of all points: then the mean of what gas passes is right up to the third order of the light's size. Returns how
-   many there are: a place that is nearest to no point has none. */
+/* Splits an area light into lights that have a table each: a point goes to the nearest of as many even places. A table
+   is made from the mean of its points. These means move away from the light's centre until their variance is that of
+   all points: then what gas passes is right up to the third order of the light's size. Returns the number of lights:
+   a place that is nearest to no point has none. */
 static int spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts, spsi_lamp *points) {
     const double *centre = lamp->is_point ? lamp->position : lamp->direction;
     double variance = 0, kept = 0;
@@ -20507,32 +20450,39 @@ static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
 
 /* --- what arrives --- */
 
+/* What first flights reach: a point of a polygon, or a cell. */
+typedef struct spsi_flight_place {
+    const spsi_frame *frame;
+    const spsi_faces *faces;              /* NULL: none are in the way */
+    const double *point, *start, *normal; /* start: of rays; normal: a unit vector; NULL: a cell */
+    int face; /* that the point is on; -1: none, it is a cell's, which takes only what flies to cells */
+} spsi_flight_place;
+
 /* What polygons let pass of a vector of rays, by color. A ray to a ball of radius `cut` that polygons may cut stands
    for 16 places in it, whose heights along each axis are those of its sixteenths. It gets their mean, weighted by how
-   much they light the receiver: a surface below the whole ball, or, if `normal` is NULL, a cell. `own`: the
-   face that all rays begin on; -1: none. */
-static void spsi_flights_unblocked(const spsi_faces *faces, int own, int lanes, double origin[SPSI_LANES][3],
-                                   double toward[SPSI_LANES][3], const float cut[SPSI_LANES], const double *normal,
-                                   spsi_v passes[3]) {
+   much they light the receiver: a cell, or a surface below the whole ball. */
+static void spsi_flights_unblocked(const spsi_flight_place *place, int lanes, double origin[SPSI_LANES][3],
+                                   double toward[SPSI_LANES][3], const float cut[SPSI_LANES], spsi_v passes[3]) {
     static const double places[8][3] = {{-0.62, -0.49, 0.04}, {0.77, 0.13, 0.49},   {0.3, -0.21, -0.79},
                                         {-0.4, 0.63, -0.41},  {-0.5, 0.05, -0.19},  {-0.22, -0.39, 0.63},
                                         {-0.13, 0.3, 0.3},    {0.05, -0.78, -0.13}}; /* and opposite ones */
+    const double *normal = place->normal;
     float out[3][SPSI_LANES] = {{0}}, all[SPSI_LANES] = {0}, weight[SPSI_LANES] = {0};
     for (int n = 0; n < 16 && lanes; ++n) {
         spsi_packet packet;
-        spsi_packet_begin(faces, 0, own >= 0, &packet);
+        spsi_packet_begin(place->faces, 0, place->face >= 0, &packet);
         for (int i = 0; i < SPSI_LANES; ++i) {
-            const double radius = (double)cut[i], small = fmax(0.01 * radius * radius, 1e-60);
+            const double radius = (double)cut[i], least = fmax(0.01 * radius * radius, 1e-60);
             const double height = normal ? spsi_dot(toward[i], normal) : 0;
             double to[3], share;
             if (!(lanes >> i & 1)) continue;
             spsi_along(toward[i], places[n / 2], n & 1 ? -radius : radius, to);
-            spsi_packet_add(&faces->tree, i, own, origin[i], to, &packet);
-            share = (spsi_dot(toward[i], toward[i]) + small) / (spsi_dot(to, to) + small);
+            spsi_packet_add(&place->faces->tree, i, place->face, origin[i], to, &packet);
+            share = (spsi_dot(toward[i], toward[i]) + least) / (spsi_dot(to, to) + least);
             if (radius > 0 && height > radius) share *= sqrt(share) * spsi_dot(to, normal) / height;
             all[i] += weight[i] = (float)share;
         }
-        spsi_packet_trace(faces, &packet);
+        spsi_packet_trace(place->faces, &packet);
         for (int i = 0; i < SPSI_LANES; ++i) {
             double through[3] = {1, 1, 1};
             if (!(cut[i] > 0)) lanes &= ~(1 << i);
@@ -20589,6 +20539,7 @@ static void spsi_flight_cells_build(const spsi_flight_job *job, const int first[
 /* What polygons let pass between a node and a vector of cells. */
 static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_flight_cells *cells,
                                         const spsi_emitter *node, spsi_v passes[3]) {
+    const spsi_flight_place place = {job->frame, job->faces, NULL, NULL, NULL, -1};
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3];
     float cut[SPSI_LANES];
     for (int i = 0; i < SPSI_LANES; ++i) {
@@ -20597,7 +20548,7 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
                          cells->at[2], origin[i]);
         for (int k = 0; k < 3; ++k) toward[i][k] = job->flights->centre[k] + (double)node->at[k] - origin[i][k];
     }
-    spsi_flights_unblocked(job->faces, -1, cells->lanes, origin, toward, cut, NULL, passes);
+    spsi_flights_unblocked(&place, cells->lanes, origin, toward, cut, passes);
 }
 
 /* The square of the distance whose inverse is the mean of 1 / distance^2 over a cell of edge 1 and over an even ball of
@@ -20750,14 +20701,6 @@ static void spsi_flights_light_task(void *data, int index) {
     for (; first[0] < size[0]; first[0] += SPSI_FLIGHT_BLOCK) spsi_flights_light_cube(job, first);
 }
 
-/* Points of polygons that first flights reach. */
-typedef struct spsi_flight_place {
-    const spsi_frame *frame;
-    const spsi_faces *faces;              /* NULL: none are in the way */
-    const double *point, *start, *normal; /* start: of rays; normal: a unit vector */
-    int face; /* that the point is on; -1: none, it is a cell's, which takes only what flies to cells */
-} spsi_flight_place;
-
 /* What a node sends in the direction from a point to it, turned round, over the mean of all directions. */
 static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3], double distance) {
     const double axis[3] = {(double)node->axis[0], (double)node->axis[1], (double)node->axis[2]};
@@ -20824,8 +20767,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
     if (!some) return;
     for (int c = 0; c < 3; ++c) passes[c] = spsi_set(1);
-    if (place->faces)
-        spsi_flights_unblocked(place->faces, place->face, some, origin, toward, cut, place->normal, passes);
+    if (place->faces) spsi_flights_unblocked(place, some, origin, toward, cut, passes);
     spsi_flight_ways_pass(flights, &ways, through);
     for (int c = 0; c < flights->grids[0].channels; ++c) {
         spsi_store(out[c], spsi_mul(passes[c], through[c]));
@@ -22514,11 +22456,9 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
         spsi_bounds_add(&job.from[0], grid->corner);
         spsi_bounds_add(&job.from[0], far_corner);
     }
-    for (int i = 0; i < SPSI_FLIGHT_TREES && content->flights; ++i) {
-        if (content->flights[i].count == 0 || !(content->flights[i].to_polygons > 0)) continue;
-        spsi_bounds_add(&job.from[1], content->flights[i].bounds.low);
-        spsi_bounds_add(&job.from[1], content->flights[i].bounds.high);
-    }
+    for (int i = 0; i < SPSI_FLIGHT_TREES && content->flights; ++i)
+        if (content->flights[i].count > 0 && content->flights[i].to_polygons > 0)
+            spsi_bounds_join(&job.from[1], &content->flights[i].bounds);
     spsi_parallel(context,
                   (content->eye.width + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE *
                       ((content->eye.height + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE),
@@ -23115,7 +23055,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
 }
 
 /* The i-th part of a slab. `depth` is the optical depth that the ray has accumulated: front to back, that in front of
-   the part. A part begins where the one before ended, which `part` still holds. */
+   the part. The share of it begins where that of the part before ended, which `part` still holds. */
 static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth, spsi_part *part) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
@@ -23124,7 +23064,7 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
     part->samples = slab->samples + i * slab->material_count;
     part->middle = spsi_mix(from, to, spsi_set(((float)i + 0.5f) / count));
     part->half = spsi_mul(spsi_abs(spsi_sub(to, from)), spsi_set(0.5f / count));
-    part->ends[0] = i > 0 ? part->ends[1] : from;
+    part->ends[0] = i > 0 ? spsi_mix(from, to, spsi_set((float)i / count)) : from;
     part->ends[1] = i + 1 < slab->part_count ? spsi_mix(from, to, spsi_set(((float)i + 1) / count)) : to;
     part->depth = slab->part_depth[i];
     part->first = i > 0 ? part->last : spsi_set(0);
@@ -23135,20 +23075,19 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
     part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
 }
 
-/* The shares from cut[0] to cut[1] of a slab's way, as far as they belong to one part of it, the whole. Within a part,
-   matter is even. `samples` receives its samples. Returns 0 if there is nothing of it. */
-static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], const spsi_part *whole,
-                         spsi_sample *samples, spsi_v depth, spsi_part *part) {
+/* Cuts a part to the shares from cut[0] to cut[1] of its slab's way. Within a part, matter is even. `samples` receives
+   what is left of its samples. Returns 0 if nothing is left. */
+static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], spsi_sample *samples,
+                         spsi_v depth, spsi_part *part) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v zero = spsi_set(0), one = spsi_set(1), count = spsi_set((float)slab->part_count);
-    const spsi_v number = spsi_set((float)whole->number);
+    const spsi_v number = spsi_set((float)part->number), end = part->ends[0], first = part->first;
     const spsi_v from = spsi_clamp(spsi_sub(spsi_mul(cut[0], count), number), zero, one);
     const spsi_v to = spsi_clamp(spsi_sub(spsi_mul(cut[1], count), number), from, one);
     const spsi_v share = spsi_sub(to, from), aside = spsi_sub(spsi_add(from, to), one);
     if (!spsi_bits(spsi_less(zero, share))) return 0;
-    *part = *whole;
     for (int m = 0; m < slab->material_count; ++m) {
-        samples[m] = whole->samples[m];
+        samples[m] = part->samples[m];
         samples[m].depth = spsi_mul(samples[m].depth, share);
         samples[m].value_length = spsi_mul(samples[m].value_length, share);
     }
@@ -23156,13 +23095,13 @@ static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, const
     part->is_cut = 1;
     part->cut[0] = from;
     part->cut[1] = to;
-    part->middle = spsi_fma(spsi_mul(whole->half, spsi_set(backwards ? -1.0f : 1.0f)), aside, whole->middle);
-    part->half = spsi_mul(whole->half, share);
-    part->ends[0] = spsi_mix(whole->ends[0], whole->ends[1], from);
-    part->ends[1] = spsi_mix(whole->ends[0], whole->ends[1], to);
-    part->depth = spsi_mul(whole->depth, share);
-    part->first = spsi_mix(whole->first, whole->last, from);
-    part->last = spsi_mix(whole->first, whole->last, to);
+    part->middle = spsi_fma(spsi_mul(part->half, spsi_set(backwards ? -1.0f : 1.0f)), aside, part->middle);
+    part->half = spsi_mul(part->half, share);
+    part->ends[0] = spsi_mix(end, part->ends[1], from);
+    part->ends[1] = spsi_mix(end, part->ends[1], to);
+    part->depth = spsi_mul(part->depth, share);
+    part->first = spsi_mix(first, part->last, from);
+    part->last = spsi_mix(first, part->last, to);
     part->before = backwards ? part->depth : depth;
     part->after = backwards ? zero : spsi_add(depth, part->depth);
     return 1;
@@ -23238,12 +23177,15 @@ static const spsi_ahead *spsi_row_ahead(const spsi_row *row) { return row->has_l
 static void spsi_add_parts(const spsi_shading *shading, const spsi_v *cut, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     spsi_sample *samples = shading->scratch.samples + SPSI_PARTS * row->slab.material_count;
-    spsi_part whole, some;
+    spsi_part part;
     for (int i = 0; i < row->slab.part_count; ++i) {
-        spsi_part_build(shader, &row->slab, i, row->sum.depth, &whole);
-        if (cut && !spsi_part_cut(shader, &row->slab, cut, &whole, samples, row->sum.depth, &some)) continue;
-        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), (cut ? &some : &whole)->depth)))
-            spsi_add_part(shader, &row->pixels, &row->slab, cut ? &some : &whole, spsi_row_ahead(row), &row->sum);
+        spsi_v last; /* where the next part's share begins */
+        spsi_part_build(shader, &row->slab, i, row->sum.depth, &part);
+        last = part.last;
+        if ((!cut || spsi_part_cut(shader, &row->slab, cut, samples, row->sum.depth, &part)) &&
+            (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth))))
+            spsi_add_part(shader, &row->pixels, &row->slab, &part, spsi_row_ahead(row), &row->sum);
+        part.last = last;
     }
 }
 
@@ -25697,7 +25639,8 @@ static void spsi_eye_task(void *data, int index, int worker) {
     uint64_t shaded = 0;
     int touched = 0;
     spsi_tile tile;
-    spsi_shading shading;
+    const spsi_scratch scratch = {run->samples + (size_t)worker * (size_t)spsi_scratch_samples(run->shader.frame),
+                                  run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count};
     if (!region->open[index]) return;
     spsi_tile_place(&run->eye, column, row, worker, &tile);
     tile.open = region->open[index];
@@ -25709,13 +25652,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     spsi_tile_limit(run, index, &tile);
     if (run->slab_count > 0) touched = spsi_tile_splat(&run->eye, &run->contents, column, row, &tile);
     if (!touched && !polygons) return;
-    shading.shader = &run->shader;
-    shading.tile = &tile;
-    shading.scratch.samples = run->samples + (size_t)worker * (size_t)spsi_scratch_samples(run->shader.frame);
-    shading.scratch.arrivals = run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count;
-    shading.slab_count = touched ? SPSI_CHUNK : 0;
-    shading.low = run->low;
-    shading.high = run->high;
+    const spsi_shading shading = {&run->shader, &tile, scratch, touched ? SPSI_CHUNK : 0, run->low, run->high};
     for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
         for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y) /* down: see spsi_plane_light */
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
@@ -27426,9 +27363,7 @@ typedef struct spsi_marcher {
 } spsi_marcher;
 
 static spsi_between spsi_between_of(double low, double high) {
-    spsi_between interval;
-    interval.low = low;
-    interval.high = high;
+    const spsi_between interval = {low, high};
     return interval;
 }
 
@@ -27519,14 +27454,14 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
 typedef struct spsi_ray_chord {
     double depth;        /* of the whole chord */
     double middle, half; /* where s is 0, and its half length */
-    double from, to;     /* the function at the ends of the ray's segment */
+    double at[2];        /* the function at the ends of the ray's segment */
 } spsi_ray_chord;
 
 /* Returns 0 if the ray's line does not meet the ball. */
 static int spsi_ray_chord_in_ball(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
                                   spsi_ray_chord *chord) {
     const double radius = (double)particle->radius;
-    double offset[3], ends[2], square;
+    double offset[3], square;
     for (int i = 0; i < 3; ++i) offset[i] = (double)particle->position[i] - ray->origin[i];
     chord->middle = spsi_dot(offset, ray->direction);
     spsi_along(offset, ray->direction, -chord->middle, offset);
@@ -27535,11 +27470,9 @@ static int spsi_ray_chord_in_ball(const spsi_ray *ray, const sps_particle *parti
     chord->half = radius * sqrt(square);
     chord->depth = fmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX) * sqrt(square);
     if (set->soft) chord->depth *= square;
-    ends[0] = fmin(fmax((ray->low - chord->middle) / chord->half, -1), 1);
-    ends[1] = fmin(fmax((ray->high - chord->middle) / chord->half, -1), 1);
-    for (int i = 0; i < 2; ++i) ends[i] *= set->soft ? (3 - ends[i] * ends[i]) / 4 : 0.5;
-    chord->from = ends[0];
-    chord->to = ends[1];
+    chord->at[0] = fmin(fmax((ray->low - chord->middle) / chord->half, -1), 1);
+    chord->at[1] = fmin(fmax((ray->high - chord->middle) / chord->half, -1), 1);
+    for (int i = 0; i < 2; ++i) chord->at[i] *= set->soft ? (3 - chord->at[i] * chord->at[i]) / 4 : 0.5;
     return 1;
 }
 
@@ -27555,7 +27488,7 @@ static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *
         const spsi_particle_set *set = spsi_set_of(frame, particle);
         spsi_ray_chord chord;
         if (spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord))
-            depths[set - frame->particles.sets] += chord.depth * (chord.to - chord.from);
+            depths[set - frame->particles.sets] += chord.depth * (chord.at[1] - chord.at[0]);
     }
     for (int i = 0; i < frame->particles.set_count; ++i) sum += depths[i];
     return sum;
@@ -29128,7 +29061,7 @@ static void spsi_tracker_enter(spsi_tracker *tracker) {
 
 /* Returns 0 if the ray does not meet the volume. */
 static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const spsi_ray *ray, spsi_tracker *tracker) {
-    spsi_ray local;
+    spsi_ray local = *ray;
     double offset[3], low[3], high[3], range[2];
     tracker->grid = &marcher->grids[medium];
     tracker->material = spsi_part_material(marcher->frame, medium);
@@ -29141,8 +29074,6 @@ static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const sps
         low[i] = -SPSI_REFERENCE_REACH;
         high[i] = tracker->grid->size[i] + SPSI_REFERENCE_REACH;
     }
-    local.low = ray->low;
-    local.high = ray->high;
     if (!spsi_ray_meets_box(&local, low, high, range) || !(range[1] > range[0])) return 0;
     tracker->voxel = 1 / spsi_length(tracker->along);
     tracker->t = range[0];
@@ -29199,8 +29130,8 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
         spsi_ray_chord chord;
         double at;
         if (!spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord)) continue;
-        at = chord.from + spsi_random_depth(random) / chord.depth;
-        if (!(at < chord.to)) continue;
+        at = chord.at[0] + spsi_random_depth(random) / chord.depth;
+        if (!(at < chord.at[1])) continue;
         at = set->soft ? 2 * sin(asin(fmax(2 * at, -1)) / 3) : 2 * at; /* s, of 3 s / 4 - s^3 / 4 */
         ray->high = fmax(chord.middle + at * chord.half, ray->low);
         *part = frame->medium_count + (int)(set - frame->particles.sets);

@@ -2200,7 +2200,7 @@ static void parallel_on_painted(void *user, int count, sps_task_fn task, void *t
 /* Tasks use no more stack than the header says, for any kind of shadow of gas; a thread's own use of stack is
    subtracted. */
 static void test_stack(mixed *m) {
-    const size_t allowed = (SPSI_LANES > 8 ? 28 : 16) * 1024;
+    const size_t allowed = (SPSI_LANES > 8 ? 24 : 16) * 1024;
     void *memory = NULL;
     deepest d = {NULL, 0};
     sps_tmap_settings settings;

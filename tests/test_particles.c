@@ -1328,12 +1328,12 @@ static void test_sizes_on_six_faces(void) {
             particle.optical_depth = 0.0005f;
             CHECK(spsi_rays_of_cube_face(origin, face, SIZE, 0, &rays));
             radius = spsi_ball_radius(&rays, &particle, offsets[n]);
-            spsi_ball_thin(&set, &particle, radius, &ball);
+            spsi_ball_dilute(&set, &particle, radius, &ball);
             CHECK_NEAR(radius, wide, 1e-12);
             CHECK_NEAR((double)ball.depth * wide * wide / 5e-8, 1, 4 * ROUNDING);
             particle.radius = 2, particle.optical_depth = 3;
             radius = spsi_ball_radius(&rays, &particle, offsets[n]);
-            spsi_ball_thin(&set, &particle, radius, &ball);
+            spsi_ball_dilute(&set, &particle, radius, &ball);
             CHECK(radius >= 2 && radius <= 2 && ball.depth >= 3 && ball.depth <= 3);
         }
 }

@@ -1,3 +1,6 @@
+#ifndef NEARF
+#define NEARF 0.18
+#endif
 /* SPDX-License-Identifier: MIT OR Unlicense
 
 splatshadow.h 0.3.0 (2026-11-22): renders volumes, gases, particles and polygons into correctly shadowed images, and
@@ -9109,7 +9112,7 @@ static void spsi_projection_lookup(const spsi_frame *frame, const spsi_lamp *lam
         size = spsi_div(size, way);
     }
     for (int k = 0; k < 2; ++k) {
-        double across[3];
+        double across[3], nearest;
         spsi_to_lamp(lamp, projection->across[k], across);
         spsi_set3(across, row);
         at[k] = spsi_add(spsi_div(spsi_dot_v(row, place), way), spsi_set((float)projection->add[k]));
@@ -19236,6 +19239,9 @@ static void spsi_cells_continue_task(void *data, int row) {
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
 /* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
+#ifndef SPSI_CELL_AIM
+#define SPSI_CELL_AIM 0.6f
+#endif
 #define SPSI_CELL_PLACES 6 /* floats of where a patch is: its middle, from the grid's corner; area; widths */
 
 /* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. */
@@ -19507,20 +19513,29 @@ typedef struct spsi_cell_sender {
    + area), if it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is
    above 0, and discs where that is too little. */
 static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v place[3],
-                                   const spsi_v way[3], spsi_v area, spsi_v sums[3]) {
+                                   const spsi_v way[3], const spsi_v off[2], spsi_v area, spsi_v sums[3]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
     const spsi_v length = spsi_sqrt(square), away = spsi_div(one, length), nearer = spsi_mul(away, away);
     const spsi_v before = spsi_abs(way[from->axis]), u = spsi_min(spsi_mul(before, away), one);
-    const spsi_v back = spsi_sub(zero, away);
-    const spsi_v toward[3] = {spsi_mul(way[from->along[0]], back), spsi_mul(way[from->along[1]], back), u};
     const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
-    const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
-    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, from->normal), zero), before), harmonic[SPSI_CELL_TERMS], through;
+    const spsi_v aslant = spsi_mul(spsi_sub(one, spsi_mul(u, u)), spsi_sub(one, wide));
+    const spsi_v facing = spsi_fma(aslant, spsi_set(-3), one);
+    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, from->normal), zero), before), harmonic[SPSI_CELL_TERMS], through, toward[3];
     share = spsi_min(spsi_mul(share, nearer), one);
     share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
     if (!spsi_bits(spsi_less(zero, share))) return;
+    through = spsi_cell_way_through(from->extent, place, way);
+    for (int k = 0; k < 3; ++k) {
+        const int along = k < 2 ? from->along[k] : from->axis;
+        const spsi_v aim = spsi_mul(way[along], spsi_mul(through, spsi_set(SPSI_CELL_AIM)));
+        toward[k] = k == 2 ? spsi_abs(aim) : spsi_sub(spsi_set(0), spsi_add(aim, off[k]));
+    }
+    {
+        const spsi_v one_over = spsi_div(one, spsi_sqrt(spsi_max(spsi_dot_v(toward, toward), spsi_set(1e-30f))));
+        for (int k = 0; k < 3; ++k) toward[k] = spsi_mul(toward[k], one_over);
+    }
     spsi_harmonics_v(toward, SPSI_CELL_TERMS, harmonic);
-    through = spsi_mul(spsi_cell_way_through(from->extent, place, way), length);
+    through = spsi_mul(through, length);
     for (int c = 0; c < from->count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
         const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
         const spsi_v depth = spsi_mul(through, spsi_set(from->thick[c]));
@@ -19550,8 +19565,7 @@ static void spsi_cell_patches_part(const spsi_cell_sender *from, int row, const 
     const double widest = spsi_cell_patch_begin(1 + SPSI_CELL_PATCHES / 2) - 0.5; /* in the middle */
     const double x = fmax(0, fmax(-at[0], at[0] - extent[0])), y = fmax(0, fmax(begin - at[1], at[1] - end));
     const double nearest = sqrt(x * x + y * y + at[2] * at[2]);
-    if (fabs(at[2]) < 0.05 * widest * fmax(extent[0], extent[1])) finest = 1;
-    for (int k = 0; k < 2; ++k) parts[k] = (int)fmin(ceil(2.8 * widest * extent[k] / nearest), finest);
+    for (int k = 0; k < 2; ++k) parts[k] = (int)fmin(ceil(PMUL * widest * extent[k] / nearest), finest);
 }
 
 /* Irradiance of a surface outside, in `count` channels from one on. */
@@ -19566,30 +19580,36 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
     for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
         const float *patch = grid->patches + n;
         const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
-        const double before = to->point[axis] - grid->corner[axis] - (upper ? from.extent[axis] : 0);
+        const double beyond = (upper ? 1 : -1) * (to->point[axis] - grid->corner[axis]) - (upper ? from.extent[axis] : 0);
         spsi_v middle[3], way[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET);
         spsi_v some[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-        double across[3] = {0, 0, before};
+        double across[3], nearest;
         int parts[2];
-        if (!(upper ? before > 0 : before < 0)) continue;
+        if (!(beyond > 0)) continue;
         from.axis = axis, from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
+        nearest = NEARF / to->finest * fmax(from.extent[from.along[0]], from.extent[from.along[1]]);
+        for (int k = 0; k < 2; ++k) {
+            across[k] = to->point[from.along[k]] - grid->corner[from.along[k]];
+            nearest = fmin(nearest, nearest + fmin(across[k], from.extent[from.along[k]] - across[k]));
+        }
+        across[2] = fmax(beyond, nearest);
         for (int k = 0; k < 3; ++k) {
             middle[k] = spsi_load(patch + k * SPSI_CELL_SHEET);
             way[k] = spsi_sub(middle[k], spsi_set((float)(to->point[k] - grid->corner[k])));
         }
-        for (int k = 0; k < 2; ++k) across[k] = to->point[from.along[k]] - grid->corner[from.along[k]];
+        way[axis] = spsi_set((float)(upper ? -across[2] : across[2]));
         spsi_cell_patches_part(&from, n % SPSI_CELL_SIDE / SPSI_CELL_PATCHES, across, to->finest, parts);
         area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
         for (int i = 0; i < parts[0] * parts[1]; ++i) { /* a patch may be all that a surface sees */
-            spsi_v at[3] = {middle[0], middle[1], middle[2]}, toward[3] = {way[0], way[1], way[2]};
+            spsi_v at[3] = {middle[0], middle[1], middle[2]}, toward[3] = {way[0], way[1], way[2]}, off[2];
             for (int k = 0; k < 2; ++k) {
                 const int along = from.along[k], part = k ? i / parts[0] : i % parts[0];
-                const spsi_v off = spsi_mul(spsi_load(patch + (4 + k) * SPSI_CELL_SHEET),
-                                            spsi_set(((float)part + 0.5f) / (float)parts[k] - 0.5f));
-                at[along] = spsi_add(at[along], off);
-                toward[along] = spsi_add(toward[along], off);
+                off[k] = spsi_mul(spsi_load(patch + (4 + k) * SPSI_CELL_SHEET),
+                                  spsi_set(((float)part + 0.5f) / (float)parts[k] - 0.5f));
+                at[along] = spsi_add(at[along], off[k]);
+                toward[along] = spsi_add(toward[along], off[k]);
             }
-            spsi_cell_patches_send(&from, from.sent + n, at, toward, area, some);
+            spsi_cell_patches_send(&from, from.sent + n, at, toward, off, area, some);
         }
         for (int c = 0; c < count; ++c)
             all[c] = spsi_fma(some[c], to->open ? spsi_load(to->open + n) : spsi_set(1), all[c]);
@@ -19603,16 +19623,14 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const spsi_cell_receiver *to,
                                   double irradiance[3]) {
     const spsi_cell_receiver bare = {to->point, to->normal, NULL, to->finest};
-    double square = 0, facing = 0, longest = 0, outside, all[3] = {0, 0, 0};
+    double square = 0, longest = 0, outside, all[3] = {0, 0, 0};
     for (int k = 0; k < 3; ++k) {
         const double at = to->point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
         const double back = at < 0 ? -at : fmin(extent - at, 0);
         square += back * back;
-        facing += back * to->normal[k];
         longest = fmax(longest, extent);
     }
-    facing = longest * fmax(facing, 0.25 * sqrt(square));
-    outside = facing > 0 ? fmin(2 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
+    outside = fmin(48 * sqrt(square) / longest, 1);
     if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, to, irradiance);
     if (!(outside < 1)) return;
     if (to->open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, &bare, all);
@@ -24674,6 +24692,41 @@ static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v f
     }
 }
 
+/* Ends a patch where polygons within the grid keep light from its cells. */
+static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_grid *grid, int patch) {
+    const int axis = patch / SPSI_CELL_SIDE / 2, along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
+    float *own = grid->patches + patch, lightest = 0;
+    int first[2], last[2], low[2], high[2], at[3];
+    at[axis] = patch / SPSI_CELL_SIDE % 2 ? grid->size[axis] - 1 : 0;
+    for (int i = 0; i < 2; ++i) {
+        const float middle = own[along[i] * SPSI_CELL_SHEET], half = 0.5f * own[(4 + i) * SPSI_CELL_SHEET];
+        first[i] = spsi_most((int)((middle - half) / (float)grid->edge + 1e-3f), 0);
+        last[i] = spsi_least((int)((middle + half) / (float)grid->edge - 1e-3f), grid->size[along[i]] - 1);
+        low[i] = last[i];
+        high[i] = first[i];
+    }
+    for (int pass = 0; pass < 2; ++pass)
+        for (at[along[1]] = first[1]; at[along[1]] <= last[1]; ++at[along[1]])
+            for (at[along[0]] = first[0]; at[along[0]] <= last[0]; ++at[along[0]]) {
+                const size_t row = (size_t)(at[2] * grid->size[1] + at[1]);
+                const float light = fabsf(level->moments[0][row * (size_t)level->pitch + (size_t)at[0]]);
+                if (!pass) lightest = spsi_higher(lightest, light);
+                for (int i = 0; i < 2 && pass && light > 1e-3f * lightest; ++i) {
+                    low[i] = spsi_least(low[i], at[along[i]]);
+                    high[i] = spsi_most(high[i], at[along[i]]);
+                }
+            }
+    for (int i = 0; i < 2 && lightest > 0; ++i) {
+        float *middle = own + along[i] * SPSI_CELL_SHEET, *width = own + (4 + i) * SPSI_CELL_SHEET;
+        float begin = *middle - 0.5f * *width, end = *middle + 0.5f * *width;
+        if (low[i] > first[i]) begin = (float)(grid->edge * low[i]);
+        if (high[i] < last[i]) end = (float)(grid->edge * (high[i] + 1));
+        *middle = 0.5f * (begin + end);
+        *width = end - begin;
+    }
+    own[3 * SPSI_CELL_SHEET] = own[4 * SPSI_CELL_SHEET] * own[5 * SPSI_CELL_SHEET];
+}
+
 /* Finds what leaves a patch, seen by rays from its middle: radiance times pi, over about what even gas of the grid's
    mean depth takes on their ways. That has most of what is not smooth in it, the shape of the grid; the rest is made of
    harmonics, which are as much flux where they are not of the other sign. */
@@ -24684,13 +24737,12 @@ static void spsi_cell_patch_fill(const spsi_cell_job *job, int patch) {
     const double extent[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]}; /* in cells */
     float *sent = spsi_cell_patches_sent(grid, job->channel) + patch;
     float seen[SPSI_CELL_RAYS], taken[SPSI_CELL_RAYS], terms[SPSI_CELL_TERMS] = {0}, flux = 0, made = 0;
-    spsi_v from[3];
-    for (int k = 0; k < 3; ++k) from[k] = spsi_set(grid->patches[k * SPSI_CELL_SHEET + patch] / (float)grid->edge);
     for (int n = 0; n < SPSI_CELL_RAYS; n += SPSI_LANES) {
-        spsi_v way[3], length;
+        spsi_v from[3], way[3], length;
         for (int k = 0; k < 3; ++k) {
             const int own = k == axis ? 2 : k > axis ? k - 1 : k; /* along the side: the lower axis first */
             const spsi_v out = spsi_load(rays->out[own] + n);
+            from[k] = spsi_set(grid->patches[k * SPSI_CELL_SHEET + patch] / (float)grid->edge);
             way[k] = k == axis && !upper ? out : spsi_sub(spsi_set(0), out);
         }
         length = spsi_cell_way_through(extent, from, way);
@@ -24714,7 +24766,11 @@ static void spsi_cell_patch_fill(const spsi_cell_job *job, int patch) {
 
 static void spsi_cell_patches_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
-    for (int n = 0; n < SPSI_CELL_PATCHES; ++n) spsi_cell_patch_fill(job, row * SPSI_CELL_PATCHES + n);
+    for (int n = 0; n < SPSI_CELL_PATCHES; ++n) {
+        const int patch = row * SPSI_CELL_PATCHES + n;
+        if (job->solver->walled) spsi_cell_patch_trim(&job->solver->levels[0], job->grid, patch);
+        spsi_cell_patch_fill(job, patch);
+    }
 }
 
 /* Keeps what the last sweep found, by which polygons are lit. */

@@ -1,6 +1,3 @@
-#ifndef NEARF
-#define NEARF 0.18
-#endif
 /* SPDX-License-Identifier: MIT OR Unlicense
 
 splatshadow.h 0.3.0 (2026-11-22): renders volumes, gases, particles and polygons into correctly shadowed images, and
@@ -4273,7 +4270,8 @@ typedef struct spsi_cell_grid {
     float *seen;    /* per material and channel: radiance towards the eye per optical depth scattered */
     int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
-    float *patches; /* the grid's sides in parts, >>cells: place, area and, per channel, what leaves each */
+    int across;     /* parts of the grid's sides, >>cells, along an edge */
+    float *patches; /* these: place, area and, per channel, what leaves each */
     float *thick;   /* per channel: optical depth along an edge, on the mean of all cells */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
     float *pyramid; /* levels of depth, each half as fine; then of each material's; >>flights; NULL: nothing flies */
@@ -19239,9 +19237,7 @@ static void spsi_cells_continue_task(void *data, int row) {
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
 /* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-#ifndef SPSI_CELL_AIM
-#define SPSI_CELL_AIM 0.6f
-#endif
+#define SPSI_CELL_AIM 0.6f /* of a way through the grid: where light that leaves it comes from */
 #define SPSI_CELL_PLACES 6 /* floats of where a patch is: its middle, from the grid's corner; area; widths */
 
 /* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. */
@@ -19255,23 +19251,26 @@ static float *spsi_cell_patches_sent(const spsi_cell_grid *grid, int channel) {
 }
 
 /* Where a patch begins, as a share of the side's edge: at rims, where light changes most, patches are half as wide. */
-static double spsi_cell_patch_begin(int patch) {
-    const double at = (double)patch / SPSI_CELL_PATCHES;
+static double spsi_cell_patch_begin(const spsi_cell_grid *grid, int patch) {
+    const double at = (double)patch / grid->across;
     return 0.5 * at * (1 + at * (3 - 2 * at));
 }
+
+/* The side of the grid that a patch is part of. */
+static int spsi_cell_patch_side(const spsi_cell_grid *grid, int patch) { return patch / (grid->across * grid->across); }
 
 /* Sets where patches are. */
 static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
     float *at[SPSI_CELL_PLACES];
     for (int k = 0; k < SPSI_CELL_PLACES; ++k) at[k] = grid->patches + k * SPSI_CELL_SHEET;
-    for (int n = 0; n < SPSI_CELL_SHEET; ++n) {
-        const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
+    for (int n = 0; n < 6 * grid->across * grid->across; ++n) {
+        const int side = spsi_cell_patch_side(grid, n), axis = side / 2, upper = side % 2;
         const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
-        const int patch[2] = {n % SPSI_CELL_PATCHES, n / SPSI_CELL_PATCHES % SPSI_CELL_PATCHES};
+        const int patch[2] = {n % grid->across, n / grid->across % grid->across};
         at[axis][n] = upper ? (float)(grid->edge * grid->size[axis]) : 0;
         for (int i = 0; i < 2; ++i) {
-            const double extent = grid->edge * grid->size[along[i]], begin = spsi_cell_patch_begin(patch[i]);
-            const double end = spsi_cell_patch_begin(patch[i] + 1);
+            const double extent = grid->edge * grid->size[along[i]], begin = spsi_cell_patch_begin(grid, patch[i]);
+            const double end = spsi_cell_patch_begin(grid, patch[i] + 1);
             at[along[i]][n] = (float)(0.5 * extent * (begin + end));
             at[4 + i][n] = (float)(extent * (end - begin));
         }
@@ -19556,16 +19555,16 @@ typedef struct spsi_cell_receiver {
 
 /* Sets in how many parts the patches of a vector count, which begins with a row: as wide as 0.36 of their distance, at
    most. `at`: the surface, across the side and before it; next to the side a patch is all that it sees. */
-static void spsi_cell_patches_part(const spsi_cell_sender *from, int row, const double at[3], int finest,
-                                   int parts[2]) {
+static void spsi_cell_patches_part(const spsi_cell_grid *grid, const spsi_cell_sender *from, int row,
+                                   const double at[3], int finest, int parts[2]) {
     const double extent[2] = {from->extent[from->along[0]], from->extent[from->along[1]]};
-    const int rows = spsi_most(1, SPSI_LANES / SPSI_CELL_PATCHES); /* in a vector */
-    const double begin = spsi_cell_patch_begin(row) * extent[1];
-    const double end = spsi_cell_patch_begin(row + rows) * extent[1];
-    const double widest = spsi_cell_patch_begin(1 + SPSI_CELL_PATCHES / 2) - 0.5; /* in the middle */
+    const int rows = spsi_most(1, SPSI_LANES / grid->across); /* in a vector */
+    const double begin = spsi_cell_patch_begin(grid, row) * extent[1];
+    const double end = spsi_cell_patch_begin(grid, row + rows) * extent[1];
+    const double widest = spsi_cell_patch_begin(grid, 1 + grid->across / 2) - 0.5; /* in the middle */
     const double x = fmax(0, fmax(-at[0], at[0] - extent[0])), y = fmax(0, fmax(begin - at[1], at[1] - end));
     const double nearest = sqrt(x * x + y * y + at[2] * at[2]);
-    for (int k = 0; k < 2; ++k) parts[k] = (int)fmin(ceil(PMUL * widest * extent[k] / nearest), finest);
+    for (int k = 0; k < 2; ++k) parts[k] = (int)fmin(ceil(2.8 * widest * extent[k] / nearest), finest);
 }
 
 /* Irradiance of a surface outside, in `count` channels from one on. */
@@ -19577,9 +19576,9 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
     spsi_set3(to->normal, from.normal);
     for (int k = 0; k < 3; ++k) from.extent[k] = grid->edge * grid->size[k];
     for (int c = 0; c < count; ++c) from.thick[c] = grid->thick[channel + c] / (float)grid->edge;
-    for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
+    for (int n = 0; n < 6 * grid->across * grid->across; n += SPSI_LANES) {
         const float *patch = grid->patches + n;
-        const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
+        const int side = spsi_cell_patch_side(grid, n), axis = side / 2, upper = side % 2;
         const double beyond = (upper ? 1 : -1) * (to->point[axis] - grid->corner[axis]) - (upper ? from.extent[axis] : 0);
         spsi_v middle[3], way[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET);
         spsi_v some[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
@@ -19587,7 +19586,7 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
         int parts[2];
         if (!(beyond > 0)) continue;
         from.axis = axis, from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
-        nearest = NEARF / to->finest * fmax(from.extent[from.along[0]], from.extent[from.along[1]]);
+        nearest = 0.18 / to->finest * fmax(from.extent[from.along[0]], from.extent[from.along[1]]);
         for (int k = 0; k < 2; ++k) {
             across[k] = to->point[from.along[k]] - grid->corner[from.along[k]];
             nearest = fmin(nearest, nearest + fmin(across[k], from.extent[from.along[k]] - across[k]));
@@ -19598,7 +19597,7 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
             way[k] = spsi_sub(middle[k], spsi_set((float)(to->point[k] - grid->corner[k])));
         }
         way[axis] = spsi_set((float)(upper ? -across[2] : across[2]));
-        spsi_cell_patches_part(&from, n % SPSI_CELL_SIDE / SPSI_CELL_PATCHES, across, to->finest, parts);
+        spsi_cell_patches_part(grid, &from, n / grid->across % grid->across, across, to->finest, parts);
         area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
         for (int i = 0; i < parts[0] * parts[1]; ++i) { /* a patch may be all that a surface sees */
             spsi_v at[3] = {middle[0], middle[1], middle[2]}, toward[3] = {way[0], way[1], way[2]}, off[2];
@@ -23399,6 +23398,8 @@ typedef struct spsi_cell_job {
     spsi_cell_solver *solver;
     int channel;  /* that is being solved */
     int level;    /* whose links are being closed */
+    spsi_cell_grid coarse;        /* the grid with fewer patches, which light polygons that reflect */
+    const spsi_cell_grid *leaves; /* whose patches are being filled */
     uint64_t gas; /* fingerprint of the gas */
 } spsi_cell_job;
 
@@ -23495,6 +23496,7 @@ static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     grid->count = spsi_cell_stride((size_t)grid->pitch * (size_t)spsi_most(2, grid->size[1] * grid->size[2]));
     grid->orders = frame->meshes.count > 0 ? spsi_most(2, frame->matter.orders) : frame->matter.orders;
     grid->terms = grid->orders * grid->orders;
+    grid->across = SPSI_CELL_PATCHES;
     grid->flux_terms = frame->meshes.count > 0 ? spsi_least(9, grid->terms) : 0;
     grid->channels = frame->channels;
     for (int m = 0; m < frame->matter.material_count; ++m) {
@@ -24233,7 +24235,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
         if (job->wall_light && spsi_cell_walls_mean(job, at, point, normal)) {
             const spsi_cell_receiver to = {point, normal, NULL, 2};
             double irradiance[3] = {0, 0, 0};
-            spsi_cells_irradiance(grid, c, 1, &to, irradiance);
+            spsi_cells_irradiance(&job->coarse, c, 1, &to, irradiance);
             sent += color / SPSI_PI * irradiance[0];
         }
         changed += fabs(sent - (double)walls->sent[at]);
@@ -24694,10 +24696,10 @@ static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v f
 
 /* Ends a patch where polygons within the grid keep light from its cells. */
 static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_grid *grid, int patch) {
-    const int axis = patch / SPSI_CELL_SIDE / 2, along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
+    const int side = spsi_cell_patch_side(grid, patch), axis = side / 2, along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
     float *own = grid->patches + patch, lightest = 0;
     int first[2], last[2], low[2], high[2], at[3];
-    at[axis] = patch / SPSI_CELL_SIDE % 2 ? grid->size[axis] - 1 : 0;
+    at[axis] = side % 2 ? grid->size[axis] - 1 : 0;
     for (int i = 0; i < 2; ++i) {
         const float middle = own[along[i] * SPSI_CELL_SHEET], half = 0.5f * own[(4 + i) * SPSI_CELL_SHEET];
         first[i] = spsi_most((int)((middle - half) / (float)grid->edge + 1e-3f), 0);
@@ -24711,7 +24713,7 @@ static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_g
                 const size_t row = (size_t)(at[2] * grid->size[1] + at[1]);
                 const float light = fabsf(level->moments[0][row * (size_t)level->pitch + (size_t)at[0]]);
                 if (!pass) lightest = spsi_higher(lightest, light);
-                for (int i = 0; i < 2 && pass && light > 1e-3f * lightest; ++i) {
+                for (int i = 0; i < 2 && pass && light > 0.01f * lightest; ++i) {
                     low[i] = spsi_least(low[i], at[along[i]]);
                     high[i] = spsi_most(high[i], at[along[i]]);
                 }
@@ -24730,10 +24732,9 @@ static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_g
 /* Finds what leaves a patch, seen by rays from its middle: radiance times pi, over about what even gas of the grid's
    mean depth takes on their ways. That has most of what is not smooth in it, the shape of the grid; the rest is made of
    harmonics, which are as much flux where they are not of the other sign. */
-static void spsi_cell_patch_fill(const spsi_cell_job *job, int patch) {
-    const spsi_cell_grid *grid = job->grid;
+static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid *grid, int patch) {
     const spsi_cell_rays *rays = &job->solver->rays;
-    const int axis = patch / SPSI_CELL_SIDE / 2, upper = patch / SPSI_CELL_SIDE % 2;
+    const int side = spsi_cell_patch_side(grid, patch), axis = side / 2, upper = side % 2;
     const double extent[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]}; /* in cells */
     float *sent = spsi_cell_patches_sent(grid, job->channel) + patch;
     float seen[SPSI_CELL_RAYS], taken[SPSI_CELL_RAYS], terms[SPSI_CELL_TERMS] = {0}, flux = 0, made = 0;
@@ -24764,17 +24765,19 @@ static void spsi_cell_patch_fill(const spsi_cell_job *job, int patch) {
         sent[(1 + i) * SPSI_CELL_SHEET] = fabsf(made) > 0 ? (float)SPSI_PI * terms[i] * (flux / made) : 0;
 }
 
+/* Fills a row of patches: of fine ones, or of coarse ones after them. */
 static void spsi_cell_patches_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
-    for (int n = 0; n < SPSI_CELL_PATCHES; ++n) {
-        const int patch = row * SPSI_CELL_PATCHES + n;
-        if (job->solver->walled) spsi_cell_patch_trim(&job->solver->levels[0], job->grid, patch);
-        spsi_cell_patch_fill(job, patch);
+    const spsi_cell_grid *grid = job->leaves;
+    for (int n = 0; n < grid->across; ++n) {
+        const int patch = row * grid->across + n;
+        if (job->solver->walled) spsi_cell_patch_trim(&job->solver->levels[0], grid, patch);
+        spsi_cell_patch_fill(job, grid, patch);
     }
 }
 
-/* Keeps what the last sweep found, by which polygons are lit. */
-static void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
+/* Keeps what the last sweep found, by which polygons are lit, and what leaves the patches of a grid. */
+static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cell_grid *leaves) {
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
     double depth = 0;
@@ -24782,7 +24785,8 @@ static void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
     job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
-    spsi_parallel_items(job->context, SPSI_CELL_SHEET / SPSI_CELL_PATCHES, spsi_cell_patches_task, job);
+    job->leaves = leaves;
+    spsi_parallel_items(job->context, 6 * leaves->across, spsi_cell_patches_task, job);
 }
 
 /* Sweeps once more without what flies to polygons, but not to cells, and without that of cells that send most. */
@@ -24800,7 +24804,7 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel) {
    changed. Returns by how much. */
 static double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_level *plain) {
     double change;
-    if (job->wall_light) spsi_cells_take_flux(job, channel);
+    if (job->wall_light) spsi_cells_take_flux(job, channel, &job->coarse);
     change = spsi_cell_walls_send(job, channel);
     if (change < SPSI_CELL_CHANGE && job->wall_light) return change;
     if (change > 0)
@@ -24855,7 +24859,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_level *
         if (change < SPSI_CELL_CHANGE) break;
     }
     if (plain && grid->pyramid) spsi_cells_sweep_rest(job, job->channel);
-    if (plain) spsi_cells_take_flux(job, job->channel);
+    if (plain) spsi_cells_take_flux(job, job->channel, grid);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
     return SPS_OK;
@@ -24872,7 +24876,11 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
     job->solver = &solver;
     if (job->walls.closed) {
         spsi_cells_close(job, &plain);
+        job->coarse = *grid;
+        job->coarse.across /= 2;
+        job->coarse.patches += spsi_cell_patch_floats(grid);
         spsi_cell_patches_place(grid);
+        spsi_cell_patches_place(&job->coarse);
     }
     each.share /= grid->channels;
     for (job->channel = 0; job->channel < grid->channels; ++job->channel, each.progress += each.share)
@@ -24894,7 +24902,7 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     grid->scale = spsi_lay(memory, &laid, 3);
     grid->thick = spsi_lay(memory, &laid, 3);
     grid->flux = spsi_lay(memory, &laid, each * (size_t)grid->flux_terms);
-    grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? spsi_cell_patch_floats(grid) : 0);
+    grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? 2 * spsi_cell_patch_floats(grid) : 0);
     grid->flown = flies_to_cells ? spsi_lay(memory, &laid, moments) : NULL;
     grid->trapped = flies_to_cells ? spsi_lay(memory, &laid, each) : NULL;
     grid->pyramid_rows = spsi_cell_pyramid_rows(grid);

@@ -298,7 +298,7 @@ static void test_outside(void) {
     double worst[2] = {0, 0};
     memset(&grid, 0, sizeof grid);
     grid.size[0] = 16, grid.size[1] = 12, grid.size[2] = 5;
-    grid.edge = 0.15, grid.channels = 1, grid.patches = patches, grid.flux = flux;
+    grid.edge = 0.15, grid.channels = 1, grid.across = SPSI_CELL_PATCHES, grid.patches = patches, grid.flux = flux;
     grid.thick = &thick; /* the shape of the grid does not show in what leaves */
     for (int k = 0; k < 3; ++k) grid.corner[k] = -0.5 * grid.edge * grid.size[k];
     spsi_cell_patches_place(&grid);
@@ -481,7 +481,7 @@ static double roofed(const spsi_cell_grid *grid, const double point[3], double y
             for (int i = 0; i < POINTS * POINTS && sent > 0; ++i) {
                 const double part[2] = {(i % POINTS + 0.5) / POINTS, (i / POINTS + 0.5) / POINTS};
                 for (int k = 0; k < 2; ++k) {
-                    const double begin = spsi_cell_patch_begin(at[k]), end = spsi_cell_patch_begin(at[k] + 1);
+                    const double begin = spsi_cell_patch_begin(grid, at[k]), end = spsi_cell_patch_begin(grid, at[k] + 1);
                     to[along[k]] =
                         grid->corner[along[k]] + grid->edge * grid->size[along[k]] * (begin + part[k] * (end - begin));
                 }

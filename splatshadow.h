@@ -19259,22 +19259,26 @@ static double spsi_cell_patch_begin(const spsi_cell_grid *grid, int patch) {
 /* The side of the grid that a patch is part of. */
 static int spsi_cell_patch_side(const spsi_cell_grid *grid, int patch) { return patch / (grid->across * grid->across); }
 
+/* Sets where a patch begins and ends along the first or second axis of its side. */
+static void spsi_cell_patch_set(const spsi_cell_grid *grid, int patch, int i, double begin, double end) {
+    const int axis = spsi_cell_patch_side(grid, patch) / 2, along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
+    float *own = grid->patches + patch;
+    own[along[i] * SPSI_CELL_SHEET] = (float)(0.5 * (begin + end));
+    own[(4 + i) * SPSI_CELL_SHEET] = (float)(end - begin);
+    own[3 * SPSI_CELL_SHEET] = own[4 * SPSI_CELL_SHEET] * own[5 * SPSI_CELL_SHEET];
+}
+
 /* Sets where patches are. */
 static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
-    float *at[SPSI_CELL_PLACES];
-    for (int k = 0; k < SPSI_CELL_PLACES; ++k) at[k] = grid->patches + k * SPSI_CELL_SHEET;
     for (int n = 0; n < 6 * grid->across * grid->across; ++n) {
-        const int side = spsi_cell_patch_side(grid, n), axis = side / 2, upper = side % 2;
-        const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
-        const int patch[2] = {n % grid->across, n / grid->across % grid->across};
-        at[axis][n] = upper ? (float)(grid->edge * grid->size[axis]) : 0;
+        const int side = spsi_cell_patch_side(grid, n), axis = side / 2;
+        const int at[2] = {n % grid->across, n / grid->across % grid->across};
+        grid->patches[axis * SPSI_CELL_SHEET + n] = side % 2 ? (float)(grid->edge * grid->size[axis]) : 0;
         for (int i = 0; i < 2; ++i) {
-            const double extent = grid->edge * grid->size[along[i]], begin = spsi_cell_patch_begin(grid, patch[i]);
-            const double end = spsi_cell_patch_begin(grid, patch[i] + 1);
-            at[along[i]][n] = (float)(0.5 * extent * (begin + end));
-            at[4 + i][n] = (float)(extent * (end - begin));
+            const double extent = grid->edge * grid->size[i == 0 ? axis == 0 : axis == 2 ? 1 : 2];
+            spsi_cell_patch_set(grid, n, i, extent * spsi_cell_patch_begin(grid, at[i]),
+                                extent * spsi_cell_patch_begin(grid, at[i] + 1));
         }
-        at[3][n] = at[4][n] * at[5][n];
     }
 }
 
@@ -19426,21 +19430,6 @@ static void spsi_cell_sight_ray(const spsi_cell_sight *sight, int patch, int num
     }
 }
 
-/* Bit mask of a side's patches that the surface faces. */
-static uint64_t spsi_cell_sight_faced(const spsi_cell_sight *sight, int side) {
-    const spsi_cell_grid *grid = sight->grid;
-    uint64_t faced = 0;
-    for (int n = 0; n < SPSI_CELL_SIDE; ++n) {
-        const float *patch = grid->patches + side * SPSI_CELL_SIDE + n;
-        double facing = 0;
-        for (int k = 0; k < 3; ++k)
-            facing +=
-                sight->normal[k] * ((double)patch[k * SPSI_CELL_SHEET] + grid->corner[k] - sight->surface->point[k]);
-        if (facing > 0) faced |= (uint64_t)1 << n;
-    }
-    return faced;
-}
-
 /* Traces one of the rays to each of a side's patches in a bit mask. Returns those that polygons stop. */
 static uint64_t spsi_cell_sight_trace(const spsi_cell_sight *sight, int side, uint64_t patches, int number) {
     uint64_t hidden = 0;
@@ -19452,6 +19441,7 @@ static uint64_t spsi_cell_sight_trace(const spsi_cell_sight *sight, int side, ui
             double toward[3];
             if (!(patches >> n & 1)) continue;
             spsi_cell_sight_ray(sight, side * SPSI_CELL_SIDE + n, number, toward);
+            if (!(spsi_dot(toward, sight->normal) > 0)) continue;
             spsi_packet_add(&sight->faces->tree, count, sight->face, sight->surface->start, toward, &packet);
             patch[count++] = n;
         }
@@ -19472,8 +19462,7 @@ static uint64_t spsi_cell_patches_about(uint64_t patches) {
 /* Sets how much of a side's patches the surface sees: one ray each, four where seen and hidden patches meet. Returns 1
    if any is hidden. */
 static int spsi_cell_sight_side(const spsi_cell_sight *sight, int side, float *open) {
-    const uint64_t faced = spsi_cell_sight_faced(sight, side);
-    const uint64_t hidden = spsi_cell_sight_trace(sight, side, faced, 0), seen = faced & ~hidden;
+    const uint64_t hidden = spsi_cell_sight_trace(sight, side, ~(uint64_t)0, 0), seen = ~hidden;
     const uint64_t edge = (spsi_cell_patches_about(hidden) & seen) | (spsi_cell_patches_about(seen) & hidden);
     for (int n = 0; n < SPSI_CELL_SIDE && hidden; ++n)
         if (hidden >> n & 1) open[n] = edge >> n & 1 ? 0.75f : 0;
@@ -19550,13 +19539,15 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
 typedef struct spsi_cell_receiver {
     const double *point, *normal; /* normal: a unit vector */
     const float *open;            /* fraction of each patch that is seen; NULL: all of them */
-    int finest;                   /* a near patch counts as so many parts along an edge at most */
 } spsi_cell_receiver;
+
+/* As many parts along an edge a patch counts as at most: 8, of half as many patches 2. */
+static int spsi_cell_patch_parts(const spsi_cell_grid *grid) { return grid->across * grid->across / 8; }
 
 /* Sets in how many parts the patches of a vector count, which begins with a row: as wide as 0.36 of their distance, at
    most. `at`: the surface, across the side and before it; next to the side a patch is all that it sees. */
 static void spsi_cell_patches_part(const spsi_cell_grid *grid, const spsi_cell_sender *from, int row,
-                                   const double at[3], int finest, int parts[2]) {
+                                   const double at[3], int parts[2]) {
     const double extent[2] = {from->extent[from->along[0]], from->extent[from->along[1]]};
     const int rows = spsi_most(1, SPSI_LANES / grid->across); /* in a vector */
     const double begin = spsi_cell_patch_begin(grid, row) * extent[1];
@@ -19564,7 +19555,7 @@ static void spsi_cell_patches_part(const spsi_cell_grid *grid, const spsi_cell_s
     const double widest = spsi_cell_patch_begin(grid, 1 + grid->across / 2) - 0.5; /* in the middle */
     const double x = fmax(0, fmax(-at[0], at[0] - extent[0])), y = fmax(0, fmax(begin - at[1], at[1] - end));
     const double nearest = sqrt(x * x + y * y + at[2] * at[2]);
-    for (int k = 0; k < 2; ++k) parts[k] = (int)fmin(ceil(2.8 * widest * extent[k] / nearest), finest);
+    for (int k = 0; k < 2; ++k) parts[k] = (int)fmin(ceil(2.8 * widest * extent[k] / nearest), spsi_cell_patch_parts(grid));
 }
 
 /* Irradiance of a surface outside, in `count` channels from one on. */
@@ -19586,7 +19577,7 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
         int parts[2];
         if (!(beyond > 0)) continue;
         from.axis = axis, from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
-        nearest = 0.18 / to->finest * fmax(from.extent[from.along[0]], from.extent[from.along[1]]);
+        nearest = 0.18 / spsi_cell_patch_parts(grid) * fmax(from.extent[from.along[0]], from.extent[from.along[1]]);
         for (int k = 0; k < 2; ++k) {
             across[k] = to->point[from.along[k]] - grid->corner[from.along[k]];
             nearest = fmin(nearest, nearest + fmin(across[k], from.extent[from.along[k]] - across[k]));
@@ -19597,7 +19588,7 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
             way[k] = spsi_sub(middle[k], spsi_set((float)(to->point[k] - grid->corner[k])));
         }
         way[axis] = spsi_set((float)(upper ? -across[2] : across[2]));
-        spsi_cell_patches_part(grid, &from, n / grid->across % grid->across, across, to->finest, parts);
+        spsi_cell_patches_part(grid, &from, n / grid->across % grid->across, across, parts);
         area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
         for (int i = 0; i < parts[0] * parts[1]; ++i) { /* a patch may be all that a surface sees */
             spsi_v at[3] = {middle[0], middle[1], middle[2]}, toward[3] = {way[0], way[1], way[2]}, off[2];
@@ -19621,8 +19612,7 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
    some of the patches there hides as much of the cells. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const spsi_cell_receiver *to,
                                   double irradiance[3]) {
-    const spsi_cell_receiver bare = {to->point, to->normal, NULL, to->finest};
-    double square = 0, longest = 0, outside, all[3] = {0, 0, 0};
+    double square = 0, longest = 0, outside;
     for (int k = 0; k < 3; ++k) {
         const double at = to->point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
         const double back = at < 0 ? -at : fmin(extent - at, 0);
@@ -19631,14 +19621,9 @@ static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int c
     }
     outside = fmin(48 * sqrt(square) / longest, 1);
     if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, to, irradiance);
-    if (!(outside < 1)) return;
-    if (to->open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, &bare, all);
-    for (int c = 0; c < count; ++c) {
+    for (int c = 0; c < count && outside < 1; ++c) {
         const double within = spsi_cells_irradiance_within(grid, channel + c, to->point, to->normal);
-        const double seen = outside > 0 ? irradiance[c] : 0, whole = to->open ? all[c] : seen;
-        /* where gas takes ambient light, both are below 0 */
-        const double shown = fabs(whole) > 0 ? fmax(0, fmin(seen / whole, 1)) : 1;
-        irradiance[c] = (1 - outside) * within * shown + outside * seen;
+        irradiance[c] = outside > 0 ? within + outside * (irradiance[c] - within) : within;
     }
 }
 
@@ -22250,7 +22235,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     float patches[SPSI_CELL_SHEET];
     const spsi_cell_sight sight = {grid, faces, surface, surface->normal, face};
     const int hidden = spsi_cells_sight(&sight, patches);
-    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL, 8};
+    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL};
     double own[3], square = 16 * grid->edge * grid->edge;
     spsi_cells_irradiance(grid, 0, grid->channels, &to, own);
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += (float)own[c];
@@ -24233,7 +24218,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
         color = (double)walls->color[own + at];
         sent = color * ambient + (double)walls->lit[own + at] - ambient;
         if (job->wall_light && spsi_cell_walls_mean(job, at, point, normal)) {
-            const spsi_cell_receiver to = {point, normal, NULL, 2};
+            const spsi_cell_receiver to = {point, normal, NULL};
             double irradiance[3] = {0, 0, 0};
             spsi_cells_irradiance(&job->coarse, c, 1, &to, irradiance);
             sent += color / SPSI_PI * irradiance[0];
@@ -24694,39 +24679,33 @@ static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v f
     }
 }
 
-/* Ends a patch where polygons within the grid keep light from its cells. */
+/* Ends a patch where polygons within the grid keep light from its cells, by 8 x 8 places of it. */
 static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_grid *grid, int patch) {
-    const int side = spsi_cell_patch_side(grid, patch), axis = side / 2, along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
-    float *own = grid->patches + patch, lightest = 0;
-    int first[2], last[2], low[2], high[2], at[3];
+    const int side = spsi_cell_patch_side(grid, patch), axis = side / 2;
+    const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
+    const float *own = grid->patches + patch;
+    float light[64], lightest = 0;
+    int low[2] = {8, 8}, high[2] = {0, 0}, at[3];
     at[axis] = side % 2 ? grid->size[axis] - 1 : 0;
-    for (int i = 0; i < 2; ++i) {
-        const float middle = own[along[i] * SPSI_CELL_SHEET], half = 0.5f * own[(4 + i) * SPSI_CELL_SHEET];
-        first[i] = spsi_most((int)((middle - half) / (float)grid->edge + 1e-3f), 0);
-        last[i] = spsi_least((int)((middle + half) / (float)grid->edge - 1e-3f), grid->size[along[i]] - 1);
-        low[i] = last[i];
-        high[i] = first[i];
+    for (int n = 0; n < 64; ++n) {
+        for (int i = 0; i < 2; ++i) {
+            const float part = ((float)(i ? n / 8 : n % 8) - 3.5f) / 8 * own[(4 + i) * SPSI_CELL_SHEET];
+            at[along[i]] = (int)((own[along[i] * SPSI_CELL_SHEET] + part) / (float)grid->edge);
+        }
+        light[n] = fabsf(level->moments[0][(at[2] * grid->size[1] + at[1]) * level->pitch + at[0]]);
+        lightest = spsi_higher(lightest, light[n]);
     }
-    for (int pass = 0; pass < 2; ++pass)
-        for (at[along[1]] = first[1]; at[along[1]] <= last[1]; ++at[along[1]])
-            for (at[along[0]] = first[0]; at[along[0]] <= last[0]; ++at[along[0]]) {
-                const size_t row = (size_t)(at[2] * grid->size[1] + at[1]);
-                const float light = fabsf(level->moments[0][row * (size_t)level->pitch + (size_t)at[0]]);
-                if (!pass) lightest = spsi_higher(lightest, light);
-                for (int i = 0; i < 2 && pass && light > 0.01f * lightest; ++i) {
-                    low[i] = spsi_least(low[i], at[along[i]]);
-                    high[i] = spsi_most(high[i], at[along[i]]);
-                }
-            }
+    for (int n = 0; n < 2 * 64; ++n) {
+        const int i = n / 64, part = i ? n % 64 / 8 : n % 8;
+        if (!(light[n % 64] > 0.01f * lightest)) continue;
+        low[i] = spsi_least(low[i], part);
+        high[i] = spsi_most(high[i], part + 1);
+    }
     for (int i = 0; i < 2 && lightest > 0; ++i) {
-        float *middle = own + along[i] * SPSI_CELL_SHEET, *width = own + (4 + i) * SPSI_CELL_SHEET;
-        float begin = *middle - 0.5f * *width, end = *middle + 0.5f * *width;
-        if (low[i] > first[i]) begin = (float)(grid->edge * low[i]);
-        if (high[i] < last[i]) end = (float)(grid->edge * (high[i] + 1));
-        *middle = 0.5f * (begin + end);
-        *width = end - begin;
+        const double width = (double)own[(4 + i) * SPSI_CELL_SHEET] / 8;
+        const double begin = (double)own[along[i] * SPSI_CELL_SHEET] - 4 * width;
+        spsi_cell_patch_set(grid, patch, i, begin + width * low[i], begin + width * high[i]);
     }
-    own[3 * SPSI_CELL_SHEET] = own[4 * SPSI_CELL_SHEET] * own[5 * SPSI_CELL_SHEET];
 }
 
 /* Finds what leaves a patch, seen by rays from its middle: radiance times pi, over about what even gas of the grid's

@@ -230,7 +230,7 @@ static void test_dark_side(void) {
 /* Irradiance by one channel of a grid's sides, and of a grid. */
 static double outside(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
                       const float *open) {
-    const spsi_cell_receiver to = {point, normal, open, 8};
+    const spsi_cell_receiver to = {point, normal, open};
     double irradiance[3];
     spsi_cells_irradiance_outside(grid, channel, 1, &to, irradiance);
     return irradiance[0];
@@ -238,7 +238,7 @@ static double outside(const spsi_cell_grid *grid, int channel, const double poin
 
 static double irradiance_at(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
                             const float *open) {
-    const spsi_cell_receiver to = {point, normal, open, 8};
+    const spsi_cell_receiver to = {point, normal, open};
     double irradiance[3];
     spsi_cells_irradiance(grid, channel, 1, &to, irradiance);
     return irradiance[0];

@@ -19493,37 +19493,32 @@ typedef struct spsi_cell_sender {
     int count, axis, along[2];
     float thick[3];   /* per channel: the grid's mean extinction */
     double extent[3]; /* of the grid */
-    spsi_v normal[3]; /* the surface's */
+    spsi_v at[3], normal[3]; /* the surface's; `at`: from the grid's corner */
 } spsi_cell_sender;
 
 /* Adds the irradiance by a vector of patches, whose parts are `area` large, at a place relative to the grid's corner.
    `way`: to there. They are discs, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2
    + area), if it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is
    above 0, and discs where that is too little. */
-static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v place[3],
-                                   const spsi_v way[3], const spsi_v off[2], spsi_v area, spsi_v sums[3]) {
+static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v way[3],
+                                   const spsi_v off[2], spsi_v area, spsi_v sums[3]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
-    const spsi_v length = spsi_sqrt(square), away = spsi_div(one, length), nearer = spsi_mul(away, away);
-    const spsi_v before = spsi_abs(way[from->axis]), u = spsi_min(spsi_mul(before, away), one);
-    const spsi_v wide = spsi_min(spsi_mul(area, nearer), one);
+    const spsi_v away = spsi_div(one, spsi_sqrt(square)), wide = spsi_min(spsi_div(area, square), one);
+    const spsi_v ahead[3] = {spsi_mul(way[0], away), spsi_mul(way[1], away), spsi_mul(way[2], away)};
+    const spsi_v u = spsi_abs(ahead[from->axis]), seen = spsi_max(spsi_dot_v(ahead, from->normal), zero);
     const spsi_v aslant = spsi_mul(spsi_sub(one, spsi_mul(u, u)), spsi_sub(one, wide));
-    const spsi_v facing = spsi_fma(aslant, spsi_set(-3), one);
-    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, from->normal), zero), before), harmonic[SPSI_CELL_TERMS], through, toward[3];
-    share = spsi_min(spsi_mul(share, nearer), one);
-    share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
+    const spsi_v whole = spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, spsi_fma(aslant, spsi_set(-3), one)));
+    const spsi_v share = spsi_div(spsi_mul(spsi_mul(seen, u), area), whole);
+    spsi_v harmonic[SPSI_CELL_TERMS], place[3], toward[3], through, aim, scale;
     if (!spsi_bits(spsi_less(zero, share))) return;
-    through = spsi_cell_way_through(from->extent, place, way);
-    for (int k = 0; k < 3; ++k) {
-        const int along = k < 2 ? from->along[k] : from->axis;
-        const spsi_v aim = spsi_mul(way[along], spsi_mul(through, spsi_set(SPSI_CELL_AIM)));
-        toward[k] = k == 2 ? spsi_abs(aim) : spsi_sub(spsi_set(0), spsi_add(aim, off[k]));
-    }
-    {
-        const spsi_v one_over = spsi_div(one, spsi_sqrt(spsi_max(spsi_dot_v(toward, toward), spsi_set(1e-30f))));
-        for (int k = 0; k < 3; ++k) toward[k] = spsi_mul(toward[k], one_over);
-    }
+    for (int k = 0; k < 3; ++k) place[k] = spsi_add(from->at[k], way[k]);
+    through = spsi_cell_way_through(from->extent, place, ahead);
+    aim = spsi_mul(through, spsi_set(SPSI_CELL_AIM));
+    for (int k = 0; k < 2; ++k) toward[k] = spsi_sub(zero, spsi_fma(ahead[from->along[k]], aim, off[k]));
+    toward[2] = spsi_mul(u, aim);
+    scale = spsi_div(one, spsi_sqrt(spsi_max(spsi_dot_v(toward, toward), spsi_set(1e-30f))));
+    for (int k = 0; k < 3; ++k) toward[k] = spsi_mul(toward[k], scale);
     spsi_harmonics_v(toward, SPSI_CELL_TERMS, harmonic);
-    through = spsi_mul(through, length);
     for (int c = 0; c < from->count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
         const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
         const spsi_v depth = spsi_mul(through, spsi_set(from->thick[c]));
@@ -19541,27 +19536,12 @@ typedef struct spsi_cell_receiver {
     const float *open;            /* fraction of each patch that is seen; NULL: all of them */
 } spsi_cell_receiver;
 
-/* As many parts along an edge a patch counts as at most: 8, of half as many patches 2. */
-static int spsi_cell_patch_parts(const spsi_cell_grid *grid) { return grid->across * grid->across / 8; }
-
-/* Sets in how many parts the patches of a vector count, which begins with a row: as wide as 0.36 of their distance, at
-   most. `at`: the surface, across the side and before it; next to the side a patch is all that it sees. */
-static void spsi_cell_patches_part(const spsi_cell_grid *grid, const spsi_cell_sender *from, int row,
-                                   const double at[3], int parts[2]) {
-    const double extent[2] = {from->extent[from->along[0]], from->extent[from->along[1]]};
-    const int rows = spsi_most(1, SPSI_LANES / grid->across); /* in a vector */
-    const double begin = spsi_cell_patch_begin(grid, row) * extent[1];
-    const double end = spsi_cell_patch_begin(grid, row + rows) * extent[1];
-    const double widest = spsi_cell_patch_begin(grid, 1 + grid->across / 2) - 0.5; /* in the middle */
-    const double x = fmax(0, fmax(-at[0], at[0] - extent[0])), y = fmax(0, fmax(begin - at[1], at[1] - end));
-    const double nearest = sqrt(x * x + y * y + at[2] * at[2]);
-    for (int k = 0; k < 2; ++k) parts[k] = (int)fmin(ceil(2.8 * widest * extent[k] / nearest), spsi_cell_patch_parts(grid));
-}
-
 /* Irradiance of a surface outside, in `count` channels from one on. */
 static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                           const spsi_cell_receiver *to, double irradiance[3]) {
-    spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+    const int most = grid->across * grid->across / 8; /* parts along an edge of a patch: 8, of a coarse one 2 */
+    const spsi_v zero = spsi_set(0);
+    spsi_v all[3] = {zero, zero, zero};
     spsi_cell_sender from;
     from.sent = spsi_cell_patches_sent(grid, channel), from.count = count;
     spsi_set3(to->normal, from.normal);
@@ -19569,37 +19549,41 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
     for (int c = 0; c < count; ++c) from.thick[c] = grid->thick[channel + c] / (float)grid->edge;
     for (int n = 0; n < 6 * grid->across * grid->across; n += SPSI_LANES) {
         const float *patch = grid->patches + n;
-        const int side = spsi_cell_patch_side(grid, n), axis = side / 2, upper = side % 2;
-        const double beyond = (upper ? 1 : -1) * (to->point[axis] - grid->corner[axis]) - (upper ? from.extent[axis] : 0);
-        spsi_v middle[3], way[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET);
-        spsi_v some[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-        double across[3], nearest;
+        const int side = spsi_cell_patch_side(grid, n), axis = from.axis = side / 2;
+        const double end = side % 2 ? from.extent[axis] : 0, outward = side % 2 ? 1 : -1;
+        spsi_v area = spsi_load(patch + 3 * SPSI_CELL_SHEET), middle[3], some[3] = {zero, zero, zero};
+        double at[3], square = 0, nearest = 0, beyond;
         int parts[2];
+        spsi_along(to->point, grid->corner, -1, at);
+        beyond = outward * (at[axis] - end);
         if (!(beyond > 0)) continue;
-        from.axis = axis, from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
-        nearest = 0.18 / spsi_cell_patch_parts(grid) * fmax(from.extent[from.along[0]], from.extent[from.along[1]]);
-        for (int k = 0; k < 2; ++k) {
-            across[k] = to->point[from.along[k]] - grid->corner[from.along[k]];
-            nearest = fmin(nearest, nearest + fmin(across[k], from.extent[from.along[k]] - across[k]));
+        from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
+        for (int k = 0; k < 2; ++k) { /* off the vector's rows */
+            const float *own = patch + from.along[k] * SPSI_CELL_SHEET, *width = patch + (4 + k) * SPSI_CELL_SHEET;
+            const int last = k ? SPSI_LANES - 1 : spsi_least(SPSI_LANES, grid->across) - 1;
+            const double begin = (double)(own[0] - 0.5f * width[0]) - at[from.along[k]];
+            const double off = fmax(begin, at[from.along[k]] - (double)(own[last] + 0.5f * width[last]));
+            square += off > 0 ? off * off : 0;
+            nearest = fmax(nearest, 0.18 * from.extent[from.along[k]] / most);
         }
-        across[2] = fmax(beyond, nearest);
-        for (int k = 0; k < 3; ++k) {
-            middle[k] = spsi_load(patch + k * SPSI_CELL_SHEET);
-            way[k] = spsi_sub(middle[k], spsi_set((float)(to->point[k] - grid->corner[k])));
-        }
-        way[axis] = spsi_set((float)(upper ? -across[2] : across[2]));
-        spsi_cell_patches_part(grid, &from, n / grid->across % grid->across, across, parts);
+        for (int k = 0; k < 2; ++k) /* before the side a surface is as far from it as parts are wide, or in their gaps */
+            nearest += fmin(fmin(at[from.along[k]], from.extent[from.along[k]] - at[from.along[k]]), 0);
+        at[axis] = end + outward * fmax(beyond, nearest);
+        square += (at[axis] - end) * (at[axis] - end);
+        for (int k = 0; k < 2; ++k)
+            parts[k] = (int)fmin(ceil(0.43 * from.extent[from.along[k]] * 8 / grid->across / sqrt(square)), most);
+        spsi_set3(at, from.at);
+        for (int k = 0; k < 3; ++k) middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET), from.at[k]);
         area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
         for (int i = 0; i < parts[0] * parts[1]; ++i) { /* a patch may be all that a surface sees */
-            spsi_v at[3] = {middle[0], middle[1], middle[2]}, toward[3] = {way[0], way[1], way[2]}, off[2];
+            spsi_v way[3] = {middle[0], middle[1], middle[2]}, off[2];
             for (int k = 0; k < 2; ++k) {
-                const int along = from.along[k], part = k ? i / parts[0] : i % parts[0];
+                const int part = k ? i / parts[0] : i % parts[0];
                 off[k] = spsi_mul(spsi_load(patch + (4 + k) * SPSI_CELL_SHEET),
                                   spsi_set(((float)part + 0.5f) / (float)parts[k] - 0.5f));
-                at[along] = spsi_add(at[along], off[k]);
-                toward[along] = spsi_add(toward[along], off[k]);
+                way[from.along[k]] = spsi_add(way[from.along[k]], off[k]);
             }
-            spsi_cell_patches_send(&from, from.sent + n, at, toward, off, area, some);
+            spsi_cell_patches_send(&from, from.sent + n, way, off, area, some);
         }
         for (int c = 0; c < count; ++c)
             all[c] = spsi_fma(some[c], to->open ? spsi_load(to->open + n) : spsi_set(1), all[c]);
@@ -24744,15 +24728,10 @@ static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid 
         sent[(1 + i) * SPSI_CELL_SHEET] = fabsf(made) > 0 ? (float)SPSI_PI * terms[i] * (flux / made) : 0;
 }
 
-/* Fills a row of patches: of fine ones, or of coarse ones after them. */
-static void spsi_cell_patches_task(void *data, int row) {
+static void spsi_cell_patches_task(void *data, int patch) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
-    const spsi_cell_grid *grid = job->leaves;
-    for (int n = 0; n < grid->across; ++n) {
-        const int patch = row * grid->across + n;
-        if (job->solver->walled) spsi_cell_patch_trim(&job->solver->levels[0], grid, patch);
-        spsi_cell_patch_fill(job, grid, patch);
-    }
+    if (job->solver->walled) spsi_cell_patch_trim(&job->solver->levels[0], job->leaves, patch);
+    spsi_cell_patch_fill(job, job->leaves, patch);
 }
 
 /* Keeps what the last sweep found, by which polygons are lit, and what leaves the patches of a grid. */
@@ -24765,7 +24744,7 @@ static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cel
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
     job->leaves = leaves;
-    spsi_parallel_items(job->context, 6 * leaves->across, spsi_cell_patches_task, job);
+    spsi_parallel_items(job->context, 6 * leaves->across * leaves->across, spsi_cell_patches_task, job);
 }
 
 /* Sweeps once more without what flies to polygons, but not to cells, and without that of cells that send most. */

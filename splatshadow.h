@@ -19536,12 +19536,13 @@ typedef struct spsi_cell_receiver {
     const float *open;            /* fraction of each patch that is seen; NULL: all of them */
 } spsi_cell_receiver;
 
-/* Irradiance of a surface outside, in `count` channels from one on. */
-static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
-                                          const spsi_cell_receiver *to, double irradiance[3]) {
+/* Irradiance of a surface outside, in `count` channels from one on. Returns the share of it that is not hidden. */
+static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
+                                            const spsi_cell_receiver *to, double irradiance[3]) {
     const int most = grid->across * grid->across / 8; /* parts along an edge of a patch: 8, of a coarse one 2 */
     const spsi_v zero = spsi_set(0);
-    spsi_v all[3] = {zero, zero, zero};
+    spsi_v all[3] = {zero, zero, zero}, whole = zero;
+    double seen = 0, sum;
     spsi_cell_sender from;
     from.sent = spsi_cell_patches_sent(grid, channel), from.count = count;
     spsi_set3(to->normal, from.normal);
@@ -19585,28 +19586,32 @@ static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channe
             }
             spsi_cell_patches_send(&from, from.sent + n, way, off, area, some);
         }
-        for (int c = 0; c < count; ++c)
+        for (int c = 0; c < count; ++c) {
             all[c] = spsi_fma(some[c], to->open ? spsi_load(to->open + n) : spsi_set(1), all[c]);
+            whole = spsi_add(whole, some[c]);
+        }
     }
-    for (int c = 0; c < count; ++c) irradiance[c] = spsi_total(all[c]);
+    for (int c = 0; c < count; ++c) seen += irradiance[c] = spsi_total(all[c]);
+    sum = spsi_total(whole); /* where gas takes ambient light, both are below 0 */
+    return fabs(sum) > 0 ? fmax(0, fmin(seen / sum, 1)) : 1;
 }
 
-/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within half of
-   a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid; what hides
-   some of the patches there hides as much of the cells. */
+/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within a sixth
+   of a patch's width of the grid it changes from one to the other; what hides some of the patches there hides as much of
+   the cells. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const spsi_cell_receiver *to,
                                   double irradiance[3]) {
-    double square = 0, longest = 0, outside;
+    double square = 0, longest = 0, outside, shown = 1;
     for (int k = 0; k < 3; ++k) {
         const double at = to->point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
         const double back = at < 0 ? -at : fmin(extent - at, 0);
         square += back * back;
         longest = fmax(longest, extent);
     }
-    outside = fmin(48 * sqrt(square) / longest, 1);
-    if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, to, irradiance);
+    outside = fmin(6 * SPSI_CELL_PATCHES * sqrt(square) / longest, 1);
+    if (outside > 0) shown = spsi_cells_irradiance_outside(grid, channel, count, to, irradiance);
     for (int c = 0; c < count && outside < 1; ++c) {
-        const double within = spsi_cells_irradiance_within(grid, channel + c, to->point, to->normal);
+        const double within = shown * spsi_cells_irradiance_within(grid, channel + c, to->point, to->normal);
         irradiance[c] = outside > 0 ? within + outside * (irradiance[c] - within) : within;
     }
 }
@@ -24679,12 +24684,11 @@ static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_g
         light[n] = fabsf(level->moments[0][(at[2] * grid->size[1] + at[1]) * level->pitch + at[0]]);
         lightest = spsi_higher(lightest, light[n]);
     }
-    for (int n = 0; n < 2 * 64; ++n) {
-        const int i = n / 64, part = i ? n % 64 / 8 : n % 8;
-        if (!(light[n % 64] > 0.01f * lightest)) continue;
-        low[i] = spsi_least(low[i], part);
-        high[i] = spsi_most(high[i], part + 1);
-    }
+    for (int n = 0; n < 64; ++n)
+        for (int i = 0; i < 2 && light[n] > 0.01f * lightest; ++i) {
+            low[i] = spsi_least(low[i], i ? n / 8 : n % 8);
+            high[i] = spsi_most(high[i], 1 + (i ? n / 8 : n % 8));
+        }
     for (int i = 0; i < 2 && lightest > 0; ++i) {
         const double width = (double)own[(4 + i) * SPSI_CELL_SHEET] / 8;
         const double begin = (double)own[along[i] * SPSI_CELL_SHEET] - 4 * width;
@@ -24734,17 +24738,25 @@ static void spsi_cell_patches_task(void *data, int patch) {
     spsi_cell_patch_fill(job, job->leaves, patch);
 }
 
-/* Keeps what the last sweep found, by which polygons are lit, and what leaves the patches of a grid. */
+/* Keeps what the last sweep found, by which polygons are lit, and what leaves the patches of a grid. If no polygons are
+   within the grid, that is in all what cells send and do not take. */
 static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cell_grid *leaves) {
+    const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    double depth = 0;
-    for (size_t at = 0; at < grid->count; ++at) depth += (double)job->solver->levels[0].depth[at];
+    float *sent = spsi_cell_patches_sent(leaves, channel);
+    double depth = 0, out = 0, found = 0;
+    for (size_t at = 0; at < grid->count; ++at) {
+        depth += (double)level->depth[at];
+        out += (double)level->depth[at] * (double)(level->sent[at] - level->moments[0][at]);
+    }
     job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
-    spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
-              floats * sizeof(float));
+    spsi_copy(job->context, grid->flux + (size_t)channel * floats, level->moments[0], floats * sizeof(float));
     job->leaves = leaves;
     spsi_parallel_items(job->context, 6 * leaves->across * leaves->across, spsi_cell_patches_task, job);
+    for (int n = 0; n < SPSI_CELL_SHEET; ++n) found += (double)(leaves->patches[3 * SPSI_CELL_SHEET + n] * sent[n]);
+    out *= job->solver->walled || !(fabs(found) > 0) ? 0 : 4 * SPSI_PI * grid->edge * grid->edge / found;
+    for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET && out > 0; ++n) sent[n] *= (float)fmin(out, 2);
 }
 
 /* Sweeps once more without what flies to polygons, but not to cells, and without that of cells that send most. */

@@ -9110,7 +9110,7 @@ static void spsi_projection_lookup(const spsi_frame *frame, const spsi_lamp *lam
         size = spsi_div(size, way);
     }
     for (int k = 0; k < 2; ++k) {
-        double across[3], nearest;
+        double across[3];
         spsi_to_lamp(lamp, projection->across[k], across);
         spsi_set3(across, row);
         at[k] = spsi_add(spsi_div(spsi_dot_v(row, place), way), spsi_set((float)projection->add[k]));

@@ -19438,10 +19438,13 @@ static uint64_t spsi_cell_sight_trace(const spsi_cell_sight *sight, int side, ui
         spsi_packet packet;
         spsi_packet_begin(sight->faces, 0, 1, &packet);
         for (; n < SPSI_CELL_SIDE && count < SPSI_PACKET; ++n) {
+            const float *middle = sight->grid->patches + side * SPSI_CELL_SIDE + n;
             double toward[3];
             if (!(patches >> n & 1)) continue;
-            spsi_cell_sight_ray(sight, side * SPSI_CELL_SIDE + n, number, toward);
+            for (int k = 0; k < 3; ++k)
+                toward[k] = sight->grid->corner[k] + (double)middle[k * SPSI_CELL_SHEET] - sight->surface->point[k];
             if (!(spsi_dot(toward, sight->normal) > 0)) continue;
+            spsi_cell_sight_ray(sight, side * SPSI_CELL_SIDE + n, number, toward);
             spsi_packet_add(&sight->faces->tree, count, sight->face, sight->surface->start, toward, &packet);
             patch[count++] = n;
         }
@@ -19503,7 +19506,7 @@ typedef struct spsi_cell_sender {
 static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v way[3],
                                    const spsi_v off[2], spsi_v area, spsi_v sums[3]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
-    const spsi_v away = spsi_div(one, spsi_sqrt(square)), wide = spsi_min(spsi_div(area, square), one);
+    const spsi_v away = spsi_div(one, spsi_sqrt(square)), wide = spsi_min(spsi_mul(area, spsi_mul(away, away)), one);
     const spsi_v ahead[3] = {spsi_mul(way[0], away), spsi_mul(way[1], away), spsi_mul(way[2], away)};
     const spsi_v u = spsi_abs(ahead[from->axis]), seen = spsi_max(spsi_dot_v(ahead, from->normal), zero);
     const spsi_v aslant = spsi_mul(spsi_sub(one, spsi_mul(u, u)), spsi_sub(one, wide));
@@ -19572,7 +19575,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         at[axis] = end + outward * fmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
         for (int k = 0; k < 2; ++k)
-            parts[k] = (int)fmin(ceil(0.43 * from.extent[from.along[k]] * 8 / grid->across / sqrt(square)), most);
+            parts[k] = (int)fmin(ceil(0.0625 * grid->across * from.extent[from.along[k]] / sqrt(square)), most);
         spsi_set3(at, from.at);
         for (int k = 0; k < 3; ++k) middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET), from.at[k]);
         area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));

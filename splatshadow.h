@@ -19499,10 +19499,11 @@ typedef struct spsi_cell_sender {
     spsi_v at[3], normal[3]; /* the surface's; `at`: from the grid's corner */
 } spsi_cell_sender;
 
-/* Adds the irradiance by a vector of patches, whose parts are `area` large, at a place relative to the grid's corner.
-   `way`: to there. They are discs, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2
-   + area), if it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is
-   above 0, and discs where that is too little. */
+/* Adds the irradiance by a vector of patches, whose parts are `area` large. `way`: to their middles; `off`: of these,
+   from the patches'. They are discs, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2
+   + area (3 u^2 - 2)) to second order in their size, u being the cosine at the side; (3 u^2 - 2) grows to 1 where they
+   are near. Light comes from within the grid, not from its side: the direction in which a part sends is that from the
+   patch's middle to SPSI_CELL_AIM of the way through the grid. Then what is bright within stays in its place. */
 static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v way[3],
                                    const spsi_v off[2], spsi_v area, spsi_v sums[3]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
@@ -19510,7 +19511,8 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
     const spsi_v ahead[3] = {spsi_mul(way[0], away), spsi_mul(way[1], away), spsi_mul(way[2], away)};
     const spsi_v u = spsi_abs(ahead[from->axis]), seen = spsi_max(spsi_dot_v(ahead, from->normal), zero);
     const spsi_v aslant = spsi_mul(spsi_sub(one, spsi_mul(u, u)), spsi_sub(one, wide));
-    const spsi_v whole = spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, spsi_fma(aslant, spsi_set(-3), one)));
+    const spsi_v wider = spsi_mul(area, spsi_fma(aslant, spsi_set(-3), one));
+    const spsi_v whole = spsi_fma(spsi_set((float)SPSI_PI), square, wider);
     const spsi_v share = spsi_div(spsi_mul(spsi_mul(seen, u), area), whole);
     spsi_v harmonic[SPSI_CELL_TERMS], place[3], toward[3], through, aim, scale;
     if (!spsi_bits(spsi_less(zero, share))) return;
@@ -19539,7 +19541,7 @@ typedef struct spsi_cell_receiver {
     const float *open;            /* fraction of each patch that is seen; NULL: all of them */
 } spsi_cell_receiver;
 
-/* Irradiance of a surface outside, in `count` channels from one on. Returns the share of it that is not hidden. */
+/* Irradiance of a surface outside, in `count` channels from one on. Returns the share that nothing hides. */
 static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                             const spsi_cell_receiver *to, double irradiance[3]) {
     const int most = grid->across * grid->across / 8; /* parts along an edge of a patch: 8, of a coarse one 2 */
@@ -19570,7 +19572,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
             square += off > 0 ? off * off : 0;
             nearest = fmax(nearest, 0.18 * from.extent[from.along[k]] / most);
         }
-        for (int k = 0; k < 2; ++k) /* before the side a surface is as far from it as parts are wide, or in their gaps */
+        for (int k = 0; k < 2; ++k) /* before the side a surface counts as no nearer than parts are wide */
             nearest += fmin(fmin(at[from.along[k]], from.extent[from.along[k]] - at[from.along[k]]), 0);
         at[axis] = end + outward * fmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
@@ -24671,7 +24673,8 @@ static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v f
     }
 }
 
-/* Ends a patch where polygons within the grid keep light from its cells, by 8 x 8 places of it. */
+/* Ends a patch where polygons within the grid keep light from its cells, by 8 x 8 places of it: where their moment is a
+   hundredth of the lightest one's. */
 static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_grid *grid, int patch) {
     const int side = spsi_cell_patch_side(grid, patch), axis = side / 2;
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};

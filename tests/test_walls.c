@@ -479,7 +479,8 @@ static double roofed(const spsi_cell_grid *grid, const double point[3], double y
             for (int i = 0; i < POINTS * POINTS && sent > 0; ++i) {
                 const double part[2] = {(i % POINTS + 0.5) / POINTS, (i / POINTS + 0.5) / POINTS};
                 for (int k = 0; k < 2; ++k) {
-                    const double begin = spsi_cell_patch_begin(grid, at[k]), end = spsi_cell_patch_begin(grid, at[k] + 1);
+                    const double begin = spsi_cell_patch_begin(grid, at[k]),
+                                 end = spsi_cell_patch_begin(grid, at[k] + 1);
                     to[along[k]] =
                         grid->corner[along[k]] + grid->edge * grid->size[along[k]] * (begin + part[k] * (end - begin));
                 }

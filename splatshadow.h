@@ -4270,7 +4270,9 @@ typedef struct spsi_cell_grid {
     float *seen;    /* per material and channel: radiance towards the eye per optical depth scattered */
     int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
-    float *patches; /* the grid's sides in parts, >>cells: place, area and, per channel, what leaves each */
+    int across;     /* parts of the grid's sides, >>cells, along an edge */
+    float *patches; /* these: place, area and, per channel, what leaves each */
+    float *thick;   /* per channel: optical depth along an edge, on the mean of all cells */
     float *scale;   /* per channel: of extinction, on the mean of all gas */
     float *pyramid; /* levels of depth, each half as fine; then of each material's; >>flights; NULL: nothing flies */
     size_t pyramid_rows; /* rows of each pyramid */
@@ -18403,6 +18405,7 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 #define SPSI_CELL_LEVELS     9  /* 256 cells, halved down to one */
 #define SPSI_CELL_ALONG      21 /* directions that rise along z */
 #define SPSI_CELL_BEAMS      17 /* most directions that a row of cells is swept in at once */
+#define SPSI_CELL_RAYS       64 /* by which a part of the grid's sides looks into it */
 
 /* A direction in which light is carried. */
 typedef struct spsi_cell_direction {
@@ -18414,8 +18417,9 @@ typedef struct spsi_cell_direction {
     double back[3], across[2][3]; /* unit vectors: against it, and perpendicular */
 } spsi_cell_direction;
 
-/* A grid of cells for one channel. Rows are padded to whole vectors by cells without extinction. */
+/* A grid of cells for one channel, of a solver. Rows are padded to whole vectors by cells without extinction. */
 typedef struct spsi_cell_level {
+    const struct spsi_cell_solver *solver;
     int size[3], pitch;                /* cells along each axis; floats per row */
     size_t count;                      /* floats per array */
     float *depth;                      /* scaled optical depth along an edge */
@@ -18423,6 +18427,7 @@ typedef struct spsi_cell_level {
     float *average[SPSI_CELL_LENGTHS]; /* the mean of transmittance along it */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
     float *given, *sent, *moments[2];  /* each an array per term; moments[1] is scratch after a sweep */
+    const float *walls;                /* per cell: radiance that enters it by closed links; NULL: none */
     /* Per cell: bit i closes the link of step i, >>lighting; then the same from outside the grid, by direction at a
        slant. NULL: all are open. */
     uint32_t *closed;
@@ -18438,6 +18443,13 @@ static size_t spsi_cell_stride(size_t cells) {
     return cells < 4096 ? cells : cells + (1024 + 80 - cells % 1024) % 1024;
 }
 
+/* The rays by which a part of the grid's sides looks into it. `out`: along the side, and out of it; `weight`: in flux;
+   `harmonic`: of `out`; `fit`: what a ray's radiance counts in each harmonic. */
+typedef struct spsi_cell_rays {
+    float out[3][SPSI_CELL_RAYS], weight[SPSI_CELL_RAYS];
+    float harmonic[SPSI_CELL_RAYS][SPSI_CELL_TERMS], fit[SPSI_CELL_RAYS][SPSI_CELL_TERMS];
+} spsi_cell_rays;
+
 typedef struct spsi_cell_solver {
     sps_context *context;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
@@ -18445,7 +18457,8 @@ typedef struct spsi_cell_solver {
     spsi_cell_level levels[SPSI_CELL_LEVELS];
     float *scratch;  /* rows and planes of radiance */
     double *balance; /* per plane of cells: what is missing, and what is sent */
-    float *leaving;  /* what leaves the grid: falling, rising, then within each plane of cells; NULL: not wanted */
+    spsi_cell_rays rays;
+    int walled; /* 1: links between cells are closed */
 } spsi_cell_solver;
 
 /* The link by which light in the direction of a step enters a cell. */
@@ -18591,38 +18604,31 @@ static size_t spsi_cell_scratch_floats(const spsi_cell_level *finest) {
     return along > rows ? along : rows;
 }
 
-typedef struct spsi_cell_pass {
-    const spsi_cell_solver *solver;
-    const spsi_cell_level *level;
-    const float *walls; /* per cell: radiance that enters it by closed links; NULL: none */
-} spsi_cell_pass;
-
 /* The distance between cells of a row whose links may be closed, from the first one on; 0: all are open. Those from
    outside matter only for what polygons send; of a row within the grid, only both ends have such. */
-static int spsi_cell_row_closed(const spsi_cell_pass *pass, size_t row) {
-    const spsi_cell_level *level = pass->level;
+static int spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
     const int number = (int)(row / (size_t)level->pitch), y = number % level->size[1], z = number / level->size[1];
     const int walled = level->closed ? level->walled[number] : 0;
-    if (!walled || (walled == 2 && !pass->walls)) return 0;
+    if (!walled || (walled == 2 && !level->walls)) return 0;
     if (walled == 1 || y == 0 || y == level->size[1] - 1 || z == 0 || z == level->size[2] - 1) return 1;
     return spsi_most(1, level->size[0] - 1);
 }
 
 /* What enters a row of cells from their neighbours, given what has left those: a copy in `own`, where links are
    closed. */
-static const float *spsi_cell_row_enters(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction,
+static const float *spsi_cell_row_enters(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
                                          const float *in, float *own) {
     const int link = spsi_cell_link(direction->step[0], direction->step[1], direction->step[2]);
-    const int stride = spsi_cell_row_closed(pass, row), size = pass->level->size[0];
-    const uint32_t *closed = pass->level->closed;
+    const int stride = spsi_cell_row_closed(level, row), size = level->size[0];
+    const uint32_t *closed = level->closed;
     int x = 0;
     if (!stride) return in;
     closed += row;
     while (x < size && !(closed[x] >> link & 1)) x += stride;
     if (x >= size) return in;
-    for (int n = 0; n < pass->level->pitch; n += SPSI_LANES) spsi_store(own + n, spsi_load(in + n));
+    for (int n = 0; n < level->pitch; n += SPSI_LANES) spsi_store(own + n, spsi_load(in + n));
     for (; x < size; x += stride)
-        if (closed[x] >> link & 1) own[x] = pass->walls ? pass->walls[row + (size_t)x] : 0;
+        if (closed[x] >> link & 1) own[x] = level->walls ? level->walls[row + (size_t)x] : 0;
     return own;
 }
 
@@ -18646,9 +18652,8 @@ typedef struct spsi_cell_links {
     int bit[2], end;
 } spsi_cell_links;
 
-static spsi_cell_links spsi_cell_links_of(const spsi_cell_pass *pass, const spsi_cell_direction *direction, size_t row,
-                                          const int step[3]) {
-    const spsi_cell_level *level = pass->level;
+static spsi_cell_links spsi_cell_links_of(const spsi_cell_level *level, const spsi_cell_direction *direction,
+                                          size_t row, const int step[3]) {
     const int number = (int)(row / (size_t)level->pitch);
     const int y = number % level->size[1] - step[1], z = number / level->size[1] - step[2];
     const int leaves = y < 0 || y >= level->size[1] || z < 0 || z >= level->size[2];
@@ -18657,7 +18662,7 @@ static spsi_cell_links spsi_cell_links_of(const spsi_cell_pass *pass, const spsi
     for (int i = 0; i < 2; ++i) {
         const int outside = direction->axis >= 0 && (i == 1 || leaves);
         links.closed[i] = level->closed + (outside ? level->count : 0) + row;
-        links.bit[i] = outside ? (int)(direction - pass->solver->directions) - SPSI_CELL_STRAIGHT
+        links.bit[i] = outside ? (int)(direction - level->solver->directions) - SPSI_CELL_STRAIGHT
                                : spsi_cell_link(step[0], step[1], step[2]);
     }
     return links;
@@ -18669,42 +18674,41 @@ static inline int spsi_cell_shut(const spsi_cell_links *links, int x) {
 }
 
 /* spsi_cell_rows_follow for one of the directions, where links within the row are closed. */
-static void spsi_cell_row_follow_closed(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction,
+static void spsi_cell_row_follow_closed(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
                                         const float *sent, float share, float *in) {
-    const spsi_cell_level *level = pass->level;
     const int back = direction->step[0] < 0, step[3] = {direction->step[0], 0, 0};
     const float *through = level->through[direction->length] + row;
-    const spsi_cell_links links = spsi_cell_links_of(pass, direction, row, step);
+    const spsi_cell_links links = spsi_cell_links_of(level, direction, row, step);
     float radiance = 0;
     for (int n = 0; n < level->pitch; ++n) {
         const int x = back ? level->pitch - 1 - n : n;
-        const float wall = pass->walls ? pass->walls[row + (size_t)x] : 0;
+        const float wall = level->walls ? level->walls[row + (size_t)x] : 0;
         in[x] += share * (spsi_cell_shut(&links, x) ? wall : radiance);
         radiance = sent[x] + (in[x] - sent[x]) * through[x];
     }
 }
 
 /* Adds what polygons outside the grid send into a row's end. */
-static void spsi_cell_row_end(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction, float share,
-                              float *in) {
+static void spsi_cell_row_end(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
+                              float share, float *in) {
     const int step[3] = {direction->step[0], 0, 0};
-    const spsi_cell_links links = spsi_cell_links_of(pass, direction, row, step);
-    if (spsi_cell_shut(&links, links.end)) in[links.end] += share * pass->walls[row + (size_t)links.end];
+    const spsi_cell_links links = spsi_cell_links_of(level, direction, row, step);
+    if (spsi_cell_shut(&links, links.end)) in[links.end] += share * level->walls[row + (size_t)links.end];
 }
 
 /* The radiance that enters each cell of a row in two directions, the first with a step back along x, the second with
    one ahead: what is in `in` already, and `share` of what leaves the cell before it. Each cell waits for that one; two
    directions at once hide half of the time. `sent`: two scratch rows. */
-static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *const direction[2],
-                                  float share, float *const sent[2], float *const in[2]) {
-    const spsi_cell_level *level = pass->level;
-    const int last = level->pitch - 1, stride = spsi_cell_row_closed(pass, row);
+static void spsi_cell_rows_follow(const spsi_cell_level *level, size_t row,
+                                  const spsi_cell_direction *const direction[2], float share, float *const sent[2],
+                                  float *const in[2]) {
+    const int last = level->pitch - 1, stride = spsi_cell_row_closed(level, row);
     const float *through = level->through[direction[0]->length] + row;
     float back = 0, ahead = 0;
     for (int i = 0; i < 2; ++i) {
-        spsi_cell_row_sent(level, row, direction[i], pass->solver->terms, sent[i]);
-        if (stride == 1) spsi_cell_row_follow_closed(pass, row, direction[i], sent[i], share, in[i]);
-        if (stride > 1) spsi_cell_row_end(pass, row, direction[i], share, in[i]);
+        spsi_cell_row_sent(level, row, direction[i], level->solver->terms, sent[i]);
+        if (stride == 1) spsi_cell_row_follow_closed(level, row, direction[i], sent[i], share, in[i]);
+        if (stride > 1) spsi_cell_row_end(level, row, direction[i], share, in[i]);
     }
     if (stride == 1) return;
     for (int x = 0; x <= last; x += SPSI_LANES)
@@ -18720,99 +18724,30 @@ static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const 
     }
 }
 
-/* --- what leaves the grid --- */
-
-#define SPSI_CELL_PATCHES 8 /* along each edge of a side of the grid */
-#define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
-/* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
-#define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-
-/* The patch of a side that a cell is part of, and the first cell of a patch. */
-static int spsi_cell_patch(int at, int size) { return at * SPSI_CELL_PATCHES / size; }
-static int spsi_cell_patch_first(int patch, int size) {
-    return (patch * size + SPSI_CELL_PATCHES - 1) / SPSI_CELL_PATCHES;
-}
-
-/* Floats of what leaves the grid, by part of a sweep, patch and harmonic. */
-static size_t spsi_cell_leaving_floats(int planes) {
-    return SPSI_CELL_TERMS * SPSI_CELL_SHEET * (size_t)(2 + planes);
-}
-
-/* The share of its cosine with which each side of the grid counts that light leaves by, where it leaves a cell by
-   several (bits, by axis) at once: at a slant all of it crosses the side along its axis, and a third each of the
-   others. So what leaves is what the cells beyond would receive. */
-static float spsi_cell_leaving_share(const spsi_cell_direction *direction, int sides) {
-    const int count = (sides & 1) + (sides >> 1 & 1) + (sides >> 2 & 1);
-    if (direction->axis < 0) return 1.0f / (float)count;
-    if (sides >> direction->axis & 1) return 3.0f / (float)(2 + count);
-    return count == 2 ? 5.0f / 6 : 1;
-}
-
-/* Adds what light of a direction carries through the sides of the grid that a row of cells touches, per area of a
-   cell's face: the mean over all directions of radiance times cosine, and of that times each harmonic. patch: the
-   row's, across x. */
-static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, const spsi_cell_direction *direction,
-                                 int patch[3], const float *out, float *leaving) {
-    static const int harmonic[3] = {3, 1, 2};
-    const int *step = direction->step, *size = level->size, last = size[0] - 1;
-    const int row = (step[1] && y == (step[1] < 0 ? 0 : size[1] - 1) ? 2 : 0) |
-                    (step[2] && z == (step[2] < 0 ? 0 : size[2] - 1) ? 4 : 0);
-    const int first = !row && step[0] > 0 ? last : 0, end = row ? size[0] : step[0] ? first + 1 : 0;
-    for (int x = first, next; x < end; x = next) {
-        const int sides = row | (step[0] && x == (step[0] < 0 ? 0 : last) ? 1 : 0);
-        float sent = 0;
-        patch[0] = spsi_cell_patch(x, size[0]);
-        next = sides & 1 ? x + 1 : spsi_least(spsi_cell_patch_first(patch[0] + 1, size[0]), end - (step[0] > 0));
-        for (int i = x; i < next; ++i) sent += out[i];
-        sent *= direction->weight * spsi_cell_leaving_share(direction, sides);
-        for (int k = 0; k < 3; ++k) {
-            const int low = k == 0 ? 1 : 0, high = k == 2 ? 1 : 2, side = 2 * k + (step[k] > 0);
-            const float u = 0.57735027f * fabsf(direction->harmonic[harmonic[k]]);
-            const int at = side * SPSI_CELL_SIDE + patch[high] * SPSI_CELL_PATCHES + patch[low];
-            float *to = &leaving[at * SPSI_CELL_TERMS];
-            for (int i = 0; i < SPSI_CELL_TERMS && sides >> k & 1; i += SPSI_LANES)
-                spsi_store(&to[i], spsi_fma(spsi_set(sent * u), spsi_load(&direction->harmonic[i]), spsi_load(&to[i])));
-        }
-    }
-}
-
-/* Carries light through row y of plane z, in directions of one of the sweep's three parts. */
-static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int z, const spsi_cell_beams *beams,
-                                const float *const before[2], float *moments) {
-    const spsi_cell_level *level = pass->level;
-    float *leaving = level == pass->solver->levels ? pass->solver->leaving : NULL;
-    int patch[3] = {0, spsi_cell_patch(y, level->size[1]), spsi_cell_patch(z, level->size[2])};
-    spsi_cell_row(level, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, beams, before, moments,
-                  pass->solver->terms);
-    for (int i = 0; i < beams->count && leaving; ++i)
-        spsi_cell_row_leaves(level, y, z, beams->direction[i], patch, beams->out[i],
-                             leaving + (size_t)(part < 2 ? part : part + z) * SPSI_CELL_TERMS * SPSI_CELL_SHEET);
-}
-
 /* --- sweeping --- */
 
 /* A plane that is being swept along z, falling (index 0) or rising (1). */
 typedef struct spsi_cell_along {
-    const spsi_cell_pass *pass;
+    const spsi_cell_level *level;
     const spsi_cell_direction *directions[SPSI_CELL_ALONG];
     float *planes, *rows; /* two planes for each direction; rows of what enters at a slant, and what is sent */
     int index, z, number; /* number: of planes before this one */
 } spsi_cell_along;
 
-static void spsi_cell_along_begin(const spsi_cell_pass *pass, int index, spsi_cell_along *along) {
-    const spsi_cell_direction *directions = pass->solver->directions;
-    along->pass = pass;
+static void spsi_cell_along_begin(const spsi_cell_level *level, int index, spsi_cell_along *along) {
+    const spsi_cell_direction *directions = level->solver->directions;
+    along->level = level;
     along->index = index;
-    along->planes = pass->solver->scratch + (size_t)index * spsi_cell_along_floats(pass->level);
-    along->rows = along->planes + 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(pass->level);
+    along->planes = level->solver->scratch + (size_t)index * spsi_cell_along_floats(level);
+    along->rows = along->planes + 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(level);
     for (int i = 0; i < 9; ++i) along->directions[i] = &directions[(index ? 17 : 0) + i];
     for (int i = 0; i < 12; ++i) along->directions[9 + i] = &directions[SPSI_CELL_STRAIGHT + 12 * index + i];
-    memset(along->planes, 0, spsi_cell_along_floats(pass->level) * sizeof(float));
+    memset(along->planes, 0, spsi_cell_along_floats(level) * sizeof(float));
 }
 
 /* The radiance that has left row y in this plane, or in the one before. */
 static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, int before, int y) {
-    const spsi_cell_level *level = along->pass->level;
+    const spsi_cell_level *level = along->level;
     const int plane = 2 * direction + (before ? along->number % 2 : 1 - along->number % 2);
     return along->planes + (size_t)plane * spsi_cell_plane_floats(level) +
            (size_t)(y + 1) * spsi_cell_row_floats(level) + SPSI_LANES;
@@ -18822,21 +18757,21 @@ static const float spsi_cell_shares[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9
 
 /* Puts right what enters the closed cells of a row at a slant, given what has left four rows. Along x, the cell
    straight on is followed in turn. */
-static void spsi_cell_slant_closed(const spsi_cell_pass *pass, const spsi_cell_direction *direction, size_t row,
+static void spsi_cell_slant_closed(const spsi_cell_level *level, const spsi_cell_direction *direction, size_t row,
                                    const float *const from[4], float *in) {
-    const uint32_t *closed = pass->level->closed;
-    const int stride = spsi_cell_row_closed(pass, row);
+    const uint32_t *closed = level->closed;
+    const int stride = spsi_cell_row_closed(level, row);
     const int x = direction->step[0], y = direction->step[1], z = direction->step[2], axis = direction->axis;
     const int near_y = axis == 2 ? 0 : y, near_z = axis == 2 ? z : 0;
     const int steps[4][3] = {
         {0, near_y, near_z}, {x, near_y, near_z}, {axis == 0 ? x : 0, axis == 0 ? 0 : y, z}, {x, y, z}};
     spsi_cell_links links[4];
     int found = 0;
-    for (int n = 0; n < pass->level->size[0] && stride; n += stride) {
+    for (int n = 0; n < level->size[0] && stride; n += stride) {
         const size_t at = row + (size_t)n;
-        const float wall = pass->walls ? pass->walls[at] : 0;
-        if (!closed[at] && !closed[pass->level->count + at]) continue;
-        for (int k = 0; k < 4 && !found; ++k) links[k] = spsi_cell_links_of(pass, direction, row, steps[k]);
+        const float wall = level->walls ? level->walls[at] : 0;
+        if (!closed[at] && !closed[level->count + at]) continue;
+        for (int k = 0; k < 4 && !found; ++k) links[k] = spsi_cell_links_of(level, direction, row, steps[k]);
         found = 1;
         in[n] = 0;
         for (int k = axis == 0 ? 1 : 0; k < 4; ++k)
@@ -18847,7 +18782,7 @@ static void spsi_cell_slant_closed(const spsi_cell_pass *pass, const spsi_cell_d
 /* The radiance that enters row y at a slant, a third of the way between four cells: straight on, except along x, and a
    step along x aside. */
 static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, float *in) {
-    const spsi_cell_level *level = along->pass->level;
+    const spsi_cell_level *level = along->level;
     const spsi_cell_direction *direction = along->directions[i];
     const int x = direction->step[0], back = y - direction->step[1], first = direction->axis == 0 ? 1 : 0;
     const size_t row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
@@ -18859,13 +18794,13 @@ static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, fl
         for (int k = first; k < 3; ++k) sum = spsi_fma(spsi_set(spsi_cell_shares[k]), spsi_load(from[k] + n), sum);
         spsi_store(in + n, sum);
     }
-    spsi_cell_slant_closed(along->pass, direction, row, from, in);
+    spsi_cell_slant_closed(along->level, direction, row, from, in);
 }
 
 /* Sets what enters row y in some directions, which leave it in the plane's buffers. The last two take three steps along
    x, back and ahead. */
 static void spsi_cell_along_enter(const spsi_cell_along *along, int first, int y, spsi_cell_beams *beams) {
-    const spsi_cell_level *level = along->pass->level;
+    const spsi_cell_level *level = along->level;
     const size_t pitch = spsi_cell_row_floats(level),
                  row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
     float *const sent[2] = {along->rows + 8 * pitch, along->rows + 9 * pitch};
@@ -18883,15 +18818,15 @@ static void spsi_cell_along_enter(const spsi_cell_along *along, int first, int y
             continue;
         }
         left = spsi_cell_along_row(along, first + k, 1, y - direction->step[1]) - direction->step[0];
-        beams->in[k] = spsi_cell_row_enters(along->pass, row, direction, left, along->rows + (size_t)(10 + k) * pitch);
+        beams->in[k] = spsi_cell_row_enters(along->level, row, direction, left, along->rows + (size_t)(10 + k) * pitch);
     }
-    spsi_cell_rows_follow(along->pass, row, &beams->direction[beams->count - 2], spsi_cell_shares[0], sent,
+    spsi_cell_rows_follow(along->level, row, &beams->direction[beams->count - 2], spsi_cell_shares[0], sent,
                           &slanted[slants - 2]);
 }
 
 /* Sweeps some directions through the plane, in rising or falling order of rows; the first ones begin the moments. */
 static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int count, int falls) {
-    const spsi_cell_level *level = along->pass->level;
+    const spsi_cell_level *level = along->level;
     float *moments = level->moments[along->index];
     const float *const before[2] = {first > 0 ? moments : NULL, NULL};
     spsi_cell_beams beams;
@@ -18899,16 +18834,17 @@ static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int c
     for (int n = 0; n < level->size[1]; ++n) {
         const int y = falls ? level->size[1] - 1 - n : n;
         spsi_cell_along_enter(along, first, y, &beams);
-        spsi_cell_row_swept(along->pass, along->index, y, along->z, &beams, before, moments);
+        spsi_cell_row(level, (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch, &beams, before, moments,
+                      along->level->solver->terms);
     }
 }
 
 /* Sweeps all directions that fall (index 0) or rise (1) along z, plane by plane. */
 static void spsi_cells_along_task(void *data, int index) {
-    const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
-    const int planes = pass->level->size[2];
+    const spsi_cell_level *level = (const spsi_cell_level *)data;
+    const int planes = level->size[2];
     spsi_cell_along along;
-    spsi_cell_along_begin(pass, index, &along);
+    spsi_cell_along_begin(level, index, &along);
     for (along.number = 0; along.number < planes; ++along.number) {
         along.z = index ? along.number : planes - 1 - along.number;
         spsi_cell_along_sweep(&along, 0, SPSI_CELL_BEAMS, 0);
@@ -18918,9 +18854,9 @@ static void spsi_cells_along_task(void *data, int index) {
 
 /* Sweeps the directions without a step along z, within plane z: the three that fall along y, or the others, of which
    the first two go along x. */
-static void spsi_cells_across(const spsi_cell_pass *pass, int z, int falls, const float *const before[2], float *rows) {
-    const spsi_cell_level *level = pass->level;
-    const spsi_cell_direction *directions = &pass->solver->directions[falls ? 9 : 12];
+static void spsi_cells_across(const spsi_cell_level *level, int z, int falls, const float *const before[2],
+                              float *rows) {
+    const spsi_cell_direction *directions = &level->solver->directions[falls ? 9 : 12];
     const size_t pitch = spsi_cell_row_floats(level);
     float *const in[2] = {rows + 9 * pitch, rows + 10 * pitch}, *const sent[2] = {rows + 11 * pitch, rows + 12 * pitch};
     spsi_cell_beams beams;
@@ -18941,30 +18877,27 @@ static void spsi_cells_across(const spsi_cell_pass *pass, int z, int falls, cons
                 continue;
             }
             left = rows + (size_t)(2 * k + n % 2) * pitch - directions[i].step[0];
-            beams.in[i] = spsi_cell_row_enters(pass, row, &directions[i], left, rows + (size_t)(6 + k) * pitch);
+            beams.in[i] = spsi_cell_row_enters(level, row, &directions[i], left, rows + (size_t)(6 + k) * pitch);
             beams.out[i] = rows + (size_t)(2 * k + 1 - n % 2) * pitch;
         }
-        if (!falls) spsi_cell_rows_follow(pass, row, beams.direction, 1, sent, in);
-        spsi_cell_row_swept(pass, 2, y, z, &beams, before, level->moments[0]);
+        if (!falls) spsi_cell_rows_follow(level, row, beams.direction, 1, sent, in);
+        spsi_cell_row(level, row, &beams, before, level->moments[0], level->solver->terms);
     }
 }
 
 /* Sweeps what is left, within plane z: directions without a step along z. */
 static void spsi_cells_plane_task(void *data, int z) {
-    const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
-    const spsi_cell_level *level = pass->level;
+    const spsi_cell_level *level = (const spsi_cell_level *)data;
     const float *const both[2] = {level->moments[0], level->moments[1]}, *const one[2] = {level->moments[0], NULL};
-    float *rows = pass->solver->scratch + SPSI_CELL_ROWS * spsi_cell_row_floats(level) * (size_t)z;
-    spsi_cells_across(pass, z, 1, both, rows);
-    spsi_cells_across(pass, z, 0, one, rows);
+    float *rows = level->solver->scratch + SPSI_CELL_ROWS * spsi_cell_row_floats(level) * (size_t)z;
+    spsi_cells_across(level, z, 1, both, rows);
+    spsi_cells_across(level, z, 0, one, rows);
 }
 
-static void spsi_cells_carry(spsi_cell_pass *pass) {
-    const spsi_cell_solver *solver = pass->solver;
-    if (pass->level == solver->levels && solver->leaving)
-        memset(solver->leaving, 0, spsi_cell_leaving_floats(pass->level->size[2]) * sizeof(float));
-    spsi_parallel_items(solver->context, 2, spsi_cells_along_task, pass);
-    spsi_parallel_items(solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
+/* Carries what cells send through all of the grid. */
+static void spsi_cells_sweep(spsi_cell_level *level) {
+    spsi_parallel_items(level->solver->context, 2, spsi_cells_along_task, level);
+    spsi_parallel_items(level->solver->context, level->size[2], spsi_cells_plane_task, level);
 }
 
 /* --- the equations --- */
@@ -18981,13 +18914,12 @@ static inline spsi_v spsi_cell_unkept(const spsi_cell_level *level, const float 
 
 /* After a sweep: what each cell of a plane sends too little, as a residual in moments[1], and the plane's balance. */
 static void spsi_cells_miss_task(void *data, int z) {
-    const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
-    const spsi_cell_level *level = pass->level;
+    const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
     const size_t end = first + (size_t)(level->size[1] * level->pitch);
-    double *balance = pass->solver->balance + 2 * z;
+    double *balance = level->solver->balance + 2 * z;
     spsi_v missing = spsi_set(0), all = missing;
-    for (int t = 0; t < pass->solver->terms; ++t) {
+    for (int t = 0; t < level->solver->terms; ++t) {
         const float *keep = level->keep[spsi_term_degree(t)];
         for (size_t at = first; at < end; at += SPSI_LANES) {
             const size_t term = (size_t)t * level->count + at;
@@ -19008,11 +18940,10 @@ static void spsi_cells_miss_task(void *data, int z) {
 
 /* The same, put right as far as a cell by itself can: what it sends more, it receives in part. */
 static void spsi_cells_mend_task(void *data, int z) {
-    const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
-    const spsi_cell_level *level = pass->level;
+    const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
     spsi_cells_miss_task(data, z);
-    for (int t = 0; t < pass->solver->terms; ++t) {
+    for (int t = 0; t < level->solver->terms; ++t) {
         const float *keep = level->keep[spsi_term_degree(t)], *miss = level->moments[1] + (size_t)t * level->count;
         float *sent = level->sent + (size_t)t * level->count;
         for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES) {
@@ -19107,7 +19038,7 @@ static void spsi_cells_correct_task(void *data, int z) {
 /* Ways through the cells of a plane. */
 static void spsi_cells_ways_task(void *data, int z) {
     static const float ways[SPSI_CELL_LENGTHS] = {1, 1.41421356f, 1.73205081f, 1.10554160f};
-    const spsi_cell_level *level = ((const spsi_cell_pass *)data)->level;
+    const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
     for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES)
         for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
@@ -19133,51 +19064,49 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
     return sent > 0 ? missing / sent : 0;
 }
 
-/* Carries what a level's cells send through all of the grid: its moments and, of the finest level, what leaves it. Then
-   finds what its cells miss, or mends it, unless `task` is NULL. */
-static void spsi_cells_check(const spsi_cell_solver *solver, const spsi_cell_level *level, spsi_item_fn task) {
-    spsi_cell_pass pass = {solver, level, NULL};
-    spsi_cells_carry(&pass);
-    if (task) spsi_parallel_items(solver->context, level->size[2], task, &pass);
+/* Sweeps a level, and finds what its cells miss, or mends it. */
+static void spsi_cells_check(spsi_cell_level *level, spsi_item_fn task) {
+    spsi_cells_sweep(level);
+    spsi_parallel_items(level->solver->context, level->size[2], task, level);
 }
 
 /* Corrects what a level sends, given what it misses, by two cycles of the next coarser one; the coarsest is mended as
    often as it takes. Coarse levels are mended before they are corrected, which halves the number of cycles; the finest
    converges as fast without. Recursion is as deep as there are levels. */
-static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
-    const spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
+static void spsi_cells_cycle(spsi_cell_solver *solver, int n) {
+    spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
     if (n == solver->level_count - 1) {
-        for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_check(solver, level, spsi_cells_mend_task);
+        for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_check(level, spsi_cells_mend_task);
         return;
     }
-    if (n > 0) spsi_cells_check(solver, level, spsi_cells_miss_task);
+    if (n > 0) spsi_cells_check(level, spsi_cells_miss_task);
     /* coarse cells are given what fine ones miss */
     spsi_cell_step step = {level, coarse, level->moments[1], coarse->given, solver->terms};
     spsi_parallel_items(solver->context, coarse->size[2], spsi_cells_coarsen_task, &step);
     spsi_copy(solver->context, coarse->sent, coarse->given, (size_t)solver->terms * coarse->count * sizeof(float));
     for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
-    spsi_cells_check(solver, coarse, NULL);
+    spsi_cells_sweep(coarse);
     spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
 }
 
 /* Sets up all levels from the finest one's depth and albedo. */
-static void spsi_cells_levels(const spsi_cell_solver *solver) {
+static void spsi_cells_levels(spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
-        spsi_cell_pass pass = {solver, &solver->levels[n], NULL};
+        spsi_cell_level *level = &solver->levels[n];
         if (n > 0) {
-            const spsi_cell_level *fine = &solver->levels[n - 1];
-            spsi_cell_step step = {fine, pass.level, fine->keep[0], pass.level->keep[0], solver->orders};
-            spsi_parallel_items(solver->context, pass.level->size[2], spsi_cells_coarsen_task, &step);
+            const spsi_cell_level *fine = level - 1;
+            spsi_cell_step step = {fine, level, fine->keep[0], level->keep[0], solver->orders};
+            spsi_parallel_items(solver->context, level->size[2], spsi_cells_coarsen_task, &step);
         }
-        spsi_parallel_items(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
+        spsi_parallel_items(solver->context, level->size[2], spsi_cells_ways_task, level);
     }
 }
 
 /* Solves for what cells of the finest level send, whose depth, keep and given are set; moments, and what leaves, are
    those of what is sent. Before anything is sent, all that is given is missing: coarse levels begin. `started`: 1:
    cells send what they did before more was given. */
-static sps_result spsi_cells_solve(const spsi_cell_solver *solver, int started, const spsi_part_of_call *part) {
-    const spsi_cell_level *finest = &solver->levels[0];
+static sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, const spsi_part_of_call *part) {
+    spsi_cell_level *finest = &solver->levels[0];
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
     if (!started) {
         spsi_cells_levels(solver);
@@ -19188,7 +19117,7 @@ static sps_result spsi_cells_solve(const spsi_cell_solver *solver, int started, 
     for (int i = 0;; ++i) {
         if (spsi_progress(solver->context, spsi_part_done(part, (double)i / (SPSI_CELL_CYCLES + 1))))
             return solver->context->result;
-        spsi_cells_check(solver, finest, spsi_cells_miss_task);
+        spsi_cells_check(finest, spsi_cells_miss_task);
         if (i == SPSI_CELL_CYCLES || spsi_cells_imbalance(solver, finest) < SPSI_CELL_BALANCE) return SPS_OK;
         spsi_cells_cycle(solver, 0);
     }
@@ -19309,72 +19238,95 @@ static void spsi_cells_continue_task(void *data, int row) {
 
 /* --- what lights polygons --- */
 
-/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and per channel its
-   flux and the polynomial of what leaves it. */
+#define SPSI_CELL_PATCHES 8 /* along each edge of a side of the grid */
+#define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
+/* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
+#define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
+#define SPSI_CELL_AIM 0.6f /* of a way through the grid: where light that leaves it comes from */
+#define SPSI_CELL_PLACES 6 /* floats of where a patch is: its middle, from the grid's corner; area; widths */
+
+/* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    return (size_t)((4 + (1 + SPSI_CELL_TERMS) * grid->channels) * SPSI_CELL_SHEET);
+    return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * grid->channels) * SPSI_CELL_SHEET);
+}
+
+/* What leaves patches in a channel. */
+static float *spsi_cell_patches_sent(const spsi_cell_grid *grid, int channel) {
+    return grid->patches + (SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
+}
+
+/* Where a patch begins, as a share of the side's edge: at rims, where light changes most, patches are half as wide. */
+static double spsi_cell_patch_begin(const spsi_cell_grid *grid, int patch) {
+    const double at = (double)patch / grid->across;
+    return 0.5 * at * (1 + at * (3 - 2 * at));
+}
+
+/* The side of the grid that a patch is part of. */
+static int spsi_cell_patch_side(const spsi_cell_grid *grid, int patch) { return patch / (grid->across * grid->across); }
+
+/* Sets where a patch begins and ends along the first or second axis of its side. */
+static void spsi_cell_patch_set(const spsi_cell_grid *grid, int patch, int i, double begin, double end) {
+    const int axis = spsi_cell_patch_side(grid, patch) / 2, along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
+    float *own = grid->patches + patch;
+    own[along[i] * SPSI_CELL_SHEET] = (float)(0.5 * (begin + end));
+    own[(4 + i) * SPSI_CELL_SHEET] = (float)(end - begin);
+    own[3 * SPSI_CELL_SHEET] = own[4 * SPSI_CELL_SHEET] * own[5 * SPSI_CELL_SHEET];
 }
 
 /* Sets where patches are. */
 static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
-    float *at[4];
-    for (int k = 0; k < 4; ++k) at[k] = grid->patches + k * SPSI_CELL_SHEET;
-    for (int n = 0; n < SPSI_CELL_SHEET; ++n) {
-        const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
-        const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
-        const int patch[2] = {n % SPSI_CELL_PATCHES, n / SPSI_CELL_PATCHES % SPSI_CELL_PATCHES};
-        double area = 1;
-        at[axis][n] = upper ? (float)(grid->edge * grid->size[axis]) : 0;
+    for (int n = 0; n < 6 * grid->across * grid->across; ++n) {
+        const int side = spsi_cell_patch_side(grid, n), axis = side / 2;
+        const int at[2] = {n % grid->across, n / grid->across % grid->across};
+        grid->patches[axis * SPSI_CELL_SHEET + n] = side % 2 ? (float)(grid->edge * grid->size[axis]) : 0;
         for (int i = 0; i < 2; ++i) {
-            const int first = spsi_cell_patch_first(patch[i], grid->size[along[i]]);
-            const int end = spsi_cell_patch_first(patch[i] + 1, grid->size[along[i]]);
-            at[along[i]][n] = (float)(0.5 * grid->edge * (first + end));
-            area *= grid->edge * (end - first);
+            const double extent = grid->edge * grid->size[i == 0 ? axis == 0 : axis == 2 ? 1 : 2];
+            spsi_cell_patch_set(grid, n, i, extent * spsi_cell_patch_begin(grid, at[i]),
+                                extent * spsi_cell_patch_begin(grid, at[i] + 1));
         }
-        at[3][n] = (float)area;
     }
 }
 
-/* Turns the sums of a side's patches into harmonics that have them, which are their radiance times pi. Sums over the
-   cells' own directions stand for integrals, so that even light stays even. Degree 3 is damped: its sums err most. */
-static void spsi_cell_side_fit(const spsi_cell_direction *directions, int side, float *sum) {
-    static const int along[3] = {3, 1, 2};
-    double matrix[SPSI_CELL_TERMS][SPSI_CELL_TERMS] = {{0}};
-    for (int n = 0; n < SPSI_CELL_DIRECTIONS; ++n) {
-        const float *harmonic = directions[n].harmonic;
-        const double u = sqrt(1.0 / 3) * (double)harmonic[along[side / 2]] * (side % 2 ? 1 : -1);
-        for (int i = 0; i < SPSI_CELL_TERMS && u > 0; ++i)
-            for (int k = 0; k < SPSI_CELL_TERMS; ++k)
-                matrix[i][k] += 4 * u * (double)(directions[n].weight * harmonic[i] * harmonic[k]);
+/* Sets a patch's rays: half of the sphere is that of an octahedron, seen as a square of 8 x 8. The sum of harmonics
+   that is nearest to what they find, by solid angle, is linear in that. */
+static void spsi_cell_rays_build(spsi_cell_rays *rays) {
+    double matrix[SPSI_CELL_TERMS][SPSI_CELL_TERMS] = {{0}}, fit[SPSI_CELL_TERMS][SPSI_CELL_RAYS];
+    for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
+        const double s = 0.25 * (n % 8 + 0.5) - 1, t = 0.25 * (n / 8 + 0.5) - 1;
+        double out[3] = {0.5 * (s + t), 0.5 * (s - t), 1 - 0.5 * (fabs(s + t) + fabs(s - t))};
+        const double length = spsi_length(out), angle = 1 / (length * length * length);
+        float *harmonic = rays->harmonic[n];
+        spsi_normalise(out);
+        spsi_harmonics(out, harmonic);
+        rays->weight[n] = (float)(angle * out[2] / 32); /* the sum is pi */
+        for (int k = 0; k < 3; ++k) rays->out[k][n] = (float)out[k];
+        for (int i = 0; i < SPSI_CELL_TERMS; ++i) {
+            fit[i][n] = angle * (double)harmonic[i];
+            for (int k = 0; k < SPSI_CELL_TERMS; ++k) matrix[i][k] += fit[i][n] * (double)harmonic[k];
+        }
     }
-    for (int i = 9; i < SPSI_CELL_TERMS; ++i) matrix[i][i] *= 1.15;
     for (int i = 0; i < SPSI_CELL_TERMS; ++i) /* Gauss and Jordan: the matrix is positive definite */
         for (int k = 0; k < SPSI_CELL_TERMS; ++k) {
             const double share = k == i ? 1 - 1 / matrix[i][i] : matrix[k][i] / matrix[i][i];
             for (int m = 0; m < SPSI_CELL_TERMS; ++m) matrix[k][m] -= share * matrix[i][m];
-            for (int n = 0; n < SPSI_CELL_SIDE; ++n)
-                sum[k * SPSI_CELL_SHEET + n] -= (float)share * sum[i * SPSI_CELL_SHEET + n];
+            for (int n = 0; n < SPSI_CELL_RAYS; ++n) fit[k][n] -= share * fit[i][n];
         }
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i)
+        for (int n = 0; n < SPSI_CELL_RAYS; ++n) rays->fit[n][i] = (float)fit[i][n];
 }
 
-/* Sets what leaves patches, per area: the sum over parts of a sweep. */
-static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
-    const int count = SPSI_CELL_TERMS * SPSI_CELL_SHEET;
-    const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
-    float *flux = grid->patches + 4 * SPSI_CELL_SHEET + (count + SPSI_CELL_SHEET) * channel;
-    float *patch = flux + SPSI_CELL_SHEET;
-    for (int n = 0; n < count; n += SPSI_LANES) {
-        const int at = n / SPSI_CELL_TERMS;
-        const float per_area = area[at] > 0 ? (float)(4 * SPSI_PI * grid->edge * grid->edge) / area[at] : 1;
-        float lanes[SPSI_LANES];
-        spsi_v sum = spsi_set(0);
-        for (int i = 0; i < grid->size[2] + 2; ++i)
-            sum = spsi_add(sum, spsi_load(solver->leaving + (size_t)i * (size_t)count + n));
-        spsi_store(lanes, spsi_mul(sum, spsi_set(per_area)));
-        for (int i = 0; i < SPSI_LANES; ++i) patch[(n + i) % SPSI_CELL_TERMS * SPSI_CELL_SHEET + at] = lanes[i];
+/* About what even gas of an optical depth takes of light. */
+static inline spsi_v spsi_cell_shape(spsi_v depth) { return spsi_div(depth, spsi_add(depth, spsi_set(1))); }
+
+/* The length of a way through the grid, in units of `way`: from a place on its sides, relative to the corner. */
+static inline spsi_v spsi_cell_way_through(const double extent[3], const spsi_v from[3], const spsi_v way[3]) {
+    spsi_v length = spsi_set(1e30f);
+    for (int k = 0; k < 3; ++k) {
+        const spsi_m rises = spsi_less(spsi_set(0), way[k]);
+        const spsi_v ahead = spsi_select(rises, spsi_sub(spsi_set((float)extent[k]), from[k]), from[k]);
+        length = spsi_min(length, spsi_div(ahead, spsi_max(spsi_abs(way[k]), spsi_set(1e-20f))));
     }
-    memcpy(flux, patch, SPSI_CELL_SHEET * sizeof *flux);
-    for (int side = 0; side < 6; ++side) spsi_cell_side_fit(solver->directions, side, patch + side * SPSI_CELL_SIDE);
+    return length;
 }
 
 /* Adds a cell's moments to the irradiance of a surface, from whose normal light comes: of light of degree 0, 1, 2 the
@@ -19473,32 +19425,14 @@ static void spsi_cell_sight_ray(const spsi_cell_sight *sight, int patch, int num
     const int axis = patch / SPSI_CELL_SIDE / 2, upper = patch / SPSI_CELL_SIDE % 2;
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2}, bits[2] = {number % 2, number / 2};
     const int at[2] = {patch % SPSI_CELL_PATCHES, patch / SPSI_CELL_PATCHES % SPSI_CELL_PATCHES};
+    const float *own = grid->patches + patch;
     toward[axis] = grid->corner[axis] - start[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
     for (int i = 0; i < 2; ++i) {
-        const int k = along[i], first = spsi_cell_patch_first(at[i], grid->size[k]);
-        const int end = spsi_cell_patch_first(at[i] + 1, grid->size[k]);
-        const int part = (reversed[at[1 - i]] + SPSI_CELL_PATCHES / 2 * bits[i]) % SPSI_CELL_PATCHES;
-        const double shift = part + 0.25 * bits[i] + 0.5 * bits[1 - i] + 0.125;
-        toward[k] = grid->corner[k] - start[k] + grid->edge * (first + (end - first) * shift / SPSI_CELL_PATCHES);
+        const int k = along[i], part = (reversed[at[1 - i]] + SPSI_CELL_PATCHES / 2 * bits[i]) % SPSI_CELL_PATCHES;
+        const double shift = (part + 0.25 * bits[i] + 0.5 * bits[1 - i] + 0.125) / SPSI_CELL_PATCHES - 0.5;
+        toward[k] = grid->corner[k] - start[k] + (double)own[k * SPSI_CELL_SHEET];
+        toward[k] += shift * (double)own[(4 + i) * SPSI_CELL_SHEET];
     }
-}
-
-/* Bit mask of a side's patches that the surface faces, as far as they send anything. */
-static uint64_t spsi_cell_sight_faced(const spsi_cell_sight *sight, int side) {
-    const spsi_cell_grid *grid = sight->grid;
-    uint64_t faced = 0;
-    for (int n = 0; n < SPSI_CELL_SIDE; ++n) {
-        const float *patch = grid->patches + side * SPSI_CELL_SIDE + n;
-        double facing = 0;
-        float sent = 0;
-        for (int k = 0; k < 3; ++k)
-            facing +=
-                sight->normal[k] * ((double)patch[k * SPSI_CELL_SHEET] + grid->corner[k] - sight->surface->point[k]);
-        for (int c = 0; c < grid->channels; ++c)
-            sent += fabsf(patch[(4 + (1 + SPSI_CELL_TERMS) * c) * SPSI_CELL_SHEET]);
-        if (facing > 0 && sent > 0) faced |= (uint64_t)1 << n;
-    }
-    return faced;
 }
 
 /* Traces one of the rays to each of a side's patches in a bit mask. Returns those that polygons stop. */
@@ -19509,8 +19443,12 @@ static uint64_t spsi_cell_sight_trace(const spsi_cell_sight *sight, int side, ui
         spsi_packet packet;
         spsi_packet_begin(sight->faces, 0, 1, &packet);
         for (; n < SPSI_CELL_SIDE && count < SPSI_PACKET; ++n) {
+            const float *middle = sight->grid->patches + side * SPSI_CELL_SIDE + n;
             double toward[3];
             if (!(patches >> n & 1)) continue;
+            for (int k = 0; k < 3; ++k)
+                toward[k] = sight->grid->corner[k] + (double)middle[k * SPSI_CELL_SHEET] - sight->surface->point[k];
+            if (!(spsi_dot(toward, sight->normal) > 0)) continue;
             spsi_cell_sight_ray(sight, side * SPSI_CELL_SIDE + n, number, toward);
             spsi_packet_add(&sight->faces->tree, count, sight->face, sight->surface->start, toward, &packet);
             patch[count++] = n;
@@ -19532,8 +19470,7 @@ static uint64_t spsi_cell_patches_about(uint64_t patches) {
 /* Sets how much of a side's patches the surface sees: one ray each, four where seen and hidden patches meet. Returns 1
    if any is hidden. */
 static int spsi_cell_sight_side(const spsi_cell_sight *sight, int side, float *open) {
-    const uint64_t faced = spsi_cell_sight_faced(sight, side);
-    const uint64_t hidden = spsi_cell_sight_trace(sight, side, faced, 0), seen = faced & ~hidden;
+    const uint64_t hidden = spsi_cell_sight_trace(sight, side, ~(uint64_t)0, 0), seen = ~hidden;
     const uint64_t edge = (spsi_cell_patches_about(hidden) & seen) | (spsi_cell_patches_about(seen) & hidden);
     for (int n = 0; n < SPSI_CELL_SIDE && hidden; ++n)
         if (hidden >> n & 1) open[n] = edge >> n & 1 ? 0.75f : 0;
@@ -19558,29 +19495,48 @@ static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_S
     return hidden;
 }
 
-/* Adds the irradiance of a surface, in `count` channels, by a vector of patches, of which `way` is the way to a part,
-   `area` large: a disc, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2 + area), if
-   it is straight ahead; its second order in the size at a slant, area (3 u^2 - 2), is taken where it is above 0, and
-   discs where that is too little. `sent`: of the first channel, their flux and the polynomial of what leaves them. */
-static void spsi_cell_patches_send(const float *sent, int count, int axis, const spsi_v way[3], const spsi_v normal[3],
-                                   spsi_v area, spsi_v sums[3]) {
-    const spsi_v one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
-    const spsi_v away = spsi_div(spsi_set(-1), spsi_sqrt(square)), nearer = spsi_mul(away, away);
-    const spsi_v before = spsi_abs(way[axis]), u = spsi_min(spsi_abs(spsi_mul(before, away)), one);
-    const spsi_v toward[3] = {spsi_mul(way[0], away), spsi_mul(way[1], away), spsi_mul(way[2], away)};
-    const spsi_v zero = spsi_set(0), wide = spsi_min(spsi_mul(area, nearer), one);
-    const spsi_v facing = spsi_max(spsi_fma(spsi_mul(u, u), spsi_set(3), spsi_set(-2)), spsi_mul(wide, wide));
-    spsi_v share = spsi_mul(spsi_max(spsi_dot_v(way, normal), zero), before), harmonic[SPSI_CELL_TERMS];
+/* A side of the grid that lights a surface, in `count` channels. */
+typedef struct spsi_cell_sender {
+    const float *sent; /* by the first channel's patches */
+    int count, axis, along[2];
+    float thick[3];   /* per channel: the grid's mean extinction */
+    double extent[3]; /* of the grid */
+    spsi_v at[3], normal[3]; /* the surface's; `at`: from the grid's corner */
+} spsi_cell_sender;
+
+/* Adds the irradiance by a vector of patches, whose parts are `area` large. `way`: to their middles; `off`: of these,
+   from the patches'. They are discs, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2
+   + area (3 u^2 - 2)) to second order in their size, u being the cosine at the side; (3 u^2 - 2) grows to 1 where they
+   are near. Light comes from within the grid, not from its side: the direction in which a part sends is that from the
+   patch's middle to SPSI_CELL_AIM of the way through the grid. Then what is bright within stays in its place. */
+static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v way[3],
+                                   const spsi_v off[2], spsi_v area, spsi_v sums[3]) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
+    const spsi_v away = spsi_div(one, spsi_sqrt(square)), wide = spsi_min(spsi_mul(area, spsi_mul(away, away)), one);
+    const spsi_v ahead[3] = {spsi_mul(way[0], away), spsi_mul(way[1], away), spsi_mul(way[2], away)};
+    const spsi_v u = spsi_abs(ahead[from->axis]), seen = spsi_max(spsi_dot_v(ahead, from->normal), zero);
+    const spsi_v aslant = spsi_mul(spsi_sub(one, spsi_mul(u, u)), spsi_sub(one, wide));
+    const spsi_v wider = spsi_mul(area, spsi_fma(aslant, spsi_set(-3), one));
+    const spsi_v whole = spsi_fma(spsi_set((float)SPSI_PI), square, wider);
+    const spsi_v share = spsi_div(spsi_mul(spsi_mul(seen, u), area), whole);
+    spsi_v harmonic[SPSI_CELL_TERMS], place[3], toward[3], through, aim, scale;
+    if (!spsi_bits(spsi_less(zero, share))) return;
+    for (int k = 0; k < 3; ++k) place[k] = spsi_add(from->at[k], way[k]);
+    through = spsi_cell_way_through(from->extent, place, ahead);
+    aim = spsi_mul(through, spsi_set(SPSI_CELL_AIM));
+    for (int k = 0; k < 2; ++k) toward[k] = spsi_sub(zero, spsi_fma(ahead[from->along[k]], aim, off[k]));
+    toward[2] = spsi_mul(u, aim);
+    scale = spsi_div(one, spsi_sqrt(spsi_max(spsi_dot_v(toward, toward), spsi_set(1e-30f))));
+    for (int k = 0; k < 3; ++k) toward[k] = spsi_mul(toward[k], scale);
     spsi_harmonics_v(toward, SPSI_CELL_TERMS, harmonic);
-    share = spsi_min(spsi_mul(share, nearer), one);
-    share = spsi_mul(share, spsi_div(area, spsi_fma(spsi_set((float)SPSI_PI), square, spsi_mul(area, facing))));
-    for (int c = 0; c < count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
+    for (int c = 0; c < from->count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
         const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
+        const spsi_v depth = spsi_mul(through, spsi_set(from->thick[c]));
         spsi_v sum = spsi_load(sent + SPSI_CELL_SHEET);
         for (int i = 1; i < SPSI_CELL_TERMS; ++i)
             sum = spsi_fma(harmonic[i], spsi_load(sent + (1 + i) * SPSI_CELL_SHEET), sum);
         sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
-        sums[c] = spsi_fma(share, sum, sums[c]);
+        sums[c] = spsi_fma(spsi_mul(share, spsi_cell_shape(depth)), sum, sums[c]);
     }
 }
 
@@ -19588,80 +19544,85 @@ static void spsi_cell_patches_send(const float *sent, int count, int axis, const
 typedef struct spsi_cell_receiver {
     const double *point, *normal; /* normal: a unit vector */
     const float *open;            /* fraction of each patch that is seen; NULL: all of them */
-    int finest;                   /* a near patch counts as so many parts along an edge at most */
 } spsi_cell_receiver;
 
-/* Irradiance of a surface outside, in `count` channels from one on. Near patches count as parts of at most 0.6 of their
-   distance; nearer than a fifth of a patch, cells are looked up themselves. */
-static void spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
-                                          const spsi_cell_receiver *to, double irradiance[3]) {
-    const float *patch = grid->patches, *sent = patch + (4 + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
-    spsi_v all[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, from[3];
-    float lanes[SPSI_LANES];
-    spsi_set3(to->normal, from);
-    for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
-        const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
-        const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
-        const double before = to->point[axis] - grid->corner[axis] - (upper ? grid->edge * grid->size[axis] : 0);
-        const double longest = grid->edge * spsi_most(grid->size[along[0]], grid->size[along[1]]) / SPSI_CELL_PATCHES;
-        spsi_v middle[3], area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n), square;
-        spsi_v some[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-        int parts = 1; /* a patch may be all that a surface sees */
-        spsi_m near_by;
-        if (!(upper ? before > 0 : before < 0)) continue;
-        for (int k = 0; k < 3; ++k)
-            middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET + n),
-                                 spsi_set((float)(to->point[k] - grid->corner[k])));
-        square = spsi_dot_v(middle, middle);
-        near_by = spsi_less(square, spsi_set((float)(7.3 * longest * longest)));
-        if (fabs(before) >= 0.05 * longest && spsi_bits(near_by)) { /* elsewhere the parts are one */
-            double nearest = HUGE_VAL;
-            spsi_store(lanes, square);
-            for (int i = 0; i < SPSI_LANES; ++i) nearest = fmin(nearest, (double)lanes[i]);
-            nearest = fmax(fmax(sqrt(nearest) - 0.7 * longest, fabs(before)), 0.4 * longest);
-            parts = spsi_least((int)ceil(1.7 * longest / nearest), to->finest);
+/* Irradiance of a surface outside, in `count` channels from one on. Returns the share that nothing hides. */
+static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
+                                            const spsi_cell_receiver *to, double irradiance[3]) {
+    const int most = grid->across * grid->across / 8; /* parts along an edge of a patch: 8, of a coarse one 2 */
+    const spsi_v zero = spsi_set(0);
+    spsi_v all[3] = {zero, zero, zero}, whole = zero;
+    double seen = 0, sum;
+    spsi_cell_sender from;
+    from.sent = spsi_cell_patches_sent(grid, channel), from.count = count;
+    spsi_set3(to->normal, from.normal);
+    for (int k = 0; k < 3; ++k) from.extent[k] = grid->edge * grid->size[k];
+    for (int c = 0; c < count; ++c) from.thick[c] = grid->thick[channel + c] / (float)grid->edge;
+    for (int n = 0; n < 6 * grid->across * grid->across; n += SPSI_LANES) {
+        const float *patch = grid->patches + n;
+        const int side = spsi_cell_patch_side(grid, n), axis = from.axis = side / 2;
+        const double end = side % 2 ? from.extent[axis] : 0, outward = side % 2 ? 1 : -1;
+        spsi_v area = spsi_load(patch + 3 * SPSI_CELL_SHEET), middle[3], some[3] = {zero, zero, zero};
+        double at[3], square = 0, nearest = 0, beyond;
+        int parts[2];
+        spsi_along(to->point, grid->corner, -1, at);
+        beyond = outward * (at[axis] - end);
+        if (!(beyond > 0)) continue;
+        from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
+        for (int k = 0; k < 2; ++k) { /* off the vector's rows */
+            const float *own = patch + from.along[k] * SPSI_CELL_SHEET, *width = patch + (4 + k) * SPSI_CELL_SHEET;
+            const int last = k ? SPSI_LANES - 1 : spsi_least(SPSI_LANES, grid->across) - 1;
+            const double begin = (double)(own[0] - 0.5f * width[0]) - at[from.along[k]];
+            const double off = fmax(begin, at[from.along[k]] - (double)(own[last] + 0.5f * width[last]));
+            square += off > 0 ? off * off : 0;
+            nearest = fmax(nearest, 0.18 * from.extent[from.along[k]] / most);
         }
-        area = spsi_mul(area, spsi_set(1 / (float)(parts * parts)));
-        for (int i = 0; i < parts * parts; ++i) {
-            spsi_v way[3] = {middle[0], middle[1], middle[2]};
+        for (int k = 0; k < 2; ++k) /* before the side a surface counts as no nearer than parts are wide */
+            nearest += fmin(fmin(at[from.along[k]], from.extent[from.along[k]] - at[from.along[k]]), 0);
+        at[axis] = end + outward * fmax(beyond, nearest);
+        square += (at[axis] - end) * (at[axis] - end);
+        for (int k = 0; k < 2; ++k)
+            parts[k] = (int)fmin(ceil(0.0625 * grid->across * from.extent[from.along[k]] / sqrt(square)), most);
+        spsi_set3(at, from.at);
+        for (int k = 0; k < 3; ++k) middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET), from.at[k]);
+        area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
+        for (int i = 0; i < parts[0] * parts[1]; ++i) { /* a patch may be all that a surface sees */
+            spsi_v way[3] = {middle[0], middle[1], middle[2]}, off[2];
             for (int k = 0; k < 2; ++k) {
-                const double off = ((k ? i / parts : i % parts) + 0.5) / parts - 0.5;
-                const double step = off * grid->edge * grid->size[along[k]] / SPSI_CELL_PATCHES;
-                way[along[k]] = spsi_add(way[along[k]], spsi_set((float)step));
+                const int part = k ? i / parts[0] : i % parts[0];
+                off[k] = spsi_mul(spsi_load(patch + (4 + k) * SPSI_CELL_SHEET),
+                                  spsi_set(((float)part + 0.5f) / (float)parts[k] - 0.5f));
+                way[from.along[k]] = spsi_add(way[from.along[k]], off[k]);
             }
-            spsi_cell_patches_send(sent + n, count, axis, way, from, area, some);
+            spsi_cell_patches_send(&from, from.sent + n, way, off, area, some);
         }
-        for (int c = 0; c < count; ++c)
+        for (int c = 0; c < count; ++c) {
             all[c] = spsi_fma(some[c], to->open ? spsi_load(to->open + n) : spsi_set(1), all[c]);
+            whole = spsi_add(whole, some[c]);
+        }
     }
-    for (int c = 0; c < count; ++c) irradiance[c] = spsi_total(all[c]);
+    for (int c = 0; c < count; ++c) seen += irradiance[c] = spsi_total(all[c]);
+    sum = spsi_total(whole); /* where gas takes ambient light, both are below 0 */
+    return fabs(sum) > 0 ? fmax(0, fmin(seen / sum, 1)) : 1;
 }
 
-/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within five
-   ninths of a patch's width of the grid it changes from one to the other, nearer if the surface looks past the grid;
-   what hides some of the patches there hides as much of the cells. */
+/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within a sixth
+   of a patch's width of the grid it changes from one to the other; what hides some of the patches there hides as much of
+   the cells. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const spsi_cell_receiver *to,
                                   double irradiance[3]) {
-    const spsi_cell_receiver bare = {to->point, to->normal, NULL, to->finest};
-    double square = 0, facing = 0, longest = 0, outside, all[3] = {0, 0, 0};
+    double square = 0, longest = 0, outside, shown = 1;
     for (int k = 0; k < 3; ++k) {
         const double at = to->point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
         const double back = at < 0 ? -at : fmin(extent - at, 0);
         square += back * back;
-        facing += back * to->normal[k];
         longest = fmax(longest, extent);
     }
-    facing = longest * fmax(facing, 0.25 * sqrt(square));
-    outside = facing > 0 ? fmin(1.8 * square * SPSI_CELL_PATCHES / facing, 1) : 0;
-    if (outside > 0) spsi_cells_irradiance_outside(grid, channel, count, to, irradiance);
-    if (!(outside < 1)) return;
-    if (to->open && outside > 0) spsi_cells_irradiance_outside(grid, channel, count, &bare, all);
-    for (int c = 0; c < count; ++c) {
-        const double within = spsi_cells_irradiance_within(grid, channel + c, to->point, to->normal);
-        const double seen = outside > 0 ? irradiance[c] : 0, whole = to->open ? all[c] : seen;
-        /* where gas takes ambient light, both are below 0 */
-        const double shown = fabs(whole) > 0 ? fmax(0, fmin(seen / whole, 1)) : 1;
-        irradiance[c] = (1 - outside) * within * shown + outside * seen;
+    outside = fmin(6 * SPSI_CELL_PATCHES * sqrt(square) / longest, 1);
+    if (outside > 0) shown = spsi_cells_irradiance_outside(grid, channel, count, to, irradiance);
+    for (int c = 0; c < count && outside < 1; ++c) {
+        const double within = shown * spsi_cells_irradiance_within(grid, channel + c, to->point, to->normal);
+        irradiance[c] = outside > 0 ? within + outside * (irradiance[c] - within) : within;
     }
 }
 
@@ -22325,7 +22286,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     float patches[SPSI_CELL_SHEET];
     const spsi_cell_sight sight = {grid, faces, surface, surface->normal, face};
     const int hidden = spsi_cells_sight(&sight, patches);
-    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL, 5};
+    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL};
     double own[3], square = 16 * grid->edge * grid->edge;
     spsi_cells_irradiance(grid, 0, grid->channels, &to, own);
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += (float)own[c];
@@ -23473,6 +23434,8 @@ typedef struct spsi_cell_job {
     spsi_cell_solver *solver;
     int channel;  /* that is being solved */
     int level;    /* whose links are being closed */
+    spsi_cell_grid coarse;        /* the grid with fewer patches, which light polygons that reflect */
+    const spsi_cell_grid *leaves; /* whose patches are being filled */
     uint64_t gas; /* fingerprint of the gas */
 } spsi_cell_job;
 
@@ -23569,6 +23532,7 @@ static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     grid->count = spsi_cell_stride((size_t)grid->pitch * (size_t)spsi_most(2, grid->size[1] * grid->size[2]));
     grid->orders = frame->meshes.count > 0 ? spsi_most(2, frame->matter.orders) : frame->matter.orders;
     grid->terms = grid->orders * grid->orders;
+    grid->across = SPSI_CELL_PATCHES;
     grid->flux_terms = frame->meshes.count > 0 ? spsi_least(9, grid->terms) : 0;
     grid->channels = frame->channels;
     for (int m = 0; m < frame->matter.material_count; ++m) {
@@ -24303,9 +24267,9 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
         color = (double)walls->color[own + at];
         sent = color * ambient + (double)walls->lit[own + at] - ambient;
         if (job->wall_light && spsi_cell_walls_mean(job, at, point, normal)) {
-            const spsi_cell_receiver to = {point, normal, NULL, 2};
+            const spsi_cell_receiver to = {point, normal, NULL};
             double irradiance[3] = {0, 0, 0};
-            spsi_cells_irradiance(grid, c, 1, &to, irradiance);
+            spsi_cells_irradiance(&job->coarse, c, 1, &to, irradiance);
             sent += color / SPSI_PI * irradiance[0];
         }
         changed += fabs(sent - (double)walls->sent[at]);
@@ -24589,12 +24553,12 @@ static size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float 
     return (size_t)laid;
 }
 
-/* Floats for light of polygons: moments and a source of none, links and rows of coarse levels, and what leaves. */
+/* Floats for light of polygons: moments and a source of none, links and rows of coarse levels. */
 static size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
         floats += 2 * solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
-    return floats + spsi_cell_leaving_floats(solver->levels[0].size[2]);
+    return floats;
 }
 
 /* Sizes of a solver's levels, each half as long as the one before, down to four cells. Returns the floats of all. */
@@ -24606,6 +24570,7 @@ static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver
         const int n = solver->level_count++;
         spsi_cell_level *level = &solver->levels[n];
         int longest = 0;
+        level->solver = solver;
         for (int k = 0; k < 3; ++k) {
             level->size[k] = n == 0 ? grid->size[k] : (solver->levels[n - 1].size[k] + 1) / 2;
             longest = spsi_most(longest, level->size[k]);
@@ -24625,6 +24590,7 @@ static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_g
     memset(solver, 0, sizeof *solver);
     solver->context = context;
     spsi_cell_directions(solver->directions);
+    spsi_cell_rays_build(&solver->rays);
     floats = spsi_cell_solver_size(grid, solver);
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SOLVER, floats, sizeof(float));
     if (!memory) return context->result;
@@ -24665,7 +24631,9 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     memset(memory, 0, spsi_cell_solver_wall_floats(solver) * sizeof *memory);
     solver->levels[0].closed = job->walls.closed;
     solver->levels[0].walled = job->walls.walled;
+    for (int n = 0; n < job->grid->size[1] * job->grid->size[2]; ++n) solver->walled |= job->walls.walled[n] == 1;
     *plain = solver->levels[0];
+    plain->walls = job->walls.sent;
     plain->sent = memory;
     plain->moments[0] = memory + floats;
     plain->moments[1] = memory + 2 * floats;
@@ -24677,7 +24645,6 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
         memory += 2 * level->count + spsi_cell_rows_floats(level->size);
         spsi_parallel_items(job->context, level->size[1] * level->size[2], spsi_cells_close_task, job);
     }
-    solver->leaving = memory;
 }
 
 /* The emitter of a cell that sends much in a channel, and in others; NULL: there is no room for it. `number`: of the
@@ -24756,7 +24723,7 @@ static void spsi_cells_send_glow(const spsi_cell_job *job, int channel, float fr
 /* Sweeps once more without what cells send that are set apart. `light` of cells loses as much of that as flies to them,
    like what glows; polygons also lose what glows and flies to them, but not to cells. */
 static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
-    const spsi_cell_level *level = &job->solver->levels[0];
+    spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
     const float fraction = job->walls.closed && all > cells ? (all - cells) / (1 - cells) : 0;
     const int flies = cells > 0 && job->grid->flown;
@@ -24766,33 +24733,163 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *
     apart = spsi_cells_set_apart(job, channel);
     if (apart && flies) {
         spsi_cells_send_glow(job, channel, fraction);
-        spsi_cells_check(job->solver, level, NULL);
+        spsi_cells_sweep(level);
         for (size_t i = 0; i < (size_t)job->grid->terms * job->grid->count; ++i)
             light[i] += cells * (level->moments[0][i] - light[i]);
         spsi_cells_send_glow(job, channel, -fraction);
     }
-    if (fraction > 0 || (apart && !flies)) spsi_cells_check(job->solver, level, NULL);
+    if (fraction > 0 || (apart && !flies)) spsi_cells_sweep(level);
 }
 
-/* Keeps what the last sweep found, by which polygons are lit. */
-static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
+/* Ends rays that a closed link keeps from a cell: what is beyond does not reach the one before. */
+static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[3], const spsi_v at[3],
+                              spsi_v through) {
+    float cell[3][SPSI_LANES], last[3][SPSI_LANES], passes[SPSI_LANES];
+    spsi_store(passes, through);
+    for (int k = 0; k < 3; ++k) spsi_store(cell[k], at[k]), spsi_store(last[k], before[k]);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const int x = (int)last[0][i], row = (int)last[2][i] * level->size[1] + (int)last[1][i];
+        const int link = spsi_cell_link(x - (int)cell[0][i], (int)(last[1][i] - cell[1][i]),
+                                        (int)(last[2][i] - cell[2][i]));
+        if (level->closed[(size_t)row * (size_t)level->pitch + (size_t)x] >> link & 1) passes[i] = 0;
+    }
+    return spsi_load(passes);
+}
+
+/* The radiance that comes back along rays of a length in cells, which begin at a place in cells: what these send, in
+   equal steps of at most three quarters of an edge: longer ones are 3 % too bright beside dense gas. */
+static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
+                                  spsi_v length) {
+    const spsi_cell_level *level = &solver->levels[0];
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    const spsi_v count = spsi_add(spsi_floor(spsi_mul(length, spsi_set(1 / 0.75f))), one);
+    const spsi_v step = spsi_div(length, count);
+    const spsi_v back[3] = {spsi_sub(zero, way[0]), spsi_sub(zero, way[1]), spsi_sub(zero, way[2])};
+    spsi_v through = one, sum = zero, harmonic[SPSI_CELL_TERMS], before[3];
+    spsi_harmonics_v(back, solver->terms, harmonic);
+    for (float i = 0.5f;; i += 1) {
+        const spsi_m on = spsi_and(spsi_less(spsi_set(i), count), spsi_less(spsi_set(1e-3f), through));
+        spsi_v at[3], row, depth, passes, taken, sent;
+        if (!spsi_bits(on)) return sum;
+        for (int k = 0; k < 3; ++k)
+            at[k] = spsi_clamp(spsi_floor(spsi_fma(spsi_mul(way[k], step), spsi_set(i), from[k])), zero,
+                               spsi_set((float)(level->size[k] - 1)));
+        if (solver->walled && i > 1) through = spsi_cells_stop(level, before, at, through);
+        memcpy(before, at, sizeof before);
+        row = spsi_fma(at[2], spsi_set((float)level->size[1]), at[1]);
+        depth = spsi_mul(spsi_lookup(level->depth, level->pitch, at[0], row), step);
+        sent = spsi_lookup(level->sent, level->pitch, at[0], row);
+        for (int t = 1; t < solver->terms; ++t)
+            sent = spsi_fma(harmonic[t], spsi_lookup(level->sent + (size_t)t * level->count, level->pitch, at[0], row),
+                            sent);
+        passes = spsi_exp(spsi_sub(zero, depth));
+        taken = spsi_select(spsi_less(depth, spsi_set(1e-3f)), depth, spsi_sub(one, passes));
+        sum = spsi_select(on, spsi_fma(spsi_mul(through, taken), sent, sum), sum);
+        through = spsi_mul(through, passes);
+    }
+}
+
+/* Ends a patch where polygons within the grid keep light from its cells, by 8 x 8 places of it: where their moment is a
+   hundredth of the lightest one's. */
+static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_grid *grid, int patch) {
+    const int side = spsi_cell_patch_side(grid, patch), axis = side / 2;
+    const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
+    const float *own = grid->patches + patch;
+    float light[64], lightest = 0;
+    int low[2] = {8, 8}, high[2] = {0, 0}, at[3];
+    at[axis] = side % 2 ? grid->size[axis] - 1 : 0;
+    for (int n = 0; n < 64; ++n) {
+        for (int i = 0; i < 2; ++i) {
+            const float part = ((float)(i ? n / 8 : n % 8) - 3.5f) / 8 * own[(4 + i) * SPSI_CELL_SHEET];
+            at[along[i]] = (int)((own[along[i] * SPSI_CELL_SHEET] + part) / (float)grid->edge);
+        }
+        light[n] = fabsf(level->moments[0][(at[2] * grid->size[1] + at[1]) * level->pitch + at[0]]);
+        lightest = spsi_higher(lightest, light[n]);
+    }
+    for (int n = 0; n < 64; ++n)
+        for (int i = 0; i < 2 && light[n] > 0.01f * lightest; ++i) {
+            low[i] = spsi_least(low[i], i ? n / 8 : n % 8);
+            high[i] = spsi_most(high[i], 1 + (i ? n / 8 : n % 8));
+        }
+    for (int i = 0; i < 2 && lightest > 0; ++i) {
+        const double width = (double)own[(4 + i) * SPSI_CELL_SHEET] / 8;
+        const double begin = (double)own[along[i] * SPSI_CELL_SHEET] - 4 * width;
+        spsi_cell_patch_set(grid, patch, i, begin + width * low[i], begin + width * high[i]);
+    }
+}
+
+/* Finds what leaves a patch, seen by rays from its middle: radiance times pi, over about what even gas of the grid's
+   mean depth takes on their ways. That has most of what is not smooth in it, the shape of the grid; the rest is made of
+   harmonics, which are as much flux where they are not of the other sign. */
+static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid *grid, int patch) {
+    const spsi_cell_rays *rays = &job->solver->rays;
+    const int side = spsi_cell_patch_side(grid, patch), axis = side / 2, upper = side % 2;
+    const double extent[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]}; /* in cells */
+    float *sent = spsi_cell_patches_sent(grid, job->channel) + patch;
+    float seen[SPSI_CELL_RAYS], taken[SPSI_CELL_RAYS], terms[SPSI_CELL_TERMS] = {0}, flux = 0, made = 0;
+    for (int n = 0; n < SPSI_CELL_RAYS; n += SPSI_LANES) {
+        spsi_v from[3], way[3], length;
+        for (int k = 0; k < 3; ++k) {
+            const int own = k == axis ? 2 : k > axis ? k - 1 : k; /* along the side: the lower axis first */
+            const spsi_v out = spsi_load(rays->out[own] + n);
+            from[k] = spsi_set(grid->patches[k * SPSI_CELL_SHEET + patch] / (float)grid->edge);
+            way[k] = k == axis && !upper ? out : spsi_sub(spsi_set(0), out);
+        }
+        length = spsi_cell_way_through(extent, from, way);
+        spsi_store(taken + n, spsi_cell_shape(spsi_mul(length, spsi_set(grid->thick[job->channel]))));
+        spsi_store(seen + n, spsi_cells_radiance(job->solver, from, way, length));
+    }
+    for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
+        const float ratio = seen[n] / spsi_higher(taken[n], FLT_MIN);
+        flux += rays->weight[n] * seen[n];
+        for (int i = 0; i < SPSI_CELL_TERMS; ++i) terms[i] += ratio * rays->fit[n][i];
+    }
+    for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
+        float ratio = 0;
+        for (int i = 0; i < SPSI_CELL_TERMS; ++i) ratio += terms[i] * rays->harmonic[n][i];
+        if ((ratio > 0) == (flux > 0)) made += rays->weight[n] * taken[n] * ratio;
+    }
+    sent[0] = flux;
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i)
+        sent[(1 + i) * SPSI_CELL_SHEET] = fabsf(made) > 0 ? (float)SPSI_PI * terms[i] * (flux / made) : 0;
+}
+
+static void spsi_cell_patches_task(void *data, int patch) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
+    if (job->solver->walled && job->channel == 0) spsi_cell_patch_trim(&job->solver->levels[0], job->leaves, patch);
+    spsi_cell_patch_fill(job, job->leaves, patch);
+}
+
+/* Keeps what the last sweep found, by which polygons are lit, and what leaves the patches of a grid. If no polygons are
+   within the grid, that is in all what cells send and do not take. */
+static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cell_grid *leaves) {
+    const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
-              floats * sizeof(float));
-    spsi_cell_patches_fill(job->solver, grid, channel);
+    float *sent = spsi_cell_patches_sent(leaves, channel);
+    double depth = 0, out = 0, found = 0;
+    for (size_t at = 0; at < grid->count; ++at) {
+        depth += (double)level->depth[at];
+        out += (double)level->depth[at] * (double)(level->sent[at] - level->moments[0][at]);
+    }
+    job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
+    spsi_copy(job->context, grid->flux + (size_t)channel * floats, level->moments[0], floats * sizeof(float));
+    job->leaves = leaves;
+    spsi_parallel_items(job->context, 6 * leaves->across * leaves->across, spsi_cell_patches_task, job);
+    for (int n = 0; n < SPSI_CELL_SHEET; ++n) found += (double)(leaves->patches[3 * SPSI_CELL_SHEET + n] * sent[n]);
+    out *= job->solver->walled || !(fabs(found) > 0) ? 0 : 4 * SPSI_PI * grid->edge * grid->edge / found;
+    for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET && out > 0; ++n) sent[n] *= (float)fmin(out, 2);
 }
 
 /* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly
    changed. Returns by how much. */
-static double spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
-    spsi_cell_pass pass = {job->solver, plain, job->walls.sent};
+static double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_level *plain) {
     double change;
-    if (job->wall_light) spsi_cells_take_flux(job, channel);
+    if (job->wall_light) spsi_cells_take_flux(job, channel, &job->coarse);
     change = spsi_cell_walls_send(job, channel);
     if (change < SPSI_CELL_CHANGE && job->wall_light) return change;
     if (change > 0)
-        spsi_cells_carry(&pass);
+        spsi_cells_sweep(plain);
     else
         memset(plain->moments[0], 0, (size_t)job->solver->terms * plain->count * sizeof(float));
     job->wall_light = plain->moments[0];
@@ -24815,8 +24912,7 @@ static void spsi_cells_add_passed_on(const spsi_cell_job *job, int channel) {
 }
 
 /* Solves for one channel; beside polygons, again with what they reflect. */
-static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_level *plain,
-                                           const spsi_part_of_call *part) {
+static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_level *plain, const spsi_part_of_call *part) {
     spsi_cell_solver *solver = job->solver;
     const spsi_cell_grid *grid = job->grid;
     const size_t moments = (size_t)grid->terms * grid->count;
@@ -24828,7 +24924,6 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
     job->wall_light = NULL;
     if (plain) {
         memset(job->walls.sent, 0, grid->count * sizeof(float));
-        memset(solver->leaving, 0, spsi_cell_leaving_floats(grid->size[2]) * sizeof(float));
         spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         spsi_cells_levels(solver);
         change = spsi_cells_reflect(job, job->channel, plain);
@@ -24845,7 +24940,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cell_l
         if (change < SPSI_CELL_CHANGE) break;
     }
     if (grid->pyramid) spsi_cells_sweep_rest(job, job->channel, light);
-    if (plain) spsi_cells_take_flux(job, job->channel);
+    if (plain) spsi_cells_take_flux(job, job->channel, grid);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
     return SPS_OK;
@@ -24862,7 +24957,11 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
     job->solver = &solver;
     if (job->walls.closed) {
         spsi_cells_close(job, &plain);
+        job->coarse = *grid;
+        job->coarse.across /= 2;
+        job->coarse.patches += spsi_cell_patch_floats(grid);
         spsi_cell_patches_place(grid);
+        spsi_cell_patches_place(&job->coarse);
     }
     each.share /= grid->channels;
     for (job->channel = 0; job->channel < grid->channels; ++job->channel, each.progress += each.share)
@@ -24882,8 +24981,9 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     grid->moments = spsi_lay(memory, &laid, moments);
     grid->depth = spsi_lay(memory, &laid, grid->count);
     grid->scale = spsi_lay(memory, &laid, 3);
+    grid->thick = spsi_lay(memory, &laid, 3);
     grid->flux = spsi_lay(memory, &laid, each * (size_t)grid->flux_terms);
-    grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? spsi_cell_patch_floats(grid) : 0);
+    grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? 2 * spsi_cell_patch_floats(grid) : 0);
     grid->flown = flies_to_cells ? spsi_lay(memory, &laid, moments) : NULL;
     grid->trapped = flies_to_cells ? spsi_lay(memory, &laid, each) : NULL;
     grid->pyramid_rows = spsi_cell_pyramid_rows(grid);

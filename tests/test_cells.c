@@ -274,7 +274,7 @@ static int run_solver(double *off) {
             level->given[(size_t)t * level->count + at] = (float)exact.given[i * exact.terms + t];
     }
     if (!CHECK(spsi_cells_solve(&solver, 0, &whole) == SPS_OK)) return 0;
-    spsi_cells_check(&solver, &solver.levels[0], NULL);
+    spsi_cells_sweep(&solver.levels[0]);
     for (int i = 0; i < exact.count * exact.terms; ++i)
         exact.sent[i] = (double)level->sent[(size_t)(i % exact.terms) * level->count + padded(&exact, i / exact.terms)];
     sweep(&exact);

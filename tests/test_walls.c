@@ -230,7 +230,7 @@ static void test_dark_side(void) {
 /* Irradiance by one channel of a grid's sides, and of a grid. */
 static double outside(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
                       const float *open) {
-    const spsi_cell_receiver to = {point, normal, open, 5};
+    const spsi_cell_receiver to = {point, normal, open};
     double irradiance[3];
     spsi_cells_irradiance_outside(grid, channel, 1, &to, irradiance);
     return irradiance[0];
@@ -238,7 +238,7 @@ static double outside(const spsi_cell_grid *grid, int channel, const double poin
 
 static double irradiance_at(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
                             const float *open) {
-    const spsi_cell_receiver to = {point, normal, open, 5};
+    const spsi_cell_receiver to = {point, normal, open};
     double irradiance[3];
     spsi_cells_irradiance(grid, channel, 1, &to, irradiance);
     return irradiance[0];
@@ -293,14 +293,16 @@ static void test_outside(void) {
     static const double places[][3] = {{0, -3, 0}, {0.3, -1.4, 0.2}, {1.5, -1.3, 0.5}, {3, 2, -2.5}, {-1.55, 0.2, 0}};
     static const double normals[][3] = {{0, 1, 0}, {-0.6, 0.8, 0}, {0.48, 0.6, 0.64}, {-0.8, 0, 0.6}};
     static spsi_cell_grid grid;
-    static float patches[(5 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET], shut[SPSI_CELL_SHEET], flux[64 * 12 * 5];
+    static float patches[(SPSI_CELL_PLACES + 1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET], shut[SPSI_CELL_SHEET];
+    static float flux[64 * 12 * 5], thick = 1e6f;
     double worst[2] = {0, 0};
     memset(&grid, 0, sizeof grid);
-    grid.size[0] = 16, grid.size[1] = 12, grid.size[2] = 5; /* of 5 cells, some patches have none */
-    grid.edge = 0.15, grid.channels = 1, grid.patches = patches, grid.flux = flux;
+    grid.size[0] = 16, grid.size[1] = 12, grid.size[2] = 5;
+    grid.edge = 0.15, grid.channels = 1, grid.across = SPSI_CELL_PATCHES, grid.patches = patches, grid.flux = flux;
+    grid.thick = &thick; /* the shape of the grid does not show in what leaves */
     for (int k = 0; k < 3; ++k) grid.corner[k] = -0.5 * grid.edge * grid.size[k];
     spsi_cell_patches_place(&grid);
-    for (int i = 0; i < 2 * SPSI_CELL_SHEET; ++i) patches[4 * SPSI_CELL_SHEET + i] = 1; /* flux; even light */
+    for (int i = 0; i < 2 * SPSI_CELL_SHEET; ++i) patches[SPSI_CELL_PLACES * SPSI_CELL_SHEET + i] = 1; /* flux; even */
     for (int n = 0; n < 5 * 4; ++n) {
         const double *place = places[n / 4], *normal = normals[n % 4];
         const double exact = box_irradiance(&grid, place, normal), found = irradiance_at(&grid, 0, place, normal, NULL);
@@ -310,14 +312,14 @@ static void test_outside(void) {
         worst[n / 4 % 3 != 0] = fmax(worst[n / 4 % 3 != 0], off / fmax(exact, 0.01));
     }
     if (figures()) printf("worst %.3f, close by %.3f\n", worst[0], worst[1]);
-    { /* next to its centre a patch is all that a surface sees; the change to light within takes five ninths of a
-         patch, of which `before` is three fifths away */
+    { /* next to its centre a patch is all that a surface sees; the change to light within takes a sixth of a patch,
+         0.05, of which `before` is half away */
         const size_t middle = SPSI_CELL_SIDE / 2 + 4;
         const double point[3] = {grid.corner[0] - 0.01, grid.corner[1] + (double)patches[SPSI_CELL_SHEET + middle],
                                  grid.corner[2] + (double)patches[2 * SPSI_CELL_SHEET + middle]};
-        const double before[3] = {-1.3, 0.2, 0}, normal[3] = {1, 0, 0};
+        const double before[3] = {-1.225, 0.2, 0}, normal[3] = {1, 0, 0};
         CHECK_NEAR(outside(&grid, 0, point, normal, NULL), 1, 0.05);
-        CHECK_NEAR(irradiance_at(&grid, 0, before, normal, NULL), 0.6 * outside(&grid, 0, before, normal, NULL), 1e-6);
+        CHECK_NEAR(irradiance_at(&grid, 0, before, normal, NULL), 0.5 * outside(&grid, 0, before, normal, NULL), 1e-6);
         for (int i = 0; i < 64 * 12 * 5; ++i) flux[i] = 1;
         grid.flux_terms = 1, grid.pitch = spsi_cell_pitch(16);
         CHECK(irradiance_at(&grid, 0, before, normal, NULL) > 0.4 * SPSI_PI);
@@ -325,25 +327,16 @@ static void test_outside(void) {
     }
 }
 
-/* Light that leaves a side as a polynomial of degree 2 in its direction is found again from the sums over the cells'
-   own directions, by all patches of all sides: even light, which comes first, stays even. Floats: 5e-4. */
+/* Light that leaves a patch as a polynomial of degree 3 in its direction is found again from its rays. Floats: 5e-4. */
 static void test_polynomials(void) {
-    static spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
-    static float sum[SPSI_CELL_TERMS * SPSI_CELL_SHEET];
-    static const int along[3] = {3, 1, 2};
-    spsi_cell_directions(directions);
-    for (int n = 0; n < 6 * 9; ++n) {
-        const int side = n / 9, term = n % 9;
-        memset(sum, 0, sizeof sum);
-        for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i) {
-            const float *harmonic = directions[i].harmonic;
-            const float u = (side % 2 ? 1.0f : -1.0f) * 0.57735027f * harmonic[along[side / 2]];
-            for (int k = 0; k < SPSI_CELL_TERMS && u > 0; ++k)
-                sum[k * SPSI_CELL_SHEET + 63] += 4 * directions[i].weight * u * harmonic[term] * harmonic[k];
+    static spsi_cell_rays rays;
+    spsi_cell_rays_build(&rays);
+    for (int term = 0; term < SPSI_CELL_TERMS; ++term)
+        for (int i = 0; i < SPSI_CELL_TERMS; ++i) {
+            double sum = 0;
+            for (int n = 0; n < SPSI_CELL_RAYS; ++n) sum += (double)(rays.fit[n][i] * rays.harmonic[n][term]);
+            CHECK_NEAR(sum, i == term, 5e-4);
         }
-        spsi_cell_side_fit(directions, side, sum);
-        for (int k = 0; k < SPSI_CELL_TERMS; ++k) CHECK_NEAR(sum[k * SPSI_CELL_SHEET + 63], k == term, 5e-4);
-    }
 }
 
 /* Moments of light that comes evenly from half of all directions give a surface before it pi times its radiance, one
@@ -400,7 +393,8 @@ static void test_leaving(void) {
         check_render(context, &s, image_a);
         grid = grid_of(context);
         for (int i = 0; i < SPSI_CELL_SHEET; ++i)
-            out += (double)(grid->patches[3 * SPSI_CELL_SHEET + i] * grid->patches[4 * SPSI_CELL_SHEET + i]);
+            out += (double)(grid->patches[3 * SPSI_CELL_SHEET + i] *
+                            grid->patches[SPSI_CELL_PLACES * SPSI_CELL_SHEET + i]);
         for (size_t i = 0; i < grid->count; ++i) /* E / 4 pi, weighted by optical depth; four samples of half an edge */
             in += (double)job_of(context)->incoming[i] / 4 * 4 * SPSI_PI * grid->edge * grid->edge;
         if (figures()) printf("%d cells: out %.4f of %.4f\n", sides[n], out, in);
@@ -420,7 +414,7 @@ static void test_sides(void) {
         add_quad(500, -900, 700, 2, 0, 0, 0, 0, 2);
         check_add_mesh(&s, &faces, 0.5);
         check_render(context, &s, image_a);
-        patches = grid_of(context)->patches + 4 * SPSI_CELL_SHEET;
+        patches = grid_of(context)->patches + SPSI_CELL_PLACES * SPSI_CELL_SHEET;
         for (int i = 0; i < 2 * SPSI_CELL_SIDE; ++i)
             sides[i / SPSI_CELL_SIDE] += (double)patches[n / 2 * 2 * SPSI_CELL_SIDE + i];
         if (figures()) printf("light along axis %d: %.2f and %.2f\n", n / 2, sides[0], sides[1]);
@@ -485,9 +479,10 @@ static double roofed(const spsi_cell_grid *grid, const double point[3], double y
             for (int i = 0; i < POINTS * POINTS && sent > 0; ++i) {
                 const double part[2] = {(i % POINTS + 0.5) / POINTS, (i / POINTS + 0.5) / POINTS};
                 for (int k = 0; k < 2; ++k) {
-                    const int size = grid->size[along[k]], first = spsi_cell_patch_first(at[k], size);
-                    to[along[k]] = grid->corner[along[k]] +
-                                   grid->edge * (first + part[k] * (spsi_cell_patch_first(at[k] + 1, size) - first));
+                    const double begin = spsi_cell_patch_begin(grid, at[k]),
+                                 end = spsi_cell_patch_begin(grid, at[k] + 1);
+                    to[along[k]] =
+                        grid->corner[along[k]] + grid->edge * grid->size[along[k]] * (begin + part[k] * (end - begin));
                 }
                 seen += !is_hidden(point, to, y, low, high);
             }
@@ -919,17 +914,25 @@ static void test_behind_slab(void) {
     }
 }
 
-/* Floors, walls aside and before it, askew and past its edges, by paths as above (the last place's by 8e5 photons,
-   within 0.7 %). What the cells send to these places is within 2.5 %, summed along rays; the rest is that of 25
-   directions by side, of which harmonics up to degree 3 are made. */
+/* Floors, walls aside and before it, askew and past its edges, by paths as above (the eighth place's by 8e5 photons,
+   the others' within 0.7 %). What the cells send to these places is within 2.5 %, summed along rays; harmonics up to
+   degree 3 over the shape of the grid are within 2 % of that beside it. Without the shape, and by the cells' 25
+   directions on each side, light past the edges was 9 % too bright. */
 static void test_beside_slab(void) {
-    static const double places[8][6] = {{0, -3.5, 1, 0, 1, 0},     {1, -4, 0.5, 0, 1, 0},    {0, -5, 2, 0, 1, 0},
-                                        {4.5, 0.5, 1.5, -1, 0, 0}, {5, -4, 3, -0.6, 0.8, 0}, {0, -4, 3, 0, 0.6, -0.8},
-                                        {0.5, 0.3, -1, 0, 0, 1},   {0.1, -3.5, 0, 0, 0, 1}};
-    static const double exact[4][8] = {{0.06837, 0.04712, 0.02776, 0.03726, 0.01515, 0.03527, 0.07135, 0.02687},
-                                       {0.16172, 0.11157, 0.06061, 0.08408, 0.03118, 0.08080, 0.21459, 0.06576},
-                                       {0.23286, 0.16882, 0.07661, 0.11227, 0.03273, 0.09094, 0.46942, 0.10023},
-                                       {0.21469, 0.17293, 0.06633, 0.10127, 0.02448, 0.06385, 0.64035, 0.10253}};
+    enum { BESIDE = 16 };
+    static const double places[BESIDE][6] = {
+        {0, -3.5, 1, 0, 1, 0},      {1, -4, 0.5, 0, 1, 0},    {0, -5, 2, 0, 1, 0},     {4.5, 0.5, 1.5, -1, 0, 0},
+        {5, -4, 3, -0.6, 0.8, 0},   {0, -4, 3, 0, 0.6, -0.8}, {0.5, 0.3, -1, 0, 0, 1}, {0.1, -3.5, 0, 0, 0, 1},
+        {3, -4, 1, -1, 0, 0},       {2.5, -5, 1, 0, 1, 0},    {3, -5, 1, -1, 0, 0},    {2.5, -7, 1, 0, 1, 0},
+        {0.1, -3.5, 1.75, 0, 1, 0}, {2.7, 0.1, 3, 0, 0, -1},  {0.1, -7, 0, 0, 0, 1},   {0.1, -4, 2.2, 0, 0, -1}};
+    static const double exact[4][BESIDE] = {{0.06837, 0.04712, 0.02776, 0.03726, 0.01515, 0.03527, 0.07135, 0.02687,
+                                             0.02005, 0.02339, 0.01145, 0.01240, 0.05708, 0.04477, 0.00241, 0.01933},
+                                            {0.16172, 0.11157, 0.06061, 0.08408, 0.03118, 0.08080, 0.21459, 0.06576,
+                                             0.04327, 0.05039, 0.02480, 0.02593, 0.12261, 0.10730, 0.00526, 0.04758},
+                                            {0.23286, 0.16882, 0.07661, 0.11227, 0.03273, 0.09094, 0.46942, 0.10023,
+                                             0.05582, 0.06598, 0.03245, 0.03295, 0.13610, 0.12053, 0.00669, 0.06735},
+                                            {0.21469, 0.17293, 0.06633, 0.10127, 0.02448, 0.06385, 0.64035, 0.10253,
+                                             0.05067, 0.06156, 0.03012, 0.03052, 0.09995, 0.07477, 0.00580, 0.06016}};
     double squares = 0;
     for (int n = 0; n < 4; ++n) {
         check_triangles wall;
@@ -937,17 +940,17 @@ static void test_beside_slab(void) {
         start_slab(&s, slab_depths[n], 200, &wall);
         check_set3(s.view.camera.position, 0, 0, 100), check_set3(s.view.camera.target, 0, 0, 200);
         check_render(context, &s, image_a);
-        for (int i = 0; i < 8; ++i) {
+        for (int i = 0; i < BESIDE; ++i) {
             const double off = irradiance_at(grid_of(context), 0, places[i], places[i] + 3, NULL) / exact[n][i] - 1;
             if (figures()) printf("depth %g, place %d beside: %+.1f %%\n", slab_depths[n], i, 100 * off);
-            squares += off * off / 32;
+            squares += off * off / (4 * BESIDE);
             CHECK_CASE("Scattering", "floors and walls 0.5 to 3 beside a slab of depth 0.3 to 6",
-                       "random paths, relative", fabs(off), 0.05, "degree 3 in directions at the grid's sides");
+                       "random paths, relative", fabs(off), 0.045, "degree 3 in directions at the grid's sides");
         }
         check_free_triangles(&wall);
     }
     if (figures()) printf("beside a slab: rms %.2f %%\n", 100 * sqrt(squares));
-    CHECK(sqrt(squares) < 0.025);
+    CHECK(sqrt(squares) < 0.02);
 }
 
 /* Length of a ray's way out of the cube from -1 to 1. */

@@ -19505,10 +19505,10 @@ typedef struct spsi_cell_sender {
 } spsi_cell_sender;
 
 /* Adds the irradiance by a vector of patches, whose parts are `area` large. `way`: to their middles; `off`: of these,
-   from the patches'. They are discs, whose fraction of all that the surface sees is cosine cosine' area / (pi distance^2
-   + area (3 u^2 - 2)) to second order in their size, u being the cosine at the side; (3 u^2 - 2) grows to 1 where they
-   are near. Light comes from within the grid, not from its side: the direction in which a part sends is that from the
-   patch's middle to SPSI_CELL_AIM of the way through the grid. Then what is bright within stays in its place. */
+   from the patches'. They are discs. A surface sees the fraction cosine cosine' area / (pi distance^2 + area (3 u^2 - 2))
+   of them to second order in their size, u being the cosine at the side; (3 u^2 - 2) grows to 1 where they are near.
+   Light comes from within the grid, not from its side: a part sends in the direction from the patch's middle to
+   SPSI_CELL_AIM of the way through the grid. Then what is bright within stays in its place. */
 static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v way[3],
                                    const spsi_v off[2], spsi_v area, spsi_v sums[3]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
@@ -19607,8 +19607,8 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
 }
 
 /* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within a sixth
-   of a patch's width of the grid it changes from one to the other; what hides some of the patches there hides as much of
-   the cells. */
+   of a patch's width of the grid it changes from one to the other. What hides some of the patches there hides as much
+   of the cells. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const spsi_cell_receiver *to,
                                   double irradiance[3]) {
     double square = 0, longest = 0, outside, shown = 1;
@@ -24678,13 +24678,13 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
 
 /* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
    directions make a star of rays. A cell sends all by itself up to four times the grid's mean, and nothing from eight
-   times on; dense cells hide what they send. Where flames are too wide to fly to gas, the mean is of cells that send:
-   their rays are as wide. Returns whether there are any. */
+   times on; dense cells hide what they send. Where a quarter of the cells sends, the mean is of these: their rays are
+   as wide. Returns whether there are any. */
 static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
     const int rows = grid->size[1] * grid->size[2];
-    const double area = grid->edge * grid->edge;
+    const double area = grid->edge * grid->edge, whole = (double)rows * grid->size[0];
     int *numbers = (int *)(void *)job->samples; /* of emitters, by cell: lights need no samples any more */
     int some = 0;
     double all = 0, cells = 0;
@@ -24693,8 +24693,8 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
         const double power = (double)spsi_higher(level->depth[at] * level->sent[at], 0);
         all += power, cells += power > 0;
     }
-    if (job->flights->to_cells > 0) cells = rows * grid->size[0];
-    const float most = (float)(4 * all / fmax(cells, 1));
+    cells += (whole - cells) * fmax(1 - 4 * cells / whole, 0);
+    const float most = (float)(4 * all / cells);
     for (int row = 0; row < rows; ++row)
         for (int x = 0; x < grid->size[0]; ++x) {
             const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;

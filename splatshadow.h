@@ -19505,8 +19505,8 @@ typedef struct spsi_cell_sender {
 } spsi_cell_sender;
 
 /* Adds the irradiance by a vector of patches, whose parts are `area` large. `way`: to their middles; `off`: of these,
-   from the patches'. They are discs. A surface sees the fraction cosine cosine' area / (pi distance^2 + area (3 u^2 - 2))
-   of them to second order in their size, u being the cosine at the side; (3 u^2 - 2) grows to 1 where they are near.
+   from the patches'. They are discs: of all that it sees, a surface sees cosine cosine' area / (pi distance^2 + area
+   (3 u^2 - 2)) in one, to second order in its size, u being the cosine at the side; (3 u^2 - 2) grows to 1 where it is near.
    Light comes from within the grid, not from its side: a part sends in the direction from the patch's middle to
    SPSI_CELL_AIM of the way through the grid. Then what is bright within stays in its place. */
 static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v way[3],
@@ -24678,8 +24678,8 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
 
 /* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
    directions make a star of rays. A cell sends all by itself up to four times the grid's mean, and nothing from eight
-   times on; dense cells hide what they send. Where a quarter of the cells sends, the mean is of these: their rays are
-   as wide. Returns whether there are any. */
+   times on; dense cells hide what they send. If a quarter of the cells sends, the mean is of these, as their rays are
+   as wide; up to an eighth, of all. Returns whether there are any. */
 static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
@@ -24693,7 +24693,7 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
         const double power = (double)spsi_higher(level->depth[at] * level->sent[at], 0);
         all += power, cells += power > 0;
     }
-    cells += (whole - cells) * fmax(1 - 4 * cells / whole, 0);
+    cells += (whole - cells) * fmin(fmax(2 - 8 * cells / whole, 0), 1);
     const float most = (float)(4 * all / cells);
     for (int row = 0; row < rows; ++row)
         for (int x = 0; x < grid->size[0]; ++x) {

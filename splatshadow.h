@@ -19506,8 +19506,8 @@ typedef struct spsi_cell_sender {
 
 /* Adds the irradiance by a vector of patches, whose parts are `area` large. `way`: to their middles; `off`: of these,
    from the patches'. They are discs: of all that it sees, a surface sees cosine cosine' area / (pi distance^2 + area
-   (3 u^2 - 2)) in one, to second order in its size, u being the cosine at the side; (3 u^2 - 2) grows to 1 where it is near.
-   Light comes from within the grid, not from its side: a part sends in the direction from the patch's middle to
+   (3 u^2 - 2)) in one, to second order in its size, u being the cosine at the side; (3 u^2 - 2) grows to 1 where it is
+   near. Light comes from within the grid, not from its side: a part sends in the direction from the patch's middle to
    SPSI_CELL_AIM of the way through the grid. Then what is bright within stays in its place. */
 static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v way[3],
                                    const spsi_v off[2], spsi_v area, spsi_v sums[3]) {

@@ -1597,12 +1597,12 @@ static inline void spsi_store_first(float *p, spsi_v a, int count) {
 
 #define SPSI_ALL_LANES ((1 << SPSI_LANES) - 1)
 
-/* The first lane. */
-static inline float spsi_one(spsi_v a) {
+static inline float spsi_lane(spsi_v a, int lane) {
     float lanes[SPSI_LANES];
     spsi_store(lanes, a);
-    return lanes[0];
+    return lanes[lane];
 }
+static inline float spsi_one(spsi_v a) { return spsi_lane(a, 0); }
 
 /* The sum of all lanes. */
 static double spsi_total(spsi_v a) {
@@ -3681,11 +3681,9 @@ typedef struct spsi_piece {
 
 /* The piece that ends at node i; the first one is a jump from 0. */
 static inline spsi_piece spsi_curve_piece(const spsi_node *curve, int i) {
-    spsi_piece piece;
-    piece.u1 = (double)curve[i].u;
-    piece.t1 = (double)spsi_lower(curve[i].value, SPSI_DEPTH_MAX);
-    piece.u0 = i > 0 ? (double)curve[i - 1].u : piece.u1;
-    piece.t0 = i > 0 ? (double)spsi_lower(curve[i - 1].value, (float)piece.t1) : 0;
+    const float depth = spsi_lower(curve[i].value, SPSI_DEPTH_MAX), before = i > 0 ? curve[i - 1].value : 0;
+    const double u1 = (double)curve[i].u, u0 = i > 0 ? (double)curve[i - 1].u : u1;
+    const spsi_piece piece = {u0, u1, (double)spsi_lower(before, depth), (double)depth};
     return piece;
 }
 
@@ -3761,9 +3759,8 @@ typedef struct spsi_compressor {
 } spsi_compressor;
 
 static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
-    spsi_node *node = &c->out[c->count++];
-    node->u = (float)u;
-    node->value = (float)through;
+    const spsi_node node = {(float)u, (float)through};
+    c->out[c->count++] = node;
     c->low = -(double)SPSI_INFINITY;
     c->high = 0; /* T never rises */
 }
@@ -5914,14 +5911,11 @@ static void spsi_bricks_fill_task(void *data, int index) {
 }
 
 static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *frame, int medium, int *current) {
-    spsi_reader reader;
-    memset(&reader, 0, sizeof reader);
-    reader.medium = &frame->media[medium];
-    reader.material = &frame->matter.materials[reader.medium->channel];
-    reader.asks = 1;
-    reader.replace = frame->given.replace_invalid;
-    reader.part.share = SPSI_PROGRESS_GATHER / frame->medium_count;
-    reader.part.progress = reader.part.share * medium;
+    const spsi_medium *read = &frame->media[medium];
+    const spsi_material *material = &frame->matter.materials[read->channel];
+    const double share = SPSI_PROGRESS_GATHER / frame->medium_count;
+    const int replace = frame->given.replace_invalid;
+    spsi_reader reader = {context, read, material, 1, replace, {share * medium, share}, 0, 0, NULL, 0};
     if (spsi_reader_open(context, &reader)) return context->result;
     for (int64_t first = 0; first < reader.block_count; first += reader.at_once) {
         const int before = context->brick_count;
@@ -8524,7 +8518,8 @@ static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft,
 
 /* --- the nearest face on a ray --- */
 
-/* Whether a ray meets a face within its range, more than `rounding` ahead of its origin; t and weights if so. */
+/* Whether a ray meets a face within its range, more than `rounding` ahead of its origin; t and weights if so. If not,
+   weights stay. */
 static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double rounding, double *t, float weights[2]) {
     const double *d = ray->direction;
     double a[3], b[3], c[3], n[3], room, ab, bc, ac, facing, ahead;
@@ -8556,11 +8551,9 @@ static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, sp
         const spsi_face *face = &faces->list[number];
         const double rounding = own >= 0 ? (double)face->rounding + 16 * DBL_EPSILON * faces->extent : 0;
         double t;
-        float weights[2];
-        if (number == own || !spsi_face_meets(face, ray, rounding, &t, weights)) continue;
+        if (number == own || !spsi_face_meets(face, ray, rounding, &t, hit->weights)) continue;
         ray->high = t;
         hit->face = number;
-        memcpy(hit->weights, weights, sizeof weights);
     }
 }
 
@@ -11045,16 +11038,13 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
     int x0 = tile->x0, x1 = tile->x1, y0 = tile->y0, y1 = tile->y1;
     const int first = (int)floorf(slab - s->reach_slabs), last = (int)floorf(slab + s->reach_slabs) + 1;
     const float unit = s->near_case.unit, q[3] = {at[0] / unit, at[1] / unit, at[2] / unit};
-    spsi_near_print print = {tile, s, {q[0], q[1], q[2]}, value, x1, first, last, channel};
-    spsi_extent across, down;
     if (!spsi_near_meets(tile, s, q, 1) && !(behind && spsi_near_meets(tile, s, q, -1))) return;
-    across = spsi_near_extent(s, q, 0, side);
-    down = spsi_near_extent(s, q, 1, side);
+    const spsi_extent across = spsi_near_extent(s, q, 0, side), down = spsi_near_extent(s, q, 1, side);
     spsi_extent_range(&across, &x0, &x1);
     spsi_extent_range(&down, &y0, &y1);
     if (x0 > x1 || y0 > y1 || first >= tile->slab_count || last <= 0) return;
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
-    print.x1 = x1;
+    const spsi_near_print print = {tile, s, {q[0], q[1], q[2]}, value, x1, first, last, channel};
     tile->visits += 1;
     tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) *
                        (uint64_t)(spsi_least(last, tile->slab_count) - spsi_most(first, 0));
@@ -12230,12 +12220,6 @@ static inline int spsi_tap_inside(const spsi_voxel_field *field, const spsi_v pl
     return lanes;
 }
 
-static inline float spsi_lane(spsi_v a, int lane) {
-    float lanes[SPSI_LANES];
-    spsi_store(lanes, a);
-    return lanes[lane];
-}
-
 /* The integral over a part of a slab on one of the rays, from samples of its own. */
 static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_rays *rays, int lane, float from, float to,
                            uint64_t *samples) {
@@ -13404,7 +13388,7 @@ static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, co
     target->origin_slab = spsi_slab_at(slabs, rays->origin);
     target->columns = spsi_tile_columns(rays);
     target->rows = spsi_tile_rows(rays);
-    target->tolerance = 0;
+    target->tolerance = kind == SPSI_TARGET_EYE ? frame->view.tolerance : 0;
     spsi_crossing_build(rays, slabs, backwards, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i)
         target->set_channels[i] = kind < SPSI_TARGET_MAP ? frame->particles.sets[i].channel : 0;
@@ -13466,7 +13450,6 @@ static sps_result spsi_target_build(sps_context *context, const spsi_frame *fram
                                     const spsi_slabs *slabs, spsi_target_kind kind, int backwards,
                                     spsi_target *target) {
     spsi_target_place(frame, rays, slabs, kind, backwards, target);
-    if (kind == SPSI_TARGET_EYE) target->tolerance = frame->view.tolerance;
     target->shape = spsi_shape_of(frame, kind == SPSI_TARGET_EYE);
     return spsi_target_volumes(context, target);
 }
@@ -13626,11 +13609,10 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, co
 static sps_result spsi_contents_fields(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
-    int gathers = 0, level = 0, interpolates = 0;
+    int gathers = contents->frame->has_gradients, level = 0, interpolates = 0;
     for (int n = 0; n < contents->target_count; ++n)
         for (int i = 0; i < contents->frame->medium_count; ++i) {
             const spsi_tapper *tapper = &contents->targets[n]->tappers[i];
-            gathers |= contents->frame->has_gradients;
             if (!spsi_gathers(contents->targets[n]->verdicts[i])) continue;
             gathers = 1;
             interpolates |= spsi_target_interpolates(contents->targets[n], i);

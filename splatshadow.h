@@ -1597,12 +1597,12 @@ static inline void spsi_store_first(float *p, spsi_v a, int count) {
 
 #define SPSI_ALL_LANES ((1 << SPSI_LANES) - 1)
 
-/* The first lane. */
-static inline float spsi_one(spsi_v a) {
+static inline float spsi_lane(spsi_v a, int lane) {
     float lanes[SPSI_LANES];
     spsi_store(lanes, a);
-    return lanes[0];
+    return lanes[lane];
 }
+static inline float spsi_one(spsi_v a) { return spsi_lane(a, 0); }
 
 /* The sum of all lanes. */
 static double spsi_total(spsi_v a) {
@@ -3681,11 +3681,9 @@ typedef struct spsi_piece {
 
 /* The piece that ends at node i; the first one is a jump from 0. */
 static inline spsi_piece spsi_curve_piece(const spsi_node *curve, int i) {
-    spsi_piece piece;
-    piece.u1 = (double)curve[i].u;
-    piece.t1 = (double)spsi_lower(curve[i].value, SPSI_DEPTH_MAX);
-    piece.u0 = i > 0 ? (double)curve[i - 1].u : piece.u1;
-    piece.t0 = i > 0 ? (double)spsi_lower(curve[i - 1].value, (float)piece.t1) : 0;
+    const float depth = spsi_lower(curve[i].value, SPSI_DEPTH_MAX), before = i > 0 ? curve[i - 1].value : 0;
+    const double u1 = (double)curve[i].u, u0 = i > 0 ? (double)curve[i - 1].u : u1;
+    const spsi_piece piece = {u0, u1, (double)spsi_lower(before, depth), (double)depth};
     return piece;
 }
 
@@ -3761,9 +3759,8 @@ typedef struct spsi_compressor {
 } spsi_compressor;
 
 static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
-    spsi_node *node = &c->out[c->count++];
-    node->u = (float)u;
-    node->value = (float)through;
+    const spsi_node node = {(float)u, (float)through};
+    c->out[c->count++] = node;
     c->low = -(double)SPSI_INFINITY;
     c->high = 0; /* T never rises */
 }
@@ -5916,14 +5913,11 @@ static void spsi_bricks_fill_task(void *data, int index) {
 }
 
 static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *frame, int medium, int *current) {
-    spsi_reader reader;
-    memset(&reader, 0, sizeof reader);
-    reader.medium = &frame->media[medium];
-    reader.material = &frame->matter.materials[reader.medium->channel];
-    reader.asks = 1;
-    reader.replace = frame->given.replace_invalid;
-    reader.part.share = SPSI_PROGRESS_GATHER / frame->medium_count;
-    reader.part.progress = reader.part.share * medium;
+    const spsi_medium *read = &frame->media[medium];
+    const spsi_material *material = &frame->matter.materials[read->channel];
+    const double share = SPSI_PROGRESS_GATHER / frame->medium_count;
+    const int replace = frame->given.replace_invalid;
+    spsi_reader reader = {context, read, material, 1, replace, {share * medium, share}, 0, 0, NULL, 0};
     if (spsi_reader_open(context, &reader)) return context->result;
     for (int64_t first = 0; first < reader.block_count; first += reader.at_once) {
         const int before = context->brick_count;
@@ -6354,14 +6348,10 @@ static double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound
 
 /* Upper bound of the optical depth on any straight way through what was read; -1 on failure. */
 static double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
-    spsi_bound_grid grid;
     float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_BOUND_GRID, 1, SPSI_BOUND_BYTES);
     if (!memory) return -1;
     memset(memory, 0, SPSI_BOUND_BYTES);
-    grid.all = memory;
-    grid.own = memory + SPSI_BOUND_CELLS;
-    grid.side = SPSI_BOUND_SIDE;
-    grid.bounds = frame->content->bounds;
+    spsi_bound_grid grid = {frame->content->bounds, SPSI_BOUND_SIDE, {0, 0, 0}, memory, memory + SPSI_BOUND_CELLS};
     if (spsi_bounds_empty(&grid.bounds)) return 0;
     for (int k = 0; k < 3; ++k)
         grid.edge[k] = fmax((grid.bounds.high[k] - grid.bounds.low[k]) / SPSI_BOUND_SIDE, DBL_MIN);
@@ -6490,19 +6480,14 @@ static inline int spsi_tree_bin_of(const spsi_tree_cut *cut, const spsi_tree_ite
     return spsi_least((int)((spsi_tree_middle(item, cut->axis) - cut->start) * cut->scale), SPSI_TREE_BINS - 1);
 }
 
-static void spsi_tree_bins_clear(spsi_tree_bin *bins, int count) {
-    memset(bins, 0, (size_t)count * sizeof *bins);
-    for (int i = 0; i < count; ++i)
-        for (int k = 0; k < 3; ++k) bins[i].low[k] = FLT_MAX, bins[i].high[k] = -FLT_MAX;
-}
+static const spsi_tree_bin spsi_tree_empty = {{FLT_MAX, FLT_MAX, FLT_MAX}, {-FLT_MAX, -FLT_MAX, -FLT_MAX}, 0};
 
 /* Returns the bin after which a cut is cheapest: sweeps over the bins from both ends. */
 static int spsi_tree_cheapest(const spsi_tree_bin *bins, float unit) {
     float cost[SPSI_TREE_BINS], least = FLT_MAX;
-    spsi_tree_bin sum;
     int last = -1;
     for (int side = 0; side < 2; ++side) {
-        spsi_tree_bins_clear(&sum, 1);
+        spsi_tree_bin sum = spsi_tree_empty;
         for (int i = 0; i < SPSI_TREE_BINS; ++i) {
             const int bin = side ? SPSI_TREE_BINS - 1 - i : i;
             if (side && sum.count > 0 && cost[bin] < FLT_MAX) {
@@ -6537,7 +6522,7 @@ static void spsi_tree_plan_cut(const spsi_tree_item *items, spsi_tree_node *node
     cut->start = low[cut->axis];
     cut->scale = SPSI_TREE_BINS / (high[cut->axis] - cut->start);
     if (!(cut->scale <= FLT_MAX) || !(size <= FLT_MAX)) return;
-    spsi_tree_bins_clear(bins, SPSI_TREE_BINS);
+    for (int i = 0; i < SPSI_TREE_BINS; ++i) bins[i] = spsi_tree_empty;
     for (int i = node->first; i < node->first + node->count; ++i) {
         spsi_tree_bin *bin = &bins[spsi_tree_bin_of(cut, &items[i])];
         spsi_tree_box_add(bin->low, bin->high, items[i].low, items[i].high);
@@ -6624,16 +6609,12 @@ static spsi_tree_item *spsi_tree_reserve(sps_context *context, spsi_buffer_id no
 
 /* Builds a tree whose memory is already reserved: the top nodes serially, then the subtrees in parallel. */
 static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tree_item *items) {
-    spsi_tree_job job;
+    spsi_tree_job job = {tree, items, {{0, 0}}, 1};
     const int few = spsi_most(tree->count / SPSI_TREE_TASKS, 1024);
     int next = 0;
     if (tree->count == 0) return SPS_OK;
-    job.tree = tree;
-    job.items = items;
     tree->nodes[0].first = 0;
     tree->nodes[0].count = tree->count;
-    job.tasks[0].node = job.tasks[0].depth = 0;
-    job.task_count = 1;
     while (next < job.task_count && job.task_count + 1 < 4 * SPSI_TREE_TASKS) {
         spsi_tree_task halves[2];
         if (tree->nodes[job.tasks[next].node].count <= few) {
@@ -7226,24 +7207,18 @@ static void spsi_raster_band_task(void *data, int index) {
 }
 
 /* Prepares to rasterise faces. */
-static void spsi_raster_begin(sps_context *context, const spsi_faces *faces, const spsi_rays *rays,
-                              spsi_raster *raster) {
-    memset(raster, 0, sizeof *raster);
-    raster->faces = faces;
-    raster->rays = rays;
-    raster->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
-    raster->pitch = rays->width;
-    spsi_parallel_batches(context, faces->count, spsi_raster_box_task, raster);
+static spsi_raster spsi_raster_begin(sps_context *context, const spsi_faces *faces, const spsi_rays *rays,
+                                     spsi_hit *hits, float *depths, int *numbers) {
+    int *boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
+    spsi_raster raster = {faces, rays, boxes, hits, depths, numbers, rays->width, 0};
+    spsi_parallel_batches(context, faces->count, spsi_raster_box_task, &raster);
+    return raster;
 }
 
 /* Rasterises all opaque faces: for the eye into `hits`, for a light into `depths` and `numbers`. */
 static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const spsi_rays *rays, spsi_hit *hits,
                            float *depths, int *numbers) {
-    spsi_raster raster;
-    spsi_raster_begin(context, faces, rays, &raster);
-    raster.hits = hits;
-    raster.depths = depths;
-    raster.numbers = numbers;
+    spsi_raster raster = spsi_raster_begin(context, faces, rays, hits, depths, numbers);
     spsi_parallel_items(context, spsi_tile_rows(rays), spsi_raster_band_task, &raster);
 }
 
@@ -7489,6 +7464,11 @@ static void spsi_fragment_add(const spsi_layers_job *job, size_t pixel, const sp
         job->first[pixel + 2] += 1;
 }
 
+/* Index of a sample in the scratch of its band of rows. */
+static size_t spsi_sample_index(const spsi_layers_job *job, int x, int y) {
+    return (size_t)(y % (job->samples * SPSI_LAYER_ROWS)) * (size_t)job->fine.width + (size_t)x;
+}
+
 /* The sample among those of a mask that is nearest to their mean. */
 static int spsi_mask_middle(uint64_t mask, int samples) {
     int sum[2] = {0, 0}, count = 0, least = 0x7fffffff, best = 0;
@@ -7509,13 +7489,12 @@ static int spsi_mask_middle(uint64_t mask, int samples) {
 static void spsi_pane_row(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_edges *e, int face,
                           int y, int seen[2]) {
     const int n = job->samples, *box = job->raster.boxes + 4 * face, width = job->fine.width;
-    const int row = y % (n * SPSI_LAYER_ROWS);
     int x0 = box[0], x1 = box[2];
     spsi_face_span(e, y, &x0, &x1);
     for (int x = x0; x <= x1; ++x) {
         double w[3], depth;
         float ends = SPSI_INFINITY;
-        if (n > 1) ends = scratch->depths[(size_t)row * (size_t)width + (size_t)x];
+        if (n > 1) ends = scratch->depths[spsi_sample_index(job, x, y)];
         if (n == 1 && job->hits) ends = job->hits[(size_t)y * (size_t)width + (size_t)x].depth;
         if (!spsi_face_depth(e, &job->fine, x, y, w, &depth) || !((float)depth < ends)) continue;
         scratch->masks[x / n] |= UINT64_C(1) << (y % n * n + x % n);
@@ -7600,7 +7579,7 @@ static int spsi_groups_of(const spsi_layers_job *job, const spsi_layer_scratch *
     int count = 0, last = -1, group = 0;
     for (int i = 0; i < n * n; ++i) {
         const int sx = x * n + i % n, sy = y * n + i / n;
-        const size_t at = (size_t)(sy % (n * SPSI_LAYER_ROWS)) * (size_t)job->fine.width + (size_t)sx;
+        const size_t at = spsi_sample_index(job, sx, sy);
         const int face = scratch->numbers[at];
         if (face < 0) continue;
         if (face != last) {
@@ -7634,8 +7613,7 @@ static void spsi_group_add(const spsi_layers_job *job, const spsi_layer_scratch 
     spsi_fragment fragment = {group->mask, 0, 0};
     double sum = 0;
     for (int i = 0; i < n * n; ++i) {
-        const size_t at =
-            (size_t)((y * n + i / n) % (n * SPSI_LAYER_ROWS)) * (size_t)job->fine.width + (size_t)(x * n + i % n);
+        const size_t at = spsi_sample_index(job, x * n + i % n, y * n + i / n);
         if (group->mask >> i & 1) sum += (double)scratch->depths[at];
         if (i == middle) fragment.face = scratch->numbers[at];
     }
@@ -7647,11 +7625,8 @@ static void spsi_group_add(const spsi_layers_job *job, const spsi_layer_scratch 
 /* Whether all samples of a pixel see the face that its centre sees, or all of them nothing. */
 static int spsi_pixel_is_even(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int face, int x, int y) {
     const int n = job->samples;
-    for (int row = y * n; row < y * n + n; ++row)
-        for (int i = 0; i < n; ++i)
-            if (scratch->numbers[(size_t)(row % (n * SPSI_LAYER_ROWS)) * (size_t)job->fine.width +
-                                 (size_t)(x * n + i)] != face)
-                return 0;
+    for (int i = 0; i < n * n; ++i)
+        if (scratch->numbers[spsi_sample_index(job, x * n + i % n, y * n + i / n)] != face) return 0;
     return 1;
 }
 
@@ -7735,10 +7710,8 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
         row = middle / n;
         spsi_face_hit(&e, x + column, y + row, w);
     }
-    layer->hit.depth = fragment->depth;
-    layer->hit.face = fragment->face;
-    layer->hit.weights[0] = (float)w[1];
-    layer->hit.weights[1] = (float)w[2];
+    const spsi_hit hit = {fragment->depth, fragment->face, {(float)w[1], (float)w[2]}};
+    layer->hit = hit;
     layer->at[0] = (float)((column + 0.5) / n - 0.5);
     layer->at[1] = (float)((row + 0.5) / n - 0.5);
     layer->pixel = pixel;
@@ -7881,7 +7854,7 @@ static int spsi_has_layers(const spsi_frame *frame) {
 static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int listing) {
     const int bands = (job->rays->height + SPSI_LAYER_ROWS - 1) / SPSI_LAYER_ROWS;
     if (!listing) memset(job->first, 0, (spsi_ray_count(job->rays) + 2) * sizeof *job->first);
-    spsi_raster_begin(context, job->faces, &job->fine, &job->raster);
+    job->raster = spsi_raster_begin(context, job->faces, &job->fine, NULL, NULL, NULL);
     job->listing = listing;
     spsi_parallel(context, bands, spsi_layers_task, job);
 }
@@ -7959,23 +7932,19 @@ typedef struct spsi_visible {
 } spsi_visible;
 
 static void spsi_place_of_pixel(const spsi_frame *frame, const spsi_visible *visible, int x, int y, spsi_place *place) {
-    place->index = (size_t)y * (size_t)frame->content->eye.width + (size_t)x;
-    place->hit = &visible->hits[place->index];
-    place->x = x;
-    place->y = y;
-    place->at[0] = x;
-    place->at[1] = y;
+    const size_t index = (size_t)y * (size_t)frame->content->eye.width + (size_t)x;
+    const spsi_place found = {&visible->hits[index], x, y, {(double)x, (double)y}, index};
+    *place = found;
 }
 
 static void spsi_place_of_layer(const spsi_frame *frame, const spsi_visible *visible, size_t number,
                                 spsi_place *place) {
     const spsi_layer *layer = &visible->layers.list[number];
-    place->index = spsi_ray_count(&frame->content->eye) + number;
-    place->hit = &layer->hit;
-    place->x = (int)(layer->pixel % (uint32_t)frame->content->eye.width);
-    place->y = (int)(layer->pixel / (uint32_t)frame->content->eye.width);
-    place->at[0] = place->x + (double)layer->at[0];
-    place->at[1] = place->y + (double)layer->at[1];
+    const size_t index = spsi_ray_count(&frame->content->eye) + number;
+    const int x = (int)(layer->pixel % (uint32_t)frame->content->eye.width);
+    const int y = (int)(layer->pixel / (uint32_t)frame->content->eye.width);
+    const spsi_place found = {&layer->hit, x, y, {x + (double)layer->at[0], y + (double)layer->at[1]}, index};
+    *place = found;
 }
 
 /* Number of places that a frame may have. */
@@ -8317,8 +8286,7 @@ static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int
    it passes one, as if it were an orthographic pixel. Corners are projected along the ray onto the plane of the other
    two axes, to the same bits for all faces that share them. */
 static int spsi_face_passes(const spsi_face *face, const double origin[3], const double toward[3]) {
-    const double x = fabs(toward[0]), y = fabs(toward[1]), z = fabs(toward[2]);
-    const int along = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
+    const int along = spsi_cube_face_of(toward) / 2;
     double corner[3][3];
     for (int i = 0; i < 3; ++i) {
         double offset[3];
@@ -8552,7 +8520,8 @@ static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft,
 
 /* --- the nearest face on a ray --- */
 
-/* Whether a ray meets a face within its range, more than `rounding` ahead of its origin; t and weights if so. */
+/* Whether a ray meets a face within its range, more than `rounding` ahead of its origin; t and weights if so. If not,
+   weights stay. */
 static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double rounding, double *t, float weights[2]) {
     const double *d = ray->direction;
     double a[3], b[3], c[3], n[3], room, ab, bc, ac, facing, ahead;
@@ -8584,11 +8553,9 @@ static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, sp
         const spsi_face *face = &faces->list[number];
         const double rounding = own >= 0 ? (double)face->rounding + 16 * DBL_EPSILON * faces->extent : 0;
         double t;
-        float weights[2];
-        if (number == own || !spsi_face_meets(face, ray, rounding, &t, weights)) continue;
+        if (number == own || !spsi_face_meets(face, ray, rounding, &t, hit->weights)) continue;
         ray->high = t;
         hit->face = number;
-        memcpy(hit->weights, weights, sizeof weights);
     }
 }
 
@@ -8618,14 +8585,13 @@ static void spsi_face_items_task(void *data, int i) {
 
 /* Builds the tree of all faces, or reuses the one that is held with them. */
 static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
-    spsi_face_items job;
+    spsi_face_items job = {faces, NULL};
     spsi_tree *tree = &faces->tree;
     if (faces->count == 0) return SPS_OK;
     job.items = spsi_tree_reserve(context, SPSI_BUFFER_FACE_NODES, SPSI_BUFFER_FACE_ORDER, faces->count, tree);
     if (!job.items) return context->result;
     spsi_bounds_centre(&context->mesh_bounds, tree->centre);
     if (context->tree_held) return SPS_OK;
-    job.faces = faces;
     spsi_parallel_batches(context, faces->count, spsi_face_items_task, &job);
     if (spsi_tree_build(context, tree, job.items)) return context->result;
     context->tree_held = 1;
@@ -10613,13 +10579,6 @@ static int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *ray
     }
 }
 
-/* For a classified volume as the eye sees it: footprints are not widened, and sections not cut. */
-static void spsi_splatter_classified(spsi_splatter *splatter) {
-    splatter->filter = 0;
-    splatter->whole = 1;
-    splatter->eye_near = -FLT_MAX;
-}
-
 /* Per square pixel by which the filter widens a footprint: voxels of up to 0.5 pixels count as alone, of 0.7 not. If
    voxels about a pixel apart were evened out one by one, even gas would beat with the pixels. */
 #define SPSI_ALONE 16
@@ -10987,15 +10946,14 @@ static spsi_extent spsi_near_extent(const spsi_splatter *s, const float q[3], in
     return extent;
 }
 
-/* Minimum and maximum pixel coordinate of an ellipsoid, by the tangent planes through the eye; returns 0 if the eye's
-   plane cuts it, so that there is no bound. */
-static int spsi_extent_range(const spsi_extent *e, float *low, float *high) {
+/* Narrows a range of pixels, which may lie beyond the image, to those of an ellipsoid, by the tangent planes through
+   the eye; not if the eye's plane cuts it, so that there is no bound. */
+static void spsi_extent_range(const spsi_extent *e, int *first, int *last) {
     const float square = e->cut * e->cut, a = e->t * e->t - square * e->tt, b = e->q * e->t - square * e->qt;
     const float root = b * b - a * (e->q * e->q - square * e->qq);
-    if (!(a > 1e-4f * e->t * e->t) || e->t < 0) return 0;
-    *low = (b - sqrtf(root > 0 ? root : 0)) / a;
-    *high = (b + sqrtf(root > 0 ? root : 0)) / a;
-    return 1;
+    if (!(a > 1e-4f * e->t * e->t) || e->t < 0) return;
+    *first = (int)fmaxf(ceilf((b - sqrtf(root > 0 ? root : 0)) / a), (float)*first);
+    *last = spsi_least(*last, (int)fminf(floorf((b + sqrtf(root > 0 ? root : 0)) / a), (float)SPSI_SIZE_MAX));
 }
 
 /* Whether an ellipsoid reaches in front of the eye and meets the rays between two columns (or rows) of pixels: it does
@@ -11082,23 +11040,13 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
     int x0 = tile->x0, x1 = tile->x1, y0 = tile->y0, y1 = tile->y1;
     const int first = (int)floorf(slab - s->reach_slabs), last = (int)floorf(slab + s->reach_slabs) + 1;
     const float unit = s->near_case.unit, q[3] = {at[0] / unit, at[1] / unit, at[2] / unit};
-    spsi_near_print print = {tile, s, {q[0], q[1], q[2]}, value, x1, first, last, channel};
-    float low, high;
-    spsi_extent across, down;
     if (!spsi_near_meets(tile, s, q, 1) && !(behind && spsi_near_meets(tile, s, q, -1))) return;
-    across = spsi_near_extent(s, q, 0, side);
-    down = spsi_near_extent(s, q, 1, side);
-    if (spsi_extent_range(&across, &low, &high)) {
-        x0 = (int)fmaxf(ceilf(low), (float)x0); /* a tile's margin may lie beyond the image */
-        x1 = spsi_least(x1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
-    }
-    if (spsi_extent_range(&down, &low, &high)) {
-        y0 = (int)fmaxf(ceilf(low), (float)y0);
-        y1 = spsi_least(y1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
-    }
+    const spsi_extent across = spsi_near_extent(s, q, 0, side), down = spsi_near_extent(s, q, 1, side);
+    spsi_extent_range(&across, &x0, &x1);
+    spsi_extent_range(&down, &y0, &y1);
     if (x0 > x1 || y0 > y1 || first >= tile->slab_count || last <= 0) return;
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
-    print.x1 = x1;
+    const spsi_near_print print = {tile, s, {q[0], q[1], q[2]}, value, x1, first, last, channel};
     tile->visits += 1;
     tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) *
                        (uint64_t)(spsi_least(last, tile->slab_count) - spsi_most(first, 0));
@@ -12274,12 +12222,6 @@ static inline int spsi_tap_inside(const spsi_voxel_field *field, const spsi_v pl
     return lanes;
 }
 
-static inline float spsi_lane(spsi_v a, int lane) {
-    float lanes[SPSI_LANES];
-    spsi_store(lanes, a);
-    return lanes[lane];
-}
-
 /* The integral over a part of a slab on one of the rays, from samples of its own. */
 static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_rays *rays, int lane, float from, float to,
                            uint64_t *samples) {
@@ -13110,14 +13052,6 @@ typedef struct spsi_field_stock {
     size_t count, used; /* bricks */
 } spsi_field_stock;
 
-static sps_result spsi_field_stock_reserve(sps_context *context, spsi_buffer_id id, int taps, size_t count,
-                                           spsi_field_stock *stock) {
-    stock->values = (float *)spsi_reserve(context, id, count, spsi_field_brick_bytes(taps));
-    stock->count = count;
-    stock->used = 0;
-    return stock->values ? SPS_OK : context->result;
-}
-
 /* Fills a field of a medium, from its relevant voxels or, if there is a `fine` one, as the next level of that. */
 static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int medium, spsi_field_stock *stock,
                             const spsi_voxel_field *fine, spsi_voxel_field *field) {
@@ -13139,12 +13073,12 @@ static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int m
 /* Fills the bricks of all fields, unless they are; when the first volume is to be gathered. */
 static sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame) {
     spsi_fields *fields = frame->content->fields;
-    spsi_field_stock stock;
-    size_t count = 0;
+    const size_t bytes = spsi_field_brick_bytes(fields->taps);
+    spsi_field_stock stock = {NULL, 0, 0};
     if (fields->filled) return SPS_OK;
-    for (int m = 0; m < frame->medium_count; ++m) count += (size_t)fields->list[m].count;
-    if (spsi_field_stock_reserve(context, SPSI_BUFFER_FIELD_VALUES, fields->taps, count, &stock))
-        return context->result;
+    for (int m = 0; m < frame->medium_count; ++m) stock.count += (size_t)fields->list[m].count;
+    stock.values = (float *)spsi_reserve(context, SPSI_BUFFER_FIELD_VALUES, stock.count, bytes);
+    if (!stock.values) return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
         spsi_field_fill(context, frame, m, &stock, NULL, &fields->list[m]);
     fields->filled = 1;
@@ -13173,8 +13107,8 @@ static size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memor
    gathered from one. */
 static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame, int levels) {
     spsi_fields *fields = frame->content->fields;
-    spsi_field_stock stock;
-    size_t cells = 0, count;
+    spsi_field_stock stock = {NULL, 0, 0};
+    size_t cells = 0;
     int *grids;
     if (fields->leveled >= levels) return SPS_OK;
     fields->leveled = 0;
@@ -13183,9 +13117,10 @@ static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame
             cells += spsi_field_cells(&fields->levels[m][n]);
     grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, SPSI_FIELD_GRID_BYTES);
     if (!grids) return context->result;
-    count = spsi_levels_number(frame, levels, grids, fields);
-    if (spsi_field_stock_reserve(context, SPSI_BUFFER_LEVEL_VALUES, fields->taps, count, &stock))
-        return context->result;
+    stock.count = spsi_levels_number(frame, levels, grids, fields);
+    stock.values = (float *)spsi_reserve(context, SPSI_BUFFER_LEVEL_VALUES, stock.count,
+                                         spsi_field_brick_bytes(fields->taps));
+    if (!stock.values) return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n)
             spsi_field_fill(context, frame, m, &stock, n ? &fields->levels[m][n - 1] : &fields->list[m],
@@ -13196,14 +13131,9 @@ static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame
 
 /* --- how much fields bend --- */
 
-typedef struct spsi_bend_job {
-    const spsi_voxel_field *field;
-    int taps;
-} spsi_bend_job;
-
 /* Eighths of bricks by themselves. Those of bricks that are not held are 0. */
 static void spsi_bend_task(void *data, int index) {
-    const spsi_bend_job *job = (const spsi_bend_job *)data;
+    const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *field = job->field;
     const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH);
     const size_t width = 2 * (size_t)field->size[0], layer = 2 * (size_t)field->size[1] * width;
@@ -13238,7 +13168,7 @@ static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field *field = &fields->list[m];
         const size_t count = 8 * spsi_field_cells(field);
-        spsi_bend_job job = {field, fields->taps};
+        spsi_field_job job = {context, NULL, NULL, fields->taps, field, NULL};
         field->bends = bends;
         bends += count;
         if (field->count == 0) continue;
@@ -13445,9 +13375,8 @@ static size_t spsi_shape_floats(const spsi_shape *shape) {
 /* The eye's sheets have a channel for each material. A light's have one for all gases, and one for each classified
    volume. These interpolate from slab to slab. */
 static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
-    spsi_shape shape;
-    shape.channels = is_eye ? frame->matter.material_count : frame->matter.light_channel_count;
-    shape.slab_margin = frame->matter.classifies;
+    const int channels = is_eye ? frame->matter.material_count : frame->matter.light_channel_count;
+    const spsi_shape shape = {channels, frame->matter.classifies};
     return shape;
 }
 
@@ -13461,7 +13390,7 @@ static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, co
     target->origin_slab = spsi_slab_at(slabs, rays->origin);
     target->columns = spsi_tile_columns(rays);
     target->rows = spsi_tile_rows(rays);
-    target->tolerance = 0;
+    target->tolerance = kind == SPSI_TARGET_EYE ? frame->view.tolerance : 0;
     spsi_crossing_build(rays, slabs, backwards, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i)
         target->set_channels[i] = kind < SPSI_TARGET_MAP ? frame->particles.sets[i].channel : 0;
@@ -13486,8 +13415,9 @@ static int spsi_target_judge(spsi_target *target, int i) {
     spsi_splatter *splatter = &target->splatters[i];
     if (!spsi_splatter_build(&frame->lattices[i], target->rays, target->slabs, scale, cut, splatter)) return 0;
     splatter->sign = target->crossing.sign;
-    if (target->kind == SPSI_TARGET_EYE && material->table) spsi_splatter_classified(splatter);
-    if (looks) splatter->filter = 0;
+    splatter->whole = target->kind == SPSI_TARGET_EYE && material->table; /* sections are not cut */
+    if (splatter->whole) splatter->eye_near = -FLT_MAX;
+    if (splatter->whole || looks) splatter->filter = 0; /* nor footprints widened */
     if (!keeps || frame->content->levels[i] > 0)
         target->verdicts[i] = spsi_tapper_judge(frame, &frame->lattices[i], target->rays, target->slabs, splatter,
                                                 tapping, &target->tappers[i]);
@@ -13522,7 +13452,6 @@ static sps_result spsi_target_build(sps_context *context, const spsi_frame *fram
                                     const spsi_slabs *slabs, spsi_target_kind kind, int backwards,
                                     spsi_target *target) {
     spsi_target_place(frame, rays, slabs, kind, backwards, target);
-    if (kind == SPSI_TARGET_EYE) target->tolerance = frame->view.tolerance;
     target->shape = spsi_shape_of(frame, kind == SPSI_TARGET_EYE);
     return spsi_target_volumes(context, target);
 }
@@ -13682,11 +13611,10 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, co
 static sps_result spsi_contents_fields(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
-    int gathers = 0, level = 0, interpolates = 0;
+    int gathers = contents->frame->has_gradients, level = 0, interpolates = 0;
     for (int n = 0; n < contents->target_count; ++n)
         for (int i = 0; i < contents->frame->medium_count; ++i) {
             const spsi_tapper *tapper = &contents->targets[n]->tappers[i];
-            gathers |= contents->frame->has_gradients;
             if (!spsi_gathers(contents->targets[n]->verdicts[i])) continue;
             gathers = 1;
             interpolates |= spsi_target_interpolates(contents->targets[n], i);

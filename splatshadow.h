@@ -16381,10 +16381,9 @@ static inline spsi_v spsi_minus_log(spsi_v x, float end) {
 
 /* Aims the rays of one point at the gas. They have the axes of the centre's; those of a directional light have the
    centre's texels where the slabs begin. Returns 0 if gas is beside or behind the point, or too far away. */
-static int spsi_beam_aim(const spsi_frame *frame, const spsi_penumbra *penumbra, const spsi_lamp *point,
-                         spsi_beam *beam) {
-    const spsi_rays *rays = penumbra->rays;
-    const spsi_slabs *slabs = penumbra->slabs;
+static int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, const spsi_lamp *point, spsi_beam *beam) {
+    const spsi_rays *rays = &sweep->rays;
+    const spsi_slabs *slabs = &sweep->slabs;
     /* where the gas looks far wider from a point of the light than from its centre */
     const int most = 2 * spsi_most(spsi_light_texels_most(frame), spsi_most(rays->width, rays->height));
     double offset[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, *corner;
@@ -16464,7 +16463,7 @@ static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *fram
     const spsi_lamp *lamp = sweep->lamp;
     if (spsi_penumbra_open(context, frame, sweep, &sweep->rays, penumbra)) return context->result;
     for (int i = 0; i < lamp->point_count; ++i)
-        if (!spsi_beam_aim(frame, penumbra, &lamp->points[i], &penumbra->beams[i]))
+        if (!spsi_beam_aim(frame, sweep, &lamp->points[i], &penumbra->beams[i]))
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0,
                                   "is so wide or so close that some of its points have gas beside or behind them; make "
                                   "it smaller, move it away, or set shadow_source or no_shadow on it");
@@ -17808,14 +17807,10 @@ static void spsi_lamp_take(spsi_lamp *lamp, int table, spsi_choice choice) {
 
 /* Whether slabs that serve a light and the eye also serve the rays of all its points. */
 static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
-    spsi_penumbra penumbra;
     spsi_beam beam;
     int i = 0;
-    memset(&penumbra, 0, sizeof penumbra);
-    penumbra.rays = &sweep->rays;
-    penumbra.slabs = &sweep->slabs;
     spsi_slabs_place(frame, &sweep->eye, sweep->lamp, HUGE_VAL, HUGE_VAL, &sweep->slabs);
-    while (i < sweep->lamp->point_count && spsi_beam_aim(frame, &penumbra, &sweep->lamp->points[i], &beam)) ++i;
+    while (i < sweep->lamp->point_count && spsi_beam_aim(frame, sweep, &sweep->lamp->points[i], &beam)) ++i;
     return i == sweep->lamp->point_count;
 }
 
@@ -22256,11 +22251,12 @@ static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_l
     return NULL;
 }
 
-/* The scale of extinction for light that reaches a surface, and for what it sends to the eye: what a phase function's
-   peak scatters goes straight on. */
-static double spsi_straight_scale(const spsi_frame *frame, int c) {
+/* What gas of an optical depth lets pass of light that reaches a surface, or that it sends to the eye: what a phase
+   function's peak scatters goes straight on. */
+static spsi_v spsi_straight_passes(const spsi_frame *frame, int c, spsi_v depth) {
     const spsi_cell_grid *cells = frame->content->cells;
-    return cells ? (double)cells->scale[spsi_least(c, cells->channels - 1)] : 1;
+    const float scale = cells ? cells->scale[spsi_least(c, cells->channels - 1)] : 1;
+    return spsi_exp(spsi_mul(depth, spsi_set(-scale)));
 }
 
 /* --- what pixels' polygons receive from cells and by first flights --- */
@@ -22778,8 +22774,7 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
                                          const spsi_surfaces *list, spsi_v lit[3]) {
     const spsi_lamp *lamp = shadow->lamp;
     const double unit = spsi_surfaces_unit(lamp, list);
-    const int alike = !shader->frame->content->cells;
-    spsi_v all = spsi_set(FLT_MIN), passes = spsi_set(1), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+    spsi_v all = spsi_set(FLT_MIN), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     for (int i = 0; i < lamp->point_count; ++i) {
         spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, weight, depth;
         float open[SPSI_LANES] = {0};
@@ -22792,11 +22787,7 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
         if (!spsi_bits(spsi_less(spsi_set(0), weight))) continue;
         depth = spsi_surfaces_depth(shadow, list, i, weight);
         all = spsi_add(all, weight);
-        for (int c = 0; c < 3; ++c) {
-            const spsi_v scale = spsi_set(-(float)spsi_straight_scale(shader->frame, c));
-            if (c == 0 || !alike) passes = spsi_exp(spsi_mul(depth, scale));
-            sum[c] = spsi_fma(weight, passes, sum[c]);
-        }
+        for (int c = 0; c < 3; ++c) sum[c] = spsi_fma(weight, spsi_straight_passes(shader->frame, c, depth), sum[c]);
     }
     for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_div(sum[c], all));
 }
@@ -22804,19 +22795,13 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
 /* Multiplies by what gas between a light and the places lets pass, with light that goes straight on. */
 static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list,
                                     spsi_v lit[3]) {
-    const int alike = !shader->frame->content->cells;
     float lanes[SPSI_LANES];
-    spsi_v passes = spsi_set(1);
     if (shadow->soft) {
         spsi_surfaces_attenuate_soft(shader, shadow, list, lit);
         return;
     }
     spsi_shadow_surfaces(shadow, shader->first_slab, &list->points, lanes);
-    for (int c = 0; c < 3; ++c) {
-        const float scale = (float)spsi_straight_scale(shader->frame, c);
-        if (c == 0 || !alike) passes = spsi_exp(spsi_mul(spsi_load(lanes), spsi_set(-scale)));
-        lit[c] = spsi_mul(lit[c], passes);
-    }
+    for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_straight_passes(shader->frame, c, spsi_load(lanes)));
 }
 
 /* Adds what the places reflect of a light. */
@@ -22966,8 +22951,7 @@ static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANE
     const spsi_v gas = backwards ? spsi_sub(sum->gas[1], sum->gas[0]) : sum->depth;
     spsi_v *into = backwards ? sum->again : sum->radiance;
     for (int c = 0; c < shader->frame->channels; ++c) {
-        const float scale = (float)spsi_straight_scale(shader->frame, c);
-        const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas)), all = spsi_exp(spsi_mul(gas, spsi_set(-scale)));
+        const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas)), all = spsi_straight_passes(shader->frame, c, gas);
         into[c] = spsi_fma(spsi_load(sent[c]), spsi_sub(all, once), into[c]);
     }
 }

@@ -14300,7 +14300,6 @@ static spsi_v spsi_tmap_texels_depths(const sps_tmap *map, const spsi_texels *te
 /* Optical depth of gas before u in one texel. */
 static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u) {
     const spsi_texels one = {spsi_tmap_texel(map, index), 0, spsi_set(0), spsi_set(0)};
-    float lanes[SPSI_LANES];
     if (map->technique->lists) {
         const uint32_t *starts = (const uint32_t *)map->data.starts.data + index;
         const uint32_t count = starts[1] - starts[0];
@@ -14310,8 +14309,7 @@ static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u)
                    : spsi_optical_depth_of(spsi_nodes_transmittance((const spsi_node *)list, count, u));
     }
     if (map->technique->optical_depth) return map->technique->optical_depth(&map->inner, one.floats, u);
-    spsi_store(lanes, spsi_tmap_texels_depths(map, &one, spsi_set(u)));
-    return lanes[0];
+    return spsi_one(spsi_tmap_texels_depths(map, &one, spsi_set(u)));
 }
 
 /* Bounds of the optical depth of gas before u in one texel. */
@@ -14814,15 +14812,12 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_ball *ball,
     const spsi_filling *filling = into->filling;
     const spsi_v per_t = spsi_set((float)filling->map->per_depth), zero = spsi_set(0), one = spsi_set(1);
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
-    spsi_intervals intervals;
     spsi_chord chord;
-    int bits;
     spsi_ball_chord(&filling->map->rays[filling->band.face], ball, x, y, &chord);
-    intervals.u0 = spsi_mul(spsi_sub(chord.middle, chord.half), per_t);
-    intervals.u1 = spsi_mul(spsi_add(chord.middle, chord.half), per_t);
-    intervals.depth = spsi_select(here, spsi_chord_depth(ball, &chord), zero);
-    intervals.soft = (float)ball->soft;
-    bits = spsi_bits(spsi_less(zero, intervals.depth));
+    spsi_intervals intervals = {spsi_mul(spsi_sub(chord.middle, chord.half), per_t),
+                                spsi_mul(spsi_add(chord.middle, chord.half), per_t),
+                                spsi_select(here, spsi_chord_depth(ball, &chord), zero), (float)ball->soft};
+    const int bits = spsi_bits(spsi_less(zero, intervals.depth));
     if (!bits) return;
     if (bits & (spsi_bits(spsi_less(intervals.u0, zero)) | spsi_bits(spsi_less(one, intervals.u1))))
         spsi_insert_cut_chords(into, ball->soft, x, y, &chord, &intervals);
@@ -14910,8 +14905,6 @@ static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) 
     const spsi_map_volumes *volumes = filling->occluders->volumes;
     const spsi_light_shader *shader = &volumes->shader;
     const int first_slab = volumes->contents.first_slab, margin = volumes->target.shape.slab_margin;
-    spsi_intervals intervals;
-    intervals.soft = 0;
     for (int y = into->y0; y < into->y0 + into->height; ++y)
         for (int x = into->x0; x < into->x0 + into->width; x += SPSI_LANES) {
             const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
@@ -14924,9 +14917,8 @@ static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) 
                 spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, &slabs);
                 depth = spsi_select(here, spsi_min(depth, spsi_set(SPSI_DEPTH_MAX)), spsi_set(0));
                 if (!spsi_bits(spsi_less(spsi_set(0), depth))) continue;
-                intervals.u0 = spsi_set((float)fmin(fmax(u, 0), 1));
-                intervals.u1 = spsi_set((float)fmin(fmax(u + filling->u_per_slab, 0), 1));
-                intervals.depth = depth;
+                const spsi_intervals intervals = {spsi_set((float)fmin(fmax(u, 0), 1)),
+                                                  spsi_set((float)fmin(fmax(u + filling->u_per_slab, 0), 1)), depth, 0};
                 spsi_insert(into, x, y, &intervals);
             }
         }
@@ -15170,9 +15162,8 @@ static sps_result spsi_append_band(spsi_filling *filling) {
                                "2^32 - 1 are held at most");
     if (map->settings.byte_budget && (double)sum * (double)item > (double)map->settings.byte_budget)
         return spsi_tmap_refuse_budget(map, (double)sum * (double)item);
-    if (!spsi_buffer_extend(filling->context, &map->data.texels, starts[0], (size_t)sum, item))
-        return filling->context->result;
-    return SPS_OK;
+    spsi_buffer_extend(filling->context, &map->data.texels, starts[0], (size_t)sum, item);
+    return filling->context->result;
 }
 
 static sps_result spsi_fill_fits(spsi_filling *filling) {
@@ -15305,14 +15296,9 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     const size_t count = (size_t)occluders->frame->content->particle_count;
     uint32_t *starts, *list;
     uint64_t sum;
-    spsi_ball_job job;
+    spsi_ball_job job = {rays, map->face_count > 1 ? map->rays : NULL, occluders->frame, map->settings.near_depth,
+                         SPSI_DEPTH_STEPS * map->per_depth, NULL, NULL, NULL};
     if (count == 0) return SPS_OK;
-    memset(&job, 0, sizeof job);
-    job.rays = rays;
-    job.faces = map->face_count > 1 ? map->rays : NULL;
-    job.frame = occluders->frame;
-    job.near_depth = map->settings.near_depth;
-    job.steps_per_depth = SPSI_DEPTH_STEPS * map->per_depth;
     if (map->technique->lists && spsi_balls_order(context, &job)) return context->result;
     job.balls = (spsi_ball *)spsi_reserve(context, SPSI_BUFFER_BALLS, count, sizeof(spsi_ball));
     starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_STARTS, tiles + 1, sizeof *starts);
@@ -15700,13 +15686,11 @@ static sps_result spsi_tmap_aim(sps_tmap *map) {
         rays->depth_reference = map->settings.near_depth;
         rays->near_depth = rays->perspective ? 0 : -HUGE_VAL;
     }
-    {
-        const double per_length = spsi_length(map->rays[0].inverse[2]);
-        const double texel = fmax(spsi_length(map->rays[0].a), spsi_length(map->rays[0].b));
-        const int own = map->settings.surface_bias > 0;
-        const double bias = (own ? map->settings.surface_bias : 2 * texel) * per_length;
-        map->bias[!own && map->rays[0].perspective] = bias; /* texels grow with the distance */
-    }
+    const double per_length = spsi_length(map->rays[0].inverse[2]);
+    const double texel = fmax(spsi_length(map->rays[0].a), spsi_length(map->rays[0].b));
+    const int own = map->settings.surface_bias > 0;
+    const double bias = (own ? map->settings.surface_bias : 2 * texel) * per_length;
+    map->bias[!own && map->rays[0].perspective] = bias; /* texels grow with the distance */
     return SPS_OK;
 }
 
@@ -16039,17 +16023,15 @@ static void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
     const size_t texels = spsi_lamp_tmap_texels(frame, lamp, &side);
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     const size_t components = spsi_lamp_tmap_components(frame, lamp);
-    if (spsi_techniques[lamp->map.technique].lists)
-        *held = sizeof(sps_tmap) + (texels + 1) * sizeof(uint32_t);
-    else
-        *held = sizeof(sps_tmap) + (texels + 1) * components * sizeof(float); /* one more for the planes */
+    const int lists = spsi_techniques[lamp->map.technique].lists > 0;
+    *held = sizeof(sps_tmap) + (texels + 1) * (lists ? 1 : components) * sizeof(float); /* one more for the planes */
     if (spsi_has_shadow_table(lamp)) /* also fingerprints, the map that holds it, and blocks beyond two edges */
         *held += SPSI_CUBE_FACES * tiles * tiles * sizeof(spsi_tile_prints) + sizeof(sps_tmap) +
                  SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * components * sizeof(float);
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
-    if (spsi_techniques[lamp->map.technique].lists) *filling += spsi_balls_order_bytes(frame->particles.count);
+    if (lists) *filling += spsi_balls_order_bytes(frame->particles.count);
     *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
 }
 
@@ -16329,10 +16311,9 @@ static inline spsi_v spsi_minus_log(spsi_v x, float end) {
 
 /* Aims the rays of one point at the gas. They have the axes of the centre's; those of a directional light have the
    centre's texels where the slabs begin. Returns 0 if gas is beside or behind the point, or too far away. */
-static int spsi_beam_aim(const spsi_frame *frame, const spsi_penumbra *penumbra, const spsi_lamp *point,
-                         spsi_beam *beam) {
-    const spsi_rays *rays = penumbra->rays;
-    const spsi_slabs *slabs = penumbra->slabs;
+static int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, const spsi_lamp *point, spsi_beam *beam) {
+    const spsi_rays *rays = &sweep->rays;
+    const spsi_slabs *slabs = &sweep->slabs;
     /* where the gas looks far wider from a point of the light than from its centre */
     const int most = 2 * spsi_most(spsi_light_texels_most(frame), spsi_most(rays->width, rays->height));
     double offset[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, *corner;
@@ -16412,7 +16393,7 @@ static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *fram
     const spsi_lamp *lamp = sweep->lamp;
     if (spsi_penumbra_open(context, frame, sweep, &sweep->rays, penumbra)) return context->result;
     for (int i = 0; i < lamp->point_count; ++i)
-        if (!spsi_beam_aim(frame, penumbra, &lamp->points[i], &penumbra->beams[i]))
+        if (!spsi_beam_aim(frame, sweep, &lamp->points[i], &penumbra->beams[i]))
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0,
                                   "is so wide or so close that some of its points have gas beside or behind them; make "
                                   "it smaller, move it away, or set shadow_source or no_shadow on it");
@@ -16565,16 +16546,16 @@ static void spsi_lookups_find(const spsi_penumbra *penumbra, int index, spsi_loo
 }
 
 /* World length per slab along a vector of a beam's rays. */
-static void spsi_slab_lengths(const spsi_beam *beam, spsi_v x, float y, float lengths[SPSI_LANES]) {
+static spsi_v spsi_slab_lengths(const spsi_beam *beam, spsi_v x, float y) {
     const spsi_v slabs = spsi_abs(spsi_linear_slope(&beam->slab, x, y));
-    spsi_store(lengths, spsi_div(spsi_ray_lengths(&beam->rays, x, y), spsi_max(slabs, spsi_set(FLT_MIN * 16))));
+    return spsi_div(spsi_ray_lengths(&beam->rays, x, y), spsi_max(slabs, spsi_set(FLT_MIN * 16)));
 }
 
 /* The same along texels x0 .. x0 + count - 1 of a row; `lengths` has room for whole vectors. */
 static void spsi_beam_lengths(const spsi_beam *beam, int x0, int y, int count, float *lengths) {
     for (int i = 0; i < count; i += SPSI_LANES)
-        spsi_slab_lengths(beam, spsi_add(spsi_set((float)(x0 - beam->x0 + i)), spsi_iota()), (float)(y - beam->y0),
-                          lengths + i);
+        spsi_store(lengths + i, spsi_slab_lengths(beam, spsi_add(spsi_set((float)(x0 - beam->x0 + i)), spsi_iota()),
+                                                  (float)(y - beam->y0)));
 }
 
 /* Adds sheet k, as a row of a beam's texels crosses it, to their optical depth. */
@@ -16858,7 +16839,6 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
     const double first = penumbra->first_slab, slab = fmin(spsi_slab_at(penumbra->slabs, point), first + SPSI_CHUNK);
     const spsi_rays *rays = penumbra->rays;
     double q[3], texel[2], sum = 0, depth;
-    float lengths[SPSI_LANES];
     spsi_project(&beam->rays, point, q);
     if (beam->rays.perspective && !(q[2] > 0)) return 0;
     texel[0] = q[0] + beam->x0, texel[1] = q[1] + beam->y0;
@@ -16872,8 +16852,7 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
         spsi_slide_at(&slide, texel[0], texel[1], at);
         sum += fmin(slab - first - k, 1) * spsi_bilinear_inside(sheet, rays->width, rays->height, at[0], at[1]);
     }
-    spsi_slab_lengths(beam, spsi_set((float)q[0]), (float)q[1], lengths);
-    return depth + sum * (double)lengths[0];
+    return depth + sum * (double)spsi_one(spsi_slab_lengths(beam, spsi_set((float)q[0]), (float)q[1]));
 }
 
 /* ============================================================================================ >>spreading
@@ -17758,14 +17737,10 @@ static void spsi_lamp_take(spsi_lamp *lamp, int table, spsi_choice choice) {
 
 /* Whether slabs that serve a light and the eye also serve the rays of all its points. */
 static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
-    spsi_penumbra penumbra;
     spsi_beam beam;
     int i = 0;
-    memset(&penumbra, 0, sizeof penumbra);
-    penumbra.rays = &sweep->rays;
-    penumbra.slabs = &sweep->slabs;
     spsi_slabs_place(frame, &sweep->eye, sweep->lamp, HUGE_VAL, HUGE_VAL, &sweep->slabs);
-    while (i < sweep->lamp->point_count && spsi_beam_aim(frame, &penumbra, &sweep->lamp->points[i], &beam)) ++i;
+    while (i < sweep->lamp->point_count && spsi_beam_aim(frame, sweep, &sweep->lamp->points[i], &beam)) ++i;
     return i == sweep->lamp->point_count;
 }
 
@@ -21169,11 +21144,10 @@ static void spsi_reach_build(const spsi_shader *shader, const spsi_lamp *lamp, c
                              const spsi_part *part, spsi_reach *reach) {
     reach->half = spsi_mul(part->half, p->length);
     reach->pixel = spsi_pixel_size(shader->eye, part->middle);
-    for (int i = 0; i < 3; ++i)
-        reach->middle[i] = spsi_linear_find(&shader->position[i], p->line.at, (float)p->line.y, part->middle);
-    for (int i = 0; i < 3; ++i)
-        reach->middle[i] =
-            spsi_add(reach->middle[i], spsi_set((float)(shader->position_origin[i] - lamp->position[i])));
+    for (int i = 0; i < 3; ++i) {
+        const spsi_v at = spsi_linear_find(&shader->position[i], p->line.at, (float)p->line.y, part->middle);
+        reach->middle[i] = spsi_add(at, spsi_set((float)(shader->position_origin[i] - lamp->position[i])));
+    }
 }
 
 /* The direction in which light travels at a part. To a light with a position, equal angles along the part have equal
@@ -21810,12 +21784,13 @@ static void spsi_add_cells(const spsi_shader *shader, const spsi_pixels *p, cons
    the eye here; what they pass on towards the light is in the cells. */
 static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                                 const spsi_sent *into) {
-    const spsi_v mean = spsi_mean_transmittance(part->before, part->after);
-    spsi_carried carried;
+    const spsi_v mean = spsi_mean_transmittance(part->before, part->after), one = spsi_set(1);
+    const spsi_carried carried = {
+        {mean, mean, mean}, {one, one, one}, part->before, part->after, spsi_scatters_fully(shader->frame)};
     for (int m = 0; m < shader->frame->matter.material_count; ++m) {
         const spsi_material *material = &shader->frame->matter.materials[m];
         const spsi_sample *sample = &part->samples[m];
-        const spsi_v share = shader->frame->content->cells ? sample->surface : spsi_set(1);
+        const spsi_v share = shader->frame->content->cells ? sample->surface : one;
         for (int c = 0; c < shader->frame->channels; ++c) {
             spsi_v sent = spsi_set(0);
             if (material->scatters && shader->frame->has_ambient)
@@ -21825,11 +21800,6 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
             into->once[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, into->once[c]);
         }
     }
-    memset(&carried, 0, sizeof carried);
-    carried.is_attenuated = spsi_scatters_fully(shader->frame);
-    carried.start = part->before;
-    carried.end = part->after;
-    for (int c = 0; c < 3; ++c) carried.passes[c] = mean, carried.lit[c] = spsi_set(1);
     for (int i = 0; i < shader->frame->lamps.count; ++i)
         if (!shader->frame->lamps.list[i].shadows)
             spsi_add_lamp(shader, p, part, &shader->frame->lamps.list[i], &carried, into);
@@ -22170,11 +22140,12 @@ static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_l
     return NULL;
 }
 
-/* The scale of extinction for light that reaches a surface, and for what it sends to the eye: what a phase function's
-   peak scatters goes straight on. */
-static double spsi_straight_scale(const spsi_frame *frame, int c) {
+/* What gas of an optical depth lets pass of light that reaches a surface, or that it sends to the eye: what a phase
+   function's peak scatters goes straight on. */
+static spsi_v spsi_straight_passes(const spsi_frame *frame, int c, spsi_v depth) {
     const spsi_cell_grid *cells = frame->content->cells;
-    return cells ? (double)cells->scale[spsi_least(c, cells->channels - 1)] : 1;
+    const float scale = cells ? cells->scale[spsi_least(c, cells->channels - 1)] : 1;
+    return spsi_exp(spsi_mul(depth, spsi_set(-scale)));
 }
 
 /* --- what pixels' polygons receive from cells and by first flights --- */
@@ -22506,7 +22477,7 @@ typedef struct spsi_facet {
     int number;                 /* of the face; -1: none */
     double corner[3], plane[3]; /* its first corner, and its normal */
     int flat;                   /* 1: light is reflected by the same normal everywhere */
-    float normal[3], turn;      /* that one, of unit length; turn: 1: on the plane's side, -1: on the other */
+    float normal[3], turn;      /* the last place's, of unit length; turn: 1: on the plane's side, -1: on the other */
     int plain;                  /* 1: all corners have this color */
     float color[3];
 } spsi_facet;
@@ -22524,17 +22495,14 @@ typedef struct spsi_surfaces {
 static void spsi_surfaces_begin(spsi_surfaces *list) {
     list->meetings.lanes = 0;
     list->facet.number = -1;
-    memset(list->normal, 0, sizeof list->normal);
-    memset(list->turn, 0, sizeof list->turn);
-    memset(list->color, 0, sizeof list->color);
-    memset(list->emission, 0, sizeof list->emission);
+    memset(list->normal, 0, sizeof *list - offsetof(spsi_surfaces, normal));
 }
 
-/* Sets a unit normal, and on which side of its face's plane it is. */
-static void spsi_normal_set(const double normal[3], const double plane[3], float unit[3], float *turn) {
+/* Sets a facet's unit normal, and on which side of its plane that is. */
+static void spsi_normal_set(const double normal[3], spsi_facet *facet) {
     const double size = spsi_length(normal);
-    for (int i = 0; i < 3; ++i) unit[i] = size > 0 ? (float)(normal[i] / size) : 0;
-    *turn = spsi_dot(normal, plane) < 0 ? -1.0f : 1.0f;
+    for (int i = 0; i < 3; ++i) facet->normal[i] = size > 0 ? (float)(normal[i] / size) : 0;
+    facet->turn = spsi_dot(normal, facet->plane) < 0 ? -1.0f : 1.0f;
 }
 
 static void spsi_facet_build(const spsi_faces *faces, int number, spsi_facet *facet) {
@@ -22548,7 +22516,7 @@ static void spsi_facet_build(const spsi_faces *faces, int number, spsi_facet *fa
     memcpy(facet->color, face->color[0], sizeof facet->color);
     spsi_face_plane(face, facet->plane);
     for (int i = 0; i < 3; ++i) normal[i] = (double)face->normal[0][i];
-    spsi_normal_set(normal, facet->plane, facet->normal, &facet->turn);
+    spsi_normal_set(normal, facet);
 }
 
 /* Adds the place of a lane, which is set. */
@@ -22560,6 +22528,11 @@ static void spsi_surfaces_add(const spsi_shader *shader, int n, spsi_surfaces *l
     spsi_meetings *meetings = &list->meetings;
     spsi_appearance look;
     if (facet->number != place->hit->face) spsi_facet_build(shader->faces, place->hit->face, facet);
+    if (!facet->flat) {
+        double normal[3];
+        spsi_face_normal(face, place->hit, facet->plane, normal);
+        spsi_normal_set(normal, facet);
+    }
     meetings->lanes |= 1 << n;
     meetings->x[n] = place->at[0];
     meetings->y[n] = place->at[1];
@@ -22571,13 +22544,6 @@ static void spsi_surfaces_add(const spsi_shader *shader, int n, spsi_surfaces *l
         list->color[i][n] = facet->color[i];
     }
     list->turn[n] = facet->turn;
-    if (!facet->flat) {
-        double normal[3];
-        float unit[3];
-        spsi_face_normal(face, place->hit, facet->plane, normal);
-        spsi_normal_set(normal, facet->plane, unit, &list->turn[n]);
-        for (int i = 0; i < 3; ++i) list->normal[i][n] = unit[i];
-    }
     if (facet->plain && !set) return;
     spsi_appearance_at(shader->faces, place->hit, set, &look);
     for (int i = 0; i < 3; ++i) {
@@ -22697,8 +22663,7 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
                                          const spsi_surfaces *list, spsi_v lit[3]) {
     const spsi_lamp *lamp = shadow->lamp;
     const double unit = spsi_surfaces_unit(lamp, list);
-    const int alike = !shader->frame->content->cells;
-    spsi_v all = spsi_set(FLT_MIN), passes = spsi_set(1), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+    spsi_v all = spsi_set(FLT_MIN), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     for (int i = 0; i < lamp->point_count; ++i) {
         spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, weight, depth;
         float open[SPSI_LANES] = {0};
@@ -22711,11 +22676,7 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
         if (!spsi_bits(spsi_less(spsi_set(0), weight))) continue;
         depth = spsi_surfaces_depth(shadow, list, i, weight);
         all = spsi_add(all, weight);
-        for (int c = 0; c < 3; ++c) {
-            const spsi_v scale = spsi_set(-(float)spsi_straight_scale(shader->frame, c));
-            if (c == 0 || !alike) passes = spsi_exp(spsi_mul(depth, scale));
-            sum[c] = spsi_fma(weight, passes, sum[c]);
-        }
+        for (int c = 0; c < 3; ++c) sum[c] = spsi_fma(weight, spsi_straight_passes(shader->frame, c, depth), sum[c]);
     }
     for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_div(sum[c], all));
 }
@@ -22723,19 +22684,13 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
 /* Multiplies by what gas between a light and the places lets pass, with light that goes straight on. */
 static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list,
                                     spsi_v lit[3]) {
-    const int alike = !shader->frame->content->cells;
     float lanes[SPSI_LANES];
-    spsi_v passes = spsi_set(1);
     if (shadow->soft) {
         spsi_surfaces_attenuate_soft(shader, shadow, list, lit);
         return;
     }
     spsi_shadow_surfaces(shadow, shader->first_slab, &list->points, lanes);
-    for (int c = 0; c < 3; ++c) {
-        const float scale = (float)spsi_straight_scale(shader->frame, c);
-        if (c == 0 || !alike) passes = spsi_exp(spsi_mul(spsi_load(lanes), spsi_set(-scale)));
-        lit[c] = spsi_mul(lit[c], passes);
-    }
+    for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_straight_passes(shader->frame, c, spsi_load(lanes)));
 }
 
 /* Adds what the places reflect of a light. */
@@ -22774,7 +22729,6 @@ static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_sh
 /* Finds what the places send towards the eye, of the light that the sweep carries. */
 static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) {
     const spsi_frame *frame = shader->frame;
-    memset(list->radiance, 0, sizeof list->radiance);
     if (!list->meetings.lanes) return;
     spsi_surfaces_place(shader, list);
     for (int c = 0; c < 3 && shader->sweep->first; ++c)
@@ -22866,6 +22820,19 @@ static spsi_v spsi_ahead_mean(const spsi_ahead *ahead) {
     return spsi_mul(spsi_add(sum, spsi_load(ahead->filter[2])), spsi_set(1.0f / 3));
 }
 
+/* A vector of pixels that is being shaded. */
+typedef struct spsi_row {
+    spsi_pixels pixels;
+    spsi_slab slab;
+    spsi_ahead ahead;
+    int has_layers; /* 1: `ahead` is in use */
+    int width;      /* number of pixels */
+    spsi_gathered sum;
+} spsi_row;
+
+/* NULL without layers. */
+static const spsi_ahead *spsi_row_ahead(const spsi_row *row) { return row->has_layers ? &row->ahead : NULL; }
+
 /* Adds what peaks of phase functions scatter straight on to the eye of light from surfaces behind gas of optical depth
    t: exp(-k t) - exp(-t) of it. */
 static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANES], spsi_gathered *sum) {
@@ -22873,18 +22840,18 @@ static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANE
     const spsi_v gas = backwards ? spsi_sub(sum->gas[1], sum->gas[0]) : sum->depth;
     spsi_v *into = backwards ? sum->again : sum->radiance;
     for (int c = 0; c < shader->frame->channels; ++c) {
-        const float scale = (float)spsi_straight_scale(shader->frame, c);
-        const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas)), all = spsi_exp(spsi_mul(gas, spsi_set(-scale)));
+        const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas)), all = spsi_straight_passes(shader->frame, c, gas);
         into[c] = spsi_fma(spsi_load(sent[c]), spsi_sub(all, once), into[c]);
     }
 }
 
 /* Composites what surfaces send towards the eye, of which `share` is the part of what is behind that they cover, at
    depth d. */
-static void spsi_add_sent(const spsi_shader *shader, const spsi_pixels *p, float sent[3][SPSI_LANES], spsi_v open,
-                          spsi_v share, spsi_v d, spsi_gathered *sum) {
+static void spsi_add_sent(const spsi_shader *shader, float sent[3][SPSI_LANES], spsi_v open, spsi_v share, spsi_v d,
+                          spsi_row *row) {
+    spsi_gathered *sum = &row->sum;
     const spsi_v t = spsi_add(d, spsi_set((float)shader->eye->depth_reference));
-    const spsi_v way = spsi_select(spsi_less(spsi_set(0), share), spsi_mul(t, p->length), spsi_set(0));
+    const spsi_v way = spsi_select(spsi_less(spsi_set(0), share), spsi_mul(t, row->pixels.length), spsi_set(0));
     for (int c = 0; c < shader->frame->channels; ++c)
         sum->radiance[c] = spsi_fma(spsi_load(sent[c]), open, sum->radiance[c]);
     if (shader->frame->content->cells && shader->frame->matter.orders > 1) spsi_add_straight(shader, sent, sum);
@@ -22893,11 +22860,11 @@ static void spsi_add_sent(const spsi_shader *shader, const spsi_pixels *p, float
 
 /* Composites the next layers of some pixels, given as a bit mask, and passes them. Front to back, a ray that its last
    layer has covered in all colors becomes opaque. */
-static void spsi_add_layers(const spsi_shader *shader, const spsi_pixels *p, int bits, spsi_ahead *ahead,
-                            spsi_gathered *sum) {
+static void spsi_add_layers(const spsi_shader *shader, int bits, spsi_row *row) {
+    spsi_ahead *ahead = &row->ahead;
     const int backwards = shader->sweep->back_to_front;
-    const spsi_v open = backwards ? spsi_set(1) : spsi_exp(spsi_sub(spsi_set(0), sum->depth)),
-                 d = spsi_load(ahead->depth);
+    const spsi_v d = spsi_load(ahead->depth), before = row->sum.depth;
+    const spsi_v open = backwards ? spsi_set(1) : spsi_exp(spsi_sub(spsi_set(0), before));
     float sent[3][SPSI_LANES] = {{0}}, covered[SPSI_LANES] = {0}, opaque[SPSI_LANES] = {0};
     spsi_surfaces list;
     spsi_surfaces_begin(&list);
@@ -22917,15 +22884,16 @@ static void spsi_add_layers(const spsi_shader *shader, const spsi_pixels *p, int
         if (!backwards && ahead->first[lane] == ahead->end[lane] && spsi_black(layer->behind))
             opaque[lane] = SPSI_DEPTH_MAX;
     }
-    spsi_add_sent(shader, p, sent, open, spsi_mul(spsi_load(covered), open), d, sum);
-    sum->depth = spsi_min(spsi_add(sum->depth, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
-    spsi_ahead_measure(shader, p, ahead);
+    spsi_add_sent(shader, sent, open, spsi_mul(spsi_load(covered), open), d, row);
+    row->sum.depth = spsi_min(spsi_add(before, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
+    spsi_ahead_measure(shader, &row->pixels, ahead);
 }
 
 /* Composites the opaque polygons of a vector of pixels whose slab coordinate lies in [low, high), which makes their
-   rays opaque. `ahead`: NULL without layers. */
-static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, int width, float low, float high,
-                              const spsi_ahead *ahead, spsi_gathered *sum) {
+   rays opaque. */
+static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, spsi_row *row) {
+    const spsi_pixels *p = &row->pixels;
+    const spsi_ahead *ahead = spsi_row_ahead(row);
     const spsi_m here =
         spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY)));
     const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, spsi_set(low)));
@@ -22933,9 +22901,9 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
     spsi_surfaces list;
     spsi_v open, share;
     if (!bits || shader->again.measures) return;
-    open = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
+    open = spsi_exp(spsi_sub(spsi_set(0), row->sum.depth));
     spsi_surfaces_begin(&list);
-    for (int i = 0; i < width; ++i) {
+    for (int i = 0; i < row->width; ++i) {
         if (!(bits >> i & 1)) continue;
         spsi_place_of_pixel(shader->frame, shader->visible, p->line.x + i, p->line.y, &list.place[i]);
         if (list.place[i].hit->face < 0) continue; /* an edge, which layers show */
@@ -22947,8 +22915,8 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
         spsi_store(list.radiance[c], spsi_mul(spsi_load(list.radiance[c]), spsi_load(ahead->filter[c])));
     share = spsi_select(spsi_less(spsi_set(0), spsi_load(opaque)), open, spsi_set(0));
     if (ahead) share = spsi_mul(share, spsi_ahead_mean(ahead));
-    spsi_add_sent(shader, p, list.radiance, open, share, p->line.polygon, sum);
-    sum->depth = spsi_min(spsi_add(sum->depth, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
+    spsi_add_sent(shader, list.radiance, open, share, p->line.polygon, row);
+    row->sum.depth = spsi_min(spsi_add(row->sum.depth, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
 }
 
 /* --- a tile --- */
@@ -23103,10 +23071,12 @@ static spsi_sent spsi_part_sent(const spsi_shader *shader, const spsi_part *part
     return sent;
 }
 
-/* Composites one part of a slab. `ahead`: NULL without layers. */
-static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, const spsi_part *part,
-                          const spsi_ahead *ahead, spsi_gathered *sum) {
+/* Composites one part of a slab. */
+static void spsi_add_part(const spsi_shader *shader, const spsi_part *part, spsi_row *row) {
+    const spsi_pixels *p = &row->pixels;
+    const spsi_ahead *ahead = spsi_row_ahead(row);
     const spsi_v zero = spsi_set(0);
+    spsi_gathered *sum = &row->sum;
     spsi_v filtered[2][3] = {{zero, zero, zero}, {zero, zero, zero}};
     const spsi_sent sent = spsi_part_sent(shader, part, ahead ? filtered : NULL, sum);
     if (shader->sweep->back_to_front) {
@@ -23115,7 +23085,7 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const
         sum->distance = spsi_mul(sum->distance, through);
     }
     for (int i = 0; i < shader->shadow_count && shader->frame->matter.scatters; ++i)
-        spsi_add_shadowed(shader, &shader->shadows[i], slab, &slab->arrivals[i], p, part, &sent);
+        spsi_add_shadowed(shader, &shader->shadows[i], &row->slab, &row->slab.arrivals[i], p, part, &sent);
     if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, &sent);
     for (int c = 0; c < shader->frame->channels && ahead; ++c) {
         sum->radiance[c] = spsi_fma(filtered[0][c], spsi_load(ahead->filter[c]), sum->radiance[c]);
@@ -23142,18 +23112,6 @@ typedef struct spsi_shading {
     float low, high;
 } spsi_shading;
 
-/* A vector of pixels that is being shaded. */
-typedef struct spsi_row {
-    spsi_pixels pixels;
-    spsi_slab slab;
-    spsi_ahead ahead;
-    int has_layers; /* 1: `ahead` is in use */
-    int width;      /* number of pixels */
-    spsi_gathered sum;
-} spsi_row;
-
-static const spsi_ahead *spsi_row_ahead(const spsi_row *row) { return row->has_layers ? &row->ahead : NULL; }
-
 /* Composites the parts of a slab; of its way the shares from cut[0] to cut[1], or all (NULL). */
 static void spsi_add_parts(const spsi_shading *shading, const spsi_v *cut, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
@@ -23165,7 +23123,7 @@ static void spsi_add_parts(const spsi_shading *shading, const spsi_v *cut, spsi_
         last = part.last;
         if ((!cut || spsi_part_cut(shader, &row->slab, cut, samples, row->sum.depth, &part)) &&
             (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth))))
-            spsi_add_part(shader, &row->pixels, &row->slab, &part, spsi_row_ahead(row), &row->sum);
+            spsi_add_part(shader, &part, row);
         part.last = last;
     }
 }
@@ -23189,7 +23147,7 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
         cut[1] = spsi_select(here, spsi_clamp(cut[1], cut[0], one), one);
         if (held) spsi_add_parts(shading, cut, row);
         if (!bits) return;
-        spsi_add_layers(shader, &row->pixels, bits, &row->ahead, &row->sum);
+        spsi_add_layers(shader, bits, row);
         cut[0] = cut[1];
     }
 }
@@ -23205,14 +23163,12 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     int held;
     row->slab.open = backwards ? SPSI_ALL_LANES : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
     held = shading->slab_count > 0 && spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
-    if (shader->hits && backwards)
-        spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
+    if (shader->hits && backwards) spsi_add_surfaces(shader, low, high, row);
     if (row->has_layers && spsi_ahead_before(&row->ahead, high))
         spsi_add_layered(shading, held, high, row);
     else if (held)
         spsi_add_parts(shading, NULL, row);
-    if (shader->hits && !backwards)
-        spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
+    if (shader->hits && !backwards) spsi_add_surfaces(shader, low, high, row);
     return held;
 }
 
@@ -23239,16 +23195,18 @@ static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi
 /* Early ray termination before plane k. A ray whose transmittance is below the threshold becomes opaque, so that no
    bright background shines through and nothing added later counts; what it let through counts as seen at the plane.
    Returns 0 if all rays have ended. */
-static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k, const spsi_ahead *ahead,
-                         spsi_gathered *sum) {
+static int spsi_end_rays(const spsi_shader *shader, int k, spsi_row *row) {
+    const spsi_line *line = &row->pixels.line;
+    spsi_gathered *sum = &row->sum;
     const spsi_m open = spsi_less(sum->depth, spsi_set(shader->end_depth));
     const int bits = spsi_bits(open);
-    if (bits != spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) {
-        const spsi_v t = spsi_add(spsi_min(spsi_plane_depth(&p->line, k), p->line.polygon),
-                                  spsi_set((float)shader->eye->depth_reference));
+    if (bits != SPSI_ALL_LANES) {
+        const spsi_v d = spsi_min(spsi_plane_depth(line, k), line->polygon);
+        const spsi_v t = spsi_add(d, spsi_set((float)shader->eye->depth_reference));
+        const spsi_v way = spsi_mul(t, row->pixels.length);
         spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
-        if (ahead) left = spsi_mul(left, spsi_ahead_mean(ahead));
-        sum->distance = spsi_select(open, sum->distance, spsi_fma(left, spsi_mul(t, p->length), sum->distance));
+        if (row->has_layers) left = spsi_mul(left, spsi_ahead_mean(&row->ahead));
+        sum->distance = spsi_select(open, sum->distance, spsi_fma(left, way, sum->distance));
         sum->depth = spsi_select(open, sum->depth, spsi_set(SPSI_DEPTH_MAX));
     }
     return bits != 0;
@@ -23283,7 +23241,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     for (int k = 0; k < spsi_most(shading->slab_count, 1); k += group) {
         held += width * spsi_add_slab(shading, k, &row);
         if (!shader->sweep->back_to_front && shading->slab_count > 0 &&
-            !spsi_end_rays(shader, &row.pixels, k + group, spsi_row_ahead(&row), &row.sum))
+            !spsi_end_rays(shader, k + group, &row))
             break;
     }
     spsi_gathered_store(shader, at, &row.sum);
@@ -25284,9 +25242,8 @@ static void spsi_spread_add_sample(const void *data, const spsi_sample_place *pl
     spsi_cells_deposit(job->depth + row, x, end, fine, per_texel, sample->depth);
     for (int c = 0; c < job->spread->channels && material->scatters; ++c) {
         const size_t own = (size_t)c * SPSI_CHUNK * job->plane + row;
-        const spsi_v turned = spsi_mul(turn, sample->scattered[c]);
         spsi_cells_deposit(job->scattered + own, x, end, fine, per_texel, sample->scattered[c]);
-        spsi_cells_deposit(job->turned + own, x, end, fine, per_texel, turned);
+        spsi_cells_deposit(job->turned + own, x, end, fine, per_texel, spsi_mul(turn, sample->scattered[c]));
         spsi_cells_deposit(job->back + own, x, end, fine, per_texel, spsi_mul(back, sample->scattered[c]));
     }
 }
@@ -25398,17 +25355,11 @@ static void spsi_spread_carry_task(void *data, int c) {
     for (int k = 0; k < job->count; ++k) {
         const size_t at = (size_t)k * job->plane, own = (size_t)c * SPSI_CHUNK * job->plane + at;
         const double begin = near_depth + (job->first + k) * thickness;
-        spsi_spread_sheet sheet;
-        sheet.depth = job->depth + at;
-        sheet.scattered = job->scattered + own;
-        sheet.turned = job->turned + own;
-        sheet.back = job->back + own;
-        sheet.source = job->source + own;
-        sheet.open = job->open + own;
-        sheet.reach = job->reach + at;
-        sheet.growth = job->rays.perspective ? (float)(begin / (begin + thickness)) : 1;
-        sheet.is_last = job->first + k + 1 == job->spread->sheet_count;
-        sheet.sides = sheet.is_last ? 3 : 1 << (k & 1);
+        const float growth = job->rays.perspective ? (float)(begin / (begin + thickness)) : 1;
+        const int is_last = job->first + k + 1 == job->spread->sheet_count;
+        const spsi_spread_sheet sheet = {job->depth + at, job->scattered + own, job->turned + own, job->back + own,
+                                         job->source + own, job->open + own, job->reach + at, growth,
+                                         is_last ? 3 : 1 << (k & 1), is_last};
         spsi_spread_step(&job->light[c], &sheet);
         spsi_spread_keep(job, c, job->first + k + 1);
     }
@@ -27847,22 +27798,21 @@ typedef struct spsi_source {
    irradiance without gas. */
 static void spsi_march_forward(const spsi_material *material, const spsi_sample *sample, double cosine, double depth,
                                double sent[3]) {
-    float color[SPSI_LANES], surface[SPSI_LANES], last = 0;
+    float last = 0;
     double taken;
     const double shown = spsi_forward_fade(depth, &taken);
     spsi_legendre series;
     spsi_legendre_moments(material, 0, &series);
-    spsi_store(surface, sample->surface);
     for (int c = 0; c < 3; ++c) {
-        spsi_store(color, sample->color[c]);
-        if (c > 0 && color[0] == last) {
+        const float color = spsi_one(sample->color[c]);
+        if (c > 0 && color == last) {
             sent[c] = sent[c - 1];
             continue;
         }
-        last = color[0];
-        spsi_legendre_orders(&series, (double)color[0], taken);
+        last = color;
+        spsi_legendre_orders(&series, (double)color, taken);
         sent[c] = shown * spsi_forward_at(material, &series, taken, cosine);
-        sent[c] *= (double)color[0] * (sample->has_normal ? 1 - (double)surface[0] : 1);
+        sent[c] *= (double)color * (sample->has_normal ? 1 - (double)spsi_one(sample->surface) : 1);
     }
 }
 

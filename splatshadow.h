@@ -24651,7 +24651,7 @@ static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v f
     const spsi_v count = spsi_add(spsi_floor(spsi_mul(length, spsi_set(1 / 0.75f))), one);
     const spsi_v step = spsi_div(length, count);
     const spsi_v back[3] = {spsi_sub(zero, way[0]), spsi_sub(zero, way[1]), spsi_sub(zero, way[2])};
-    spsi_v through = one, sum = zero, harmonic[SPSI_CELL_TERMS], before[3];
+    spsi_v through = one, sum = zero, harmonic[SPSI_CELL_TERMS], before[3] = {zero, zero, zero};
     spsi_harmonics_v(back, solver->terms, harmonic);
     for (float i = 0.5f;; i += 1) {
         const spsi_m on = spsi_and(spsi_less(spsi_set(i), count), spsi_less(spsi_set(1e-3f), through));
@@ -24675,32 +24675,35 @@ static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v f
     }
 }
 
-/* Ends a patch where polygons within the grid keep light from its cells, by 8 x 8 places of it: where their moment is a
-   hundredth of the lightest one's. */
+/* Ends a patch where polygons within the grid cut all of its outermost cells from those nearer to the side's middle. */
 static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_grid *grid, int patch) {
     const int side = spsi_cell_patch_side(grid, patch), axis = side / 2;
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
     const float *own = grid->patches + patch;
-    float light[64], lightest = 0;
-    int low[2] = {8, 8}, high[2] = {0, 0}, at[3];
-    at[axis] = side % 2 ? grid->size[axis] - 1 : 0;
-    for (int n = 0; n < 64; ++n) {
-        for (int i = 0; i < 2; ++i) {
-            const float part = ((float)(i ? n / 8 : n % 8) - 3.5f) / 8 * own[(4 + i) * SPSI_CELL_SHEET];
-            at[along[i]] = (int)((own[along[i] * SPSI_CELL_SHEET] + part) / (float)grid->edge);
+    double end[2][2];
+    for (int n = 0; n < 4; ++n)
+        end[n / 2][n % 2] = (double)(own[along[n / 2] * SPSI_CELL_SHEET] +
+                                     ((float)(n % 2) - 0.5f) * own[(4 + n / 2) * SPSI_CELL_SHEET]);
+    for (int i = 0; i < 2; ++i) {
+        const double middle = 0.5 * grid->edge * grid->size[along[i]];
+        const int falls = end[i][0] + end[i][1] < 2 * middle, step = falls ? -1 : 1; /* from the middle on */
+        const int inner = (int)(end[i][falls] / grid->edge - 0.01 * falls);
+        const int outer = (int)(end[i][!falls] / grid->edge - 0.01 * !falls);
+        int reach = inner, at[3] = {0, 0, 0}, link[3] = {0, 0, 0};
+        at[axis] = side % 2 ? grid->size[axis] - 1 : 0;
+        link[along[i]] = -step;
+        for (int line = (int)(end[!i][0] / grid->edge); line < end[!i][1] / grid->edge - 0.01; ++line) {
+            at[along[!i]] = line;
+            for (int cell = inner; cell != outer; cell += step) {
+                at[along[i]] = cell;
+                if (level->closed[(at[2] * grid->size[1] + at[1]) * level->pitch + at[0]] >>
+                        spsi_cell_link(link[0], link[1], link[2]) & 1)
+                    break;
+                if ((cell + step - reach) * step > 0) reach = cell + step;
+            }
         }
-        light[n] = fabsf(level->moments[0][(at[2] * grid->size[1] + at[1]) * level->pitch + at[0]]);
-        lightest = spsi_higher(lightest, light[n]);
-    }
-    for (int n = 0; n < 64; ++n)
-        for (int i = 0; i < 2 && light[n] > 0.01f * lightest; ++i) {
-            low[i] = spsi_least(low[i], i ? n / 8 : n % 8);
-            high[i] = spsi_most(high[i], 1 + (i ? n / 8 : n % 8));
-        }
-    for (int i = 0; i < 2 && lightest > 0; ++i) {
-        const double width = (double)own[(4 + i) * SPSI_CELL_SHEET] / 8;
-        const double begin = (double)own[along[i] * SPSI_CELL_SHEET] - 4 * width;
-        spsi_cell_patch_set(grid, patch, i, begin + width * low[i], begin + width * high[i]);
+        if (reach != outer) end[i][!falls] = grid->edge * (reach + !falls);
+        spsi_cell_patch_set(grid, patch, i, end[i][0], end[i][1]);
     }
 }
 
@@ -24764,7 +24767,8 @@ static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cel
     spsi_parallel_items(job->context, 6 * leaves->across * leaves->across, spsi_cell_patches_task, job);
     for (int n = 0; n < SPSI_CELL_SHEET; ++n) found += (double)(leaves->patches[3 * SPSI_CELL_SHEET + n] * sent[n]);
     out *= job->solver->walled || !(fabs(found) > 0) ? 0 : 4 * SPSI_PI * grid->edge * grid->edge / found;
-    for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET && out > 0; ++n) sent[n] *= (float)fmin(out, 2);
+    out = out > 0 ? fmin(fmax(out, 0.95), 1.05) : 1; /* what gas takes may make up for what it sends */
+    for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET; ++n) sent[n] *= (float)out;
 }
 
 /* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly

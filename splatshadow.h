@@ -19472,7 +19472,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         beyond = outward * (at[axis] - end);
         if (!(beyond > 0)) continue;
         from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
-        for (int k = 0; k < 2; ++k) { /* off the vector's rows */
+        for (int k = 0; k < 2; ++k) { /* how far the surface is beside the vector's patches */
             const float *own = patch + from.along[k] * SPSI_CELL_SHEET, *width = patch + (4 + k) * SPSI_CELL_SHEET;
             const int last = k ? SPSI_LANES - 1 : spsi_least(SPSI_LANES, grid->across) - 1;
             const double begin = (double)(own[0] - 0.5f * width[0]) - at[from.along[k]];
@@ -19480,7 +19480,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
             square += off > 0 ? off * off : 0;
             nearest = fmax(nearest, 0.18 * from.extent[from.along[k]] / most);
         }
-        for (int k = 0; k < 2; ++k) /* before the side a surface counts as no nearer than parts are wide */
+        for (int k = 0; k < 2; ++k) /* straight before the side, it counts as no nearer than parts are wide */
             nearest += fmin(fmin(at[from.along[k]], from.extent[from.along[k]] - at[from.along[k]]), 0);
         at[axis] = end + outward * fmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
@@ -20454,6 +20454,7 @@ typedef struct spsi_flight_job {
     const spsi_faces *faces;
     const spsi_cell_grid *grid;
     int tree_count;
+    int coarse;             /* how many times as wide as for a polygon a cube of cells may see a node */
     const float *scattered; /* as in spsi_cell_job */
     float *emitted;
 } spsi_flight_job;
@@ -20618,15 +20619,14 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
     const double half = 0.5 * SPSI_FLIGHT_BLOCK * grid->edge;
     unsigned char blocked[SPSI_FLIGHT_TREES * SPSI_FLIGHT_NODES];
     spsi_flight_list list;
-    const int coarse = job->tree_count > 1 ? 2 : 4; /* what gas has scattered needs few nodes */
     double centre[3];
     int glow = 0;
     for (int k = 0; k < 3; ++k) centre[k] = grid->corner[k] + grid->edge * (first[k] + 0.5 * SPSI_FLIGHT_BLOCK);
     list.count = 0;
     for (int i = 0; i < job->tree_count; ++i) {
         if (job->flights[i].to_cells > 0)
-            spsi_flights_choose(&job->flights[i], centre, 1.3 * half, coarse * job->frame->accuracy.flight_angle,
-                                4 * SPSI_FLIGHT_NODES / (coarse * coarse), &list);
+            spsi_flights_choose(&job->flights[i], centre, 1.3 * half, job->coarse * job->frame->accuracy.flight_angle,
+                                4 * SPSI_FLIGHT_NODES / (job->coarse * job->coarse), &list);
         if (i == SPSI_FLIGHTS_GLOW) glow = list.count;
     }
     for (int i = 0; i < list.count; ++i)
@@ -22495,7 +22495,7 @@ typedef struct spsi_surfaces {
 static void spsi_surfaces_begin(spsi_surfaces *list) {
     list->meetings.lanes = 0;
     list->facet.number = -1;
-    memset(list->normal, 0, sizeof *list - offsetof(spsi_surfaces, normal));
+    memset((char *)list + offsetof(spsi_surfaces, normal), 0, sizeof *list - offsetof(spsi_surfaces, normal));
 }
 
 /* Sets a facet's unit normal, and on which side of its plane that is. */
@@ -24334,12 +24334,12 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     return SPS_OK;
 }
 
-/* Sends what emitters of some trees do to a grid's cells. */
+/* Sends what emitters of some trees do to a grid's cells. `coarse`: as in spsi_flight_job. */
 static void spsi_cells_fly_from(const spsi_cell_job *job, const spsi_cell_grid *grid, const spsi_flights *trees,
-                                int tree_count) {
+                                int tree_count, int coarse) {
     const int rows = (grid->size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
     const int layers = (grid->size[2] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
-    spsi_flight_job flight = {job->frame, trees, job->faces, grid, tree_count, job->scattered, job->emitted};
+    spsi_flight_job flight = {job->frame, trees, job->faces, grid, tree_count, coarse, job->scattered, job->emitted};
     int count = 0;
     for (int i = 0; i < tree_count; ++i) count += trees[i].count;
     if (count > 0 && grid->flown) spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
@@ -24348,7 +24348,7 @@ static void spsi_cells_fly_from(const spsi_cell_job *job, const spsi_cell_grid *
 /* Sends first flights to a grid's cells. */
 static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
     if (!job->later && spsi_cells_emitters(job)) return job->context->result;
-    spsi_cells_fly_from(job, job->grid, job->flights, SPSI_FLIGHTS_CELLS);
+    spsi_cells_fly_from(job, job->grid, job->flights, SPSI_FLIGHTS_CELLS, 2);
     return SPS_OK;
 }
 
@@ -24534,7 +24534,8 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
 }
 
 /* The emitter of a cell that sends much in a channel, and in others; NULL: there is no room for it. `number`: of the
-   emitter, from 1 on, or 0 if there is none yet. Its direction is that of the first channel. */
+   emitter, from 1 on, or 0 if there is none yet. Its direction is that of the first channel in which it sends much:
+   others fly by that, too. */
 static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int row, int *number) {
     static const int term[3] = {3, 1, 2};
     const spsi_cell_grid *grid = job->grid;
@@ -24564,8 +24565,8 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
 
 /* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
    directions make a star of rays. A cell sends all by itself up to four times the grid's mean, and nothing from eight
-   times on; dense cells hide what they send. If a quarter of the cells sends, the mean is of these, as their rays are
-   as wide; up to an eighth, of all. Returns whether there are any. */
+   times on; dense cells hide what they send. The mean is that of all cells if up to an eighth of them sends, and that
+   of senders from a quarter on: rays from so many cells are wide. Returns whether there are any. */
 static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
@@ -24606,8 +24607,8 @@ static void spsi_cells_send_glow(const spsi_cell_job *job, int channel, float fr
         if (level->depth[at] > 0) level->sent[at] += fraction * emitted[at] / level->depth[at];
 }
 
-/* Sweeps once more without what cells send that are set apart. `light` of cells loses as much of that as flies to them,
-   like what glows; polygons also lose what glows and flies to them, but not to cells. */
+/* Sweeps once more without what flies. `light`, which cells get, loses as much of what is set apart as flies to cells.
+   What polygons get loses all of that, and the part of the glow that flies to polygons alone. */
 static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
     spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
@@ -24707,9 +24708,17 @@ static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_g
     }
 }
 
-/* Finds what leaves a patch, seen by rays from its middle: radiance times pi, over about what even gas of the grid's
-   mean depth takes on their ways. That has most of what is not smooth in it, the shape of the grid; the rest is made of
-   harmonics, which are as much flux where they are not of the other sign. */
+/* Sets where patches are, given which links polygons close. */
+static void spsi_cells_place_patches(const spsi_cell_solver *solver, const spsi_cell_grid *grid) {
+    spsi_cell_patches_place(grid);
+    for (int n = 0; n < 6 * grid->across * grid->across && solver->walled; ++n)
+        spsi_cell_patch_trim(&solver->levels[0], grid, n);
+}
+
+/* Finds what leaves a patch: the radiance times pi that rays from its middle see, over about what even gas of the
+   grid's mean depth takes on their ways. The shape of the grid, which has edges, is in the divisor. What is left is
+   smooth, and kept as harmonics, scaled to the flux of the rays. Surfaces count their sum as 0 where its sign is not
+   that of the flux, and so does the scale. */
 static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid *grid, int patch) {
     const spsi_cell_rays *rays = &job->solver->rays;
     const int side = spsi_cell_patch_side(grid, patch), axis = side / 2, upper = side % 2;
@@ -24745,7 +24754,6 @@ static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid 
 
 static void spsi_cell_patches_task(void *data, int patch) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
-    if (job->solver->walled && job->channel == 0) spsi_cell_patch_trim(&job->solver->levels[0], job->leaves, patch);
     spsi_cell_patch_fill(job, job->leaves, patch);
 }
 
@@ -24850,8 +24858,8 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
         job->coarse = *grid;
         job->coarse.across /= 2;
         job->coarse.patches += spsi_cell_patch_floats(grid);
-        spsi_cell_patches_place(grid);
-        spsi_cell_patches_place(&job->coarse);
+        spsi_cells_place_patches(&solver, grid);
+        spsi_cells_place_patches(&solver, &job->coarse);
     }
     each.share /= grid->channels;
     for (job->channel = 0; job->channel < grid->channels; ++job->channel, each.progress += each.share)
@@ -25139,7 +25147,7 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
                                      &flights[SPSI_FLIGHTS_CELLS]))
         return context->result;
     for (int n = 0; n < count && flights->to_cells > 0; ++n)
-        spsi_cells_fly_from(job, &grids[n], &flights[SPSI_FLIGHTS_CELLS], 1);
+        spsi_cells_fly_from(job, &grids[n], &flights[SPSI_FLIGHTS_CELLS], 1, 4); /* scattered light needs few nodes */
     flights[SPSI_FLIGHTS_CELLS].to_cells = 0; /* polygons may take wide nodes */
     return SPS_OK;
 }

@@ -4285,6 +4285,7 @@ typedef struct spsi_emitter {
     float leaves[3]; /* fraction of what it sends that `sent` is: the rest is taken by its own gas */
     float clear;      /* up to here, cells hold gas of its own, which is not in its way */
     float own;        /* the pyramid that holds that gas */
+    float thick;      /* its optical depth along a radius, if it hides itself by that; or 0 */
     float ahead;      /* how much later ways through gas begin: light leaves at the near side, or gas ends there */
     float gas;        /* optical depth times area of its own gas, if `sent` has what that scatters; or 0 */
     float trapped[3]; /* if gas > 0, the mean of its own light within it */
@@ -19658,6 +19659,7 @@ static void spsi_emitter_clear(const spsi_flights *flights, const double point[3
                                spsi_emitter *emitter) {
     emitter->clear = (float)(radius + 2 * flights->grids->edge);
     emitter->own = (float)(1 + m);
+    emitter->thick = (float)own;
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];
         size_t at;
@@ -19913,7 +19915,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             double point[3], own;
             const double amount = spsi_emitter_particle(&content->particles[n], set, point, &own, &like);
             if (!material->emits) continue;
-            like.clear = like.gas = 0;
+            like.clear = like.gas = like.thick = 0;
             memcpy(like.sent, material->emission, sizeof like.sent);
             if (!many) spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
             if (!(flies > 0)) continue;
@@ -19927,7 +19929,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
 
 /* Sums up emitters: their centre and spread are weighted by what they send. */
 static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter *sum) {
-    double all = 0, at[3] = {0, 0, 0}, square = 0, sent[3] = {0, 0, 0}, axis[3] = {0, 0, 0};
+    double all = 0, at[3] = {0, 0, 0}, square = 0, sent[3] = {0, 0, 0}, axis[3] = {0, 0, 0}, thick = 0;
     sum->own = list[0].own;
     sum->clear = sum->gas = sum->cut = 0;
     for (int i = 0; i < count; ++i) {
@@ -19946,10 +19948,12 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
         double apart = 0.6 * (double)list[i].radius * (double)list[i].radius;
         for (int k = 0; k < 3; ++k) apart += ((double)list[i].at[k] - at[k]) * ((double)list[i].at[k] - at[k]);
         square += weight / all * apart;
+        thick += (double)list[i].thick * (double)list[i].radius * (double)list[i].radius;
     }
     for (int k = 0; k < 3; ++k) sum->at[k] = (float)at[k];
     for (int k = 0; k < 3; ++k) sum->sent[k] = (float)fmin(sent[k], (double)SPSI_RADIANCE_MAX);
     sum->radius = (float)sqrt(5.0 / 3 * square);
+    sum->thick = (float)(thick / fmax(5.0 / 3 * square, DBL_MIN));
     if (sum->cut > 0) sum->cut = sum->radius;
 }
 
@@ -20411,11 +20415,21 @@ typedef struct spsi_flight_place {
     int face; /* that the point is on; -1: none, it is a cell's, which takes only what flies to cells */
 } spsi_flight_place;
 
+/* Moves a place in an even ball of radius 1 to where light leaves it for the receiver, along the unit vector `away` from
+   that: the denser the ball, the nearer to its rim. Returns the weight of the chord that the place stands for. */
+static double spsi_ball_rim(double thick, const double away[3], double place[3]) {
+    const double along = spsi_dot(place, away), aside = spsi_dot(place, place) - along * along;
+    const double half = sqrt(fmax(1 - aside, 0.01)), dense = thick / sqrt(11 + thick * thick);
+    for (int k = 0; k < 3; ++k) place[k] -= dense * (half + along) * away[k];
+    return 1 + dense * (2.0 / 3 / half - 1);
+}
+
 /* What polygons let pass of a vector of rays, by color. A ray to a ball of radius `cut` that polygons may cut stands
    for 16 places in it, whose heights along each axis are those of its sixteenths. It gets their mean, weighted by how
    much they light the receiver: a cell, or a surface below the whole ball. */
 static void spsi_flights_unblocked(const spsi_flight_place *place, int lanes, double origin[SPSI_LANES][3],
-                                   double toward[SPSI_LANES][3], const float cut[SPSI_LANES], spsi_v passes[3]) {
+                                   double toward[SPSI_LANES][3], const float cut[SPSI_LANES],
+                                   const float thick[SPSI_LANES], spsi_v passes[3]) {
     static const double places[8][3] = {{-0.62, -0.49, 0.04}, {0.77, 0.13, 0.49},   {0.3, -0.21, -0.79},
                                         {-0.4, 0.63, -0.41},  {-0.5, 0.05, -0.19},  {-0.22, -0.39, 0.63},
                                         {-0.13, 0.3, 0.3},    {0.05, -0.78, -0.13}}; /* and opposite ones */
@@ -20427,13 +20441,19 @@ static void spsi_flights_unblocked(const spsi_flight_place *place, int lanes, do
         for (int i = 0; i < SPSI_LANES; ++i) {
             const double radius = (double)cut[i], least = fmax(0.01 * radius * radius, 1e-60);
             const double height = normal ? spsi_dot(toward[i], normal) : 0;
-            double to[3], share;
+            double to[3], at[3], share, leaves = 1;
             if (!(lanes >> i & 1)) continue;
-            spsi_along(toward[i], places[n / 2], n & 1 ? -radius : radius, to);
+            for (int k = 0; k < 3; ++k) at[k] = n & 1 ? -places[n / 2][k] : places[n / 2][k];
+            if (thick[i] > 0) {
+                double away[3] = {toward[i][0], toward[i][1], toward[i][2]};
+                spsi_normalise(away);
+                leaves = spsi_ball_rim((double)thick[i], away, at);
+            }
+            spsi_along(toward[i], at, radius, to);
             spsi_packet_add(&place->faces->tree, i, place->face, origin[i], to, &packet);
             share = (spsi_dot(toward[i], toward[i]) + least) / (spsi_dot(to, to) + least);
             if (radius > 0 && height > radius) share *= sqrt(share) * spsi_dot(to, normal) / height;
-            all[i] += weight[i] = (float)share;
+            all[i] += weight[i] = (float)(share * leaves);
         }
         spsi_packet_trace(place->faces, &packet);
         for (int i = 0; i < SPSI_LANES; ++i) {
@@ -20496,14 +20516,15 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
                                         const spsi_emitter *node, spsi_v passes[3]) {
     const spsi_flight_place place = {job->frame, job->faces, NULL, NULL, NULL, -1};
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3];
-    float cut[SPSI_LANES];
+    float cut[SPSI_LANES], thick[SPSI_LANES];
     for (int i = 0; i < SPSI_LANES; ++i) {
         cut[i] = node->cut;
+        thick[i] = node->thick;
         spsi_cell_centre(job->grid, 1, cells->at[0] + i % SPSI_FLIGHT_ALONG, cells->at[1] + i / SPSI_FLIGHT_ALONG,
                          cells->at[2], origin[i]);
         for (int k = 0; k < 3; ++k) toward[i][k] = job->flights->centre[k] + (double)node->at[k] - origin[i][k];
     }
-    spsi_flights_unblocked(&place, cells->lanes, origin, toward, cut, passes);
+    spsi_flights_unblocked(&place, cells->lanes, origin, toward, cut, thick, passes);
 }
 
 /* The square of the distance whose inverse is the mean of 1 / distance^2 over a cell of edge 1 and over an even ball of
@@ -20665,8 +20686,9 @@ static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3]
 
 /* Irradiance of a surface by an even ball that sends 1, from how far away and how high above the surface's plane its
    middle is. What is below the plane does not count: a ball that polygons cut has sides. The integral over directions
-   at an angle from that of the middle is a closed form; a ball that is all above acts as a point [Newton's shells]. */
-static double spsi_ball_lights(double distance, double height, double radius) {
+   at an angle from that of the middle is a closed form; a ball that is all above acts as a point [Newton's shells].
+   `thick`: its optical depth along a radius; 0: thin. */
+static double spsi_ball_lights(double distance, double height, double radius, double thick) {
     const int steps = 32;
     const double far_off = distance / fmax(radius, 1e-60), away = fmax(distance, 1e-60);
     const double tilt = fabs(height) < distance ? height / distance : 1, level = sqrt(1 - tilt * tilt);
@@ -20680,9 +20702,10 @@ static double spsi_ball_lights(double distance, double height, double radius) {
         const double up = cosine * tilt, aside = sine * level;
         double seen = up > 0 ? SPSI_PI * up : 0;
         if (fabs(up) < aside) seen = up * acos(-up / aside) + sqrt(aside * aside - up * up);
-        sum += seen * (middle + half - begin);
+        const double depth = thick * (middle + half - begin);
+        sum += seen * (depth > 0 ? -expm1(-depth) / thick : middle + half - begin);
     }
-    return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius);
+    return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius) / spsi_ball_escape(thick);
 }
 
 /* Adds a fraction of the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts
@@ -20690,7 +20713,7 @@ static double spsi_ball_lights(double distance, double height, double radius) {
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights, float fraction,
                                        const spsi_flight_list *list, int n, double irradiance[3], double *nearest) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
-    float out[3][SPSI_LANES], cut[SPSI_LANES];
+    float out[3][SPSI_LANES], cut[SPSI_LANES], thick[SPSI_LANES];
     spsi_v through[3], passes[3];
     spsi_flight_ways ways;
     int some = 0;
@@ -20708,7 +20731,8 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         height = spsi_dot(toward[i], place->normal);
         raise = 0.5 * fmax((double)node->radius - fabs(height), 0) + fmax(-height, 0);
         cut[i] = fabs(height) < (double)node->radius ? 0 : node->cut; /* its own plane is known */
-        share[i] = spsi_ball_lights(distance, height, (double)node->radius);
+        thick[i] = node->thick;
+        share[i] = spsi_ball_lights(distance, height, (double)node->radius, (double)node->thick);
         share[i] *= spsi_emitter_lobe(node, toward[i], distance);
         some |= (share[i] > 0) << i;
         for (int k = 0; k < 3; ++k) {
@@ -20723,7 +20747,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
     if (!some) return;
     for (int c = 0; c < 3; ++c) passes[c] = spsi_set(1);
-    if (place->faces) spsi_flights_unblocked(place, some, origin, toward, cut, passes);
+    if (place->faces) spsi_flights_unblocked(place, some, origin, toward, cut, thick, passes);
     spsi_flight_ways_pass(flights, &ways, through);
     for (int c = 0; c < flights->grids[0].channels; ++c) {
         spsi_store(out[c], spsi_mul(passes[c], through[c]));
@@ -20732,7 +20756,8 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
                 const spsi_flight *flight = &list->entry[n + i];
                 const spsi_v unit[3] = {spsi_set(ways.unit[0][i]), spsi_set(ways.unit[1][i]),
                                         spsi_set(ways.unit[2][i])};
-                const spsi_v part = spsi_flight_part(flight, spsi_set(ways.length[i]));
+                const spsi_v length = spsi_set(ways.length[i]); /* for what is thick, `share` knows what hides */
+                const spsi_v part = thick[i] > 0 && !flight->node ? spsi_set(1) : spsi_flight_part(flight, length);
                 const float own = spsi_one(spsi_flight_leaves(flight, c, unit, part));
                 irradiance[c] += fmin(share[i] * (double)(fraction * flight->emitter->sent[c] * own * out[c][i]),
                                       (double)SPSI_RADIANCE_MAX);

@@ -20415,8 +20415,8 @@ typedef struct spsi_flight_place {
     int face; /* that the point is on; -1: none, it is a cell's, which takes only what flies to cells */
 } spsi_flight_place;
 
-/* Moves a place in an even ball of radius 1 to where light leaves it for the receiver, along the unit vector `away` from
-   that: the denser the ball, the nearer to its rim. Returns the weight of the chord that the place stands for. */
+/* Moves a place in an even ball of radius 1 toward the receiver, from which the unit vector `away` points: the denser
+   the ball, the nearer to its rim light leaves it. Returns the weight of the chord through the place. */
 static double spsi_ball_rim(double thick, const double away[3], double place[3]) {
     const double along = spsi_dot(place, away), aside = spsi_dot(place, place) - along * along;
     const double half = sqrt(fmax(1 - aside, 0.01)), dense = thick / sqrt(11 + thick * thick);

@@ -19564,7 +19564,7 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 
 /* Whether a light may be a narrow beam, which cells are too wide for. */
 static int spsi_lamp_has_beam(const spsi_lamp *lamp) {
-    return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.1;
+    return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.3;
 }
 
 /* Whether first flights reach cells: from what glows, or narrow beams. */
@@ -23466,7 +23466,25 @@ static int spsi_cells_table_count(const spsi_frame *frame, const spsi_cell_grid 
     return spsi_cells_pass_on(frame, grid) ? frame->lamps.count : frame->lamps.shadow_count;
 }
 
-/* The fraction of a light that beams send: all of it where they are narrower than an eighth of the grid at its far end.
+/* How far a narrow beam goes: to the polygon where the last of five rays ends, `most` if one meets none. */
+static double spsi_beam_reach(const spsi_cell_job *job, const spsi_lamp *lamp, double most) {
+    static const double rim[5][2] = {{0, 0}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}};
+    const double versine = lamp->cone.none, sine = sqrt(versine * (2 - versine));
+    double reach = job->faces->count > 0 ? 0 : most;
+    for (int i = 0; i < 5 && reach < most; ++i) {
+        spsi_ray ray;
+        spsi_hit hit;
+        ray.low = 0, ray.high = most;
+        memcpy(ray.origin, lamp->position, sizeof ray.origin);
+        for (int k = 0; k < 3; ++k)
+            ray.direction[k] = (i > 0 ? 1 - versine : 1) * lamp->direction[k] +
+                               sine * (rim[i][0] * lamp->across[0][k] + rim[i][1] * lamp->across[1][k]);
+        reach = fmax(reach, spsi_ray_to_wall(job->faces, &ray, &hit) ? ray.high : most);
+    }
+    return reach;
+}
+
+/* The fraction of a light that beams send: all of it where they are narrower than an eighth of the grid where they end.
    Translucent polygons would have to be followed. */
 static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp) {
     const spsi_cell_grid *grid = job->grid;
@@ -23477,7 +23495,8 @@ static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp) 
         half += 0.25 * grid->edge * grid->edge * grid->size[k] * grid->size[k];
         longest = fmax(longest, grid->edge * grid->size[k]);
     }
-    width = 2 * sqrt(lamp->cone.none * (2 - lamp->cone.none)) / (1 - lamp->cone.none) * (spsi_length(to) + sqrt(half));
+    width = 2 * sqrt(lamp->cone.none * (2 - lamp->cone.none)) / (1 - lamp->cone.none);
+    width *= spsi_beam_reach(job, lamp, spsi_length(to) + sqrt(half));
     return fmax(0, fmin(2 - 8 * width / longest, 1));
 }
 

@@ -154,6 +154,66 @@ static void test_patch(void) {
     free(f);
 }
 
+/* Light that a wall at z = -2.3 sends to a point of haze: it reflects half of a cone's light of intensity 1 from 0.6
+   above it, which falls from half the cone's angle on, by a square. */
+static double spot_lights(double cone, const double at[3]) {
+    enum { N = 16 };
+    const double widest = 0.6 * tan(cone);
+    double sum = 0;
+    for (int n = 0; n < N * N; ++n) {
+        const double r = widest * sqrt((n / N + 0.5) / N), turn = 2 * SPSI_PI * (n % N + 0.5) / N;
+        const double way[3] = {at[0] - r * cos(turn), at[1] - r * sin(turn), at[2] + 2.3};
+        const double square = spsi_dot(way, way), from = r * r + 0.36;
+        const double lit = (0.6 / sqrt(from) - cos(cone)) / (cos(cone / 2) - cos(cone));
+        sum += fmin(lit * lit, 1) * 0.6 / (from * sqrt(from)) * way[2] / (square * sqrt(square));
+    }
+    return 0.5 * widest * widest * sum / (N * N);
+}
+
+/* Thin haze beside a spot of light that a lamp close to a wall throws at that, by cones from narrow to wide: pixels
+   above the lamp. */
+static void test_spots(void) {
+    static const double cones[] = {0.05, 0.1, 0.2, 0.35, 0.5}, extinction = 1e-4;
+    static const double origin[3] = {-9, -9, -2.3}, along[3] = {18, 0, 0}, across[3] = {0, 18, 0};
+    static const float one = 1;
+    for (int n = 0; n < 5; ++n) {
+        check_triangles wall;
+        check_scene s;
+        sps_volume *gas;
+        sps_light *light;
+        ratios all;
+        memset(&wall, 0, sizeof wall), memset(&all, 0, sizeof all);
+        check_clear(&s, 30, 18);
+        check_add_quad(&wall, origin, along, across);
+        check_add_mesh(&s, &wall, 0.5);
+        gas = check_add_volume(&s, 40, 30, 36, check_box(-3, -2, -2.5, 3, 2, 2.5));
+        gas->eval_fn = check_eval_constant, gas->user = (void *)(size_t)&one;
+        gas->extinction = (float)extinction;
+        for (int k = 0; k < 3; ++k) gas->albedo[k] = 1;
+        light = check_add_point(&s, 0, 0, -1.7, 1);
+        light->direction[2] = -1;
+        light->inner_cone = cones[n] / 2, light->outer_cone = cones[n];
+        s.view.scattering = SPS_SCATTERING_FULL;
+        check_set3(s.view.camera.position, 0, 8, 0);
+        check_set3(s.view.camera.up, 0, 0, 1);
+        check_orthographic(&s.view.camera, 3.4);
+        if (!check_render(context, &s, picture)) return;
+        for (int i = 0; i < 30 * 18; i += 7) {
+            double at[3] = {(14.5 - i % 30) * 3.4 / 18, 0, (8.5 - i / 30) * 3.4 / 18}, exact = 0;
+            if (at[2] < -1.4 || at[2] > 1.5 || fabs(at[0]) > 2.5) continue;
+            for (int k = 0; k < 40; ++k) {
+                at[1] = -2 + 4 * (k + 0.5) / 40;
+                exact += extinction / (4 * SPSI_PI) * 4 / 40 * spot_lights(cones[n], at);
+            }
+            ratios_add(&all, (double)picture[4 * i] / exact);
+        }
+        check_free_triangles(&wall);
+        if (figures()) printf("cone %g: %.4f to %.4f\n", cones[n], all.least, all.most);
+        CHECK_CASE("Scattering", "haze by a spot of light on a wall, by a lamp close to that", "closed form; relative",
+                   fmax(all.most - 1, 1 - all.least), 0.03, "cells' interpolation; 144 rays");
+    }
+}
+
 /* --- specks --- */
 
 /* Fills the picture with a floor below a glowing particle amid even gas, and 31 glowing specks beside it: as many as
@@ -1110,6 +1170,7 @@ int main(void) {
     RUN(test_ground);
     RUN(test_floors);
     RUN(test_patch);
+    RUN(test_spots);
     RUN(test_specks);
     RUN(test_balls);
     RUN(test_wide_ball);

@@ -841,6 +841,7 @@ static void test_cut(void) {
             check_set3(s.view.camera.position, across * (double)radius, 9, 3);
             check_set3(s.view.camera.target, across * (double)radius, 0, 0);
             check_orthographic(&s.view.camera, 0.01);
+            s.view.scatter_size = 16;
             s.view.scattering = SPS_SCATTERING_FULL;
             s.scene.particles = &set, s.scene.particle_set_count = 1, s.scene.mesh_count = 1;
             for (int k = 0; k < 3; ++k) s.mesh[0].color[k] = (float)white;

@@ -1996,6 +1996,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_CELL_JOB,          /* data for filling and lighting it, >>lighting */
     SPSI_BUFFER_CELLS,             /* what its cells hold, and the light that reaches them */
     SPSI_BUFFER_CELL_TMAPS,        /* lights' tables for them */
+    SPSI_BUFFER_CELL_BEAMS,        /* fractions of lights that narrow beams send to them */
     SPSI_BUFFER_CELL_SOLVER,       /* levels of cells, and radiance */
     SPSI_BUFFER_CELL_WALLS,        /* polygons about the cells */
     SPSI_BUFFER_CELL_MOMENTS,      /* the light in the cells, and what the eye sees of it */
@@ -19562,7 +19563,7 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 #define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
 #define SPSI_FLIGHT_STEP   0.15f /* length of a step per distance from the nearer end; at least a cell's edge */
 
-/* Whether a light may be a narrow beam, which cells are too wide for. */
+/* Whether a light may be a narrow beam, which cells are too wide for: a cone of up to 0.8 is, close to a polygon. */
 static int spsi_lamp_has_beam(const spsi_lamp *lamp) {
     return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.3;
 }
@@ -20444,7 +20445,7 @@ static void spsi_flights_unblocked(const spsi_flight_place *place, int lanes, do
             double to[3], at[3], share, leaves = 1;
             if (!(lanes >> i & 1)) continue;
             for (int k = 0; k < 3; ++k) at[k] = n & 1 ? -places[n / 2][k] : places[n / 2][k];
-            if (thick[i] > 0) {
+            if (radius > 0 && thick[i] > 0) {
                 double away[3] = {toward[i][0], toward[i][1], toward[i][2]};
                 spsi_normalise(away);
                 leaves = spsi_ball_rim((double)thick[i], away, at);
@@ -20700,10 +20701,10 @@ static double spsi_ball_lights(double distance, double height, double radius, do
         const double chord = 1 - far_off * far_off * sine * sine, half = chord > 0 ? sqrt(chord) : 0;
         const double middle = far_off * cosine, begin = middle > half ? middle - half : 0;
         const double up = cosine * tilt, aside = sine * level;
+        const double way = middle + half - begin, depth = thick * way;
         double seen = up > 0 ? SPSI_PI * up : 0;
         if (fabs(up) < aside) seen = up * acos(-up / aside) + sqrt(aside * aside - up * up);
-        const double depth = thick * (middle + half - begin);
-        sum += seen * (depth > 0 ? -expm1(-depth) / thick : middle + half - begin);
+        sum += seen * (depth > 0 ? -expm1(-depth) / thick : way);
     }
     return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius) / spsi_ball_escape(thick);
 }
@@ -20756,8 +20757,9 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
                 const spsi_flight *flight = &list->entry[n + i];
                 const spsi_v unit[3] = {spsi_set(ways.unit[0][i]), spsi_set(ways.unit[1][i]),
                                         spsi_set(ways.unit[2][i])};
-                const spsi_v length = spsi_set(ways.length[i]); /* for what is thick, `share` knows what hides */
-                const spsi_v part = thick[i] > 0 && !flight->node ? spsi_set(1) : spsi_flight_part(flight, length);
+                const int exact = thick[i] > 0 && !flight->node; /* its share is what it does not hide of itself */
+                const spsi_v length = spsi_set(ways.length[i]);
+                const spsi_v part = exact ? spsi_set(1) : spsi_flight_part(flight, length);
                 const float own = spsi_one(spsi_flight_leaves(flight, c, unit, part));
                 irradiance[c] += fmin(share[i] * (double)(fraction * flight->emitter->sent[c] * own * out[c][i]),
                                       (double)SPSI_RADIANCE_MAX);
@@ -23340,6 +23342,7 @@ typedef struct spsi_cell_job {
     spsi_cell_walls walls;
     const float *wall_light; /* per term: moments of what polygons send, in the channel that is being solved; NULL: 0 */
     spsi_shadow *shadows;
+    float *beams; /* per light: the fraction of it that goes as a narrow beam, by first flights */
     spsi_shader shader;
     spsi_sweep sweep;
     spsi_cell_solver *solver;
@@ -23466,19 +23469,26 @@ static int spsi_cells_table_count(const spsi_frame *frame, const spsi_cell_grid 
     return spsi_cells_pass_on(frame, grid) ? frame->lamps.count : frame->lamps.shadow_count;
 }
 
-/* How far a narrow beam goes: to the polygon where the last of five rays ends, `most` if one meets none. */
+/* Starts a ray of a cone, from its axis by an angle of that versine (1 - cosine), turned about it. */
+static void spsi_cone_ray(const spsi_lamp *lamp, double versine, double turn, spsi_ray *ray) {
+    const double sine = sqrt(versine * (2 - versine));
+    ray->low = 0;
+    ray->high = HUGE_VAL;
+    memcpy(ray->origin, lamp->position, sizeof lamp->position);
+    for (int k = 0; k < 3; ++k)
+        ray->direction[k] = (1 - versine) * lamp->direction[k] +
+                            sine * (cos(turn) * lamp->across[0][k] + sin(turn) * lamp->across[1][k]);
+}
+
+/* How far a narrow beam goes: to the polygon where the last of its axis and four rays on its rim ends; `most` if one
+   goes on. */
 static double spsi_beam_reach(const spsi_cell_job *job, const spsi_lamp *lamp, double most) {
-    static const double rim[5][2] = {{0, 0}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}};
-    const double versine = lamp->cone.none, sine = sqrt(versine * (2 - versine));
     double reach = job->faces->count > 0 ? 0 : most;
     for (int i = 0; i < 5 && reach < most; ++i) {
         spsi_ray ray;
         spsi_hit hit;
-        ray.low = 0, ray.high = most;
-        memcpy(ray.origin, lamp->position, sizeof ray.origin);
-        for (int k = 0; k < 3; ++k)
-            ray.direction[k] = (i > 0 ? 1 - versine : 1) * lamp->direction[k] +
-                               sine * (rim[i][0] * lamp->across[0][k] + rim[i][1] * lamp->across[1][k]);
+        spsi_cone_ray(lamp, i < 4 ? lamp->cone.none : 0, 0.5 * SPSI_PI * i, &ray);
+        ray.high = most;
         reach = fmax(reach, spsi_ray_to_wall(job->faces, &ray, &hit) ? ray.high : most);
     }
     return reach;
@@ -23852,7 +23862,7 @@ static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_lamp *lam
 static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *table,
                                 const spsi_cell_spot *spot) {
     const int channels = job->grid->channels, passes_on = table && !lamp->shadows;
-    const float fraction = (float)(1 - spsi_cells_beams(job, lamp));
+    const float fraction = 1 - job->beams[lamp - job->frame->lamps.list];
     const spsi_v one = spsi_set(1);
     spsi_v passes[3] = {one, one, one}, passed_on[3], harmonic[SPSI_CELL_TERMS], cubes = one;
     spsi_incident incident;
@@ -24149,7 +24159,7 @@ static void spsi_cells_walls_task(void *data, int row) {
             const spsi_lamp *lamp = &job->frame->lamps.list[i];
             const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
             for (int first = 0; first < hits.count; first += SPSI_PACKET)
-                spsi_cell_hits_light(job, lamp, 1 - spsi_cells_beams(job, lamp), own, first, &hits);
+                spsi_cell_hits_light(job, lamp, 1 - (double)job->beams[i], own, first, &hits);
         }
         spsi_cell_walls_set(job, &hits, at);
         job->walls.walled[row] = job->walls.walled[row] == 1 || hits.within ? 1 : 2;
@@ -24313,21 +24323,13 @@ static void spsi_beams_on_polygons(const spsi_cell_job *job, const spsi_shadow *
 static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *shadow,
                             spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     spsi_beam_ray ring[SPSI_BEAM_RINGS];
-    double across[2][3];
-    spsi_basis(lamp->direction, across[0], across[1]);
     for (int n = 0; n < SPSI_BEAM_RINGS; ++n) {
-        const double versine = lamp->cone.none * (n + 0.5) / SPSI_BEAM_RINGS, sine = sqrt(versine * (2 - versine));
         for (int i = 0; i < SPSI_BEAM_RINGS; ++i) {
-            const double turn = 2 * SPSI_PI * (i + 0.5 * (n % 2)) / SPSI_BEAM_RINGS;
+            const double versine = lamp->cone.none * (n + 0.5) / SPSI_BEAM_RINGS;
             ring[i].lamp = lamp;
-            ring[i].ray.low = 0;
-            ring[i].ray.high = HUGE_VAL;
-            memcpy(ring[i].ray.origin, lamp->position, sizeof lamp->position);
             ring[i].solid = 2 * SPSI_PI * lamp->cone.none / (SPSI_BEAM_RINGS * SPSI_BEAM_RINGS);
-            ring[i].fraction = spsi_cells_beams(job, lamp);
-            for (int k = 0; k < 3; ++k)
-                ring[i].ray.direction[k] =
-                    (1 - versine) * lamp->direction[k] + sine * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
+            ring[i].fraction = (double)job->beams[lamp - job->frame->lamps.list];
+            spsi_cone_ray(lamp, versine, 2 * SPSI_PI * (i + 0.5 * (n % 2)) / SPSI_BEAM_RINGS, &ring[i].ray);
         }
         spsi_beams_on_polygons(job, shadow, ring, &job->flights[SPSI_FLIGHTS_SPOTS], items[SPSI_FLIGHTS_SPOTS]);
         for (int i = 0; i < SPSI_BEAM_RINGS; ++i)
@@ -24339,7 +24341,7 @@ static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, con
 static size_t spsi_beams_count(const spsi_cell_job *job) {
     size_t count = 0;
     for (int i = 0; i < job->frame->lamps.count; ++i)
-        if (spsi_cells_beams(job, &job->frame->lamps.list[i]) > 0) count += SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
+        if (job->beams[i] > 0) count += SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
     return count;
 }
 
@@ -24371,7 +24373,7 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     for (int i = 0; i < frame->lamps.count && most[1] > 0; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
-        if (spsi_cells_beams(job, lamp) > 0) spsi_beams_list(job, lamp, own, items);
+        if (job->beams[i] > 0) spsi_beams_list(job, lamp, own, items);
     }
     for (int i = 0; i < SPSI_FLIGHT_TREES; ++i)
         if (spsi_flights_build(job->context, items[i], &trees[i])) return job->context->result;
@@ -24408,7 +24410,11 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     if (job->frame->lamps.count == 0 && !job->walls.closed) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
     job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
-    if (!job->shadows || !maps) return context->result;
+    job->beams =
+        (float *)spsi_reserve(context, SPSI_BUFFER_CELL_BEAMS, (size_t)job->frame->lamps.count, sizeof(float));
+    if (!job->shadows || !maps || !job->beams) return context->result;
+    for (int i = 0; i < job->frame->lamps.count; ++i)
+        job->beams[i] = (float)spsi_cells_beams(job, &job->frame->lamps.list[i]);
     if (!job->later) memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
     for (int i = 0; i < count; ++i) {
         if (job->later && maps[i].waits) continue; /* made for an earlier grid */
@@ -24964,6 +24970,7 @@ static size_t spsi_cells_bytes(const spsi_frame *frame) {
     grid.size[0] = grid.size[1] = grid.size[2] = side;
     spsi_cells_lay_out(frame, &grid);
     floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
+    floats += (size_t)frame->lamps.count; /* beams */
     floats += SPSI_CELL_GRIDS * spsi_cell_grid_lay_out(frame, &grid, NULL);
     if (grid.flux_terms > 0) /* there are polygons, which receive light from cells */
         floats += spsi_cell_walls_floats(&grid) + spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;

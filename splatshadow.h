@@ -4354,6 +4354,7 @@ typedef struct spsi_fields {
 /* Results of reading a frame's data. Before that, bounds are those of the volumes' boxes. */
 typedef struct spsi_content {
     spsi_bounds bounds;            /* of gas */
+    double beyond[3];              /* by how much levels, >>taps, extend these on each side */
     spsi_bounds outer;             /* of the volumes' boxes and the particles, by which shadows are chosen, >>shadows */
     int parts[2], cut[2];          /* columns and rows, 1 or 2, that the image is cut into, and where, >>slicing */
     spsi_bounds mesh_bounds;       /* of polygons */
@@ -10257,7 +10258,7 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
    than `least`, or than what makes a chunk of them. Returns their number. */
 static double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_lamp *lamp, double edge,
                                double least, spsi_slabs *slabs) {
-    double low = HUGE_VAL, high = -HUGE_VAL, particles;
+    double low = HUGE_VAL, high = -HUGE_VAL, beyond = 0, particles;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
         spsi_bounds_corner(&frame->content->bounds, corner, point);
@@ -10269,7 +10270,8 @@ static double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, c
     for (int i = 0; i < frame->medium_count; ++i)
         edge = fmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, lamp, slabs->normal));
     slabs->start = low;
-    least = fmin(least, (high - low) / SPSI_CHUNK);
+    for (int k = 0; k < 3; ++k) beyond += 2 * frame->content->beyond[k] * fabs(slabs->normal[k]);
+    least = fmin(least, fmax(high - low - beyond, 0) / SPSI_CHUNK);
     slabs->wide = least > frame->view.slab * edge;
     slabs->thickness = fmin(fmax(frame->view.slab * edge, least), high - low); /* never thicker than the whole extent */
     spsi_slabs_group(frame, frame->view.slab * particles / spsi_particle_fineness(frame), least, slabs);
@@ -12874,14 +12876,14 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
     return chosen > 0 || spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
 
-/* Weight of the level behind a tapper's, in 32nds: 1 where its own becomes too fine for four rays, so that nothing
+/* Weight of the level behind a tapper's, in 128ths: 1 where its own becomes too fine for four rays, so that nothing
    jumps there, 0 where its voxels are sqrt(2) times as large; or if that level does not follow, but more rays. */
 static float spsi_levels_mix(const spsi_frame *frame, const spsi_tapper *tapper) {
     const double ratio = (double)tapper->least / SPSI_TAP_VARIANCE, octaves = log(ratio) / log(2.0);
     if (tapper->side < 2 || tapper->level >= spsi_levels_wanted(frame, (int)(tapper->finest - tapper->fields->list)) ||
         !(octaves < 1 && 2 * (double)tapper->widest <= sqrt(ratio)))
         return 0;
-    return (float)floor(32 * fmin(1 - octaves, 0.97)) / 32;
+    return (float)floor(128 * fmin(1 - octaves, 0.9925)) / 128;
 }
 
 /* Extends the content's bounds by what levels reach beyond voxels' own kernels, as rays gather them that fill these
@@ -12903,6 +12905,7 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
             const double reach = fabs(lattice->step[n / 3][n % 3]) * (spsi_tapper_reach(&tapper) - SPSI_REACH);
             bounds->low[n % 3] -= reach;
             bounds->high[n % 3] += reach;
+            frame->content->beyond[n % 3] += chooses ? reach : 0;
         }
     }
 }
@@ -17785,13 +17788,15 @@ static void spsi_choose_for_unserved(const sps_context *context, const spsi_fram
 }
 
 /* Chooses between sheets and a table for a light for which the caller has not. `others`: 1 if an earlier light has
-   sheets; `room`: bytes that tables may take, less those that they take already. */
-static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, int others, double *room,
-                                 spsi_lamp *lamp) {
+   sheets; `room`: bytes that tables may take, less those that they take already. `plain`: the gas, by which a table's
+   detail is judged, or shadows would jump where a level fades in. */
+static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, const spsi_bounds *plain, int others,
+                                 double *room, spsi_lamp *lamp) {
+    const spsi_bounds all = frame->content->bounds;
     spsi_sweep sweep;
     size_t held, filling;
     double bytes;
-    int serves;
+    int serves, fine;
     spsi_sweep_clear(frame, lamp, 0, &sweep);
     lamp->choice = SPSI_CHOICE_SHEETS;
     serves = spsi_sweep_aim(frame, &sweep) && (!sweep.soft || spsi_beams_serve(frame, &sweep));
@@ -17805,8 +17810,10 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
     spsi_lamp_take(lamp, 1, others ? SPSI_CHOICE_TABLE_SHARED : SPSI_CHOICE_TABLE_AGAIN);
     spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
     bytes = (double)held + (double)filling;
-    if (spsi_table_is_fine(context, frame, lamp) &&
-        bytes + spsi_bytes_without_tables(context, frame, &sweep) <= *room)
+    frame->content->bounds = *plain;
+    fine = spsi_table_is_fine(context, frame, lamp);
+    frame->content->bounds = all;
+    if (fine && bytes + spsi_bytes_without_tables(context, frame, &sweep) <= *room)
         *room -= bytes;
     else
         spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
@@ -17884,9 +17891,15 @@ static void spsi_lamps_split(spsi_lamps *lamps) {
 static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     spsi_content *content = frame->content;
     const spsi_bounds tight = content->bounds;
+    spsi_bounds plain = content->outer, gas = tight;
     double room = context->config.memory_limit > 0 ? (double)context->config.memory_limit : HUGE_VAL;
     content->parts[0] = content->parts[1] = 1;
     if (spsi_bounds_empty(&tight)) return;
+    for (int k = 0; k < 3; ++k) {
+        gas.low[k] += content->beyond[k];
+        gas.high[k] -= content->beyond[k];
+    }
+    spsi_bounds_join(&plain, &gas);
     spsi_bounds_join(&content->outer, &tight);
     content->bounds = content->outer;
     spsi_lamps_list(&frame->lamps, frame->lamps.whole, frame->lamps.whole_count);
@@ -17894,7 +17907,7 @@ static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     for (int i = 0; i < frame->lamps.count; ++i) {
         spsi_lamp *lamp = &frame->lamps.list[i];
         if (lamp->choice == SPSI_CHOICE_OPEN)
-            spsi_choose_for_lamp(context, frame, frame->lamps.sliced_count > 0, &room, lamp);
+            spsi_choose_for_lamp(context, frame, &plain, frame->lamps.sliced_count > 0, &room, lamp);
         else
             spsi_lamp_share(context, frame, &room, lamp);
         frame->lamps.sliced_count += lamp->sliced;

@@ -95,7 +95,7 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
     SPS_MALLOC(n), SPS_FREE(p)   default malloc, free; used if the config has no allocator (define both or neither)
     SPS_SNPRINTF                 default snprintf; writes the error sentences
     SPS_CLOCK()                  default clock() in seconds; below 0: there is no clock, and progress_fn is called after
-                                 every task; used for that alone, if the config has no clock_fn
+                                 and amid every task; used for that alone, if the config has no clock_fn
     SPS_ALLOW_FAST_MATH          allows -ffast-math, -ffinite-math-only and /fp:fast, which are an #error otherwise:
                                  with them invalid data goes unnoticed, and polygons may show gaps
     SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
@@ -2259,6 +2259,12 @@ static void spsi_tick(sps_context *context, int due) {
     context->ticked = now;
 }
 
+/* Calls progress_fn likewise amid a long task. With parallel_for_fn, tasks may run on any thread, and wait for their
+   round's end. */
+static void spsi_task_tick(sps_context *context) {
+    if (!context->config.parallel_for_fn) spsi_tick(context, 0);
+}
+
 #define SPSI_COPY_BYTES ((size_t)1 << 24) /* a few milliseconds' work */
 
 /* memcpy of possibly large data, with progress. */
@@ -4405,8 +4411,8 @@ static int spsi_bounds_empty(const spsi_bounds *bounds) { return !(bounds->low[0
 
 static void spsi_bounds_add(spsi_bounds *bounds, const double point[3]) {
     for (int i = 0; i < 3; ++i) {
-        bounds->low[i] = fmin(bounds->low[i], point[i]);
-        bounds->high[i] = fmax(bounds->high[i], point[i]);
+        if (point[i] < bounds->low[i]) bounds->low[i] = point[i]; /* fmin and fmax would be calls */
+        if (point[i] > bounds->high[i]) bounds->high[i] = point[i];
     }
 }
 
@@ -6870,6 +6876,7 @@ static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame
     for (size_t first = 0; first < mesh->given.triangle_count; first += SPSI_TRIANGLE_BATCH) {
         const size_t left = mesh->given.triangle_count - first,
                      count = left < SPSI_TRIANGLE_BATCH ? left : SPSI_TRIANGLE_BATCH;
+        if (spsi_progress(context, 0)) return context->result;
         memset(triangles, 0, count * sizeof(sps_triangle));
         context->stats.triangle_calls += 1;
         if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "read_fn",
@@ -13958,6 +13965,8 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     spsi_tile_gather_level(fill, medium, patches, next);
 }
 
+#define SPSI_TICK_BRICKS 64 /* splatted between two looks at the clock: a few milliseconds' work */
+
 static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
     const spsi_target *target = fill->target;
     const spsi_contents *contents = fill->contents;
@@ -13967,6 +13976,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
                              {target->rays->width - 1 - tile->x0, target->rays->height - 1 - tile->y0,
                               target->slabs->count - 1 - first_slab}};
     uint64_t gathered[SPSI_VOLUMES_MAX] = {0};
+    int splatted = 0;
     tile->eye_slab = (float)(target->origin_slab - first_slab);
     for (int i = 0; i < contents->bricks.current; ++i) {
         const int index = contents->bricks.present[i];
@@ -13986,6 +13996,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
             continue;
         }
         if (!patches) continue;
+        if (++splatted % SPSI_TICK_BRICKS == 0) spsi_task_tick(contents->context);
         spsi_tile_touch(fill);
         spsi_anchor_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs, first_slab,
                           &anchor);
@@ -14894,8 +14905,10 @@ static void spsi_fill_task(void *data, int index) {
     const int tile = filling->band.row * filling->band.tiles_x + index;
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
-    for (uint32_t i = 0; i < spsi_tile_ball_count(occluders, tile); ++i)
+    for (uint32_t i = 0; i < spsi_tile_ball_count(occluders, tile); ++i) {
         spsi_insert_ball(&into, &occluders->balls[spsi_tile_ball(occluders, tile, i)]);
+        if (i % SPSI_BATCH == SPSI_BATCH - 1) spsi_task_tick(filling->context);
+    }
     spsi_insert_triangles(&into);
 }
 
@@ -19792,7 +19805,7 @@ static double spsi_particles_crowd(const sps_particle *list, int count) {
     for (int n = 0; n < count; ++n) {
         const double radius = (double)list[n].radius, cube = radius * radius * radius;
         cubes += cube;
-        largest = fmax(largest, cube);
+        if (cube > largest) largest = cube;
         square += cube * 0.6 * radius * radius;
         for (int k = 0; k < 3; ++k) {
             const double place = (double)list[n].position[k] - (double)list[0].position[k];
@@ -19811,17 +19824,18 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     const double few = fmax(0, fmin(2 - (double)content->particle_count / 32, 1));
     memset(content->flies, 0, sizeof content->flies);
-    for (int i = 0, n = 0; i < frame->particles.set_count && spsi_cells_fly(frame); ++i) {
+    for (int i = 0; i < frame->particles.set_count && spsi_cells_fly(frame); ++i) {
         const spsi_particle_set *set = &frame->particles.sets[i];
-        const double apart = 1 - 2 * spsi_particles_crowd(&content->particles[n], content->set_ends[i] - n);
-        double dense = 0, all = DBL_MIN;
-        for (; n < content->set_ends[i]; ++n) {
+        const int first = i > 0 ? content->set_ends[i - 1] : 0;
+        double dense = 0, all = DBL_MIN, apart;
+        if (!frame->matter.materials[set->channel].emits) continue;
+        apart = 1 - 2 * spsi_particles_crowd(&content->particles[first], content->set_ends[i] - first);
+        for (int n = first; n < content->set_ends[i]; ++n) {
             const double depth = spsi_particle_depth(&content->particles[n], set);
             const double amount = depth * (double)content->particles[n].radius * (double)content->particles[n].radius;
-            dense += amount * fmax(0, fmin(depth - 0.5, 1));
+            dense += depth > 0.5 ? amount * (depth < 1.5 ? depth - 0.5 : 1) : 0;
             all += amount;
         }
-        if (!frame->matter.materials[set->channel].emits) continue;
         content->flies[set->channel] = (float)(fmax(dense / all, few) * fmax(0, apart));
     }
 }
@@ -22179,10 +22193,12 @@ static spsi_v spsi_straight_passes(const spsi_frame *frame, int c, spsi_v depth)
 
 #define SPSI_RECEIVED_TILE  32 /* pixels along a side of a task's tile */
 #define SPSI_RECEIVED_KNOTS (SPSI_RECEIVED_TILE + 1)
+#define SPSI_TICK_RECEIVED  64 /* pixels between two looks at the clock: a few milliseconds' work */
 
 static const int spsi_receive_whole[2] = {SPSI_RECEIVED_TILE, SPSI_RECEIVED_TILE};
 
 typedef struct spsi_receive_job {
+    sps_context *context;
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_visible *visible;
@@ -22271,6 +22287,7 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, c
         for (size_t c = 0; c < channels; ++c)
             tile->job->received[place.index * channels + c] +=
                 knots ? spsi_received_between(knots, c, at) : own.irradiance[c];
+        if (n % SPSI_TICK_RECEIVED == SPSI_TICK_RECEIVED - 1) spsi_task_tick(tile->job->context);
     }
 }
 
@@ -22328,6 +22345,7 @@ static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, const in
     int count = 0, longer = 0, half[2] = {size[0], size[1]};
     for (int y = y0; y < y0 + size[1]; ++y)
         for (int x = x0; x < x0 + size[0]; ++x) count += tile->shows[y][x] == 2;
+    if (size[0] * size[1] >= SPSI_TICK_RECEIVED) spsi_task_tick(tile->job->context);
     if (count >= 5) longer = spsi_receive_even(tile, x0, y0, size, knots);
     if (count < 5 || longer < 0 || longer > 1 || size[0] * size[1] <= 8) {
         spsi_receive_pixels(tile, x0, y0, size, longer < 0 ? knots : NULL);
@@ -22424,7 +22442,7 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
                                    spsi_visible *visible) {
     const spsi_content *content = frame->content;
     const size_t floats = spsi_ray_count(&content->eye) * (size_t)frame->channels;
-    spsi_receive_job job = {frame, faces, visible, {spsi_nowhere, spsi_nowhere}, NULL, NULL};
+    spsi_receive_job job = {context, frame, faces, visible, {spsi_nowhere, spsi_nowhere}, NULL, NULL};
     if (!content->cells || !visible->hits) return SPS_OK;
     if (!spsi_receive_reserve(context, frame, &job)) return context->result;
     memset(job.received, 0, floats * sizeof(float));
@@ -22451,7 +22469,7 @@ static void spsi_add_flux(const spsi_shader *shader, const spsi_place *place, co
                           float radiance[3]) {
     const spsi_content *content = shader->frame->content;
     const spsi_receive_job job = {
-        shader->frame, shader->faces, shader->visible, {spsi_nowhere, spsi_nowhere}, NULL, NULL};
+        NULL, shader->frame, shader->faces, shader->visible, {spsi_nowhere, spsi_nowhere}, NULL, NULL};
     const size_t channels = (size_t)content->cells->channels;
     float irradiance[3] = {0, 0, 0};
     if (place->index < spsi_ray_count(&content->eye))
@@ -25746,9 +25764,11 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!touched && !polygons) return;
     const spsi_shading shading = {&run->shader, &tile, scratch, touched ? SPSI_CHUNK : 0, run->low, run->high};
     for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
-        for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y) /* down: see spsi_plane_light */
+        for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y) { /* down: see spsi_plane_light */
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
                 shaded += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_least(SPSI_LANES, width - x));
+            if (y % SPSI_PATCH == SPSI_PATCH - 1) spsi_task_tick(run->context);
+        }
     run->shaded[worker] += shaded;
     region->turns.work[index] = spsi_tile_work(&tile) + (uint32_t)shaded;
     spsi_tile_count(&run->eye, &tile, worker);

@@ -129,7 +129,8 @@ THREADS   A context serves one call at a time; any number of contexts can run at
     a time, with two exceptions: workers call read_fn, range_fn and eval_fn of volumes that are `concurrent`, several at
     once (in sps_plan, the calling thread does); and with both parallel_for_fn and progress_fn, several workers may call
     clock_fn at once. No callback may leave a call by an exception or by longjmp. If one does, and C code is compiled
-    with unwind tables (-fexceptions), its context and maps can only be destroyed, which returns all their memory.
+    with unwind tables (-fexceptions), its context and maps can only be destroyed, which returns all their memory:
+    further calls are SPS_ERROR_CALLBACK. So are calls from within a callback, and the call that they interrupt.
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
     it does on different machines if they have the same C library and all threads use the same rounding mode and the
     same treatment of denormal numbers. Only a budget (sps_view) chooses settings by the clock, by what the context
@@ -191,7 +192,7 @@ typedef enum sps_result {
     SPS_OK = 0,
     SPS_ERROR_ARGUMENT,    /* a field is missing or outside its documented range */
     SPS_ERROR_MEMORY,      /* the allocator returned NULL, or memory_limit would be exceeded */
-    SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero */
+    SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero; or one called into its context, or threw */
     SPS_ERROR_DATA,        /* a callback delivered a value that is not finite, negative or above 1e18 */
     SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light, and the light is to shade by sheets
                               (sps_light); or sps_reference has no paths for the view's scattering; or numbers
@@ -2091,6 +2092,7 @@ struct sps_context {
     sps_error_info error; /* of that result */
     float progress;
     int tmap_count;     /* maps not yet destroyed */
+    int within;         /* 1: a call runs, or a callback left it by a jump; 2: a call was refused for that */
     int cancelled;      /* progress_fn has returned non-zero, which takes effect at the next spsi_progress */
     double clock_start; /* of the call, by clock_fn */
     double ticked;      /* when progress_fn was called last, by clock_fn or SPS_CLOCK */
@@ -29686,9 +29688,22 @@ static sps_result spsi_check_config(sps_context *context, const sps_config *conf
     return SPS_OK;
 }
 
-/* Begins a call that records errors: clears result and error, and restarts the statistics except for the bytes held. */
-static void spsi_begin(sps_context *context) {
+/* Refuses a call within another one. The first refusal is the error and is told; message_fn may cause the next. */
+static sps_result spsi_refuse(sps_context *context) {
+    if (context->within == 2) return context->result;
+    context->within = 2;
+    context->result = SPS_OK;
+    return spsi_fail(context, SPS_ERROR_CALLBACK,
+                     "a callback threw or jumped out of an earlier call, or called into its own context: destroy it");
+}
+
+/* Begins a call that records errors: clears result and error, and restarts the statistics except for the bytes held.
+   Returns an error if there can be no call. */
+static sps_result spsi_begin(sps_context *context) {
     sps_stats_report fresh;
+    if (!context) return SPS_ERROR_ARGUMENT;
+    if (context->within) return spsi_refuse(context);
+    context->within = 1;
     memset(&fresh, 0, sizeof fresh);
     fresh.bytes = context->stats.bytes;
     fresh.bytes_peak = context->stats.bytes_peak;
@@ -29700,12 +29715,19 @@ static void spsi_begin(sps_context *context) {
     context->pace.counts = 0;
     context->pace.seconds_fields = 0;
     context->clock_start = spsi_clock(context);
+    return SPS_OK;
 }
 
-/* Ends a call whose time is recorded. Returns its result. */
+/* Ends a call. Returns its result. */
 static sps_result spsi_end(sps_context *context) {
-    context->stats.seconds_total = spsi_clock(context) - context->clock_start;
+    context->within = 0;
     return context->result;
+}
+
+/* Ends a call whose time is recorded. */
+static sps_result spsi_end_timed(sps_context *context) {
+    context->stats.seconds_total = spsi_clock(context) - context->clock_start;
+    return spsi_end(context);
 }
 
 SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why) {
@@ -29765,8 +29787,6 @@ static int spsi_rows_fit(const spsi_frame *frame, size_t row_pixels) {
 static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene, const sps_view *view,
                                     const sps_image *image) {
     spsi_frame *frame;
-    if (!context) return NULL;
-    spsi_begin(context);
     if (spsi_require(context, scene, "scene") || spsi_require(context, view, "view") ||
         spsi_require(context, image, "image"))
         return NULL;
@@ -29786,11 +29806,13 @@ static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene
 
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image) {
-    spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
-    if (!context) return SPS_ERROR_ARGUMENT;
+    const sps_result refused = spsi_begin(context);
+    spsi_frame *frame;
+    if (refused) return refused;
+    frame = spsi_begin_frame(context, scene, view, image);
     if (frame) spsi_render_frame(context, frame, image);
     spsi_tmaps_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count); /* there are some after a failure */
-    return spsi_end(context);
+    return spsi_end_timed(context);
 }
 
 SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report) {
@@ -29801,16 +29823,16 @@ SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report)
 
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report) {
+    const sps_result refused = spsi_begin(context);
     spsi_frame *frame;
     if (report) memset(report, 0, sizeof *report);
-    if (!context) return SPS_ERROR_ARGUMENT;
-    spsi_begin(context);
+    if (refused) return refused;
     if (spsi_require(context, scene, "scene") || spsi_require(context, view, "view") ||
         spsi_require(context, report, "report"))
-        return context->result;
+        return spsi_end(context);
     frame = spsi_frame_build(context, scene, view, 1);
     if (frame && spsi_plan_frame(context, frame, report)) memset(report, 0, sizeof *report);
-    return context->result;
+    return spsi_end(context);
 }
 
 SPS_API const char *sps_pass_name(sps_pass pass) {
@@ -29841,11 +29863,13 @@ static sps_result spsi_check_reference(sps_context *context, const sps_reference
 
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
                                  const sps_reference_settings *settings, const sps_image *image) {
-    spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
-    if (!context) return SPS_ERROR_ARGUMENT;
+    const sps_result refused = spsi_begin(context);
+    spsi_frame *frame;
+    if (refused) return refused;
+    frame = spsi_begin_frame(context, scene, view, image);
     if (frame && spsi_check_reference(context, settings) == SPS_OK)
         spsi_reference_frame(context, frame, settings, image);
-    return spsi_end(context);
+    return spsi_end_timed(context);
 }
 
 /* Converts a half to a float, which can hold every half exactly. */
@@ -29991,15 +30015,14 @@ SPS_API void sps_tmap_destroy(sps_tmap *map) {
 
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,
                                    sps_tmap **map) {
+    const sps_result refused = spsi_begin(context);
     if (map) *map = NULL;
-    if (!context) return SPS_ERROR_ARGUMENT;
-    spsi_begin(context);
+    if (refused) return refused;
     if (spsi_require(context, light, "light") || spsi_require(context, settings, "settings") ||
-        spsi_require(context, map, "map"))
-        return context->result;
-    if (spsi_tmap_check(context, light, settings)) return context->result;
+        spsi_require(context, map, "map") || spsi_tmap_check(context, light, settings))
+        return spsi_end(context);
     *map = (sps_tmap *)spsi_acquire(context, 1, sizeof **map);
-    if (!*map) return context->result;
+    if (!*map) return spsi_end(context);
     memset(*map, 0, sizeof **map);
     (*map)->context = context;
     context->tmap_count += 1;
@@ -30007,7 +30030,7 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *l
         sps_tmap_destroy(*map);
         *map = NULL;
     }
-    return context->result;
+    return spsi_end(context);
 }
 
 /* Maps accept occluders until they are finished, or have failed to finish. */
@@ -30018,19 +30041,19 @@ static sps_result spsi_require_unfinished(const sps_tmap *map) {
 }
 
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene) {
-    if (!map) return SPS_ERROR_ARGUMENT;
-    spsi_begin(map->context);
-    if (spsi_require(map->context, scene, "scene") || spsi_require_unfinished(map)) return map->context->result;
-    return spsi_tmap_add(map, scene);
+    const sps_result refused = spsi_begin(map ? map->context : NULL);
+    if (refused) return refused;
+    if (!spsi_require(map->context, scene, "scene") && !spsi_require_unfinished(map)) spsi_tmap_add(map, scene);
+    return spsi_end(map->context);
 }
 
 SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
-    if (!map) return SPS_ERROR_ARGUMENT;
-    spsi_begin(map->context);
-    if (spsi_require_unfinished(map)) return spsi_end(map->context);
+    const sps_result refused = spsi_begin(map ? map->context : NULL);
+    if (refused) return refused;
+    if (spsi_require_unfinished(map)) return spsi_end_timed(map->context);
     map->failed = spsi_tmap_finish(map) != SPS_OK;
     spsi_tmap_forget(map);
-    return spsi_end(map->context);
+    return spsi_end_timed(map->context);
 }
 
 static int spsi_tmap_queryable(const sps_tmap *map, size_t count, const void *positions) {

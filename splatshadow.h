@@ -456,8 +456,8 @@ typedef struct sps_particle {
     float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
 } sps_particle;
 
-/* A set of particles of the same material. Those smaller than a pixel or texel are widened to one, and stop as much
-   light as before. Up to 8/3 pixels (1 texel) a thin particle keeps its mass wherever it lies; from 4 pixels (1.5
+/* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, and such particles
+   stop as much light as before. Up to 8/3 pixels (1 texel) a thin particle keeps its mass wherever it lies; from 4 pixels (1.5
    texels) on, optical depth along rays is exact, for slabs of any thickness. Light within a ball is resolved by slabs
    (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality. Both are up to
    8 times finer where particles are dense. A particle that overlaps a polygon ends at it. */
@@ -4989,7 +4989,7 @@ static sps_result spsi_rays_build(sps_context *context, sps_object object, const
         const int transposed = rays->perspective && spsi_is_transposed(camera->world_to_clip);
         if (fits && !transposed) return SPS_OK;
         return spsi_wrong_that(&at, "camera.world_to_clip", 0,
-                               transposed ? "is transposed: it must be row-major; if it is, set its row 2 to 0 0 0 2"
+                               transposed ? "looks transposed: it must be row-major; if it is, set row 2, which is not used, to 0 0 0 2"
                                           : "cannot be inverted");
     }
     if (spsi_rays_from_camera(rays, camera)) return SPS_OK;
@@ -11386,7 +11386,7 @@ static void spsi_seen_build(const spsi_crossing *crossing, const spsi_particle_s
     double centre[3], t;
     spsi_ball_weigh(rays, NULL, coarse, set, particle, &seen->ball);
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
-    if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* widened to a pixel, it is too thin to count */
+    if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* widened, it is too thin to count */
     t = rays->perspective ? (double)seen->ball.t + rays->depth_reference : 1;
     seen->slab = (float)(spsi_dot(crossing->row, centre) - crossing->slab_origin - first_slab);
     seen->reach = (float)(radius * crossing->reach);
@@ -11404,7 +11404,7 @@ typedef struct spsi_ball_print {
     const spsi_seen *seen;
     int x0, x1, y0, y1; /* inclusive */
     int first, last;    /* slabs; the last is exclusive */
-    int starts;         /* 1: the first slab also receives what a particle widened to a pixel has before it */
+    int starts;         /* 1: the first slab also receives what a widened particle has before it */
     int ends;           /* 1: the last slab also receives what it has behind that */
 } spsi_ball_print;
 

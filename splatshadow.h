@@ -457,10 +457,10 @@ typedef struct sps_particle {
 } sps_particle;
 
 /* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, and such particles
-   stop as much light as before. Up to 8/3 pixels (1 texel) a thin particle keeps its mass wherever it lies; from 4 pixels (1.5
-   texels) on, optical depth along rays is exact, for slabs of any thickness. Light within a ball is resolved by slabs
-   (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality. Both are up to
-   8 times finer where particles are dense. A particle that overlaps a polygon ends at it. */
+   stop as much light as before. Up to 8/3 pixels (1 texel) a thin particle keeps its mass wherever it lies; from 4
+   pixels (1.5 texels) on, optical depth along rays is exact, for slabs of any thickness. Light within a ball is
+   resolved by slabs (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium
+   quality. Both are up to 8 times finer where particles are dense. A particle that overlaps a polygon ends at it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -2498,16 +2498,20 @@ static void spsi_batch_task(void *data, int index, int worker) {
     for (int i = index * batches->size; i < end; ++i) batches->item_fn(batches->data, i);
 }
 
-/* Calls item_fn(data, i) for i = 0..count-1, in a task for each. */
+/* Calls item_fn(data, i) for i = 0..count-1, in a task for each `size` items. */
+static void spsi_parallel_by(sps_context *context, int size, int count, spsi_item_fn item_fn, void *data) {
+    spsi_batches batches = {size, count, item_fn, data};
+    spsi_parallel(context, count / size + (count % size > 0), spsi_batch_task, &batches);
+}
+
+/* Calls item_fn likewise, in a task for each. */
 static void spsi_parallel_items(sps_context *context, int count, spsi_item_fn item_fn, void *data) {
-    spsi_batches items = {1, count, item_fn, data};
-    spsi_parallel(context, count, spsi_batch_task, &items);
+    spsi_parallel_by(context, 1, count, item_fn, data);
 }
 
 /* Calls item_fn likewise, in a task for each SPSI_BATCH items. */
 static void spsi_parallel_batches(sps_context *context, int count, spsi_item_fn item_fn, void *data) {
-    spsi_batches batches = {SPSI_BATCH, count, item_fn, data};
-    spsi_parallel(context, count / SPSI_BATCH + (count % SPSI_BATCH > 0), spsi_batch_task, &batches);
+    spsi_parallel_by(context, SPSI_BATCH, count, item_fn, data);
 }
 
 /* Reports progress; SPS_ERROR_CANCELLED if the caller wants to stop. */
@@ -3684,14 +3688,6 @@ typedef struct spsi_piece {
     double u0, u1, t0, t1;
 } spsi_piece;
 
-/* The piece that ends at node i; the first one is a jump from 0. */
-static inline spsi_piece spsi_curve_piece(const spsi_node *curve, int i) {
-    const float depth = spsi_lower(curve[i].value, SPSI_DEPTH_MAX), before = i > 0 ? curve[i - 1].value : 0;
-    const double u1 = (double)curve[i].u, u0 = i > 0 ? (double)curve[i - 1].u : u1;
-    const spsi_piece piece = {u0, u1, (double)spsi_lower(before, depth), (double)depth};
-    return piece;
-}
-
 /* -log T: 0 for T above 1, SPSI_DEPTH_MAX for T = 0 or less. */
 static inline float spsi_optical_depth_of(double transmittance) {
     if (!(transmittance > 0)) return SPSI_DEPTH_MAX;
@@ -3726,10 +3722,14 @@ typedef struct spsi_cuts {
     double through, end; /* T at the last cut, and at the end of the piece */
 } spsi_cuts;
 
-/* Goes on to the piece that ends at node i of a curve; T continues from the end of the piece before, 1 at first. */
+/* Goes on to the piece that ends at node i of a curve, the first being a jump from 0; T continues from the end of the
+   piece before, 1 at first. */
 static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
-    cuts->piece = spsi_curve_piece(curve, i);
-    cuts->u = (float)cuts->piece.u0;
+    const float depth = spsi_lower(curve[i].value, SPSI_DEPTH_MAX), before = i > 0 ? curve[i - 1].value : 0;
+    const double u1 = (double)curve[i].u, u0 = i > 0 ? (double)curve[i - 1].u : u1;
+    const spsi_piece piece = {u0, u1, (double)spsi_lower(before, depth), (double)depth};
+    cuts->piece = piece;
+    cuts->u = (float)u0;
     cuts->through = cuts->end;
     cuts->end = exp(-cuts->piece.t1);
 }
@@ -4980,8 +4980,9 @@ static sps_result spsi_rays_build(sps_context *context, sps_object object, const
         const int transposed = rays->perspective && spsi_is_transposed(camera->world_to_clip);
         if (fits && !transposed) return SPS_OK;
         return spsi_wrong_that(&at, "camera.world_to_clip", 0,
-                               transposed ? "looks transposed: it must be row-major; if it is, set row 2, which is not used, to 0 0 0 2"
-                                          : "cannot be inverted");
+                               transposed
+                                   ? "looks transposed: it must be row-major; if it is, set its unused row 2 to 0 0 0 2"
+                                   : "cannot be inverted");
     }
     if (spsi_rays_from_camera(rays, camera)) return SPS_OK;
     spsi_along(camera->target, camera->position, -1, forward);
@@ -5948,9 +5949,12 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
-/* A hash of a brick's voxels and of its place in its volume. Four sums side by side, as each waits for itself. */
-static uint64_t spsi_brick_fingerprint(const sps_context *context, const spsi_brick *brick) {
+/* Hashes a brick's voxels and its place in its volume. Four sums side by side, as each waits for itself. */
+static void spsi_brick_prints_task(void *data, int index) {
+    const sps_context *context = (const sps_context *)data;
+    const spsi_brick *brick = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data + index;
     const spsi_segment *segment = spsi_segment_at(context, brick->segment);
+    uint64_t *prints = (uint64_t *)context->buffers[SPSI_BUFFER_BRICK_PRINTS].data;
     uint64_t sums[4] = {SPSI_FINGERPRINT_START, 1, 2, 3};
     for (int i = 0; i < brick->count; ++i) {
         const int at = brick->first + i;
@@ -5961,14 +5965,7 @@ static uint64_t spsi_brick_fingerprint(const sps_context *context, const spsi_br
     }
     for (int i = 1; i < 4; ++i) sums[0] = spsi_fingerprint_word(sums[0], sums[i]);
     for (int i = 0; i < 3; ++i) sums[0] = spsi_fingerprint_word(sums[0], (uint64_t)brick->base[i]);
-    return sums[0];
-}
-
-static void spsi_brick_prints_task(void *data, int i) {
-    const sps_context *context = (const sps_context *)data;
-    const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    uint64_t *prints = (uint64_t *)context->buffers[SPSI_BUFFER_BRICK_PRINTS].data;
-    prints[i] = spsi_brick_fingerprint(context, &bricks[i]);
+    prints[index] = sums[0];
 }
 
 /* Computes the fingerprints of all bricks, unless they are held with them. */
@@ -6080,14 +6077,7 @@ static sps_result spsi_particles_validate(sps_context *context, const spsi_parti
     return SPS_OK;
 }
 
-/* Moves the particles of a batch that are not empty to its beginning. Returns their number. */
-static int spsi_particles_keep(sps_particle *batch, size_t count) {
-    int kept = 0;
-    for (size_t i = 0; i < count; ++i)
-        if (batch[i].radius >= SPSI_VALUE_MIN && batch[i].optical_depth >= SPSI_VALUE_MIN) batch[kept++] = batch[i];
-    return kept;
-}
-
+/* Reads a set of particles. Those that are empty are not kept. */
 static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
                                   size_t *read, sps_particle *list) {
     for (size_t first = 0; first < set->given.count; first += SPSI_PARTICLE_BATCH) {
@@ -6101,7 +6091,9 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
                             set->given.read_fn(set->given.user, first, count, batch)) ||
             spsi_particles_validate(context, set, batch, first, count, frame->given.replace_invalid))
             return context->result;
-        frame->content->particle_count += spsi_particles_keep(batch, count);
+        for (size_t i = 0; i < count; ++i)
+            if (batch[i].radius >= SPSI_VALUE_MIN && batch[i].optical_depth >= SPSI_VALUE_MIN)
+                list[frame->content->particle_count++] = batch[i];
         *read += count;
     }
     frame->content->set_ends[set - frame->particles.sets] = frame->content->particle_count;
@@ -8142,10 +8134,9 @@ static sps_result spsi_textures(sps_context *context, const spsi_frame *frame, c
                                 spsi_visible *visible) {
     const size_t places = (size_t)frame->view.region[2] * (size_t)frame->view.region[3] + visible->layers.count;
     spsi_surface_batch *batch;
-    sps_surface *out;
     visible->set = NULL;
     if (frame->meshes.textured_count == 0 || faces->count == 0) return SPS_OK;
-    out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, places, sizeof *out);
+    sps_surface *out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, places, sizeof *out);
     batch = (spsi_surface_batch *)spsi_reserve(context, SPSI_BUFFER_SURFACE_BATCH, 1, sizeof *batch);
     if (!out || !batch) return context->result;
     for (size_t i = 0; i < places; ++i) out[i].color[0] = -1; /* nothing is set there */
@@ -9395,10 +9386,10 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
     spsi_v q[2][3], t[2], cell[2];
-    int clear, crossing; /* bits of lanes that miss the face, and whose ends lie on both sides of the light */
     spsi_map_ends(map, face, at, y, d, q, t);
-    clear = spsi_bits(spsi_less(spsi_max(t[0], t[1]), near_t));
-    crossing = spsi_bits(spsi_less(spsi_min(t[0], t[1]), near_t));
+    /* bits of lanes that miss the face, and whose ends lie on both sides of the light */
+    int clear = spsi_bits(spsi_less(spsi_max(t[0], t[1]), near_t));
+    const int crossing = spsi_bits(spsi_less(spsi_min(t[0], t[1]), near_t));
     *wide = crossing;
     for (int i = 0; i < 2; ++i) {
         const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
@@ -11108,7 +11099,7 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
         spsi_v q[3], depth, slab;
         spsi_voxels_place(s, anchor, steps, q, &depth, &slab);
         int bits = all & spsi_bits(spsi_and(spsi_less(spsi_sub(slab, reach), spsi_set((float)tile->slab_count)),
-                                        spsi_less(spsi_set(0), spsi_add(slab, reach))));
+                                            spsi_less(spsi_set(0), spsi_add(slab, reach))));
         if (!bits) continue;
         const int near_bits = s->perspective ? bits & spsi_bits(spsi_less(q[2], spsi_set(s->near_depth))) : 0;
         bits &= ~near_bits;
@@ -11673,24 +11664,21 @@ static void spsi_field_show(const spsi_field_job *job, const float *values, uint
 }
 
 /* Writes the voxels of a brick's own source, if it has one, about a border that is 0. */
-static void spsi_field_own_task(void *data, int index) {
+static void spsi_field_own_task(void *data, int held) {
     const spsi_field_job *job = (const spsi_field_job *)data;
-    const int end = spsi_least(job->field->count, (index + 1) * SPSI_FIELD_BATCH);
     const int edge = spsi_field_edge(job->taps), pitch = spsi_field_pitch(job->taps), border = job->taps / 2 - 1;
-    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
-        const int number = job->field->sources[job->field->places[held]];
-        float *values = job->field->values + (size_t)held * spsi_field_floats(job->taps), *own;
-        int at[3];
-        memset(values, 0, spsi_field_floats(job->taps) * sizeof *values);
-        if (number < 0) continue;
-        const spsi_brick *source = &job->bricks[number];
-        const spsi_segment *segment = spsi_segment_at(job->context, source->segment);
-        for (int k = 0; k < 3; ++k) at[k] = source->base[k] % SPSI_BRICK + border;
-        own = values + (at[2] * edge + at[1]) * pitch + at[0];
-        for (int i = source->first; i < source->first + source->count; ++i)
-            own[((int)segment->z[i] * edge + (int)segment->y[i]) * pitch + (int)segment->x[i]] = segment->value[i];
-        spsi_field_show(job, values, job->field->shown + (size_t)held * SPSI_BRICK);
-    }
+    const int number = job->field->sources[job->field->places[held]];
+    float *values = job->field->values + (size_t)held * spsi_field_floats(job->taps), *own;
+    int at[3];
+    memset(values, 0, spsi_field_floats(job->taps) * sizeof *values);
+    if (number < 0) return;
+    const spsi_brick *source = &job->bricks[number];
+    const spsi_segment *segment = spsi_segment_at(job->context, source->segment);
+    for (int k = 0; k < 3; ++k) at[k] = source->base[k] % SPSI_BRICK + border;
+    own = values + (at[2] * edge + at[1]) * pitch + at[0];
+    for (int i = source->first; i < source->first + source->count; ++i)
+        own[((int)segment->z[i] * edge + (int)segment->y[i]) * pitch + (int)segment->x[i]] = segment->value[i];
+    spsi_field_show(job, values, job->field->shown + (size_t)held * SPSI_BRICK);
 }
 
 /* What a brick and a neighbour of it, `off` bricks away along an axis, have in common: the first voxel of the brick,
@@ -11769,25 +11757,22 @@ static void spsi_field_around(const spsi_voxel_field *field, int held, int aroun
 
 /* Fills the aprons of bricks whose own voxels are in place, and marks their cells: samples in one have half of `taps`
    voxels within reach along an axis. A classified volume's are taken if any up to n voxels farther away is shown. */
-static void spsi_field_apron_task(void *data, int index) {
+static void spsi_field_apron_task(void *data, int held) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *field = job->field;
-    const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH);
     const size_t floats = spsi_field_floats(job->taps);
-    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
-        const uint64_t *shown[27];
-        int around[27];
-        spsi_field_around(field, held, around);
-        for (int n = 0; n < 27; ++n) {
-            const int off[3] = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
-            shown[n] = around[n] < 0 ? NULL : field->shown + (size_t)around[n] * SPSI_BRICK;
-            if (n == 13 || around[n] < 0) continue;
-            spsi_field_copy(job->taps, off, field->values + (size_t)around[n] * floats,
-                            field->values + (size_t)held * floats);
-        }
-        for (int n = 0; n < (job->classifies ? SPSI_FIELD_REACHES : 1); ++n)
-            spsi_cells_mark(shown, job->taps / 2 + n, field->cells[n][field->places[held]]);
+    const uint64_t *shown[27];
+    int around[27];
+    spsi_field_around(field, held, around);
+    for (int n = 0; n < 27; ++n) {
+        const int off[3] = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
+        shown[n] = around[n] < 0 ? NULL : field->shown + (size_t)around[n] * SPSI_BRICK;
+        if (n == 13 || around[n] < 0) continue;
+        spsi_field_copy(job->taps, off, field->values + (size_t)around[n] * floats,
+                        field->values + (size_t)held * floats);
     }
+    for (int n = 0; n < (job->classifies ? SPSI_FIELD_REACHES : 1); ++n)
+        spsi_cells_mark(shown, job->taps / 2 + n, field->cells[n][field->places[held]]);
 }
 
 /* ---- how much a field bends ---- */
@@ -11904,30 +11889,27 @@ static void spsi_level_octant(int taps, const float *fine, float *coarse) {
 }
 
 /* Fills a level's bricks with their own voxels, an eighth from each brick of the finer one. */
-static void spsi_level_own_task(void *data, int index) {
+static void spsi_level_own_task(void *data, int held) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *level = job->field, *fine = job->fine;
-    const int end = spsi_least(level->count, (index + 1) * SPSI_FIELD_BATCH), taps = job->taps;
-    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), border = taps / 2 - 1;
+    const int taps = job->taps, edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), border = taps / 2 - 1;
     const size_t floats = spsi_field_floats(taps);
-    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
-        float *values = level->values + (size_t)held * floats;
-        int at[3];
-        spsi_field_at(level, level->places[held], at);
-        memset(values, 0, floats * sizeof *values);
-        for (int n = 0; n < 8; ++n) {
-            int own[3], to[3], number;
-            for (int k = 0; k < 3; ++k) {
-                own[k] = 2 * at[k] + (n >> k & 1);
-                to[k] = border + SPSI_BRICK / 2 * (n >> k & 1);
-            }
-            number = spsi_field_has(fine, own) ? fine->grid[spsi_field_cell(fine, own)] : -1;
-            if (number >= 0)
-                spsi_level_octant(taps, fine->values + (size_t)number * floats,
-                                  values + (to[2] * edge + to[1]) * pitch + to[0]);
+    float *values = level->values + (size_t)held * floats;
+    int at[3];
+    spsi_field_at(level, level->places[held], at);
+    memset(values, 0, floats * sizeof *values);
+    for (int n = 0; n < 8; ++n) {
+        int own[3], to[3], number;
+        for (int k = 0; k < 3; ++k) {
+            own[k] = 2 * at[k] + (n >> k & 1);
+            to[k] = border + SPSI_BRICK / 2 * (n >> k & 1);
         }
-        spsi_field_show(job, values, level->shown + (size_t)held * SPSI_BRICK);
+        number = spsi_field_has(fine, own) ? fine->grid[spsi_field_cell(fine, own)] : -1;
+        if (number >= 0)
+            spsi_level_octant(taps, fine->values + (size_t)number * floats,
+                              values + (to[2] * edge + to[1]) * pitch + to[0]);
     }
+    spsi_field_show(job, values, level->shown + (size_t)held * SPSI_BRICK);
 }
 
 /* ---- rays ---- */
@@ -12277,12 +12259,11 @@ static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_r
     const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)rays->steps));
     const spsi_v correction = spsi_set(t->lone ? 0 : 1.0f / 24);
     const int steps = rays->steps, cuts = tile->clamped && !t->whole;
-    const int *need; /* that of a slab, between those of its neighbours */
     spsi_v before = spsi_set(0), first;
     int slabs[2];
     spsi_tap_slabs(rays, tile->slab_count, slabs);
     if (slabs[0] >= slabs[1]) return;
-    need = rays->by_slab + 1 + slabs[0];
+    const int *need = rays->by_slab + 1 + slabs[0]; /* that of a slab, between those of its neighbours */
     if (!t->lone) before = spsi_tap_sample(t, rays, slabs[0] * steps - 1, need[0], &tile->samples);
     first = spsi_tap_sample(t, rays, slabs[0] * steps, need[0] | (steps == 1 ? need[1] : 0), &tile->samples);
     at += (size_t)slabs[0] * size;
@@ -12995,9 +12976,8 @@ static int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
 /* Makes grids of the bricks of all fields, unless they are held with their voxels or none are needed. */
 static sps_result spsi_fields_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
-    spsi_fields *fields;
     if (!spsi_fields_wanted(frame)) return SPS_OK;
-    fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
+    spsi_fields *fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
     if (context->fields_held == spsi_fields_wanted(frame)) return SPS_OK;
@@ -13006,7 +12986,7 @@ static sps_result spsi_fields_place(sps_context *context, const spsi_frame *fram
     fields->bent = 0;
     spsi_fields_weigh(fields, taps);
     int *memory = (int *)spsi_reserve(context, SPSI_BUFFER_FIELD_GRIDS, spsi_fields_begin(context, frame, fields),
-                                 SPSI_FIELD_GRID_BYTES);
+                                      SPSI_FIELD_GRID_BYTES);
     if (!memory) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field *field = &fields->list[m];
@@ -13029,7 +13009,6 @@ typedef struct spsi_field_stock {
 static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int medium, spsi_field_stock *stock,
                             const spsi_voxel_field *fine, spsi_voxel_field *field) {
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
-    const int tasks = (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH;
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     const spsi_material *classifies = material->table ? material : NULL;
     spsi_field_job job = {context, bricks, classifies, frame->content->fields->taps, field, fine};
@@ -13039,8 +13018,8 @@ static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int m
     stock->used += (size_t)field->count;
     for (int n = 0; n < SPSI_FIELD_REACHES && field->count > 0; ++n)
         memset(field->cells[n], 0, spsi_field_cells(field) * sizeof *field->cells[n]);
-    spsi_parallel_items(context, tasks, fine ? spsi_level_own_task : spsi_field_own_task, &job);
-    spsi_parallel_items(context, tasks, spsi_field_apron_task, &job);
+    spsi_parallel_by(context, SPSI_FIELD_BATCH, field->count, fine ? spsi_level_own_task : spsi_field_own_task, &job);
+    spsi_parallel_by(context, SPSI_FIELD_BATCH, field->count, spsi_field_apron_task, &job);
 }
 
 /* Fills the bricks of all fields, unless they are; when the first volume is to be gathered. */
@@ -13104,21 +13083,18 @@ static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame
 /* --- how much fields bend --- */
 
 /* Eighths of bricks by themselves. Those of bricks that are not held are 0. */
-static void spsi_bend_task(void *data, int index) {
+static void spsi_bend_task(void *data, int held) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *field = job->field;
-    const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH);
     const size_t width = 2 * (size_t)field->size[0], layer = 2 * (size_t)field->size[1] * width;
-    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
-        float bends[8];
-        int at[3];
-        spsi_field_at(field, field->places[held], at);
-        spsi_field_bend(job->taps, field->values + (size_t)held * spsi_field_floats(job->taps), bends);
-        for (int k = 0; k < 3; ++k) at[k] -= field->low[k];
-        for (int n = 0; n < 8; ++n)
-            field->bends[(size_t)(2 * at[2] + n / 4) * layer + (size_t)(2 * at[1] + n / 2 % 2) * width +
-                         (size_t)(2 * at[0] + n % 2)] = bends[n];
-    }
+    float bends[8];
+    int at[3];
+    spsi_field_at(field, field->places[held], at);
+    spsi_field_bend(job->taps, field->values + (size_t)held * spsi_field_floats(job->taps), bends);
+    for (int k = 0; k < 3; ++k) at[k] -= field->low[k];
+    for (int n = 0; n < 8; ++n)
+        field->bends[(size_t)(2 * at[2] + n / 4) * layer + (size_t)(2 * at[1] + n / 2 % 2) * width +
+                     (size_t)(2 * at[0] + n % 2)] = bends[n];
 }
 
 /* Has each eighth stand for the next ones along an axis, too, which are `step` floats farther. */
@@ -13143,7 +13119,7 @@ static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame
         field->bends = bends;
         bends += count;
         if (field->count == 0) continue;
-        spsi_parallel_items(context, (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH, spsi_bend_task, &job);
+        spsi_parallel_by(context, SPSI_FIELD_BATCH, field->count, spsi_bend_task, &job);
         for (size_t k = 0, step = 1; k < 3; step *= 2 * (size_t)field->size[k++])
             spsi_bends_pair(field->bends, count, step, step * 2 * (size_t)field->size[k]);
     }
@@ -13443,7 +13419,7 @@ static sps_result spsi_targets_reserve(const spsi_contents *contents) {
     }
     floats = (floats + 1) / 2 * 2; /* keeps the counters aligned */
     float *sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers,
-                                   floats * sizeof(float) + 3 * (size_t)count * sizeof(uint64_t));
+                                          floats * sizeof(float) + 3 * (size_t)count * sizeof(uint64_t));
     if (!sheets) return context->result;
     uint64_t *counts = (uint64_t *)(void *)(sheets + workers * floats);
     memset(counts, 0, 3 * (size_t)count * workers * sizeof *counts);
@@ -14411,17 +14387,6 @@ static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column,
                             : spsi_tmap_each_optical_depth(map, column, row, u, weight);
 }
 
-/* Optical depth of gas at a vector of points. Each of the four texels is evaluated at the point's own u, rather than
-   the result interpolated between their depths. */
-static spsi_v spsi_tmap_optical_depths(const sps_tmap *map, const spsi_tmap_quads *quads) {
-    spsi_v sum = spsi_set(0);
-    for (int i = 0; i < 4; ++i) {
-        const spsi_v column = quads->column[i & 1], row = quads->row[i >> 1], weight = quads->weight[i];
-        sum = spsi_fma(weight, spsi_tmap_texel_optical_depths(map, column, row, quads->u, weight), sum);
-    }
-    return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
-}
-
 /* Optical depth of gas at up to SPSI_LANES world points (packed triples), located in double precision, and the shares
    of light that surfaces let through. */
 static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, float *depths, double *lit) {
@@ -14496,11 +14461,17 @@ static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_q
     quads->u = spsi_clamp(spsi_mul(seen[2], per_depth), zero, one);
 }
 
-/* Optical depth of gas at a vector of points in these coordinates. */
+/* Optical depth of gas at a vector of points in these coordinates. Each of the four texels is evaluated at the point's
+   own u, rather than the result interpolated between their depths. */
 static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
+    spsi_v sum = spsi_set(0);
     spsi_tmap_quads quads;
     spsi_quads_build(map, q, &quads);
-    return spsi_tmap_optical_depths(map, &quads);
+    for (int i = 0; i < 4; ++i) {
+        const spsi_v column = quads.column[i & 1], row = quads.row[i >> 1], weight = quads.weight[i];
+        sum = spsi_fma(weight, spsi_tmap_texel_optical_depths(map, column, row, quads.u, weight), sum);
+    }
+    return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
 }
 
 /* Optical depth, surfaces included, from that of gas and the share that surfaces let through. */
@@ -15253,13 +15224,12 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     const int tiles_x = spsi_tile_columns(rays);
     const size_t tiles = (size_t)tiles_x * (size_t)spsi_tile_rows(rays);
     const size_t count = (size_t)occluders->frame->content->particle_count;
-    uint32_t *starts, *list;
     spsi_ball_job job = {rays, map->face_count > 1 ? map->rays : NULL, occluders->frame, map->settings.near_depth,
                          SPSI_DEPTH_STEPS * map->per_depth, NULL, NULL, NULL};
     if (count == 0) return SPS_OK;
     if (map->technique->lists && spsi_balls_order(context, &job)) return context->result;
     job.balls = (spsi_ball *)spsi_reserve(context, SPSI_BUFFER_BALLS, count, sizeof(spsi_ball));
-    starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_STARTS, tiles + 1, sizeof *starts);
+    uint32_t *starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_STARTS, tiles + 1, sizeof *starts);
     if (!job.balls || !starts) return context->result;
     spsi_parallel_batches(context, occluders->frame->content->particle_count, spsi_balls_task, &job);
     spsi_balls_outside(map, rays, job.balls, count);
@@ -15269,7 +15239,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     occluders->balls = job.balls;
     occluders->tile_balls = NULL;
     if (sum > SPSI_BALL_TILES * (uint64_t)(count + tiles) || sum > UINT32_MAX) return SPS_OK;
-    list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_LIST, (size_t)sum, sizeof *list);
+    uint32_t *list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_LIST, (size_t)sum, sizeof *list);
     if (!list) return context->result;
     spsi_balls_into_tiles(job.balls, count, tiles_x, starts, list);
     memmove(starts + 1, starts, tiles * sizeof *starts); /* each was advanced to where the next begins */
@@ -15370,7 +15340,7 @@ static void spsi_print_balls(const spsi_print_job *job, int column, int row, uin
         if (ball->x1 < spsi_most(x, ball->x0) || ball->x0 >= x + SPSI_TILE_WIDTH) continue;
         if (ball->y1 < spsi_most(y, ball->y0) || ball->y0 >= y + SPSI_TILE_HEIGHT) continue;
         uint64_t print = spsi_fingerprint(SPSI_FINGERPRINT_START, &occluders->frame->content->particles[number],
-                                 sizeof(sps_particle));
+                                          sizeof(sps_particle));
         print = spsi_set_fingerprint(print, spsi_set_of(occluders->frame, number));
         spsi_print_patches(prints, ball->x0 - x, ball->y0 - y, ball->x1 - x, ball->y1 - y, print);
     }
@@ -16384,7 +16354,7 @@ static sps_result spsi_penumbra_begin(sps_context *context, const spsi_frame *fr
     const int has_polygons = faces->count > 0;
     if (spsi_penumbra_aim(context, frame, sweep, penumbra)) return context->result;
     float *memory = spsi_floats_reserve(context, SPSI_BUFFER_PENUMBRA,
-                                 spsi_penumbra_lay_out(context, penumbra, has_polygons, NULL));
+                                        spsi_penumbra_lay_out(context, penumbra, has_polygons, NULL));
     if (!memory) return context->result;
     spsi_penumbra_lay_out(context, penumbra, has_polygons, memory);
     for (int i = 0; i < penumbra->beam_count && has_polygons; ++i)
@@ -17894,14 +17864,13 @@ static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame 
 static sps_result spsi_pane_maps_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                       spsi_pane_map *maps, size_t map_count) {
     size_t sum = 0, most = 0;
-    spsi_pane *panes;
     for (size_t i = 0; i < map_count; ++i)
         for (int face = 0; face < maps[i].grid.face_count; ++face) {
             spsi_panes_raster(context, frame, faces, &maps[i], face, 0);
             sum = maps[i].counts[face] > SIZE_MAX - sum ? SIZE_MAX : sum + maps[i].counts[face];
             most = maps[i].counts[face] > most ? maps[i].counts[face] : most;
         }
-    panes = (spsi_pane *)spsi_reserve(context, SPSI_BUFFER_PANES, sum, sizeof *panes);
+    spsi_pane *panes = (spsi_pane *)spsi_reserve(context, SPSI_BUFFER_PANES, sum, sizeof *panes);
     if (!panes || !spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, most, sizeof(spsi_fragment))) return context->result;
     for (size_t i = 0; i < map_count; ++i) {
         for (int face = 0; face < maps[i].grid.face_count; ++face) {
@@ -17918,11 +17887,10 @@ static sps_result spsi_pane_maps_build(sps_context *context, const spsi_frame *f
                                        spsi_shadow *shadows, int count) {
     size_t map_count = 0;
     int widest = 0;
-    spsi_pane_map *maps;
     if (!frame->meshes.translucent || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     if (count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i) map_count += (size_t)(shadows[i].soft ? shadows[i].lamp->point_count : 1);
-    maps = (spsi_pane_map *)spsi_reserve(context, SPSI_BUFFER_PANE_MAPS, map_count, sizeof *maps);
+    spsi_pane_map *maps = (spsi_pane_map *)spsi_reserve(context, SPSI_BUFFER_PANE_MAPS, map_count, sizeof *maps);
     if (!maps || spsi_pane_maps_lay_out(context, frame, shadows, count, maps)) return context->result;
     for (size_t i = 0; i < map_count; ++i)
         for (int face = 0; face < maps[i].grid.face_count; ++face)
@@ -17953,16 +17921,15 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
                                          spsi_part_of_call *sweep) {
     spsi_part_of_call part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
     int mapped = 0;
-    sps_tmap *maps, *next;
     for (int i = 0; i < count; ++i) mapped += shadows[i].lamp->has_map;
     if (mapped == 0 || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     sweep->progress += part.share;
     sweep->share -= part.share;
-    maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *maps);
+    sps_tmap *maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *maps);
     if (!maps) return context->result;
     part.share /= mapped;
     const uint64_t gas = spsi_has_shadow_tables(frame) ? spsi_gas_fingerprint(frame) : 0;
-    next = maps;
+    sps_tmap *next = maps;
     for (int i = 0; i < count; ++i) {
         if (!shadows[i].lamp->has_map) continue;
         shadows[i].tmap = next;
@@ -22392,8 +22359,8 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
 static void spsi_add_flux(const spsi_shader *shader, const spsi_place *place, const double color[3],
                           float radiance[3]) {
     const spsi_content *content = shader->frame->content;
-    const spsi_receive_job job = {
-        NULL, shader->frame, shader->faces, shader->visible, {spsi_nowhere, spsi_nowhere}, NULL, NULL};
+    const spsi_receive_job job = {NULL, shader->frame, shader->faces, shader->visible, {spsi_nowhere, spsi_nowhere},
+                                  NULL, NULL};
     const size_t channels = (size_t)content->cells->channels;
     float irradiance[3] = {0, 0, 0};
     if (place->index < spsi_ray_count(&content->eye))
@@ -26609,9 +26576,8 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *swe
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
     const size_t places = spsi_place_count(frame, &picture->visible);
-    spsi_shadow *shadow;
     int shares = 0;
-    shadow = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *shadow);
+    spsi_shadow *shadow = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *shadow);
     if (!shadow) return context->result;
     memset(shadow, 0, (size_t)count * sizeof *shadow);
     picture->shadows = shadow;
@@ -26785,11 +26751,10 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
 /* Places fields by which filling is judged: of what is held, or of all that will be read: as if its bricks lay side by
    side or, if that is less, each apart from the others. */
 static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
-    spsi_fields *fields;
     if (!spsi_fields_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_fields_place(context, frame);
     context->fields_held = 0; /* they are not what is held */
-    fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
+    spsi_fields *fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
     fields->taps = spsi_taps_wanted(frame);
@@ -27262,7 +27227,6 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
 static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
     const spsi_setting coarsest = {0, 0, 0};
     spsi_reading reading;
-    double reads; /* units of work */
     spsi_rays rays;
     spsi_slabs slabs;
     report->eye_filling = "no volume that could be seen";
@@ -27273,7 +27237,9 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
     if (!spsi_scatters_fully(frame) || spsi_polygons_scatter(frame) ||
         (reading.held && frame->particles.set_count == 0))
         if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
-    reads = spsi_fixed_units[SPSI_STAGE_READ] + (double)report->voxels_read + (double)frame->particles.count;
+    /* units of work */
+    const double reads =
+        spsi_fixed_units[SPSI_STAGE_READ] + (double)report->voxels_read + (double)frame->particles.count;
     if (spsi_has_budget(&frame->view) &&
         spsi_budget_choose(context, frame, reads * spsi_rate(context, SPSI_STAGE_READ, &coarsest),
                            reading.held ? (double)context->voxel_count : (double)reading.voxels_kept, &report->budget))

@@ -4980,9 +4980,8 @@ static sps_result spsi_rays_build(sps_context *context, sps_object object, const
         const int transposed = rays->perspective && spsi_is_transposed(camera->world_to_clip);
         if (fits && !transposed) return SPS_OK;
         return spsi_wrong_that(&at, "camera.world_to_clip", 0,
-                               transposed
-                                   ? "looks transposed: it must be row-major; if it is, set its unused row 2 to 0 0 0 2"
-                                   : "cannot be inverted");
+                               transposed ? "looks transposed: it must be row-major; if it is, set row 2 to 0 0 0 2"
+                                          : "cannot be inverted");
     }
     if (spsi_rays_from_camera(rays, camera)) return SPS_OK;
     spsi_along(camera->target, camera->position, -1, forward);
@@ -6813,7 +6812,8 @@ static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height
     return spsi_load(depth);
 }
 
-#define SPSI_TRIANGLE_BATCH 256 /* triangles read at a time */
+#define SPSI_TRIANGLE_BATCH 256  /* triangles read at a time */
+#define SPSI_TICK_TRIANGLES 4096 /* read between two looks at the clock */
 
 /* Where faces go while they are read. */
 typedef struct spsi_face_lists {
@@ -6855,7 +6855,7 @@ static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame
     for (size_t first = 0; first < mesh->given.triangle_count; first += SPSI_TRIANGLE_BATCH) {
         const size_t left = mesh->given.triangle_count - first,
                      count = left < SPSI_TRIANGLE_BATCH ? left : SPSI_TRIANGLE_BATCH;
-        if (spsi_progress(context, 0)) return context->result;
+        if (first % SPSI_TICK_TRIANGLES == 0 && spsi_progress(context, 0)) return context->result;
         memset(triangles, 0, count * sizeof(sps_triangle));
         context->stats.triangle_calls += 1;
         if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "read_fn",
@@ -13898,7 +13898,7 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     spsi_tile_gather_level(fill, medium, patches, next);
 }
 
-#define SPSI_TICK_BRICKS 64 /* splatted between two looks at the clock: a few milliseconds' work */
+#define SPSI_TICK_BRICKS 128 /* splatted between two looks at the clock: a few milliseconds' work */
 
 static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
     const spsi_target *target = fill->target;
@@ -18078,26 +18078,21 @@ static void spsi_forward_column(const spsi_material *material, spsi_legendre *se
     }
 }
 
-/* Levels of classified volumes are closer towards an albedo of 1, where few are lost. */
-static double spsi_forward_albedo(const spsi_material *material, int level) {
-    const double left = 1 - (double)level / (SPSI_FORWARD_LEVELS - 1);
-    return material->table ? 1 - left * left : (double)material->albedo[level];
-}
-
+/* Fills the tables. Levels of classified volumes are closer towards an albedo of 1, where few are lost. */
 static void spsi_forward_build(const spsi_material *material, int followed, int stays, spsi_forward *forward) {
     const int grey = material->albedo[0] == material->albedo[1] && material->albedo[0] == material->albedo[2];
     spsi_legendre series;
     spsi_legendre_moments(material, followed, &series);
     series.stays |= stays;
     forward->level_count = material->table ? SPSI_FORWARD_LEVELS : grey ? 1 : 3;
-    for (int k = 0; k < forward->level_count; ++k)
-        for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
-            const double albedo = spsi_forward_albedo(material, k);
-            if (i < SPSI_FORWARD_SIZE - 1)
-                spsi_forward_column(material, &series, albedo, spsi_forward_depth(i), forward->level[k] + i);
-            else
-                for (int n = 0; n < SPSI_FORWARD_SIZE; ++n) forward->level[k][n * SPSI_FORWARD_SIZE + i] = 0;
-        }
+    for (int k = 0; k < forward->level_count; ++k) {
+        const double left = 1 - (double)k / (SPSI_FORWARD_LEVELS - 1);
+        const double albedo = material->table ? 1 - left * left : (double)material->albedo[k];
+        const int last = SPSI_FORWARD_SIZE - 1;
+        for (int i = 0; i < last; ++i)
+            spsi_forward_column(material, &series, albedo, spsi_forward_depth(i), forward->level[k] + i);
+        for (int n = 0; n < SPSI_FORWARD_SIZE; ++n) forward->level[k][n * SPSI_FORWARD_SIZE + last] = 0;
+    }
 }
 
 /* Whether a sweep has a first pass, which measures gas: spsi_again. */
@@ -25629,6 +25624,13 @@ static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
     if (eye->near_depth > 0 || (!eye->perspective && eye->near_depth > -DBL_MAX)) tile->clamped = 1;
 }
 
+/* Rows of a tile between two looks at the clock, by the points of lights that each pixel looks up. Few take no time. */
+static int spsi_tick_rows(const spsi_lamps *lamps) {
+    int points = 1;
+    for (int i = 0; i < lamps->count; ++i) points += lamps->list[i].extent.exists ? lamps->list[i].point_count : 1;
+    return spsi_most(8 * SPSI_TILE_HEIGHT / points, 1);
+}
+
 static void spsi_eye_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
     const spsi_region *region = &run->region;
@@ -25637,6 +25639,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const int width = run->shader.frame->content->eye.width, height = run->shader.frame->content->eye.height;
     const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
+    const int tick_rows = spsi_tick_rows(&run->shader.frame->lamps);
     uint64_t shaded = 0;
     int touched = 0;
     spsi_tile tile;
@@ -25658,7 +25661,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
         for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y) { /* down: see spsi_plane_light */
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
                 shaded += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_least(SPSI_LANES, width - x));
-            if (y % SPSI_PATCH == SPSI_PATCH - 1) spsi_task_tick(run->context);
+            if ((y + 1) % tick_rows == 0) spsi_task_tick(run->context);
         }
     run->shaded[worker] += shaded;
     region->turns.work[index] = spsi_tile_work(&tile) + (uint32_t)shaded;

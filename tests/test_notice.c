@@ -932,6 +932,7 @@ static void test_progress_steps(void) {
 }
 
 #define LONG_SWARM   20480
+#define LONG_LIGHTS  63
 #define TASK_SECONDS 0.0004 /* pass between two looks at the clock: a task */
 
 typedef struct pace {
@@ -994,6 +995,7 @@ static void test_progress_pace(void) {
 /* A scene of one tile in which one task does most of the work: 0: shading slabs; 1: splatting bricks; 2: light that a
    curved wall receives from cells; 3: particles of a map. */
 static void start_long_task(check_scene *s, int which, sps_particle *swarm, sps_particles *set) {
+    static sps_light lights[LONG_LIGHTS];
     start(s, 64, 64, 2);
     s->view.scattering = which == 2 ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
     s->view.quality = SPS_QUALITY_DRAFT;
@@ -1005,7 +1007,17 @@ static void start_long_task(check_scene *s, int which, sps_particle *swarm, sps_
         check_color(volume->albedo, 0.9, 0.9, 0.9);
         s->view.filling = which == 1 ? SPS_FILLING_SPLAT : SPS_FILLING_GATHER;
     }
-    if (which == 0) s->view.slab = 0.05;
+    if (which == 0) { /* lights that have no shadows, which each pixel looks up */
+        memset(lights, 0, sizeof lights);
+        for (int i = 0; i < LONG_LIGHTS; ++i) {
+            check_set3(lights[i].direction, 0, 0, -1);
+            check_color(lights[i].color, 1, 1, 1);
+            lights[i].no_shadow = 1;
+        }
+        s->scene.lights = lights, s->scene.light_count = LONG_LIGHTS;
+        s->view.slab = 0.05;
+    }
+    if (which == 1) s->view.slab = 8; /* few chunks of slabs, each a task */
     if (which == 2) {
         add_square(&ground, 1, -1.2, 0);
         for (int k = 0; k < 9; ++k) ground.list[0].normal[k / 3][k % 3] = k % 3 == 2 ? 1.0f : 0.1f * (float)(k / 3);
@@ -1049,9 +1061,9 @@ static long calls_of_long_task(sps_context *own, const check_scene *s, int which
     return count->calls;
 }
 
-/* On one thread, progress_fn can be called amid a task, too: after at most 8 rows of a vector of pixels in 16 slabs, 64
-   bricks of 8^3 voxels, 64 pixels that receive light, twice here, or 256 particles, which were placed in tasks of as
-   many. Without one of these, calls are missing: 703, 36, 51, 70. */
+/* On one thread, progress_fn can be called amid a task, too: after at most 8 rows of a vector of pixels that look up 63
+   lights in 16 slabs, 128 bricks of 8^3 voxels, 64 pixels that receive light, twice here, or 256 particles, which were
+   placed in tasks of as many. Without one of these, calls are missing: 703, 3, 51, 70. */
 static void test_progress_amid_tasks(void) {
     static sps_particle swarm[LONG_SWARM];
     sps_particles set;
@@ -1071,7 +1083,7 @@ static void test_progress_amid_tasks(void) {
         start_long_task(&s, which, swarm, &set);
         calls = calls_of_long_task(own, &s, which, &count, &stats);
         asked = (long)(which == 0   ? stats.pixels_shaded / (8 * 16 * 16)
-                       : which == 1 ? stats.eye_footprints / (64 * 512)
+                       : which == 1 ? stats.eye_footprints / (128 * 512)
                        : which == 2 ? stats.pixels_of_polygons / 32
                                     : stats.particles / 128);
         CHECK_CASE("Engineering", "work between two calls of progress_fn within a task", "calls that are missing",

@@ -95,7 +95,7 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
     SPS_MALLOC(n), SPS_FREE(p)   default malloc, free; used if the config has no allocator (define both or neither)
     SPS_SNPRINTF                 default snprintf; writes the error sentences
     SPS_CLOCK()                  default clock() in seconds; below 0: there is no clock, and progress_fn is called after
-                                 every task; used for that alone, if the config has no clock_fn
+                                 and amid every task; used for that alone, if the config has no clock_fn
     SPS_ALLOW_FAST_MATH          allows -ffast-math, -ffinite-math-only and /fp:fast, which are an #error otherwise:
                                  with them invalid data goes unnoticed, and polygons may show gaps
     SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
@@ -129,7 +129,8 @@ THREADS   A context serves one call at a time; any number of contexts can run at
     a time, with two exceptions: workers call read_fn, range_fn and eval_fn of volumes that are `concurrent`, several at
     once (in sps_plan, the calling thread does); and with both parallel_for_fn and progress_fn, several workers may call
     clock_fn at once. No callback may leave a call by an exception or by longjmp. If one does, and C code is compiled
-    with unwind tables (-fexceptions), its context and maps can only be destroyed, which returns all their memory.
+    with unwind tables (-fexceptions), its context and maps can only be destroyed, which returns all their memory:
+    further calls are SPS_ERROR_CALLBACK. So are calls from within a callback, and the call that they interrupt.
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
     it does on different machines if they have the same C library and all threads use the same rounding mode and the
     same treatment of denormal numbers. Only a budget (sps_view) chooses settings by the clock, by what the context
@@ -191,7 +192,7 @@ typedef enum sps_result {
     SPS_OK = 0,
     SPS_ERROR_ARGUMENT,    /* a field is missing or outside its documented range */
     SPS_ERROR_MEMORY,      /* the allocator returned NULL, or memory_limit would be exceeded */
-    SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero */
+    SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero; or one called into its context, or threw */
     SPS_ERROR_DATA,        /* a callback delivered a value that is not finite, negative or above 1e18 */
     SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light, and the light is to shade by sheets
                               (sps_light); or sps_reference has no paths for the view's scattering; or numbers
@@ -455,11 +456,11 @@ typedef struct sps_particle {
     float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
 } sps_particle;
 
-/* A set of particles of the same material. Those smaller than a pixel or texel are widened to one, and stop as much
-   light as before. Up to 8/3 pixels (1 texel) a thin particle keeps its mass wherever it lies; from 4 pixels (1.5
-   texels) on, optical depth along rays is exact, for slabs of any thickness. Light within a ball is resolved by slabs
-   (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality. Both are up to
-   8 times finer where particles are dense. A particle that overlaps a polygon ends at it. */
+/* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, and such particles
+   stop as much light as before. Up to 8/3 pixels (1 texel) a thin particle keeps its mass wherever it lies; from 4
+   pixels (1.5 texels) on, optical depth along rays is exact, for slabs of any thickness. Light within a ball is
+   resolved by slabs (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium
+   quality. Both are up to 8 times finer where particles are dense. A particle that overlaps a polygon ends at it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -2091,6 +2092,7 @@ struct sps_context {
     sps_error_info error; /* of that result */
     float progress;
     int tmap_count;     /* maps not yet destroyed */
+    int within;         /* 1: a call runs, or a callback left it by a jump; 2: a call was refused for that */
     int cancelled;      /* progress_fn has returned non-zero, which takes effect at the next spsi_progress */
     double clock_start; /* of the call, by clock_fn */
     double ticked;      /* when progress_fn was called last, by clock_fn or SPS_CLOCK */
@@ -2259,6 +2261,12 @@ static void spsi_tick(sps_context *context, int due) {
     context->ticked = now;
 }
 
+/* Calls progress_fn likewise amid a long task. With parallel_for_fn, tasks may run on any thread, and wait for their
+   round's end. */
+static void spsi_task_tick(sps_context *context) {
+    if (!context->config.parallel_for_fn) spsi_tick(context, 0);
+}
+
 #define SPSI_COPY_BYTES ((size_t)1 << 24) /* a few milliseconds' work */
 
 /* memcpy of possibly large data, with progress. */
@@ -2297,9 +2305,8 @@ static void *spsi_buffer_reserve(sps_context *context, spsi_buffer *buffer, size
 static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_t kept, size_t count, size_t size) {
     const size_t held = buffer->size / size, grown = held + held / 2;
     const size_t wanted = grown > count ? grown : count > 0 ? count : 1;
-    void *data;
     if (buffer->data && held >= count) return buffer->data;
-    data = spsi_acquire(context, wanted, size);
+    void *data = spsi_acquire(context, wanted, size);
     if (!data) return NULL;
     spsi_copy(context, data, buffer->data, kept * size);
     spsi_release(context, buffer->data);
@@ -2491,16 +2498,20 @@ static void spsi_batch_task(void *data, int index, int worker) {
     for (int i = index * batches->size; i < end; ++i) batches->item_fn(batches->data, i);
 }
 
-/* Calls item_fn(data, i) for i = 0..count-1, in a task for each. */
+/* Calls item_fn(data, i) for i = 0..count-1, in a task for each `size` items. */
+static void spsi_parallel_by(sps_context *context, int size, int count, spsi_item_fn item_fn, void *data) {
+    spsi_batches batches = {size, count, item_fn, data};
+    spsi_parallel(context, count / size + (count % size > 0), spsi_batch_task, &batches);
+}
+
+/* Calls item_fn likewise, in a task for each. */
 static void spsi_parallel_items(sps_context *context, int count, spsi_item_fn item_fn, void *data) {
-    spsi_batches items = {1, count, item_fn, data};
-    spsi_parallel(context, count, spsi_batch_task, &items);
+    spsi_parallel_by(context, 1, count, item_fn, data);
 }
 
 /* Calls item_fn likewise, in a task for each SPSI_BATCH items. */
 static void spsi_parallel_batches(sps_context *context, int count, spsi_item_fn item_fn, void *data) {
-    spsi_batches batches = {SPSI_BATCH, count, item_fn, data};
-    spsi_parallel(context, count / SPSI_BATCH + (count % SPSI_BATCH > 0), spsi_batch_task, &batches);
+    spsi_parallel_by(context, SPSI_BATCH, count, item_fn, data);
 }
 
 /* Reports progress; SPS_ERROR_CANCELLED if the caller wants to stop. */
@@ -2830,9 +2841,8 @@ static int spsi_camera_signs(const double m[16]) {
    matrix may scale the world, and an oblique near plane changes row 2. */
 static int spsi_is_transposed(const double m[16]) {
     double other[16];
-    int signs;
     for (int i = 0; i < 16; ++i) other[i] = m[i % 4 * 4 + i / 4];
-    signs = spsi_camera_signs(other);
+    const int signs = spsi_camera_signs(other);
     return (signs & 1) && signs > spsi_camera_signs(m);
 }
 
@@ -3227,10 +3237,9 @@ static inline float spsi_soft_share(float soft, float t) {
 /* The share of an interval that lies before u. An interval without length lies before u entirely if u >= u0, and so
    does any that ends at u: a query at an occluder's back includes it. */
 static inline float spsi_interval_share(const spsi_interval *interval, float u) {
-    float t;
     if (u < interval->u0) return 0;
     if (!(u < interval->u1)) return 1;
-    t = (u - interval->u0) / (interval->u1 - interval->u0);
+    const float t = (u - interval->u0) / (interval->u1 - interval->u0);
     return interval->soft > 0 ? spsi_soft_share(interval->soft, t) : t;
 }
 
@@ -3500,10 +3509,9 @@ static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, 
     const spsi_v depth = spsi_intervals_capped(intervals);
     spsi_v before = spsi_set(0);
     float first, end;
-    int last;
     if (settings->components == 1) spsi_accumulate(sums, depth); /* all lies before the only plane */
     if (settings->components == 1 || !spsi_intervals_extent(intervals, &first, &end)) return;
-    last = spsi_plane_from(settings, end);
+    const int last = spsi_plane_from(settings, end);
     for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
         spsi_v share = spsi_set(1); /* what lies behind 1 counts at the last plane */
         if (i < settings->components - 1) share = spsi_intervals_before(intervals, spsi_set(spsi_plane(settings, i)));
@@ -3680,14 +3688,6 @@ typedef struct spsi_piece {
     double u0, u1, t0, t1;
 } spsi_piece;
 
-/* The piece that ends at node i; the first one is a jump from 0. */
-static inline spsi_piece spsi_curve_piece(const spsi_node *curve, int i) {
-    const float depth = spsi_lower(curve[i].value, SPSI_DEPTH_MAX), before = i > 0 ? curve[i - 1].value : 0;
-    const double u1 = (double)curve[i].u, u0 = i > 0 ? (double)curve[i - 1].u : u1;
-    const spsi_piece piece = {u0, u1, (double)spsi_lower(before, depth), (double)depth};
-    return piece;
-}
-
 /* -log T: 0 for T above 1, SPSI_DEPTH_MAX for T = 0 or less. */
 static inline float spsi_optical_depth_of(double transmittance) {
     if (!(transmittance > 0)) return SPSI_DEPTH_MAX;
@@ -3698,7 +3698,6 @@ static inline float spsi_optical_depth_of(double transmittance) {
    share one u. Cost: a binary search. */
 static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, float u) {
     uint32_t low = 0, high = count; /* the first node behind u */
-    double t;
     while (low < high) {
         const uint32_t middle = low + (high - low) / 2;
         if (nodes[middle].u <= u)
@@ -3708,7 +3707,7 @@ static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, f
     }
     if (low == 0) return 1;
     if (low == count) return (double)nodes[count - 1].value;
-    t = ((double)u - (double)nodes[low - 1].u) / ((double)nodes[low].u - (double)nodes[low - 1].u);
+    const double t = ((double)u - (double)nodes[low - 1].u) / ((double)nodes[low].u - (double)nodes[low - 1].u);
     return (double)nodes[low - 1].value + t * ((double)nodes[low].value - (double)nodes[low - 1].value);
 }
 
@@ -3723,10 +3722,14 @@ typedef struct spsi_cuts {
     double through, end; /* T at the last cut, and at the end of the piece */
 } spsi_cuts;
 
-/* Goes on to the piece that ends at node i of a curve; T continues from the end of the piece before, 1 at first. */
+/* Goes on to the piece that ends at node i of a curve, the first being a jump from 0; T continues from the end of the
+   piece before, 1 at first. */
 static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
-    cuts->piece = spsi_curve_piece(curve, i);
-    cuts->u = (float)cuts->piece.u0;
+    const float depth = spsi_lower(curve[i].value, SPSI_DEPTH_MAX), before = i > 0 ? curve[i - 1].value : 0;
+    const double u1 = (double)curve[i].u, u0 = i > 0 ? (double)curve[i - 1].u : u1;
+    const spsi_piece piece = {u0, u1, (double)spsi_lower(before, depth), (double)depth};
+    cuts->piece = piece;
+    cuts->u = (float)u0;
     cuts->through = cuts->end;
     cuts->end = exp(-cuts->piece.t1);
 }
@@ -3770,9 +3773,8 @@ static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
 static void spsi_compressor_end(spsi_compressor *c) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = c->last_u - (double)from->u, start = (double)from->value;
-    double slope;
     if (!(length > 0)) return;
-    slope = fmin(fmax((c->last_through - start) / length, c->low), c->high);
+    const double slope = fmin(fmax((c->last_through - start) / length, c->low), c->high);
     spsi_compressor_node(c, c->last_u, fmax(start + slope * length, 0));
 }
 
@@ -3964,14 +3966,13 @@ static int spsi_parabola_roots(double a, double b, double c, double *roots) {
    stable. If all three are 0, `turn` and `rest` are not numbers, and 0 is found once. */
 static int spsi_polynomial_roots(const double *c, int degree, double *roots) {
     double side, a, b, q, turn, root, rest;
-    int count;
     if (degree == 2 || !(fabs(c[3]) > 1e-12 * fabs(c[2]))) return spsi_parabola_roots(c[2], c[1], c[0], roots);
     side = c[2] / c[3] < 0 ? 1 : -1;
     a = fabs(c[2] / c[3]), b = c[1] / c[3], q = fmax(a * a - 3 * b, 0) / 9;
     turn = (a * (2 * a * a - 9 * b) - 27 * side * (c[0] / c[3])) / (54 * q * sqrt(q));
     root = side * (2 * sqrt(q) * cos(acos(fmin(fmax(turn, -1), 1)) / 3) + a / 3);
     rest = -c[0] / root;
-    count = spsi_parabola_roots(c[3], (rest - c[1]) / root, rest, roots);
+    int count = spsi_parabola_roots(c[3], (rest - c[1]) / root, rest, roots);
     if (fabs(root) < SPSI_ROOT_REACH) roots[count++] = root;
     return count;
 }
@@ -3983,13 +3984,12 @@ static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bound
     double at[SPSI_MOMENTS_MAX / 2 + 1], c[SPSI_MOMENTS_MAX / 2 + 1], roots[SPSI_MOMENTS_MAX / 2 + 1], before = 0;
     const double here = 1 / spsi_hankel_solve(hankel, z, at);
     double whole = here;
-    int count;
     for (int i = hankel->size - 1; i >= 0; --i) {
         c[i] = at[i];
         for (int k = i + 1; k < hankel->size; ++k) c[i] -= hankel->factor[k][i] * c[k];
         c[i] /= hankel->factor[i][i];
     }
-    count = spsi_polynomial_roots(c, hankel->size - 1, roots);
+    const int count = spsi_polynomial_roots(c, hankel->size - 1, roots);
     for (int i = 0; i < count; ++i) {
         const double weight = 1 / spsi_hankel_solve(hankel, roots[i], at);
         whole += weight;
@@ -4406,8 +4406,8 @@ static int spsi_bounds_empty(const spsi_bounds *bounds) { return !(bounds->low[0
 
 static void spsi_bounds_add(spsi_bounds *bounds, const double point[3]) {
     for (int i = 0; i < 3; ++i) {
-        bounds->low[i] = fmin(bounds->low[i], point[i]);
-        bounds->high[i] = fmax(bounds->high[i], point[i]);
+        if (point[i] < bounds->low[i]) bounds->low[i] = point[i]; /* fmin and fmax would be calls */
+        if (point[i] > bounds->high[i]) bounds->high[i] = point[i];
     }
 }
 
@@ -4719,7 +4719,6 @@ static sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_set
         {"epsilon", (double)settings->epsilon, 0, 0.5, "it must be 0..0.5"},
         {"surface_bias", settings->surface_bias, 0, SPSI_COORDINATE_MAX, "it must be 0..1e15"}};
     const int alone = at->object == SPS_OBJECT_TMAP_SETTINGS;
-    sps_tmap_settings resolved;
     if (spsi_check_canaries(at, settings->start_canary, settings->end_canary) ||
         spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers))
         return at->context->result;
@@ -4727,7 +4726,7 @@ static sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_set
         return spsi_wrong_that(at, "technique", 0, "is SPS_TMAP_TABLE, which is for sps_light.shadow_map only");
     if (settings->technique == SPS_TMAP_DEPTH && !alone)
         return spsi_wrong(at, "technique", SPS_TMAP_DEPTH, "SPS_TMAP_DEPTH holds no gas");
-    resolved = spsi_settings_resolve(settings, !alone);
+    sps_tmap_settings resolved = spsi_settings_resolve(settings, !alone);
     if (spsi_check_components(at, &resolved)) return at->context->result;
     return spsi_check_planes(at, &resolved);
 }
@@ -4982,7 +4981,7 @@ static sps_result spsi_rays_build(sps_context *context, sps_object object, const
         const int transposed = rays->perspective && spsi_is_transposed(camera->world_to_clip);
         if (fits && !transposed) return SPS_OK;
         return spsi_wrong_that(&at, "camera.world_to_clip", 0,
-                               transposed ? "is transposed: it must be row-major; if it is, set its row 2 to 0 0 0 2"
+                               transposed ? "looks transposed: it must be row-major; if it is, set row 2 to 0 0 0 2"
                                           : "cannot be inverted");
     }
     if (spsi_rays_from_camera(rays, camera)) return SPS_OK;
@@ -5112,7 +5111,6 @@ static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bo
 
 static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     int classified = 0;
-    spsi_table *table;
     for (int i = 0; i < scene->volume_count; ++i) {
         const sps_volume *volume = &scene->volumes[i];
         const int visible = volume->transfer || volume->extinction > 0 || !spsi_black(volume->emission);
@@ -5128,7 +5126,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, 
         classified += volume->transfer != NULL;
         frame->matter.light_channel_count |= !volume->transfer; /* number 0 is for gases, if there are any */
     }
-    table = (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, (size_t)classified, sizeof(spsi_table));
+    spsi_table *table = (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, (size_t)classified, sizeof(spsi_table));
     if (!table) return context->result;
     for (int i = 0; i < frame->medium_count; ++i) {
         spsi_medium *medium = &frame->media[i];
@@ -5328,7 +5326,6 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
 /* Places the points of all extended lights. A mean over few points is as good for what varies slowly over a light: its
    squared distance. A cone and an image need all points. */
 static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
-    spsi_lamp *points;
     size_t count = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         spsi_lamp *lamp = &frame->lamps.list[i];
@@ -5339,7 +5336,7 @@ static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
         count += (size_t)(2 * lamp->point_count + lamp->few_count);
     }
     if (count == 0) return SPS_OK;
-    points = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMP_POINTS, count, sizeof(spsi_lamp));
+    spsi_lamp *points = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMP_POINTS, count, sizeof(spsi_lamp));
     if (!points) return context->result;
     for (int i = 0; i < frame->lamps.count; ++i) {
         spsi_lamp *lamp = &frame->lamps.list[i];
@@ -5359,10 +5356,9 @@ static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
 /* Copies the planes of lights' maps. */
 static sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame) {
     size_t count = 0;
-    float *planes;
     for (int i = 0; i < frame->lamps.count; ++i) count += (size_t)spsi_settings_planes(&frame->lamps.list[i].map);
     if (count == 0) return SPS_OK;
-    planes = (float *)spsi_reserve(context, SPSI_BUFFER_LAMP_PLANES, count, sizeof(float));
+    float *planes = (float *)spsi_reserve(context, SPSI_BUFFER_LAMP_PLANES, count, sizeof(float));
     if (!planes) return context->result;
     for (int i = 0; i < frame->lamps.count; ++i) {
         sps_tmap_settings *map = &frame->lamps.list[i].map;
@@ -5845,10 +5841,9 @@ static sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *voxel
     voxels->first_brick = context->brick_count;
     for (int i = 0; i < SPSI_BLOCK_BRICKS; ++i) {
         const int count = voxels->brick_voxels[i], number = context->brick_count;
-        spsi_segment *segment;
         spsi_brick *bricks;
         if (count == 0) continue;
-        segment = spsi_segment_with_room(context, current);
+        spsi_segment *segment = spsi_segment_with_room(context, current);
         if (!segment) return context->result;
         bricks = (spsi_brick *)spsi_buffer_extend(context, &context->buffers[SPSI_BUFFER_BRICKS], (size_t)number,
                                                   (size_t)number + 1, sizeof(spsi_brick));
@@ -5954,9 +5949,12 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
-/* A hash of a brick's voxels and of its place in its volume. Four sums side by side, as each waits for itself. */
-static uint64_t spsi_brick_fingerprint(const sps_context *context, const spsi_brick *brick) {
+/* Hashes a brick's voxels and its place in its volume. Four sums side by side, as each waits for itself. */
+static void spsi_brick_prints_task(void *data, int index) {
+    const sps_context *context = (const sps_context *)data;
+    const spsi_brick *brick = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data + index;
     const spsi_segment *segment = spsi_segment_at(context, brick->segment);
+    uint64_t *prints = (uint64_t *)context->buffers[SPSI_BUFFER_BRICK_PRINTS].data;
     uint64_t sums[4] = {SPSI_FINGERPRINT_START, 1, 2, 3};
     for (int i = 0; i < brick->count; ++i) {
         const int at = brick->first + i;
@@ -5967,14 +5965,7 @@ static uint64_t spsi_brick_fingerprint(const sps_context *context, const spsi_br
     }
     for (int i = 1; i < 4; ++i) sums[0] = spsi_fingerprint_word(sums[0], sums[i]);
     for (int i = 0; i < 3; ++i) sums[0] = spsi_fingerprint_word(sums[0], (uint64_t)brick->base[i]);
-    return sums[0];
-}
-
-static void spsi_brick_prints_task(void *data, int i) {
-    const sps_context *context = (const sps_context *)data;
-    const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    uint64_t *prints = (uint64_t *)context->buffers[SPSI_BUFFER_BRICK_PRINTS].data;
-    prints[i] = spsi_brick_fingerprint(context, &bricks[i]);
+    prints[index] = sums[0];
 }
 
 /* Computes the fingerprints of all bricks, unless they are held with them. */
@@ -6086,14 +6077,7 @@ static sps_result spsi_particles_validate(sps_context *context, const spsi_parti
     return SPS_OK;
 }
 
-/* Moves the particles of a batch that are not empty to its beginning. Returns their number. */
-static int spsi_particles_keep(sps_particle *batch, size_t count) {
-    int kept = 0;
-    for (size_t i = 0; i < count; ++i)
-        if (batch[i].radius >= SPSI_VALUE_MIN && batch[i].optical_depth >= SPSI_VALUE_MIN) batch[kept++] = batch[i];
-    return kept;
-}
-
+/* Reads a set of particles. Those that are empty are not kept. */
 static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
                                   size_t *read, sps_particle *list) {
     for (size_t first = 0; first < set->given.count; first += SPSI_PARTICLE_BATCH) {
@@ -6107,7 +6091,9 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
                             set->given.read_fn(set->given.user, first, count, batch)) ||
             spsi_particles_validate(context, set, batch, first, count, frame->given.replace_invalid))
             return context->result;
-        frame->content->particle_count += spsi_particles_keep(batch, count);
+        for (size_t i = 0; i < count; ++i)
+            if (batch[i].radius >= SPSI_VALUE_MIN && batch[i].optical_depth >= SPSI_VALUE_MIN)
+                list[frame->content->particle_count++] = batch[i];
         *read += count;
     }
     frame->content->set_ends[set - frame->particles.sets] = frame->content->particle_count;
@@ -6645,13 +6631,12 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
     range[1] = ray->high;
     for (int i = 0; i < 3; ++i) {
         const double d = ray->direction[i], from = ray->origin[i];
-        double a, b;
         if (!(fabs(d) > 0)) {
             if (from < low[i] || from > high[i]) return 0;
             continue;
         }
-        a = (low[i] - from) / d;
-        b = (high[i] - from) / d;
+        const double a = (low[i] - from) / d;
+        const double b = (high[i] - from) / d;
         range[0] = fmax(range[0], fmin(a, b));
         range[1] = fmin(range[1], fmax(a, b));
     }
@@ -6693,9 +6678,8 @@ static void spsi_walk_begin(const spsi_tree *tree, spsi_walk *walk) {
    none. */
 static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
     while (walk->next == walk->end) {
-        const spsi_tree_node *node;
         if (walk->top == 0) return -1;
-        node = &walk->tree->nodes[walk->stack[--walk->top]];
+        const spsi_tree_node *node = &walk->tree->nodes[walk->stack[--walk->top]];
         if (!spsi_ray_meets_node(walk->tree, ray, walk->half, node)) continue;
         walk->next = node->first;
         walk->end = node->first + node->count;
@@ -6829,7 +6813,8 @@ static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height
     return spsi_load(depth);
 }
 
-#define SPSI_TRIANGLE_BATCH 256 /* triangles read at a time */
+#define SPSI_TRIANGLE_BATCH 256  /* triangles read at a time */
+#define SPSI_TICK_TRIANGLES 4096 /* read between two looks at the clock */
 
 /* Where faces go while they are read. */
 typedef struct spsi_face_lists {
@@ -6871,6 +6856,7 @@ static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame
     for (size_t first = 0; first < mesh->given.triangle_count; first += SPSI_TRIANGLE_BATCH) {
         const size_t left = mesh->given.triangle_count - first,
                      count = left < SPSI_TRIANGLE_BATCH ? left : SPSI_TRIANGLE_BATCH;
+        if (first % SPSI_TICK_TRIANGLES == 0 && spsi_progress(context, 0)) return context->result;
         memset(triangles, 0, count * sizeof(sps_triangle));
         context->stats.triangle_calls += 1;
         if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "read_fn",
@@ -7044,12 +7030,11 @@ static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *r
 /* The exact sign of an edge's value; 0 where the edge is seen end-on, since its triangle is then seen edge-on. */
 static int spsi_edge_sign(const double from[3], const double to[3], double x, double y) {
     double a[2], b[2];
-    int sign;
     a[0] = spsi_multiply_add(-x, from[2], from[0]);
     a[1] = spsi_multiply_add(-y, from[2], from[1]);
     b[0] = spsi_multiply_add(-x, to[2], to[0]);
     b[1] = spsi_multiply_add(-y, to[2], to[1]);
-    sign = spsi_sign_of_difference(a[0], b[1], a[1], b[0]);
+    int sign = spsi_sign_of_difference(a[0], b[1], a[1], b[0]);
     if (sign == 0) sign = spsi_sign_of_difference(a[1], to[2], from[2], b[1]); /* as x grows */
     if (sign == 0) sign = spsi_sign_of_difference(from[2], b[0], a[0], to[2]); /* as y grows */
     return sign;
@@ -7864,9 +7849,8 @@ static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int 
 
 /* Counts the fragments of all pixels. Their number may be SIZE_MAX, which cannot be reserved. */
 static size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job) {
-    uint64_t sum;
     spsi_fragments_pass(context, job, 0);
-    sum = spsi_running_sums(job->first + 2, spsi_ray_count(job->rays));
+    const uint64_t sum = spsi_running_sums(job->first + 2, spsi_ray_count(job->rays));
     return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
 }
 
@@ -8151,10 +8135,9 @@ static sps_result spsi_textures(sps_context *context, const spsi_frame *frame, c
                                 spsi_visible *visible) {
     const size_t places = (size_t)frame->view.region[2] * (size_t)frame->view.region[3] + visible->layers.count;
     spsi_surface_batch *batch;
-    sps_surface *out;
     visible->set = NULL;
     if (frame->meshes.textured_count == 0 || faces->count == 0) return SPS_OK;
-    out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, places, sizeof *out);
+    sps_surface *out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, places, sizeof *out);
     batch = (spsi_surface_batch *)spsi_reserve(context, SPSI_BUFFER_SURFACE_BATCH, 1, sizeof *batch);
     if (!out || !batch) return context->result;
     for (size_t i = 0; i < places; ++i) out[i].color[0] = -1; /* nothing is set there */
@@ -8338,9 +8321,8 @@ static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits,
         return;
     }
     for (int first = 0; first < SPSI_PACKET; first += SPSI_LANES) {
-        int stopped;
         if (!(bits >> first & SPSI_ALL_LANES)) continue;
-        stopped = spsi_face_stops(&faces->list[number], packet, first) << first & packet->open;
+        const int stopped = spsi_face_stops(&faces->list[number], packet, first) << first & packet->open;
         for (int at = first; stopped >> at > 0; ++at)
             if (stopped >> at & 1 && packet->own[at] != number) packet->open &= ~(1 << at);
     }
@@ -8649,7 +8631,6 @@ static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, doubl
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
     double eye[3], *const first = lamp->is_point ? rays->c : rays->origin, pitch, extent, distance;
-    int columns, rows;
     spsi_bounds_centre(bounds, centre);
     spsi_lamp_direction(lamp, centre, forward);
     spsi_basis(forward, right, down);
@@ -8672,8 +8653,8 @@ static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, doubl
     if (size > 0) pitch = extent / spsi_most(1, size - 4);
     if (!(pitch > 0)) pitch = 1;
     if (size == 0) size = spsi_least(most, 2 * (int)ceil(0.5 * extent / pitch * (1 - 1e-9)) + 4);
-    columns = (int)floor(0.5 * (extent - (high[0] - low[0])) / pitch);
-    rows = (int)floor(0.5 * (extent - (high[1] - low[1])) / pitch);
+    const int columns = (int)floor(0.5 * (extent - (high[0] - low[0])) / pitch);
+    const int rows = (int)floor(0.5 * (extent - (high[1] - low[1])) / pitch);
     rays->width = spsi_most(2, size - 2 * columns);
     rays->height = spsi_most(2, size - 2 * rows);
     spsi_rays_aim(rays, eye, right, down, forward, pitch, pitch);
@@ -9008,14 +8989,12 @@ static void spsi_image_halve_texel(const spsi_image *image, int level, int x, in
 /* Reads the images of all lights. */
 static sps_result spsi_gather_images(sps_context *context, const spsi_frame *frame) {
     const uint64_t floats = spsi_images_lay_out(frame, NULL);
-    spsi_image *images;
-    float *memory;
     if (frame->lamps.image_count == 0) return SPS_OK;
-    memory = spsi_floats_reserve(context, SPSI_BUFFER_IMAGES, floats);
+    float *memory = spsi_floats_reserve(context, SPSI_BUFFER_IMAGES, floats);
     if (!memory) return context->result;
     memset(memory, 0, (size_t)floats * sizeof *memory);
     spsi_images_lay_out(frame, memory);
-    images = (spsi_image *)(void *)memory;
+    spsi_image *images = (spsi_image *)(void *)memory;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_image *own = &images[lamp->projection.image];
@@ -9408,10 +9387,10 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
     spsi_v q[2][3], t[2], cell[2];
-    int clear, crossing; /* bits of lanes that miss the face, and whose ends lie on both sides of the light */
     spsi_map_ends(map, face, at, y, d, q, t);
-    clear = spsi_bits(spsi_less(spsi_max(t[0], t[1]), near_t));
-    crossing = spsi_bits(spsi_less(spsi_min(t[0], t[1]), near_t));
+    /* bits of lanes that miss the face, and whose ends lie on both sides of the light */
+    int clear = spsi_bits(spsi_less(spsi_max(t[0], t[1]), near_t));
+    const int crossing = spsi_bits(spsi_less(spsi_min(t[0], t[1]), near_t));
     *wide = crossing;
     for (int i = 0; i < 2; ++i) {
         const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
@@ -9478,11 +9457,10 @@ static void spsi_pane_way_build(const spsi_pane_map *map, int face, spsi_v at, f
     const spsi_rays *rays = &map->grid.rays[face];
     const spsi_v half = spsi_set(0.5f), rise = spsi_mul(half, spsi_sub(d[1], d[0])), most = spsi_set(1e9f);
     spsi_courses courses;
-    spsi_v t;
     spsi_courses_build(map->grid.along[face], at, y, &courses);
     spsi_courses_at(&courses, spsi_mul(half, spsi_add(d[0], d[1])), way->middle);
     for (int i = 0; i < 3; ++i) way->rise[i] = spsi_mul(rise, courses.slope[i]);
-    t = spsi_max(spsi_add(way->middle[2], spsi_set((float)rays->depth_reference)), spsi_set(FLT_MIN * 16));
+    const spsi_v t = spsi_max(spsi_add(way->middle[2], spsi_set((float)rays->depth_reference)), spsi_set(FLT_MIN * 16));
     for (int i = 0; i < 2 && rays->perspective; ++i) {
         way->middle[i] = spsi_div(way->middle[i], t);
         way->rise[i] = spsi_div(spsi_sub(way->rise[i], spsi_mul(way->middle[i], way->rise[2])), t);
@@ -9698,12 +9676,11 @@ static void spsi_ball_near_range(const double across[3], const double along[3], 
     const double x = spsi_dot(across, offset), t = spsi_dot(along, offset), square = radius * radius;
     const double a = t * t - square * spsi_dot(along, along), b = x * t - square * spsi_dot(across, along);
     const double c = x * x - square * spsi_dot(across, across), root = sqrt(fmax(b * b - a * c, 0));
-    double low, high;
     *first = 0;
     *last = size - 1;
     if (!(root > 0) || !(fabs(a) > 1e-9 * t * t)) return;
-    low = fmin((b - root) / a, (b + root) / a);
-    high = fmax((b - root) / a, (b + root) / a);
+    const double low = fmin((b - root) / a, (b + root) / a);
+    const double high = fmax((b - root) / a, (b + root) / a);
     if (a > 0 || x - b / a * t > 0) *first = (int)fmin(fmax(ceil(a > 0 ? low : high), 0), size);
     if (a > 0 || !(x - b / a * t > 0)) *last = (int)fmax(fmin(floor(a > 0 ? high : low), size - 1), -1);
 }
@@ -9774,13 +9751,12 @@ static inline void spsi_ball_chord_far(const spsi_rays *rays, const spsi_ball *b
                                        spsi_chord *chord) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), twice = spsi_add(dy, dy), down = spsi_mul(dy, dy);
     const spsi_v p = spsi_fma(dx, spsi_set(ball->tilt[0]), spsi_mul(dy, spsi_set(ball->tilt[1])));
-    spsi_v q, d, square, root;
-    q = spsi_fma(dx, spsi_set(ball->bend[0]), spsi_mul(twice, spsi_set(ball->bend[1])));
+    spsi_v q = spsi_fma(dx, spsi_set(ball->bend[0]), spsi_mul(twice, spsi_set(ball->bend[1])));
     q = spsi_fma(dx, q, spsi_mul(down, spsi_set(ball->bend[2])));
-    d = spsi_fma(dx, spsi_set(ball->cross[0]), spsi_mul(twice, spsi_set(ball->cross[1])));
+    spsi_v d = spsi_fma(dx, spsi_set(ball->cross[0]), spsi_mul(twice, spsi_set(ball->cross[1])));
     d = spsi_fma(dx, d, spsi_mul(down, spsi_set(ball->cross[2])));
-    square = rays->perspective ? spsi_add(one, spsi_fma(spsi_set(2), p, q)) : one;
-    root = spsi_div(one, spsi_sqrt(spsi_max(square, spsi_set(FLT_MIN))));
+    const spsi_v square = rays->perspective ? spsi_add(one, spsi_fma(spsi_set(2), p, q)) : one;
+    const spsi_v root = spsi_div(one, spsi_sqrt(spsi_max(square, spsi_set(FLT_MIN))));
     chord->share = spsi_sqrt(spsi_max(spsi_sub(one, spsi_mul(d, spsi_mul(root, root))), zero));
     chord->half = spsi_mul(spsi_mul(chord->share, root), spsi_set(ball->radius));
     chord->middle = spsi_fma(spsi_mul(spsi_add(p, q), spsi_set(ball->shift)), spsi_mul(root, root), spsi_set(ball->t));
@@ -9834,9 +9810,8 @@ static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const 
         for (int x = box[0]; x <= box[2]; x += SPSI_LANES) {
             const spsi_m inside = spsi_less(spsi_iota(), spsi_set((float)(box[2] - x) + 0.5f));
             spsi_chord chord;
-            spsi_v share;
             spsi_ball_chord(rays, ball, x, y, &chord);
-            share = ball->soft ? spsi_mul(chord.share, spsi_mul(chord.share, chord.share)) : chord.share;
+            spsi_v share = ball->soft ? spsi_mul(chord.share, spsi_mul(chord.share, chord.share)) : chord.share;
             for (int i = 0; i < SPSI_LANES && round; ++i) lanes[i] = (float)spsi_ray_angle(rays, x + i, y);
             if (round) share = spsi_mul(share, spsi_load(lanes));
             sums = spsi_add(sums, spsi_select(inside, share, spsi_set(0)));
@@ -9887,9 +9862,8 @@ static double spsi_ball_mass_round(const spsi_rays *own, const spsi_rays *faces,
 static double spsi_ball_mass(const spsi_rays *rays, const spsi_rays *faces, const spsi_particle_set *set,
                              const sps_particle *particle, const spsi_ball *ball, const double offset[3]) {
     int box[4];
-    double area;
     if (faces) return spsi_ball_mass_round(rays, faces, set, particle, ball, offset);
-    area = ball->near_by ? 0 : spsi_ball_box(ball, box);
+    const double area = ball->near_by ? 0 : spsi_ball_box(ball, box);
     return area > 0 ? spsi_ball_sum(rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
 }
 
@@ -10239,7 +10213,6 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *latti
    particles, and to the shortest edge of long voxels, or to where their gas has an optical depth of 0.05 at value 1,
    times sps_view.slab. None is thinner than `least`. */
 static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
-    double finer;
     slabs->group = 1;
     if (frame->matter.classifies || frame->view.slab > SPSI_GROUP_SLAB) return;
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -10248,7 +10221,7 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
         for (int k = 0; k < 3; ++k) shortest = fmin(shortest, spsi_length(frame->lattices[i].step[k]));
         fine = fmin(fine, frame->view.slab * fmax(shortest, 0.05 / fmax(extinction, DBL_MIN)));
     }
-    finer = fmin(slabs->thickness / fmax(fine, least), SPSI_GROUP_MOST);
+    const double finer = fmin(slabs->thickness / fmax(fine, least), SPSI_GROUP_MOST);
     while (slabs->group < SPSI_GROUP_MOST && slabs->group < 0.71 * finer) slabs->group *= 2;
     if (slabs->group > 1) slabs->thickness /= finer;
 }
@@ -10348,10 +10321,9 @@ static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
 static int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_bounds tight = frame->content->bounds;
     spsi_sweep wider = *sweep;
-    int serves;
     if (spsi_sweep_aim(frame, sweep)) return 1;
     frame->content->bounds = frame->content->outer;
-    serves = spsi_sweep_aim(frame, &wider);
+    const int serves = spsi_sweep_aim(frame, &wider);
     frame->content->bounds = tight;
     if (serves) *sweep = wider;
     return serves;
@@ -10999,7 +10971,6 @@ static inline void spsi_splat_near_row(const spsi_near_print *print, int x, int 
     const spsi_v ut = spsi_sub(spsi_set(q[0] * fy), spsi_mul(spsi_set(q[1]), at));
     const spsi_v two = spsi_set(2);
     spsi_v e = spsi_mul(spsi_mul(ux, ux), spsi_set(c[0])), root = spsi_sqrt(a), per_depth, mean, crossing, weight;
-    spsi_v beyond;
     spsi_sections sections;
     e = spsi_fma(spsi_mul(uy, uy), spsi_set(c[3]), spsi_fma(spsi_mul(ut, ut), spsi_set(c[5]), e));
     e = spsi_fma(two,
@@ -11018,7 +10989,7 @@ static inline void spsi_splat_near_row(const spsi_near_print *print, int x, int 
     weight = spsi_select(spsi_less(e, spsi_set(s->cut * s->cut)), weight, zero);
     sections.weight = spsi_select(spsi_and(spsi_less(at, spsi_set((float)print->x1 + 0.5f)), spsi_less(zero, crossing)),
                                   weight, zero);
-    beyond = s->whole ? spsi_set(SPSI_INFINITY) : spsi_tile_limits(tile, x, y);
+    const spsi_v beyond = s->whole ? spsi_set(SPSI_INFINITY) : spsi_tile_limits(tile, x, y);
     spsi_limits(beyond, s->sign, s->eye_near, spsi_sub(mean, spsi_set(s->depth_reference)), per_depth, &sections.low,
                 &sections.high);
     sections.sheet =
@@ -11128,12 +11099,11 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
         const spsi_v value = spsi_load(segment->value + at);
         const spsi_v steps[3] = {spsi_load(segment->x + at), spsi_load(segment->y + at), spsi_load(segment->z + at)};
         spsi_v q[3], depth, slab;
-        int bits, near_bits;
         spsi_voxels_place(s, anchor, steps, q, &depth, &slab);
-        bits = all & spsi_bits(spsi_and(spsi_less(spsi_sub(slab, reach), spsi_set((float)tile->slab_count)),
-                                        spsi_less(spsi_set(0), spsi_add(slab, reach))));
+        int bits = all & spsi_bits(spsi_and(spsi_less(spsi_sub(slab, reach), spsi_set((float)tile->slab_count)),
+                                            spsi_less(spsi_set(0), spsi_add(slab, reach))));
         if (!bits) continue;
-        near_bits = s->perspective ? bits & spsi_bits(spsi_less(q[2], spsi_set(s->near_depth))) : 0;
+        const int near_bits = s->perspective ? bits & spsi_bits(spsi_less(q[2], spsi_set(s->near_depth))) : 0;
         bits &= ~near_bits;
         spsi_store(f.depth, depth);
         spsi_store(f.slab, slab);
@@ -11303,7 +11273,6 @@ static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *
         const spsi_v steps[3] = {spsi_load(segment->x + at), spsi_load(segment->y + at), spsi_load(segment->z + at)};
         spsi_v mass = spsi_mul(spsi_load(segment->value + at), spsi_set(s->mass)), q[3], depth, slab;
         spsi_shares shares;
-        int bits;
         spsi_voxels_place(s, deposit->anchor, steps, q, &depth, &slab);
         if (s->perspective) {
             const spsi_v per_t = spsi_div(one, q[2]);
@@ -11313,7 +11282,7 @@ static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *
         q[0] = spsi_sub(q[0], spsi_set((float)deposit->tile->x0));
         q[1] = spsi_sub(q[1], spsi_set((float)deposit->tile->y0));
         q[2] = spsi_sub(slab, spsi_set(0.5f));
-        bits = spsi_deposits_inside(deposit, q) & ((1 << count) - 1);
+        const int bits = spsi_deposits_inside(deposit, q) & ((1 << count) - 1);
         if (!bits) continue;
         for (int k = 0; k < 3; ++k) spsi_shares_along(k, q[k], deposit->breadth[k], k < 2 ? one : mass, &shares);
         for (int lane = 0; bits >> lane; ++lane)
@@ -11379,7 +11348,7 @@ static void spsi_seen_build(const spsi_crossing *crossing, const spsi_particle_s
     double centre[3], t;
     spsi_ball_weigh(rays, NULL, coarse, set, particle, &seen->ball);
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
-    if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* widened to a pixel, it is too thin to count */
+    if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* widened, it is too thin to count */
     t = rays->perspective ? (double)seen->ball.t + rays->depth_reference : 1;
     seen->slab = (float)(spsi_dot(crossing->row, centre) - crossing->slab_origin - first_slab);
     seen->reach = (float)(radius * crossing->reach);
@@ -11397,7 +11366,7 @@ typedef struct spsi_ball_print {
     const spsi_seen *seen;
     int x0, x1, y0, y1; /* inclusive */
     int first, last;    /* slabs; the last is exclusive */
-    int starts;         /* 1: the first slab also receives what a particle widened to a pixel has before it */
+    int starts;         /* 1: the first slab also receives what a widened particle has before it */
     int ends;           /* 1: the last slab also receives what it has behind that */
 } spsi_ball_print;
 
@@ -11442,13 +11411,12 @@ static inline void spsi_splat_ball_at(const spsi_ball_print *print, int x, int y
     const spsi_ball *ball = &print->seen->ball;
     const spsi_v zero = spsi_set(0);
     spsi_chord chord;
-    spsi_v weight;
     spsi_m inside;
     spsi_ball_chord(print->crossing->rays, ball, x, y, &chord);
     inside = spsi_and(spsi_less(zero, chord.share), spsi_less(spsi_iota(), spsi_set((float)(print->x1 - x) + 0.5f)));
     if (!spsi_bits(inside)) return;
     spsi_print_planes(print, &chord, x, y, clamped, sections);
-    weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->seen->weight));
+    spsi_v weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->seen->weight));
     if (ball->soft) weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
     sections->weight = spsi_select(inside, weight, zero);
     sections->sheet = sheet;
@@ -11698,26 +11666,21 @@ static void spsi_field_show(const spsi_field_job *job, const float *values, uint
 }
 
 /* Writes the voxels of a brick's own source, if it has one, about a border that is 0. */
-static void spsi_field_own_task(void *data, int index) {
+static void spsi_field_own_task(void *data, int held) {
     const spsi_field_job *job = (const spsi_field_job *)data;
-    const int end = spsi_least(job->field->count, (index + 1) * SPSI_FIELD_BATCH);
     const int edge = spsi_field_edge(job->taps), pitch = spsi_field_pitch(job->taps), border = job->taps / 2 - 1;
-    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
-        const int number = job->field->sources[job->field->places[held]];
-        float *values = job->field->values + (size_t)held * spsi_field_floats(job->taps), *own;
-        const spsi_segment *segment;
-        const spsi_brick *source;
-        int at[3];
-        memset(values, 0, spsi_field_floats(job->taps) * sizeof *values);
-        if (number < 0) continue;
-        source = &job->bricks[number];
-        segment = spsi_segment_at(job->context, source->segment);
-        for (int k = 0; k < 3; ++k) at[k] = source->base[k] % SPSI_BRICK + border;
-        own = values + (at[2] * edge + at[1]) * pitch + at[0];
-        for (int i = source->first; i < source->first + source->count; ++i)
-            own[((int)segment->z[i] * edge + (int)segment->y[i]) * pitch + (int)segment->x[i]] = segment->value[i];
-        spsi_field_show(job, values, job->field->shown + (size_t)held * SPSI_BRICK);
-    }
+    const int number = job->field->sources[job->field->places[held]];
+    float *values = job->field->values + (size_t)held * spsi_field_floats(job->taps), *own;
+    int at[3];
+    memset(values, 0, spsi_field_floats(job->taps) * sizeof *values);
+    if (number < 0) return;
+    const spsi_brick *source = &job->bricks[number];
+    const spsi_segment *segment = spsi_segment_at(job->context, source->segment);
+    for (int k = 0; k < 3; ++k) at[k] = source->base[k] % SPSI_BRICK + border;
+    own = values + (at[2] * edge + at[1]) * pitch + at[0];
+    for (int i = source->first; i < source->first + source->count; ++i)
+        own[((int)segment->z[i] * edge + (int)segment->y[i]) * pitch + (int)segment->x[i]] = segment->value[i];
+    spsi_field_show(job, values, job->field->shown + (size_t)held * SPSI_BRICK);
 }
 
 /* What a brick and a neighbour of it, `off` bricks away along an axis, have in common: the first voxel of the brick,
@@ -11796,25 +11759,22 @@ static void spsi_field_around(const spsi_voxel_field *field, int held, int aroun
 
 /* Fills the aprons of bricks whose own voxels are in place, and marks their cells: samples in one have half of `taps`
    voxels within reach along an axis. A classified volume's are taken if any up to n voxels farther away is shown. */
-static void spsi_field_apron_task(void *data, int index) {
+static void spsi_field_apron_task(void *data, int held) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *field = job->field;
-    const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH);
     const size_t floats = spsi_field_floats(job->taps);
-    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
-        const uint64_t *shown[27];
-        int around[27];
-        spsi_field_around(field, held, around);
-        for (int n = 0; n < 27; ++n) {
-            const int off[3] = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
-            shown[n] = around[n] < 0 ? NULL : field->shown + (size_t)around[n] * SPSI_BRICK;
-            if (n == 13 || around[n] < 0) continue;
-            spsi_field_copy(job->taps, off, field->values + (size_t)around[n] * floats,
-                            field->values + (size_t)held * floats);
-        }
-        for (int n = 0; n < (job->classifies ? SPSI_FIELD_REACHES : 1); ++n)
-            spsi_cells_mark(shown, job->taps / 2 + n, field->cells[n][field->places[held]]);
+    const uint64_t *shown[27];
+    int around[27];
+    spsi_field_around(field, held, around);
+    for (int n = 0; n < 27; ++n) {
+        const int off[3] = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
+        shown[n] = around[n] < 0 ? NULL : field->shown + (size_t)around[n] * SPSI_BRICK;
+        if (n == 13 || around[n] < 0) continue;
+        spsi_field_copy(job->taps, off, field->values + (size_t)around[n] * floats,
+                        field->values + (size_t)held * floats);
     }
+    for (int n = 0; n < (job->classifies ? SPSI_FIELD_REACHES : 1); ++n)
+        spsi_cells_mark(shown, job->taps / 2 + n, field->cells[n][field->places[held]]);
 }
 
 /* ---- how much a field bends ---- */
@@ -11931,30 +11891,27 @@ static void spsi_level_octant(int taps, const float *fine, float *coarse) {
 }
 
 /* Fills a level's bricks with their own voxels, an eighth from each brick of the finer one. */
-static void spsi_level_own_task(void *data, int index) {
+static void spsi_level_own_task(void *data, int held) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *level = job->field, *fine = job->fine;
-    const int end = spsi_least(level->count, (index + 1) * SPSI_FIELD_BATCH), taps = job->taps;
-    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), border = taps / 2 - 1;
+    const int taps = job->taps, edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), border = taps / 2 - 1;
     const size_t floats = spsi_field_floats(taps);
-    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
-        float *values = level->values + (size_t)held * floats;
-        int at[3];
-        spsi_field_at(level, level->places[held], at);
-        memset(values, 0, floats * sizeof *values);
-        for (int n = 0; n < 8; ++n) {
-            int own[3], to[3], number;
-            for (int k = 0; k < 3; ++k) {
-                own[k] = 2 * at[k] + (n >> k & 1);
-                to[k] = border + SPSI_BRICK / 2 * (n >> k & 1);
-            }
-            number = spsi_field_has(fine, own) ? fine->grid[spsi_field_cell(fine, own)] : -1;
-            if (number >= 0)
-                spsi_level_octant(taps, fine->values + (size_t)number * floats,
-                                  values + (to[2] * edge + to[1]) * pitch + to[0]);
+    float *values = level->values + (size_t)held * floats;
+    int at[3];
+    spsi_field_at(level, level->places[held], at);
+    memset(values, 0, floats * sizeof *values);
+    for (int n = 0; n < 8; ++n) {
+        int own[3], to[3], number;
+        for (int k = 0; k < 3; ++k) {
+            own[k] = 2 * at[k] + (n >> k & 1);
+            to[k] = border + SPSI_BRICK / 2 * (n >> k & 1);
         }
-        spsi_field_show(job, values, level->shown + (size_t)held * SPSI_BRICK);
+        number = spsi_field_has(fine, own) ? fine->grid[spsi_field_cell(fine, own)] : -1;
+        if (number >= 0)
+            spsi_level_octant(taps, fine->values + (size_t)number * floats,
+                              values + (to[2] * edge + to[1]) * pitch + to[0]);
     }
+    spsi_field_show(job, values, level->shown + (size_t)held * SPSI_BRICK);
 }
 
 /* ---- rays ---- */
@@ -12304,12 +12261,11 @@ static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_r
     const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)rays->steps));
     const spsi_v correction = spsi_set(t->lone ? 0 : 1.0f / 24);
     const int steps = rays->steps, cuts = tile->clamped && !t->whole;
-    const int *need; /* that of a slab, between those of its neighbours */
     spsi_v before = spsi_set(0), first;
     int slabs[2];
     spsi_tap_slabs(rays, tile->slab_count, slabs);
     if (slabs[0] >= slabs[1]) return;
-    need = rays->by_slab + 1 + slabs[0];
+    const int *need = rays->by_slab + 1 + slabs[0]; /* that of a slab, between those of its neighbours */
     if (!t->lone) before = spsi_tap_sample(t, rays, slabs[0] * steps - 1, need[0], &tile->samples);
     first = spsi_tap_sample(t, rays, slabs[0] * steps, need[0] | (steps == 1 ? need[1] : 0), &tile->samples);
     at += (size_t)slabs[0] * size;
@@ -12750,10 +12706,9 @@ static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lat
 static spsi_verdict spsi_tapper_serves(spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
                                        const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
-        spsi_verdict verdict;
         double q[3];
         spsi_tapper_point(tapper, lattice, rays, corner, q);
-        verdict = spsi_tapper_serves_at(tapper, rays, splatter, q);
+        spsi_verdict verdict = spsi_tapper_serves_at(tapper, rays, splatter, q);
         if (!spsi_gathers(verdict)) return verdict;
     }
     return SPSI_GATHER_ASKED;
@@ -12833,13 +12788,12 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
 static spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                     const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
                                     spsi_tapper *tapper) {
-    spsi_verdict verdict;
     spsi_tapper_build(frame->content->fields, lattice, rays, slabs, level, count, tapper);
     tapper->wanted = (int)frame->content->levels[lattice->medium];
     tapper->least = FLT_MAX;
     tapper->mix = level == tapper->wanted ? frame->content->levels[lattice->medium] - (float)level : 0;
     tapper->lone = !(splatter->filter > 0) && (slabs->wide || spsi_tapper_is_fine(tapper, lattice, rays));
-    verdict = spsi_tapper_serves(tapper, lattice, rays, splatter);
+    spsi_verdict verdict = spsi_tapper_serves(tapper, lattice, rays, splatter);
     tapper->side += level > 0 && count == 4 && (tapper->fields->taps == 4 || tapper->least < (float)SPSI_TAP_LONE);
     tapper->rays = tapper->side == 3 ? 9 : count;
     tapper->aside = 0.5f - 0.5f / (float)tapper->side;
@@ -12892,11 +12846,10 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
     spsi_bounds *bounds = &frame->content->bounds;
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_lattice *lattice = frame->media[m].lattice;
-        spsi_verdict verdict;
         spsi_splatter splatter;
         spsi_tapper tapper;
         if (!spsi_splatter_build(lattice, rays, slabs, 1, frame->accuracy.cut, &splatter)) continue; /* it is refused */
-        verdict = spsi_tapper_judge(frame, lattice, rays, slabs, &splatter, SPSI_TAP_PIXELS, &tapper);
+        spsi_verdict verdict = spsi_tapper_judge(frame, lattice, rays, slabs, &splatter, SPSI_TAP_PIXELS, &tapper);
         if (verdict == SPSI_SPLAT_CHEAPER && chooses && tapper.level > 0) frame->content->levels[m] = -1;
         if (!spsi_gathers(verdict)) continue;
         if (chooses) tapper.mix = spsi_levels_mix(frame, &tapper);
@@ -13026,10 +12979,8 @@ static int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
 /* Makes grids of the bricks of all fields, unless they are held with their voxels or none are needed. */
 static sps_result spsi_fields_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
-    spsi_fields *fields;
-    int *memory;
     if (!spsi_fields_wanted(frame)) return SPS_OK;
-    fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
+    spsi_fields *fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
     if (context->fields_held == spsi_fields_wanted(frame)) return SPS_OK;
@@ -13037,8 +12988,8 @@ static sps_result spsi_fields_place(sps_context *context, const spsi_frame *fram
     fields->filled = fields->leveled = 0;
     fields->bent = 0;
     spsi_fields_weigh(fields, taps);
-    memory = (int *)spsi_reserve(context, SPSI_BUFFER_FIELD_GRIDS, spsi_fields_begin(context, frame, fields),
-                                 SPSI_FIELD_GRID_BYTES);
+    int *memory = (int *)spsi_reserve(context, SPSI_BUFFER_FIELD_GRIDS, spsi_fields_begin(context, frame, fields),
+                                      SPSI_FIELD_GRID_BYTES);
     if (!memory) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field *field = &fields->list[m];
@@ -13061,7 +13012,6 @@ typedef struct spsi_field_stock {
 static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int medium, spsi_field_stock *stock,
                             const spsi_voxel_field *fine, spsi_voxel_field *field) {
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
-    const int tasks = (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH;
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     const spsi_material *classifies = material->table ? material : NULL;
     spsi_field_job job = {context, bricks, classifies, frame->content->fields->taps, field, fine};
@@ -13071,8 +13021,8 @@ static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int m
     stock->used += (size_t)field->count;
     for (int n = 0; n < SPSI_FIELD_REACHES && field->count > 0; ++n)
         memset(field->cells[n], 0, spsi_field_cells(field) * sizeof *field->cells[n]);
-    spsi_parallel_items(context, tasks, fine ? spsi_level_own_task : spsi_field_own_task, &job);
-    spsi_parallel_items(context, tasks, spsi_field_apron_task, &job);
+    spsi_parallel_by(context, SPSI_FIELD_BATCH, field->count, fine ? spsi_level_own_task : spsi_field_own_task, &job);
+    spsi_parallel_by(context, SPSI_FIELD_BATCH, field->count, spsi_field_apron_task, &job);
 }
 
 /* Fills the bricks of all fields, unless they are; when the first volume is to be gathered. */
@@ -13114,13 +13064,12 @@ static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame
     spsi_fields *fields = frame->content->fields;
     spsi_field_stock stock = {NULL, 0, 0};
     size_t cells = 0;
-    int *grids;
     if (fields->leveled >= levels) return SPS_OK;
     fields->leveled = 0;
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n)
             cells += spsi_field_cells(&fields->levels[m][n]);
-    grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, SPSI_FIELD_GRID_BYTES);
+    int *grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, SPSI_FIELD_GRID_BYTES);
     if (!grids) return context->result;
     stock.count = spsi_levels_number(frame, levels, grids, fields);
     stock.values = (float *)spsi_reserve(context, SPSI_BUFFER_LEVEL_VALUES, stock.count,
@@ -13137,21 +13086,18 @@ static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame
 /* --- how much fields bend --- */
 
 /* Eighths of bricks by themselves. Those of bricks that are not held are 0. */
-static void spsi_bend_task(void *data, int index) {
+static void spsi_bend_task(void *data, int held) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *field = job->field;
-    const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH);
     const size_t width = 2 * (size_t)field->size[0], layer = 2 * (size_t)field->size[1] * width;
-    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
-        float bends[8];
-        int at[3];
-        spsi_field_at(field, field->places[held], at);
-        spsi_field_bend(job->taps, field->values + (size_t)held * spsi_field_floats(job->taps), bends);
-        for (int k = 0; k < 3; ++k) at[k] -= field->low[k];
-        for (int n = 0; n < 8; ++n)
-            field->bends[(size_t)(2 * at[2] + n / 4) * layer + (size_t)(2 * at[1] + n / 2 % 2) * width +
-                         (size_t)(2 * at[0] + n % 2)] = bends[n];
-    }
+    float bends[8];
+    int at[3];
+    spsi_field_at(field, field->places[held], at);
+    spsi_field_bend(job->taps, field->values + (size_t)held * spsi_field_floats(job->taps), bends);
+    for (int k = 0; k < 3; ++k) at[k] -= field->low[k];
+    for (int n = 0; n < 8; ++n)
+        field->bends[(size_t)(2 * at[2] + n / 4) * layer + (size_t)(2 * at[1] + n / 2 % 2) * width +
+                     (size_t)(2 * at[0] + n % 2)] = bends[n];
 }
 
 /* Has each eighth stand for the next ones along an axis, too, which are `step` floats farther. */
@@ -13164,10 +13110,9 @@ static void spsi_bends_pair(float *bends, size_t count, size_t step, size_t line
 static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame) {
     spsi_fields *fields = frame->content->fields;
     size_t cells = 0;
-    float *bends;
     if (fields->bent) return SPS_OK;
     for (int m = 0; m < frame->medium_count; ++m) cells += spsi_field_cells(&fields->list[m]);
-    bends = (float *)spsi_reserve(context, SPSI_BUFFER_BENDS, cells, 8 * sizeof(float));
+    float *bends = (float *)spsi_reserve(context, SPSI_BUFFER_BENDS, cells, 8 * sizeof(float));
     if (!bends) return context->result;
     memset(bends, 0, cells * 8 * sizeof(float));
     for (int m = 0; m < frame->medium_count; ++m) {
@@ -13177,7 +13122,7 @@ static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame
         field->bends = bends;
         bends += count;
         if (field->count == 0) continue;
-        spsi_parallel_items(context, (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH, spsi_bend_task, &job);
+        spsi_parallel_by(context, SPSI_FIELD_BATCH, field->count, spsi_bend_task, &job);
         for (size_t k = 0, step = 1; k < 3; step *= 2 * (size_t)field->size[k++])
             spsi_bends_pair(field->bends, count, step, step * 2 * (size_t)field->size[k]);
     }
@@ -13245,11 +13190,10 @@ static int spsi_queue_sort(spsi_queue *queue, int chunks) {
    merged with them, from the end of the list backwards, in place. */
 static void spsi_queue_advance(spsi_queue *queue, int chunk) {
     int held = 0, added;
-    const int *next;
     if (queue->count == 0) return;
     for (int i = 0; i < queue->current && chunk > 0; ++i)
         if (queue->chunks[queue->present[i]][1] >= chunk) queue->present[held++] = queue->present[i];
-    next = queue->order + queue->starts[chunk];
+    const int *next = queue->order + queue->starts[chunk];
     added = queue->starts[chunk + 1] - queue->starts[chunk];
     queue->current = held + added;
     for (int at = queue->current - 1; added > 0; --at)
@@ -13472,17 +13416,15 @@ static sps_result spsi_targets_reserve(const spsi_contents *contents) {
     const int count = contents->target_count;
     const size_t workers = (size_t)spsi_worker_count(context), tiles = spsi_sheet_tiles(contents->frame);
     size_t floats = 0;
-    uint64_t *counts;
-    float *sheets;
     for (int i = 0; i < count; ++i) {
         const size_t own = tiles * spsi_shape_floats(&contents->targets[i]->shape);
         floats = own > floats ? own : floats;
     }
     floats = (floats + 1) / 2 * 2; /* keeps the counters aligned */
-    sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers,
-                                   floats * sizeof(float) + 3 * (size_t)count * sizeof(uint64_t));
+    float *sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers,
+                                          floats * sizeof(float) + 3 * (size_t)count * sizeof(uint64_t));
     if (!sheets) return context->result;
-    counts = (uint64_t *)(void *)(sheets + workers * floats);
+    uint64_t *counts = (uint64_t *)(void *)(sheets + workers * floats);
     memset(counts, 0, 3 * (size_t)count * workers * sizeof *counts);
     for (int i = 0; i < count; ++i) {
         spsi_target *target = contents->targets[i];
@@ -13663,12 +13605,11 @@ static sps_result spsi_contents_add_particles(spsi_contents *contents) {
     static const spsi_buffer_id lists[2] = {SPSI_BUFFER_EYE_BALLS, SPSI_BUFFER_LIGHT_BALLS};
     sps_context *context = contents->context;
     const int chunks = spsi_chunk_count(contents->slabs), count = contents->frame->content->particle_count;
-    int fullest;
     if (count == 0) return SPS_OK;
     if (spsi_queue_reserve(context, SPSI_BUFFER_PARTICLE_QUEUE, count, chunks, &contents->particles))
         return context->result;
     spsi_parallel_batches(context, count, spsi_particles_task, contents);
-    fullest = spsi_queue_sort(&contents->particles, chunks);
+    const int fullest = spsi_queue_sort(&contents->particles, chunks);
     for (int i = 0; i < contents->target_count; ++i)
         if (spsi_lists_reserve(context, lists[i], contents->targets[i]->rays, (size_t)fullest,
                                &contents->targets[i]->particles))
@@ -13932,12 +13873,11 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     const spsi_target *target = fill->target;
     spsi_tile *tile = fill->tile;
     uint64_t rest[SPSI_TAP_SLABS];
-    float *channel, way;
     here.slab.base[0] -= (float)(fill->contents->first_slab - target->shape.slab_margin);
     here.scale *= here.mix / (float)here.rays;
     spsi_tile_touch(fill);
-    channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
-    way = spsi_tap_way(&here, tile);
+    float *channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
+    const float way = spsi_tap_way(&here, tile);
     here.cells = (const uint32_t(*)[2])here.field->cells[spsi_reach_wanted(target, medium, way)];
     for (int slab = 0; slab < tile->slab_count; ++slab) rest[slab] = patches;
     if (spsi_target_interpolates(target, medium) && here.level <= 1)
@@ -13961,6 +13901,8 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     spsi_tile_gather_level(fill, medium, patches, next);
 }
 
+#define SPSI_TICK_BRICKS 128 /* splatted between two looks at the clock: a few milliseconds' work */
+
 static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
     const spsi_target *target = fill->target;
     const spsi_contents *contents = fill->contents;
@@ -13970,6 +13912,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
                              {target->rays->width - 1 - tile->x0, target->rays->height - 1 - tile->y0,
                               target->slabs->count - 1 - first_slab}};
     uint64_t gathered[SPSI_VOLUMES_MAX] = {0};
+    int splatted = 0;
     tile->eye_slab = (float)(target->origin_slab - first_slab);
     for (int i = 0; i < contents->bricks.current; ++i) {
         const int index = contents->bricks.present[i];
@@ -13978,21 +13921,20 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         const spsi_segment *segment = spsi_segment_at(contents->context, brick->segment);
         const spsi_splatter *splatter = &target->splatters[brick->lattice];
         const int channel = target->channels[brick->lattice];
-        float *sheets;
-        uint64_t patches;
         spsi_anchor anchor;
         spsi_deposit deposit;
         if (channel < 0 || !spsi_box_meets_tile(box, fill->column, fill->row)) continue;
-        patches = tile->open & spsi_patches(tile, box[0], box[1], box[2], box[3]);
+        const uint64_t patches = tile->open & spsi_patches(tile, box[0], box[1], box[2], box[3]);
         if (spsi_gathers(target->verdicts[brick->lattice])) {
             gathered[brick->lattice] |= patches;
             continue;
         }
         if (!patches) continue;
+        if (++splatted % SPSI_TICK_BRICKS == 0) spsi_task_tick(contents->context);
         spsi_tile_touch(fill);
         spsi_anchor_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs, first_slab,
                           &anchor);
-        sheets = tile->sheets + (size_t)channel * tile->channel_size;
+        float *sheets = tile->sheets + (size_t)channel * tile->channel_size;
         if (splatter->deposits) {
             spsi_deposit_begin(tile, splatter, &anchor, brick, edges, &deposit);
             spsi_deposit_brick(&deposit, segment, brick, sheets);
@@ -14176,7 +14118,6 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
     for (int c = 0; c < shader->frame->matter.light_channel_count; ++c) {
         const int material = shader->material_of_channel[c];
         const spsi_v sum = spsi_sheet_sum(tile, c, at);
-        const spsi_material *shown;
         spsi_v values[3];
         spsi_parabola value;
         if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
@@ -14184,7 +14125,7 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
             depth = spsi_fma(sum, slabs->length, depth);
             continue;
         }
-        shown = &shader->frame->matter.materials[material];
+        const spsi_material *shown = &shader->frame->matter.materials[material];
         values[0] = spsi_mul(spsi_sheet_sum(tile, c, at - tile->sheet_size), slabs->count);
         values[1] = spsi_mul(sum, slabs->count);
         values[2] = spsi_mul(spsi_sheet_sum(tile, c, at + tile->sheet_size), slabs->count);
@@ -14291,12 +14232,11 @@ static const float *spsi_tmap_texel(const sps_tmap *map, size_t index) {
 static spsi_v spsi_tmap_texels_depths(const sps_tmap *map, const spsi_texels *texels, spsi_v u) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     spsi_texels inner = *texels;
-    spsi_v first, length, within;
     if (!map->technique->optical_depths) return zero; /* it holds no gas */
     if (!map->has_range) return map->technique->optical_depths(&map->inner, texels, u);
-    first = spsi_texels_at(texels, zero);
-    length = spsi_sub(spsi_texels_at(texels, one), first);
-    within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
+    const spsi_v first = spsi_texels_at(texels, zero);
+    const spsi_v length = spsi_sub(spsi_texels_at(texels, one), first);
+    spsi_v within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
     within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
     inner.x = spsi_add(texels->x, spsi_set(2));
     return spsi_select(spsi_less(u, first), zero, map->technique->optical_depths(&map->inner, &inner, within));
@@ -14450,17 +14390,6 @@ static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column,
                             : spsi_tmap_each_optical_depth(map, column, row, u, weight);
 }
 
-/* Optical depth of gas at a vector of points. Each of the four texels is evaluated at the point's own u, rather than
-   the result interpolated between their depths. */
-static spsi_v spsi_tmap_optical_depths(const sps_tmap *map, const spsi_tmap_quads *quads) {
-    spsi_v sum = spsi_set(0);
-    for (int i = 0; i < 4; ++i) {
-        const spsi_v column = quads->column[i & 1], row = quads->row[i >> 1], weight = quads->weight[i];
-        sum = spsi_fma(weight, spsi_tmap_texel_optical_depths(map, column, row, quads->u, weight), sum);
-    }
-    return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
-}
-
 /* Optical depth of gas at up to SPSI_LANES world points (packed triples), located in double precision, and the shares
    of light that surfaces let through. */
 static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, float *depths, double *lit) {
@@ -14511,7 +14440,6 @@ static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_q
     const float size[2] = {(float)map->rays[0].width, (float)map->rays[0].height};
     const spsi_v zero = spsi_set(0), one = spsi_set(1), per_depth = spsi_set((float)map->per_depth);
     spsi_v seen[3] = {q[0], q[1], q[2]}, shares[2][2], face = zero;
-    spsi_m inside;
     if (map->face_count > 1) {
         face = spsi_tmap_see_round(map, q, seen);
     } else if (map->rays[0].perspective) {
@@ -14520,7 +14448,7 @@ static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_q
         for (int i = 0; i < 2; ++i) seen[i] = spsi_mul(q[i], scale);
     }
     /* allows for round-off; what lies behind the light also lies before near_depth */
-    inside = spsi_less(spsi_set(-1e-6f), spsi_mul(seen[2], per_depth));
+    spsi_m inside = spsi_less(spsi_set(-1e-6f), spsi_mul(seen[2], per_depth));
     for (int k = 0; k < 2; ++k) {
         const spsi_v x = spsi_clamp(seen[k], spsi_set(-1), spsi_set(size[k])), first = spsi_floor(x);
         spsi_v *const texels = k == 0 ? quads->column : quads->row;
@@ -14536,11 +14464,17 @@ static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_q
     quads->u = spsi_clamp(spsi_mul(seen[2], per_depth), zero, one);
 }
 
-/* Optical depth of gas at a vector of points in these coordinates. */
+/* Optical depth of gas at a vector of points in these coordinates. Each of the four texels is evaluated at the point's
+   own u, rather than the result interpolated between their depths. */
 static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
+    spsi_v sum = spsi_set(0);
     spsi_tmap_quads quads;
     spsi_quads_build(map, q, &quads);
-    return spsi_tmap_optical_depths(map, &quads);
+    for (int i = 0; i < 4; ++i) {
+        const spsi_v column = quads.column[i & 1], row = quads.row[i >> 1], weight = quads.weight[i];
+        sum = spsi_fma(weight, spsi_tmap_texel_optical_depths(map, column, row, quads.u, weight), sum);
+    }
+    return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
 }
 
 /* Optical depth, surfaces included, from that of gas and the share that surfaces let through. */
@@ -14551,7 +14485,6 @@ static double spsi_optical_depth_with_surfaces(double depth, double lit) {
 /* Guaranteed bounds of the optical depth at a world point, surfaces included. */
 static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], double bracket[2]) {
     spsi_tmap_quad quad;
-    double lit;
     bracket[0] = bracket[1] = 0;
     if (!spsi_tmap_locate(map, point, &quad)) return;
     for (int i = 0; i < 4; ++i) {
@@ -14560,7 +14493,7 @@ static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], dou
         spsi_tmap_bounds(map, spsi_quad_texel(map, &quad, i), quad.u, bounds);
         for (int k = 0; k < 2; ++k) bracket[k] += quad.weight[i] * (double)bounds[k];
     }
-    lit = spsi_tmap_lit(map, &quad);
+    const double lit = spsi_tmap_lit(map, &quad);
     for (int k = 0; k < 2; ++k) bracket[k] = spsi_optical_depth_with_surfaces(bracket[k], lit);
 }
 
@@ -14639,7 +14572,6 @@ static size_t spsi_band_floats(const sps_tmap *map, int components) {
 
 static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_map_tile *into) {
     const spsi_tile_prints *prints = spsi_tmap_prints(filling->map, filling->band.face, filling->band.row, column);
-    size_t before;
     into->filling = filling;
     into->open = prints ? prints->open : ~UINT64_C(0);
     into->x0 = column * SPSI_TILE_WIDTH;
@@ -14647,7 +14579,7 @@ static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_ma
     into->width = spsi_least(SPSI_TILE_WIDTH, filling->map->rays[0].width - into->x0);
     into->height = spsi_filling_height(filling);
     into->stride = (size_t)(into->width * into->height) + SPSI_LANES;
-    before = (size_t)into->x0 * (size_t)into->height + (size_t)column * SPSI_LANES;
+    const size_t before = (size_t)into->x0 * (size_t)into->height + (size_t)column * SPSI_LANES;
     into->ranges = filling->band.ranges ? filling->band.ranges + 2 * before : NULL; /* lists have none */
     into->sums = filling->band.sums ? filling->band.sums + (size_t)filling->map->inner.components * before : NULL;
 }
@@ -14897,8 +14829,10 @@ static void spsi_fill_task(void *data, int index) {
     const int tile = filling->band.row * filling->band.tiles_x + index;
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
-    for (uint32_t i = 0; i < spsi_tile_ball_count(occluders, tile); ++i)
+    for (uint32_t i = 0; i < spsi_tile_ball_count(occluders, tile); ++i) {
         spsi_insert_ball(&into, &occluders->balls[spsi_tile_ball(occluders, tile, i)]);
+        if (i % SPSI_BATCH == SPSI_BATCH - 1) spsi_task_tick(filling->context);
+    }
     spsi_insert_triangles(&into);
 }
 
@@ -14995,13 +14929,12 @@ static void spsi_store_task(void *data, int index) {
     for (int i = 0; i < into.width * into.height; ++i) {
         const int x = into.x0 + i % into.width, y = into.y0 + i / into.width;
         const size_t texel = spsi_map_tile_texel(&into, x, y);
-        float *out;
         if (!spsi_map_tile_is_open(&into, x, y, x, y)) continue;
         if (map->settings.technique == SPS_TMAP_TABLE) {
             spsi_shadow_table_store(map, x, (int)(texel / (size_t)map->rays[0].width), into.sums + i, into.stride);
             continue;
         }
-        out = (float *)map->data.texels.data + texel * (size_t)map->settings.components;
+        float *out = (float *)map->data.texels.data + texel * (size_t)map->settings.components;
         if (map->has_range) {
             *out++ = into.ranges[i];
             *out++ = spsi_higher(into.ranges[into.stride + (size_t)i], into.ranges[i]);
@@ -15040,7 +14973,6 @@ static sps_result spsi_fill_sums(spsi_filling *filling) {
 static sps_result spsi_fill_lists(spsi_filling *filling) {
     sps_context *context = filling->context;
     const size_t texels = (size_t)filling->map->rays[0].width * (size_t)spsi_filling_height(filling);
-    uint64_t sum;
     filling->band.starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_CURSORS, 2 * texels + 1, sizeof(uint32_t));
     if (!filling->band.starts) return context->result;
     filling->band.cursors = filling->band.starts + texels + 1;
@@ -15051,7 +14983,7 @@ static sps_result spsi_fill_lists(spsi_filling *filling) {
         if (filling->band.cursors[i] > filling->band.most) filling->band.most = filling->band.cursors[i];
     filling->band.starts[0] = 0;
     memcpy(filling->band.starts + 1, filling->band.cursors, texels * sizeof(uint32_t));
-    sum = spsi_running_sums(filling->band.starts, texels + 1);
+    const uint64_t sum = spsi_running_sums(filling->band.starts, texels + 1);
     spsi_copy(context, filling->band.cursors, filling->band.starts, texels * sizeof(uint32_t));
     if (sum > INT32_MAX)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in 64 rows", (double)sum,
@@ -15091,10 +15023,9 @@ static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_inte
     const spsi_filling *filling = fitting->filling;
     const int most = filling->map->settings.components / 2;
     const int pieces = most > 0 ? filling->pieces : spsi_soft_pieces(list, (int)count, filling->map->settings.epsilon);
-    int bends, nodes;
     SPS_ASSERT(filling->pieces == 1 || pieces <= filling->pieces); /* there is room; 1: nothing is soft */
-    bends = spsi_curve_build(list, (int)count, pieces, fitting->intervals, fitting->curve);
-    nodes = spsi_curve_compress(fitting->curve, bends, filling->epsilon, fitting->nodes);
+    const int bends = spsi_curve_build(list, (int)count, pieces, fitting->intervals, fitting->curve);
+    int nodes = spsi_curve_compress(fitting->curve, bends, filling->epsilon, fitting->nodes);
     if (nodes > 0 && most > 0) nodes = spsi_nodes_thin(fitting->nodes, nodes, most, fitting->curve[bends - 1].value);
     return (uint32_t)nodes;
 }
@@ -15159,9 +15090,8 @@ static sps_result spsi_append_band(spsi_filling *filling) {
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
     const size_t item = map->technique->lists;
     uint32_t *starts = (uint32_t *)map->data.starts.data + filling->band.first_texel;
-    uint64_t sum;
     memcpy(starts + 1, filling->band.cursors, texels * sizeof *starts);
-    sum = spsi_running_sums(starts, texels + 1);
+    const uint64_t sum = spsi_running_sums(starts, texels + 1);
     if (sum > UINT32_MAX)
         return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "items", (double)sum,
                                "2^32 - 1 are held at most");
@@ -15176,7 +15106,6 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     const sps_tmap *map = filling->map;
     const int has_soft = filling->occluders->frame->particles.has_soft;
     spsi_fitting fitting;
-    int tasks;
     if (spsi_fill_lists(filling)) return context->result;
     filling->pieces = has_soft ? map->settings.components > 0 ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
     filling->epsilon = map->settings.epsilon * (has_soft ? 0.75f : 1); /* the rest is for soft pieces */
@@ -15190,7 +15119,7 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
                                              filling->scratch_floats * sizeof(float));
     if (!filling->scratch) return context->result;
     filling->has_sizes = 0;
-    tasks = filling->band.tiles_x * spsi_filling_height(filling);
+    const int tasks = filling->band.tiles_x * spsi_filling_height(filling);
     spsi_parallel(context, tasks, spsi_fit_task, filling);
     if (spsi_progress(context, filling->progress) || spsi_append_band(filling)) return context->result;
     filling->has_sizes = 1;
@@ -15231,10 +15160,9 @@ static size_t spsi_balls_order_bytes(size_t particles) {
    nearly sorted already. */
 static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     const int count = job->frame->content->particle_count;
-    uint32_t *starts;
     job->order = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_ORDER, 1, spsi_balls_order_bytes((size_t)count));
     if (!job->order) return context->result;
-    starts = job->order + count;
+    uint32_t *starts = job->order + count;
     job->steps = (uint16_t *)(void *)(starts + SPSI_DEPTH_STEPS + 1);
     spsi_parallel_batches(context, count, spsi_ball_steps_task, job);
     memset(starts, 0, (SPSI_DEPTH_STEPS + 1) * sizeof *starts);
@@ -15299,24 +15227,22 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     const int tiles_x = spsi_tile_columns(rays);
     const size_t tiles = (size_t)tiles_x * (size_t)spsi_tile_rows(rays);
     const size_t count = (size_t)occluders->frame->content->particle_count;
-    uint32_t *starts, *list;
-    uint64_t sum;
     spsi_ball_job job = {rays, map->face_count > 1 ? map->rays : NULL, occluders->frame, map->settings.near_depth,
                          SPSI_DEPTH_STEPS * map->per_depth, NULL, NULL, NULL};
     if (count == 0) return SPS_OK;
     if (map->technique->lists && spsi_balls_order(context, &job)) return context->result;
     job.balls = (spsi_ball *)spsi_reserve(context, SPSI_BUFFER_BALLS, count, sizeof(spsi_ball));
-    starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_STARTS, tiles + 1, sizeof *starts);
+    uint32_t *starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_STARTS, tiles + 1, sizeof *starts);
     if (!job.balls || !starts) return context->result;
     spsi_parallel_batches(context, occluders->frame->content->particle_count, spsi_balls_task, &job);
     spsi_balls_outside(map, rays, job.balls, count);
     memset(starts, 0, (tiles + 1) * sizeof *starts);
     spsi_balls_into_tiles(job.balls, count, tiles_x, starts + 1, NULL);
-    sum = spsi_running_sums(starts, tiles + 1);
+    const uint64_t sum = spsi_running_sums(starts, tiles + 1);
     occluders->balls = job.balls;
     occluders->tile_balls = NULL;
     if (sum > SPSI_BALL_TILES * (uint64_t)(count + tiles) || sum > UINT32_MAX) return SPS_OK;
-    list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_LIST, (size_t)sum, sizeof *list);
+    uint32_t *list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_LIST, (size_t)sum, sizeof *list);
     if (!list) return context->result;
     spsi_balls_into_tiles(job.balls, count, tiles_x, starts, list);
     memmove(starts + 1, starts, tiles * sizeof *starts); /* each was advanced to where the next begins */
@@ -15332,10 +15258,9 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
 static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                   spsi_slabs *slabs) {
     const spsi_bounds own = frame->content->bounds;
-    double least;
     memcpy(slabs->normal, rays->inverse[2], sizeof slabs->normal);
     spsi_normalise(slabs->normal);
-    least = spsi_cosine_to_corners(slabs->normal, rays);
+    const double least = spsi_cosine_to_corners(slabs->normal, rays);
     if (!(least >= SPSI_COSINE_MIN))
         return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1,
                                "camera's outermost rays' cosine with its axis", least,
@@ -15415,11 +15340,10 @@ static void spsi_print_balls(const spsi_print_job *job, int column, int row, uin
     for (uint32_t i = 0; i < count; ++i) {
         const int number = (int)spsi_tile_ball(occluders, tile, i);
         const spsi_ball *ball = &occluders->balls[number];
-        uint64_t print;
         if (ball->x1 < spsi_most(x, ball->x0) || ball->x0 >= x + SPSI_TILE_WIDTH) continue;
         if (ball->y1 < spsi_most(y, ball->y0) || ball->y0 >= y + SPSI_TILE_HEIGHT) continue;
-        print = spsi_fingerprint(SPSI_FINGERPRINT_START, &occluders->frame->content->particles[number],
-                                 sizeof(sps_particle));
+        uint64_t print = spsi_fingerprint(SPSI_FINGERPRINT_START, &occluders->frame->content->particles[number],
+                                          sizeof(sps_particle));
         print = spsi_set_fingerprint(print, spsi_set_of(occluders->frame, number));
         spsi_print_patches(prints, ball->x0 - x, ball->y0 - y, ball->x1 - x, ball->y1 - y, print);
     }
@@ -15668,9 +15592,8 @@ static sps_result spsi_tmap_resolve(sps_tmap *map) {
 /* Copies the caller's planes, which are checked, into a map. */
 static sps_result spsi_tmap_take_planes(sps_tmap *map) {
     const size_t count = (size_t)spsi_settings_planes(&map->settings);
-    float *planes;
     if (count == 0) return SPS_OK;
-    planes = (float *)spsi_buffer_reserve(map->context, &map->planes, count, sizeof(float));
+    float *planes = (float *)spsi_buffer_reserve(map->context, &map->planes, count, sizeof(float));
     if (!planes) return map->context->result;
     memcpy(planes, map->settings.planes, count * sizeof *planes);
     map->settings.planes = map->inner.planes = planes;
@@ -15762,7 +15685,6 @@ static void spsi_tmap_forget(sps_tmap *map) {
 
 /* Builds the frame of all that was added, as the light's first face sees it; NULL if that fails. */
 static spsi_frame *spsi_tmap_frame(sps_tmap *map) {
-    spsi_frame *frame;
     sps_scene scene;
     memset(&scene, 0, sizeof scene);
     scene.volumes = (const sps_volume *)map->added.lists[0].data;
@@ -15772,7 +15694,7 @@ static spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     scene.particles = (const sps_particles *)map->added.lists[2].data;
     scene.particle_set_count = map->added.counts[2];
     scene.replace_invalid = map->replace_invalid;
-    frame = spsi_frame_build(map->context, &scene, NULL, 0);
+    spsi_frame *frame = spsi_frame_build(map->context, &scene, NULL, 0);
     if (!frame) return NULL;
     frame->view = map->view;
     frame->has_matrix = map->view.camera.world_to_clip != NULL;
@@ -15994,14 +15916,13 @@ static size_t spsi_lamp_tmap_texels(const spsi_frame *frame, const spsi_lamp *la
     const size_t most = (size_t)(lamp->map_size > 0 ? lamp->map_size : spsi_map_texels_most(frame, lamp));
     const int known = frame->particles.set_count == 0;
     const int faces = known ? spsi_lamp_rays(frame, lamp, rays) : 0;
-    size_t six;
     *side = most;
     if (faces == 1) {
         *side = (size_t)spsi_most(rays[0].width, rays[0].height);
         return spsi_ray_count(&rays[0]);
     }
     if (faces == 0) return most * most * (lamp->is_point ? SPSI_CUBE_FACES : 1);
-    six = SPSI_CUBE_FACES * spsi_ray_count(&rays[0]);
+    const size_t six = SPSI_CUBE_FACES * spsi_ray_count(&rays[0]);
     if (lamp->map_omnidirectional) {
         *side = (size_t)rays[0].width;
         return six;
@@ -16434,10 +16355,9 @@ static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra 
 static sps_result spsi_penumbra_begin(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                       const spsi_faces *faces, spsi_penumbra *penumbra) {
     const int has_polygons = faces->count > 0;
-    float *memory;
     if (spsi_penumbra_aim(context, frame, sweep, penumbra)) return context->result;
-    memory = spsi_floats_reserve(context, SPSI_BUFFER_PENUMBRA,
-                                 spsi_penumbra_lay_out(context, penumbra, has_polygons, NULL));
+    float *memory = spsi_floats_reserve(context, SPSI_BUFFER_PENUMBRA,
+                                        spsi_penumbra_lay_out(context, penumbra, has_polygons, NULL));
     if (!memory) return context->result;
     spsi_penumbra_lay_out(context, penumbra, has_polygons, memory);
     for (int i = 0; i < penumbra->beam_count && has_polygons; ++i)
@@ -16573,12 +16493,11 @@ static void spsi_beam_cross(const spsi_penumbra *penumbra, const spsi_slide *sli
 
 static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *memory, spsi_beam_part *part) {
     const size_t width = (size_t)beam->rays.width;
-    size_t texels;
     part->beam = beam;
     part->area = area;
     part->width = area.x1 - area.x0 + 1;
     part->height = area.y1 - area.y0 + 1;
-    texels = (size_t)part->width * (size_t)part->height;
+    const size_t texels = (size_t)part->width * (size_t)part->height;
     part->depth = memory;
     part->stopped = memory + texels;
     part->passes = memory + 2 * texels; /* before the lengths, which are stored in whole vectors */
@@ -16685,11 +16604,10 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, s
     const spsi_area reach = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, lookups->bounds);
     const spsi_area area = spsi_area_meet(reach, spsi_beam_area(beam));
     const size_t pitch = (size_t)penumbra->rays->width;
-    int held;
     spsi_slide slide;
     spsi_beam_part part;
     if (spsi_area_empty(area)) return 0;
-    held = spsi_penumbra_holds(penumbra, spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, 1, area));
+    const int held = spsi_penumbra_holds(penumbra, spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, 1, area));
     if (!held && spsi_area_empty(spsi_area_meet(area, beam->crossed))) return 0;
     spsi_beam_part_load(beam, area, memory, &part);
     part.stops = beam->stop ? part.area : spsi_area_none();
@@ -16979,13 +16897,12 @@ typedef struct spsi_spread_gains {
 static void spsi_spread_gain(spsi_v turned, float growth, spsi_spread_gains *gains) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), b = spsi_mul(turned, spsi_set(0.5f));
     const spsi_v wide = spsi_max(b, spsi_set(0.5f));
-    spsi_v square, exact, series;
     gains->keeps = spsi_exp(spsi_sub(zero, b));
     gains->mean = spsi_mean_transmittance(zero, b);
-    square = spsi_mul(gains->mean, gains->mean);
-    exact = spsi_sub(spsi_sub(one, gains->mean), spsi_mul(spsi_mul(b, spsi_set(0.5f)), square));
+    const spsi_v square = spsi_mul(gains->mean, gains->mean);
+    spsi_v exact = spsi_sub(spsi_sub(one, gains->mean), spsi_mul(spsi_mul(b, spsi_set(0.5f)), square));
     exact = spsi_div(exact, wide);
-    series = spsi_fma(b, spsi_set(31.0f / 2520), spsi_set(-1.0f / 24));
+    spsi_v series = spsi_fma(b, spsi_set(31.0f / 2520), spsi_set(-1.0f / 24));
     series = spsi_fma(b, series, spsi_set(7.0f / 60));
     series = spsi_fma(b, series, spsi_set(-1.0f / 4));
     series = spsi_mul(b, spsi_fma(b, series, spsi_set(1.0f / 3)));
@@ -17013,13 +16930,12 @@ static void spsi_spread_behind(const spsi_spread_crossing *crossing, spsi_v part
     const spsi_v fresh = spsi_mul(spsi_fma(crossing->straight, crossing->stays, old), two_thirds);
     const spsi_v angle = spsi_mul(part[SPSI_SPREAD_ANGLE], crossing->passes);
     const spsi_v slant = spsi_mul(part[SPSI_SPREAD_SLANT], crossing->passes);
-    spsi_v more, width;
     spsi_spread_gains gains;
     spsi_spread_gain(crossing->turned, crossing->growth, &gains);
-    width = spsi_fma(fresh, gains.fresh[2], spsi_mul(angle, spsi_mul(gains.mean, gains.mean)));
+    spsi_v width = spsi_fma(fresh, gains.fresh[2], spsi_mul(angle, spsi_mul(gains.mean, gains.mean)));
     width = spsi_fma(spsi_mul(spsi_set(2), slant), gains.mean, spsi_mul(width, reach));
     width = spsi_mul(spsi_mul(width, reach), spsi_set(0.5f)); /* x and y share it */
-    more = spsi_mul(spsi_mul(angle, gains.mean), reach);
+    spsi_v more = spsi_mul(spsi_mul(angle, gains.mean), reach);
     more = spsi_mul(spsi_mul(spsi_add(slant, more), gains.keeps), growth);
     part[SPSI_SPREAD_FLUX] = spsi_add(old, crossing->joins);
     part[SPSI_SPREAD_SLANT] = spsi_fma(spsi_mul(fresh, gains.fresh[1]), reach, more);
@@ -17279,10 +17195,9 @@ typedef struct spsi_spread_place {
 static void spsi_spread_find(const spsi_spread *spread, const spsi_v at[3], spsi_spread_place *place) {
     const spsi_v last = spsi_set((float)(spread->sheet_count - 1)),
                  rows = spsi_set((float)(spread->plane / (size_t)spread->pitch));
-    spsi_v u, plane;
     spsi_quads_build(&spread->map, at, &place->quads);
-    u = spsi_mul(place->quads.u, spsi_set((float)spread->sheet_count));
-    plane = spsi_min(spsi_floor(u), last);
+    const spsi_v u = spsi_mul(place->quads.u, spsi_set((float)spread->sheet_count));
+    const spsi_v plane = spsi_min(spsi_floor(u), last);
     place->weight[1] = spsi_sub(u, plane);
     place->weight[0] = spsi_sub(spsi_set(1), place->weight[1]);
     place->row[0] = spsi_mul(plane, rows);
@@ -17446,15 +17361,13 @@ typedef struct spsi_shadow {
 static sps_result spsi_planes_build(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                     spsi_planes *planes) {
     const size_t texels = spsi_ray_count(rays);
-    float *memory;
-    size_t tiles;
     planes->tiles_x = spsi_tile_columns(rays);
     planes->tiles_y = spsi_tile_rows(rays);
-    tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
+    const size_t tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
     /* a tile's bits, turn and flag take less than one more texel */
     planes->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, SPSI_PLANES_TEXEL_BYTES);
     if (!planes->open) return context->result;
-    memory = (float *)(void *)(planes->open + tiles);
+    float *memory = (float *)(void *)(planes->open + tiles);
     planes->width = rays->width;
     planes->height = rays->height;
     planes->wide = texels > 16384;
@@ -17590,11 +17503,10 @@ static inline void spsi_sliced_project(const spsi_sliced *sliced, const spsi_v a
 
 /* Optical depth between the lamp and a vector of points, given by the coordinates of `along`, on plane k. */
 static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], int k) {
-    const spsi_planes *planes;
     spsi_v q[2];
     if (shadow->kind == SPSI_SHADOW_NONE) return spsi_set(0);
     if (shadow->kind == SPSI_SHADOW_MAP) return spsi_tmap_lookup(shadow->tmap, at);
-    planes = &shadow->sliced->planes;
+    const spsi_planes *planes = &shadow->sliced->planes;
     spsi_sliced_project(shadow->sliced, at, q);
     if (planes->cubic) return spsi_bicubic(planes->depth[k], planes->width, planes->height, q[0], q[1]);
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
@@ -17795,11 +17707,9 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
     const spsi_bounds all = frame->content->bounds;
     spsi_sweep sweep;
     size_t held, filling;
-    double bytes;
-    int serves, fine;
     spsi_sweep_clear(frame, lamp, 0, &sweep);
     lamp->choice = SPSI_CHOICE_SHEETS;
-    serves = spsi_sweep_aim(frame, &sweep) && (!sweep.soft || spsi_beams_serve(frame, &sweep));
+    int serves = spsi_sweep_aim(frame, &sweep) && (!sweep.soft || spsi_beams_serve(frame, &sweep));
     if (spsi_eye_is_wide(frame) && !others && !lamp->extent.exists) /* parts of the image serve better */
         serves &= sweep.cosine_of_eye >= SPSI_COSINE_EVEN;
     if (!serves) {
@@ -17809,9 +17719,9 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
     if ((!others && !spsi_scatters_fully(frame)) || frame->matter.classifies || lamp->extent.exists) return;
     spsi_lamp_take(lamp, 1, others ? SPSI_CHOICE_TABLE_SHARED : SPSI_CHOICE_TABLE_AGAIN);
     spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
-    bytes = (double)held + (double)filling;
+    const double bytes = (double)held + (double)filling;
     frame->content->bounds = *plain;
-    fine = spsi_table_is_fine(context, frame, lamp);
+    const int fine = spsi_table_is_fine(context, frame, lamp);
     frame->content->bounds = all;
     if (fine && bytes + spsi_bytes_without_tables(context, frame, &sweep) <= *room)
         *room -= bytes;
@@ -17924,7 +17834,6 @@ static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
 static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                         double texel, spsi_shadow *shadows, int count) {
     uint64_t floats = 0;
-    float *memory;
     if (faces->count == 0 || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     for (int i = 0; i < count; ++i) {
         if (shadows[i].soft) continue;
@@ -17932,7 +17841,7 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
         if (!spsi_depth_map_met(faces, &shadows[i].depth_map)) shadows[i].depth_map.face_count = 0;
         floats += spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, NULL);
     }
-    memory = spsi_floats_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats);
+    float *memory = spsi_floats_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats);
     if (!memory) return context->result;
     for (int i = 0; i < count; ++i) memory += spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, memory);
     for (int i = 0; i < count; ++i)
@@ -17946,7 +17855,6 @@ static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame 
                                          spsi_pane_map *maps) {
     size_t floats = 0;
     spsi_pane_map *next = maps;
-    float *memory;
     for (int i = 0; i < count; ++i) {
         const spsi_lamp *lamp = shadows[i].lamp;
         shadows[i].pane_maps = next;
@@ -17959,7 +17867,7 @@ static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame 
             floats += spsi_depth_map_lay_out(&next->grid, next->first, NULL);
         }
     }
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PANE_TEXELS, floats, sizeof(float));
+    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_PANE_TEXELS, floats, sizeof(float));
     for (spsi_pane_map *map = maps; memory && map < next; ++map)
         memory += spsi_depth_map_lay_out(&map->grid, map->first, memory);
     return context->result;
@@ -17969,14 +17877,13 @@ static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame 
 static sps_result spsi_pane_maps_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                       spsi_pane_map *maps, size_t map_count) {
     size_t sum = 0, most = 0;
-    spsi_pane *panes;
     for (size_t i = 0; i < map_count; ++i)
         for (int face = 0; face < maps[i].grid.face_count; ++face) {
             spsi_panes_raster(context, frame, faces, &maps[i], face, 0);
             sum = maps[i].counts[face] > SIZE_MAX - sum ? SIZE_MAX : sum + maps[i].counts[face];
             most = maps[i].counts[face] > most ? maps[i].counts[face] : most;
         }
-    panes = (spsi_pane *)spsi_reserve(context, SPSI_BUFFER_PANES, sum, sizeof *panes);
+    spsi_pane *panes = (spsi_pane *)spsi_reserve(context, SPSI_BUFFER_PANES, sum, sizeof *panes);
     if (!panes || !spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, most, sizeof(spsi_fragment))) return context->result;
     for (size_t i = 0; i < map_count; ++i) {
         for (int face = 0; face < maps[i].grid.face_count; ++face) {
@@ -17993,11 +17900,10 @@ static sps_result spsi_pane_maps_build(sps_context *context, const spsi_frame *f
                                        spsi_shadow *shadows, int count) {
     size_t map_count = 0;
     int widest = 0;
-    spsi_pane_map *maps;
     if (!frame->meshes.translucent || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     if (count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i) map_count += (size_t)(shadows[i].soft ? shadows[i].lamp->point_count : 1);
-    maps = (spsi_pane_map *)spsi_reserve(context, SPSI_BUFFER_PANE_MAPS, map_count, sizeof *maps);
+    spsi_pane_map *maps = (spsi_pane_map *)spsi_reserve(context, SPSI_BUFFER_PANE_MAPS, map_count, sizeof *maps);
     if (!maps || spsi_pane_maps_lay_out(context, frame, shadows, count, maps)) return context->result;
     for (size_t i = 0; i < map_count; ++i)
         for (int face = 0; face < maps[i].grid.face_count; ++face)
@@ -18028,17 +17934,15 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
                                          spsi_part_of_call *sweep) {
     spsi_part_of_call part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
     int mapped = 0;
-    uint64_t gas;
-    sps_tmap *maps, *next;
     for (int i = 0; i < count; ++i) mapped += shadows[i].lamp->has_map;
     if (mapped == 0 || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     sweep->progress += part.share;
     sweep->share -= part.share;
-    maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *maps);
+    sps_tmap *maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *maps);
     if (!maps) return context->result;
     part.share /= mapped;
-    gas = spsi_has_shadow_tables(frame) ? spsi_gas_fingerprint(frame) : 0;
-    next = maps;
+    const uint64_t gas = spsi_has_shadow_tables(frame) ? spsi_gas_fingerprint(frame) : 0;
+    sps_tmap *next = maps;
     for (int i = 0; i < count; ++i) {
         if (!shadows[i].lamp->has_map) continue;
         shadows[i].tmap = next;
@@ -18187,26 +18091,21 @@ static void spsi_forward_column(const spsi_material *material, spsi_legendre *se
     }
 }
 
-/* Levels of classified volumes are closer towards an albedo of 1, where few are lost. */
-static double spsi_forward_albedo(const spsi_material *material, int level) {
-    const double left = 1 - (double)level / (SPSI_FORWARD_LEVELS - 1);
-    return material->table ? 1 - left * left : (double)material->albedo[level];
-}
-
+/* Fills the tables. Levels of classified volumes are closer towards an albedo of 1, where few are lost. */
 static void spsi_forward_build(const spsi_material *material, int followed, int stays, spsi_forward *forward) {
     const int grey = material->albedo[0] == material->albedo[1] && material->albedo[0] == material->albedo[2];
     spsi_legendre series;
     spsi_legendre_moments(material, followed, &series);
     series.stays |= stays;
     forward->level_count = material->table ? SPSI_FORWARD_LEVELS : grey ? 1 : 3;
-    for (int k = 0; k < forward->level_count; ++k)
-        for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
-            const double albedo = spsi_forward_albedo(material, k);
-            if (i < SPSI_FORWARD_SIZE - 1)
-                spsi_forward_column(material, &series, albedo, spsi_forward_depth(i), forward->level[k] + i);
-            else
-                for (int n = 0; n < SPSI_FORWARD_SIZE; ++n) forward->level[k][n * SPSI_FORWARD_SIZE + i] = 0;
-        }
+    for (int k = 0; k < forward->level_count; ++k) {
+        const double left = 1 - (double)k / (SPSI_FORWARD_LEVELS - 1);
+        const double albedo = material->table ? 1 - left * left : (double)material->albedo[k];
+        const int last = SPSI_FORWARD_SIZE - 1;
+        for (int i = 0; i < last; ++i)
+            spsi_forward_column(material, &series, albedo, spsi_forward_depth(i), forward->level[k] + i);
+        for (int n = 0; n < SPSI_FORWARD_SIZE; ++n) forward->level[k][n * SPSI_FORWARD_SIZE + last] = 0;
+    }
 }
 
 /* Whether a sweep has a first pass, which measures gas: spsi_again. */
@@ -19805,7 +19704,7 @@ static double spsi_particles_crowd(const sps_particle *list, int count) {
     for (int n = 0; n < count; ++n) {
         const double radius = (double)list[n].radius, cube = radius * radius * radius;
         cubes += cube;
-        largest = fmax(largest, cube);
+        if (cube > largest) largest = cube;
         square += cube * 0.6 * radius * radius;
         for (int k = 0; k < 3; ++k) {
             const double place = (double)list[n].position[k] - (double)list[0].position[k];
@@ -19824,17 +19723,18 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     const double few = fmax(0, fmin(2 - (double)content->particle_count / 32, 1));
     memset(content->flies, 0, sizeof content->flies);
-    for (int i = 0, n = 0; i < frame->particles.set_count && spsi_cells_fly(frame); ++i) {
+    for (int i = 0; i < frame->particles.set_count && spsi_cells_fly(frame); ++i) {
         const spsi_particle_set *set = &frame->particles.sets[i];
-        const double apart = 1 - 2 * spsi_particles_crowd(&content->particles[n], content->set_ends[i] - n);
-        double dense = 0, all = DBL_MIN;
-        for (; n < content->set_ends[i]; ++n) {
+        const int first = i > 0 ? content->set_ends[i - 1] : 0;
+        double dense = 0, all = DBL_MIN, apart;
+        if (!frame->matter.materials[set->channel].emits) continue;
+        apart = 1 - 2 * spsi_particles_crowd(&content->particles[first], content->set_ends[i] - first);
+        for (int n = first; n < content->set_ends[i]; ++n) {
             const double depth = spsi_particle_depth(&content->particles[n], set);
             const double amount = depth * (double)content->particles[n].radius * (double)content->particles[n].radius;
-            dense += amount * fmax(0, fmin(depth - 0.5, 1));
+            dense += depth > 0.5 ? amount * (depth < 1.5 ? depth - 0.5 : 1) : 0;
             all += amount;
         }
-        if (!frame->matter.materials[set->channel].emits) continue;
         content->flies[set->channel] = (float)(fmax(dense / all, few) * fmax(0, apart));
     }
 }
@@ -22192,10 +22092,12 @@ static spsi_v spsi_straight_passes(const spsi_frame *frame, int c, spsi_v depth)
 
 #define SPSI_RECEIVED_TILE  32 /* pixels along a side of a task's tile */
 #define SPSI_RECEIVED_KNOTS (SPSI_RECEIVED_TILE + 1)
+#define SPSI_TICK_RECEIVED  64 /* pixels between two looks at the clock: a few milliseconds' work */
 
 static const int spsi_receive_whole[2] = {SPSI_RECEIVED_TILE, SPSI_RECEIVED_TILE};
 
 typedef struct spsi_receive_job {
+    sps_context *context;
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_visible *visible;
@@ -22284,6 +22186,7 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, c
         for (size_t c = 0; c < channels; ++c)
             tile->job->received[place.index * channels + c] +=
                 knots ? spsi_received_between(knots, c, at) : own.irradiance[c];
+        if (n % SPSI_TICK_RECEIVED == SPSI_TICK_RECEIVED - 1) spsi_task_tick(tile->job->context);
     }
 }
 
@@ -22341,6 +22244,7 @@ static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, const in
     int count = 0, longer = 0, half[2] = {size[0], size[1]};
     for (int y = y0; y < y0 + size[1]; ++y)
         for (int x = x0; x < x0 + size[0]; ++x) count += tile->shows[y][x] == 2;
+    if (size[0] * size[1] >= SPSI_TICK_RECEIVED) spsi_task_tick(tile->job->context);
     if (count >= 5) longer = spsi_receive_even(tile, x0, y0, size, knots);
     if (count < 5 || longer < 0 || longer > 1 || size[0] * size[1] <= 8) {
         spsi_receive_pixels(tile, x0, y0, size, longer < 0 ? knots : NULL);
@@ -22437,7 +22341,7 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
                                    spsi_visible *visible) {
     const spsi_content *content = frame->content;
     const size_t floats = spsi_ray_count(&content->eye) * (size_t)frame->channels;
-    spsi_receive_job job = {frame, faces, visible, {spsi_nowhere, spsi_nowhere}, NULL, NULL};
+    spsi_receive_job job = {context, frame, faces, visible, {spsi_nowhere, spsi_nowhere}, NULL, NULL};
     if (!content->cells || !visible->hits) return SPS_OK;
     if (!spsi_receive_reserve(context, frame, &job)) return context->result;
     memset(job.received, 0, floats * sizeof(float));
@@ -22463,8 +22367,8 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
 static void spsi_add_flux(const spsi_shader *shader, const spsi_place *place, const double color[3],
                           float radiance[3]) {
     const spsi_content *content = shader->frame->content;
-    const spsi_receive_job job = {
-        shader->frame, shader->faces, shader->visible, {spsi_nowhere, spsi_nowhere}, NULL, NULL};
+    const spsi_receive_job job = {NULL, shader->frame, shader->faces, shader->visible, {spsi_nowhere, spsi_nowhere},
+                                  NULL, NULL};
     const size_t channels = (size_t)content->cells->channels;
     float irradiance[3] = {0, 0, 0};
     if (place->index < spsi_ray_count(&content->eye))
@@ -25733,6 +25637,13 @@ static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
     if (eye->near_depth > 0 || (!eye->perspective && eye->near_depth > -DBL_MAX)) tile->clamped = 1;
 }
 
+/* Rows of a tile between two looks at the clock, by the points of lights that each pixel looks up. Few take no time. */
+static int spsi_tick_rows(const spsi_lamps *lamps) {
+    int points = 1;
+    for (int i = 0; i < lamps->count; ++i) points += lamps->list[i].extent.exists ? lamps->list[i].point_count : 1;
+    return spsi_most(8 * SPSI_TILE_HEIGHT / points, 1);
+}
+
 static void spsi_eye_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
     const spsi_region *region = &run->region;
@@ -25741,6 +25652,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const int width = run->shader.frame->content->eye.width, height = run->shader.frame->content->eye.height;
     const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
+    const int tick_rows = spsi_tick_rows(&run->shader.frame->lamps);
     uint64_t shaded = 0;
     int touched = 0;
     spsi_tile tile;
@@ -25759,9 +25671,11 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!touched && !polygons) return;
     const spsi_shading shading = {&run->shader, &tile, scratch, touched ? SPSI_CHUNK : 0, run->low, run->high};
     for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
-        for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y) /* down: see spsi_plane_light */
+        for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y) { /* down: see spsi_plane_light */
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
                 shaded += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_least(SPSI_LANES, width - x));
+            if ((y + 1) % tick_rows == 0) spsi_task_tick(run->context);
+        }
     run->shaded[worker] += shaded;
     region->turns.work[index] = spsi_tile_work(&tile) + (uint32_t)shaded;
     spsi_tile_count(&run->eye, &tile, worker);
@@ -25850,16 +25764,14 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     const int *image = frame->view.region, measures = spsi_sweep_measures(frame, shader->sweep);
     const size_t planes = (size_t)(1 + frame->channels + frame->wants_depth);
     const size_t more = measures ? (size_t)(2 + frame->channels) : 0;
-    size_t tiles, pixels;
-    float *memory;
     region->x0 = image[0] / SPSI_TILE_WIDTH;
     region->y0 = image[1] / SPSI_TILE_HEIGHT;
     region->columns = (image[0] + image[2] - 1) / SPSI_TILE_WIDTH - region->x0 + 1;
     region->rows = (image[1] + image[3] - 1) / SPSI_TILE_HEIGHT - region->y0 + 1;
-    tiles = (size_t)region->columns * (size_t)region->rows;
-    pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
+    const size_t tiles = (size_t)region->columns * (size_t)region->rows;
+    const size_t pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     region->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_TILES, tiles, SPSI_REGION_TILE_BYTES);
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PIXELS, pixels, (planes + more) * sizeof(float));
+    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_PIXELS, pixels, (planes + more) * sizeof(float));
     if (!region->open || !memory) return context->result;
     memset(memory, 0, pixels * planes * sizeof(float));
     region->polygon_range = (float(*)[3])(void *)(region->open + tiles);
@@ -26095,10 +26007,9 @@ static void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
     for (int n = 0; n < spsi_sweep_count(frame); ++n) {
         spsi_sweep sweep;
         const double slabs = spsi_work_sweep(frame, n, &sweep);
-        double texels;
         work->units[SPSI_STAGE_EYE] += (1 + covered) * (8 + slabs);
         if (!sweep.lamp || !(slabs < HUGE_VAL)) continue;
-        texels = slabs * sweep.rays.width * sweep.rays.height;
+        const double texels = slabs * sweep.rays.width * sweep.rays.height;
         work->units[SPSI_STAGE_LIGHT] += texels;
         if (!sweep.soft) continue;
         work->units[SPSI_STAGE_LIGHT] += SPSI_POINT_TEXEL_UNITS * texels * sweep.lamp->point_count;
@@ -26111,10 +26022,9 @@ static void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
 static int spsi_table_is_held(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp, uint64_t gas) {
     const sps_tmap *held = (const sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     sps_tmap map;
-    uint64_t key;
     if (!gas || !spsi_has_shadow_table(lamp) || context->shadow_table_count == 0) return 0;
     if (spsi_lamp_tmap_aim(context, frame, lamp, &map)) return 0;
-    key = spsi_shadow_table_key(frame, spsi_shadow_table_aim(&map), gas);
+    const uint64_t key = spsi_shadow_table_key(frame, spsi_shadow_table_aim(&map), gas);
     for (int i = 0; i < context->shadow_table_count; ++i)
         if (held[i].key == key) return 1;
     return 0;
@@ -26622,10 +26532,9 @@ static void spsi_eye_reference(const spsi_frame *frame) {
 static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                     spsi_visible *visible) {
     const size_t pixels = spsi_ray_count(&frame->content->eye);
-    spsi_hit *hits;
     memset(visible, 0, sizeof *visible);
     if (faces->count == 0) return SPS_OK;
-    hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
+    spsi_hit *hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
     if (!hits) return context->result;
     visible->hits = hits;
     spsi_rasterise(context, faces, &frame->content->eye, hits, NULL, NULL);
@@ -26652,16 +26561,15 @@ typedef struct spsi_picture {
 static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
                                   int measures, spsi_run *run, const spsi_part_of_call *part) {
     const double start = spsi_clock(context);
-    double swept, light;
     memset(run, 0, sizeof *run);
     run->shadows = picture->shadows;
     run->shader.shadow_count = measures ? 0 : picture->shadow_count;
     run->shader.again.measures = measures;
     run->total = picture->total;
     if (spsi_run_build(context, picture->frame, &picture->faces, &picture->visible, sweep, run)) return context->result;
-    swept = spsi_clock(context);
+    const double swept = spsi_clock(context);
     context->stats.seconds_bin += swept - start;
-    light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
+    const double light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
     if (spsi_run_sweep(run, part)) return context->result;
     if (!measures)
         spsi_parallel_items(context, (picture->frame->view.region[3] + SPSI_SUM_ROWS - 1) / SPSI_SUM_ROWS,
@@ -26684,11 +26592,8 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *swe
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
     const size_t places = spsi_place_count(frame, &picture->visible);
-    spsi_shadow *shadow;
     int shares = 0;
-    uint64_t *rays;
-    float *lit;
-    shadow = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *shadow);
+    spsi_shadow *shadow = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *shadow);
     if (!shadow) return context->result;
     memset(shadow, 0, (size_t)count * sizeof *shadow);
     picture->shadows = shadow;
@@ -26705,9 +26610,9 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *swe
     if (!picture->visible.hits || count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i)
         shares += spsi_sight_floats(frame, picture->shadows[i].lamp, picture->shadows[i].soft);
-    rays = spsi_sight_reserve(context, places, shares);
+    uint64_t *rays = spsi_sight_reserve(context, places, shares);
     if (!rays) return context->result;
-    lit = (float *)(void *)(rays + spsi_worker_count(context));
+    float *lit = (float *)(void *)(rays + spsi_worker_count(context));
     for (shadow = picture->shadows; shadow < picture->shadows + count; ++shadow) {
         unsigned char *open = (unsigned char *)(lit + places * (size_t)spsi_lit_channels(frame, shadow->lamp));
         if (!shadow->soft) open = NULL;
@@ -26739,11 +26644,10 @@ static sps_result spsi_render_sweep(sps_context *context, spsi_picture *picture,
         SPSI_PROGRESS_GATHER + (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_PROGRESS_CELLS : 0);
     spsi_part_of_call part = {0, (1 - begin) / spsi_sweep_count(frame)};
     spsi_sweep sweep;
-    double start;
     part.progress = begin + n * part.share;
     if (spsi_sweep_build(context, frame, n, 0, &sweep) || spsi_shadows_begin(context, &sweep, n, picture))
         return context->result;
-    start = spsi_clock(context);
+    double start = spsi_clock(context);
     if (spsi_depth_maps_build(context, frame, &picture->faces, spsi_depth_map_texel(frame), picture->shadows,
                               picture->shadow_count) ||
         spsi_pane_maps_build(context, frame, &picture->faces, picture->shadows, picture->shadow_count))
@@ -26763,10 +26667,8 @@ static sps_result spsi_render_sweep(sps_context *context, spsi_picture *picture,
 static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
     const double start = spsi_clock(context);
     const spsi_part_of_call cells = {SPSI_PROGRESS_GATHER, SPSI_PROGRESS_CELLS};
-    double gathered;
     spsi_picture picture;
     spsi_sweep sweep;
-    spsi_run *run;
     memset(&picture, 0, sizeof picture);
     picture.frame = frame;
     if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
@@ -26778,7 +26680,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame))
         spsi_tmaps_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count);
-    gathered = spsi_clock(context);
+    double gathered = spsi_clock(context);
     context->stats.seconds_gather = gathered - start;
     spsi_eye_reference(frame);
     if (spsi_eye_polygons(context, frame, &picture.faces, &picture.visible)) return context->result;
@@ -26790,7 +26692,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     if (spsi_needs_tree(frame) && spsi_faces_tree(context, &picture.faces)) return context->result;
     context->stats.seconds_tree = spsi_clock(context) - gathered;
     picture.total = spsi_begin_total(context, frame);
-    run = spsi_run_reserve(context);
+    spsi_run *run = spsi_run_reserve(context);
     if (!picture.total || !run) return context->result;
     if (spsi_forward_tables(context, frame)) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n) /* what slabs cannot serve is refused before cells are lit */
@@ -26865,11 +26767,10 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
 /* Places fields by which filling is judged: of what is held, or of all that will be read: as if its bricks lay side by
    side or, if that is less, each apart from the others. */
 static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
-    spsi_fields *fields;
     if (!spsi_fields_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_fields_place(context, frame);
     context->fields_held = 0; /* they are not what is held */
-    fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
+    spsi_fields *fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
     fields->taps = spsi_taps_wanted(frame);
@@ -27342,10 +27243,8 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
 static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
     const spsi_setting coarsest = {0, 0, 0};
     spsi_reading reading;
-    double reads; /* units of work */
     spsi_rays rays;
     spsi_slabs slabs;
-    uint64_t bricks;
     report->eye_filling = "no volume that could be seen";
     report->light_filling = "no volume casts shadows by sheets";
     report->cells_filling = "no volume, or its light does not go from cell to cell, nor spread";
@@ -27354,7 +27253,9 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
     if (!spsi_scatters_fully(frame) || spsi_polygons_scatter(frame) ||
         (reading.held && frame->particles.set_count == 0))
         if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
-    reads = spsi_fixed_units[SPSI_STAGE_READ] + (double)report->voxels_read + (double)frame->particles.count;
+    /* units of work */
+    const double reads =
+        spsi_fixed_units[SPSI_STAGE_READ] + (double)report->voxels_read + (double)frame->particles.count;
     if (spsi_has_budget(&frame->view) &&
         spsi_budget_choose(context, frame, reads * spsi_rate(context, SPSI_STAGE_READ, &coarsest),
                            reading.held ? (double)context->voxel_count : (double)reading.voxels_kept, &report->budget))
@@ -27362,7 +27263,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
     if (spsi_plan_fields(context, frame, &reading)) return context->result;
     spsi_levels_choose(frame);
     spsi_plan_choices(context, frame);
-    bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
+    const uint64_t bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
     if (spsi_plan_sweeps(context, frame, bricks, report)) return context->result;
     if (spsi_plan_aim(context, frame, &rays, &slabs))
         spsi_plan_filling(frame, &rays, &slabs, SPSI_TARGET_SAMPLES, 0, &report->cells_gathered,
@@ -27601,10 +27502,9 @@ static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *
 
 /* The ray of a pixel, from the near plane on. Returns its length per unit of t. */
 static double spsi_march_ray(const spsi_rays *eye, int x, int y, spsi_ray *ray) {
-    double length;
     spsi_ray_point(eye, x, y, 0, ray->origin);
     spsi_ray_direction(eye, x, y, ray->direction);
-    length = spsi_length(ray->direction);
+    const double length = spsi_length(ray->direction);
     spsi_normalise(ray->direction);
     ray->low = eye->near_depth > -DBL_MAX ? eye->near_depth * length : -HUGE_VAL;
     ray->high = HUGE_VAL;
@@ -27722,11 +27622,10 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
 /* Optical depth of all gas between a point and a light. */
 static spsi_between spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
     double range[2], depths[SPSI_SETS_MAX], depth;
-    int count;
     spsi_ray ray;
     if (!spsi_lamp_ray(lamp, point, &ray)) return spsi_between_of(0, 0);
     depth = spsi_particles_depth(marcher, &ray, depths);
-    count = marcher->frame->medium_count > 0 ? spsi_march_range(marcher, &ray, range) : 0;
+    const int count = marcher->frame->medium_count > 0 ? spsi_march_range(marcher, &ray, range) : 0;
     for (int i = 0; i < count; ++i) {
         const double h = (range[1] - range[0]) / count;
         double at[3];
@@ -27984,7 +27883,6 @@ static double spsi_color_mean(const double c[3]) { return c[0] + (c[1] - c[0] + 
 static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                            spsi_walker *walker) {
     const double h = step->high - step->low, passes = exp(-walker->gas.low);
-    double depth, mean;
     spsi_source source;
     spsi_point point;
     (void)halvings;
@@ -27994,8 +27892,8 @@ static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, in
     point.samples = samples;
     spsi_point_build(marcher, step, &point);
     if (!(point.value_sum > 0)) return 1;
-    depth = h * point.extinction_sum;
-    mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
+    const double depth = h * point.extinction_sum;
+    const double mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
     point.gas = walker->gas.low + 0.5 * depth;
     spsi_point_source(marcher, &point, &source);
     spsi_between_add(&walker->gas, depth, depth);
@@ -28009,7 +27907,6 @@ static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, in
 
 /* Follows a pixel's ray up to its next face and through that. */
 static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
-    const spsi_face *face;
     spsi_between surface[3], passes;
     double range[2], before;
     spsi_ray ray;
@@ -28025,7 +27922,7 @@ static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample
     }
     walker->ended = walker->hit.face < 0;
     if (walker->ended) return;
-    face = &marcher->faces->list[walker->hit.face];
+    const spsi_face *face = &marcher->faces->list[walker->hit.face];
     passes = spsi_between_passes(walker->gas);
     before = spsi_color_mean(walker->filter);
     spsi_march_surface(marcher, &walker->hit, x, y, surface);
@@ -28483,11 +28380,10 @@ static void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *lam
     const spsi_frame *frame = marcher->frame;
     double depths[SPSI_SETS_MAX], range[2];
     spsi_ray ray;
-    int count;
     memset(shade, 0, sizeof *shade);
     if (!spsi_lamp_ray(lamp, point, &ray)) return;
     shade->depth.low = shade->depth.high = spsi_particles_depth(marcher, &ray, depths);
-    count = spsi_march_range(marcher, &ray, range);
+    const int count = spsi_march_range(marcher, &ray, range);
     for (int i = 0; i < count; ++i) {
         const spsi_ray part = spsi_march_part(&ray, range, i, count);
         for (int m = 0; m < frame->medium_count; ++m) {
@@ -28680,7 +28576,6 @@ static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step
                               spsi_coming *coming) {
     const double h = step->ray.high - step->ray.low;
     const double distance = spsi_step_distance(step, lamp);
-    double change;
     spsi_shade middle;
     spsi_bracket_shade(marcher, lamp, step->points[1], &middle);
     coming->depth[1] = middle.depth;
@@ -28697,7 +28592,7 @@ static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step
         coming->series.term[0] = middle.depth.high + 0.5 * h * coming->series.term[1];
         coming->series = spsi_series_product(&coming->series, &way);
     }
-    change = 0.5 * h * coming->series.term[1];
+    const double change = 0.5 * h * coming->series.term[1];
     coming->series.term[0] = 0;
     coming->passes = spsi_between_of(0, 1);
     if (distance > h) {
@@ -28813,10 +28708,9 @@ static void spsi_step_add_lamp(const spsi_marcher *marcher, const spsi_step *ste
     for (int m = 0; m < marcher->frame->medium_count; ++m) {
         const spsi_material *material = spsi_part_material(marcher->frame, m);
         spsi_coming sent = coming;
-        spsi_between light;
         if (!material->scatters) continue;
         spsi_coming_phase(step, lamp, material, &sent);
-        light = spsi_step_integral(marcher, step, m, &sent);
+        spsi_between light = spsi_step_integral(marcher, step, m, &sent);
         for (int c = 0; c < 3; ++c) {
             const double share = (double)material->albedo[c] * (double)lamp->color[c];
             spsi_between_add(&sum->light[c], share * (double)material->extinction * light.low * passes[c].low,
@@ -28973,7 +28867,6 @@ static int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, i
                              spsi_walker *walker) {
     const double range[2] = {ray->low, ray->high};
     spsi_step_light sum;
-    double before;
     if (!spsi_step_follow(marcher, ray, halvings, walker->gas, &sum)) {
         for (int n = 0; n < 2; ++n) {
             const spsi_ray half = spsi_march_part(ray, range, n, 2);
@@ -28986,7 +28879,7 @@ static int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, i
                          walker->filter[c] * sum.light[c].high);
         walker->source[c] = fmax(walker->source[c], sum.source[c]);
     }
-    before = exp(-0.5 * (walker->gas.low + walker->gas.high));
+    const double before = exp(-0.5 * (walker->gas.low + walker->gas.high));
     spsi_between_add(&walker->gas, sum.depth.low, sum.depth.high);
     walker->distance += spsi_color_mean(walker->filter) * 0.5 * (ray->low + ray->high) *
                         (before - exp(-0.5 * (walker->gas.low + walker->gas.high)));
@@ -29232,9 +29125,8 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
     while ((particle = spsi_walk_on(&walk, ray)) >= 0) {
         const spsi_particle_set *set = spsi_set_of(frame, particle);
         spsi_ray_chord chord;
-        double at;
         if (!spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord)) continue;
-        at = chord.at[0] + spsi_random_depth(random) / chord.depth;
+        double at = chord.at[0] + spsi_random_depth(random) / chord.depth;
         if (!(at < chord.at[1])) continue;
         at = set->soft ? 2 * sin(asin(fmax(2 * at, -1)) / 3) : 2 * at; /* s, of 3 s / 4 - s^3 / 4 */
         ray->high = fmax(chord.middle + at * chord.half, ray->low);
@@ -29286,7 +29178,6 @@ static void spsi_glow_draw(const spsi_marcher *marcher, uint64_t *random, spsi_l
     const double pick = (1 - DBL_EPSILON) * spsi_random(random) * marcher->glow_sum; /* rounded, it is below the sum */
     const spsi_material *material;
     size_t low = 0, high = marcher->glow_count - 1, rows;
-    double left;
     int m = 0;
     while (low < high) {
         const size_t middle = low + (high - low) / 2;
@@ -29295,7 +29186,7 @@ static void spsi_glow_draw(const spsi_marcher *marcher, uint64_t *random, spsi_l
         else
             low = middle + 1;
     }
-    left = low > 0 ? pick - marcher->glow[low - 1] : pick;
+    double left = low > 0 ? pick - marcher->glow[low - 1] : pick;
     memset(lamp, 0, sizeof *lamp);
     lamp->is_point = lamp->falls_off = lamp->shadows = 1;
     for (; m < frame->medium_count && low >= (rows = spsi_dense_rows(&marcher->grids[m])); ++m) low -= rows;
@@ -29615,7 +29506,6 @@ static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher) {
 
 static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *frame,
                                        const sps_reference_settings *settings, const sps_image *image) {
-    spsi_rays centre;
     spsi_faces faces;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
     if (!marcher) return context->result;
@@ -29635,7 +29525,7 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     if (settings->lower && spsi_bracket_begin(context, marcher)) return context->result;
     marcher->total = spsi_begin_total(context, frame);
     if (!marcher->total) return context->result;
-    centre = frame->content->eye;
+    spsi_rays centre = frame->content->eye;
     for (; marcher->sample < marcher->side * marcher->side; ++marcher->sample) {
         int left = 1;
         spsi_march_start(marcher, &centre, marcher->sample);
@@ -29679,9 +29569,22 @@ static sps_result spsi_check_config(sps_context *context, const sps_config *conf
     return SPS_OK;
 }
 
-/* Begins a call that records errors: clears result and error, and restarts the statistics except for the bytes held. */
-static void spsi_begin(sps_context *context) {
+/* Refuses a call within another one. The first refusal is the error and is told; message_fn may cause the next. */
+static sps_result spsi_refuse(sps_context *context) {
+    if (context->within == 2) return context->result;
+    context->within = 2;
+    context->result = SPS_OK;
+    return spsi_fail(context, SPS_ERROR_CALLBACK,
+                     "a callback threw or jumped out of an earlier call, or called into its own context: destroy it");
+}
+
+/* Begins a call that records errors: clears result and error, and restarts the statistics except for the bytes held.
+   Returns an error if there can be no call. */
+static sps_result spsi_begin(sps_context *context) {
     sps_stats_report fresh;
+    if (!context) return SPS_ERROR_ARGUMENT;
+    if (context->within) return spsi_refuse(context);
+    context->within = 1;
     memset(&fresh, 0, sizeof fresh);
     fresh.bytes = context->stats.bytes;
     fresh.bytes_peak = context->stats.bytes_peak;
@@ -29693,12 +29596,19 @@ static void spsi_begin(sps_context *context) {
     context->pace.counts = 0;
     context->pace.seconds_fields = 0;
     context->clock_start = spsi_clock(context);
+    return SPS_OK;
 }
 
-/* Ends a call whose time is recorded. Returns its result. */
+/* Ends a call. Returns its result. */
 static sps_result spsi_end(sps_context *context) {
-    context->stats.seconds_total = spsi_clock(context) - context->clock_start;
+    context->within = 0;
     return context->result;
+}
+
+/* Ends a call whose time is recorded. */
+static sps_result spsi_end_timed(sps_context *context) {
+    context->stats.seconds_total = spsi_clock(context) - context->clock_start;
+    return spsi_end(context);
 }
 
 SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why) {
@@ -29757,9 +29667,6 @@ static int spsi_rows_fit(const spsi_frame *frame, size_t row_pixels) {
 /* Begins sps_render and sps_reference: checks their arguments, and returns the frame. NULL after a failure. */
 static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene, const sps_view *view,
                                     const sps_image *image) {
-    spsi_frame *frame;
-    if (!context) return NULL;
-    spsi_begin(context);
     if (spsi_require(context, scene, "scene") || spsi_require(context, view, "view") ||
         spsi_require(context, image, "image"))
         return NULL;
@@ -29767,7 +29674,7 @@ static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene
         spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_IMAGE, -1, "rgba", 0, SPSI_IS_NULL);
         return NULL;
     }
-    frame = spsi_frame_build(context, scene, view, image->depth != NULL);
+    spsi_frame *frame = spsi_frame_build(context, scene, view, image->depth != NULL);
     if (!frame) return NULL;
     if (!spsi_rows_fit(frame, image->row_pixels)) {
         spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_IMAGE, -1, "row_pixels", (double)image->row_pixels,
@@ -29779,11 +29686,12 @@ static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene
 
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image) {
+    const sps_result refused = spsi_begin(context);
+    if (refused) return refused;
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
-    if (!context) return SPS_ERROR_ARGUMENT;
     if (frame) spsi_render_frame(context, frame, image);
     spsi_tmaps_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count); /* there are some after a failure */
-    return spsi_end(context);
+    return spsi_end_timed(context);
 }
 
 SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report) {
@@ -29794,16 +29702,15 @@ SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report)
 
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report) {
-    spsi_frame *frame;
+    const sps_result refused = spsi_begin(context);
     if (report) memset(report, 0, sizeof *report);
-    if (!context) return SPS_ERROR_ARGUMENT;
-    spsi_begin(context);
+    if (refused) return refused;
     if (spsi_require(context, scene, "scene") || spsi_require(context, view, "view") ||
         spsi_require(context, report, "report"))
-        return context->result;
-    frame = spsi_frame_build(context, scene, view, 1);
+        return spsi_end(context);
+    spsi_frame *frame = spsi_frame_build(context, scene, view, 1);
     if (frame && spsi_plan_frame(context, frame, report)) memset(report, 0, sizeof *report);
-    return context->result;
+    return spsi_end(context);
 }
 
 SPS_API const char *sps_pass_name(sps_pass pass) {
@@ -29834,11 +29741,12 @@ static sps_result spsi_check_reference(sps_context *context, const sps_reference
 
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
                                  const sps_reference_settings *settings, const sps_image *image) {
+    const sps_result refused = spsi_begin(context);
+    if (refused) return refused;
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
-    if (!context) return SPS_ERROR_ARGUMENT;
     if (frame && spsi_check_reference(context, settings) == SPS_OK)
         spsi_reference_frame(context, frame, settings, image);
-    return spsi_end(context);
+    return spsi_end_timed(context);
 }
 
 /* Converts a half to a float, which can hold every half exactly. */
@@ -29984,15 +29892,14 @@ SPS_API void sps_tmap_destroy(sps_tmap *map) {
 
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,
                                    sps_tmap **map) {
+    const sps_result refused = spsi_begin(context);
     if (map) *map = NULL;
-    if (!context) return SPS_ERROR_ARGUMENT;
-    spsi_begin(context);
+    if (refused) return refused;
     if (spsi_require(context, light, "light") || spsi_require(context, settings, "settings") ||
-        spsi_require(context, map, "map"))
-        return context->result;
-    if (spsi_tmap_check(context, light, settings)) return context->result;
+        spsi_require(context, map, "map") || spsi_tmap_check(context, light, settings))
+        return spsi_end(context);
     *map = (sps_tmap *)spsi_acquire(context, 1, sizeof **map);
-    if (!*map) return context->result;
+    if (!*map) return spsi_end(context);
     memset(*map, 0, sizeof **map);
     (*map)->context = context;
     context->tmap_count += 1;
@@ -30000,7 +29907,7 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *l
         sps_tmap_destroy(*map);
         *map = NULL;
     }
-    return context->result;
+    return spsi_end(context);
 }
 
 /* Maps accept occluders until they are finished, or have failed to finish. */
@@ -30011,19 +29918,19 @@ static sps_result spsi_require_unfinished(const sps_tmap *map) {
 }
 
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene) {
-    if (!map) return SPS_ERROR_ARGUMENT;
-    spsi_begin(map->context);
-    if (spsi_require(map->context, scene, "scene") || spsi_require_unfinished(map)) return map->context->result;
-    return spsi_tmap_add(map, scene);
+    const sps_result refused = spsi_begin(map ? map->context : NULL);
+    if (refused) return refused;
+    if (!spsi_require(map->context, scene, "scene") && !spsi_require_unfinished(map)) spsi_tmap_add(map, scene);
+    return spsi_end(map->context);
 }
 
 SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
-    if (!map) return SPS_ERROR_ARGUMENT;
-    spsi_begin(map->context);
-    if (spsi_require_unfinished(map)) return spsi_end(map->context);
+    const sps_result refused = spsi_begin(map ? map->context : NULL);
+    if (refused) return refused;
+    if (spsi_require_unfinished(map)) return spsi_end_timed(map->context);
     map->failed = spsi_tmap_finish(map) != SPS_OK;
     spsi_tmap_forget(map);
-    return spsi_end(map->context);
+    return spsi_end_timed(map->context);
 }
 
 static int spsi_tmap_queryable(const sps_tmap *map, size_t count, const void *positions) {
@@ -30097,10 +30004,9 @@ SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double
 }
 
 SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tmap_constants *constants) {
-    const sps_tmap_settings *settings;
     double matrix[16], bias[2];
     if (!constants || sps_tmap_get_projection(map, face, matrix, bias) != SPS_OK) return SPS_ERROR_ARGUMENT;
-    settings = &map->settings;
+    const sps_tmap_settings *settings = &map->settings;
     memset(constants, 0, sizeof *constants);
     for (int i = 0; i < 4; ++i) {
         constants->row_x[i] = (float)matrix[i];

@@ -931,6 +931,8 @@ static void test_progress_steps(void) {
     sps_destroy(own);
 }
 
+#define LONG_SWARM   20480
+#define LONG_LIGHTS  63
 #define TASK_SECONDS 0.0004 /* pass between two looks at the clock: a task */
 
 typedef struct pace {
@@ -987,6 +989,107 @@ static void test_progress_pace(void) {
                    "10 ms, the task and two looks for statistics");
         CHECK(p.least > 0.01 - 1e-9 && p.least < 1);
         if (getenv("CHECK_FIGURES")) printf("%d: %ld calls in %g, %g to %g\n", which, p.calls, p.now, p.least, p.most);
+    }
+}
+
+/* A scene of one tile in which one task does most of the work: 0: shading slabs; 1: splatting bricks; 2: light that a
+   curved wall receives from cells; 3: particles of a map. */
+static void start_long_task(check_scene *s, int which, sps_particle *swarm, sps_particles *set) {
+    static sps_light lights[LONG_LIGHTS];
+    start(s, 64, 64, 2);
+    s->view.scattering = which == 2 ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
+    s->view.quality = SPS_QUALITY_DRAFT;
+    if (which < 3) {
+        const int side = which == 1 ? 128 : 16;
+        sps_volume *volume = check_add_volume(s, side, side, side, check_box(-1, -1, -1, 1, 1, 1));
+        volume->read_fn = check_read_constant, volume->user = &one;
+        volume->extinction = 0.5f, volume->revision = 1;
+        check_color(volume->albedo, 0.9, 0.9, 0.9);
+        s->view.filling = which == 1 ? SPS_FILLING_SPLAT : SPS_FILLING_GATHER;
+    }
+    if (which == 0) { /* lights that have no shadows, which each pixel looks up */
+        memset(lights, 0, sizeof lights);
+        for (int i = 0; i < LONG_LIGHTS; ++i) {
+            check_set3(lights[i].direction, 0, 0, -1);
+            check_color(lights[i].color, 1, 1, 1);
+            lights[i].no_shadow = 1;
+        }
+        s->scene.lights = lights, s->scene.light_count = LONG_LIGHTS;
+        s->view.slab = 0.05;
+    }
+    if (which == 1) s->view.slab = 8; /* few chunks of slabs, each a task */
+    if (which == 2) {
+        add_square(&ground, 1, -1.2, 0);
+        for (int k = 0; k < 9; ++k) ground.list[0].normal[k / 3][k % 3] = k % 3 == 2 ? 1.0f : 0.1f * (float)(k / 3);
+        memcpy(ground.list[1].normal, ground.list[0].normal, sizeof ground.list[0].normal);
+        check_add_mesh(s, &ground, 0.5)->has_normals = 1;
+        s->mesh[0].revision = 1;
+        check_add_directional(s, 0.3, 0, -1, 2);
+        s->view.scatter_size = 4;
+    }
+    if (which < 3) return;
+    for (int i = 0; i < LONG_SWARM; ++i) {
+        for (int k = 0; k < 3; ++k) swarm[i].position[k] = (float)((i >> 3 * k) % 8) / 8 - 0.5f;
+        swarm[i].radius = 0.1f, swarm[i].optical_depth = 0.001f;
+    }
+    memset(set, 0, sizeof *set);
+    set->count = LONG_SWARM, set->read_fn = check_read_particles, set->user = swarm;
+    s->scene.particles = set, s->scene.particle_set_count = 1;
+}
+
+/* Calls of progress_fn in the second of two frames, which has little else to do than the task, or in making a map. */
+static long calls_of_long_task(sps_context *own, const check_scene *s, int which, check_cancel *count,
+                               sps_stats_report *stats) {
+    static float rgba[4 * 64 * 64];
+    sps_image image = {rgba, NULL, 0};
+    const sps_tmap_light light = check_light_of(&s->view);
+    sps_tmap_settings settings;
+    sps_tmap *map = NULL;
+    memset(&settings, 0, sizeof settings);
+    settings.technique = SPS_TMAP_OPACITY, settings.near_depth = 5, settings.far_depth = 15;
+    for (int n = 0; n < 2 && which < 3; ++n) {
+        count->calls = 0;
+        CHECK_OK(own, sps_render(own, &s->scene, &s->view, &image));
+    }
+    if (which == 3) {
+        CHECK_OK(own, sps_tmap_create(own, &light, &settings, &map));
+        CHECK_OK(own, sps_tmap_add(map, &s->scene));
+        CHECK_OK(own, sps_tmap_finish(map));
+        sps_tmap_destroy(map);
+    }
+    sps_get_stats(own, stats);
+    return count->calls;
+}
+
+/* On one thread, progress_fn can be called amid a task, too: after at most 8 rows of a vector of pixels that look up 63
+   lights in 16 slabs, 128 bricks of 8^3 voxels, 64 pixels that receive light, twice here, or 256 particles, which were
+   placed in tasks of as many. Without one of these, calls are missing: 703, 3, 51, 70. */
+static void test_progress_amid_tasks(void) {
+    static sps_particle swarm[LONG_SWARM];
+    sps_particles set;
+    for (int which = 0; which < 4; ++which) {
+        check_cancel count = {0, 0};
+        check_hooks hooks;
+        sps_config config;
+        sps_context *own;
+        check_scene s;
+        sps_stats_report stats;
+        long calls, asked;
+        memset(&hooks, 0, sizeof hooks);
+        config = check_config(&hooks);
+        config.progress_fn = check_cancel_at, config.progress_user = &count;
+        config.clock_fn = check_hasty_clock;
+        own = sps_create(&config, NULL);
+        start_long_task(&s, which, swarm, &set);
+        calls = calls_of_long_task(own, &s, which, &count, &stats);
+        asked = (long)(which == 0   ? stats.pixels_shaded / (8 * 16 * 16)
+                       : which == 1 ? stats.eye_footprints / (128 * 512)
+                       : which == 2 ? stats.pixels_of_polygons / 32
+                                    : stats.particles / 128);
+        CHECK_CASE("Engineering", "work between two calls of progress_fn within a task", "calls that are missing",
+                   (double)(calls < asked ? asked - calls : 0), 0, "exact");
+        if (getenv("CHECK_FIGURES")) printf("task %d: %ld calls, %ld asked for\n", which, calls, asked);
+        sps_destroy(own);
     }
 }
 
@@ -1171,6 +1274,7 @@ int main(void) {
     RUN(test_progress_of_calls);
     RUN(test_progress_steps);
     RUN(test_progress_pace);
+    RUN(test_progress_amid_tasks);
     RUN(test_failed_plans);
     RUN(test_unwritten_voxels);
     sps_destroy(context);

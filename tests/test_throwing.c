@@ -208,6 +208,20 @@ static sps_result make(sps_context *context, call which, sps_tmap *volatile *map
     return sps_plan(context, &s.scene, &s.view, &report);
 }
 
+/* After a callback has left a call, every kind of call is refused, again and again. */
+static void refused(sps_context *context, sps_tmap *map) {
+    check_scene s;
+    for (int n = 0; n < 2; ++n)
+        for (int which = 0; which < CALLS; ++which) {
+            sps_tmap *volatile none = NULL;
+            if (which != MAP) CHECK(make(context, (call)which, &none) == SPS_ERROR_CALLBACK);
+            if (which == MAP) CHECK(make(context, MAP, &none) == SPS_ERROR_MEMORY && !none);
+            CHECK(strstr(sps_error(context), "threw or jumped out of an earlier call"));
+        }
+    build(&s, MAP);
+    if (map) CHECK(sps_tmap_add(map, &s.scene) == SPS_ERROR_CALLBACK && sps_tmap_finish(map) == SPS_ERROR_CALLBACK);
+}
+
 /* Makes a call that a callback leaves at its at-th call of that kind, and destroys what there is. KINDS: none leaves.
  */
 static void leave(call which, kind leaves, long at) {
@@ -236,6 +250,7 @@ static void leave(call which, kind leaves, long at) {
 #endif
     state.leaves = KINDS;
     CHECK(left == (leaves != KINDS));
+    if (left) refused(context, map);
     sps_tmap_destroy(map);
     sps_destroy(context);
     if (!CHECK_CASE("Engineering", "callbacks that throw, which they must not", "bytes left after sps_destroy",
@@ -262,8 +277,55 @@ static void test_throwing(void) {
         if (!CHECK(times[leaves] >= 2)) printf("    %s: %ld\n", kind_names[leaves], times[leaves]);
 }
 
+/* A callback that calls into its own context gets an error, and so does the call that it interrupts; after that, the
+   context can be used. message_fn does the same in turn, and is told once. */
+static struct {
+    sps_context *context;
+    int calls, told;
+    sps_result within;
+} inner;
+
+static int read_inner(void *user, const int lo[3], const int size[3], float *out) {
+    sps_plan_report report;
+    if (inner.calls++ == 0) inner.within = sps_plan(inner.context, NULL, NULL, &report);
+    return check_read_constant(user, lo, size, out);
+}
+
+static void message_inner(void *user, const char *text) {
+    sps_plan_report report;
+    (void)user;
+    inner.told += strstr(text, "called into its own context") != NULL;
+    CHECK(sps_plan(inner.context, NULL, NULL, &report) == SPS_ERROR_CALLBACK);
+}
+
+static void test_calls_within(void) {
+    static float one = 1;
+    check_hooks hooks;
+    check_scene s;
+    sps_config config;
+    sps_image image = {pixels, NULL, 0};
+    memset(&hooks, 0, sizeof hooks), memset(&inner, 0, sizeof inner);
+    config = check_config(&hooks);
+    config.message_fn = message_inner;
+    inner.context = sps_create(&config, NULL);
+    check_clear(&s, 8, 8);
+    check_orthographic(&s.view.camera, 2.6);
+    check_add_volume(&s, 4, 4, 4, check_box(-1, -1, -1, 1, 1, 1))->read_fn = read_inner;
+    s.volume[0].user = &one, s.volume[0].extinction = 1;
+    CHECK(sps_render(inner.context, &s.scene, &s.view, &image) == SPS_ERROR_CALLBACK && inner.told == 1);
+    CHECK(inner.within == SPS_ERROR_CALLBACK && strstr(sps_error(inner.context), "called into its own context"));
+    CHECK_OK(inner.context, sps_render(inner.context, &s.scene, &s.view, &image));
+    s.view.width = -1; /* an error that message_fn is told, which then causes the other one */
+    CHECK(sps_render(inner.context, &s.scene, &s.view, &image) == SPS_ERROR_CALLBACK && inner.told == 2);
+    s.view.width = 8;
+    CHECK_OK(inner.context, sps_render(inner.context, &s.scene, &s.view, &image));
+    sps_destroy(inner.context);
+    CHECK(hooks.live == 0);
+}
+
 int main(void) {
     RUN(test_throwing);
+    RUN(test_calls_within);
     check_free_triangles(&triangles);
     return check_report();
 }

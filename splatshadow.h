@@ -4262,7 +4262,8 @@ typedef struct spsi_cell_grid {
     float peak[SPSI_MATERIALS_MAX];     /* share of what is scattered that goes straight on */
     float swept[SPSI_MATERIALS_MAX];    /* share of what glows that does not fly, >>flights */
     sps_lobe phase[SPSI_LOBES_MAX]; /* of the material of the highest peak */
-    int single, phase_count;        /* which material that is; number of its lobes, or 0: no gas has a peak */
+    int single, phase_count;        /* which material that is; number of its lobes, or 0: no peak or not just one sun */
+    double sun[3];                  /* the direction of its light */
     float *depth;                       /* optical depth along an edge */
     float *moments;                     /* per channel and term: what the light in a cell is, without ambient light */
     float *flown;   /* the same of first flights, which are in no other moments; NULL: there are none, >>flights */
@@ -18366,7 +18367,7 @@ typedef struct spsi_cell_solver {
     double *balance; /* per plane of cells: what is missing, and what is sent */
     spsi_cell_rays rays;
     int walled;          /* 1: links between cells are closed */
-    const float *single; /* 4 moments of single scattering, over the phase function; NULL: cells send that, too */
+    const float *single; /* per cell: single scattering over the phase function; NULL: cells send that, too */
 } spsi_cell_solver;
 
 /* The link by which light in the direction of a step enters a cell. */
@@ -19153,10 +19154,10 @@ static void spsi_cells_continue_task(void *data, int row) {
 #define SPSI_CELL_AIM 0.6f /* of a way through the grid: where light that leaves it comes from */
 #define SPSI_CELL_PLACES 6 /* floats of where a patch is: its middle, from the grid's corner; area; widths */
 
-/* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. If there
-   is a peak, two such sets follow per channel: single scattering over the phase function; its mean direction. */
+/* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. With
+   lobes, one more such set follows per channel: single scattering over the phase function. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    const int sets = grid->phase_count > 0 ? 3 : 1;
+    const int sets = grid->phase_count > 0 ? 2 : 1;
     return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * sets * grid->channels) * SPSI_CELL_SHEET);
 }
 
@@ -19422,20 +19423,17 @@ static spsi_v spsi_cell_patches_sum(const float *terms, const spsi_v harmonic[SP
     return sum;
 }
 
-/* The phase function, over an even one, by which patches send single scattering along -`ahead`. Light of mean cosine b
-   counts as a fraction b in one direction and an even rest. Scaled extinction leaves the peak's light twice: straight
-   on, and in the lobe's innermost part, f (1 - g^2)^2 / (1 + g^2) times the lobe of it. So that part keeps only the mean
-   of exp(-(1 / k - 1) t) on a way of scaled depth t. Lobes sharper than g = 0.85 would show the parts of patches. */
-static spsi_v spsi_cell_patches_phase(const spsi_cell_grid *grid, int channel, const float *mean, const spsi_v ahead[3],
-                                      spsi_v depth) {
+/* The phase function, over an even one, by which patches send single scattering along -`ahead`. Scaled extinction
+   leaves the peak's light twice: straight on, and in the lobe's innermost part, f (1 - g^2)^2 / (1 + g^2) times the
+   lobe of it. So that part keeps only the mean of exp(-(1 / k - 1) t) on a way of scaled depth t. Lobes sharper than
+   g = 0.85 would show the parts of patches. */
+static spsi_v spsi_cell_patches_phase(const spsi_cell_grid *grid, int channel, const spsi_v ahead[3], spsi_v depth) {
     const spsi_v one = spsi_set(1), unit = spsi_set((float)(4 * SPSI_PI)), zero = spsi_set(0);
     const spsi_v straight = spsi_mul(depth, spsi_set(1 / spsi_higher(grid->scale[channel], 0.03f) - 1));
     const spsi_v more = spsi_sub(spsi_mean_transmittance(zero, straight), one);
-    const spsi_v toward[3] = {spsi_load(mean + 2 * SPSI_CELL_SHEET), spsi_load(mean),
-                              spsi_load(mean + SPSI_CELL_SHEET)};
-    const spsi_v length = spsi_sqrt(spsi_max(spsi_dot_v(toward, toward), spsi_set(1e-30f))); /* sqrt(3) b */
-    const spsi_v cosine = spsi_div(spsi_dot_v(toward, ahead), spsi_sub(zero, length));
-    spsi_v sum = spsi_set(-1);
+    spsi_v sun[3], sum = zero, cosine;
+    spsi_set3(grid->sun, sun);
+    cosine = spsi_sub(zero, spsi_dot_v(sun, ahead));
     for (int i = 0; i < grid->phase_count; ++i) {
         const float g = spsi_higher(spsi_lower(grid->phase[i].asymmetry, 0.85f), -0.85f), g2 = g * g;
         const float peak = (grid->orders > 2 ? g2 * g2 : g2) * (1 - g2) * (1 - g2) / (1 + g2);
@@ -19443,7 +19441,7 @@ static spsi_v spsi_cell_patches_phase(const spsi_cell_grid *grid, int channel, c
         const spsi_v left = spsi_max(spsi_fma(spsi_mul(lobe, spsi_set(peak)), more, one), zero);
         sum = spsi_fma(spsi_mul(lobe, left), spsi_set(grid->phase[i].weight), sum);
     }
-    return spsi_fma(spsi_mul(length, spsi_set(0.57735027f)), sum, one);
+    return sum;
 }
 
 /* Adds the irradiance by a vector of patches, whose parts are `area` large. `way`: to their middles; `off`: of these,
@@ -19479,7 +19477,7 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
         sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
         if (from->grid->phase_count > 0)
             sum = spsi_fma(spsi_max(spsi_cell_patches_sum(sent + set + SPSI_CELL_SHEET, harmonic), zero),
-                           spsi_cell_patches_phase(from->grid, from->channel + c, sent + 2 * set, ahead, depth), sum);
+                           spsi_cell_patches_phase(from->grid, from->channel + c, ahead, depth), sum);
         sums[c] = spsi_fma(spsi_mul(share, spsi_cell_shape(depth)), sum, sums[c]);
     }
 }
@@ -19569,11 +19567,11 @@ static double spsi_cells_outside(const spsi_cell_grid *grid, const double point[
 }
 
 /* The scale of extinction on light's way to a point of a surface, or to the eye (`point`: NULL). Outside all grids it
-   is 1: patches send what peaks scatter. */
+   is 1 if patches send what peaks scatter. */
 static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c, const double *point) {
     const double scale = count > 0 ? (double)grids->scale[spsi_least(c, grids->channels - 1)] : 1;
-    double outside = point != NULL;
-    for (int n = 0; n < count && point; ++n) outside = fmin(outside, spsi_cells_outside(&grids[n], point));
+    double outside = point && count > 0 && grids->phase_count > 0;
+    for (int n = 0; n < count && outside > 0; ++n) outside = fmin(outside, spsi_cells_outside(&grids[n], point));
     return scale + (1 - scale) * outside;
 }
 
@@ -23504,6 +23502,7 @@ static int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, 
 
 /* Sets what follows from the size. */
 static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
+    const int sun = frame->lamps.count == 1 && !frame->lamps.list[0].is_point;
     grid->pitch = spsi_cell_pitch(grid->size[0]);
     grid->count = spsi_cell_stride((size_t)grid->pitch * (size_t)spsi_most(2, grid->size[1] * grid->size[2]));
     grid->orders = frame->meshes.count > 0 ? spsi_most(2, frame->matter.orders) : frame->matter.orders;
@@ -23514,11 +23513,12 @@ static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
         const double peak = material->scatters ? spsi_phase_peak(material, grid->orders) : 0;
-        if (peak > (double)grid->peak[grid->single]) grid->single = m, grid->phase_count = material->lobe_count;
+        if (sun && peak > (double)grid->peak[grid->single]) grid->single = m, grid->phase_count = material->lobe_count;
         grid->peak[m] = (float)peak;
         for (int l = 0; l < grid->orders; ++l) grid->lobes[m][l] = (float)(spsi_phase_moment(material, l) - peak);
     }
     memcpy(grid->phase, frame->matter.materials[grid->single].lobes, sizeof grid->phase);
+    if (sun) memcpy(grid->sun, frame->lamps.list[0].direction, sizeof grid->sun);
 }
 
 /* Whether a peak passes on light of lights without shadows: they have tables, too, which tell how much. */
@@ -24761,10 +24761,10 @@ static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[
 }
 
 /* Finds the radiance that comes back along rays of a length in cells, which begin at a place in cells: what these send,
-   in equal steps of at most three quarters of an edge: longer ones are 3 % too bright beside dense gas. Four moments
-   follow: single scattering over the phase function. Without it, what cells send is smooth and needs no degree 3. */
+   in equal steps of at most three quarters of an edge: longer ones are 3 % too bright beside dense gas. found[1] is
+   single scattering over the phase function. Without it, what cells send is smooth and needs no degree 3. */
 static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
-                                spsi_v length, spsi_v found[5]) {
+                                spsi_v length, spsi_v found[2]) {
     const spsi_cell_level *level = &solver->levels[0];
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     const spsi_v count = spsi_add(spsi_floor(spsi_mul(length, spsi_set(1 / 0.75f))), one);
@@ -24772,7 +24772,7 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
     const spsi_v back[3] = {spsi_sub(zero, way[0]), spsi_sub(zero, way[1]), spsi_sub(zero, way[2])};
     spsi_v through = one, harmonic[SPSI_CELL_TERMS], before[3] = {zero, zero, zero};
     spsi_harmonics_v(back, solver->terms, harmonic);
-    for (int t = 0; t < 5; ++t) found[t] = zero;
+    found[0] = found[1] = zero;
     for (float i = 0.5f;; i += 1) {
         const spsi_m on = spsi_and(spsi_less(spsi_set(i), count), spsi_less(spsi_set(1e-3f), through));
         spsi_v at[3], row, depth, passes, taken, sent;
@@ -24792,9 +24792,8 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
         taken = spsi_select(spsi_less(depth, spsi_set(1e-3f)), depth, spsi_sub(one, passes));
         taken = spsi_select(on, spsi_mul(through, taken), zero);
         found[0] = spsi_fma(taken, sent, found[0]);
-        for (int t = 1; t < 5 && solver->single; ++t)
-            found[t] = spsi_fma(taken, spsi_lookup(solver->single + (size_t)(t - 1) * level->count, level->pitch, at[0],
-                                                   row), found[t]);
+        if (solver->single)
+            found[1] = spsi_fma(taken, spsi_lookup(solver->single, level->pitch, at[0], row), found[1]);
         through = spsi_mul(through, passes);
     }
 }
@@ -24848,9 +24847,9 @@ static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid 
     const double extent[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]}; /* in cells */
     const int set = grid->channels * (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET;
     float *sent = spsi_cell_patches_sent(grid, job->channel) + patch;
-    float seen[5][SPSI_CELL_RAYS], taken[SPSI_CELL_RAYS], flux[5] = {0};
+    float seen[2][SPSI_CELL_RAYS], taken[SPSI_CELL_RAYS];
     for (int n = 0; n < SPSI_CELL_RAYS; n += SPSI_LANES) {
-        spsi_v from[3], way[3], length, found[5];
+        spsi_v from[3], way[3], length, found[2];
         for (int k = 0; k < 3; ++k) {
             const int own = k == axis ? 2 : k > axis ? k - 1 : k; /* along the side: the lower axis first */
             const spsi_v out = spsi_load(rays->out[own] + n);
@@ -24860,26 +24859,24 @@ static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid 
         length = spsi_cell_way_through(extent, from, way);
         spsi_store(taken + n, spsi_cell_shape(spsi_mul(length, spsi_set(grid->thick[job->channel]))));
         spsi_cells_radiance(job->solver, from, way, length, found);
-        for (int t = 0; t < 5; ++t) spsi_store(seen[t] + n, found[t]);
+        for (int i = 0; i < 2; ++i) spsi_store(seen[i] + n, found[i]);
     }
-    for (int i = 0; i < 5; ++i)
-        for (int n = 0; n < SPSI_CELL_RAYS; ++n) flux[i] += rays->weight[n] * seen[i][n];
     for (int i = 0; i <= (job->solver->single != NULL); ++i, sent += set) {
-        float terms[SPSI_CELL_TERMS] = {0}, made = 0;
-        for (int n = 0; n < SPSI_CELL_RAYS; ++n)
-            for (int t = 0; t < SPSI_CELL_TERMS; ++t)
-                terms[t] += seen[i][n] / spsi_higher(taken[n], FLT_MIN) * rays->fit[n][t];
+        float terms[SPSI_CELL_TERMS] = {0}, flux = 0, made = 0;
+        for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
+            const float ratio = seen[i][n] / spsi_higher(taken[n], FLT_MIN);
+            flux += rays->weight[n] * seen[i][n];
+            for (int t = 0; t < SPSI_CELL_TERMS; ++t) terms[t] += ratio * rays->fit[n][t];
+        }
         for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
             float ratio = 0;
             for (int t = 0; t < SPSI_CELL_TERMS; ++t) ratio += terms[t] * rays->harmonic[n][t];
-            if ((ratio > 0) == (flux[i] > 0)) made += rays->weight[n] * taken[n] * ratio;
+            if ((ratio > 0) == (flux > 0)) made += rays->weight[n] * taken[n] * ratio;
         }
-        sent[0] = flux[i];
+        sent[0] = flux;
         for (int t = 0; t < SPSI_CELL_TERMS; ++t)
-            sent[(1 + t) * SPSI_CELL_SHEET] = fabsf(made) > 0 ? (float)SPSI_PI * terms[t] * (flux[i] / made) : 0;
+            sent[(1 + t) * SPSI_CELL_SHEET] = fabsf(made) > 0 ? (float)SPSI_PI * terms[t] * (flux / made) : 0;
     }
-    for (int t = 0; t < 3 && job->solver->single; ++t)
-        sent[t * SPSI_CELL_SHEET] = flux[1] > 0 ? flux[2 + t] / flux[1] : 0;
 }
 
 static void spsi_cell_patches_task(void *data, int patch) {
@@ -24907,7 +24904,7 @@ static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cel
             const size_t i = (size_t)t * grid->count + at;
             const float light = unit * incoming[i];
             level->moments[1][i] = level->sent[i] - grid->lobes[grid->single][spsi_term_degree(t)] * light;
-            if (t < 4) single[i] = light;
+            if (t == 0) single[at] = light;
         }
     }
     job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));

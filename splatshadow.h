@@ -4261,6 +4261,9 @@ typedef struct spsi_cell_grid {
     float lobes[SPSI_MATERIALS_MAX][4]; /* per material: its moments of degree 0 to 3, less its peak */
     float peak[SPSI_MATERIALS_MAX];     /* share of what is scattered that goes straight on */
     float swept[SPSI_MATERIALS_MAX];    /* share of what glows that does not fly, >>flights */
+    sps_lobe phase[SPSI_LOBES_MAX]; /* of the material of the highest peak */
+    int single, phase_count;        /* which material that is; number of its lobes, or 0: no peak or not just one sun */
+    double sun[3];                  /* the direction of its light */
     float *depth;                       /* optical depth along an edge */
     float *moments;                     /* per channel and term: what the light in a cell is, without ambient light */
     float *flown;   /* the same of first flights, which are in no other moments; NULL: there are none, >>flights */
@@ -18275,7 +18278,8 @@ typedef struct spsi_cell_solver {
     float *scratch;  /* rows and planes of radiance */
     double *balance; /* per plane of cells: what is missing, and what is sent */
     spsi_cell_rays rays;
-    int walled; /* 1: links between cells are closed */
+    int walled;          /* 1: links between cells are closed */
+    const float *single; /* per cell: single scattering over the phase function; NULL: cells send that, too */
 } spsi_cell_solver;
 
 /* The link by which light in the direction of a step enters a cell. */
@@ -19062,9 +19066,11 @@ static void spsi_cells_continue_task(void *data, int row) {
 #define SPSI_CELL_AIM 0.6f /* of a way through the grid: where light that leaves it comes from */
 #define SPSI_CELL_PLACES 6 /* floats of where a patch is: its middle, from the grid's corner; area; widths */
 
-/* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. */
+/* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. With
+   lobes, one more such set follows per channel: single scattering over the phase function. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * grid->channels) * SPSI_CELL_SHEET);
+    const int sets = grid->phase_count > 0 ? 2 : 1;
+    return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * sets * grid->channels) * SPSI_CELL_SHEET);
 }
 
 /* What leaves patches in a channel. */
@@ -19314,12 +19320,41 @@ static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_S
 
 /* A side of the grid that lights a surface, in `count` channels. */
 typedef struct spsi_cell_sender {
+    const spsi_cell_grid *grid;
     const float *sent; /* by the first channel's patches */
-    int count, axis, along[2];
+    int channel, count, axis, along[2];
     float thick[3];   /* per channel: the grid's mean extinction */
     double extent[3]; /* of the grid */
     spsi_v at[3], normal[3]; /* the surface's; `at`: from the grid's corner */
 } spsi_cell_sender;
+
+/* A sum of harmonics at a vector of patches. */
+static spsi_v spsi_cell_patches_sum(const float *terms, const spsi_v harmonic[SPSI_CELL_TERMS]) {
+    spsi_v sum = spsi_load(terms);
+    for (int i = 1; i < SPSI_CELL_TERMS; ++i) sum = spsi_fma(harmonic[i], spsi_load(terms + i * SPSI_CELL_SHEET), sum);
+    return sum;
+}
+
+/* The phase function, over an even one, by which patches send single scattering along -`ahead`. Scaled extinction
+   leaves the peak's light twice: straight on, and in the lobe's innermost part, f (1 - g^2)^2 / (1 + g^2) times the
+   lobe of it. So that part keeps only the mean of exp(-(1 / k - 1) t) on a way of scaled depth t. Lobes sharper than
+   g = 0.85 would show the parts of patches. */
+static spsi_v spsi_cell_patches_phase(const spsi_cell_grid *grid, int channel, const spsi_v ahead[3], spsi_v depth) {
+    const spsi_v one = spsi_set(1), unit = spsi_set((float)(4 * SPSI_PI)), zero = spsi_set(0);
+    const spsi_v straight = spsi_mul(depth, spsi_set(1 / spsi_higher(grid->scale[channel], 0.03f) - 1));
+    const spsi_v more = spsi_sub(spsi_mean_transmittance(zero, straight), one);
+    spsi_v sun[3], sum = zero, cosine;
+    spsi_set3(grid->sun, sun);
+    cosine = spsi_sub(zero, spsi_dot_v(sun, ahead));
+    for (int i = 0; i < grid->phase_count; ++i) {
+        const float g = spsi_higher(spsi_lower(grid->phase[i].asymmetry, 0.85f), -0.85f), g2 = g * g;
+        const float peak = (grid->orders > 2 ? g2 * g2 : g2) * (1 - g2) * (1 - g2) / (1 + g2);
+        const spsi_v lobe = spsi_mul(spsi_lobe_phase(g, cosine), unit);
+        const spsi_v left = spsi_max(spsi_fma(spsi_mul(lobe, spsi_set(peak)), more, one), zero);
+        sum = spsi_fma(spsi_mul(lobe, left), spsi_set(grid->phase[i].weight), sum);
+    }
+    return sum;
+}
 
 /* Adds the irradiance by a vector of patches, whose parts are `area` large. `way`: to their middles; `off`: of these,
    from the patches'. They are discs: of all that it sees, a surface sees cosine cosine' area / (pi distance^2 + area
@@ -19336,6 +19371,7 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
     const spsi_v wider = spsi_mul(area, spsi_fma(aslant, spsi_set(-3), one));
     const spsi_v whole = spsi_fma(spsi_set((float)SPSI_PI), square, wider);
     const spsi_v share = spsi_div(spsi_mul(spsi_mul(seen, u), area), whole);
+    const int set = from->grid->channels * (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET;
     spsi_v harmonic[SPSI_CELL_TERMS], place[3], toward[3], through, aim, scale;
     if (!spsi_bits(spsi_less(zero, share))) return;
     for (int k = 0; k < 3; ++k) place[k] = spsi_add(from->at[k], way[k]);
@@ -19349,10 +19385,11 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
     for (int c = 0; c < from->count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
         const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
         const spsi_v depth = spsi_mul(through, spsi_set(from->thick[c]));
-        spsi_v sum = spsi_load(sent + SPSI_CELL_SHEET);
-        for (int i = 1; i < SPSI_CELL_TERMS; ++i)
-            sum = spsi_fma(harmonic[i], spsi_load(sent + (1 + i) * SPSI_CELL_SHEET), sum);
+        spsi_v sum = spsi_cell_patches_sum(sent + SPSI_CELL_SHEET, harmonic);
         sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
+        if (from->grid->phase_count > 0)
+            sum = spsi_fma(spsi_max(spsi_cell_patches_sum(sent + set + SPSI_CELL_SHEET, harmonic), zero),
+                           spsi_cell_patches_phase(from->grid, from->channel + c, ahead, depth), sum);
         sums[c] = spsi_fma(spsi_mul(share, spsi_cell_shape(depth)), sum, sums[c]);
     }
 }
@@ -19366,12 +19403,12 @@ typedef struct spsi_cell_receiver {
 /* Irradiance of a surface outside, in `count` channels from one on. Returns the share that nothing hides. */
 static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                             const spsi_cell_receiver *to, double irradiance[3]) {
-    const int most = grid->across * grid->across / 8; /* parts along an edge of a patch: 8, of a coarse one 2 */
+    const int most = grid->across * grid->across / (grid->phase_count > 0 ? 4 : 8); /* parts along an edge of a patch */
     const spsi_v zero = spsi_set(0);
     spsi_v all[3] = {zero, zero, zero}, whole = zero;
     double seen = 0, sum;
     spsi_cell_sender from;
-    from.sent = spsi_cell_patches_sent(grid, channel), from.count = count;
+    from.grid = grid, from.channel = channel, from.count = count, from.sent = spsi_cell_patches_sent(grid, channel);
     spsi_set3(to->normal, from.normal);
     for (int k = 0; k < 3; ++k) from.extent[k] = grid->edge * grid->size[k];
     for (int c = 0; c < count; ++c) from.thick[c] = grid->thick[channel + c] / (float)grid->edge;
@@ -19423,19 +19460,39 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
     return fabs(sum) > 0 ? fmax(0, fmin(seen / sum, 1)) : 1;
 }
 
-/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. Within a sixth
-   of a patch's width of the grid it changes from one to the other. What hides some of the patches there hides as much
-   of the cells. */
+/* Distance of a place from a grid. */
+static double spsi_cells_distance(const spsi_cell_grid *grid, const double point[3]) {
+    double square = 0;
+    for (int k = 0; k < 3; ++k) {
+        const double at = point[k] - grid->corner[k];
+        const double off = fmax(fmax(-at, at - grid->edge * grid->size[k]), 0);
+        square += off * off;
+    }
+    return sqrt(square);
+}
+
+/* The part of what a surface receives that patches send: within a sixth of a patch's width of the grid, moments in
+   cells send more and more of it. */
+static double spsi_cells_outside(const spsi_cell_grid *grid, const double point[3]) {
+    const int longest = spsi_most(grid->size[0], spsi_most(grid->size[1], grid->size[2]));
+    return fmin(6 * SPSI_CELL_PATCHES * spsi_cells_distance(grid, point) / (grid->edge * longest), 1);
+}
+
+/* The scale of extinction on light's way to a point of a surface, or to the eye (`point`: NULL). Outside all grids it
+   is 1 if patches send what peaks scatter. */
+static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c, const double *point) {
+    const double scale = count > 0 ? (double)grids->scale[spsi_least(c, grids->channels - 1)] : 1;
+    double outside = point && count > 0 && grids->phase_count > 0;
+    for (int n = 0; n < count && outside > 0; ++n) outside = fmin(outside, spsi_cells_outside(&grids[n], point));
+    return scale + (1 - scale) * outside;
+}
+
+/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. What hides
+   some of the patches hides as much of the cells. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const spsi_cell_receiver *to,
                                   double irradiance[3]) {
-    double square = 0, longest = 0, outside, shown = 1;
-    for (int k = 0; k < 3; ++k) {
-        const double at = to->point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
-        const double back = at < 0 ? -at : fmin(extent - at, 0);
-        square += back * back;
-        longest = fmax(longest, extent);
-    }
-    outside = fmin(6 * SPSI_CELL_PATCHES * sqrt(square) / longest, 1);
+    const double outside = spsi_cells_outside(grid, to->point);
+    double shown = 1;
     if (outside > 0) shown = spsi_cells_irradiance_outside(grid, channel, count, to, irradiance);
     for (int c = 0; c < count && outside < 1; ++c) {
         const double within = shown * spsi_cells_irradiance_within(grid, channel + c, to->point, to->normal);
@@ -22080,12 +22137,17 @@ static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_l
     return NULL;
 }
 
-/* What gas of an optical depth lets pass of light that reaches a surface, or that it sends to the eye: what a phase
-   function's peak scatters goes straight on. */
-static spsi_v spsi_straight_passes(const spsi_frame *frame, int c, spsi_v depth) {
-    const spsi_cell_grid *cells = frame->content->cells;
-    const float scale = cells ? cells->scale[spsi_least(c, cells->channels - 1)] : 1;
-    return spsi_exp(spsi_mul(depth, spsi_set(-scale)));
+/* What gas of an optical depth lets pass of light that reaches surfaces, or that they send to the eye (`to`: 0).
+   What a phase function's peak scatters goes straight on; to surfaces outside of the cells, patches send it instead. */
+static spsi_v spsi_straight_passes(const spsi_frame *frame, int c, spsi_v depth, const spsi_points *to) {
+    const spsi_content *content = frame->content;
+    float scales[SPSI_LANES];
+    for (int lane = 0; lane < SPSI_LANES; ++lane) {
+        double point[3];
+        if (to) spsi_points_get(to, lane, point);
+        scales[lane] = (float)-spsi_cells_scale_at(content->cells, content->cell_grid_count, c, to ? point : NULL);
+    }
+    return spsi_exp(spsi_mul(depth, spsi_load(scales)));
 }
 
 /* --- what pixels' polygons receive from cells and by first flights --- */
@@ -22128,15 +22190,11 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     const spsi_cell_sight sight = {grid, faces, surface, surface->normal, face};
     const int hidden = spsi_cells_sight(&sight, patches);
     const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL};
-    double own[3], square = 16 * grid->edge * grid->edge;
+    const double distance = spsi_cells_distance(grid, surface->point);
+    double own[3];
     spsi_cells_irradiance(grid, 0, grid->channels, &to, own);
     for (int c = 0; c < grid->channels; ++c) irradiance[c] += (float)own[c];
-    for (int k = 0; k < 3; ++k) {
-        const double at = surface->point[k] - grid->corner[k];
-        const double off = fmax(fmax(-at, at - grid->edge * grid->size[k]), 0);
-        square += off * off;
-    }
-    return sqrt(square);
+    return sqrt(16 * grid->edge * grid->edge + distance * distance);
 }
 
 /* What a hit's plane receives where a ray meets it. `clear`: polygons are in no way. */
@@ -22620,7 +22678,8 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
         if (!spsi_bits(spsi_less(spsi_set(0), weight))) continue;
         depth = spsi_surfaces_depth(shadow, list, i, weight);
         all = spsi_add(all, weight);
-        for (int c = 0; c < 3; ++c) sum[c] = spsi_fma(weight, spsi_straight_passes(shader->frame, c, depth), sum[c]);
+        for (int c = 0; c < 3; ++c)
+            sum[c] = spsi_fma(weight, spsi_straight_passes(shader->frame, c, depth, &list->points), sum[c]);
     }
     for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_div(sum[c], all));
 }
@@ -22634,7 +22693,8 @@ static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow
         return;
     }
     spsi_shadow_surfaces(shadow, shader->first_slab, &list->points, lanes);
-    for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_straight_passes(shader->frame, c, spsi_load(lanes)));
+    for (int c = 0; c < 3; ++c)
+        lit[c] = spsi_mul(lit[c], spsi_straight_passes(shader->frame, c, spsi_load(lanes), &list->points));
 }
 
 /* Adds what the places reflect of a light. */
@@ -22784,7 +22844,7 @@ static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANE
     const spsi_v gas = backwards ? spsi_sub(sum->gas[1], sum->gas[0]) : sum->depth;
     spsi_v *into = backwards ? sum->again : sum->radiance;
     for (int c = 0; c < shader->frame->channels; ++c) {
-        const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas)), all = spsi_straight_passes(shader->frame, c, gas);
+        const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas)), all = spsi_straight_passes(shader->frame, c, gas, 0);
         into[c] = spsi_fma(spsi_load(sent[c]), spsi_sub(all, once), into[c]);
     }
 }
@@ -23359,6 +23419,7 @@ static int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, 
 
 /* Sets what follows from the size. */
 static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
+    const int sun = frame->lamps.count == 1 && !frame->lamps.list[0].is_point;
     grid->pitch = spsi_cell_pitch(grid->size[0]);
     grid->count = spsi_cell_stride((size_t)grid->pitch * (size_t)spsi_most(2, grid->size[1] * grid->size[2]));
     grid->orders = frame->meshes.count > 0 ? spsi_most(2, frame->matter.orders) : frame->matter.orders;
@@ -23368,10 +23429,13 @@ static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     grid->channels = frame->channels;
     for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
-        const double peak = spsi_phase_peak(material, grid->orders);
+        const double peak = material->scatters ? spsi_phase_peak(material, grid->orders) : 0;
+        if (sun && peak > (double)grid->peak[grid->single]) grid->single = m, grid->phase_count = material->lobe_count;
         grid->peak[m] = (float)peak;
         for (int l = 0; l < grid->orders; ++l) grid->lobes[m][l] = (float)(spsi_phase_moment(material, l) - peak);
     }
+    memcpy(grid->phase, frame->matter.materials[grid->single].lobes, sizeof grid->phase);
+    if (sun) memcpy(grid->sun, frame->lamps.list[0].direction, sizeof grid->sun);
 }
 
 /* Whether a peak passes on light of lights without shadows: they have tables, too, which tell how much. */
@@ -23972,7 +24036,8 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
         if (packet.filtered >> (i - first) & 1) spsi_packet_through(&packet, i - first, through);
         for (int c = 0; c < job->grid->channels; ++c)
             hits->lit[i][c] += fmin(irradiance[i - first][c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX) *
-                               fraction * through[c] * exp(-depth * (double)job->grid->scale[c]);
+                               fraction * through[c] *
+                               exp(-depth * spsi_cells_scale_at(job->grid, 1, c, hits->surface[i].point));
     }
 }
 
@@ -24562,6 +24627,8 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
                 emitter->sent[c] =
                     (float)fmin(area * (double)(share * power * emitter->leaves[c]), (double)SPSI_RADIANCE_MAX);
             for (int t = 0; t < grid->terms; ++t) level->sent[(size_t)t * grid->count + at] *= 1 - share;
+            for (int t = 0; t < grid->terms; ++t)
+                job->incoming[(size_t)(channel * grid->terms + t) * grid->count + at] *= 1 - share;
         }
     return some;
 }
@@ -24610,21 +24677,23 @@ static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[
     return spsi_load(passes);
 }
 
-/* The radiance that comes back along rays of a length in cells, which begin at a place in cells: what these send, in
-   equal steps of at most three quarters of an edge: longer ones are 3 % too bright beside dense gas. */
-static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
-                                  spsi_v length) {
+/* Finds the radiance that comes back along rays of a length in cells, which begin at a place in cells: what these send,
+   in equal steps of at most three quarters of an edge: longer ones are 3 % too bright beside dense gas. found[1] is
+   single scattering over the phase function. Without it, what cells send is smooth and needs no degree 3. */
+static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
+                                spsi_v length, spsi_v found[2]) {
     const spsi_cell_level *level = &solver->levels[0];
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     const spsi_v count = spsi_add(spsi_floor(spsi_mul(length, spsi_set(1 / 0.75f))), one);
     const spsi_v step = spsi_div(length, count);
     const spsi_v back[3] = {spsi_sub(zero, way[0]), spsi_sub(zero, way[1]), spsi_sub(zero, way[2])};
-    spsi_v through = one, sum = zero, harmonic[SPSI_CELL_TERMS], before[3] = {zero, zero, zero};
+    spsi_v through = one, harmonic[SPSI_CELL_TERMS], before[3] = {zero, zero, zero};
     spsi_harmonics_v(back, solver->terms, harmonic);
+    found[0] = found[1] = zero;
     for (float i = 0.5f;; i += 1) {
         const spsi_m on = spsi_and(spsi_less(spsi_set(i), count), spsi_less(spsi_set(1e-3f), through));
         spsi_v at[3], row, depth, passes, taken, sent;
-        if (!spsi_bits(on)) return sum;
+        if (!spsi_bits(on)) return;
         for (int k = 0; k < 3; ++k)
             at[k] = spsi_clamp(spsi_floor(spsi_fma(spsi_mul(way[k], step), spsi_set(i), from[k])), zero,
                                spsi_set((float)(level->size[k] - 1)));
@@ -24633,12 +24702,15 @@ static spsi_v spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v f
         row = spsi_fma(at[2], spsi_set((float)level->size[1]), at[1]);
         depth = spsi_mul(spsi_lookup(level->depth, level->pitch, at[0], row), step);
         sent = spsi_lookup(level->sent, level->pitch, at[0], row);
-        for (int t = 1; t < solver->terms; ++t)
+        for (int t = 1; t < (solver->single ? spsi_least(9, solver->terms) : solver->terms); ++t)
             sent = spsi_fma(harmonic[t], spsi_lookup(level->sent + (size_t)t * level->count, level->pitch, at[0], row),
                             sent);
         passes = spsi_exp(spsi_sub(zero, depth));
         taken = spsi_select(spsi_less(depth, spsi_set(1e-3f)), depth, spsi_sub(one, passes));
-        sum = spsi_select(on, spsi_fma(spsi_mul(through, taken), sent, sum), sum);
+        taken = spsi_select(on, spsi_mul(through, taken), zero);
+        found[0] = spsi_fma(taken, sent, found[0]);
+        if (solver->single)
+            found[1] = spsi_fma(taken, spsi_lookup(solver->single, level->pitch, at[0], row), found[1]);
         through = spsi_mul(through, passes);
     }
 }
@@ -24690,10 +24762,11 @@ static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid 
     const spsi_cell_rays *rays = &job->solver->rays;
     const int side = spsi_cell_patch_side(grid, patch), axis = side / 2, upper = side % 2;
     const double extent[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]}; /* in cells */
+    const int set = grid->channels * (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET;
     float *sent = spsi_cell_patches_sent(grid, job->channel) + patch;
-    float seen[SPSI_CELL_RAYS], taken[SPSI_CELL_RAYS], terms[SPSI_CELL_TERMS] = {0}, flux = 0, made = 0;
+    float seen[2][SPSI_CELL_RAYS], taken[SPSI_CELL_RAYS];
     for (int n = 0; n < SPSI_CELL_RAYS; n += SPSI_LANES) {
-        spsi_v from[3], way[3], length;
+        spsi_v from[3], way[3], length, found[2];
         for (int k = 0; k < 3; ++k) {
             const int own = k == axis ? 2 : k > axis ? k - 1 : k; /* along the side: the lower axis first */
             const spsi_v out = spsi_load(rays->out[own] + n);
@@ -24702,21 +24775,25 @@ static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid 
         }
         length = spsi_cell_way_through(extent, from, way);
         spsi_store(taken + n, spsi_cell_shape(spsi_mul(length, spsi_set(grid->thick[job->channel]))));
-        spsi_store(seen + n, spsi_cells_radiance(job->solver, from, way, length));
+        spsi_cells_radiance(job->solver, from, way, length, found);
+        for (int i = 0; i < 2; ++i) spsi_store(seen[i] + n, found[i]);
     }
-    for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
-        const float ratio = seen[n] / spsi_higher(taken[n], FLT_MIN);
-        flux += rays->weight[n] * seen[n];
-        for (int i = 0; i < SPSI_CELL_TERMS; ++i) terms[i] += ratio * rays->fit[n][i];
+    for (int i = 0; i <= (job->solver->single != NULL); ++i, sent += set) {
+        float terms[SPSI_CELL_TERMS] = {0}, flux = 0, made = 0;
+        for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
+            const float ratio = seen[i][n] / spsi_higher(taken[n], FLT_MIN);
+            flux += rays->weight[n] * seen[i][n];
+            for (int t = 0; t < SPSI_CELL_TERMS; ++t) terms[t] += ratio * rays->fit[n][t];
+        }
+        for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
+            float ratio = 0;
+            for (int t = 0; t < SPSI_CELL_TERMS; ++t) ratio += terms[t] * rays->harmonic[n][t];
+            if ((ratio > 0) == (flux > 0)) made += rays->weight[n] * taken[n] * ratio;
+        }
+        sent[0] = flux;
+        for (int t = 0; t < SPSI_CELL_TERMS; ++t)
+            sent[(1 + t) * SPSI_CELL_SHEET] = fabsf(made) > 0 ? (float)SPSI_PI * terms[t] * (flux / made) : 0;
     }
-    for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
-        float ratio = 0;
-        for (int i = 0; i < SPSI_CELL_TERMS; ++i) ratio += terms[i] * rays->harmonic[n][i];
-        if ((ratio > 0) == (flux > 0)) made += rays->weight[n] * taken[n] * ratio;
-    }
-    sent[0] = flux;
-    for (int i = 0; i < SPSI_CELL_TERMS; ++i)
-        sent[(1 + i) * SPSI_CELL_SHEET] = fabsf(made) > 0 ? (float)SPSI_PI * terms[i] * (flux / made) : 0;
 }
 
 static void spsi_cell_patches_task(void *data, int patch) {
@@ -24725,23 +24802,37 @@ static void spsi_cell_patches_task(void *data, int patch) {
 }
 
 /* Keeps what the last sweep found, by which polygons are lit, and what leaves the patches of a grid. If no polygons are
-   within the grid, that is in all what cells send and do not take. */
+   within the grid, that is in all what cells send and do not take. Single scattering by lobes with a peak is taken from
+   what cells send; patches send it by these lobes. */
 static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cell_grid *leaves) {
-    const spsi_cell_level *level = &job->solver->levels[0];
+    spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    float *sent = spsi_cell_patches_sent(leaves, channel);
+    const float *scattered = job->scattered + (size_t)(grid->single * grid->channels + channel) * grid->count;
+    const float *incoming = job->incoming + (size_t)(channel * grid->terms) * grid->count;
+    float *sent = spsi_cell_patches_sent(leaves, channel), *all = level->sent;
+    float *single = grid->phase_count > 0 ? job->samples + grid->count : NULL; /* after the numbers of emitters */
     double depth = 0, out = 0, found = 0;
     for (size_t at = 0; at < grid->count; ++at) {
+        const float depths = 4 * grid->depth[at] * level->depth[at], unit = depths > 0 ? scattered[at] / depths : 0;
         depth += (double)level->depth[at];
         out += (double)level->depth[at] * (double)(level->sent[at] - level->moments[0][at]);
+        for (int t = 0; t < grid->flux_terms && single; ++t) {
+            const size_t i = (size_t)t * grid->count + at;
+            const float light = unit * incoming[i];
+            level->moments[1][i] = level->sent[i] - grid->lobes[grid->single][spsi_term_degree(t)] * light;
+            if (t == 0) single[at] = light;
+        }
     }
     job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, level->moments[0], floats * sizeof(float));
     job->leaves = leaves;
+    job->solver->single = single;
+    if (single) level->sent = level->moments[1];
     spsi_parallel_items(job->context, 6 * leaves->across * leaves->across, spsi_cell_patches_task, job);
+    level->sent = all;
     for (int n = 0; n < SPSI_CELL_SHEET; ++n) found += (double)(leaves->patches[3 * SPSI_CELL_SHEET + n] * sent[n]);
-    out *= job->solver->walled || !(fabs(found) > 0) ? 0 : 4 * SPSI_PI * grid->edge * grid->edge / found;
+    out *= single || job->solver->walled || !(fabs(found) > 0) ? 0 : 4 * SPSI_PI * grid->edge * grid->edge / found;
     out = out > 0 ? fmin(fmax(out, 0.95), 1.05) : 1; /* what gas takes may make up for what it sends */
     for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET; ++n) sent[n] *= (float)out;
 }

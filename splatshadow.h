@@ -24035,9 +24035,8 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
 
 /* Lights all of them by all lamps, but for what goes as narrow beams. */
 static void spsi_cell_hits_light_all(const spsi_cell_job *job, spsi_cell_hits *hits) {
-    int shadow = 0;
     memset(hits->lit, 0, sizeof hits->lit);
-    for (int i = 0; i < job->frame->lamps.count; ++i) {
+    for (int i = 0, shadow = 0; i < job->frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &job->frame->lamps.list[i];
         const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
         for (int first = 0; first < hits->count; first += SPSI_PACKET)
@@ -24298,8 +24297,7 @@ static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, con
     const double to_gas = solid * spsi_cells_beams(job, lamp, 0), to_polygons = solid * spsi_cells_beams(job, lamp, 1);
     for (int n = 0; n < SPSI_BEAM_RINGS; ++n) {
         spsi_cell_hits hits;
-        hits.count = 0;
-        memset(hits.lit, 0, sizeof hits.lit);
+        memset(&hits, 0, sizeof hits);
         for (int i = 0; i < SPSI_BEAM_RINGS; ++i) {
             const int last = hits.count;
             spsi_ray ray;
@@ -24327,8 +24325,8 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
     spsi_cell_view view = {job->faces, grid, size, 1, {0, 0, 0}, {0, 0, 0}};
     for (int n = 0; n < size[0] * size[1] * size[2]; ++n) {
         const size_t at = (size_t)(n / size[0] * grid->pitch + n % size[0]);
-        const double flies = -(double)job->walls.patch[at] * fmin(2 - 8 * covered, 1);
-        if (!(flies > 0) || (size_t)job->flights[SPSI_FLIGHTS_SPOTS].count + 6 > most) continue;
+        const double flies = -(double)job->walls.patch[at] * fmin(2 - 6 * covered, 1);
+        if (!(flies > 1e-6) || (size_t)job->flights[SPSI_FLIGHTS_SPOTS].count + 6 > most) continue;
         spsi_cell_view_move(&view, n % size[0], n / size[0] % size[1], n / size[0] / size[1]);
         for (int way = 0; way < 6; ++way) {
             const int axis = way / 2, back = way % 2 ? 1 : -1, last = view.at[axis] == (way % 2 ? size[axis] - 1 : 0);
@@ -24354,36 +24352,39 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
 }
 
 /* Sets the fraction of each cell's lit polygons that flies: from small patches, directions make a star of rays. A patch
-   is the cells with lit polygons that open links join. Spread evenly over the grid's largest side, it would have some
-   mean. Cells of up to four times that are swept, cells of eight times fly. If those that fly cover more than an eighth
-   of the side, less of each does, and nothing from a quarter on. Returns what part of it they cover; 0: nothing flies. */
+   is the cells with lit polygons that open links join, and dark ones at its rim, whose polygons may be lit in part.
+   Spread evenly over the grid's largest side, its light has some mean. Cells of up to three times that are swept, those
+   of six times fly. If they cover more than a sixth of the side, less of each flies, and nothing from a third on. Returns
+   what part of it they cover; 0: nothing flies. */
 static double spsi_patches_find(const spsi_cell_job *job) {
     const int *size = job->grid->size, pitch = job->grid->pitch;
     const double side = (double)size[0] * size[1] * size[2] / spsi_least(size[0], spsi_least(size[1], size[2]));
     float *patch = job->walls.patch;
-    int *queue = (int *)(void *)job->walls.sent; /* is set later */
+    int *queue = (int *)(void *)job->walls.sent; /* is set later; -1 - a cell: it is at a patch's rim, and dark */
     double covered = 0;
     size_t count = 0, end = 0;
     for (size_t start = 0; start < (size_t)(pitch * size[1] * size[2]); ++start) {
         double sum = 0;
         if (patch[start] > 0) patch[queue[end++] = (int)start] *= -1;
         for (size_t n = count; n < end; ++n) {
-            sum -= (double)patch[queue[n]];
-            for (int link = 0; link < 27; ++link) {
-                const int x = queue[n] % pitch + 1 - link % 3, y = queue[n] / pitch % size[1] + 1 - link / 3 % 3;
-                const int z = queue[n] / pitch / size[1] + 1 - link / 9, at = (z * size[1] + y) * pitch + x;
+            const int own = queue[n];
+            sum -= own < 0 ? 0 : (double)patch[own];
+            for (int link = 0; link < 27 && own >= 0; ++link) {
+                const int x = own % pitch + 1 - link % 3, y = own / pitch % size[1] + 1 - link / 3 % 3;
+                const int z = own / pitch / size[1] + 1 - link / 9, at = (z * size[1] + y) * pitch + x;
                 if (x < 0 || y < 0 || z < 0 || x >= size[0] || y >= size[1] || z >= size[2]) continue;
-                if (!(job->walls.closed[queue[n]] >> link & 1) && patch[at] > 0)
-                    patch[queue[end++] = at] *= -1;
+                if ((job->walls.closed[own] >> link & 1) || patch[at] < 0) continue;
+                queue[end++] = patch[at] > 0 ? at : -1 - at;
+                patch[at] = patch[at] > 0 ? -patch[at] : patch[own];
             }
         }
         for (; count < end; ++count) {
-            float *own = &patch[queue[count]];
-            *own = -(float)fmax(0, fmin(2 + 8 * sum / (side * (double)*own), 1));
-            covered -= (double)*own / side;
+            float *own = &patch[queue[count] < 0 ? -1 - queue[count] : queue[count]];
+            *own = -(float)fmax(1e-9, fmin(2 + 6 * sum / (side * (double)*own), 1));
+            covered -= queue[count] < 0 ? 0 : (double)*own / side;
         }
     }
-    return covered < 0.25 ? covered : 0;
+    return covered > 1e-6 && covered < 1.0 / 3 ? covered : 0;
 }
 
 /* Number of rays of all narrow beams. */
@@ -24406,13 +24407,13 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     spsi_tree_item *items[SPSI_FLIGHT_TREES];
     size_t most[SPSI_FLIGHT_TREES];
     const int blocks = spsi_emitter_blocks(job->context, frame, &most[SPSI_FLIGHTS_GLOW]);
-    const size_t beams = spsi_beams_count(job);
     const double covered = job->walls.closed && job->grid_count == 1 ? spsi_patches_find(job) : 0;
     int shadow = 0;
     most[SPSI_FLIGHTS_GLOW] += frame->matter.emits ? (size_t)frame->content->particle_count : 0;
-    most[SPSI_FLIGHTS_SPOTS] = beams + (covered > 0 ? SPSI_EMITTING_PATCHES : 0);
-    most[SPSI_FLIGHTS_BEAMS] = beams * spsi_beam_steps(job->grid) +
+    most[SPSI_FLIGHTS_SPOTS] = spsi_beams_count(job);
+    most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid) +
                                (frame->matter.emits ? (size_t)frame->content->particle_count : 0) + SPSI_VOLUMES_MAX;
+    most[SPSI_FLIGHTS_SPOTS] += covered > 0 ? SPSI_EMITTING_PATCHES : 0;
     most[SPSI_FLIGHTS_CELLS] = spsi_emitting_cells(frame);
     items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS,
                                               most[0] + most[1] + most[2] + most[3], sizeof **items);
@@ -24421,7 +24422,7 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     for (int i = 1; i < SPSI_FLIGHT_TREES; ++i) items[i] = items[i - 1] + most[i - 1];
     spsi_emitters_list(job->context, frame, blocks, trees, items);
     for (int i = 0; i < 2; ++i) spsi_emitters_cut(job->faces, &trees[i]);
-    for (int i = 0; i < frame->lamps.count && beams > 0; ++i) {
+    for (int i = 0; i < frame->lamps.count && most[1] > 0; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
         if (spsi_cells_beams(job, lamp, 1) > 0) spsi_beams_list(job, lamp, own, items);

@@ -4298,7 +4298,7 @@ typedef struct spsi_emitter {
 typedef struct spsi_flight_node {
     spsi_emitter sum;
     float reach; /* radius of a ball about the emitters */
-    float breadth; /* diameter of the sum, up to four times as much where it is dense: its sides differ */
+    float breadth; /* diameter of the sum, up to four times as much where it is dense or bent: its sides differ */
     float leaves[3][SPSI_FLIGHT_WAYS]; /* fraction of what is sent that leaves that ball, by channel and direction */
     int first, count;
 } spsi_flight_node;
@@ -19559,7 +19559,6 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 #define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
 #define SPSI_EMITTERS_EACH 4096  /* where more particles of a set glow, those of a block of cells are one emitter */
 #define SPSI_EMITTER_BLOCKS 26   /* along each edge of a grid, at most: sums fit in the nodes of so many particles */
-#define SPSI_EMITTING_PATCHES ((size_t)4096) /* of lit polygons, at most */
 #define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
 #define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
 #define SPSI_FLIGHT_STEP   0.15f /* length of a step per distance from the nearer end; at least a cell's edge */
@@ -20246,7 +20245,7 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
     spsi_flight_node *sum = &flights->nodes[number];
     spsi_emitter below[SPSI_TREE_LEAF];
     const spsi_flight_node *own[SPSI_TREE_LEAF] = {NULL};
-    float leaves[3][SPSI_FLIGHT_WAYS] = {{0}}, mean = 0;
+    float leaves[3][SPSI_FLIGHT_WAYS] = {{0}}, mean = 0, bent = 0;
     int count = node->count;
     memset(sum, 0, sizeof *sum);
     sum->first = node->first;
@@ -20264,7 +20263,8 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
         for (int i = 0; i < SPSI_FLIGHT_WAYS; ++i)
             sum->leaves[c][i] = sum->reach < edge ? 1 : leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN);
     for (int i = 0; i < 6; ++i) mean += sum->leaves[0][i] / 6;
-    sum->breadth = 2 * sum->sum.radius * fminf(1 - logf(fmaxf(mean, FLT_MIN)), 4);
+    for (int k = 0; k < 3; ++k) bent += sum->sum.solid * (1.0f / 3 - sum->sum.axis[k] * sum->sum.axis[k]);
+    sum->breadth = 2 * sum->sum.radius * fminf(1 - logf(fmaxf(mean, FLT_MIN)), 4) * (1 + 8 * bent);
 }
 
 /* Builds a tree of its emitters, which are also items of it. Leaves hold their numbers. */
@@ -24413,7 +24413,7 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     most[SPSI_FLIGHTS_SPOTS] = spsi_beams_count(job);
     most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid) +
                                (frame->matter.emits ? (size_t)frame->content->particle_count : 0) + SPSI_VOLUMES_MAX;
-    most[SPSI_FLIGHTS_SPOTS] += covered > 0 ? SPSI_EMITTING_PATCHES : 0;
+    most[SPSI_FLIGHTS_SPOTS] += (size_t)(covered > 0 ? frame->view.scatter_size * frame->view.scatter_size : 0);
     most[SPSI_FLIGHTS_CELLS] = spsi_emitting_cells(frame);
     items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS,
                                               most[0] + most[1] + most[2] + most[3], sizeof **items);
@@ -25025,7 +25025,7 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
     for (int i = 0; i < frame->lamps.count; ++i)
         if (spsi_lamp_has_beam(&frame->lamps.list[i]))
             count += (spsi_beam_steps(grid) + 1) * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
-    count += spsi_emitting_cells(frame) + SPSI_EMITTING_PATCHES;
+    count += spsi_emitting_cells(frame) + (size_t)(grid->size[0] * grid->size[1]);
     count += 2 * SPSI_FLIGHT_TREES; /* nodes of trees of none */
     return spsi_cells_fly(frame) ? SPSI_FLIGHT_TREES * sizeof(spsi_flights) + count * each : 0;
 }

@@ -197,7 +197,7 @@ static void patches_place(int pixel, double at[3]) {
    least. So straight lines between them are off by 0.125^2 / 8 * 6 / 0.9^2, 1.5 %; the rays' spots, a twelfth of the
    beam wide, add no more than that. Nodes of a wide spot: as below. */
 static void test_spots(void) {
-    static const double cones[] = {0.05, 0.1, 0.2, 0.35, 0.5, 1}, extinction = 1e-4;
+    static const double cones[] = {0.05, 0.08, 0.2, 0.35, 0.5, 1}, extinction = 1e-4;
     static const double origin[3] = {-9, -9, -2.3}, along[3] = {18, 0, 0}, across[3] = {0, 18, 0};
     for (int n = 0; n < 6; ++n) {
         check_triangles wall;
@@ -248,11 +248,11 @@ static double window_lights(double half, double middle, const double at[3]) {
     return 0.5 / SPSI_PI * 4 * half * half * sum / (N * N);
 }
 
-/* Thin haze in a dark room, of which the sun lights a square of the floor, from less than a cell wide to a sixth of the
-   floor. Pixels beside the beam. Cells see nodes of the square under 0.6 radians: a flat one of 0.3 of its distance
+/* Thin haze in a dark room, of which the sun lights a square of the floor, from less than two cells wide to a sixth of
+   the floor. Pixels beside the beam. Cells see nodes of the square under 0.6 radians: a flat one of 0.3 of its distance
    differs from a ball by a part of 0.3^2, 9 %, where its light falls low; on the mean by a third of that. */
 static void test_windows(void) {
-    static const double halves[] = {0.08, 0.3, 1}, extinction = 1e-4;
+    static const double halves[] = {0.15, 0.3, 1}, extinction = 1e-4;
     for (int n = 0; n < 3; ++n) {
         const double a = halves[n], corners[5][4] = {
             {-7, -9, 7, 9}, {-9, -9, 9, -a}, {-9, a, 9, 9}, {-9, -a, -a, a}, {a, -a, 9, a}};

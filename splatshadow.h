@@ -1997,7 +1997,6 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_CELL_JOB,          /* data for filling and lighting it, >>lighting */
     SPSI_BUFFER_CELLS,             /* what its cells hold, and the light that reaches them */
     SPSI_BUFFER_CELL_TMAPS,        /* lights' tables for them */
-    SPSI_BUFFER_CELL_BEAMS,        /* fractions of lights that narrow beams send to them */
     SPSI_BUFFER_CELL_SOLVER,       /* levels of cells, and radiance */
     SPSI_BUFFER_CELL_WALLS,        /* polygons about the cells */
     SPSI_BUFFER_CELL_MOMENTS,      /* the light in the cells, and what the eye sees of it */
@@ -4284,6 +4283,7 @@ typedef struct spsi_cell_grid {
 typedef struct spsi_emitter {
     float at[3], radius; /* relative to the tree's centre */
     float cut;           /* the radius, if polygons may be within it; otherwise 0 */
+    float solid;         /* 1: on polygons, whose inside may hold the middle of several; 0: amid gas */
     float sent[3];       /* mean radiance times area that leaves it, by channel */
     float axis[3];
     float leaves[3]; /* fraction of what it sends that `sent` is: the rest is taken by its own gas */
@@ -4301,7 +4301,7 @@ typedef struct spsi_emitter {
 typedef struct spsi_flight_node {
     spsi_emitter sum;
     float reach; /* radius of a ball about the emitters */
-    float breadth; /* diameter of the sum, up to four times as much where it is dense: its sides differ */
+    float breadth; /* diameter of the sum, up to four times as much where it is dense or bent: its sides differ */
     float leaves[3][SPSI_FLIGHT_WAYS]; /* fraction of what is sent that leaves that ball, by channel and direction */
     int first, count;
 } spsi_flight_node;
@@ -19537,25 +19537,24 @@ static int spsi_lamp_has_beam(const spsi_lamp *lamp) {
     return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.3;
 }
 
-/* Whether first flights reach cells: from what glows, or narrow beams. */
+/* Whether first flights reach cells: from what glows, narrow beams, or lit polygons. */
 static int spsi_flies_to_cells(const spsi_frame *frame) {
-    int narrow = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) narrow |= spsi_lamp_has_beam(&frame->lamps.list[i]);
-    return frame->matter.scatters && (frame->matter.emits || narrow);
+    int some = frame->matter.emits || (frame->meshes.count > 0 && frame->lamps.count > 0);
+    for (int i = 0; i < frame->lamps.count; ++i) some |= spsi_lamp_has_beam(&frame->lamps.list[i]);
+    return frame->matter.scatters && some;
 }
 
-/* Whether they reach anything: polygons, too, from what glows and from gas near lamps. */
+/* Whether they reach anything: polygons, too, from what glows. */
 static int spsi_cells_fly(const spsi_frame *frame) {
-    int lamps = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) lamps |= frame->lamps.list[i].is_point;
-    return spsi_flies_to_cells(frame) ||
-           (frame->meshes.count > 0 && (frame->matter.emits || (frame->matter.scatters && lamps)));
+    return spsi_flies_to_cells(frame) || (frame->meshes.count > 0 && frame->matter.emits);
 }
 
-/* How many cells may be emitters at most. */
+/* How many cells may be emitters at most: those near lamps or what glows are. */
 static size_t spsi_emitting_cells(const spsi_frame *frame) {
     const size_t side = (size_t)frame->view.scatter_size;
-    return spsi_cells_fly(frame) ? side * side * side / 8 : 0;
+    int some = frame->matter.emits;
+    for (int i = 0; i < frame->lamps.count; ++i) some |= frame->lamps.list[i].is_point;
+    return some && spsi_cells_fly(frame) ? side * side * side / 8 : 0;
 }
 
 /* --- emitters --- */
@@ -19902,6 +19901,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
 static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter *sum) {
     double all = 0, at[3] = {0, 0, 0}, square = 0, sent[3] = {0, 0, 0}, axis[3] = {0, 0, 0}, thick = 0;
     sum->own = list[0].own;
+    sum->solid = list[0].solid;
     sum->clear = sum->gas = sum->cut = 0;
     for (int i = 0; i < count; ++i) {
         const double weight = (double)list[i].sent[0] + (double)list[i].sent[1] + (double)list[i].sent[2];
@@ -20215,7 +20215,7 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
     spsi_flight_node *sum = &flights->nodes[number];
     spsi_emitter below[SPSI_TREE_LEAF];
     const spsi_flight_node *own[SPSI_TREE_LEAF] = {NULL};
-    float leaves[3][SPSI_FLIGHT_WAYS] = {{0}}, mean = 0;
+    float leaves[3][SPSI_FLIGHT_WAYS] = {{0}}, mean = 0, bent = 0;
     int count = node->count;
     memset(sum, 0, sizeof *sum);
     sum->first = node->first;
@@ -20233,7 +20233,8 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
         for (int i = 0; i < SPSI_FLIGHT_WAYS; ++i)
             sum->leaves[c][i] = sum->reach < edge ? 1 : leaves[c][i] / fmaxf(sum->sum.sent[c], FLT_MIN);
     for (int i = 0; i < 6; ++i) mean += sum->leaves[0][i] / 6;
-    sum->breadth = 2 * sum->sum.radius * fminf(1 - logf(fmaxf(mean, FLT_MIN)), 4);
+    for (int k = 0; k < 3; ++k) bent += sum->sum.solid * (1.0f / 3 - sum->sum.axis[k] * sum->sum.axis[k]);
+    sum->breadth = 2 * sum->sum.radius * fminf(1 - logf(fmaxf(mean, FLT_MIN)), 4) * (1 + 8 * bent);
 }
 
 /* Builds a tree of its emitters, which are also items of it. Leaves hold their numbers. */
@@ -20482,18 +20483,23 @@ static void spsi_flight_cells_build(const spsi_flight_job *job, const int first[
     cells->depth = spsi_load(lanes[3]);
 }
 
-/* What polygons let pass between a node and a vector of cells. */
+/* What polygons let pass between a node and a vector of cells. Rays end at its middle. Where polygons bulge, rays end
+   before them: a cap of a sphere, of mean normal a and spread r, has its middle 0.55 r sqrt(1 - |a|) below its top. At
+   a cube's edge it lies twice as deep. */
 static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_flight_cells *cells,
                                         const spsi_emitter *node, spsi_v passes[3]) {
     const spsi_flight_place place = {job->frame, job->faces, NULL, NULL, NULL, -1};
-    double origin[SPSI_LANES][3], toward[SPSI_LANES][3];
+    const double axis[3] = {(double)node->axis[0], (double)node->axis[1], (double)node->axis[2]};
+    const double mean = spsi_length(axis), bulge = 1.2 * sqrt(fmax(1 - mean, 0)) / fmax(mean, 0.1);
+    double origin[SPSI_LANES][3], toward[SPSI_LANES][3], end[3];
     float cut[SPSI_LANES], thick[SPSI_LANES];
+    spsi_along(job->flights->centre, axis, bulge * (double)(node->solid * node->radius), end);
     for (int i = 0; i < SPSI_LANES; ++i) {
         cut[i] = node->cut;
         thick[i] = node->thick;
         spsi_cell_centre(job->grid, 1, cells->at[0] + i % SPSI_FLIGHT_ALONG, cells->at[1] + i / SPSI_FLIGHT_ALONG,
                          cells->at[2], origin[i]);
-        for (int k = 0; k < 3; ++k) toward[i][k] = job->flights->centre[k] + (double)node->at[k] - origin[i][k];
+        for (int k = 0; k < 3; ++k) toward[i][k] = end[k] + (double)node->at[k] - origin[i][k];
     }
     spsi_flights_unblocked(&place, cells->lanes, origin, toward, cut, thick, passes);
 }
@@ -23271,6 +23277,7 @@ typedef struct spsi_cell_walls {
     float *color, *lit;    /* per channel: reflectance; radiance by the lights */
     float *place, *normal; /* per axis: relative to the grid's corner */
     float *sent;           /* per cell: radiance in the channel that is being solved, less ambient light */
+    float *patch;          /* per cell: the most that a lit polygon sends; then minus the fraction that flies */
 } spsi_cell_walls;
 
 /* Optical depth, scattered share and emission of a material in a vector of the sheets' samples, along a slab. */
@@ -23319,7 +23326,6 @@ typedef struct spsi_cell_job {
     spsi_cell_walls walls;
     const float *wall_light; /* per term: moments of what polygons send, in the channel that is being solved; NULL: 0 */
     spsi_shadow *shadows;
-    float *beams; /* per light: the fraction of it that goes as a narrow beam, by first flights */
     spsi_shader shader;
     spsi_sweep sweep;
     spsi_cell_solver *solver;
@@ -23461,34 +23467,21 @@ static void spsi_cone_ray(const spsi_lamp *lamp, double versine, double turn, sp
                             sine * (cos(turn) * lamp->across[0][k] + sin(turn) * lamp->across[1][k]);
 }
 
-/* How far a narrow beam goes: to the polygon where the last of its axis and four rays on its rim ends; `most` if one
-   goes on. */
-static double spsi_beam_reach(const spsi_cell_job *job, const spsi_lamp *lamp, double most) {
-    double reach = job->faces->count > 0 ? 0 : most;
-    for (int i = 0; i < 5 && reach < most; ++i) {
-        spsi_ray ray;
-        spsi_hit hit;
-        spsi_cone_ray(lamp, i < 4 ? lamp->cone.none : 0, 0.5 * SPSI_PI * i, &ray);
-        ray.high = most;
-        reach = fmax(reach, spsi_ray_to_wall(job->faces, &ray, &hit) ? ray.high : most);
-    }
-    return reach;
-}
-
-/* The fraction of a light that beams send: all of it where they are narrower than an eighth of the grid where they end.
-   Translucent polygons would have to be followed. */
-static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp) {
+/* The fraction of a light that narrow beams send to gas, or to polygons: all of it where they are narrower than an
+   eighth of the grid at its far end, or at the polygon that their axis meets. Translucent polygons would have to be
+   followed. */
+static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp, int to_polygons) {
     const spsi_cell_grid *grid = job->grid;
-    double to[3], half = 0, longest = 0, width;
+    const double versine = lamp->cone.none, longest = grid->edge * job->frame->view.scatter_size;
+    double to[3];
+    spsi_ray ray;
+    spsi_hit hit;
     if (!spsi_lamp_has_beam(lamp) || job->grid_count > 1 || job->frame->meshes.translucent) return 0;
-    for (int k = 0; k < 3; ++k) {
-        to[k] = grid->corner[k] + 0.5 * grid->edge * grid->size[k] - lamp->position[k];
-        half += 0.25 * grid->edge * grid->edge * grid->size[k] * grid->size[k];
-        longest = fmax(longest, grid->edge * grid->size[k]);
-    }
-    width = 2 * sqrt(lamp->cone.none * (2 - lamp->cone.none)) / (1 - lamp->cone.none);
-    width *= spsi_beam_reach(job, lamp, spsi_length(to) + sqrt(half));
-    return fmax(0, fmin(2 - 8 * width / longest, 1));
+    for (int k = 0; k < 3; ++k) to[k] = grid->corner[k] + 0.5 * grid->edge * grid->size[k] - lamp->position[k];
+    spsi_cone_ray(lamp, 0, 0, &ray);
+    ray.high = spsi_length(to) + 0.87 * longest;
+    if (to_polygons && job->faces->count > 0) (void)spsi_ray_to_wall(job->faces, &ray, &hit);
+    return fmax(0, fmin(2 - 16 * sqrt(versine * (2 - versine)) / (1 - versine) * ray.high / longest, 1));
 }
 
 /* Floats per cell while it is filled and lit. */
@@ -23843,7 +23836,7 @@ static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_lamp *lam
 static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *table,
                                 const spsi_cell_spot *spot) {
     const int channels = job->grid->channels, passes_on = table && !lamp->shadows;
-    const float fraction = 1 - job->beams[lamp - job->frame->lamps.list];
+    const float fraction = (float)(1 - spsi_cells_beams(job, lamp, 0));
     const spsi_v one = spsi_set(1);
     spsi_v passes[3] = {one, one, one}, passed_on[3], harmonic[SPSI_CELL_TERMS], cubes = one;
     spsi_incident incident;
@@ -23885,25 +23878,6 @@ static void spsi_cells_add_lamps(const spsi_cell_job *job, const spsi_cell_spot 
         spsi_cells_add_lamp(job, lamp, *table, spot);
         if (*table) ++*table;
     }
-}
-
-/* Lights a row of cells. */
-static void spsi_cells_light_task(void *data, int row) {
-    const spsi_cell_job *job = (const spsi_cell_job *)data;
-    const spsi_cell_grid *grid = job->grid;
-    const int y = row % grid->size[1], z = row / grid->size[1];
-    spsi_cell_spot spot;
-    spot.row = (size_t)row * (size_t)grid->pitch;
-    for (int n = 0; n < 4; ++n)
-        for (int x = 0; x < job->sheets.rays.width; x += SPSI_LANES) {
-            const int sy = 2 * y + (n & 1), sz = 2 * z + (n >> 1);
-            const size_t at = (size_t)(sz * 2 * grid->size[1] + sy) * 2 * (size_t)grid->pitch + (size_t)x;
-            spot.depth = spsi_load(job->samples + at);
-            if (!spsi_bits(spsi_less(spsi_set(0), spot.depth))) continue;
-            for (int c = 0; c < grid->channels; ++c) spot.scale[c] = spsi_cells_scale(job, spot.row, c, x);
-            spsi_cell_spot_build(&job->shader, job->sheets.slabs.thickness, x, sy, sz, &spot);
-            spsi_cells_add_lamps(job, &spot);
-        }
 }
 
 /* --- polygons about the cells --- */
@@ -24041,6 +24015,17 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
     }
 }
 
+/* Lights all of them by all lamps, but for what goes as narrow beams. */
+static void spsi_cell_hits_light_all(const spsi_cell_job *job, spsi_cell_hits *hits) {
+    memset(hits->lit, 0, sizeof hits->lit);
+    for (int i = 0, shadow = 0; i < job->frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &job->frame->lamps.list[i];
+        const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
+        for (int first = 0; first < hits->count; first += SPSI_PACKET)
+            spsi_cell_hits_light(job, lamp, 1 - spsi_cells_beams(job, lamp, 1), own, first, hits);
+    }
+}
+
 /* The mean of a cell's polygons. Returns 0 if they face all ways. */
 static int spsi_cell_walls_mean(const spsi_cell_job *job, size_t at, double point[3], double normal[3]) {
     const size_t count = job->grid->count;
@@ -24073,16 +24058,18 @@ static void spsi_cell_walls_set(const spsi_cell_job *job, const spsi_cell_hits *
     for (int i = 0; i < hits->count; ++i) all += hits->weight[i];
     for (int i = 0; i < hits->count; ++i) {
         const double share = hits->weight[i] / all;
+        float sent = 0;
         for (size_t c = 0; c < (size_t)job->grid->channels; ++c) {
             walls->color[c * count + at] += (float)(share * hits->color[i][c]);
             walls->lit[c * count + at] += (float)(share * hits->color[i][c] * hits->lit[i][c] / SPSI_PI);
+            sent += (float)(hits->color[i][c] * hits->lit[i][c]);
         }
+        walls->patch[at] = spsi_higher(walls->patch[at], hits->weight[i] > 0.1 ? sent : 0); /* up to three edges away */
         for (size_t k = 0; k < 3; ++k) {
             walls->place[k * count + at] += (float)(share * (hits->surface[i].point[k] - job->grid->corner[k]));
             walls->normal[k * count + at] += (float)(share * hits->surface[i].normal[k]);
         }
     }
-    if (job->grid->pyramid) spsi_cell_walls_fly(job, at);
 }
 
 /* Bits of the closed links between a cell and its neighbours; `hits`: where they end, or NULL. */
@@ -24132,17 +24119,10 @@ static void spsi_cells_walls_task(void *data, int row) {
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         spsi_cell_hits hits;
-        int shadow = 0;
         spsi_cell_view_move(&view, x, y, z);
         spsi_cell_walls_find(job, &view, near_row && spsi_cell_view_near(&view, 1), at, &hits);
         if (hits.count == 0) continue;
-        memset(hits.lit, 0, sizeof hits.lit);
-        for (int i = 0; i < job->frame->lamps.count; ++i) {
-            const spsi_lamp *lamp = &job->frame->lamps.list[i];
-            const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
-            for (int first = 0; first < hits.count; first += SPSI_PACKET)
-                spsi_cell_hits_light(job, lamp, 1 - (double)job->beams[i], own, first, &hits);
-        }
+        spsi_cell_hits_light_all(job, &hits);
         spsi_cell_walls_set(job, &hits, at);
         job->walls.walled[row] = job->walls.walled[row] == 1 || hits.within ? 1 : 2;
     }
@@ -24153,7 +24133,7 @@ static size_t spsi_cell_rows_floats(const int size[3]) { return (size_t)(size[1]
 
 /* Floats of all walls. */
 static size_t spsi_cell_walls_floats(const spsi_cell_grid *grid) {
-    return (size_t)(9 + 2 * grid->channels) * grid->count + spsi_cell_rows_floats(grid->size);
+    return (size_t)(10 + 2 * grid->channels) * grid->count + spsi_cell_rows_floats(grid->size);
 }
 
 static sps_result spsi_cell_walls_begin(spsi_cell_job *job) {
@@ -24171,7 +24151,8 @@ static sps_result spsi_cell_walls_begin(spsi_cell_job *job) {
     walls->place = walls->lit + channels * count;
     walls->normal = walls->place + 3 * count;
     walls->sent = walls->normal + 3 * count;
-    walls->walled = (unsigned char *)(walls->sent + count);
+    walls->patch = walls->sent + count;
+    walls->walled = (unsigned char *)(walls->patch + count);
     return SPS_OK;
 }
 
@@ -24205,52 +24186,45 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
 
 #define SPSI_BEAM_RINGS 12 /* of as many rays each, in the cone of a narrow beam */
 
-/* A ray of a narrow beam, and the solid angle for which it stands. */
-typedef struct spsi_beam_ray {
-    const spsi_lamp *lamp;
-    spsi_ray ray; /* ends at the polygon that it meets; infinity: none */
-    double solid, fraction;
-} spsi_beam_ray;
-
-/* Light of a beam at a distance, by channel: irradiance there, before any shadow, times its width. */
-static void spsi_beam_light(const spsi_cell_job *job, const spsi_beam_ray *beam, double distance, float sent[3]) {
+/* Light of a beam's ray at a distance, by channel: irradiance there, before any shadow, times its width. */
+static void spsi_beam_light(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_ray *ray, double solid,
+                            double distance, float sent[3]) {
     double irradiance[3];
     spsi_surface surface;
     memset(&surface, 0, sizeof surface);
-    spsi_along(beam->ray.origin, beam->ray.direction, distance, surface.point);
-    for (int k = 0; k < 3; ++k) surface.normal[k] = -beam->ray.direction[k];
+    spsi_along(ray->origin, ray->direction, distance, surface.point);
+    for (int k = 0; k < 3; ++k) surface.normal[k] = -ray->direction[k];
     surface.pixel = job->grid->edge;
-    spsi_surface_point_irradiance(job->frame, beam->lamp, &surface, irradiance);
+    spsi_surface_point_irradiance(job->frame, lamp, &surface, irradiance);
     for (int c = 0; c < 3; ++c)
-        sent[c] = (float)fmin(irradiance[c] * (double)beam->lamp->color[c] * beam->solid * distance * distance,
+        sent[c] = (float)fmin(irradiance[c] * (double)lamp->color[c] * solid * distance * distance,
                               (double)SPSI_RADIANCE_MAX);
 }
 
 /* Adds what gas scatters of a beam, an emitter for each cell's edge on its way. */
-static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_beam_ray *beam, spsi_flights *flights,
+static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_ray *ray, double solid,
                                   spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
-    const int shadows = beam->lamp->shadows;
     double low[3], high[3], range[2], depth = 0;
     for (int k = 0; k < 3; ++k) {
         low[k] = grid->corner[k];
         high[k] = low[k] + grid->edge * grid->size[k];
     }
-    if (!spsi_ray_meets_box(&beam->ray, low, high, range)) return;
+    if (!(solid > 0) || !spsi_ray_meets_box(ray, low, high, range)) return;
     for (double from = range[0]; from < range[1]; from += grid->edge) {
         const double length = fmin(grid->edge, range[1] - from), middle = from + 0.5 * length;
         double point[3], ahead = 0, all = 0, own;
         spsi_emitter like;
         size_t at;
         memset(&like, 0, sizeof like);
-        spsi_along(beam->ray.origin, beam->ray.direction, middle, point);
+        spsi_along(ray->origin, ray->direction, middle, point);
         (void)spsi_cell_holding(grid, point, &at);
         own = (double)grid->depth[at] * length / grid->edge;
         if (!(own > 0)) continue;
-        spsi_beam_light(job, beam, middle, like.sent);
+        spsi_beam_light(job, lamp, ray, solid, middle, like.sent);
         for (int c = 0; c < 3; ++c) {
             const int channel = spsi_least(c, grid->channels - 1);
-            const double scale = (double)grid->scale[channel], x = shadows ? scale * own : 0;
+            const double scale = (double)grid->scale[channel], x = lamp->shadows ? scale * own : 0;
             double scattered = 0;
             for (int m = 0; m < job->frame->matter.material_count; ++m) {
                 const float *each = job->scattered + (size_t)(m * grid->channels + channel) * grid->count;
@@ -24258,72 +24232,148 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_beam_ray 
                 ahead += (double)(each[at] * (grid->orders > 1 ? grid->lobes[m][1] : 0));
                 all += (double)(each[at] * grid->lobes[m][0]);
             }
-            like.sent[c] *= (float)(scattered * length / grid->edge * (shadows ? exp(-scale * depth) : 1) *
+            like.sent[c] *= (float)(scattered * length / grid->edge * (lamp->shadows ? exp(-scale * depth) : 1) *
                                (x > 1e-6 ? -expm1(-x) / x : 1));
         }
         depth += own;
         for (int k = 0; k < 3; ++k) /* 4 max(0, cos) has a mean cosine of 2 / 3 */
-            like.axis[k] = all > 0 ? (float)(fmin(1.5 * fmax(ahead / all, 0), 1) * beam->ray.direction[k]) : 0;
+            like.axis[k] = all > 0 ? (float)(fmin(1.5 * fmax(ahead / all, 0), 1) * ray->direction[k]) : 0;
         like.radius = (float)(0.37 * length);
-        spsi_emitters_add(flights, point, beam->fraction / (4 * SPSI_PI), -1, &like, items);
+        spsi_emitters_add(&job->flights[SPSI_FLIGHTS_BEAMS], point, 0.25 / SPSI_PI, -1, &like, items);
     }
 }
 
-/* Adds what polygons reflect of a ring of a beam's rays. */
-static void spsi_beams_on_polygons(const spsi_cell_job *job, const spsi_shadow *shadow, spsi_beam_ray *ring,
-                                   spsi_flights *flights, spsi_tree_item *items) {
-    const spsi_cell_view view = {job->faces, job->grid, job->grid->size, 1, {0, 0, 0}, {0, 0, 0}};
-    spsi_cell_hits hits;
-    spsi_beam_ray *met[SPSI_BEAM_RINGS];
-    hits.count = 0;
-    memset(hits.lit, 0, sizeof hits.lit);
-    for (int i = 0; i < SPSI_BEAM_RINGS; ++i) {
-        const int before = hits.count;
-        spsi_hit hit;
-        if (job->faces->count == 0 || !spsi_ray_to_wall(job->faces, &ring[i].ray, &hit)) continue;
-        spsi_cell_hits_add(&view, &ring[i].ray, &hit, &hits);
-        if (hits.count > before) met[before] = &ring[i];
-    }
-    if (hits.count > 0) spsi_cell_hits_light(job, ring->lamp, 1, shadow, 0, &hits);
-    for (int i = 0; i < hits.count; ++i) {
-        const double cosine = fmax(-spsi_dot(hits.surface[i].normal, met[i]->ray.direction), 1e-3);
-        const double area = met[i]->solid * met[i]->ray.high * met[i]->ray.high / cosine;
-        double point[3];
-        spsi_emitter like;
-        memset(&like, 0, sizeof like);
-        like.radius = (float)(0.51 * sqrt(area));
-        for (int c = 0; c < 3; ++c) {
-            like.sent[c] = (float)(hits.color[i][c] * hits.lit[i][spsi_least(c, job->grid->channels - 1)]);
-            like.axis[c] = (float)hits.surface[i].normal[c];
+/* Adds what some hits reflect of lamps as one emitter. Their weights are the areas for which they stand. */
+static void spsi_hits_reflect(const spsi_cell_job *job, const spsi_cell_hits *hits, int first, int end,
+                              spsi_tree_item *items) {
+    spsi_flights *flights = &job->flights[SPSI_FLIGHTS_SPOTS];
+    spsi_emitter each[SPSI_CELL_HITS], sum;
+    double point[3];
+    int count = 0;
+    for (int i = first; i < end; ++i) {
+        spsi_emitter *own = &each[count];
+        memset(own, 0, sizeof *own);
+        own->radius = (float)(0.51 * sqrt(hits->weight[i]));
+        own->solid = 1;
+        for (int k = 0; k < 3; ++k) {
+            const double normal = hits->surface[i].normal[k], *lit = hits->lit[i];
+            own->at[k] = (float)(hits->surface[i].point[k] + 1e-3 * job->grid->edge * normal - flights->centre[k]);
+            own->axis[k] = (float)normal;
+            own->sent[k] = (float)fmin(hits->weight[i] * hits->color[i][k] * lit[k < job->grid->channels ? k : 0],
+                                      (double)SPSI_RADIANCE_MAX);
         }
-        spsi_along(hits.surface[i].point, hits.surface[i].normal, 1e-3 * job->grid->edge, point);
-        spsi_emitters_add(flights, point, met[i]->fraction * area / (4 * SPSI_PI), -1, &like, items);
+        count += !spsi_black(own->sent);
     }
+    if (count == 0) return;
+    sum = *each;
+    spsi_emitters_join(each, count, &sum);
+    for (int k = 0; k < 3; ++k) point[k] = flights->centre[k] + (double)sum.at[k];
+    spsi_emitters_add(flights, point, 0.25 / SPSI_PI, -1, &sum, items);
 }
 
-/* Adds a narrow beam's emitters: its rays stand for equal solid angles. */
+/* Adds a narrow beam's emitters, in gas and on polygons: its rays stand for equal solid angles. */
 static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *shadow,
                             spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
-    spsi_beam_ray ring[SPSI_BEAM_RINGS];
+    const spsi_cell_view view = {job->faces, job->grid, job->grid->size, 1, {0, 0, 0}, {0, 0, 0}};
+    const double solid = 2 * SPSI_PI * lamp->cone.none / (SPSI_BEAM_RINGS * SPSI_BEAM_RINGS);
+    const double to_gas = solid * spsi_cells_beams(job, lamp, 0), to_polygons = solid * spsi_cells_beams(job, lamp, 1);
     for (int n = 0; n < SPSI_BEAM_RINGS; ++n) {
+        spsi_cell_hits hits;
+        memset(&hits, 0, sizeof hits);
         for (int i = 0; i < SPSI_BEAM_RINGS; ++i) {
-            const double versine = lamp->cone.none * (n + 0.5) / SPSI_BEAM_RINGS;
-            ring[i].lamp = lamp;
-            ring[i].solid = 2 * SPSI_PI * lamp->cone.none / (SPSI_BEAM_RINGS * SPSI_BEAM_RINGS);
-            ring[i].fraction = (double)job->beams[lamp - job->frame->lamps.list];
-            spsi_cone_ray(lamp, versine, 2 * SPSI_PI * (i + 0.5 * (n % 2)) / SPSI_BEAM_RINGS, &ring[i].ray);
+            const int last = hits.count;
+            spsi_ray ray;
+            spsi_hit hit;
+            spsi_cone_ray(lamp, lamp->cone.none * (n + 0.5) / SPSI_BEAM_RINGS,
+                          2 * SPSI_PI * (i + 0.5 * (n % 2)) / SPSI_BEAM_RINGS, &ray);
+            if (job->faces->count > 0 && spsi_ray_to_wall(job->faces, &ray, &hit)) {
+                spsi_cell_hits_add(&view, &ray, &hit, &hits);
+                hits.weight[last] = to_polygons * ray.high * ray.high /
+                                    fmax(-spsi_dot(hits.surface[last].normal, ray.direction), 1e-3);
+            }
+            spsi_beam_through_gas(job, lamp, &ray, to_gas, items[SPSI_FLIGHTS_BEAMS]);
         }
-        spsi_beams_on_polygons(job, shadow, ring, &job->flights[SPSI_FLIGHTS_SPOTS], items[SPSI_FLIGHTS_SPOTS]);
-        for (int i = 0; i < SPSI_BEAM_RINGS; ++i)
-            spsi_beam_through_gas(job, &ring[i], &job->flights[SPSI_FLIGHTS_BEAMS], items[SPSI_FLIGHTS_BEAMS]);
+        spsi_cell_hits_light(job, lamp, 1, shadow, 0, &hits);
+        for (int i = 0; i < hits.count; ++i) spsi_hits_reflect(job, &hits, i, i + 1, items[SPSI_FLIGHTS_SPOTS]);
     }
+}
+
+/* Adds lit patches to emitters, as far as there is room for them, and takes them from what is swept. Rays side by side
+   sample the polygons at the end of a cell's link along an axis. For a slanted wall, that link stands for the cosine of
+   its face's area: links along three axes stand for all of it. */
+static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t most, spsi_tree_item *items) {
+    const spsi_cell_grid *grid = job->grid;
+    const int *size = grid->size, rays = (int)fmax(4, fmin(4 / covered, 64));
+    spsi_cell_view view = {job->faces, grid, size, 1, {0, 0, 0}, {0, 0, 0}};
+    for (int n = 0; n < size[0] * size[1] * size[2]; ++n) {
+        const size_t at = (size_t)(n / size[0] * grid->pitch + n % size[0]);
+        const double flies = -(double)job->walls.patch[at] * fmin(2 - 6 * covered, 1);
+        if (!(flies > 1e-6) || (size_t)job->flights[SPSI_FLIGHTS_SPOTS].count + 6 > most) continue;
+        spsi_cell_view_move(&view, n % size[0], n / size[0] % size[1], n / size[0] / size[1]);
+        for (int way = 0; way < 6; ++way) {
+            const int axis = way / 2, back = way % 2 ? 1 : -1, last = view.at[axis] == (way % 2 ? size[axis] - 1 : 0);
+            spsi_cell_hits hits;
+            hits.count = 0;
+            if (!(job->walls.closed[at] >> (13 - back * (axis == 0 ? 1 : axis == 1 ? 3 : 9)) & 1)) continue;
+            for (int i = 0; i < rays; ++i) {
+                const double turn = i * 0.6180339887498949, aside[2] = {(i + 0.5) / rays, turn - floor(turn)};
+                spsi_ray ray = {{view.centre[0], view.centre[1], view.centre[2]}, {0, 0, 0}, 0, last ? 3.0 : 1.0};
+                spsi_hit hit;
+                for (int k = 0; k < 2; ++k) ray.origin[(axis + 1 + k) % 3] += grid->edge * (aside[k] - 0.5);
+                ray.direction[axis] = back * grid->edge;
+                if (spsi_ray_to_wall(job->faces, &ray, &hit)) spsi_cell_hits_add(&view, &ray, &hit, &hits);
+            }
+            for (int i = 0; i < hits.count; ++i)
+                hits.weight[i] = flies * grid->edge * grid->edge / hits.count * fabs(hits.surface[i].normal[axis]);
+            spsi_cell_hits_light_all(job, &hits);
+            spsi_hits_reflect(job, &hits, 0, hits.count, items);
+        }
+        for (size_t c = 0; c < (size_t)grid->channels; ++c)
+            job->walls.lit[c * grid->count + at] *= (float)(1 - flies);
+    }
+}
+
+/* Sets the fraction of each cell's lit polygons that flies: from small patches, directions make a star of rays. A patch
+   is the cells with lit polygons that open links join, and dark ones at its rim, whose polygons may be lit in part.
+   Spread evenly over the grid's largest side, its light has some mean. Cells of up to three times that are swept, those
+   of six times fly. If they cover more than a sixth of the side, less of each flies, and nothing from a third on. Returns
+   what part of it they cover; 0: nothing flies. */
+static double spsi_patches_find(const spsi_cell_job *job) {
+    const int *size = job->grid->size, pitch = job->grid->pitch;
+    const double side = (double)size[0] * size[1] * size[2] / spsi_least(size[0], spsi_least(size[1], size[2]));
+    float *patch = job->walls.patch;
+    int *queue = (int *)(void *)job->walls.sent; /* is set later; -1 - a cell: it is at a patch's rim, and dark */
+    double covered = 0;
+    size_t count = 0, end = 0;
+    for (size_t start = 0; start < (size_t)(pitch * size[1] * size[2]); ++start) {
+        double sum = 0;
+        if (patch[start] > 0) patch[queue[end++] = (int)start] *= -1;
+        for (size_t n = count; n < end; ++n) {
+            const int own = queue[n];
+            sum -= own < 0 ? 0 : (double)patch[own];
+            for (int link = 0; link < 27 && own >= 0; ++link) {
+                const int x = own % pitch + 1 - link % 3, y = own / pitch % size[1] + 1 - link / 3 % 3;
+                const int z = own / pitch / size[1] + 1 - link / 9, at = (z * size[1] + y) * pitch + x;
+                if (x < 0 || y < 0 || z < 0 || x >= size[0] || y >= size[1] || z >= size[2]) continue;
+                if ((job->walls.closed[own] >> link & 1) || patch[at] < 0) continue;
+                queue[end++] = patch[at] > 0 ? at : -1 - at;
+                patch[at] = patch[at] > 0 ? -patch[at] : patch[own];
+            }
+        }
+        for (; count < end; ++count) {
+            float *own = &patch[queue[count] < 0 ? -1 - queue[count] : queue[count]];
+            *own = -(float)fmax(1e-9, fmin(2 + 6 * sum / (side * (double)*own), 1));
+            covered -= queue[count] < 0 ? 0 : (double)*own / side;
+        }
+    }
+    return covered > 1e-6 && covered < 1.0 / 3 ? covered : 0;
 }
 
 /* Number of rays of all narrow beams. */
 static size_t spsi_beams_count(const spsi_cell_job *job) {
     size_t count = 0;
     for (int i = 0; i < job->frame->lamps.count; ++i)
-        if (job->beams[i] > 0) count += SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
+        if (spsi_cells_beams(job, &job->frame->lamps.list[i], 1) > 0) count += SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
     return count;
 }
 
@@ -24339,11 +24389,13 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     spsi_tree_item *items[SPSI_FLIGHT_TREES];
     size_t most[SPSI_FLIGHT_TREES];
     const int blocks = spsi_emitter_blocks(job->context, frame, &most[SPSI_FLIGHTS_GLOW]);
+    const double covered = job->walls.closed && job->grid_count == 1 ? spsi_patches_find(job) : 0;
     int shadow = 0;
     most[SPSI_FLIGHTS_GLOW] += frame->matter.emits ? (size_t)frame->content->particle_count : 0;
     most[SPSI_FLIGHTS_SPOTS] = spsi_beams_count(job);
     most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid) +
                                (frame->matter.emits ? (size_t)frame->content->particle_count : 0) + SPSI_VOLUMES_MAX;
+    most[SPSI_FLIGHTS_SPOTS] += (size_t)(covered > 0 ? frame->view.scatter_size * frame->view.scatter_size : 0);
     most[SPSI_FLIGHTS_CELLS] = spsi_emitting_cells(frame);
     items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS,
                                               most[0] + most[1] + most[2] + most[3], sizeof **items);
@@ -24355,8 +24407,9 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     for (int i = 0; i < frame->lamps.count && most[1] > 0; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
-        if (job->beams[i] > 0) spsi_beams_list(job, lamp, own, items);
+        if (spsi_cells_beams(job, lamp, 1) > 0) spsi_beams_list(job, lamp, own, items);
     }
+    if (covered > 0) spsi_patches_list(job, covered, most[SPSI_FLIGHTS_SPOTS], items[SPSI_FLIGHTS_SPOTS]);
     for (int i = 0; i < SPSI_FLIGHT_TREES; ++i)
         if (spsi_flights_build(job->context, items[i], &trees[i])) return job->context->result;
     return SPS_OK;
@@ -24382,21 +24435,38 @@ static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
 
 /* --- all lights --- */
 
+/* Lights a row of cells and, by first flights, the polygons about them. */
+static void spsi_cells_light_task(void *data, int row) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
+    const spsi_cell_grid *grid = job->grid;
+    const int y = row % grid->size[1], z = row / grid->size[1];
+    spsi_cell_spot spot;
+    spot.row = (size_t)row * (size_t)grid->pitch;
+    for (size_t at = spot.row; at < spot.row + (size_t)grid->size[0] && job->walls.closed && grid->pyramid; ++at)
+        spsi_cell_walls_fly(job, at);
+    for (int n = 0; n < 4; ++n)
+        for (int x = 0; x < job->sheets.rays.width; x += SPSI_LANES) {
+            const int sy = 2 * y + (n & 1), sz = 2 * z + (n >> 1);
+            const size_t at = (size_t)(sz * 2 * grid->size[1] + sy) * 2 * (size_t)grid->pitch + (size_t)x;
+            spot.depth = spsi_load(job->samples + at);
+            if (!spsi_bits(spsi_less(spsi_set(0), spot.depth))) continue;
+            for (int c = 0; c < grid->channels; ++c) spot.scale[c] = spsi_cells_scale(job, spot.row, c, x);
+            spsi_cell_spot_build(&job->shader, job->sheets.slabs.thickness, x, sy, sz, &spot);
+            spsi_cells_add_lamps(job, &spot);
+        }
+}
+
 /* Lights all cells, and the polygons about them. */
 static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *part) {
     sps_context *context = job->context;
-    const int count = spsi_cells_table_count(job->frame, job->grid);
+    const int count = spsi_cells_table_count(job->frame, job->grid), rows = job->grid->size[1] * job->grid->size[2];
     sps_tmap *maps;
     spsi_cell_directions(job->directions);
     if (spsi_cell_walls_begin(job)) return context->result;
     if (job->frame->lamps.count == 0 && !job->walls.closed) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
     job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
-    job->beams =
-        (float *)spsi_reserve(context, SPSI_BUFFER_CELL_BEAMS, (size_t)job->frame->lamps.count, sizeof(float));
-    if (!job->shadows || !maps || !job->beams) return context->result;
-    for (int i = 0; i < job->frame->lamps.count; ++i)
-        job->beams[i] = (float)spsi_cells_beams(job, &job->frame->lamps.list[i]);
+    if (!job->shadows || !maps) return context->result;
     if (!job->later) memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
     for (int i = 0; i < count; ++i) {
         if (job->later && maps[i].waits) continue; /* made for an earlier grid */
@@ -24407,10 +24477,10 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
-    if (!spsi_cells_shadows(job, part, maps) && (!job->grid->pyramid || !spsi_cells_fly_to(job))) {
-        spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
-        if (job->walls.closed)
-            spsi_parallel_items(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
+    if (!spsi_cells_shadows(job, part, maps)) {
+        if (job->walls.closed) spsi_parallel_items(context, rows, spsi_cells_walls_task, job);
+        if (!job->grid->pyramid || !spsi_cells_fly_to(job))
+            spsi_parallel_items(context, rows, spsi_cells_light_task, job);
     }
     for (int i = 0; i < count; ++i)
         if (!maps[i].waits) spsi_tmap_release(&maps[i]);
@@ -24963,7 +25033,7 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
     for (int i = 0; i < frame->lamps.count; ++i)
         if (spsi_lamp_has_beam(&frame->lamps.list[i]))
             count += (spsi_beam_steps(grid) + 1) * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
-    count += spsi_emitting_cells(frame);
+    count += spsi_emitting_cells(frame) + (size_t)(grid->size[0] * grid->size[1]);
     count += 2 * SPSI_FLIGHT_TREES; /* nodes of trees of none */
     return spsi_cells_fly(frame) ? SPSI_FLIGHT_TREES * sizeof(spsi_flights) + count * each : 0;
 }
@@ -24978,7 +25048,6 @@ static size_t spsi_cells_bytes(const spsi_frame *frame) {
     grid.size[0] = grid.size[1] = grid.size[2] = side;
     spsi_cells_lay_out(frame, &grid);
     floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
-    floats += (size_t)frame->lamps.count; /* beams */
     floats += SPSI_CELL_GRIDS * spsi_cell_grid_lay_out(frame, &grid, NULL);
     if (grid.flux_terms > 0) /* there are polygons, which receive light from cells */
         floats += spsi_cell_walls_floats(&grid) + spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;

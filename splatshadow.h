@@ -18190,13 +18190,12 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
                                    const spsi_forward_part *part) {
     const spsi_forward *forward = material->forward;
     const spsi_v size = spsi_set((float)SPSI_FORWARD_SIZE), last = spsi_set((float)(SPSI_FORWARD_LEVELS - 1));
-    spsi_v at, level, low, high;
     if (!material->table)
         return spsi_forward_mean(forward, spsi_set((float)(channel % forward->level_count * SPSI_FORWARD_SIZE)), part);
-    at = spsi_mul(spsi_sub(spsi_set(1), spsi_sqrt(spsi_max(spsi_sub(spsi_set(1), albedo), spsi_set(0)))), last);
-    level = spsi_min(spsi_floor(at), spsi_sub(last, spsi_set(1)));
-    low = spsi_forward_mean(forward, spsi_mul(level, size), part);
-    high = spsi_forward_mean(forward, spsi_mul(spsi_add(level, spsi_set(1)), size), part);
+    spsi_v at = spsi_mul(spsi_sub(spsi_set(1), spsi_sqrt(spsi_max(spsi_sub(spsi_set(1), albedo), spsi_set(0)))), last);
+    spsi_v level = spsi_min(spsi_floor(at), spsi_sub(last, spsi_set(1)));
+    spsi_v low = spsi_forward_mean(forward, spsi_mul(level, size), part);
+    spsi_v high = spsi_forward_mean(forward, spsi_mul(spsi_add(level, spsi_set(1)), size), part);
     return spsi_mix(low, high, spsi_sub(at, level));
 }
 
@@ -18958,10 +18957,9 @@ static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z
                                  float harmonic[SPSI_CELL_TERMS]) {
     const spsi_rays *eye = &look->frame->content->eye;
     const double at[3] = {x + 0.5, y + 0.5, z + 0.5};
-    double distance;
     for (int k = 0; k < 3; ++k)
         toward[k] = eye->perspective ? eye->origin[k] - (look->grid->corner[k] + look->grid->edge * at[k]) : -eye->c[k];
-    distance = spsi_length(toward);
+    double distance = spsi_length(toward);
     if (!spsi_normalise(toward)) toward[2] = 1;
     spsi_harmonics(toward, harmonic);
     if (!eye->perspective || distance >= look->grid->edge) return;
@@ -20120,7 +20118,6 @@ static void spsi_flight_ways_pass(const spsi_flights *flights, const spsi_flight
         const spsi_cell_grid *grid = &flights->grids[g];
         const spsi_v per_edge = spsi_set((float)(1 / grid->edge));
         spsi_ways ways;
-        spsi_v depth;
         for (int k = 0; k < 3; ++k) {
             const spsi_v shift = spsi_set((float)((flights->centre[k] - grid->corner[k]) / grid->edge));
             ways.from[k] = spsi_fma(spsi_load(world->from[k]), per_edge, shift);
@@ -20131,7 +20128,7 @@ static void spsi_flight_ways_pass(const spsi_flights *flights, const spsi_flight
         ways.end = spsi_mul(spsi_load(world->end), per_edge);
         ways.clear = spsi_mul(spsi_load(world->clear), per_edge);
         ways.own = spsi_load(world->own);
-        depth = spsi_ways_depth(grid, &ways);
+        spsi_v depth = spsi_ways_depth(grid, &ways);
         for (int c = 0; c < grid->channels; ++c)
             through[c] = spsi_mul(through[c], spsi_exp(spsi_mul(depth, spsi_set(-grid->scale[c]))));
     }
@@ -20698,15 +20695,14 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     for (int i = 0; i < spsi_least(SPSI_LANES, list->count - n); ++i) {
         const spsi_flight *flight = &list->entry[n + i];
         const spsi_emitter *node = flight->emitter;
-        double distance, height, raise;
         for (int k = 0; k < 3; ++k) {
             origin[i][k] = place->start[k];
             toward[i][k] = flights->centre[k] + (double)node->at[k] - place->point[k];
         }
-        distance = spsi_length(toward[i]);
+        double distance = spsi_length(toward[i]);
         *nearest = fmin(*nearest, fmax(distance, (double)node->radius));
-        height = spsi_dot(toward[i], place->normal);
-        raise = 0.5 * fmax((double)node->radius - fabs(height), 0) + fmax(-height, 0);
+        double height = spsi_dot(toward[i], place->normal);
+        double raise = 0.5 * fmax((double)node->radius - fabs(height), 0) + fmax(-height, 0);
         cut[i] = fabs(height) < (double)node->radius ? 0 : node->cut; /* its own plane is known */
         thick[i] = node->thick;
         share[i] = spsi_ball_lights(distance, height, (double)node->radius, (double)node->thick);
@@ -20884,11 +20880,10 @@ static void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, int c
 }
 
 static inline void spsi_line_build(const spsi_shader *shader, int x, int y, spsi_line *line) {
-    spsi_v slope;
     line->x = x;
     line->y = y;
     line->at = spsi_add(spsi_set((float)x), spsi_iota());
-    slope = spsi_linear_slope(&shader->slab, line->at, (float)y);
+    spsi_v slope = spsi_linear_slope(&shader->slab, line->at, (float)y);
     slope = spsi_select(spsi_less(spsi_abs(slope), spsi_set(1e-20f)), spsi_set(1e-20f), slope);
     line->base = spsi_sub(spsi_linear_base(&shader->slab, line->at, (float)y), spsi_set((float)shader->first_slab));
     line->scale = spsi_div(spsi_set(1), slope);
@@ -21072,9 +21067,8 @@ static void spsi_sample_response(const spsi_material *material, const spsi_sampl
     }
     facing = spsi_max(spsi_set(0), spsi_sub(spsi_set(0), spsi_dot_v(sample->normal, travel)));
     if (material->specular > 0) {
-        spsi_v size;
         for (int c = 0; c < 3; ++c) halfway[c] = spsi_sub(spsi_set(0), spsi_add(travel[c], toward[c]));
-        size = spsi_sqrt(spsi_max(spsi_dot_v(halfway, halfway), spsi_set(1e-12f)));
+        spsi_v size = spsi_sqrt(spsi_max(spsi_dot_v(halfway, halfway), spsi_set(1e-12f)));
         shine = spsi_highlight(spsi_div(spsi_dot_v(sample->normal, halfway), size), material->shininess);
         shine = spsi_mul(spsi_mul(shine, facing), spsi_mul(sample->surface, spsi_set(material->specular)));
     }
@@ -21273,7 +21267,6 @@ static spsi_v spsi_cone_mean(const spsi_lamp *lamp, spsi_reach *reach) {
     spsi_v even = spsi_cone_share(&lamp->cone, spsi_versine_v(reach->centre));
     spsi_v n[3], s[2], u[2], outer[2], inner[2], across[2], sum, share;
     spsi_swing g;
-    spsi_m lit, turns;
     g.axial = spsi_sqrt(spsi_fma(nx, nx, spsi_mul(ny, ny)));
     g.versine = spsi_div(spsi_mul(nz, nz), spsi_add(one, g.axial));
     for (int k = 0; k < 2; ++k) {
@@ -21285,7 +21278,7 @@ static spsi_v spsi_cone_mean(const spsi_lamp *lamp, spsi_reach *reach) {
     g.s = s[0], g.ds = spsi_sub(s[1], s[0]);
     g.z = reach->ends[0][2], g.dz = spsi_sub(reach->ends[1][2], g.z);
     g.area = spsi_sub(spsi_mul(g.z, g.ds), spsi_mul(g.s, g.dz));
-    turns = spsi_less(spsi_mul(spsi_abs(u[0]), spsi_set(1e-5f)), spsi_sub(u[1], u[0]));
+    spsi_m turns = spsi_less(spsi_mul(spsi_abs(u[0]), spsi_set(1e-5f)), spsi_sub(u[1], u[0]));
     for (int k = 0; k < 2; ++k) {
         const spsi_v edge = spsi_sub(spsi_set((float)(lamp->cone.none - k * lamp->cone.rim)), g.versine);
         const spsi_v square = spsi_max(spsi_div(edge, spsi_max(spsi_add(g.axial, g.axial), tiny)), zero);
@@ -21294,7 +21287,7 @@ static spsi_v spsi_cone_mean(const spsi_lamp *lamp, spsi_reach *reach) {
         end[0] = spsi_clamp(spsi_sub(zero, rim), u[0], u[1]);
         end[1] = spsi_clamp(rim, u[0], u[1]);
     }
-    lit = spsi_and(turns, spsi_less(outer[0], outer[1]));
+    spsi_m lit = spsi_and(turns, spsi_less(outer[0], outer[1]));
     even = spsi_select(turns, spsi_select(lit, one, zero), even);
     if (!spsi_bits(spsi_and(lit, spsi_less(spsi_sub(inner[1], inner[0]), spsi_sub(u[1], u[0]))))) return even;
     sum = spsi_add(spsi_swing_sum(&g, lamp, outer[0], inner[0]), spsi_swing_sum(&g, lamp, inner[1], outer[1]));
@@ -22265,7 +22258,6 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int 
     double point[4][3], across[3], edge[2][3];
     spsi_bounds bounds = spsi_nowhere;
     spsi_shaft shaft;
-    int clear, longer;
     for (int i = 0; i < 4; ++i) {
         spsi_surface surface;
         spsi_surface_at(&job->frame->content->eye, job->faces, tile->hit, tile->x0 + x0 + i % 2 * size[0],
@@ -22274,10 +22266,10 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int 
         spsi_bounds_add(&bounds, point[i]);
     }
     for (int k = 0; k < 2; ++k) spsi_along(point[1 + k], point[0], -1, edge[k]);
-    longer = size[0] == 2 || (size[1] > 2 && spsi_length(edge[1]) > spsi_length(edge[0]));
+    int longer = size[0] == 2 || (size[1] > 2 && spsi_length(edge[1]) > spsi_length(edge[0]));
     spsi_along(bounds.high, bounds.low, -1, across);
     spsi_shaft_build(job->faces, &bounds, &job->from[tile->flown], &shaft);
-    clear = !job->frame->meshes.translucent &&
+    int clear = !job->frame->meshes.translucent &&
             spsi_shaft_is_clear(job->faces, &shaft, &tile->hit->face, 1, (const double(*)[3])point, 4);
     if (!clear && size[0] * size[1] > 16) return longer;
     for (int n = 0; n < 9; ++n) {
@@ -22339,9 +22331,8 @@ static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
     int last = tile->hit->face, shared = 1;
     for (int n = first; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n) {
         const int x = n % SPSI_RECEIVED_TILE, y = n / SPSI_RECEIVED_TILE;
-        int own;
         if (tile->shows[y][x] != 1) continue;
-        own = job->visible->hits[(size_t)(tile->y0 + y) * (size_t)content->eye.width + (size_t)(tile->x0 + x)].face;
+        int own = job->visible->hits[(size_t)(tile->y0 + y) * (size_t)content->eye.width + (size_t)(tile->x0 + x)].face;
         if (own != last) shared = spsi_faces_share_plane(face, &job->faces->list[own]);
         last = own;
         if (shared) tile->shows[y][x] = 2;
@@ -22909,9 +22900,8 @@ static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, 
     const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, spsi_set(low)));
     float opaque[SPSI_LANES] = {0};
     spsi_surfaces list;
-    spsi_v open, share;
     if (!bits || shader->again.measures) return;
-    open = spsi_exp(spsi_sub(spsi_set(0), row->sum.depth));
+    spsi_v open = spsi_exp(spsi_sub(spsi_set(0), row->sum.depth));
     spsi_surfaces_begin(&list);
     for (int i = 0; i < row->width; ++i) {
         if (!(bits >> i & 1)) continue;
@@ -22923,7 +22913,7 @@ static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, 
     spsi_surfaces_shade(shader, &list);
     for (int c = 0; c < 3 && ahead; ++c)
         spsi_store(list.radiance[c], spsi_mul(spsi_load(list.radiance[c]), spsi_load(ahead->filter[c])));
-    share = spsi_select(spsi_less(spsi_set(0), spsi_load(opaque)), open, spsi_set(0));
+    spsi_v share = spsi_select(spsi_less(spsi_set(0), spsi_load(opaque)), open, spsi_set(0));
     if (ahead) share = spsi_mul(share, spsi_ahead_mean(ahead));
     spsi_add_sent(shader, list.radiance, open, share, p->line.polygon, row);
     row->sum.depth = spsi_min(spsi_add(row->sum.depth, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
@@ -22981,13 +22971,12 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     const int count = slab->material_count;
     const size_t at = spsi_tile_at(tile, &p->line, k);
     const spsi_v zero = spsi_set(0), whole = spsi_mul(spsi_abs(p->line.scale), spsi_set((float)slab->group));
-    spsi_v way;
     if (!spsi_group_sum(tile, at, p->length, slab)) return 0;
     slab->k = k;
     slab->filled = ~0;
     if (slab->group > 1) spsi_group_shares(shader, tile, at, p->length, slab);
     spsi_slab_range(shader, &p->line, k, slab->group, &slab->enter, &slab->leave);
-    way = spsi_sub(slab->leave, slab->enter);
+    spsi_v way = spsi_sub(slab->leave, slab->enter);
     if (!spsi_bits(spsi_less(zero, way))) return 0;
     slab->first = zero;
     slab->last = spsi_set(1);
@@ -23170,9 +23159,8 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const int end = k + row->slab.group;
     const float high = end >= shading->slab_count ? shading->high : (float)(shader->first_slab + end);
     const int backwards = shader->sweep->back_to_front;
-    int held;
     row->slab.open = backwards ? SPSI_ALL_LANES : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
-    held = shading->slab_count > 0 && spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
+    int held = shading->slab_count > 0 && spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
     if (shader->hits && backwards) spsi_add_surfaces(shader, low, high, row);
     if (row->has_layers && spsi_ahead_before(&row->ahead, high))
         spsi_add_layered(shading, held, high, row);
@@ -23825,10 +23813,9 @@ static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spo
 static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_cell_spot *spot) {
     const float edge = (float)job->sheets.slabs.thickness;
     const spsi_v scale = spsi_set(1 / (edge * edge));
-    spsi_v square;
     spsi_reach reach;
     spsi_reach_build(&job->shader, lamp, &spot->pixels, &spot->part, &reach);
-    square = spsi_ball_square(spsi_mul(spsi_dot_v(reach.middle, reach.middle), scale), spsi_set(0));
+    spsi_v square = spsi_ball_square(spsi_mul(spsi_dot_v(reach.middle, reach.middle), scale), spsi_set(0));
     return spsi_div(scale, spsi_mul(square, spsi_lamp_falloff(&spot->pixels, &reach)));
 }
 
@@ -23919,15 +23906,14 @@ static int spsi_cell_view_link(const spsi_cell_view *view, int link, spsi_ray *r
 static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_direction *direction, int number,
                                   spsi_ray *ray, spsi_hit *hit) {
     const double count = number + 1 + 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
-    double turn, off;
     int enters = 0;
     for (int k = 0; k < 3; ++k) {
         const int next = view->at[k] - direction->step[k];
         enters |= next < 0 || next >= view->size[k];
     }
     if (!enters) return 0;
-    turn = 2 * SPSI_PI * (count * 0.7548776662466927 - floor(count * 0.7548776662466927));
-    off = 2 * sqrt((double)direction->weight * (count * 0.5698402909980532 - floor(count * 0.5698402909980532)));
+    double turn = 2 * SPSI_PI * (count * 0.7548776662466927 - floor(count * 0.7548776662466927));
+    double off = 2 * sqrt((double)direction->weight * (count * 0.5698402909980532 - floor(count * 0.5698402909980532)));
     memcpy(ray->origin, view->centre, sizeof ray->origin);
     for (int k = 0; k < 3; ++k) {
         const double aside = cos(turn) * direction->across[0][k] + sin(turn) * direction->across[1][k];
@@ -24113,9 +24099,8 @@ static void spsi_cells_walls_task(void *data, int row) {
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_view view = {job->faces, grid, grid->size, 1, {0, 0, 0}, {0, 0, 0}};
-    int near_row;
     spsi_cell_view_move(&view, 0, y, z);
-    near_row = spsi_cell_view_near(&view, grid->size[0]);
+    int near_row = spsi_cell_view_near(&view, grid->size[0]);
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         spsi_cell_hits hits;
@@ -24573,13 +24558,12 @@ static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver
 }
 
 static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_grid *grid, spsi_cell_solver *solver) {
-    size_t floats;
     float *memory;
     memset(solver, 0, sizeof *solver);
     solver->context = context;
     spsi_cell_directions(solver->directions);
     spsi_cell_rays_build(&solver->rays);
-    floats = spsi_cell_solver_size(grid, solver);
+    size_t floats = spsi_cell_solver_size(grid, solver);
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SOLVER, floats, sizeof(float));
     if (!memory) return context->result;
     solver->balance = (double *)(void *)memory;
@@ -24689,10 +24673,9 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
             const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
             const float power = level->depth[at] * level->sent[at], seen = power * level->through[0][at];
             spsi_emitter *emitter = seen > most ? spsi_cell_emitter(job, x, row, &numbers[at]) : NULL;
-            float share;
             if (!emitter) continue;
             some = 1;
-            share = spsi_lower(2 - 2 * most / seen, 1);
+            float share = spsi_lower(2 - 2 * most / seen, 1);
             for (int c = channel; c < 3 && spsi_least(c, grid->channels - 1) == channel; ++c)
                 emitter->sent[c] =
                     (float)fmin(area * (double)(share * power * emitter->leaves[c]), (double)SPSI_RADIANCE_MAX);
@@ -24718,10 +24701,9 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
     const float fraction = job->walls.closed && all > cells ? (all - cells) / (1 - cells) : 0;
     const int flies = cells > 0 && job->grid->flown;
-    int apart;
     if (!job->walls.closed && !flies) return;
     spsi_cells_send_glow(job, channel, -fraction);
-    apart = spsi_cells_set_apart(job, channel);
+    int apart = spsi_cells_set_apart(job, channel);
     if (apart && flies) {
         spsi_cells_send_glow(job, channel, fraction);
         spsi_cells_sweep(level);
@@ -24910,9 +24892,8 @@ static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cel
 /* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly
    changed. Returns by how much. */
 static double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_level *plain) {
-    double change;
     if (job->wall_light) spsi_cells_take_flux(job, channel, &job->coarse);
-    change = spsi_cell_walls_send(job, channel);
+    double change = spsi_cell_walls_send(job, channel);
     if (change < SPSI_CELL_CHANGE && job->wall_light) return change;
     if (change > 0)
         spsi_cells_sweep(plain);
@@ -25299,15 +25280,13 @@ static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame,
     spsi_flights *flights =
         (spsi_flights *)spsi_reserve(context, SPSI_BUFFER_FLIGHTS, SPSI_FLIGHT_TREES, sizeof *flights);
     spsi_groups groups;
-    uint64_t key;
-    int count, held;
     frame->content->cells = NULL;
     if (!grids || !flights) return context->result;
     if (!spsi_holds_gas(context, frame)) return SPS_OK;
-    count = spsi_cells_place_all(context, frame, &groups, grids);
+    int count = spsi_cells_place_all(context, frame, &groups, grids);
     if (count == 0) return SPS_OK;
-    key = spsi_cells_fingerprint(context, frame, grids, count);
-    held = spsi_scattered_take(context, key);
+    uint64_t key = spsi_cells_fingerprint(context, frame, grids, count);
+    int held = spsi_scattered_take(context, key);
     if (spsi_cells_reserve(context, frame, grids, count)) return context->result;
     spsi_particles_fly(frame);
     spsi_volumes_fly(context, frame, grids->edge);
@@ -25588,7 +25567,6 @@ static sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame,
                                   spsi_spread *spread) {
     const sps_tmap_settings *range = &spread->map.settings;
     spsi_lamp coarse = *lamp;
-    double texel;
     spsi_cells_lamp(spsi_most(16, 2 * frame->view.scatter_size), NULL, &coarse);
     spread->lamp = lamp;
     spread->channels = frame->channels;
@@ -25597,7 +25575,7 @@ static sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame,
         coarse.map_size = spsi_most(16, coarse.map_size / 2);
         if (spsi_lamp_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
     }
-    texel = spsi_pixel_size_at(&spread->map.rays[0], 0.5 * (range->near_depth + range->far_depth));
+    double texel = spsi_pixel_size_at(&spread->map.rays[0], 0.5 * (range->near_depth + range->far_depth));
     spread->sheet_count = (int)fmin(fmax(ceil((range->far_depth - range->near_depth) / fmax(texel, DBL_MIN)), 4),
                                     spsi_spread_sheets_most(coarse.map_size));
     spread->pitch = spsi_cell_pitch(spread->map.rays[0].width);
@@ -25670,9 +25648,8 @@ static sps_result spsi_spreads_build(sps_context *context, const spsi_frame *fra
     const uint64_t key = spsi_scattered_fingerprint(context, frame);
     size_t floats = 0;
     float *memory;
-    int held;
     if (!spsi_holds_gas(context, frame) || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
-    held = spsi_scattered_take(context, key);
+    int held = spsi_scattered_take(context, key);
     spreads->list = (spsi_spread *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, count, sizeof *spreads->list);
     if (!spreads->list) return context->result;
     memset(spreads->list, 0, count * sizeof *spreads->list);
@@ -25704,7 +25681,6 @@ static size_t spsi_spreads_bytes(const spsi_frame *frame) {
     size_t floats = 0, most = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const int side = spsi_most(16, 2 * frame->view.scatter_size);
-        size_t needed;
         spsi_spread_job job;
         spsi_spread spread;
         if (!frame->lamps.list[i].shadows) continue;
@@ -25718,7 +25694,7 @@ static size_t spsi_spreads_bytes(const spsi_frame *frame) {
         spread.map.face_count = spread.lamp->is_point ? SPSI_CUBE_FACES : 1;
         spread.plane = (size_t)(spread.pitch * spread.map.face_count * side);
         floats += spsi_spread_floats(&spread) + sizeof spread / sizeof(float) + 1;
-        needed = spsi_spread_job_begin(frame, &spread, &job);
+        size_t needed = spsi_spread_job_begin(frame, &spread, &job);
         most = needed > most ? needed : most;
     }
     return (floats + most) * sizeof(float) + sizeof(spsi_spread_job);
@@ -28654,7 +28630,6 @@ static spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_s
     const double extinction = (double)spsi_part_material(marcher->frame, m)->extinction;
     spsi_between result, points = {0, 0};
     spsi_series f, w, product;
-    double off;
     if (!(gas->length.high > 0)) return points;
     result.low = gas->length.low * exp(-step->before.high - step->depth.high);
     result.high = gas->length.high * exp(-step->before.low);
@@ -28679,7 +28654,7 @@ static spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_s
     w = spsi_series_exponential(&w);
     product = spsi_series_product(&f, &w);
     product = spsi_series_product(&product, &coming->falloff);
-    off = spsi_gauss_error(h, product.term[SPSI_BRACKET_ORDER]) * exp(-step->before.low) * coming->passes.high;
+    double off = spsi_gauss_error(h, product.term[SPSI_BRACKET_ORDER]) * exp(-step->before.low) * coming->passes.high;
     if (points.low - off > result.low) result.low = points.low - off;
     if (points.high + off < result.high) result.high = points.high + off;
     return result;

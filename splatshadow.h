@@ -20214,7 +20214,7 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
     const spsi_flight_node *own[SPSI_TREE_LEAF] = {NULL};
     float leaves[3][SPSI_FLIGHT_WAYS] = {{0}}, mean = 0, bent = 0;
     int count = node->count;
-    memset(sum, 0, sizeof *sum);
+    memset(sum, 0, sizeof *sum), memset(below, 0, sizeof below);
     sum->first = node->first;
     sum->count = count;
     for (int i = 0; i < count; ++i) below[i] = flights->emitters[tree->order[node->first + i]];

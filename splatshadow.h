@@ -8707,12 +8707,6 @@ static float spsi_light_end(const spsi_frame *frame) {
     return spsi_scatters_forward(frame) ? SPSI_FORWARD_END : SPSI_LIGHT_END;
 }
 
-/* The optical depth at which the eye's rays end. */
-static float spsi_eye_end(const spsi_frame *frame) {
-    const int peaks = spsi_scatters_fully(frame) && frame->matter.orders > 1;
-    return spsi_scatters_forward(frame) || peaks ? SPSI_FORWARD_END : (float)-log(frame->accuracy.threshold);
-}
-
 static int spsi_has_shadow_table(const spsi_lamp *lamp) {
     return lamp->has_map && lamp->map.technique == SPS_TMAP_TABLE;
 }
@@ -8756,12 +8750,6 @@ static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
    Slabs are second order in their thickness, and those of gas may be half a pixel thick, or one at draft; classified
    volumes have one sample in each, at 0.3 pixels. */
 
-/* The least breadth of a pixel at depth t or behind it. */
-static double spsi_pixel_from(const spsi_rays *eye, double t) {
-    const double breadth = fmin(spsi_length(eye->a), spsi_length(eye->b));
-    return eye->perspective ? breadth * fmax(t, fmax(eye->near_depth, 0)) : breadth;
-}
-
 /* How far eight points, in ray coordinates (x t, y t, t) that change at constant rates, can go until all of them have
    left the image by the same side; infinity if they don't. */
 static double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
@@ -8797,7 +8785,8 @@ static double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *shadin
     }
     if (falls) end = spsi_way_in_image(eye, q, rates);
     for (int i = 0; i < 8; ++i) nearest = fmin(nearest, rates[i][2] < 0 ? q[i][2] + end * rates[i][2] : q[i][2]);
-    return spsi_pixel_from(eye, nearest);
+    const double breadth = fmin(spsi_length(eye->a), spsi_length(eye->b));
+    return eye->perspective ? breadth * fmax(nearest, fmax(eye->near_depth, 0)) : breadth;
 }
 
 /* The least size of a texel of a depth map by which polygons shade gas: half of what the gas's may be, since their
@@ -13103,12 +13092,6 @@ static void spsi_bend_task(void *data, int held) {
                      (size_t)(2 * at[0] + n % 2)] = bends[n];
 }
 
-/* Has each eighth stand for the next ones along an axis, too, which are `step` floats farther. */
-static void spsi_bends_pair(float *bends, size_t count, size_t step, size_t line) {
-    for (size_t i = 0; i < count; ++i)
-        if (i % line < line - step) bends[i] = spsi_higher(bends[i], bends[i + step]);
-}
-
 /* Finds how much all fields bend, which are filled, unless it is known. */
 static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame) {
     spsi_fields *fields = frame->content->fields;
@@ -13126,8 +13109,11 @@ static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame
         bends += count;
         if (field->count == 0) continue;
         spsi_parallel_by(context, SPSI_FIELD_BATCH, field->count, spsi_bend_task, &job);
-        for (size_t k = 0, step = 1; k < 3; step *= 2 * (size_t)field->size[k++])
-            spsi_bends_pair(field->bends, count, step, step * 2 * (size_t)field->size[k]);
+        for (size_t k = 0, step = 1, line; k < 3; ++k, step = line) { /* each eighth stands for the next ones, too */
+            line = step * 2 * (size_t)field->size[k];
+            for (size_t i = 0; i < count; ++i)
+                if (i % line < line - step) field->bends[i] = spsi_higher(field->bends[i], field->bends[i + step]);
+        }
     }
     fields->bent = 1;
     return SPS_OK;
@@ -22332,7 +22318,8 @@ static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
     for (int n = first; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n) {
         const int x = n % SPSI_RECEIVED_TILE, y = n / SPSI_RECEIVED_TILE;
         if (tile->shows[y][x] != 1) continue;
-        int own = job->visible->hits[(size_t)(tile->y0 + y) * (size_t)content->eye.width + (size_t)(tile->x0 + x)].face;
+        const size_t at = (size_t)(tile->y0 + y) * (size_t)content->eye.width + (size_t)(tile->x0 + x);
+        const int own = job->visible->hits[at].face;
         if (own != last) shared = spsi_faces_share_plane(face, &job->faces->list[own]);
         last = own;
         if (shared) tile->shows[y][x] = 2;
@@ -24321,8 +24308,8 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
 /* Sets the fraction of each cell's lit polygons that flies: from small patches, directions make a star of rays. A patch
    is the cells with lit polygons that open links join, and dark ones at its rim, whose polygons may be lit in part.
    Spread evenly over the grid's largest side, its light has some mean. Cells of up to three times that are swept, those
-   of six times fly. If they cover more than a sixth of the side, less of each flies, and nothing from a third on. Returns
-   what part of it they cover; 0: nothing flies. */
+   of six times fly. If they cover more than a sixth of the side, less of each flies, and nothing from a third on.
+   Returns what part of it they cover; 0: nothing flies. */
 static double spsi_patches_find(const spsi_cell_job *job) {
     const int *size = job->grid->size, pitch = job->grid->pitch;
     const double side = (double)size[0] * size[1] * size[2] / spsi_least(size[0], spsi_least(size[1], size[2]));
@@ -25964,7 +25951,9 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     shader->unshadowed = sweep->first && !shader->again.measures &&
                          (frame->has_ambient || frame->matter.emits || frame->content->cells ||
                           frame->lamps.count > frame->lamps.shadow_count);
-    shader->end_depth = spsi_eye_end(frame);
+    shader->end_depth = spsi_scatters_forward(frame) || (spsi_scatters_fully(frame) && frame->matter.orders > 1)
+                            ? SPSI_FORWARD_END
+                            : (float)-log(frame->accuracy.threshold);
     if (spsi_target_build(context, frame, &frame->content->eye, &sweep->slabs, SPSI_TARGET_EYE, sweep->back_to_front,
                           &run->eye) ||
         spsi_run_slice(context, run))

@@ -197,7 +197,7 @@ static void patches_place(int pixel, double at[3]) {
    least. So straight lines between them are off by 0.125^2 / 8 * 6 / 0.9^2, 1.5 %; the rays' spots, a twelfth of the
    beam wide, add no more than that. Nodes of a wide spot: as below. */
 static void test_spots(void) {
-    static const double cones[] = {0.05, 0.08, 0.2, 0.35, 0.5, 1}, extinction = 1e-4;
+    static const double cones[] = {0.05, 0.1, 0.2, 0.35, 0.5, 1}, extinction = 1e-4;
     static const double origin[3] = {-9, -9, -2.3}, along[3] = {18, 0, 0}, across[3] = {0, 18, 0};
     for (int n = 0; n < 6; ++n) {
         check_triangles wall;

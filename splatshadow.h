@@ -4260,8 +4260,8 @@ typedef struct spsi_cell_grid {
     float lobes[SPSI_MATERIALS_MAX][4]; /* per material: its moments of degree 0 to 3, less its peak */
     float peak[SPSI_MATERIALS_MAX];     /* share of what is scattered that goes straight on */
     float swept[SPSI_MATERIALS_MAX];    /* share of what glows that does not fly, >>flights */
-    sps_lobe phase[SPSI_LOBES_MAX]; /* of the material of the highest peak */
-    int single, phase_count;        /* which material that is; number of its lobes, or 0: no peak or not just one sun */
+    sps_lobe phase[SPSI_LOBES_MAX]; /* of the only material that scatters */
+    int single, phase_count;        /* which that is; number of its lobes, or 0: no peak, or not just one sun */
     double sun[3];                  /* the direction of its light */
     float *depth;                       /* optical depth along an edge */
     float *moments;                     /* per channel and term: what the light in a cell is, without ambient light */
@@ -23408,10 +23408,11 @@ static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     grid->across = SPSI_CELL_PATCHES;
     grid->flux_terms = frame->meshes.count > 0 ? spsi_least(9, grid->terms) : 0;
     grid->channels = frame->channels;
-    for (int m = 0; m < frame->matter.material_count; ++m) {
+    for (int m = 0, some = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
         const double peak = material->scatters ? spsi_phase_peak(material, grid->orders) : 0;
-        if (sun && peak > (double)grid->peak[grid->single]) grid->single = m, grid->phase_count = material->lobe_count;
+        if (material->scatters)
+            grid->single = m, grid->phase_count = sun && some++ == 0 && peak > 0 ? material->lobe_count : 0;
         grid->peak[m] = (float)peak;
         for (int l = 0; l < grid->orders; ++l) grid->lobes[m][l] = (float)(spsi_phase_moment(material, l) - peak);
     }

@@ -130,7 +130,8 @@ THREADS   A context serves one call at a time; any number of contexts can run at
     once (in sps_plan, the calling thread does); and with both parallel_for_fn and progress_fn, several workers may call
     clock_fn at once. No callback may leave a call by an exception or by longjmp. If one does, and C code is compiled
     with unwind tables (-fexceptions), its context and maps can only be destroyed, which returns all their memory:
-    further calls are SPS_ERROR_CALLBACK. So are calls from within a callback, and the call that they interrupt.
+    further calls are SPS_ERROR_CALLBACK. So are calls from within a callback, and the call that they interrupt; after
+    these the context can be used.
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
     it does on different machines if they have the same C library and all threads use the same rounding mode and the
     same treatment of denormal numbers. Only a budget (sps_view) chooses settings by the clock, by what the context
@@ -4260,7 +4261,7 @@ typedef struct spsi_cell_grid {
     float lobes[SPSI_MATERIALS_MAX][4]; /* per material: its moments of degree 0 to 3, less its peak */
     float peak[SPSI_MATERIALS_MAX];     /* share of what is scattered that goes straight on */
     float swept[SPSI_MATERIALS_MAX];    /* share of what glows that does not fly, >>flights */
-    sps_lobe phase[SPSI_LOBES_MAX]; /* of the only material that scatters */
+    sps_lobe phase[SPSI_LOBES_MAX]; /* lobes of the only material that scatters */
     int single, phase_count;        /* which that is; number of its lobes, or 0: no peak, or not just one sun */
     double sun[3];                  /* the direction of its light */
     float *depth;                       /* optical depth along an edge */
@@ -4357,7 +4358,7 @@ typedef struct spsi_fields {
 /* Results of reading a frame's data. Before that, bounds are those of the volumes' boxes. */
 typedef struct spsi_content {
     spsi_bounds bounds;            /* of gas */
-    double beyond[3];              /* by how much levels, >>taps, extend these on each side */
+    double beyond[3];              /* length that levels, >>taps, add to these on each side */
     spsi_bounds outer;             /* of the volumes' boxes and the particles, by which shadows are chosen, >>shadows */
     int parts[2], cut[2];          /* columns and rows, 1 or 2, that the image is cut into, and where, >>slicing */
     spsi_bounds mesh_bounds;       /* of polygons */
@@ -6638,8 +6639,7 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
             if (from < low[i] || from > high[i]) return 0;
             continue;
         }
-        const double a = (low[i] - from) / d;
-        const double b = (high[i] - from) / d;
+        const double a = (low[i] - from) / d, b = (high[i] - from) / d;
         range[0] = fmax(range[0], fmin(a, b));
         range[1] = fmin(range[1], fmax(a, b));
     }
@@ -9671,8 +9671,7 @@ static void spsi_ball_near_range(const double across[3], const double along[3], 
     *first = 0;
     *last = size - 1;
     if (!(root > 0) || !(fabs(a) > 1e-9 * t * t)) return;
-    const double low = fmin((b - root) / a, (b + root) / a);
-    const double high = fmax((b - root) / a, (b + root) / a);
+    const double low = fmin((b - root) / a, (b + root) / a), high = fmax((b - root) / a, (b + root) / a);
     if (a > 0 || x - b / a * t > 0) *first = (int)fmin(fmax(ceil(a > 0 ? low : high), 0), size);
     if (a > 0 || !(x - b / a * t > 0)) *last = (int)fmax(fmin(floor(a > 0 ? high : low), size - 1), -1);
 }
@@ -12257,7 +12256,7 @@ static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_r
     int slabs[2];
     spsi_tap_slabs(rays, tile->slab_count, slabs);
     if (slabs[0] >= slabs[1]) return;
-    const int *need = rays->by_slab + 1 + slabs[0]; /* that of a slab, between those of its neighbours */
+    const int *need = rays->by_slab + 1 + slabs[0]; /* lanes that need a slab; its neighbours' lie beside */
     if (!t->lone) before = spsi_tap_sample(t, rays, slabs[0] * steps - 1, need[0], &tile->samples);
     first = spsi_tap_sample(t, rays, slabs[0] * steps, need[0] | (steps == 1 ? need[1] : 0), &tile->samples);
     at += (size_t)slabs[0] * size;
@@ -19448,8 +19447,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
 static double spsi_cells_distance(const spsi_cell_grid *grid, const double point[3]) {
     double square = 0;
     for (int k = 0; k < 3; ++k) {
-        const double at = point[k] - grid->corner[k];
-        const double off = fmax(fmax(-at, at - grid->edge * grid->size[k]), 0);
+        const double at = point[k] - grid->corner[k], off = fmax(fmax(-at, at - grid->edge * grid->size[k]), 0);
         square += off * off;
     }
     return sqrt(square);
@@ -22122,15 +22120,16 @@ static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_l
     return NULL;
 }
 
-/* What gas of an optical depth lets pass of light that reaches surfaces, or that they send to the eye (`to`: 0).
+/* What gas of an optical depth lets pass of light that reaches surfaces, or that they send to the eye (`to`: NULL).
    What a phase function's peak scatters goes straight on; to surfaces outside of the cells, patches send it instead. */
 static spsi_v spsi_straight_passes(const spsi_frame *frame, int c, spsi_v depth, const spsi_points *to) {
     const spsi_content *content = frame->content;
+    const int lobes = to && content->cells && content->cells->phase_count > 0;
     float scales[SPSI_LANES];
     for (int lane = 0; lane < SPSI_LANES; ++lane) {
         double point[3];
-        if (to) spsi_points_get(to, lane, point);
-        scales[lane] = (float)-spsi_cells_scale_at(content->cells, content->cell_grid_count, c, to ? point : NULL);
+        if (lobes) spsi_points_get(to, lane, point);
+        scales[lane] = (float)-spsi_cells_scale_at(content->cells, content->cell_grid_count, c, lobes ? point : NULL);
     }
     return spsi_exp(spsi_mul(depth, spsi_load(scales)));
 }
@@ -22826,10 +22825,11 @@ static const spsi_ahead *spsi_row_ahead(const spsi_row *row) { return row->has_l
 static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANES], spsi_gathered *sum) {
     const int backwards = shader->again.gas != NULL;
     const spsi_v gas = backwards ? spsi_sub(sum->gas[1], sum->gas[0]) : sum->depth;
+    const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas));
     spsi_v *into = backwards ? sum->again : sum->radiance;
     for (int c = 0; c < shader->frame->channels; ++c) {
-        const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas)), all = spsi_straight_passes(shader->frame, c, gas, 0);
-        into[c] = spsi_fma(spsi_load(sent[c]), spsi_sub(all, once), into[c]);
+        const spsi_v more = spsi_sub(spsi_straight_passes(shader->frame, c, gas, NULL), once);
+        into[c] = spsi_fma(spsi_load(sent[c]), more, into[c]);
     }
 }
 
@@ -23995,8 +23995,9 @@ static void spsi_cell_hits_light_all(const spsi_cell_job *job, spsi_cell_hits *h
     for (int i = 0, shadow = 0; i < job->frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &job->frame->lamps.list[i];
         const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
+        const double fraction = 1 - spsi_cells_beams(job, lamp, 1);
         for (int first = 0; first < hits->count; first += SPSI_PACKET)
-            spsi_cell_hits_light(job, lamp, 1 - spsi_cells_beams(job, lamp, 1), own, first, hits);
+            spsi_cell_hits_light(job, lamp, fraction, own, first, hits);
     }
 }
 
@@ -29700,7 +29701,7 @@ static sps_result spsi_refuse(sps_context *context) {
     context->within = 2;
     context->result = SPS_OK;
     return spsi_fail(context, SPS_ERROR_CALLBACK,
-                     "a callback threw or jumped out of an earlier call, or called into its own context: destroy it");
+                     "a callback called into its own context, or threw or jumped out of an earlier call (destroy it)");
 }
 
 /* Begins a call that records errors: clears result and error, and restarts the statistics except for the bytes held.

@@ -24308,7 +24308,8 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
 }
 
 /* Sets the fraction of each cell's lit polygons that flies: from small patches, directions make a star of rays. A patch
-   is the cells with lit polygons that open links join, and dark ones at its rim, whose polygons may be lit in part.
+   is the cells with lit polygons that open links join, and dark ones at its rim, whose polygons may be lit in part. A
+   hundredth of the next cell's light counts as dark: otherwise a trace of light between two patches would join them.
    Spread evenly over the grid's largest side, its light has some mean. Cells of up to three times that are swept, those
    of six times fly. If they cover more than a sixth of the side, less of each flies, and nothing from a third on.
    Returns what part of it they cover; 0: nothing flies. */
@@ -24319,19 +24320,23 @@ static double spsi_patches_find(const spsi_cell_job *job) {
     int *queue = (int *)(void *)job->walls.sent; /* is set later; -1 - a cell: it is at a patch's rim, and dark */
     double covered = 0;
     size_t count = 0, end = 0;
-    for (size_t start = 0; start < (size_t)(pitch * size[1] * size[2]); ++start) {
+    const size_t cells = (size_t)(pitch * size[1] * size[2]);
+    float most = 0;
+    for (size_t at = 0; at < cells; ++at) most = spsi_higher(most, patch[at]);
+    for (size_t n = 5 * cells, start = 0; n > 0; --n, start = start > 0 ? start - 1 : cells - 1) {
         double sum = 0;
-        if (patch[start] > 0) patch[queue[end++] = (int)start] *= -1;
-        for (size_t n = count; n < end; ++n) {
-            const int own = queue[n];
+        if (start == 0) most *= 0.01f; /* the brightest begin: others may light their rims a little */
+        if (patch[start] > most) patch[queue[end++] = (int)start] *= -1;
+        for (size_t i = count; i < end; ++i) {
+            const int own = queue[i];
             sum -= own < 0 ? 0 : (double)patch[own];
             for (int link = 0; link < 27 && own >= 0; ++link) {
                 const int x = own % pitch + 1 - link % 3, y = own / pitch % size[1] + 1 - link / 3 % 3;
                 const int z = own / pitch / size[1] + 1 - link / 9, at = (z * size[1] + y) * pitch + x;
                 if (x < 0 || y < 0 || z < 0 || x >= size[0] || y >= size[1] || z >= size[2]) continue;
-                if ((job->walls.closed[own] >> link & 1) || patch[at] < 0) continue;
-                queue[end++] = patch[at] > 0 ? at : -1 - at;
-                patch[at] = patch[at] > 0 ? -patch[at] : patch[own];
+                if ((job->walls.closed[own] >> link & 1) || patch[at] < 0 || patch[at] > -100 * patch[own]) continue;
+                queue[end++] = -100 * patch[at] < patch[own] ? at : -1 - at;
+                patch[at] = -100 * patch[at] < patch[own] ? -patch[at] : patch[own];
             }
         }
         for (; count < end; ++count) {

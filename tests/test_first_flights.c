@@ -248,25 +248,31 @@ static double window_lights(double half, double middle, const double at[3]) {
     return 0.5 / SPSI_PI * 4 * half * half * sum / (N * N);
 }
 
+/* A floor, and a roof about a square window of half width `a`. */
+static void windowed_room(check_triangles *walls, double a) {
+    const double corners[5][4] = {{-7, -9, 7, 9}, {-9, -9, 9, -a}, {-9, a, 9, 9}, {-9, -a, -a, a}, {a, -a, 9, a}};
+    memset(walls, 0, sizeof *walls);
+    for (int k = 0; k < 5; ++k) {
+        const double origin[3] = {corners[k][0], corners[k][1], k ? 2.3 : -2.3};
+        const double along[3] = {corners[k][2] - origin[0], 0, 0}, across[3] = {0, corners[k][3] - origin[1], 0};
+        check_add_quad(walls, origin, along, across);
+    }
+}
+
 /* Thin haze in a dark room, of which the sun lights a square of the floor, from less than two cells wide to a sixth of
    the floor. Pixels beside the beam. Cells see nodes of the square under 0.6 radians: a flat one of 0.3 of its distance
    differs from a ball by a part of 0.3^2, 9 %, where its light falls low; on the mean by a third of that. */
 static void test_windows(void) {
     static const double halves[] = {0.15, 0.3, 1}, extinction = 1e-4;
     for (int n = 0; n < 3; ++n) {
-        const double a = halves[n], corners[5][4] = {
-            {-7, -9, 7, 9}, {-9, -9, 9, -a}, {-9, a, 9, 9}, {-9, -a, -a, a}, {a, -a, 9, a}};
+        const double a = halves[n];
         double squares = 0;
         check_triangles walls;
         check_scene s;
         sps_volume *gas;
         ratios all;
-        memset(&walls, 0, sizeof walls), memset(&all, 0, sizeof all);
-        for (int k = 0; k < 5; ++k) { /* the floor, and the roof about the window */
-            const double origin[3] = {corners[k][0], corners[k][1], k ? 2.3 : -2.3};
-            const double along[3] = {corners[k][2] - origin[0], 0, 0}, across[3] = {0, corners[k][3] - origin[1], 0};
-            check_add_quad(&walls, origin, along, across);
-        }
+        memset(&all, 0, sizeof all);
+        windowed_room(&walls, a);
         gas = patches_haze(&s, &walls, extinction);
         check_add_directional(&s, 0.15, 0, -1, sqrt(1.0225));
         s.view.scatter_size = 32;
@@ -291,6 +297,33 @@ static void test_windows(void) {
                    fmax(all.most - 1, 1 - all.least), 0.09, "nodes of patches, 0.3^2");
         CHECK_CASE("Scattering", "haze by a square of sunlight on a floor, root mean square", "closed form; relative",
                    sqrt(squares / all.count), 0.03, "a third of that");
+    }
+}
+
+/* A square of sunlight on a floor, a spot of a hundredth of its light beside it, and a trace of light all over. That
+   joins no patches, so haze above the spot stays even. The trace itself is 1e-8 of the sun's light, on 50 times the
+   area; it may change which dark cells count as rims, and those hold at most a few thousandths of a patch's light. */
+static void test_trace_between_patches(void) {
+    static const double traces[] = {0, 1e-42, 1e-8};
+    static float first[4 * 30 * 18];
+    for (int n = 0; n < 3; ++n) {
+        check_triangles walls;
+        check_scene s;
+        double worst = 0;
+        windowed_room(&walls, 0.3);
+        (void)patches_haze(&s, &walls, 1e-4);
+        check_add_directional(&s, 0.1, 0, -1, sqrt(1.01));
+        sps_light *light = check_add_point(&s, 1.5, 0, -1.8, 0.002);
+        light->direction[2] = -1, light->inner_cone = 0.5, light->outer_cone = 1;
+        if (n > 0) check_add_directional(&s, 0.2, 0.1, -1, traces[n])->no_shadow = 1;
+        s.view.scatter_size = 32;
+        if (!check_render(context, &s, picture)) return;
+        check_free_triangles(&walls);
+        if (n == 0) memcpy(first, picture, sizeof first);
+        for (int i = 0; i < 4 * 30 * 18; ++i)
+            if (first[i] > 0) worst = fmax(worst, fabs((double)picture[i] / (double)first[i] - 1));
+        if (figures() && n > 0) printf("trace %g: %.5f\n", traces[n], worst);
+        CHECK(worst < 0.003);
     }
 }
 
@@ -1253,6 +1286,7 @@ int main(void) {
     RUN(test_patch);
     RUN(test_spots);
     RUN(test_windows);
+    RUN(test_trace_between_patches);
     RUN(test_specks);
     RUN(test_balls);
     RUN(test_wide_ball);

@@ -3631,15 +3631,14 @@ static void spsi_opacity_bracket(const sps_tmap_settings *settings, const float 
    cut after x^10, is as accurate up to 2. */
 static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, float soft) {
     const spsi_v one = spsi_set(1), safe = spsi_max(x, spsi_set(1e-6f)), square = spsi_mul(x, x);
-    spsi_v series, closed;
     if (!(soft > 0)) return spsi_select(spsi_less(x, spsi_set(1e-6f)), one, spsi_div(s, safe));
-    series = spsi_set(-1.0f / 172972800);
+    spsi_v series = spsi_set(-1.0f / 172972800);
     series = spsi_fma(series, square, spsi_set(1.0f / 1330560));
     series = spsi_fma(series, square, spsi_set(-1.0f / 15120));
     series = spsi_fma(series, square, spsi_set(1.0f / 280));
     series = spsi_fma(series, square, spsi_set(-0.1f));
     series = spsi_fma(series, square, one);
-    closed = spsi_div(spsi_mul(spsi_set(3), spsi_sub(s, spsi_mul(x, c))), spsi_mul(spsi_max(square, one), safe));
+    spsi_v closed = spsi_div(spsi_mul(spsi_set(3), spsi_sub(s, spsi_mul(x, c))), spsi_mul(spsi_max(square, one), safe));
     return spsi_select(spsi_less(x, spsi_set(2)), series, closed);
 }
 
@@ -10557,8 +10556,7 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
     const spsi_v one = spsi_set(1), c22 = spsi_set(s->covariance[5]);
     const spsi_v near_one = s->perspective ? spsi_div(one, spsi_max(t, spsi_set(FLT_MIN * 16))) : one;
     const spsi_v px = s->perspective ? x : spsi_set(0), py = s->perspective ? y : spsi_set(0);
-    const spsi_v square = spsi_mul(near_one, near_one);
-    const spsi_v x22 = spsi_mul(px, c22), y22 = spsi_mul(py, c22);
+    const spsi_v square = spsi_mul(near_one, near_one), x22 = spsi_mul(px, c22), y22 = spsi_mul(py, c22);
     const spsi_v c02 = spsi_set(s->covariance[2]), c12 = spsi_set(s->covariance[4]);
     const spsi_v rxt = spsi_mul(near_one, spsi_sub(c02, x22)), ryt = spsi_mul(near_one, spsi_sub(c12, y22));
     const spsi_v two = spsi_set(2), half = spsi_set(0.5f);
@@ -10668,8 +10666,7 @@ static inline void spsi_add_pair(const spsi_sections *s, float *sheet, spsi_v sh
 /* The same for two rows of a kernel, which may end at different planes. */
 static inline void spsi_add_pairs(const spsi_sections *s) {
     float *sheet = s->sheet;
-    spsi_v v = s->v, after;
-    spsi_v before = s->starts ? spsi_set(0) : spsi_kernel_share_within(v, s->low, s->high);
+    spsi_v v = s->v, after, before = s->starts ? spsi_set(0) : spsi_kernel_share_within(v, s->low, s->high);
     for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
         v = spsi_add(v, s->per_plane);
         after = spsi_kernel_share_within(v, s->low, s->high);
@@ -10818,8 +10815,7 @@ static inline spsi_v spsi_pair(const float *rows, int r) {
    all; `bits`: those of the rows that reach any. */
 static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, float per_slab, float *row,
                                       spsi_sections *sections) {
-    const int i = bits == 2 ? r + 1 : r, j = bits == 1 ? r : r + 1;
-    const int first = spsi_least(rows->first[i], rows->first[j]);
+    const int i = bits == 2 ? r + 1 : r, j = bits == 1 ? r : r + 1, first = spsi_least(rows->first[i], rows->first[j]);
     sections->sheet = row + (size_t)first * sections->sheet_size;
     sections->count = spsi_most(rows->first[i] + rows->slabs[i], rows->first[j] + rows->slabs[j]) - first;
     sections->starts = rows->starts[i] & rows->starts[j];
@@ -10959,8 +10955,7 @@ static inline void spsi_splat_near_row(const spsi_near_print *print, int x, int 
     const spsi_v a = spsi_max(spsi_fma(at, nx, spsi_fma(spsi_set(fy), ny, nt)), spsi_set(FLT_MIN));
     const spsi_v b = spsi_fma(spsi_set(q[0]), nx, spsi_fma(spsi_set(q[1]), ny, spsi_mul(spsi_set(q[2]), nt)));
     const spsi_v ux = spsi_set(q[1] - q[2] * fy), uy = spsi_sub(spsi_mul(spsi_set(q[2]), at), spsi_set(q[0]));
-    const spsi_v ut = spsi_sub(spsi_set(q[0] * fy), spsi_mul(spsi_set(q[1]), at));
-    const spsi_v two = spsi_set(2);
+    const spsi_v ut = spsi_sub(spsi_set(q[0] * fy), spsi_mul(spsi_set(q[1]), at)), two = spsi_set(2);
     spsi_v e = spsi_mul(spsi_mul(ux, ux), spsi_set(c[0])), root = spsi_sqrt(a), per_depth, mean, crossing, weight;
     spsi_sections sections;
     e = spsi_fma(spsi_mul(uy, uy), spsi_set(c[3]), spsi_fma(spsi_mul(ut, ut), spsi_set(c[5]), e));
@@ -12041,8 +12036,7 @@ static void spsi_tap_gradient(const spsi_tapper *t, const spsi_v place[3], int l
     spsi_tap_find(t, place, &at);
     memset(fours, 0, sizeof fours);
     for (; lanes; lanes &= lanes - 1) {
-        const int i = spsi_lowest_bit(lanes);
-        const int held = t->field->grid[at.brick[i]];
+        const int i = spsi_lowest_bit(lanes), held = t->field->grid[at.brick[i]];
         const float *from = t->field->values + (size_t)spsi_most(held, 0) * floats + at.first[i];
         spsi_tap_weights w;
         spsi_four changes[3];
@@ -14222,8 +14216,7 @@ static spsi_v spsi_tmap_texels_depths(const sps_tmap *map, const spsi_texels *te
     spsi_texels inner = *texels;
     if (!map->technique->optical_depths) return zero; /* it holds no gas */
     if (!map->has_range) return map->technique->optical_depths(&map->inner, texels, u);
-    const spsi_v first = spsi_texels_at(texels, zero);
-    const spsi_v length = spsi_sub(spsi_texels_at(texels, one), first);
+    const spsi_v first = spsi_texels_at(texels, zero), length = spsi_sub(spsi_texels_at(texels, one), first);
     spsi_v within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
     within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
     inner.x = spsi_add(texels->x, spsi_set(2));
@@ -18008,8 +18001,7 @@ static void spsi_legendre_moments(const spsi_material *material, int followed, s
 
 /* A lobe at one cosine. */
 static double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
-    const double g = (double)lobe->asymmetry;
-    const double square = fmax(1 + g * g - 2 * g * fmin(fmax(cosine, -1), 1), DBL_MIN);
+    const double g = (double)lobe->asymmetry, square = fmax(1 + g * g - 2 * g * fmin(fmax(cosine, -1), 1), DBL_MIN);
     return (double)lobe->weight * (1 - g * g) / (4 * SPSI_PI * square * sqrt(square));
 }
 
@@ -18028,8 +18020,7 @@ static double spsi_forward_rest(double x, double t) {
 /* The factors d[l] at one depth. Of an order that is followed, they are those of the peak f, and what the scale of
    extinction there, 1 - w f, has let pass too much of what scatters once. */
 static void spsi_legendre_orders(spsi_legendre *series, double albedo, double t) {
-    const double peak = series->peak;
-    const double more = exp(-t) * expm1(fmin(albedo * peak * t, t));
+    const double peak = series->peak, more = exp(-t) * expm1(fmin(albedo * peak * t, t));
     for (int l = 0; l < series->count; ++l)
         if (l < series->followed)
             series->orders[l] = peak * spsi_forward_rest(albedo * peak * t, t) + (series->moments[l] - peak) * more;
@@ -20543,8 +20534,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     }
     if (blocked) spsi_flight_cells_unblocked(job, cells, node, passes);
     for (int c = 0; c < grid->channels; ++c) {
-        const spsi_v scale = spsi_set(grid->scale[c]);
-        const spsi_v before = spsi_mul(scale, depth);
+        const spsi_v scale = spsi_set(grid->scale[c]), before = spsi_mul(scale, depth);
         spsi_v light = spsi_mul(spsi_mul(even, spsi_set(node->sent[c])),
                                 spsi_mean_transmittance(before, spsi_fma(scale, cells->depth, before)));
         light = spsi_mul(light, spsi_flight_leaves(flight, c, ways.unit, part));
@@ -20657,8 +20647,7 @@ static double spsi_ball_lights(double distance, double height, double radius, do
         const double cosine = low + (1 - low) * (i + 0.5) / steps, sine = sqrt(1 - cosine * cosine);
         const double chord = 1 - far_off * far_off * sine * sine, half = chord > 0 ? sqrt(chord) : 0;
         const double middle = far_off * cosine, begin = middle > half ? middle - half : 0;
-        const double up = cosine * tilt, aside = sine * level;
-        const double way = middle + half - begin, depth = thick * way;
+        const double up = cosine * tilt, aside = sine * level, way = middle + half - begin, depth = thick * way;
         double seen = up > 0 ? SPSI_PI * up : 0;
         if (fabs(up) < aside) seen = up * acos(-up / aside) + sqrt(aside * aside - up * up);
         sum += seen * (depth > 0 ? -expm1(-depth) / thick : way);
@@ -26134,8 +26123,7 @@ static double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep)
 #define SPSI_POINT_PIXEL_UNITS 7    /* and to a pixel of polygons, in pixels of slabs */
 
 static void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
-    const double pixels = (double)frame->view.region[2] * frame->view.region[3];
-    const double covered = spsi_covered_pixels(frame);
+    const double pixels = (double)frame->view.region[2] * frame->view.region[3], covered = spsi_covered_pixels(frame);
     for (int n = 0; n < spsi_sweep_count(frame); ++n) {
         spsi_sweep sweep;
         const double slabs = spsi_work_sweep(frame, n, &sweep);
@@ -27227,8 +27215,7 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
 static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                              sps_plan_report *report) {
     const int gases = frame->medium_count > 0 || frame->particles.set_count > 0; /* that may be visible */
-    const int polygons = frame->meshes.triangle_count > 0;
-    const int sweeps = report->sweep_count, lit = frame->lamps.count > 0;
+    const int polygons = frame->meshes.triangle_count > 0, sweeps = report->sweep_count, lit = frame->lamps.count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
     const int again = frame->view.scattering != SPS_SCATTERING_AMBIENT;
     const char *once = report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is within the tolerance"
@@ -28473,8 +28460,7 @@ static double spsi_vicinity_speed(const spsi_dense *grid, const double direction
 /* Samples a volume at a step's points. Returns 0 if nothing is about it. */
 static int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *step, spsi_step_gas *gas) {
     const spsi_dense *grid = &marcher->grids[m];
-    const double h = step->high - step->low, most = grid->all_most;
-    const double speed = spsi_vicinity_speed(grid, step->direction);
+    const double h = step->high - step->low, most = grid->all_most, speed = spsi_vicinity_speed(grid, step->direction);
     spsi_series series;
     double sum = 0, off;
     int any = 0;
@@ -28705,8 +28691,7 @@ static double spsi_step_distance(const spsi_step *step, const spsi_lamp *lamp) {
    r, places near it move less, and r itself has a series of terms of r^(1 - k) at most. */
 static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
                               spsi_coming *coming) {
-    const double h = step->ray.high - step->ray.low;
-    const double distance = spsi_step_distance(step, lamp);
+    const double h = step->ray.high - step->ray.low, distance = spsi_step_distance(step, lamp);
     spsi_shade middle;
     spsi_bracket_shade(marcher, lamp, step->points[1], &middle);
     coming->depth[1] = middle.depth;

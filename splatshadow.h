@@ -2519,8 +2519,7 @@ static sps_result spsi_progress(sps_context *context, double fraction) {
     const float now = (float)fmin(1.0, fmax((double)context->progress, fraction));
     context->progress = now;
     spsi_tick(context, now >= 1);
-    if (context->cancelled) return spsi_fail(context, SPS_ERROR_CANCELLED, "cancelled by progress_fn");
-    return SPS_OK;
+    return context->cancelled ? spsi_fail(context, SPS_ERROR_CANCELLED, "cancelled by progress_fn") : SPS_OK;
 }
 
 /* FNV-1a, 64 bits: tells whether the caller's data is the data already held. [Fowler, Noll, Vo] */
@@ -5409,8 +5408,7 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
     }
     spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
     if (lamps->count == 0) frame->has_gradients = 0;
-    if (spsi_resolve_planes(context, frame)) return context->result;
-    return spsi_resolve_points(context, frame);
+    return spsi_resolve_planes(context, frame) ? context->result : spsi_resolve_points(context, frame);
 }
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
@@ -9215,8 +9213,7 @@ static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
         }
         if (first) continue;
         memcpy(&number, &slopes[1][at], sizeof number);
-        if (number >= 0)
-            spsi_map_plane_slopes(&plane, number, x, y, job->map->depths[job->face][at], slope, cells);
+        if (number >= 0) spsi_map_plane_slopes(&plane, number, x, y, job->map->depths[job->face][at], slope, cells);
         for (int k = 0; k < 2; ++k) slopes[k][at] = slope[k];
     }
 }
@@ -9979,8 +9976,7 @@ static void spsi_part_place(const spsi_frame *frame, int n, int part[4]) {
 static int spsi_image_cut(const spsi_rays *eye, int axis) {
     const double *step = axis ? eye->b : eye->a;
     const double at = ceil(-spsi_dot(eye->c, step) / spsi_dot(step, step));
-    const int size = axis ? eye->height : eye->width;
-    return eye->perspective && at > 0 && at < size ? (int)at : 0;
+    return eye->perspective && at > 0 && at < (axis ? eye->height : eye->width) ? (int)at : 0;
 }
 
 /* Whether a part has pixels in the region. */
@@ -10628,8 +10624,7 @@ typedef struct spsi_sections {
 } spsi_sections;
 
 static inline spsi_v spsi_mass_share(spsi_mass mass, spsi_v v) {
-    if (mass == SPSI_MASS_KERNEL) return spsi_kernel_share(v);
-    return spsi_chord_share(mass == SPSI_MASS_SOFT_CHORD, v);
+    return mass == SPSI_MASS_KERNEL ? spsi_kernel_share(v) : spsi_chord_share(mass == SPSI_MASS_SOFT_CHORD, v);
 }
 
 /* Adds to each sheet the weight times the change of share from plane to plane. Each plane's share serves two sheets. */
@@ -12956,8 +12951,7 @@ static int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
     field->sources = memory + cells;
     field->places = memory + 2 * cells;
     memory += 3 * cells;
-    for (int n = 0; n < SPSI_FIELD_REACHES; ++n, memory += 2 * cells)
-        field->cells[n] = (uint32_t(*)[2])(void *)memory;
+    for (int n = 0; n < SPSI_FIELD_REACHES; ++n, memory += 2 * cells) field->cells[n] = (uint32_t(*)[2])(void *)memory;
     return memory;
 }
 
@@ -13019,8 +13013,7 @@ static sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame
     for (int m = 0; m < frame->medium_count; ++m) stock.count += (size_t)fields->list[m].count;
     stock.values = (float *)spsi_reserve(context, SPSI_BUFFER_FIELD_VALUES, stock.count, bytes);
     if (!stock.values) return context->result;
-    for (int m = 0; m < frame->medium_count; ++m)
-        spsi_field_fill(context, frame, m, &stock, NULL, &fields->list[m]);
+    for (int m = 0; m < frame->medium_count; ++m) spsi_field_fill(context, frame, m, &stock, NULL, &fields->list[m]);
     fields->filled = 1;
     return SPS_OK;
 }
@@ -13052,8 +13045,7 @@ static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame
     if (fields->leveled >= levels) return SPS_OK;
     fields->leveled = 0;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n)
-            cells += spsi_field_cells(&fields->levels[m][n]);
+        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n) cells += spsi_field_cells(&fields->levels[m][n]);
     int *grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, SPSI_FIELD_GRID_BYTES);
     if (!grids) return context->result;
     stock.count = spsi_levels_number(frame, levels, grids, fields);
@@ -15341,8 +15333,7 @@ static void spsi_print_task(void *data, int index) {
     spsi_print_bricks(job, column, row, prints);
     spsi_print_balls(job, column, row, prints);
     held->open = 0;
-    for (int i = 0; i < 64; ++i)
-        held->open |= (uint64_t)(!filling->map->updates || held->patches[i] != prints[i]) << i;
+    for (int i = 0; i < 64; ++i) held->open |= (uint64_t)(!filling->map->updates || held->patches[i] != prints[i]) << i;
     held->open &= spsi_tmap_patches(filling->map, row, column);
     memcpy(held->patches, prints, sizeof prints);
 }
@@ -15621,8 +15612,7 @@ static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, co
         map->view.camera.world_to_clip = map->matrix;
     }
     map->per_depth = 1 / (settings->far_depth - settings->near_depth);
-    if (spsi_tmap_aim(map) || spsi_tmap_resolve(map)) return map->context->result;
-    return spsi_tmap_take_planes(map);
+    return spsi_tmap_aim(map) || spsi_tmap_resolve(map) ? map->context->result : spsi_tmap_take_planes(map);
 }
 
 /* Adds all of a scene or nothing, so that a failed call can be repeated: first room is made for all. */
@@ -20254,8 +20244,7 @@ static int spsi_flights_opens(const spsi_flight_choice *choice, double scale, co
     const double wide = scale * (double)node->breadth * choice->per_angle, own = (double)node->reach;
     const double least = (scale < 0.25 ? 4 * scale : 1) * (choice->reach + (wide > own ? wide : own));
     double toward[3];
-    for (int k = 0; k < 3; ++k)
-        toward[k] = choice->place[k] - choice->flights->centre[k] - (double)node->sum.at[k];
+    for (int k = 0; k < 3; ++k) toward[k] = choice->place[k] - choice->flights->centre[k] - (double)node->sum.at[k];
     return spsi_dot(toward, toward) < least * least;
 }
 
@@ -21335,8 +21324,7 @@ static void spsi_incident_color(const spsi_frame *frame, const spsi_lamp *lamp, 
         for (int c = 0; c < 3; ++c) color[c] = spsi_fma(weight, here[c], color[c]);
         sum = spsi_add(sum, weight);
     }
-    for (int c = 0; c < 3; ++c)
-        incident->irradiance[c] = spsi_mul(incident->irradiance[c], spsi_div(color[c], sum));
+    for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(incident->irradiance[c], spsi_div(color[c], sum));
 }
 
 /* Irradiance from a point of a light at a part of a slab. `incident` holds the direction in which light travels, and
@@ -21884,8 +21872,7 @@ static void spsi_sight_add(const spsi_sight_job *job, const spsi_place *place, i
 /* Traces the shadow rays of a block. Returns their number. */
 static int spsi_sight_trace(const spsi_sight_job *job, spsi_sight_surfaces *block) {
     int rays = 0;
-    for (int i = 0; i < job->lamp->point_count && block->facing; ++i)
-        rays += spsi_sight_point(job, i, block);
+    for (int i = 0; i < job->lamp->point_count && block->facing; ++i) rays += spsi_sight_point(job, i, block);
     for (int at = 0; at < SPSI_PACKET; ++at)
         if (block->facing >> at & 1) spsi_sight_store(job, block->index[at], block->all[at], block->seen[at]);
     return rays;
@@ -24291,8 +24278,7 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
             spsi_cell_hits_light_all(job, &hits);
             spsi_hits_reflect(job, &hits, 0, hits.count, items);
         }
-        for (size_t c = 0; c < (size_t)grid->channels; ++c)
-            job->walls.lit[c * grid->count + at] *= (float)(1 - flies);
+        for (size_t c = 0; c < (size_t)grid->channels; ++c) job->walls.lit[c * grid->count + at] *= (float)(1 - flies);
     }
 }
 
@@ -24744,8 +24730,7 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
         taken = spsi_select(spsi_less(depth, spsi_set(1e-3f)), depth, spsi_sub(one, passes));
         taken = spsi_select(on, spsi_mul(through, taken), zero);
         found[0] = spsi_fma(taken, sent, found[0]);
-        if (solver->single)
-            found[1] = spsi_fma(taken, spsi_lookup(solver->single, level->pitch, at[0], row), found[1]);
+        if (solver->single) found[1] = spsi_fma(taken, spsi_lookup(solver->single, level->pitch, at[0], row), found[1]);
         through = spsi_mul(through, passes);
     }
 }
@@ -25899,8 +25884,7 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     shader->y_origin = region->y0 * SPSI_TILE_HEIGHT;
     shader->pitch = region->columns * SPSI_TILE_WIDTH;
     shader->depth = memory;
-    for (int c = 0; c < 3; ++c)
-        shader->radiance[c] = memory + pixels * (size_t)(1 + (c < frame->channels ? c : 0));
+    for (int c = 0; c < 3; ++c) shader->radiance[c] = memory + pixels * (size_t)(1 + (c < frame->channels ? c : 0));
     shader->distance = frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
     if (spsi_part_count(frame) > 1) spsi_run_end_others(run, region->rows * SPSI_TILE_HEIGHT);
     if (measures) spsi_run_again(frame, pixels, memory + pixels * planes, &shader->again);
@@ -26268,8 +26252,7 @@ static double spsi_density_factor(const spsi_frame *frame) {
     double most = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-        if (!material->table)
-            most = fmax(most, (double)material->extinction * cbrt(frame->lattices[i].voxel_volume));
+        if (!material->table) most = fmax(most, (double)material->extinction * cbrt(frame->lattices[i].voxel_volume));
     }
     return fmax(1, pow(most / 0.3, 0.55));
 }

@@ -12645,8 +12645,8 @@ static void spsi_tapper_way(const spsi_tapper *tapper, const spsi_rays *rays, co
     }
 }
 
-/* Samples per voxel's volume at a point in ray coordinates: rays to its cross-section times steps to its length. Of more
-   rays than four, which perspective adds, only four count: else gathered gas would be splatted, and look wider. */
+/* Samples per voxel's volume at a point in ray coordinates: rays to its cross-section times steps to its length. Of
+   more rays than four, which perspective adds, only four count: else gathered gas would be splatted, and look wider. */
 static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *rays, const double q[3]) {
     const double depth = q[2] - rays->depth_reference;
     double across[2][3], way[3], steps;

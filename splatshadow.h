@@ -12634,7 +12634,8 @@ static void spsi_tapper_way(const spsi_tapper *tapper, const spsi_rays *rays, co
     }
 }
 
-/* Samples per voxel's volume at a point in ray coordinates: rays to its cross-section times steps to its length. */
+/* Samples per voxel's volume at a point in ray coordinates: rays to its cross-section times steps to its length. Of
+   more rays than four, which perspective adds, only four count: else gathered gas would be splatted, and look wider. */
 static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *rays, const double q[3]) {
     const double depth = q[2] - rays->depth_reference;
     double across[2][3], way[3], steps;
@@ -12643,7 +12644,7 @@ static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *ra
         for (int i = 0; i < 2; ++i)
             across[i][k] = (double)tapper->at[k].base[1 + i] + depth * (double)tapper->at[k].slope[1 + i];
     steps = tapper->lone ? 1 : fmax(ceil(sqrt(spsi_dot(way, way)) / spsi_tap_step(tapper->fields)), 1);
-    return steps * tapper->rays / fabs(spsi_determinant(across[0], across[1], way));
+    return steps * spsi_least(tapper->rays, 4) / fabs(spsi_determinant(across[0], across[1], way));
 }
 
 /* Whether a field serves the rays at a point in ray coordinates. */
@@ -12660,7 +12661,7 @@ static spsi_verdict spsi_tapper_serves_at(spsi_tapper *tapper, const spsi_rays *
     if (variance < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
     widest = spsi_least(tapper->side, 2) * tapper->breadth / (rays->perspective ? pitch * q[2] : pitch);
     if (widest * widest > SPSI_TAP_WIDEST && tapper->level > tapper->wanted) return SPSI_SPLAT_SMALL;
-    tapper->least = spsi_lower(tapper->least, (float)variance);
+    tapper->least = spsi_lower(tapper->least, (float)(variance * 4 / (tapper->side * tapper->side)));
     tapper->widest = spsi_higher(tapper->widest, (float)widest);
     spsi_tapper_way(tapper, rays, q, way);
     if (!(sqrt(spsi_dot(way, way)) <= SPSI_TAP_MOST * spsi_tap_step(tapper->fields)) && !tapper->lone)
@@ -12810,12 +12811,14 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
     return chosen > 0 || spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
 
-/* Weight of the level behind a tapper's, in 128ths: 1 where its own becomes too fine for four rays, so that nothing
-   jumps there, 0 where its voxels are sqrt(2) times as large; or if that level does not follow, but more rays. */
+/* Weight of the level behind a tapper's, in 128ths: from 0 to 1 over the last octave of variance before that level
+   replaces its own, so that nothing jumps there. It does where four rays are too few and its voxels are narrow enough:
+   in perspective the far side of a volume decides the one, the side close to the eye the other. */
 static float spsi_levels_mix(const spsi_frame *frame, const spsi_tapper *tapper) {
-    const double ratio = (double)tapper->least / SPSI_TAP_VARIANCE, octaves = log(ratio) / log(2.0);
+    const double wide = 4 * (double)tapper->widest * (double)tapper->widest / SPSI_TAP_WIDEST;
+    const double octaves = log(fmax((double)tapper->least / SPSI_TAP_VARIANCE, wide)) / log(2.0);
     if (tapper->side < 2 || tapper->level >= spsi_levels_wanted(frame, (int)(tapper->finest - tapper->fields->list)) ||
-        !(octaves < 1 && 2 * (double)tapper->widest <= sqrt(ratio)))
+        !(octaves < 1))
         return 0;
     return (float)floor(128 * fmin(1 - octaves, 0.9925)) / 128;
 }
@@ -13859,6 +13862,15 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     spsi_tile_follow(&here, tile, rest, spsi_tap_steps(&here, way), channel);
 }
 
+/* Rays of a pixel for the level behind a tapper's: as many as that level has once it replaces this one. */
+static int spsi_tapper_rays_behind(const spsi_tapper *tapper, spsi_target_kind kind) {
+    const int fewest = tapper->fields->taps == 4 ? 3 : 2;
+    int side = spsi_most(tapper->side, fewest);
+    if (kind == SPSI_TARGET_SHEETS && tapper->least >= (float)SPSI_TAP_VARIANCE) return 1;
+    while (side > fewest && tapper->least * (float)((side - 1) * (side - 1)) >= (float)SPSI_TAP_LONE) --side;
+    return side * side;
+}
+
 /* Adds its level, and the next: `mix` is that of each from here on. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
@@ -13867,7 +13879,7 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     spsi_tile_gather_level(fill, medium, patches, here);
     if (!(next.mix > 0)) return;
     spsi_tapper_build(here.fields, &target->frame->lattices[medium], target->rays, target->slabs, here.level + 1,
-                      here.rays, &next);
+                      spsi_tapper_rays_behind(&here, target->kind), &next);
     next.mix = 1 - here.mix;
     next.scale = here.scale;
     next.whole = here.whole;

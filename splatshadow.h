@@ -8765,7 +8765,8 @@ static double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rat
 }
 
 /* The least breadth of a pixel where the eye sees gas; with a light, also where it may see the shadow of gas on
-   polygons, wherever they are. 0 if these reach beside or behind the eye. */
+   polygons, wherever they are; without what levels reach beyond it, which may set in at once. 0 if these reach beside
+   or behind the eye. */
 static double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *shading) {
     const spsi_rays *eye = &frame->content->eye;
     const int falls = shading && frame->meshes.triangle_count > 0 && eye->perspective;
@@ -8773,6 +8774,7 @@ static double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *shadin
     for (int corner = 0; corner < 8; ++corner) {
         double point[3], way[3];
         spsi_bounds_corner(&frame->content->bounds, corner, point);
+        for (int k = 0; k < 3; ++k) point[k] += (corner >> k & 1 ? -1 : 1) * frame->content->beyond[k];
         if (falls) {
             memcpy(way, shading->direction, sizeof way);
             if (shading->is_point) spsi_along(point, shading->position, -1, way);

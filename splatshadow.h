@@ -1796,8 +1796,7 @@ static inline spsi_v spsi_bilinear(const float *grid, int width, int height, sps
 static inline spsi_v spsi_exp(spsi_v x) {
     const spsi_v inside = spsi_clamp(x, spsi_set(-87.0f), spsi_set(88.0f));
     const spsi_v n = spsi_round(spsi_mul(inside, spsi_set(1.44269504f)));
-    spsi_v r = spsi_fma(n, spsi_set(-0.693359375f), inside);
-    spsi_v p = spsi_set(0.008261530995f);
+    spsi_v r = spsi_fma(n, spsi_set(-0.693359375f), inside), p = spsi_set(0.008261530995f);
     r = spsi_fma(n, spsi_set(2.12194440e-4f), r);
     p = spsi_fma(p, r, spsi_set(0.04189873203f));
     p = spsi_fma(p, r, spsi_set(0.1666811427f));
@@ -2216,8 +2215,7 @@ static void spsi_release(sps_context *context, void *data) {
 /* Every allocation except for the context's own comes from here: overflow, limit and failure are one error, with NULL
    returned. */
 static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
-    const size_t limit = context->config.memory_limit;
-    const size_t bytes = count * size + SPSI_LINK_BYTES;
+    const size_t limit = context->config.memory_limit, bytes = count * size + SPSI_LINK_BYTES;
     spsi_link *link = NULL;
     char sentence[256];
     if (count == 0 || count <= (SIZE_MAX - SPSI_LINK_BYTES) / size) {
@@ -3190,8 +3188,7 @@ typedef struct spsi_intervals {
    share one u: a jump (a sheet without thickness, an opaque surface whose depth is SPSI_DEPTH_MAX), which is complete
    at that u. */
 typedef struct spsi_node {
-    float u;
-    float value;
+    float u, value;
 } spsi_node;
 
 /* A vector of texels of a map with the same number of floats each: those at (x, y) begin at floats + y * stride + x. */
@@ -7710,8 +7707,7 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
 /* The fragments of a pixel, and their depth where each sample sees them. */
 typedef struct spsi_stack {
     const spsi_fragment *list;
-    int count;
-    int translucent[SPSI_LAYERS_ORDERED];
+    int count, translucent[SPSI_LAYERS_ORDERED];
     float depths[SPSI_LAYERS_ORDERED][SPSI_COVERAGE_MAX * SPSI_COVERAGE_MAX];
 } spsi_stack;
 
@@ -9829,9 +9825,8 @@ static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
    sees the ball, so that there is no seam. */
 static double spsi_ball_mass_round(const spsi_rays *own, const spsi_rays *faces, const spsi_particle_set *set,
                                    const sps_particle *particle, const spsi_ball *ball, const double offset[3]) {
-    const double texel = spsi_length(own->a) * spsi_length(offset);
+    const double texel = spsi_length(own->a) * spsi_length(offset), radius = spsi_ball_radius(own, particle, offset);
     const int last = own->width - 1;
-    const double radius = spsi_ball_radius(own, particle, offset);
     double sum = 0;
     spsi_ball other;
     int box[4], alone;
@@ -10551,13 +10546,12 @@ static int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *ray
    section. */
 static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v y, spsi_v t, spsi_v value,
                                         spsi_footprints *out) {
-    const spsi_v one = spsi_set(1), c22 = spsi_set(s->covariance[5]);
+    const spsi_v one = spsi_set(1), c22 = spsi_set(s->covariance[5]), two = spsi_set(2), half = spsi_set(0.5f);
     const spsi_v near_one = s->perspective ? spsi_div(one, spsi_max(t, spsi_set(FLT_MIN * 16))) : one;
     const spsi_v px = s->perspective ? x : spsi_set(0), py = s->perspective ? y : spsi_set(0);
     const spsi_v square = spsi_mul(near_one, near_one), x22 = spsi_mul(px, c22), y22 = spsi_mul(py, c22);
     const spsi_v c02 = spsi_set(s->covariance[2]), c12 = spsi_set(s->covariance[4]);
     const spsi_v rxt = spsi_mul(near_one, spsi_sub(c02, x22)), ryt = spsi_mul(near_one, spsi_sub(c12, y22));
-    const spsi_v two = spsi_set(2), half = spsi_set(0.5f);
     spsi_v rxx = spsi_add(spsi_set(s->covariance[0]), spsi_mul(px, spsi_sub(x22, spsi_mul(two, c02))));
     spsi_v ryy = spsi_add(spsi_set(s->covariance[3]), spsi_mul(py, spsi_sub(y22, spsi_mul(two, c12))));
     spsi_v rxy = spsi_sub(spsi_fma(px, spsi_sub(y22, c12), spsi_set(s->covariance[1])), spsi_mul(py, c02));
@@ -13611,9 +13605,8 @@ static void spsi_seen_task(void *data, int i) {
     const spsi_contents *contents = (const spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
     const sps_particle *particles = frame->content->particles;
-    const int particle = contents->particles.present[i];
+    const int particle = contents->particles.present[i], ahead = i + 16;
     const spsi_particle_set *set = spsi_set_of(frame, particle);
-    const int ahead = i + 16;
     if (ahead < contents->particles.current)
         spsi_prefetch(&particles[contents->particles.present[ahead]], sizeof *particles);
     for (int n = 0; n < contents->target_count; ++n) {
@@ -14175,8 +14168,7 @@ struct sps_tmap {
     double matrix[16];          /* its camera's world_to_clip */
     int has_range;              /* 1: a texel begins with the u of its first and its last occluder */
     int has_vectors;            /* 1: vectors of texels are looked up at once */
-    int face_count, replace_invalid;
-    int finished, failed;
+    int face_count, replace_invalid, finished, failed;
     int waits; /* 1: a light's own map, made for the cells, which a sweep is going to take */
     spsi_rays rays[SPSI_CUBE_FACES];
     float table_end;  /* of a shadow table: the optical depth at which it ends */
@@ -14510,8 +14502,7 @@ typedef struct spsi_occluders {
 
 /* A row of tiles that is being filled. */
 typedef struct spsi_band {
-    int face, row;
-    int tiles_x;
+    int face, row, tiles_x;
     size_t first_texel;       /* of the map */
     float *ranges, *sums;     /* tile after tile */
     uint32_t *starts;         /* per texel, plus one more: its first interval */
@@ -14711,9 +14702,8 @@ static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, c
 static void spsi_insert_cut_chords(const spsi_map_tile *into, int soft, int x, int y, const spsi_chord *chord,
                                    spsi_intervals *intervals) {
     const int parts = into->filling->map->technique->points;
-    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), high = parts ? one : spsi_set((float)SPSI_INTERVAL_REACH);
     const spsi_v low = parts ? zero : spsi_set((float)fmax(into->filling->light_u, -SPSI_INTERVAL_REACH));
-    const spsi_v high = parts ? one : spsi_set((float)SPSI_INTERVAL_REACH);
     const int outside = spsi_bits(spsi_less(intervals->u0, low)) | spsi_bits(spsi_less(high, intervals->u1));
     const int bits = outside & spsi_bits(spsi_less(zero, intervals->depth));
     float lanes[3][SPSI_LANES];
@@ -20429,8 +20419,7 @@ typedef struct spsi_flight_job {
 /* A vector of cells, at most four along x, the others along y. */
 typedef struct spsi_flight_cells {
     int at[3], lanes; /* of the first one; bit mask of those that are in the grid and hold gas */
-    spsi_v centre[3], depth;
-    spsi_v sum[3][SPSI_CELL_TERMS];
+    spsi_v centre[3], depth, sum[3][SPSI_CELL_TERMS];
     spsi_v gas;                /* of emitters, weighted by 1 / distance^2, up to two edges beyond their rims */
     spsi_v own[3], trapped[3]; /* times it, light that flew, and all light within */
 } spsi_flight_cells;
@@ -22048,9 +22037,8 @@ static int spsi_sight_is_clear(const spsi_sight_job *job, const spsi_lamp *point
    as unseen where the image is black, which only rays find. */
 static int spsi_sight_open(const spsi_sight_job *job, int x0, int y0, int worker) {
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
-    const int channels = spsi_lit_channels(job->frame, job->lamp);
+    const int channels = spsi_lit_channels(job->frame, job->lamp), x1 = spsi_least(x0 + SPSI_SIGHT_TILE, width) - 1;
     const size_t pitch = (size_t)job->lamp->point_count;
-    const int x1 = spsi_least(x0 + SPSI_SIGHT_TILE, width) - 1;
     const int y1 = spsi_least(y0 + SPSI_SIGHT_TILE, job->frame->content->eye.height) - 1;
     spsi_sight_view view = {x0, y0, x1, y1, {0}, 0, {0}, 0, 0};
     if (job->lamp->projection.exists || !spsi_sight_list(job, &view)) return 0;
@@ -23133,9 +23121,8 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
 static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
-    const int end = k + row->slab.group;
+    const int end = k + row->slab.group, backwards = shader->sweep->back_to_front;
     const float high = end >= shading->slab_count ? shading->high : (float)(shader->first_slab + end);
-    const int backwards = shader->sweep->back_to_front;
     row->slab.open = backwards ? SPSI_ALL_LANES : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
     int held = shading->slab_count > 0 && spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
     if (shader->hits && backwards) spsi_add_surfaces(shader, low, high, row);
@@ -29071,8 +29058,7 @@ static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher
 
 typedef struct spsi_path {
     spsi_ray ray; /* from the last event on; its direction has unit length, low is 0 */
-    double weight[3];
-    double radiance[3];
+    double weight[3], radiance[3];
     double from[3];  /* the last event */
     double density;  /* per steradian, with which its way on was drawn there */
     uint64_t random; /* state of the generator */

@@ -4246,6 +4246,15 @@ typedef struct spsi_image {
     float *row; /* the row of level 0 that is being read */
 } spsi_image;
 
+#define SPSI_CELL_SETS 6 /* pairs of a light and a material, at most, whose single scattering is kept apart */
+
+/* A light whose single scattering patches send by phase functions, >>cells. */
+typedef struct spsi_cell_light {
+    int lamp, places;     /* its number in the frame; how many on a way through the grid have its directions */
+    float weight; /* the fraction that patches send so; cells send the rest */
+    double at[3]; /* where it is: suns are far off */
+} spsi_cell_light;
+
 /* The grid in which light is followed from cell to cell, >>cells. Arrays have an entry per cell, x first, rows padded
    to whole vectors and to two rows. */
 typedef struct spsi_cell_grid {
@@ -4256,9 +4265,10 @@ typedef struct spsi_cell_grid {
     float lobes[SPSI_MATERIALS_MAX][4]; /* per material: its moments of degree 0 to 3, less its peak */
     float peak[SPSI_MATERIALS_MAX];     /* share of what is scattered that goes straight on */
     float swept[SPSI_MATERIALS_MAX];    /* share of what glows that does not fly, >>flights */
-    sps_lobe phase[SPSI_LOBES_MAX]; /* lobes of the only material that scatters */
-    int single, phase_count;        /* which that is; number of its lobes, or 0: no peak, or not just one sun */
-    double sun[3];                  /* the direction of its light */
+    int light_count, peak_count;         /* those whose single scattering patches send by phase functions */
+    spsi_cell_light lights[SPSI_CELL_SETS];
+    spsi_material peaks[SPSI_CELL_SETS]; /* materials with a peak: all of them, if there are lights */
+    int peak_of[SPSI_CELL_SETS];         /* their numbers */
     float *depth;                       /* optical depth along an edge */
     float *moments;                     /* per channel and term: what the light in a cell is, without ambient light */
     float *flown;   /* the same of first flights, which are in no other moments; NULL: there are none, >>flights */
@@ -18248,7 +18258,8 @@ typedef struct spsi_cell_solver {
     double *balance; /* per plane of cells: what is missing, and what is sent */
     spsi_cell_rays rays;
     int walled;          /* 1: links between cells are closed */
-    const float *single; /* per cell: single scattering over the phase function; NULL: cells send that, too */
+    int set_count; /* of `single` */
+    float *single; /* per set and cell: single scattering over the phase function, which cells do not send */
 } spsi_cell_solver;
 
 /* The link by which light in the direction of a step enters a cell. */
@@ -19034,10 +19045,10 @@ static void spsi_cells_continue_task(void *data, int row) {
 #define SPSI_CELL_AIM 0.6f /* of a way through the grid: where light that leaves it comes from */
 #define SPSI_CELL_PLACES 6 /* floats of where a patch is: its middle, from the grid's corner; area; widths */
 
-/* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. With
-   lobes, one more such set follows per channel: single scattering over the phase function. */
+/* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. Then
+   follow as many for each light and phase function: single scattering over that. */
 static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    const int sets = grid->phase_count > 0 ? 2 : 1;
+    const int sets = 1 + grid->light_count * grid->peak_count;
     return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * sets * grid->channels) * SPSI_CELL_SHEET);
 }
 
@@ -19303,25 +19314,38 @@ static spsi_v spsi_cell_patches_sum(const float *terms, const spsi_v harmonic[SP
     return sum;
 }
 
-/* The phase function, over an even one, by which patches send single scattering along -`ahead`. Scaled extinction
+/* The phase function, over an even one, by which a set of patches sends along -`ahead`, from ways that begin at
+   `place`. A lamp's rays differ from place to place: the mean of two, weighted by what reaches them. Scaled extinction
    leaves the peak's light twice: straight on, and in the lobe's innermost part, f (1 - g^2)^2 / (1 + g^2) times the
-   lobe of it. So that part keeps only the mean of exp(-(1 / k - 1) t) on a way of scaled depth t. Lobes sharper than
-   g = 0.85 would show the parts of patches. */
-static spsi_v spsi_cell_patches_phase(const spsi_cell_grid *grid, int channel, const spsi_v ahead[3], spsi_v depth) {
-    const spsi_v one = spsi_set(1), unit = spsi_set((float)(4 * SPSI_PI)), zero = spsi_set(0);
-    const spsi_v straight = spsi_mul(depth, spsi_set(1 / spsi_higher(grid->scale[channel], 0.03f) - 1));
-    const spsi_v more = spsi_sub(spsi_mean_transmittance(zero, straight), one);
-    spsi_v sun[3], sum = zero, cosine;
-    spsi_set3(grid->sun, sun);
-    cosine = spsi_sub(zero, spsi_dot_v(sun, ahead));
-    for (int i = 0; i < grid->phase_count; ++i) {
-        const float g = spsi_higher(spsi_lower(grid->phase[i].asymmetry, 0.85f), -0.85f), g2 = g * g;
-        const float peak = (grid->orders > 2 ? g2 * g2 : g2) * (1 - g2) * (1 - g2) / (1 + g2);
-        const spsi_v lobe = spsi_mul(spsi_lobe_phase(g, cosine), unit);
-        const spsi_v left = spsi_max(spsi_fma(spsi_mul(lobe, spsi_set(peak)), more, one), zero);
-        sum = spsi_fma(spsi_mul(lobe, left), spsi_set(grid->phase[i].weight), sum);
+   lobe of it: phase[1]. That part keeps only the mean of exp(-(1 / k - 1) t) on a way of scaled depth t. Lobes sharper
+   than g = 0.85 would show the parts of patches. */
+static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_light *light,
+                                    const spsi_material *material, const spsi_v place[3], const spsi_v ahead[3],
+                                    spsi_v through, spsi_v phase[2]) {
+    const spsi_v one = spsi_set(1), unit = spsi_set((float)(4 * SPSI_PI)), edge = spsi_set(1 / (float)grid->edge);
+    spsi_v all = spsi_set(FLT_MIN);
+    phase[0] = phase[1] = spsi_set(0);
+    for (int i = 0; i < light->places; ++i) {
+        const spsi_v off = spsi_mul(through, spsi_set(light->places == 1 ? 0.5f : i ? 0.75f : 0.25f));
+        spsi_v to[3], share, cosine;
+        for (int k = 0; k < 3; ++k) {
+            to[k] = spsi_sub(spsi_set((float)(light->at[k] - grid->corner[k])), spsi_fma(ahead[k], off, place[k]));
+            to[k] = spsi_mul(to[k], edge);
+        }
+        share = spsi_div(one, spsi_max(spsi_dot_v(to, to), spsi_set(1e-20f)));
+        cosine = spsi_mul(spsi_dot_v(to, ahead), spsi_sqrt(share));
+        all = spsi_add(all, share);
+        for (int n = 0; n < material->lobe_count; ++n) {
+            const float g = spsi_higher(spsi_lower(material->lobes[n].asymmetry, 0.85f), -0.85f), g2 = g * g;
+            const float peak = (grid->orders > 2 ? g2 * g2 : g2) * (1 - g2) * (1 - g2) / (1 + g2);
+            const spsi_v lobe = spsi_mul(spsi_lobe_phase(g, cosine), unit);
+            const spsi_v sent = spsi_mul(spsi_mul(share, spsi_set(material->lobes[n].weight)), lobe);
+            phase[0] = spsi_add(phase[0], sent);
+            phase[1] = spsi_fma(sent, spsi_min(spsi_mul(lobe, spsi_set(peak)), one), phase[1]);
+        }
     }
-    return sum;
+    all = spsi_div(one, all);
+    for (int i = 0; i < 2; ++i) phase[i] = spsi_mul(phase[i], all);
 }
 
 /* Adds the irradiance by a vector of patches, whose parts are `area` large. `way`: to their middles; `off`: of these,
@@ -19339,8 +19363,9 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
     const spsi_v wider = spsi_mul(area, spsi_fma(aslant, spsi_set(-3), one));
     const spsi_v whole = spsi_fma(spsi_set((float)SPSI_PI), square, wider);
     const spsi_v share = spsi_div(spsi_mul(spsi_mul(seen, u), area), whole);
+    const int peaks = from->grid->peak_count, sets = from->grid->light_count * peaks;
     const int set = from->grid->channels * (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET;
-    spsi_v harmonic[SPSI_CELL_TERMS], place[3], toward[3], through, aim, scale;
+    spsi_v harmonic[SPSI_CELL_TERMS], phase[SPSI_CELL_SETS][2], place[3], toward[3], through, aim, scale;
     if (!spsi_bits(spsi_less(zero, share))) return;
     for (int k = 0; k < 3; ++k) place[k] = spsi_add(from->at[k], way[k]);
     through = spsi_cell_way_through(from->extent, place, ahead);
@@ -19350,14 +19375,21 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
     scale = spsi_div(one, spsi_sqrt(spsi_max(spsi_dot_v(toward, toward), spsi_set(1e-30f))));
     for (int k = 0; k < 3; ++k) toward[k] = spsi_mul(toward[k], scale);
     spsi_harmonics_v(toward, SPSI_CELL_TERMS, harmonic);
+    for (int i = 0; i < sets; i += peaks)
+        for (int m = 0; m < peaks; ++m)
+            spsi_cell_patches_phase(from->grid, &from->grid->lights[i / peaks], &from->grid->peaks[m], place, ahead,
+                                    through, phase[i + m]);
     for (int c = 0; c < from->count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
         const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
         const spsi_v depth = spsi_mul(through, spsi_set(from->thick[c]));
         spsi_v sum = spsi_cell_patches_sum(sent + SPSI_CELL_SHEET, harmonic);
         sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
-        if (from->grid->phase_count > 0)
-            sum = spsi_fma(spsi_max(spsi_cell_patches_sum(sent + set + SPSI_CELL_SHEET, harmonic), zero),
-                           spsi_cell_patches_phase(from->grid, from->channel + c, ahead, depth), sum);
+        const float straight = sets > 0 ? 1 / spsi_higher(from->grid->scale[from->channel + c], 0.03f) - 1 : 0;
+        const spsi_v kept = sets > 0 ? spsi_mean_transmittance(zero, spsi_mul(depth, spsi_set(straight))) : one;
+        for (int i = 0; i < sets; ++i) {
+            const spsi_v single = spsi_cell_patches_sum(sent + (1 + i) * set + SPSI_CELL_SHEET, harmonic);
+            sum = spsi_fma(spsi_max(single, zero), spsi_fma(phase[i][1], spsi_sub(kept, one), phase[i][0]), sum);
+        }
         sums[c] = spsi_fma(spsi_mul(share, spsi_cell_shape(depth)), sum, sums[c]);
     }
 }
@@ -19371,7 +19403,7 @@ typedef struct spsi_cell_receiver {
 /* Irradiance of a surface outside, in `count` channels from one on. Returns the share that nothing hides. */
 static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                             const spsi_cell_receiver *to, double irradiance[3]) {
-    const int most = grid->across * grid->across / (grid->phase_count > 0 ? 4 : 8); /* parts along an edge of a patch */
+    const int most = grid->across * grid->across / (grid->light_count > 0 ? 4 : 8); /* parts along an edge of a patch */
     const spsi_v zero = spsi_set(0);
     spsi_v all[3] = {zero, zero, zero}, whole = zero;
     double seen = 0, sum;
@@ -19445,13 +19477,21 @@ static double spsi_cells_outside(const spsi_cell_grid *grid, const double point[
     return fmin(6 * SPSI_CELL_PATCHES * spsi_cells_distance(grid, point) / (grid->edge * longest), 1);
 }
 
-/* The scale of extinction on light's way to a point of a surface, or to the eye (`point`: NULL). Outside all grids it
-   is 1 if patches send what peaks scatter. */
-static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c, const double *point) {
+/* A lamp's number among the grid's lights; their number: it is none. */
+static int spsi_cells_light_of(const spsi_cell_grid *grid, int lamp) {
+    int i = 0;
+    while (i < grid->light_count && grid->lights[i].lamp != lamp) ++i;
+    return i;
+}
+
+/* The scale of extinction on a light's way to a point of a surface, or to the eye (`point`: NULL). Outside all grids it
+   is 1 for what patches send by phase functions: peaks included. */
+static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c, int lamp, const double *point) {
     const double scale = count > 0 ? (double)grids->scale[spsi_least(c, grids->channels - 1)] : 1;
-    double outside = point && count > 0 && grids->phase_count > 0;
+    const int light = count > 0 ? spsi_cells_light_of(grids, lamp) : 0;
+    double outside = point && count > 0 && light < grids->light_count;
     for (int n = 0; n < count && outside > 0; ++n) outside = fmin(outside, spsi_cells_outside(&grids[n], point));
-    return scale + (1 - scale) * outside;
+    return scale + (outside > 0 ? (1 - scale) * (double)grids->lights[light].weight * outside : 0);
 }
 
 /* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. What hides
@@ -22098,16 +22138,19 @@ static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_l
     return NULL;
 }
 
-/* What gas of an optical depth lets pass of light that reaches surfaces, or that they send to the eye (`to`: NULL).
-   What a phase function's peak scatters goes straight on; to surfaces outside of the cells, patches send it instead. */
-static spsi_v spsi_straight_passes(const spsi_frame *frame, int c, spsi_v depth, const spsi_points *to) {
+/* What gas of an optical depth lets pass of a light to surfaces, or of what they send to the eye (`lamp`, `to`: NULL).
+   What a phase function's peak scatters goes straight on; to surfaces outside of the cells, patches may send it. */
+static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_lamp *lamp, int c, spsi_v depth,
+                                   const spsi_points *to) {
     const spsi_content *content = frame->content;
-    const int lobes = to && content->cells && content->cells->phase_count > 0;
+    const int index = lamp ? (int)(lamp - frame->lamps.list) : -1;
+    const int lobes = lamp && content->cells && content->cells->light_count > 0;
     float scales[SPSI_LANES];
     for (int lane = 0; lane < SPSI_LANES; ++lane) {
         double point[3];
         if (lobes) spsi_points_get(to, lane, point);
-        scales[lane] = (float)-spsi_cells_scale_at(content->cells, content->cell_grid_count, c, lobes ? point : NULL);
+        scales[lane] =
+            (float)-spsi_cells_scale_at(content->cells, content->cell_grid_count, c, index, lobes ? point : NULL);
     }
     return spsi_exp(spsi_mul(depth, spsi_load(scales)));
 }
@@ -22640,7 +22683,7 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
         depth = spsi_surfaces_depth(shadow, list, i, weight);
         all = spsi_add(all, weight);
         for (int c = 0; c < 3; ++c)
-            sum[c] = spsi_fma(weight, spsi_straight_passes(shader->frame, c, depth, &list->points), sum[c]);
+            sum[c] = spsi_fma(weight, spsi_straight_passes(shader->frame, lamp, c, depth, &list->points), sum[c]);
     }
     for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_div(sum[c], all));
 }
@@ -22655,7 +22698,8 @@ static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow
     }
     spsi_shadow_surfaces(shadow, shader->first_slab, &list->points, lanes);
     for (int c = 0; c < 3; ++c)
-        lit[c] = spsi_mul(lit[c], spsi_straight_passes(shader->frame, c, spsi_load(lanes), &list->points));
+        lit[c] = spsi_mul(lit[c],
+                          spsi_straight_passes(shader->frame, shadow->lamp, c, spsi_load(lanes), &list->points));
 }
 
 /* Adds what the places reflect of a light. */
@@ -22806,7 +22850,7 @@ static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANE
     const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas));
     spsi_v *into = backwards ? sum->again : sum->radiance;
     for (int c = 0; c < shader->frame->channels; ++c) {
-        const spsi_v more = spsi_sub(spsi_straight_passes(shader->frame, c, gas, NULL), once);
+        const spsi_v more = spsi_sub(spsi_straight_passes(shader->frame, NULL, c, gas, NULL), once);
         into[c] = spsi_fma(spsi_load(sent[c]), more, into[c]);
     }
 }
@@ -23270,6 +23314,7 @@ typedef struct spsi_cell_job {
     float *samples;       /* per sample, two along each edge: optical depth along half an edge */
     float *scattered;     /* per material and channel: what is scattered of a unit of light along an edge */
     float *emitted;       /* per channel: radiance added along an edge */
+    float *lit;           /* per light of the grid and channel: its part of degree 0 of `incoming` */
     float *incoming;      /* per channel and term: moments of the lights' radiance */
     float *passed_on;     /* the same of what peaks pass on from lights without shadows; NULL: nothing */
     spsi_flights *flights; /* all trees */
@@ -23377,7 +23422,6 @@ static int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, 
 
 /* Sets what follows from the size. */
 static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
-    const int sun = frame->lamps.count == 1 && !frame->lamps.list[0].is_point;
     grid->pitch = spsi_cell_pitch(grid->size[0]);
     grid->count = spsi_cell_stride((size_t)grid->pitch * (size_t)spsi_most(2, grid->size[1] * grid->size[2]));
     grid->orders = frame->meshes.count > 0 ? spsi_most(2, frame->matter.orders) : frame->matter.orders;
@@ -23385,16 +23429,16 @@ static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     grid->across = SPSI_CELL_PATCHES;
     grid->flux_terms = frame->meshes.count > 0 ? spsi_least(9, grid->terms) : 0;
     grid->channels = frame->channels;
-    for (int m = 0, some = 0; m < frame->matter.material_count; ++m) {
+    for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
         const double peak = material->scatters ? spsi_phase_peak(material, grid->orders) : 0;
-        if (material->scatters)
-            grid->single = m, grid->phase_count = sun && some++ == 0 && peak > 0 ? material->lobe_count : 0;
+        if (peak > 0 && grid->peak_count++ < SPSI_CELL_SETS)
+            grid->peaks[grid->peak_count - 1] = *material, grid->peak_of[grid->peak_count - 1] = m;
         grid->peak[m] = (float)peak;
         for (int l = 0; l < grid->orders; ++l) grid->lobes[m][l] = (float)(spsi_phase_moment(material, l) - peak);
     }
-    memcpy(grid->phase, frame->matter.materials[grid->single].lobes, sizeof grid->phase);
-    if (sun) memcpy(grid->sun, frame->lamps.list[0].direction, sizeof grid->sun);
+    if (grid->flux_terms > 0 && grid->peak_count > 0) /* at most so many; later, those that have weight */
+        grid->light_count = spsi_least(SPSI_CELL_SETS / grid->peak_count, frame->lamps.count);
 }
 
 /* Whether a peak passes on light of lights without shadows: they have tables, too, which tell how much. */
@@ -23440,7 +23484,8 @@ static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp, 
 /* Floats per cell while it is filled and lit. */
 static size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid *grid) {
     const int lights = 1 + spsi_cells_pass_on(frame, grid);
-    return (size_t)(8 + (frame->matter.material_count + 1 + lights * grid->terms) * grid->channels);
+    const int each = frame->matter.material_count + 1 + grid->light_count + lights * grid->terms;
+    return (size_t)(8 + each * grid->channels);
 }
 
 /* --- gas --- */
@@ -23787,6 +23832,7 @@ static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_lamp *lam
 /* Adds what one light sends to a vector of samples, weighted by their optical depth. `table`: NULL if it has none. */
 static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *table,
                                 const spsi_cell_spot *spot) {
+    const int light = spsi_cells_light_of(job->grid, (int)(lamp - job->frame->lamps.list));
     const int channels = job->grid->channels, passes_on = table && !lamp->shadows;
     const float fraction = (float)(1 - spsi_cells_beams(job, lamp, 0));
     const spsi_v one = spsi_set(1);
@@ -23801,11 +23847,13 @@ static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp,
         const spsi_v color = spsi_set(lamp->color[c] * (float)(0.25 / SPSI_PI));
         spsi_v amount = spsi_min(spsi_mul(incident.irradiance[c], color), spsi_set(SPSI_RADIANCE_MAX));
         amount = spsi_mul(spsi_mul(amount, cubes), spsi_mul(spot->depth, spsi_set(fraction)));
-        spsi_cells_add_moments(job, spot, c, spsi_mul(amount, passes[c]), harmonic, job->incoming);
-        if (!passes_on) continue;
-        amount = spsi_mul(amount, passed_on[c]);
+        if (passes_on) spsi_cells_add_moments(job, spot, c, spsi_mul(amount, passed_on[c]), harmonic, job->passed_on);
+        amount = spsi_mul(amount, passes_on ? spsi_add(one, passed_on[c]) : passes[c]);
         spsi_cells_add_moments(job, spot, c, amount, harmonic, job->incoming);
-        spsi_cells_add_moments(job, spot, c, amount, harmonic, job->passed_on);
+        if (light < job->grid->light_count)
+            spsi_cells_deposit(job->lit + (size_t)(light * channels + c) * job->grid->count + spot->row,
+                               spot->pixels.line.x, job->sheets.rays.width - 1, 2, job->grid->lights[light].weight,
+                               amount);
     }
 }
 
@@ -23935,7 +23983,7 @@ static void spsi_cell_hits_points(const spsi_cell_hits *hits, int first, int end
 static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp, double fraction,
                                  const spsi_shadow *shadow, int first, spsi_cell_hits *hits) {
     const spsi_lamp *point = &lamp->points[first / SPSI_PACKET % lamp->point_count];
-    const int end = spsi_least(hits->count, first + SPSI_PACKET);
+    const int end = spsi_least(hits->count, first + SPSI_PACKET), index = (int)(lamp - job->frame->lamps.list);
     double irradiance[SPSI_PACKET][3], toward[3];
     spsi_packet packet;
     float depths[SPSI_PACKET] = {0};
@@ -23962,7 +24010,7 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
         for (int c = 0; c < job->grid->channels; ++c)
             hits->lit[i][c] += fmin(irradiance[i - first][c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX) *
                                fraction * through[c] *
-                               exp(-depth * spsi_cells_scale_at(job->grid, 1, c, hits->surface[i].point));
+                               exp(-depth * spsi_cells_scale_at(job->grid, 1, c, index, hits->surface[i].point));
     }
 }
 
@@ -24652,6 +24700,8 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
             for (int t = 0; t < grid->terms; ++t) level->sent[(size_t)t * grid->count + at] *= 1 - share;
             for (int t = 0; t < grid->terms; ++t)
                 job->incoming[(size_t)(channel * grid->terms + t) * grid->count + at] *= 1 - share;
+            for (int i = 0; i < grid->light_count; ++i)
+                job->lit[(size_t)(i * grid->channels + channel) * grid->count + at] *= 1 - share;
         }
     return some;
 }
@@ -24700,10 +24750,10 @@ static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[
 }
 
 /* Finds the radiance that comes back along rays of a length in cells, which begin at a place in cells: what these send,
-   in equal steps of at most three quarters of an edge: longer ones are 3 % too bright beside dense gas. found[1] is
-   single scattering over the phase function. Without it, what cells send is smooth and needs no degree 3. */
+   in equal steps of at most three quarters of an edge: longer ones are 3 % too bright beside dense gas. From found[1]
+   on follow the sets of single scattering over the phase function. */
 static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
-                                spsi_v length, spsi_v found[2]) {
+                                spsi_v length, spsi_v found[1 + SPSI_CELL_SETS]) {
     const spsi_cell_level *level = &solver->levels[0];
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     const spsi_v count = spsi_add(spsi_floor(spsi_mul(length, spsi_set(1 / 0.75f))), one);
@@ -24711,7 +24761,7 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
     const spsi_v back[3] = {spsi_sub(zero, way[0]), spsi_sub(zero, way[1]), spsi_sub(zero, way[2])};
     spsi_v through = one, harmonic[SPSI_CELL_TERMS], before[3] = {zero, zero, zero};
     spsi_harmonics_v(back, solver->terms, harmonic);
-    found[0] = found[1] = zero;
+    for (int n = 0; n <= solver->set_count; ++n) found[n] = zero;
     for (float i = 0.5f;; i += 1) {
         const spsi_m on = spsi_and(spsi_less(spsi_set(i), count), spsi_less(spsi_set(1e-3f), through));
         spsi_v at[3], row, depth, passes, taken, sent;
@@ -24724,14 +24774,16 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
         row = spsi_fma(at[2], spsi_set((float)level->size[1]), at[1]);
         depth = spsi_mul(spsi_lookup(level->depth, level->pitch, at[0], row), step);
         sent = spsi_lookup(level->sent, level->pitch, at[0], row);
-        for (int t = 1; t < (solver->single ? spsi_least(9, solver->terms) : solver->terms); ++t)
+        for (int t = 1; t < solver->terms; ++t)
             sent = spsi_fma(harmonic[t], spsi_lookup(level->sent + (size_t)t * level->count, level->pitch, at[0], row),
                             sent);
         passes = spsi_exp(spsi_sub(zero, depth));
         taken = spsi_select(spsi_less(depth, spsi_set(1e-3f)), depth, spsi_sub(one, passes));
         taken = spsi_select(on, spsi_mul(through, taken), zero);
         found[0] = spsi_fma(taken, sent, found[0]);
-        if (solver->single) found[1] = spsi_fma(taken, spsi_lookup(solver->single, level->pitch, at[0], row), found[1]);
+        for (int n = 0; n < solver->set_count; ++n)
+            found[1 + n] = spsi_fma(
+                taken, spsi_lookup(solver->single + (size_t)n * level->count, level->pitch, at[0], row), found[1 + n]);
         through = spsi_mul(through, passes);
     }
 }
@@ -24785,9 +24837,9 @@ static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid 
     const double extent[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]}; /* in cells */
     const int set = grid->channels * (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET;
     float *sent = spsi_cell_patches_sent(grid, job->channel) + patch;
-    float seen[2][SPSI_CELL_RAYS], taken[SPSI_CELL_RAYS];
+    float seen[1 + SPSI_CELL_SETS][SPSI_CELL_RAYS], taken[SPSI_CELL_RAYS];
     for (int n = 0; n < SPSI_CELL_RAYS; n += SPSI_LANES) {
-        spsi_v from[3], way[3], length, found[2];
+        spsi_v from[3], way[3], length, found[1 + SPSI_CELL_SETS];
         for (int k = 0; k < 3; ++k) {
             const int own = k == axis ? 2 : k > axis ? k - 1 : k; /* along the side: the lower axis first */
             const spsi_v out = spsi_load(rays->out[own] + n);
@@ -24797,9 +24849,9 @@ static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid 
         length = spsi_cell_way_through(extent, from, way);
         spsi_store(taken + n, spsi_cell_shape(spsi_mul(length, spsi_set(grid->thick[job->channel]))));
         spsi_cells_radiance(job->solver, from, way, length, found);
-        for (int i = 0; i < 2; ++i) spsi_store(seen[i] + n, found[i]);
+        for (int i = 0; i <= job->solver->set_count; ++i) spsi_store(seen[i] + n, found[i]);
     }
-    for (int i = 0; i <= (job->solver->single != NULL); ++i, sent += set) {
+    for (int i = 0; i <= job->solver->set_count; ++i, sent += set) {
         float terms[SPSI_CELL_TERMS] = {0}, flux = 0, made = 0;
         for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
             const float ratio = seen[i][n] / spsi_higher(taken[n], FLT_MIN);
@@ -24822,38 +24874,58 @@ static void spsi_cell_patches_task(void *data, int patch) {
     spsi_cell_patch_fill(job, job->leaves, patch);
 }
 
+/* Takes single scattering of the grid's lights by lobes with a peak from what a row's cells send: patches send it by
+   these lobes. */
+static void spsi_cells_single_task(void *data, int row) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
+    const spsi_cell_grid *grid = job->grid;
+    const spsi_cell_level *level = &job->solver->levels[0];
+    for (int i = 0; i < job->solver->set_count * grid->size[0]; ++i) {
+        const int x = i % grid->size[0], set = i / grid->size[0], light = set / grid->peak_count;
+        const int m = grid->peak_of[set % grid->peak_count];
+        const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
+        const float lit = job->lit[(size_t)(light * grid->channels + job->channel) * grid->count + at];
+        const float scattered = job->scattered[(size_t)(m * grid->channels + job->channel) * grid->count + at];
+        const float depths = 4 * grid->depth[at] * level->depth[at], single = depths > 0 ? lit * scattered / depths : 0;
+        float harmonic[SPSI_CELL_TERMS];
+        double travel[3];
+        job->solver->single[(size_t)set * grid->count + at] = single;
+        if (!(single > 0)) continue;
+        spsi_cell_centre(grid, 1, x, row % grid->size[1], row / grid->size[1], travel);
+        spsi_along(travel, grid->lights[light].at, -1, travel);
+        spsi_normalise(travel);
+        spsi_harmonics(travel, harmonic);
+        for (int t = 0; t < grid->terms; ++t)
+            level->moments[1][(size_t)t * grid->count + at] -=
+                grid->lobes[m][spsi_term_degree(t)] * single * harmonic[t];
+    }
+}
+
 /* Keeps what the last sweep found, by which polygons are lit, and what leaves the patches of a grid. If no polygons are
-   within the grid, that is in all what cells send and do not take. Single scattering by lobes with a peak is taken from
-   what cells send; patches send it by these lobes. */
+   within the grid, that is in all what cells send and do not take. */
 static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cell_grid *leaves) {
     spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    const float *scattered = job->scattered + (size_t)(grid->single * grid->channels + channel) * grid->count;
-    const float *incoming = job->incoming + (size_t)(channel * grid->terms) * grid->count;
     float *sent = spsi_cell_patches_sent(leaves, channel), *all = level->sent;
-    float *single = grid->phase_count > 0 ? job->samples + grid->count : NULL; /* after the numbers of emitters */
     double depth = 0, out = 0, found = 0;
     for (size_t at = 0; at < grid->count; ++at) {
-        const float depths = 4 * grid->depth[at] * level->depth[at], unit = depths > 0 ? scattered[at] / depths : 0;
         depth += (double)level->depth[at];
         out += (double)level->depth[at] * (double)(level->sent[at] - level->moments[0][at]);
-        for (int t = 0; t < grid->flux_terms && single; ++t) {
-            const size_t i = (size_t)t * grid->count + at;
-            const float light = unit * incoming[i];
-            level->moments[1][i] = level->sent[i] - grid->lobes[grid->single][spsi_term_degree(t)] * light;
-            if (t == 0) single[at] = light;
-        }
     }
     job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, level->moments[0], floats * sizeof(float));
     job->leaves = leaves;
-    job->solver->single = single;
-    if (single) level->sent = level->moments[1];
+    if (job->solver->set_count > 0) {
+        spsi_copy(job->context, level->moments[1], all, (size_t)grid->terms * grid->count * sizeof(float));
+        spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_single_task, job);
+        level->sent = level->moments[1];
+    }
     spsi_parallel_items(job->context, 6 * leaves->across * leaves->across, spsi_cell_patches_task, job);
     level->sent = all;
     for (int n = 0; n < SPSI_CELL_SHEET; ++n) found += (double)(leaves->patches[3 * SPSI_CELL_SHEET + n] * sent[n]);
-    out *= single || job->solver->walled || !(fabs(found) > 0) ? 0 : 4 * SPSI_PI * grid->edge * grid->edge / found;
+    if (job->solver->set_count > 0 || job->solver->walled || !(fabs(found) > 0)) out = 0;
+    out *= 4 * SPSI_PI * grid->edge * grid->edge / (fabs(found) > 0 ? found : 1);
     out = out > 0 ? fmin(fmax(out, 0.95), 1.05) : 1; /* what gas takes may make up for what it sends */
     for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET; ++n) sent[n] *= (float)out;
 }
@@ -24931,6 +25003,8 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
     spsi_cell_solver solver;
     if (spsi_cell_solver_build(context, grid, &solver)) return context->result;
     job->solver = &solver;
+    solver.single = job->samples + grid->count; /* after the numbers of emitters */
+    solver.set_count = grid->light_count * grid->peak_count;
     if (job->walls.closed) {
         spsi_cells_close(job, &plain);
         job->coarse = *grid;
@@ -25131,7 +25205,8 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
     job->samples = memory;
     job->scattered = job->samples + 8 * grid->count;
     job->emitted = job->scattered + (size_t)frame->matter.material_count * channels * grid->count;
-    job->incoming = job->emitted + channels * grid->count;
+    job->lit = job->emitted + channels * grid->count;
+    job->incoming = job->lit + (size_t)grid->light_count * channels * grid->count;
     memory = job->incoming + moments;
     if (spsi_cells_pass_on(frame, grid)) {
         job->passed_on = memory;
@@ -25159,6 +25234,28 @@ static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
+/* Chooses a grid's lights: the first ones that have weight. Two places have a lamp's directions from half of the gas's
+   longest side on. Nearer than a quarter, a lamp does not count, nor does a cone that may be a narrow beam. */
+static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *grid) {
+    const spsi_bounds *gas = &frame->content->bounds;
+    const double longest = spsi_bounds_longest(gas);
+    const int most = grid->light_count;
+    grid->light_count = 0;
+    for (int n = 0; n < frame->lamps.count && grid->light_count < most; ++n) {
+        const spsi_lamp *lamp = &frame->lamps.list[n];
+        spsi_cell_light *light = &grid->lights[grid->light_count];
+        double apart = 0, weight = lamp->cone.exists ? lamp->cone.none / 0.3 - 1 : 1;
+        for (int k = 0; k < 3; ++k) {
+            const double centre = 0.5 * (gas->low[k] + gas->high[k]), off = fabs(lamp->position[k] - centre);
+            light->at[k] = lamp->is_point ? lamp->position[k] : centre - 1e5 * longest * lamp->direction[k];
+            apart += pow(fmax(off - 0.5 * (gas->high[k] - gas->low[k]), 0), 2);
+        }
+        if (lamp->is_point) weight = fmin(weight, 4 * (sqrt(apart) - lamp->extent.radius) / longest - 1);
+        light->lamp = n, light->places = 1 + lamp->is_point, light->weight = (float)fmin(weight, 1);
+        grid->light_count += weight > 0;
+    }
+}
+
 /* Places grids about all gas: one, or one about each of groups that are far apart, and sets the content's bounds to
    theirs. Returns their number. */
 static int spsi_cells_place_all(const sps_context *context, const spsi_frame *frame, spsi_groups *groups,
@@ -25172,6 +25269,7 @@ static int spsi_cells_place_all(const sps_context *context, const spsi_frame *fr
         groups->list[count] = groups->list[n];
         spsi_cells_lay_out(frame, &grids[count++]);
     }
+    for (int n = 0; n < count; ++n) spsi_cells_choose_lights(frame, &grids[n]);
     return count;
 }
 

@@ -2436,8 +2436,15 @@ static int spsi_turn_octave(uint32_t work) {
     return octave;
 }
 
-/* Sorts by octaves of work: finer order would not shorten the wait at the end. */
-static void spsi_turns_sort(spsi_turns *turns) {
+static void spsi_turn_task(void *data, int index, int worker) {
+    spsi_turns *turns = (spsi_turns *)data;
+    const int task = turns->order[index];
+    turns->work[task] = 0;
+    turns->task(turns->data, task, worker);
+}
+
+/* Runs a task for each of the turns, by octaves of work: finer order would not shorten the wait at the end. */
+static void spsi_parallel_turns(sps_context *context, spsi_turns *turns, sps_task_fn task, void *data) {
     int first[33] = {0}, before = 0;
     for (int i = 0; i < turns->count; ++i) first[spsi_turn_octave(turns->work[i])] += 1;
     for (int octave = 32; octave >= 0; --octave) {
@@ -2446,20 +2453,8 @@ static void spsi_turns_sort(spsi_turns *turns) {
         before += count;
     }
     for (int i = 0; i < turns->count; ++i) turns->order[first[spsi_turn_octave(turns->work[i])]++] = i;
-}
-
-static void spsi_turn_task(void *data, int index, int worker) {
-    spsi_turns *turns = (spsi_turns *)data;
-    const int task = turns->order[index];
-    turns->work[task] = 0;
-    turns->task(turns->data, task, worker);
-}
-
-/* Runs a task for each of the turns. */
-static void spsi_parallel_turns(sps_context *context, spsi_turns *turns, sps_task_fn task, void *data) {
     turns->task = task;
     turns->data = data;
-    spsi_turns_sort(turns);
     spsi_parallel(context, turns->count, spsi_turn_task, turns);
 }
 
@@ -2544,9 +2539,6 @@ static inline uint64_t spsi_fingerprint_word(uint64_t hash, uint64_t word) {
 #define SPSI_REACH       2.5  /* voxels */
 #define SPSI_CUT         (SPSI_REACH / SPSI_SIGMA)
 #define SPSI_PIXEL_SIGMA 0.5 /* minimum footprint width in pixels: the pixel filter if voxels are smaller */
-
-/* The kernel's mass within the cut footprint. Dividing by it keeps a constant grid constant. */
-static double spsi_footprint_mass(double cut) { return -expm1(-0.5 * cut * cut); }
 
 /* The share of a kernel's line integral that lies before a plane; v = distance / (SPSI_CUT * standard deviation).
    A polynomial whose derivative (1 - v^2)^2 (..) is never negative, so that sheets are never negative except for
@@ -2778,17 +2770,11 @@ static int spsi_rays_of_cube_face(const double position[3], int face, int size, 
     return spsi_rays_complete(rays);
 }
 
-/* The distance, along the ray direction c from a point, at which an orthographic matrix has clip depth -1; 0 if that is
-   farther than 1e12 pixels, where positions would lose precision. A near plane at -1 cannot be told from one at 0;
-   measured from here, distances are positive with either. */
-static double spsi_clip_start(const double m[16], const double point[3], const double c[3], double pixel) {
-    const double start = (-m[15] - m[11] - spsi_dot(m + 8, point)) / spsi_dot(m + 8, c);
-    return fabs(start) <= 1e12 * pixel ? start : 0;
-}
-
 /* Rays from rows 0, 1 and 3 of a world-to-clip matrix; in perspective, row 2 (the depth convention) is not needed. The
    ray of clip position (X,Y) lies in the planes (r0 - X r3) p = 0 and (r1 - Y r3) p = 0, so its direction is linear in
-   X and Y. */
+   X and Y. An orthographic matrix's rays
+   begin where clip depth is -1, unless that is farther than 1e12 pixels, where positions would lose precision. A near
+   plane at -1 cannot be told from one at 0; measured from there, distances are positive with either. */
 static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     const double *r0 = m, *r1 = m + 4, *r3 = m + 12;
     const double dx = 2.0 / rays->width, dy = -2.0 / rays->height, x0 = -1 + 0.5 * dx, y0 = 1 + 0.5 * dy;
@@ -2818,7 +2804,8 @@ static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     if (!rays->perspective) {
         double middle[3];
         for (int i = 0; i < 3; ++i) middle[i] = rays->origin[i] - x0 * ax[i] - y0 * ay[i];
-        spsi_along(rays->origin, rays->c, spsi_clip_start(m, middle, rays->c, spsi_length(rays->b)), rays->origin);
+        const double start = (-m[15] - m[11] - spsi_dot(m + 8, middle)) / spsi_dot(m + 8, rays->c);
+        spsi_along(rays->origin, rays->c, fabs(start) <= 1e12 * spsi_length(rays->b) ? start : 0, rays->origin);
     }
     return spsi_rays_complete(rays);
 }
@@ -3224,19 +3211,15 @@ typedef struct spsi_technique {
 
 /* ---- intervals ---- */
 
-/* The share of a soft interval that lies in its first `t`. For a whole chord S(t) = t^2 (3 - 2 t); for the last `soft`
-   of one, 1 - S(soft (1 - t)) / S(soft), written without cancellation. */
-static inline float spsi_soft_share(float soft, float t) {
-    return t * (6 * (1 - soft) + t * (6 * soft - 3 - 2 * soft * t)) / (3 - 2 * soft);
-}
-
 /* The share of an interval that lies before u. An interval without length lies before u entirely if u >= u0, and so
-   does any that ends at u: a query at an occluder's back includes it. */
+   does any that ends at u: a query at an occluder's back includes it. Of a whole soft chord it is S(t) = t^2 (3 - 2 t),
+   of the last `soft` of one 1 - S(soft (1 - t)) / S(soft), written without cancellation. */
 static inline float spsi_interval_share(const spsi_interval *interval, float u) {
+    const float soft = interval->soft;
     if (u < interval->u0) return 0;
     if (!(u < interval->u1)) return 1;
     const float t = (u - interval->u0) / (interval->u1 - interval->u0);
-    return interval->soft > 0 ? spsi_soft_share(interval->soft, t) : t;
+    return soft > 0 ? t * (6 * (1 - soft) + t * (6 * soft - 3 - 2 * soft * t)) / (3 - 2 * soft) : t;
 }
 
 /* Exact optical depth before u of a list sorted by u0; at u = 1 what lies behind counts, too. Cost: the intervals that
@@ -4453,15 +4436,6 @@ static double spsi_voxel_extent(const spsi_lattice *lattice, const double s[3]) 
     return sqrt(sum);
 }
 
-/* The chord of a ray of unit direction d through a voxel's centre, 1 / sqrt(d' (V V')^-1 d): the edge length for cubes.
-   In flat and slanted voxels the chord is much shorter than the kernel's extent. */
-static double spsi_voxel_chord(const spsi_lattice *lattice, const double d[3]) {
-    double rows[3][3], sum = 0;
-    if (!spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows)) return spsi_voxel_extent(lattice, d);
-    for (int i = 0; i < 3; ++i) sum += spsi_dot(rows[i], d) * spsi_dot(rows[i], d);
-    return 1 / sqrt(sum);
-}
-
 /* The minimum extent of a voxel's kernel along any direction in the plane of two perpendicular unit vectors: the root
    of the smaller eigenvalue of (x, y)' V V' (x, y). */
 static double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[3], const double y[3]) {
@@ -5100,14 +5074,6 @@ static sps_result spsi_medium_place(sps_context *context, const sps_volume *volu
                       "it is too small for the numbers in use");
 }
 
-static void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice *lattice, spsi_medium *medium) {
-    medium->given = *volume;
-    medium->index = index;
-    medium->lattice = lattice;
-    if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range))
-        medium->given.concurrent = 1;
-}
-
 /* Grows bounds to hold a volume, with a margin in voxels. */
 static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
@@ -5128,7 +5094,11 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, 
         if (frame->medium_count == SPSI_VOLUMES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count",
                                    scene->volume_count, "at most 64 volumes may hold voxels");
-        spsi_medium_build(volume, i, &frame->lattices[frame->medium_count], medium);
+        medium->given = *volume;
+        medium->index = i;
+        medium->lattice = &frame->lattices[frame->medium_count];
+        if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range))
+            medium->given.concurrent = 1;
         medium->lattice->medium = frame->medium_count;
         if (spsi_medium_place(context, volume, medium)) return context->result;
         frame->medium_count += 1;
@@ -5295,14 +5265,8 @@ static void spsi_extent_points(const spsi_lamp *lamp, int count, spsi_lamp *poin
     for (int i = 0; i < count; ++i) spsi_lamp_place(lamp, places[i][0] - mean[0], places[i][1] - mean[1], &points[i]);
 }
 
-static void spsi_cone_build(const sps_light *light, spsi_cone *cone) {
-    const double inner = light->inner_cone, outer = light->outer_cone;
-    cone->exists = outer > 0;
-    cone->none = fmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* what is narrower has no rim in floats */
-    cone->rim = fmax(2 * sin(0.5 * (outer + inner)) * sin(0.5 * (outer - inner)), 1e-7 * cone->none);
-}
-
 static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int index, spsi_lamp *lamp) {
+    const double inner = light->inner_cone, outer = light->outer_cone;
     sps_tmap_settings table;
     memset(lamp, 0, sizeof *lamp);
     lamp->index = index;
@@ -5312,7 +5276,9 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
     spsi_normalise(lamp->direction);
     memcpy(lamp->color, light->color, sizeof lamp->color);
     lamp->samples = light->samples;
-    spsi_cone_build(light, &lamp->cone);
+    lamp->cone.exists = outer > 0;
+    lamp->cone.none = fmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* what is narrower has no rim in floats */
+    lamp->cone.rim = fmax(2 * sin(0.5 * (outer + inner)) * sin(0.5 * (outer - inner)), 1e-7 * lamp->cone.none);
     spsi_basis(lamp->direction, lamp->across[0], lamp->across[1]);
     if (light->projector) spsi_projection_build(light, lamp->direction, &lamp->projection);
     lamp->falls_off = lamp->is_point && light->falloff == SPS_FALLOFF_INVERSE_SQUARE;
@@ -8620,14 +8586,6 @@ static double spsi_particle_fineness(const spsi_frame *frame) {
     return finer < 1.4 ? 1 : finer;
 }
 
-/* Minimum breadth of any volume's voxels across a ray; infinity without volumes. */
-static double spsi_voxel_across(const spsi_frame *frame, const double right[3], const double down[3]) {
-    double least = HUGE_VAL;
-    for (int i = 0; i < frame->medium_count; ++i)
-        least = fmin(least, spsi_voxel_breadth(frame->media[i].lattice, right, down));
-    return least;
-}
-
 /* Fits a light's rays to `bounds`. `texel` is the desired size of a texel in the world (for a point light, at the
    middle of the bounds). `size` is the number of texels on the longer side; 0: what `texel` calls for, `most` at most.
    A border of two texels stays free on every side. As a light turns, texels keep their places about the middle of the
@@ -8732,12 +8690,13 @@ static int spsi_has_shadow_tables(const spsi_frame *frame) {
    sharper, divided by the quality's texels per voxel. Particles alone do not call for more texels than a depth map
    has. For a light in the very centre, where no direction is that of the gas, voxels are measured across z. */
 static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
-    double centre[3], forward[3], right[3], down[3], across[3], size, own;
+    double centre[3], forward[3], right[3], down[3], across[3], size = HUGE_VAL, own;
     spsi_bounds_centre(&frame->content->bounds, centre);
     spsi_lamp_direction(lamp, centre, forward);
     if (!(spsi_dot(forward, forward) > 0)) forward[2] = 1;
     spsi_basis(forward, right, down);
-    size = spsi_voxel_across(frame, right, down) / frame->accuracy.shadow_texels;
+    for (int i = 0; i < frame->medium_count; ++i)
+        size = fmin(size, spsi_voxel_breadth(frame->media[i].lattice, right, down) / frame->accuracy.shadow_texels);
     if (frame->content->particle_count == 0) return size;
     own = 0.5 * SPSI_PARTICLE_EDGE * frame->content->particle_radius / frame->accuracy.shadow_texels;
     if (spsi_has_shadow_table(lamp)) own /= sqrt(spsi_particle_fineness(frame)); /* whose time is its texels' cube */
@@ -8806,27 +8765,22 @@ static const spsi_bounds *spsi_lamp_bounds(const spsi_frame *frame, const spsi_l
     return lamp->map_bounds ? lamp->map_bounds : &frame->content->bounds;
 }
 
-/* Six grids of rays around a point light, whose texels have the desired size where the gas is farthest. */
-static int spsi_lamp_rays_around(const spsi_frame *frame, const spsi_lamp *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
+/* Aims a light's transmittance map at the gas: one grid of rays if the light sees all of it within a cone, otherwise
+   six, whose texels have the desired size where the gas is farthest. Returns the number of grids; 0: the light is too
+   far from the world's origin to tell its rays apart. */
+static int spsi_lamp_rays(const spsi_frame *frame, const spsi_lamp *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
     const spsi_bounds *bounds = spsi_lamp_bounds(frame, lamp);
     const double texel = spsi_lamp_texel(frame, lamp);
+    const int most = spsi_map_texels_most(frame, lamp);
     double farthest = 0;
     int size = lamp->map_size;
+    if (!lamp->map_omnidirectional && spsi_rays_fit(lamp, bounds, texel, size, most, &rays[0])) return 1;
     for (int i = 0; i < 3; ++i)
         farthest = fmax(farthest, fmax(bounds->high[i] - lamp->position[i], lamp->position[i] - bounds->low[i]));
-    if (size == 0) size = (int)fmin(fmax(ceil(2 * farthest / texel), 16), spsi_map_texels_most(frame, lamp));
+    if (size == 0) size = (int)fmin(fmax(ceil(2 * farthest / texel), 16), most);
     for (int face = 0; face < SPSI_CUBE_FACES; ++face)
-        if (!spsi_rays_of_cube_face(lamp->position, face, size, 0, &rays[face])) return 0;
+        if (!lamp->is_point || !spsi_rays_of_cube_face(lamp->position, face, size, 0, &rays[face])) return 0;
     return SPSI_CUBE_FACES;
-}
-
-/* Aims a light's transmittance map at the gas: one grid of rays if the light sees all of it within a cone, otherwise
-   six. Returns the number of grids; 0: the light is too far from the world's origin to tell its rays apart. */
-static int spsi_lamp_rays(const spsi_frame *frame, const spsi_lamp *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
-    if (!lamp->map_omnidirectional && spsi_rays_fit(lamp, spsi_lamp_bounds(frame, lamp), spsi_lamp_texel(frame, lamp),
-                                                    lamp->map_size, spsi_map_texels_most(frame, lamp), &rays[0]))
-        return 1;
-    return lamp->is_point ? spsi_lamp_rays_around(frame, lamp, rays) : 0;
 }
 
 /* Components of an offset in a light's frame, where small angles from the axis stay precise in floats. */
@@ -9265,16 +9219,6 @@ static int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *map
             if (box[2] >= box[0] && box[3] >= box[1]) return 1;
         }
     return 0;
-}
-
-/* Rasterises the polygons into a depth map, as the light sees them. */
-static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, spsi_depth_map *map) {
-    spsi_planes_job job = {faces, map, 0, NULL, NULL};
-    for (; job.face < map->face_count; ++job.face) {
-        spsi_rasterise(context, faces, &map->rays[job.face], NULL, map->depths[job.face],
-                       (int *)(void *)map->slopes[job.face][1]);
-        spsi_planes_fill(context, &job);
-    }
 }
 
 /* --- looking up a depth map --- */
@@ -10146,11 +10090,16 @@ static int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
 
 /* The voxel length by which slabs across s are sized for a ray: what the ray crosses of a voxel, and half or a quarter
    of that where the ray grazes the slabs and is long in each of them. Powers of 1/2 keep all slabs in place as a light
-   turns: errors that jump would be visible. */
+   turns: errors that jump would be visible. The chord through a voxel's centre, 1 / sqrt(d' (V V')^-1 d), is the edge
+   of a cube; in flat and slanted voxels it is much shorter than the kernel's extent. */
 static double spsi_slab_chord(const spsi_lattice *lattice, const double s[3], const double ray[3]) {
     const double cosine = fabs(spsi_dot(s, ray));
     const double share = cosine >= SPSI_COSINE_EVEN ? 1 : cosine >= SPSI_COSINE_EVEN / 2 ? 0.5 : 0.25;
-    return share * spsi_voxel_chord(lattice, ray);
+    double rows[3][3], sum = 0;
+    if (!spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows))
+        return share * spsi_voxel_extent(lattice, ray);
+    for (int i = 0; i < 3; ++i) sum += spsi_dot(rows[i], ray) * spsi_dot(rows[i], ray);
+    return share / sqrt(sum);
 }
 
 /* Minimum of these lengths for rays from a point to the corners and the middle of `bounds`. */
@@ -10517,7 +10466,7 @@ static int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *ray
     unit = sqrt(covariance[2][2]);
     root = sqrt(spsi_determinant(covariance[0], covariance[1], covariance[2]));
     mass = (double)scale * lattice->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c));
-    weight = mass / (2 * SPSI_PI * spsi_footprint_mass(cut));
+    weight = mass / (-2 * SPSI_PI * expm1(-0.5 * cut * cut)); /* the mass within the cut: a constant grid is constant */
     for (int i = 0, k = 0; i < 3; ++i)
         for (int j = i; j < 3; ++j, ++k) {
             splatter->covariance[k] = (float)covariance[i][j];
@@ -13867,24 +13816,20 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     spsi_tile_follow(&here, tile, rest, spsi_tap_steps(&here, way), channel);
 }
 
-/* Rays of a pixel for the level behind a tapper's: as many as that level has once it replaces this one. */
-static int spsi_tapper_rays_behind(const spsi_tapper *tapper, spsi_target_kind kind) {
-    const int fewest = tapper->fields->taps == 4 ? 3 : 2;
-    int side = spsi_most(tapper->side, fewest);
-    if (kind == SPSI_TARGET_SHEETS && tapper->least >= (float)SPSI_TAP_VARIANCE) return 1;
-    while (side > fewest && tapper->least * (float)((side - 1) * (side - 1)) >= (float)SPSI_TAP_LONE) --side;
-    return side * side;
-}
-
-/* Adds its level, and the next: `mix` is that of each from here on. */
+/* Adds its level, and the next, by as many rays as that has once it replaces this one. `mix` is that of each from here
+   on. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
     spsi_tapper here = target->tappers[medium], next = here;
     here.mix = 1 - next.mix;
     spsi_tile_gather_level(fill, medium, patches, here);
     if (!(next.mix > 0)) return;
+    const int fewest = here.fields->taps == 4 ? 3 : 2;
+    const int one = target->kind == SPSI_TARGET_SHEETS && here.least >= (float)SPSI_TAP_VARIANCE;
+    int side = one ? 1 : spsi_most(here.side, fewest);
+    while (side > fewest && here.least * (float)((side - 1) * (side - 1)) >= (float)SPSI_TAP_LONE) --side;
     spsi_tapper_build(here.fields, &target->frame->lattices[medium], target->rays, target->slabs, here.level + 1,
-                      spsi_tapper_rays_behind(&here, target->kind), &next);
+                      side * side, &next);
     next.mix = 1 - here.mix;
     next.scale = here.scale;
     next.whole = here.whole;
@@ -15834,16 +15779,6 @@ static void spsi_tmaps_drop(sps_context *context, spsi_buffer_id id, int *count)
     *count = 0;
 }
 
-/* Releases a map, or, unless the call has failed, holds its table for the next one, where there is room for the tables
-   of all maps. */
-static void spsi_shadow_table_hold(sps_context *context, sps_tmap *map) {
-    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    if (!context->result && map->key && map->data.texels.data)
-        held[context->shadow_table_count++] = *map;
-    else
-        spsi_tmap_release(map);
-}
-
 /* Aims the map by which gas casts a light's shadow. */
 static sps_result spsi_lamp_tmap_aim(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                      sps_tmap *map) {
@@ -17441,15 +17376,6 @@ static void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     context->stats.seconds_light += spsi_clock(context) - start;
 }
 
-/* Advances past the current chunk: all planes hold the optical depth so far. */
-static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
-    if (sliced->is_soft)
-        spsi_penumbra_cross(context, &sliced->penumbra);
-    else
-        spsi_parallel_items(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_planes_level,
-                            &sliced->planes);
-}
-
 /* --- lookup --- */
 
 /* The coordinates that spsi_quads_build expects, along the eye's rays. */
@@ -17829,8 +17755,14 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
     float *memory = spsi_floats_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats);
     if (!memory) return context->result;
     for (int i = 0; i < count; ++i) memory += spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, memory);
-    for (int i = 0; i < count; ++i)
-        if (!shadows[i].soft) spsi_depth_map_fill(context, faces, &shadows[i].depth_map);
+    for (int i = 0; i < count; ++i) {
+        spsi_planes_job job = {faces, &shadows[i].depth_map, 0, NULL, NULL};
+        for (; !shadows[i].soft && job.face < job.map->face_count; ++job.face) {
+            spsi_rasterise(context, faces, &job.map->rays[job.face], NULL, job.map->depths[job.face],
+                           (int *)(void *)job.map->slopes[job.face][1]);
+            spsi_planes_fill(context, &job);
+        }
+    }
     return SPS_OK;
 }
 
@@ -17949,9 +17881,16 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
 }
 
 static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *shadows, int count) {
-    sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
-    for (int i = 0; i < count; ++i)
-        if (shadows[i].tmap) spsi_shadow_table_hold(context, maps++);
+    sps_tmap *map = (sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
+    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
+    for (int i = 0; i < count; ++i) {
+        if (!shadows[i].tmap) continue;
+        if (!context->result && map->key && map->data.texels.data)
+            held[context->shadow_table_count++] = *map;
+        else
+            spsi_tmap_release(map);
+        ++map;
+    }
 }
 
 /* =========================================================================================== >>scattering
@@ -19075,20 +19014,6 @@ static void spsi_cell_patch_set(const spsi_cell_grid *grid, int patch, int i, do
     own[3 * SPSI_CELL_SHEET] = own[4 * SPSI_CELL_SHEET] * own[5 * SPSI_CELL_SHEET];
 }
 
-/* Sets where patches are. */
-static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
-    for (int n = 0; n < 6 * grid->across * grid->across; ++n) {
-        const int side = spsi_cell_patch_side(grid, n), axis = side / 2;
-        const int at[2] = {n % grid->across, n / grid->across % grid->across};
-        grid->patches[axis * SPSI_CELL_SHEET + n] = side % 2 ? (float)(grid->edge * grid->size[axis]) : 0;
-        for (int i = 0; i < 2; ++i) {
-            const double extent = grid->edge * grid->size[i == 0 ? axis == 0 : axis == 2 ? 1 : 2];
-            spsi_cell_patch_set(grid, n, i, extent * spsi_cell_patch_begin(grid, at[i]),
-                                extent * spsi_cell_patch_begin(grid, at[i] + 1));
-        }
-    }
-}
-
 /* Sets a patch's rays: half of the sphere is that of an octahedron, seen as a square of 8 x 8. The sum of harmonics
    that is nearest to what they find, by solid angle, is linear in that. */
 static void spsi_cell_rays_build(spsi_cell_rays *rays) {
@@ -19344,8 +19269,7 @@ static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_
             phase[1] = spsi_fma(sent, spsi_min(spsi_mul(lobe, spsi_set(peak)), one), phase[1]);
         }
     }
-    all = spsi_div(one, all);
-    for (int i = 0; i < 2; ++i) phase[i] = spsi_mul(phase[i], all);
+    for (int i = 0; i < 2; ++i) phase[i] = spsi_div(phase[i], all);
 }
 
 /* Adds the irradiance by a vector of patches, whose parts are `area` large. `way`: to their middles; `off`: of these,
@@ -20039,14 +19963,6 @@ static void spsi_cell_pyramid_fill(const spsi_cell_grid *grid, float *to) {
             }
         memcpy(size, half, sizeof size);
     }
-}
-
-/* Rows of a pyramid. */
-static size_t spsi_cell_pyramid_rows(const spsi_cell_grid *grid) {
-    size_t rows = 0;
-    for (int n = 0, y = grid->size[1], z = grid->size[2]; n < SPSI_CELL_LEVELS; ++n, y = (y + 1) / 2, z = (z + 1) / 2)
-        rows += (size_t)(y * z);
-    return rows;
 }
 
 /* Looks up pyramids at a vector of places, on levels whose cells are at most `width` wide. Numbers are as above. */
@@ -24372,14 +24288,6 @@ static double spsi_patches_find(const spsi_cell_job *job) {
     return covered > 1e-6 && covered < 1.0 / 3 ? covered : 0;
 }
 
-/* Number of rays of all narrow beams. */
-static size_t spsi_beams_count(const spsi_cell_job *job) {
-    size_t count = 0;
-    for (int i = 0; i < job->frame->lamps.count; ++i)
-        if (spsi_cells_beams(job, &job->frame->lamps.list[i], 1) > 0) count += SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
-    return count;
-}
-
 /* Upper bound of the number of cells' edges in a ray's way through a grid. */
 static size_t spsi_beam_steps(const spsi_cell_grid *grid) {
     return (size_t)(grid->size[0] + grid->size[1] + grid->size[2]) + 2;
@@ -24395,7 +24303,10 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     const double covered = job->walls.closed && job->grid_count == 1 ? spsi_patches_find(job) : 0;
     int shadow = 0;
     most[SPSI_FLIGHTS_GLOW] += frame->matter.emits ? (size_t)frame->content->particle_count : 0;
-    most[SPSI_FLIGHTS_SPOTS] = spsi_beams_count(job);
+    most[SPSI_FLIGHTS_SPOTS] = 0;
+    for (int i = 0; i < frame->lamps.count; ++i)
+        most[SPSI_FLIGHTS_SPOTS] += spsi_cells_beams(job, &frame->lamps.list[i], 1) > 0;
+    most[SPSI_FLIGHTS_SPOTS] *= SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
     most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid) +
                                (frame->matter.emits ? (size_t)frame->content->particle_count : 0) + SPSI_VOLUMES_MAX;
     most[SPSI_FLIGHTS_SPOTS] += (size_t)(covered > 0 ? frame->view.scatter_size * frame->view.scatter_size : 0);
@@ -24822,16 +24733,26 @@ static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_g
 
 /* Sets where patches are, given which links polygons close. */
 static void spsi_cells_place_patches(const spsi_cell_solver *solver, const spsi_cell_grid *grid) {
-    spsi_cell_patches_place(grid);
-    for (int n = 0; n < 6 * grid->across * grid->across && solver->walled; ++n)
-        spsi_cell_patch_trim(&solver->levels[0], grid, n);
+    for (int n = 0; n < 6 * grid->across * grid->across; ++n) {
+        const int side = spsi_cell_patch_side(grid, n), axis = side / 2;
+        const int at[2] = {n % grid->across, n / grid->across % grid->across};
+        grid->patches[axis * SPSI_CELL_SHEET + n] = side % 2 ? (float)(grid->edge * grid->size[axis]) : 0;
+        for (int i = 0; i < 2; ++i) {
+            const double extent = grid->edge * grid->size[i == 0 ? axis == 0 : axis == 2 ? 1 : 2];
+            spsi_cell_patch_set(grid, n, i, extent * spsi_cell_patch_begin(grid, at[i]),
+                                extent * spsi_cell_patch_begin(grid, at[i] + 1));
+        }
+        if (solver->walled) spsi_cell_patch_trim(&solver->levels[0], grid, n);
+    }
 }
 
 /* Finds what leaves a patch: the radiance times pi that rays from its middle see, over about what even gas of the
    grid's mean depth takes on their ways. The shape of the grid, which has edges, is in the divisor. What is left is
    smooth, and kept as harmonics, scaled to the flux of the rays. Surfaces count their sum as 0 where its sign is not
    that of the flux, and so does the scale. */
-static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid *grid, int patch) {
+static void spsi_cell_patches_task(void *data, int patch) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
+    const spsi_cell_grid *grid = job->leaves;
     const spsi_cell_rays *rays = &job->solver->rays;
     const int side = spsi_cell_patch_side(grid, patch), axis = side / 2, upper = side % 2;
     const double extent[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]}; /* in cells */
@@ -24869,11 +24790,6 @@ static void spsi_cell_patch_fill(const spsi_cell_job *job, const spsi_cell_grid 
     }
 }
 
-static void spsi_cell_patches_task(void *data, int patch) {
-    const spsi_cell_job *job = (const spsi_cell_job *)data;
-    spsi_cell_patch_fill(job, job->leaves, patch);
-}
-
 /* Takes single scattering of the grid's lights by lobes with a peak from what a row's cells send: patches send it by
    these lobes. */
 static void spsi_cells_single_task(void *data, int row) {
@@ -24887,17 +24803,16 @@ static void spsi_cells_single_task(void *data, int row) {
         const float lit = job->lit[(size_t)(light * grid->channels + job->channel) * grid->count + at];
         const float scattered = job->scattered[(size_t)(m * grid->channels + job->channel) * grid->count + at];
         const float depths = 4 * grid->depth[at] * level->depth[at], single = depths > 0 ? lit * scattered / depths : 0;
-        float harmonic[SPSI_CELL_TERMS];
+        float term[SPSI_CELL_TERMS];
         double travel[3];
         job->solver->single[(size_t)set * grid->count + at] = single;
         if (!(single > 0)) continue;
         spsi_cell_centre(grid, 1, x, row % grid->size[1], row / grid->size[1], travel);
         spsi_along(travel, grid->lights[light].at, -1, travel);
         spsi_normalise(travel);
-        spsi_harmonics(travel, harmonic);
+        spsi_harmonics(travel, term);
         for (int t = 0; t < grid->terms; ++t)
-            level->moments[1][(size_t)t * grid->count + at] -=
-                grid->lobes[m][spsi_term_degree(t)] * single * harmonic[t];
+            level->moments[1][(size_t)t * grid->count + at] -= grid->lobes[m][spsi_term_degree(t)] * single * term[t];
     }
 }
 
@@ -25036,7 +24951,9 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? 2 * spsi_cell_patch_floats(grid) : 0);
     grid->flown = flies_to_cells ? spsi_lay(memory, &laid, moments) : NULL;
     grid->trapped = flies_to_cells ? spsi_lay(memory, &laid, each) : NULL;
-    grid->pyramid_rows = spsi_cell_pyramid_rows(grid);
+    grid->pyramid_rows = 0;
+    for (int n = 0, y = grid->size[1], z = grid->size[2]; n < SPSI_CELL_LEVELS; ++n, y = (y + 1) / 2, z = (z + 1) / 2)
+        grid->pyramid_rows += (size_t)(y * z);
     grid->pyramid = flies ? spsi_lay(memory, &laid, pyramids * grid->pyramid_rows * (size_t)grid->pitch) : NULL;
     grid->seen = spsi_lay(memory, &laid, (size_t)frame->matter.material_count * each);
     return (size_t)laid;
@@ -25172,16 +25089,6 @@ static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
     glow->depth += depth * cbrt(sum * sum / squares);
 }
 
-/* Chooses the fractions of the glow that fly. To cells: all if the glow fills less than a hundredth of the grid;
-   directions serve wide sources well, in less time. To polygons: all up to an optical depth of 4, two thirds from 20/3
-   on, where nodes are 10 % too dark and cells 20 % too bright. */
-static void spsi_glow_split(const spsi_glow *glow, int scatters, spsi_flights *flights) {
-    const double sum = glow->sum > 0 ? glow->sum : 1, alone = log(fmax(glow->parts / sum, 1) / 32) / log(4);
-    const double bare = glow->sum > 0 ? fmin(fmax(1.5 - glow->depth / sum / 8, 2.0 / 3), 1) : 0;
-    flights->to_cells = (float)(scatters ? fmax(0, fmin(alone, 1)) : bare);
-    flights->to_polygons = (float)fmax((double)flights->to_cells, bare);
-}
-
 /* Sets up a grid's job, and fills it. */
 static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                    const spsi_bounds *bounds, const spsi_part_of_call *part, spsi_cell_grid *grid,
@@ -25305,7 +25212,12 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     for (int n = 0; n < count; ++n) {
         if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
         if (count == 1 && flies) spsi_glow_add(job, &glow);
-        if (n == 0) spsi_glow_split(&glow, frame->matter.scatters, flights);
+        if (n == 0) { /* what flies. Of depths above 20/3, nodes are 10 % too dark and cells 20 % too bright */
+            const double sum = glow.sum > 0 ? glow.sum : 1, alone = log(fmax(glow.parts / sum, 1) / 32) / log(4);
+            const double bare = glow.sum > 0 ? fmin(fmax(1.5 - glow.depth / sum / 8, 2.0 / 3), 1) : 0;
+            flights->to_cells = (float)(frame->matter.scatters ? fmax(0, fmin(alone, 1)) : bare);
+            flights->to_polygons = (float)fmax((double)flights->to_cells, bare);
+        }
         for (size_t i = 0; i < (size_t)grids[n].channels * grids[n].count && flies; ++i)
             job->emitted[i] *= 1 - flights->to_cells;
         job->later = n > 0;
@@ -25326,16 +25238,6 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
         spsi_cells_fly_from(job, &grids[n], &flights[SPSI_FLIGHTS_CELLS], 1, 4); /* scattered light needs few nodes */
     flights[SPSI_FLIGHTS_CELLS].to_cells = 0; /* polygons may take wide nodes */
     return SPS_OK;
-}
-
-/* Finds what the eye sees of a grid. */
-static void spsi_cells_look(sps_context *context, const spsi_frame *frame, const spsi_flights *flights,
-                            spsi_cell_grid *grid) {
-    spsi_cell_look look = {frame, grid};
-    for (int m = 0; m < frame->matter.material_count; ++m)
-        grid->swept[m] = (1 - flights->to_cells) * (1 - frame->content->flies[m]);
-    spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
-    spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
 }
 
 /* Finds the light in the cells, unless it is held from the last call, and what the eye sees of it. */
@@ -25362,7 +25264,13 @@ static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame,
         context->stats.cells += (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];
     if (!held) spsi_cells_share_scale(grids, count);
     context->cells_held = key;
-    for (int n = 0; n < count; ++n) spsi_cells_look(context, frame, flights, &grids[n]);
+    for (int n = 0; n < count; ++n) {
+        spsi_cell_look look = {frame, &grids[n]};
+        for (int m = 0; m < frame->matter.material_count; ++m)
+            grids[n].swept[m] = (1 - flights->to_cells) * (1 - frame->content->flies[m]);
+        spsi_parallel_items(context, grids[n].size[1] * grids[n].size[2], spsi_cells_look_task, &look);
+        spsi_parallel_items(context, grids[n].size[1] * grids[n].size[2], spsi_cells_continue_task, &look);
+    }
     frame->content->cells = grids;
     frame->content->cell_grid_count = count;
     if (spsi_cells_fly(frame)) frame->content->flights = flights;
@@ -25409,11 +25317,6 @@ typedef struct spsi_spread_job {
     float *lit;  /* per channel: what polygons let pass of light at the sheet before */
     float *cone; /* what a spotlight's cone lets pass */
 } spsi_spread_job;
-
-/* Floats of a chunk's sheets. */
-static size_t spsi_spread_chunk_floats(const spsi_spread_job *job) {
-    return ((size_t)(2 + 5 * job->spread->channels) * SPSI_CHUNK + (size_t)job->spread->channels + 1) * job->plane;
-}
 
 /* Adds what material m has at a place to the chunk's sheets. */
 static void spsi_spread_add_sample(const void *data, const spsi_sample_place *place, int m,
@@ -25667,7 +25570,8 @@ static size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spread
         light->pitch[1] = spsi_cell_pitch(rays->height);
         light->mirrored = spread->map.face_count > 1;
     }
-    return spsi_spread_chunk_floats(job) + (size_t)spread->channels * spsi_spread_light_floats(&job->light[0]);
+    return ((size_t)(2 + 5 * spread->channels) * SPSI_CHUNK + (size_t)spread->channels + 1) * job->plane +
+           (size_t)spread->channels * spsi_spread_light_floats(&job->light[0]);
 }
 
 /* Carries the light of all lamps. */
@@ -26050,14 +25954,17 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
 
 /* --- running it --- */
 
-
 /* Composites the polygons in a range of slabs that holds neither voxels nor particles. */
 static void spsi_run_polygons(spsi_run *run, float low, float high) {
     if (!run->shader.hits || run->shader.again.measures || !(low < high)) return;
     run->slab_count = 0;
     run->low = low;
     run->high = high;
-    if (run->has_sliced) spsi_sliced_level(run->context, &run->sliced);
+    if (run->has_sliced && run->sliced.is_soft) /* past the chunk: all planes hold the optical depth so far */
+        spsi_penumbra_cross(run->context, &run->sliced.penumbra);
+    else if (run->has_sliced)
+        spsi_parallel_items(run->context, run->sliced.planes.tiles_x * run->sliced.planes.tiles_y, spsi_planes_level,
+                            &run->sliced.planes);
     spsi_parallel_turns(run->context, &run->region.turns, spsi_eye_task, run);
 }
 

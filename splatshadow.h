@@ -5074,6 +5074,14 @@ static sps_result spsi_medium_place(sps_context *context, const sps_volume *volu
                       "it is too small for the numbers in use");
 }
 
+static void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice *lattice, spsi_medium *medium) {
+    medium->given = *volume;
+    medium->index = index;
+    medium->lattice = lattice;
+    if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range))
+        medium->given.concurrent = 1;
+}
+
 /* Grows bounds to hold a volume, with a margin in voxels. */
 static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
@@ -5094,11 +5102,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, 
         if (frame->medium_count == SPSI_VOLUMES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count",
                                    scene->volume_count, "at most 64 volumes may hold voxels");
-        medium->given = *volume;
-        medium->index = i;
-        medium->lattice = &frame->lattices[frame->medium_count];
-        if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range))
-            medium->given.concurrent = 1;
+        spsi_medium_build(volume, i, &frame->lattices[frame->medium_count], medium);
         medium->lattice->medium = frame->medium_count;
         if (spsi_medium_place(context, volume, medium)) return context->result;
         frame->medium_count += 1;
@@ -9923,13 +9927,6 @@ static void spsi_part_place(const spsi_frame *frame, int n, int part[4]) {
     }
 }
 
-/* The column (0) or row (1) at which the image is cut; 0: the place is outside of it. */
-static int spsi_image_cut(const spsi_rays *eye, int axis) {
-    const double *step = axis ? eye->b : eye->a;
-    const double at = ceil(-spsi_dot(eye->c, step) / spsi_dot(step, step));
-    return eye->perspective && at > 0 && at < (axis ? eye->height : eye->width) ? (int)at : 0;
-}
-
 /* Whether a part has pixels in the region. */
 static int spsi_part_meets(const int part[4], const int region[4]) {
     return part[0] < region[0] + region[2] && part[2] > region[0] && part[1] < region[1] + region[3] &&
@@ -10305,12 +10302,14 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
 static void spsi_image_divide(const spsi_frame *frame) {
     static const double cosines[] = {SPSI_COSINE_EVEN, 0.25, SPSI_COSINE_MIN};
     spsi_content *content = frame->content;
+    const spsi_rays *eye = &content->eye;
     for (int attempt = spsi_eye_is_wide(frame) ? 0 : 8; attempt < 12; ++attempt) {
         const int parts = attempt % 4;
         int serves = 1;
         for (int k = 0; k < 2; ++k) {
             content->parts[k] = 1 + (parts >> k & 1);
-            content->cut[k] = spsi_image_cut(&content->eye, k);
+            const double *step = k ? eye->b : eye->a, at = ceil(-spsi_dot(eye->c, step) / spsi_dot(step, step));
+            content->cut[k] = eye->perspective && at > 0 && at < (k ? eye->height : eye->width) ? (int)at : 0;
             serves &= content->parts[k] == 1 || content->cut[k] > 0;
         }
         for (int n = 0; n < content->parts[0] * content->parts[1] && serves; ++n) {

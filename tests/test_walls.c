@@ -301,7 +301,8 @@ static void test_outside(void) {
     grid.edge = 0.15, grid.channels = 1, grid.across = SPSI_CELL_PATCHES, grid.patches = patches, grid.flux = flux;
     grid.thick = &thick; /* the shape of the grid does not show in what leaves */
     for (int k = 0; k < 3; ++k) grid.corner[k] = -0.5 * grid.edge * grid.size[k];
-    spsi_cell_patches_place(&grid);
+    static spsi_cell_solver solver; /* whose links are open */
+    spsi_cells_place_patches(&solver, &grid);
     for (int i = 0; i < 2 * SPSI_CELL_SHEET; ++i) patches[SPSI_CELL_PLACES * SPSI_CELL_SHEET + i] = 1; /* flux; even */
     for (int n = 0; n < 5 * 4; ++n) {
         const double *place = places[n / 4], *normal = normals[n % 4];
@@ -984,9 +985,9 @@ static double single_irradiance(double g, double extinction, const double light[
 /* Thin gas that scatters forward: walls three cells and more beside the slab have no bands, under a sun, under two in
    unequal colors, or under a lamp 0.8 of the slab's side off. Walls behind it get what its peak scatters from there,
    not along the sun's rays. What scatters twice adds up to 1 % at an albedo of 0.1 and a depth of at most 0.3 along the
-   longest way. Sums of degree 3 about the shape of the grid are within 4 % beside isotropic gas; lobes hardly wider than
-   parts of patches, within 5 %. Two directions of a lamp along a way add 2 % at single places: a third one changes them
-   by that. Sums of degree 3 of the lobe itself were off by 12 % at g 0.5, by up to 63 % at 0.8. */
+   longest way. Sums of degree 3 about the shape of the grid are within 4 % beside isotropic gas; lobes hardly wider
+   than parts of patches, within 5 %. Two directions of a lamp along a way add 2 % at single places: a third one changes
+   them by that. Sums of degree 3 of the lobe itself were off by 12 % at g 0.5, by up to 63 % at 0.8. */
 static void test_lobes_beside_slab(void) {
     enum { BESIDE = 12 };
     static const sps_lobe lobes[2] = {{0.5f, 1}, {0.8f, 1}};

@@ -4233,9 +4233,9 @@ typedef struct spsi_image {
 
 /* A light whose single scattering patches send by phase functions, >>cells. */
 typedef struct spsi_cell_light {
-    int lamp, places;     /* its number in the frame; how many on a way through the grid have its directions */
-    float weight; /* the fraction that patches send so; cells send the rest */
-    double at[3]; /* where it is: suns are far off */
+    int index, places;    /* in the scene; how many places on a way through the grid have its directions */
+    float weight;         /* the fraction that patches send so; cells send the rest */
+    double at[3], brings; /* where it is: suns are far off; about what it sends to the gas */
 } spsi_cell_light;
 
 /* The grid in which light is followed from cell to cell, >>cells. Arrays have an entry per cell, x first, rows padded
@@ -9800,21 +9800,13 @@ static double spsi_ball_mass_round(const spsi_rays *own, const spsi_rays *faces,
     return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball));
 }
 
-/* Ratio of the sum of a ball's chords over all texels to the exact sum; 1 where that is unknown. */
-static double spsi_ball_mass(const spsi_rays *rays, const spsi_rays *faces, const spsi_particle_set *set,
-                             const sps_particle *particle, const spsi_ball *ball, const double offset[3]) {
-    int box[4];
-    if (faces) return spsi_ball_mass_round(rays, faces, set, particle, ball, offset);
-    const double area = ball->near_by ? 0 : spsi_ball_box(ball, box);
-    return area > 0 ? spsi_ball_sum(rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
-}
-
 /* Adjusts the optical depth of a small ball so that its mass is exact wherever its centre lies among the texels: of
    two thirds of `coarse` texels or less. Chords of `coarse` texels are exact; in between, the two are blended.
    `faces`: of a cube, in all of which a particle has one mass; NULL: there is only one face. */
 static void spsi_ball_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse, const spsi_particle_set *set,
                             const sps_particle *particle, spsi_ball *ball) {
     double centre[3], offset[3], texel, share, mass;
+    int box[4];
     /* most are much too large: the sum of the inverse squares of the outline's half axes is small */
     if (!ball->near_by && (double)ball->cross[0] + (double)ball->cross[2] < 1 / (coarse * coarse)) return;
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
@@ -9824,7 +9816,9 @@ static void spsi_ball_weigh(const spsi_rays *rays, const spsi_rays *faces, doubl
     if (!(share > 0) || ball->x1 < ball->x0 || ball->y1 < ball->y0) return;
     /* a face of too few texels, or a ball as wide as its distance */
     if (faces && (rays->width < 3 || !(2 * (double)particle->radius < spsi_length(offset)))) return;
-    mass = spsi_ball_mass(rays, faces, set, particle, ball, offset);
+    const double area = faces || ball->near_by ? 0 : spsi_ball_box(ball, box);
+    mass = area > 0 ? spsi_ball_sum(rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
+    if (faces) mass = spsi_ball_mass_round(rays, faces, set, particle, ball, offset);
     if (mass > 0) ball->depth *= (float)(1 + fmin(share, 1) * (1 / mass - 1));
 }
 
@@ -9962,14 +9956,6 @@ static void spsi_sweep_clear(const spsi_frame *frame, const spsi_lamp *lamp, int
 
 /* --- their direction --- */
 
-/* Minimum cosine between s and the rays that matter: those inside the sweep's part of the image which can also meet
-   gas. Each condition alone gives a lower bound, and the greater of the two is used. */
-static double spsi_cosine_of_eye(const spsi_frame *frame, const spsi_sweep *sweep, const double s[3]) {
-    const spsi_rays *eye = &sweep->eye;
-    const double least = spsi_cosine_to_corners(s, eye);
-    return eye->perspective ? fmax(least, spsi_cosine_to_bounds(s, eye->origin, &frame->content->bounds)) : least;
-}
-
 /* The direction of a camera's middle ray. */
 static void spsi_eye_axis(const spsi_rays *eye, double axis[3]) {
     spsi_ray_direction(eye, 0.5 * (eye->width - 1), 0.5 * (eye->height - 1), axis);
@@ -10067,7 +10053,10 @@ static int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi_sw
         sweep->cosine_of_light = spsi_cosine_of_light(frame, sweep->lamp, sweep->slabs.normal);
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
-    sweep->cosine_of_eye = spsi_cosine_of_eye(frame, sweep, toward);
+    sweep->cosine_of_eye = spsi_cosine_to_corners(toward, &sweep->eye); /* of rays in the sweep's part of the image */
+    if (sweep->eye.perspective) /* and of those that can meet gas: both are lower bounds */
+        sweep->cosine_of_eye = fmax(sweep->cosine_of_eye,
+                                    spsi_cosine_to_bounds(toward, sweep->eye.origin, &frame->content->bounds));
     return sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye >= SPSI_COSINE_MIN;
 }
 
@@ -19400,18 +19389,18 @@ static double spsi_cells_outside(const spsi_cell_grid *grid, const double point[
     return fmin(6 * SPSI_CELL_PATCHES * spsi_cells_distance(grid, point) / (grid->edge * longest), 1);
 }
 
-/* A lamp's number among the grid's lights; their number: it is none. */
-static int spsi_cells_light_of(const spsi_cell_grid *grid, int lamp) {
+/* A lamp's number among the grid's lights, which it shares with all of its tables; their number: it is none. */
+static int spsi_cells_light_of(const spsi_cell_grid *grid, int index) {
     int i = 0;
-    while (i < grid->light_count && grid->lights[i].lamp != lamp) ++i;
+    while (i < grid->light_count && grid->lights[i].index != index) ++i;
     return i;
 }
 
 /* The scale of extinction on a light's way to a point of a surface, or to the eye (`point`: NULL). Outside all grids it
    is 1 for what patches send by phase functions: peaks included. */
-static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c, int lamp, const double *point) {
+static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c, int index, const double *point) {
     const double scale = count > 0 ? (double)grids->scale[spsi_least(c, grids->channels - 1)] : 1;
-    const int light = count > 0 ? spsi_cells_light_of(grids, lamp) : 0;
+    const int light = count > 0 ? spsi_cells_light_of(grids, index) : 0;
     double outside = point && count > 0 && light < grids->light_count;
     for (int n = 0; n < count && outside > 0; ++n) outside = fmin(outside, spsi_cells_outside(&grids[n], point));
     return scale + (outside > 0 ? (1 - scale) * (double)grids->lights[light].weight * outside : 0);
@@ -22058,7 +22047,7 @@ static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_l
 static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_lamp *lamp, int c, spsi_v depth,
                                    const spsi_points *to) {
     const spsi_content *content = frame->content;
-    const int index = lamp ? (int)(lamp - frame->lamps.list) : -1;
+    const int index = lamp ? lamp->index : -1;
     const int lobes = lamp && content->cells && content->cells->light_count > 0;
     float scales[SPSI_LANES];
     for (int lane = 0; lane < SPSI_LANES; ++lane) {
@@ -23353,7 +23342,7 @@ static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
         for (int l = 0; l < grid->orders; ++l) grid->lobes[m][l] = (float)(spsi_phase_moment(material, l) - peak);
     }
     if (grid->flux_terms > 0 && grid->peak_count > 0) /* at most so many; later, those that have weight */
-        grid->light_count = spsi_least(SPSI_CELL_SETS / grid->peak_count, frame->lamps.count);
+        grid->light_count = spsi_least(SPSI_CELL_SETS / grid->peak_count, frame->lamps.whole_count);
 }
 
 /* Whether a peak passes on light of lights without shadows: they have tables, too, which tell how much. */
@@ -23747,7 +23736,7 @@ static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_lamp *lam
 /* Adds what one light sends to a vector of samples, weighted by their optical depth. `table`: NULL if it has none. */
 static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *table,
                                 const spsi_cell_spot *spot) {
-    const int light = spsi_cells_light_of(job->grid, (int)(lamp - job->frame->lamps.list));
+    const int light = spsi_cells_light_of(job->grid, lamp->index);
     const int channels = job->grid->channels, passes_on = table && !lamp->shadows;
     const float fraction = (float)(1 - spsi_cells_beams(job, lamp, 0));
     const spsi_v one = spsi_set(1);
@@ -23898,7 +23887,7 @@ static void spsi_cell_hits_points(const spsi_cell_hits *hits, int first, int end
 static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp, double fraction,
                                  const spsi_shadow *shadow, int first, spsi_cell_hits *hits) {
     const spsi_lamp *point = &lamp->points[first / SPSI_PACKET % lamp->point_count];
-    const int end = spsi_least(hits->count, first + SPSI_PACKET), index = (int)(lamp - job->frame->lamps.list);
+    const int end = spsi_least(hits->count, first + SPSI_PACKET);
     double irradiance[SPSI_PACKET][3], toward[3];
     spsi_packet packet;
     float depths[SPSI_PACKET] = {0};
@@ -23925,7 +23914,7 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
         for (int c = 0; c < job->grid->channels; ++c)
             hits->lit[i][c] += fmin(irradiance[i - first][c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX) *
                                fraction * through[c] *
-                               exp(-depth * spsi_cells_scale_at(job->grid, 1, c, index, hits->surface[i].point));
+                               exp(-depth * spsi_cells_scale_at(job->grid, 1, c, lamp->index, hits->surface[i].point));
     }
 }
 
@@ -24822,10 +24811,10 @@ static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cel
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
     float *sent = spsi_cell_patches_sent(leaves, channel), *all = level->sent;
-    double depth = 0, out = 0, found = 0;
+    double depth = 0, out = 0, found = 0, apart = 0;
     for (size_t at = 0; at < grid->count; ++at) {
         depth += (double)level->depth[at];
-        out += (double)level->depth[at] * (double)(level->sent[at] - level->moments[0][at]);
+        out += 4 * SPSI_PI * (double)level->depth[at] * (double)(level->sent[at] - level->moments[0][at]);
     }
     job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, level->moments[0], floats * sizeof(float));
@@ -24837,10 +24826,15 @@ static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cel
     }
     spsi_parallel_items(job->context, 6 * leaves->across * leaves->across, spsi_cell_patches_task, job);
     level->sent = all;
-    for (int n = 0; n < SPSI_CELL_SHEET; ++n) found += (double)(leaves->patches[3 * SPSI_CELL_SHEET + n] * sent[n]);
-    if (job->solver->set_count > 0 || job->solver->walled || !(fabs(found) > 0)) out = 0;
-    out *= 4 * SPSI_PI * grid->edge * grid->edge / (fabs(found) > 0 ? found : 1);
-    out = out > 0 ? fmin(fmax(out, 0.95), 1.05) : 1; /* what gas takes may make up for what it sends */
+    for (int n = 0; n < SPSI_CELL_SHEET; ++n) {
+        const float area = leaves->patches[3 * SPSI_CELL_SHEET + n];
+        found += (double)(area * sent[n]);
+        for (int i = 1; i <= job->solver->set_count; ++i)
+            apart += (double)(area * spsi_cell_patches_sent(leaves, channel + i * grid->channels)[n]);
+    }
+    out *= job->solver->walled || !(fabs(found + apart) > 0) ? 0 : grid->edge * grid->edge / (found + apart);
+    /* what gas takes may make up for what it sends; light that lobes send leaves otherwise */
+    out = out > 0 ? 1 + (fmin(fmax(out, 0.95), 1.05) - 1) * fmax(0, found / (found + apart)) : 1;
     for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET; ++n) sent[n] *= (float)out;
 }
 
@@ -25140,26 +25134,40 @@ static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Chooses a grid's lights: the first ones that have weight. Two places have a lamp's directions from half of the gas's
-   longest side on. Nearer than a quarter, a lamp does not count, nor does a cone that may be a narrow beam. */
-static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *grid) {
-    const spsi_bounds *gas = &frame->content->bounds;
-    const double longest = spsi_bounds_longest(gas);
-    const int most = grid->light_count;
-    grid->light_count = 0;
-    for (int n = 0; n < frame->lamps.count && grid->light_count < most; ++n) {
-        const spsi_lamp *lamp = &frame->lamps.list[n];
-        spsi_cell_light *light = &grid->lights[grid->light_count];
-        double apart = 0, weight = lamp->cone.exists ? lamp->cone.none / 0.3 - 1 : 1;
-        for (int k = 0; k < 3; ++k) {
-            const double centre = 0.5 * (gas->low[k] + gas->high[k]), off = fabs(lamp->position[k] - centre);
-            light->at[k] = lamp->is_point ? lamp->position[k] : centre - 1e5 * longest * lamp->direction[k];
-            apart += pow(fmax(off - 0.5 * (gas->high[k] - gas->low[k]), 0), 2);
+/* Chooses the grids' lights: those that bring most. The first one that is left out takes weight from those that hardly
+   bring more. Two places have a lamp's directions from half of the longest side of any gas on. Nearer than a quarter, a
+   lamp does not count, nor does a cone that may be a narrow beam, nor what throws an image. */
+static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *grids, int count) {
+    const int most = count > 0 ? grids->light_count : 0;
+    spsi_cell_light lights[SPSI_CELL_SETS + 1], light;
+    memset(lights, 0, sizeof lights);
+    for (int i = 0; i < frame->lamps.whole_count && most > 0; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.whole[i];
+        const double sum = (double)lamp->color[0] + (double)lamp->color[1] + (double)lamp->color[2];
+        double weight = lamp->projection.exists ? 0 : lamp->cone.exists ? lamp->cone.none / 0.3 - 1 : 1;
+        light.index = lamp->index, light.places = 1 + lamp->is_point, light.brings = 0;
+        for (int n = 0; n < count; ++n) {
+            const double longest = grids[n].edge * frame->view.scatter_size;
+            double apart = 0;
+            for (int k = 0; k < 3; ++k) {
+                const double half = 0.5 * grids[n].edge * grids[n].size[k], centre = grids[n].corner[k] + half;
+                light.at[k] = lamp->is_point ? lamp->position[k] : centre - 1e5 * longest * lamp->direction[k];
+                apart += pow(fmax(fabs(lamp->position[k] - centre) - half, 0), 2);
+            }
+            if (lamp->is_point) weight = fmin(weight, 4 * (sqrt(apart) - lamp->extent.radius) / longest - 1);
+            light.brings = fmax(light.brings, sum / (lamp->falls_off ? apart + longest * longest : 1));
         }
-        if (lamp->is_point) weight = fmin(weight, 4 * (sqrt(apart) - lamp->extent.radius) / longest - 1);
-        light->lamp = n, light->places = 1 + lamp->is_point, light->weight = (float)fmin(weight, 1);
-        grid->light_count += weight > 0;
+        light.weight = (float)fmin(weight, 1), light.brings *= (double)light.weight;
+        for (int k = most; k >= 0 && light.brings > lights[k].brings; --k) {
+            if (k < most) lights[k + 1] = lights[k];
+            lights[k] = light;
+        }
     }
+    for (int n = 0; n < count; ++n)
+        for (int i = grids[n].light_count = 0; i < most && lights[i].brings > lights[most].brings; ++i) {
+            grids[n].lights[grids[n].light_count++] = lights[i];
+            grids[n].lights[i].weight *= (float)fmin(2 - 2 * lights[most].brings / lights[i].brings, 1);
+        }
 }
 
 /* Places grids about all gas: one, or one about each of groups that are far apart, and sets the content's bounds to
@@ -25175,7 +25183,7 @@ static int spsi_cells_place_all(const sps_context *context, const spsi_frame *fr
         groups->list[count] = groups->list[n];
         spsi_cells_lay_out(frame, &grids[count++]);
     }
-    for (int n = 0; n < count; ++n) spsi_cells_choose_lights(frame, &grids[n]);
+    spsi_cells_choose_lights(frame, grids, count);
     return count;
 }
 
@@ -25719,15 +25727,6 @@ static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
                              spsi_least(SPSI_TILE_HEIGHT, shader->eye->height - y0), shader->end_depth);
 }
 
-/* Ends the rays of all pixels outside of the sweep's part of the image, which other sweeps serve. */
-static void spsi_run_end_others(const spsi_run *run, int rows) {
-    const int *part = run->shader.sweep->part, x0 = run->shader.x_origin, y0 = run->shader.y_origin;
-    for (int y = 0; y < rows; ++y)
-        for (int x = 0; x < run->shader.pitch; ++x)
-            if (x0 + x < part[0] || x0 + x >= part[2] || y0 + y < part[1] || y0 + y >= part[3])
-                run->shader.depth[(size_t)y * (size_t)run->shader.pitch + (size_t)x] = SPSI_DEPTH_MAX;
-}
-
 /* Cuts a tile's sections at polygons, where any may lie in the chunk or nearer to the eye, and at the near plane, where
    there is one. */
 static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
@@ -25743,13 +25742,6 @@ static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
     if (eye->near_depth > 0 || (!eye->perspective && eye->near_depth > -DBL_MAX)) tile->clamped = 1;
 }
 
-/* Rows of a tile between two looks at the clock, by the points of lights that each pixel looks up. Few take no time. */
-static int spsi_tick_rows(const spsi_lamps *lamps) {
-    int points = 1;
-    for (int i = 0; i < lamps->count; ++i) points += lamps->list[i].extent.exists ? lamps->list[i].point_count : 1;
-    return spsi_most(8 * SPSI_TILE_HEIGHT / points, 1);
-}
-
 static void spsi_eye_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
     const spsi_region *region = &run->region;
@@ -25758,7 +25750,10 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const int width = run->shader.frame->content->eye.width, height = run->shader.frame->content->eye.height;
     const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
-    const int tick_rows = spsi_tick_rows(&run->shader.frame->lamps);
+    const spsi_lamps *lamps = &run->shader.frame->lamps;
+    int points = 1; /* of all lights */
+    for (int i = 0; i < lamps->count; ++i) points += lamps->list[i].extent.exists ? lamps->list[i].point_count : 1;
+    const int tick_rows = spsi_most(8 * SPSI_TILE_HEIGHT / points, 1); /* a few milliseconds' work */
     uint64_t shaded = 0;
     int touched = 0;
     spsi_tile tile;
@@ -25867,7 +25862,8 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     spsi_region *region = &run->region;
     spsi_shader *shader = &run->shader;
     const spsi_frame *frame = shader->frame;
-    const int *image = frame->view.region, measures = spsi_sweep_measures(frame, shader->sweep);
+    const int *image = frame->view.region, *part = shader->sweep->part;
+    const int measures = spsi_sweep_measures(frame, shader->sweep);
     const size_t planes = (size_t)(1 + frame->channels + frame->wants_depth);
     const size_t more = measures ? (size_t)(2 + frame->channels) : 0;
     region->x0 = image[0] / SPSI_TILE_WIDTH;
@@ -25888,7 +25884,11 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     shader->depth = memory;
     for (int c = 0; c < 3; ++c) shader->radiance[c] = memory + pixels * (size_t)(1 + (c < frame->channels ? c : 0));
     shader->distance = frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
-    if (spsi_part_count(frame) > 1) spsi_run_end_others(run, region->rows * SPSI_TILE_HEIGHT);
+    for (int y = 0; y < region->rows * SPSI_TILE_HEIGHT && spsi_part_count(frame) > 1; ++y)
+        for (int x = 0; x < shader->pitch; ++x) /* other sweeps serve what is outside of this one's part */
+            if (shader->x_origin + x < part[0] || shader->x_origin + x >= part[2] || shader->y_origin + y < part[1] ||
+                shader->y_origin + y >= part[3])
+                shader->depth[(size_t)y * (size_t)shader->pitch + (size_t)x] = SPSI_DEPTH_MAX;
     if (measures) spsi_run_again(frame, pixels, memory + pixels * planes, &shader->again);
     return SPS_OK;
 }
@@ -26251,17 +26251,6 @@ static double spsi_lamp_error(const spsi_lamp *lamp, const spsi_setting *setting
     return spsi_point_errors[at] * fmax(1, sqrt((double)spsi_point_grades[0] / lamp->samples));
 }
 
-/* By how much more than in the list of scenes a gas is off that is denser per voxel, at value 1: a puff of extinction 6
-   to 40 and 25 voxels, of 0.5 to 3.2 each, was off by 1.1 to 3.2 times the table. */
-static double spsi_density_factor(const spsi_frame *frame) {
-    double most = 0;
-    for (int i = 0; i < frame->medium_count; ++i) {
-        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-        if (!material->table) most = fmax(most, (double)material->extinction * cbrt(frame->lattices[i].voxel_volume));
-    }
-    return fmax(1, pow(most / 0.3, 0.55));
-}
-
 /* Mean optical depth along the diameters of the particles that scatter light, by the light that each takes: what meets
    its disc, or its depth's share of that. 0 before they are read. */
 static double spsi_balls_depth(const spsi_frame *frame) {
@@ -26289,9 +26278,13 @@ static double spsi_expected_error(const spsi_frame *frame, const spsi_setting *s
     const int again = spsi_scatters_fully(frame) || spsi_scatters_aside(frame);
     const double cells = again ? spsi_cell_errors[setting->cells] : 0;
     const double ball = frame->lamps.shadow_count > 0 ? spsi_ball_errors[setting->gas] * balls : 0;
-    double gas = 0, points = 0;
+    double gas = 0, points = 0, most = 0; /* optical depth of a voxel */
+    for (int i = 0; i < frame->medium_count; ++i) {
+        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
+        if (!material->table) most = fmax(most, (double)material->extinction * cbrt(frame->lattices[i].voxel_volume));
+    }
     if (frame->matter.material_count > 0)
-        gas = spsi_gas_errors[frame->matter.classifies][setting->gas] * spsi_density_factor(frame);
+        gas = spsi_gas_errors[frame->matter.classifies][setting->gas] * fmax(1, pow(most / 0.3, 0.55));
     for (int i = 0; i < frame->lamps.count; ++i) points = fmax(points, spsi_lamp_error(&frame->lamps.list[i], setting));
     return sqrt(points * points + (gas * gas + ball * ball + cells * cells) * shown);
 }
@@ -26551,14 +26544,6 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
 /* Flushes denormals to 0, since they could slow down the arithmetic of the caller. */
 static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
 
-/* What a pixel's layers let pass of what is behind all of them, by color; NULL: there are none. */
-static const float *spsi_behind(const spsi_shader *shader, int x, int y) {
-    const spsi_layers *layers = &shader->visible->layers;
-    const size_t pixel = (size_t)y * (size_t)shader->frame->content->eye.width + (size_t)x;
-    if (!layers->first || layers->first[pixel] == layers->first[pixel + 1]) return NULL;
-    return layers->list[layers->first[pixel + 1] - 1].behind;
-}
-
 /* Begins the sum of all sweeps with the background. Returns NULL on failure. */
 static float *spsi_begin_total(sps_context *context, const spsi_frame *frame) {
     const size_t width = (size_t)frame->view.region[2], floats = spsi_total_floats(frame);
@@ -26578,7 +26563,10 @@ static float *spsi_begin_total(sps_context *context, const spsi_frame *frame) {
    and distance. */
 static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float covered, float *pixel) {
     const spsi_shader *shader = &run->shader;
-    const float *behind = spsi_behind(shader, x, y);
+    const spsi_layers *layers = &shader->visible->layers;
+    const size_t own = (size_t)y * (size_t)shader->frame->content->eye.width + (size_t)x;
+    const uint32_t *n = layers->first ? layers->first + own : NULL;
+    const float *behind = n && n[0] != n[1] ? layers->list[n[1] - 1].behind : NULL;
     for (int c = 0; c < 3 && shader->sweep->first; ++c) pixel[c] = pixel[c] * (1 - covered) * (behind ? behind[c] : 1);
     for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
     for (int c = 0; c < 3 && shader->again.gas; ++c) pixel[c] = spsi_flush(pixel[c] + shader->again.radiance[c][at]);

@@ -1048,7 +1048,7 @@ static void test_trace(void) {
 }
 
 /* Adds something of a millionth of the sun's power: a sun, a lamp outside, one in the gas, a spotlight, a sky, a glow,
-   or more suns than have sums of their own. */
+   more suns than have sums of their own, as many lamps far away; or a disc of many tables, or trace of gas far away. */
 static void add_faint(check_scene *s, int kind) {
     if (kind == 1) check_add_directional(s, 0, 1, 0.2, 1e-6);
     if (kind == 2) check_add_point(s, 0, -8, 1, 64e-6);
@@ -1064,13 +1064,29 @@ static void add_faint(check_scene *s, int kind) {
         check_color(glow->emission, 1e-6, 1e-6, 1e-6);
     }
     for (int i = 0; i < 6 && kind == 7; ++i) check_add_directional(s, 0, i - 2.5, 0.2, 1e-7);
+    for (int i = 0; i < 6 && kind == 8; ++i) check_add_point(s, -80, 10 * i, 1, 1e-3);
+    if (kind == 9) {
+        sps_light *light = check_add_point(s, -6, 0, -4, 1e-7);
+        light->kind = SPS_LIGHT_DISC, light->axes[0][0] = light->axes[1][1] = 0.5;
+        light->samples = 64, light->shadow_source = SPS_SHADOW_TABLE;
+    }
+    if (kind >= 10) { /* a lamp instead of the sun */
+        s->scene.light_count = 0;
+        check_add_point(s, 0, 0, -6, 40);
+    }
+    if (kind == 11) {
+        *check_add_volume(s, 8, 8, 8, check_box(60, 0, 0, 62, 2, 2)) = s->volume[0];
+        s->volume[1].placement = check_box(60, 0, 0, 62, 2, 2), s->volume[1].extinction *= 1e-6f;
+    }
 }
 
 /* A wall 1.5 beside a slab of g 0.8, whose light such things change by no more than what they send: a millionth, of the
-   sky up to 1e-4 where the wall is dark. Any of them turned the sun's own sums off, for up to 47 % of that light. */
+   sky up to 1e-4 where the wall is dark; and those that come first do not take the sun's sums. Any of them turned these
+   off, for up to 47 % of that light; gas far away those of a lamp, for up to 90 %. */
 static void test_faint(void) {
     static const sps_lobe lobe = {0.8f, 1};
-    for (int n = 0; n < 8; ++n) {
+    for (int n = 0; n < 12; ++n) {
+        const int alone = n == 0 || n == 10;
         check_triangles floor;
         check_scene s;
         double worst = 0;
@@ -1083,8 +1099,13 @@ static void test_faint(void) {
         check_set3(s.view.camera.position, 4, 0, 2), check_set3(s.view.camera.target, 4.5, 0, 2);
         s.view.camera.ortho_height = 3;
         add_faint(&s, n);
-        check_render(context, &s, n > 0 ? image_a : image_b);
-        for (int i = 0; i < 64 && n > 0; ++i)
+        if (n == 8 || n == 9) { /* what is faint comes first */
+            const sps_light sun = s.light[0];
+            memmove(s.light, s.light + 1, (size_t)(s.scene.light_count - 1) * sizeof sun);
+            s.light[s.scene.light_count - 1] = sun;
+        }
+        check_render(context, &s, alone ? image_b : image_a);
+        for (int i = 0; i < 64 && !alone; ++i)
             if (i % 4 < 3) worst = fmax(worst, fabs((double)image_a[i] / (double)image_b[i] - 1));
         if (figures()) printf("faint light %d: %.2g\n", n, worst);
         CHECK(worst <= 1e-3);

@@ -10053,8 +10053,8 @@ static int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi_sw
         sweep->cosine_of_light = spsi_cosine_of_light(frame, sweep->lamp, sweep->slabs.normal);
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
-    sweep->cosine_of_eye = spsi_cosine_to_corners(toward, &sweep->eye); /* of rays in the sweep's part of the image */
-    if (sweep->eye.perspective) /* and of those that can meet gas: both are lower bounds */
+    sweep->cosine_of_eye = spsi_cosine_to_corners(toward, &sweep->eye); /* rays in the sweep's part of the image */
+    if (sweep->eye.perspective) /* rays that can meet gas: both cosines are lower bounds */
         sweep->cosine_of_eye = fmax(sweep->cosine_of_eye,
                                     spsi_cosine_to_bounds(toward, sweep->eye.origin, &frame->content->bounds));
     return sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye >= SPSI_COSINE_MIN;
@@ -18185,7 +18185,7 @@ typedef struct spsi_cell_solver {
     double *balance; /* per plane of cells: what is missing, and what is sent */
     spsi_cell_rays rays;
     int walled;          /* 1: links between cells are closed */
-    int set_count; /* of `single` */
+    int set_count; /* sets in `single`: pairs of a light and a gas */
     float *single; /* per set and cell: single scattering over the phase function, which cells do not send */
 } spsi_cell_solver;
 

@@ -219,6 +219,18 @@ static int read_dense(void *user, size_t count, const double *points, float *val
     return 0;
 }
 
+/* A scene of gas in a cube, without lights. */
+static void start_cube(check_scene *s, int pixels, int voxels, int (*eval_fn)(void *, size_t, const double *, float *),
+                       float extinction) {
+    check_clear(s, pixels, pixels);
+    check_add_volume(s, voxels, voxels, voxels, check_box(-1, -1, -1, 1, 1, 1));
+    s->volume[0].eval_fn = eval_fn;
+    s->volume[0].extinction = extinction;
+    s->volume[0].revision = (uint64_t)voxels; /* the same gas in all frames */
+    check_color(s->volume[0].albedo, 0.9, 0.9, 0.9);
+    s->view.scattering = SPS_SCATTERING_OFF;
+}
+
 /* A dense one, of 64^3 voxels and an optical depth of 3 in the middle, in frames 1/256 of an octave apart, about the
    distance at which a level begins to fade in. It covers more the wider the filter is: by up to a half over the half
    octave that a level takes, in 128 parts, of which a frame has one. How thick slabs are, and whether the sun has a
@@ -231,18 +243,13 @@ static void test_receding_dense(void) {
             const double high = SIDE / (32 * pixels);
             double sums[2] = {0, 0};
             check_scene s;
-            check_clear(&s, SIDE, SIDE);
-            check_add_volume(&s, 64, 64, 64, check_box(-1, -1, -1, 1, 1, 1));
-            s.volume[0].eval_fn = read_dense;
-            s.volume[0].extinction = 4;
-            s.volume[0].revision = 77;
-            check_color(s.volume[0].albedo, 0.9, 0.9, 0.9);
+            start_cube(&s, SIDE, 64, read_dense, 4);
             check_add_directional(&s, 1, -1, -0.4, 5);
             check_set3(s.view.camera.position, 1.5 * high, high, 4.7 * high);
             check_set3(s.view.camera.target, 0.3 * high / SIDE, 0, 0);
             check_orthographic(&s.view.camera, high);
             s.view.scatter_size = 16;
-            s.view.scattering = n ? SPS_SCATTERING_OFF : SPS_SCATTERING_AUTO;
+            if (n == 0) s.view.scattering = SPS_SCATTERING_AUTO;
             if (!check_render(context, &s, image)) return;
             for (int i = 0; i < SIDE * SIDE; ++i) {
                 sums[0] += (double)image[4 * i + 3] * high * high;
@@ -275,16 +282,10 @@ static double ball_light(double distance, int pixels) {
     static float picture[4 * 128 * 128];
     double sum = 0;
     check_scene s;
-    check_clear(&s, pixels, pixels);
-    check_add_volume(&s, 48, 48, 48, check_box(-1, -1, -1, 1, 1, 1));
-    s.volume[0].eval_fn = read_ball;
-    s.volume[0].extinction = 12;
-    s.volume[0].revision = 78;
-    check_color(s.volume[0].albedo, 0.9, 0.9, 0.9);
+    start_cube(&s, pixels, 48, read_ball, 12);
     check_add_directional(&s, 0.5, -1, -0.3, 3);
     check_set3(s.view.camera.position, 0, 0.3 * distance, distance);
     check_perspective(&s.view.camera, 0.8);
-    s.view.scattering = SPS_SCATTERING_OFF;
     if (!check_render(context, &s, picture)) return -1;
     for (int i = 0; i < pixels * pixels; ++i) sum += (double)picture[4 * i];
     return sum * distance * distance * 1024 / (pixels * pixels);

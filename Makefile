@@ -397,7 +397,7 @@ $(foreach c,$(filter-out $(THERE) $(if $(TCC_THERE),tcc),$(CHECK_COMPILERS) tcc)
 $(foreach c,$(filter-out $(SHADER_COMPILERS_THERE),$(SHADER_COMPILERS)),$(call skipped,examples/shaders/ by $(c): install it))
 
 INSTALL_CHECKS = $(if $(THERE),make pkg-config cmake)
-INSTALL_CHECKS_THERE := $(foreach c,$(INSTALL_CHECKS),$(shell command -v $(c) >/dev/null && echo $(c)))
+INSTALL_CHECKS_THERE := $(foreach c,$(INSTALL_CHECKS),$(shell command -v $(c) >/dev/null && echo $(c))) $(if $(THERE),readme code)
 $(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(call skipped,the quick start by $(c): install it))
 
 # Tests that run the command line, which is linked with the native configuration's header
@@ -528,7 +528,7 @@ build/tests/header.link.log: splatshadow.h build/tests/header.gcc_c99_sse2.log b
 		gcc link_user.o header.gcc_c++11_sse2.o -o link_cpp -lm -lstdc++ && ./link_cpp) && $(ONE_PASSED))
 
 # The quick start, built from the installed files, and by CMake
-build/tests/install.%.log: tests/install.sh splatshadow.h Makefile $(wildcard examples/cmake/*)
+build/tests/install.%.log: tests/install.sh splatshadow.h Makefile README.md $(wildcard docs/*.md examples/cmake/*)
 	@$(call run,install.$*,CC="$(or $(firstword $(THERE)),$(CC))" MAKE="$(MAKE)" sh $< $* build/tests/install_$*)
 
 # Whether the entries of the list of mutants still apply to the header.

@@ -791,13 +791,14 @@ typedef enum sps_filling {
        that nothing jumps as a camera recedes. One level serves a whole volume, in the picture, its shadows and its
        cells, and its voxels are no longer than 0.77 pixels where the eye is nearest: if distances differ too much for
        that, or the lengths of a voxel's edges, a pixel has 9 to 64 rays on a finer level. A level keeps all mass, and
-       spreads it over about a pixel, also behind a polygon that is nearer to it than that. At high and ultra there are
-       no levels if voxels are more than twice as long as wide. A texel of a light's sheets has one ray, if that serves.
-       Through classified voxels of any size, there is one ray. Volumes are splatted nevertheless, one by one and in
-       each pass, if 64 rays are not enough, if any of their voxels is nearer to the eye or the light than 16 times a
-       kernel's reach (26 of its longest edges at high), if rays cross more than 15 voxels in a slab (11 at high and
-       ultra), or if they are scattered too thinly. Cost besides: 5900 bytes per brick of 8^3 voxels within reach of
-       one, 10900 at high and ultra, and roughly an eighth as many on each coarser level. */
+       spreads it over about a pixel, also behind a polygon, or before an orthographic eye's plane, that is nearer to it
+       than that. At high and ultra there are no levels if voxels are more than twice as long as wide. A texel of a
+       light's sheets has one ray, if that serves. Through classified voxels of any size, there is one ray. Volumes are
+       splatted nevertheless, one by one and in each pass, if 64 rays are not enough, if any of their voxels is nearer
+       to the eye or the light than 16 times a kernel's reach (26 of its longest edges at high), if rays cross more than
+       15 voxels in a slab (11 at high and ultra), or if they are scattered too thinly. Cost besides: 5900 bytes per
+       brick of 8^3 voxels within reach of one, 10900 at high and ultra, and roughly an eighth as many on each coarser
+       level. */
     SPS_FILLING_GATHER
 } sps_filling;
 

@@ -1,6 +1,8 @@
-# sh tests/install.sh CHECK FOLDER: installs into FOLDER and builds the quick start from there. CHECK is `make` (make
-# install and uninstall only), `pkg-config`, or `cmake` (examples/cmake/, by itself and from a project that fetches it).
-# CC and MAKE are in the environment. The last line is `1 passed, 0 failed`, or the error of what failed.
+# sh tests/install.sh CHECK FOLDER: what the README says about building, in FOLDER. CHECK is `make` (make install and
+# uninstall only), `pkg-config`, `cmake` (examples/cmake/, by itself and from a project that fetches it), `readme` (the
+# quick start's command, and that every make target that the documents name exists), or `code` (the C of the documents
+# that no other test compiles). Commands and code are read from the documents themselves. CC and MAKE are in the
+# environment. The last line is `1 passed, 0 failed`, or the error of what failed.
 
 set -ex
 unset MAKEFLAGS MFLAGS MAKELEVEL MAKEOVERRIDES
@@ -20,6 +22,16 @@ int main(void) {
 C
 }
 
+# The README's indented command that has these words; its compiler is ours.
+command_with() {
+    awk -v words="$1" '/^    / && index($0, words) { print substr($0, 5); exit }' "$top/README.md" | sed "s|^cc |$CC |" | grep .
+}
+
+# Code of a document in the language given, from the fence to the next
+code_of() { # language, document
+    awk -v begin="\`\`\`$1" '$0 == begin { inside = 1; next } /^```/ { inside = 0 } inside' "$2" | grep . # fails if empty
+}
+
 check_make() {
     "$MAKE" install DESTDIR="$folder/root" PREFIX=/opt/splatshadow
     cmp splatshadow.h "$folder/root/opt/splatshadow/include/splatshadow.h"
@@ -34,6 +46,9 @@ check_pkg_config() {
     write_version "$folder/version.c"
     "$CC" -std=c99 $(pkg-config --cflags splatshadow) "$folder/version.c" -o "$folder/version" $(pkg-config --libs splatshadow)
     test "$("$folder/version")" = "$(pkg-config --modversion splatshadow)"
+    cd "$folder" && ln -sfn "$top/examples" examples
+    eval "$(command_with pkg-config | sed 's/-O3/-O1/')"
+    test -x hello
 }
 
 build_by_cmake() { # source, folder, optimisation
@@ -47,22 +62,52 @@ check_cmake() {
     test -x "$folder/alone/hello"
     mkdir -p "$folder/consumer"
     write_version "$folder/consumer/version.c"
-    cat > "$folder/consumer/CMakeLists.txt" << CMAKE
-cmake_minimum_required(VERSION 3.18)
-project(consumer LANGUAGES C)
-include(FetchContent)
-FetchContent_Declare(splatshadow SOURCE_DIR "$top" SOURCE_SUBDIR examples/cmake)
-FetchContent_MakeAvailable(splatshadow)
-add_executable(version version.c)
-target_link_libraries(version PRIVATE splatshadow::splatshadow)
-CMAKE
+    {
+        echo 'cmake_minimum_required(VERSION 3.18)'
+        echo 'project(consumer LANGUAGES C)'
+        echo 'add_executable(program version.c)'
+        code_of cmake README.md | sed "s|path/to/this/tree|\"$top\"|"
+    } > "$folder/consumer/CMakeLists.txt"
     build_by_cmake "$folder/consumer" "$folder/fetched" -O0
-    "$folder/fetched/version"
+    "$folder/fetched/program"
+}
+
+# The picture of the quick start has a header and 3 numbers, 0 to 255, for each pixel.
+check_readme() {
+    targets=$(grep -oh '`make [a-z-]*' README.md docs/*.md | sed 's/.* //' | sort -u)
+    known=$("$MAKE" -pRrq : 2> /dev/null | awk -F: '/^[a-z-]+:/ { print $1 }' | sort -u)
+    for target in $targets; do echo "$known" | grep -qx "$target"; done
+    cd "$folder" && ln -sfn "$top/examples" examples && ln -sfn "$top/splatshadow.h" splatshadow.h
+    eval "$(command_with examples/hello.c | sed 's/-O3/-O1/')"
+    awk 'NR == 1 { good = $0 == "P3 256 256 255"; next } { for (i = 1; i <= NF; ++i) { ++n; good = good && $i >= 0 && $i <= 255 } }
+        END { exit !(good && n == 3 * 256 * 256) }' blob.ppm
+}
+
+# Each piece inside a function that has what the text around it speaks of.
+check_code() {
+    {
+        printf '#include "splatshadow.h"\n#include <stdio.h>\n'
+        printf 'double now(void *user);\nvoid glNamedBufferStorage(unsigned buffer, size_t size, const void *data, unsigned flags);\n'
+        printf 'int budget(sps_context *context, sps_config config, sps_scene scene, sps_view view, sps_image image, sps_stats_report stats);\n'
+        printf 'int budget(sps_context *context, sps_config config, sps_scene scene, sps_view view, sps_image image, sps_stats_report stats) {\n'
+        code_of c docs/budget.md
+        printf '(void)config; return 0;\n}\nvoid upload(sps_tmap *map, unsigned block, unsigned texels, unsigned surfaces, unsigned planes, unsigned starts);\n'
+        printf 'void upload(sps_tmap *map, unsigned block, unsigned texels, unsigned surfaces, unsigned planes, unsigned starts) {\n'
+        code_of c docs/shadow_maps.md
+        printf '}\n'
+    } > "$folder/code.c"
+    "$CC" -std=c99 -Wall -Wextra -Werror -I. -fsyntax-only "$folder/code.c"
+    for page in docs/*.md; do # other pages have none, or a test of their own
+        case $page in docs/budget.md | docs/shadow_maps.md | docs/tutorial.md) continue ;; esac
+        ! grep -q '^```c$' "$page"
+    done
 }
 
 case $1 in
 make) check_make ;;
 pkg-config) check_pkg_config ;;
 cmake) check_cmake ;;
+readme) check_readme ;;
+code) check_code ;;
 esac
 echo "1 passed, 0 failed"

@@ -1,4 +1,4 @@
-# Text processing for tests/mutants.sh. Files: tests/mutants.txt, then the header. `mode` is one of
+# Text processing for tests/mutants.sh. Files: a list such as tests/mutants.txt, then the header. `mode` is one of
 #   check     prints the entries that do not apply, and ends with `N passed, N failed`
 #   list      a line for each entry: number, section, function (- outside functions), line of the header, rank(entry)
 #   entry     the text of entry number `entry`
@@ -31,7 +31,9 @@ file == 1 && /^! / { reason[count] = substr($0, 3); end_of[count] = FNR; next }
 file == 1 && /^= / { last[count] = substr($0, 3); last_line[count] = FNR; next }
 file == 1 {
     line_of[++count] = FNR
-    section[count] = substr($0, 1, index($0, ":") - 1)
+    section[count] = $1
+    owner[count] = $1 ~ /:$/ ? "" : substr($2, 1, length($2) - 1)
+    sub(/:$/, "", section[count])
     why[count] = substr($0, index($0, ":") + 2)
     next
 }
@@ -39,7 +41,9 @@ file == 1 {
 # ---- the header ----
 
 /^\/\* =+ >>/ { here = $0; sub(/^.*>>/, "", here); sub(/ .*$/, "", here) }
-{ text[FNR] = $0; section_at[FNR] = here; lines = FNR }
+/^(static|SPS_API) [^=;]*\(/ { inside = $0; sub(/\(.*/, "", inside); sub(/.*[ *]/, "", inside) }
+{ text[FNR] = $0; section_at[FNR] = here; owner_at[FNR] = inside; lines = FNR }
+/^\}/ || /^(static|SPS_API) .*\}$/ { inside = "" }
 /^#ifdef SPLATSHADOW_IMPLEMENTATION/ { implementation = FNR }
 
 # Whether a line begins a function that is not inline. A definition's first line has its name and the opening parenthesis
@@ -72,6 +76,7 @@ function find(n, line, rest, found) {
     places = 0
     for (line = 1; line <= lines; ++line) {
         if (section_at[line] != section[n] || !index(text[line], old[n])) continue
+        if (owner[n] != "" && owner_at[line] != owner[n]) continue
         for (rest = text[line]; index(rest, old[n]); rest = substr(rest, index(rest, old[n]) + 1)) ++places
         found = line
     }
@@ -89,10 +94,10 @@ function apply(n, line) {
 function check(n, failed) {
     for (n = 1; n <= count; ++n)
         if (old[n] == "" || old[n] == new[n] || why[n] == "") {
-            printf "tests/mutants.txt:%d: an entry needs a section, a reason, and two texts that differ\n", line_of[n]
+            printf "%s:%d: an entry needs a section, a reason, and two texts that differ\n", ARGV[1], line_of[n]
             ++failed
         } else if (!find(n)) {
-            printf "tests/mutants.txt:%d: %d places in section %s have: %s\n", line_of[n], places, section[n], old[n]
+            printf "%s:%d: %d places in %s have: %s\n", ARGV[1], line_of[n], places, owner[n] != "" ? owner[n] : section[n], old[n]
             ++failed
         }
     printf "%d passed, %d failed\n", count - failed, failed

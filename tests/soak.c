@@ -10,39 +10,7 @@
 #include "measuring.h"
 #include "photons.h"
 
-/* Why a scene may fail: each cause is something that can be taken away from it, for the renderer and the reference
-   alike. A failure is due to the fewest causes without which light is right. Bounds are the largest errors of some
-   twenty scenes that fail, at medium and at high quality, and a tenth more. They are relative to the light that there
-   could be, the rms of the picture without shadows and with surfaces as gas: what shadows leave may be nearly nothing.
- */
-enum { NORMALS = 1, SHADOWS = 2, LAMPS = 4, BALLS = 8, TEXELS = 16 };
-enum { ANYWHERE, LAMP, WITHIN, AREA, AREA_SURFACES };
-
-static const struct {
-    int causes, where; /* LAMP: one without extent; WITHIN: amid the gas; AREA: an area light and polygons, or surfaces
-                          of gas */
-    double medium, high;
-    const char *reason;
-} reasons[] = {
-    {BALLS, ANYWHERE, 0.046, 0.032, "balls of a few pixels keep their mass, which the reference's rays do not"},
-    /* the most of two among 1000 scenes: 0.0594 and 0.0592; errors of 18 and 19 % are 3.5 and 0.4 % with twice as many
-       pixels on a side, whose middles' rays meet what their squares do */
-    {BALLS, LAMP, 0.066, 0.066, "balls of a few pixels beside a lamp, which the reference's rays meet or miss"},
-    /* the most of five among 930 scenes: 0.0505 and 0.0356; around a lamp within a surface, 0.024. Where normals turn
-       within two voxels, at the crest of a shell, error falls with slabs: 8.3, 5.9, 2.8 % at medium, high and ultra */
-    {NORMALS, ANYWHERE, 0.056, 0.039, "normals where values are even: kernels ripple, those of the reference too"},
-    {SHADOWS, ANYWHERE, 0.043, 0.039, "edges of shadows: halving texels takes a root of 2 off, not 2"},
-    {LAMPS, WITHIN, 0.046, 0.026, "noise around a lamp: its rays share the errors of the first slabs"},
-    /* 512 texels, instead of some 30 for 9 voxels, take errors of 15 and 11 % to 3.0 and 2.2 % */
-    {TEXELS, AREA, 0.07, 0.052, "shadows of polygons in gas are as wide as the texels of an area light, or its voxels"},
-    /* one scene of 9 voxels, as above: 12 and 9.6 %; 2.9 and 2.8 % without normals and by 512 texels */
-    {NORMALS | TEXELS, AREA_SURFACES, 0.063, 0.051, "shadows of surfaces as wide as the voxels, and normals"},
-    {NORMALS | SHADOWS, ANYWHERE, 0.022, 0.016, "edges of shadows, and normals"},
-    /* two scenes: a surface and balls around a lamp */
-    {NORMALS | SHADOWS | BALLS, WITHIN, 0.018, 0.016, "edges of shadows, normals, and balls of a few pixels"},
-};
-
-enum { WORST = 10, CUT = 4, QUICK = 8 }; /* CUT: pixels at polygons' edges that may be left out */
+enum { WORST = 10, QUICK = 8 };
 
 /* Scenes of seed 1 that run without COUNT: a varied choice, none of which takes long. */
 static const int quick[QUICK] = {3, 7, 62, 19, 29, 41, 52, 91};
@@ -86,52 +54,6 @@ static void rank(soak *s, const outcome *o) {
     if (s->worst_count < WORST) ++s->worst_count;
     memmove(s->worst + at + 1, s->worst + at, (size_t)(s->worst_count - 1 - at) * sizeof *o);
     s->worst[at] = *o;
-}
-
-/* The scene without what causes errors: surfaces are gas, nothing casts shadows, lamps are as bright everywhere, there
-   are no particles, lights have many texels. */
-static void take_away(const random_scene *from, int causes, random_scene *x) {
-    *x = *from;
-    x->s.scene.volumes = x->s.volume, x->s.scene.meshes = x->s.mesh, x->s.scene.lights = x->s.light;
-    for (int i = 0; i < x->s.scene.volume_count && causes & NORMALS; ++i) x->s.volume[i].shading = SPS_SHADING_GAS;
-    x->s.view.no_shadows |= (causes & SHADOWS) != 0;
-    if (causes & BALLS) x->s.scene.particle_set_count = 0;
-    if (causes & TEXELS) x->s.view.shadow_size = 512;
-    for (int i = 0; i < x->s.scene.light_count && causes & LAMPS; ++i)
-        if (x->s.light[i].kind != SPS_LIGHT_DIRECTIONAL) x->s.light[i].falloff = SPS_FALLOFF_NONE;
-}
-
-static int light_is_right(const scene_report *r) { return r->result == SPS_OK && scene_light_good(r); }
-
-/* Why a scene that fails may do so; NULL if nothing explains it, or if it is further off than its causes may be. What
-   leaves nothing to see explains it, too: balls alone in the dark. */
-static const char *excuse(sps_context *context, const random_scene *from, const scene_report *r) {
-    static random_scene x;
-    scene_report rest;
-    double scale;
-    if (r->medium.coverage > SCENE_COVERAGE || r->medium.edges > CUT) return NULL;
-    if (r->medium.depth > SCENE_COVERAGE && r->high.depth > 0.5 * r->medium.depth) return NULL;
-    take_away(from, NORMALS | SHADOWS, &x);
-    rest = measure_scene(context, &x, 0);
-    scale = rest.result == SPS_OK ? rest.high.rms : 0;
-    for (size_t i = 0; i < sizeof reasons / sizeof *reasons; ++i) {
-        if (reasons[i].where == LAMP && !(from->levels[LIGHT] >= LIGHT_LAMP && from->levels[LIGHT] <= LIGHT_WITHIN))
-            continue;
-        if (reasons[i].where == WITHIN && from->levels[LIGHT] != LIGHT_WITHIN) continue;
-        if (reasons[i].where >= AREA && from->levels[LIGHT] < LIGHT_WIDE_SUN) continue;
-        if (reasons[i].where == AREA && !from->s.scene.mesh_count) continue;
-        if (reasons[i].where == AREA_SURFACES && !has_surfaces(from->levels)) continue;
-        if (r->medium.light * r->medium.mean > reasons[i].medium * scale) continue;
-        if (r->high.light * r->high.mean > reasons[i].high * scale) continue;
-        take_away(from, reasons[i].causes, &x);
-        rest = measure_scene(context, &x, 1);
-        if (rest.result != SPS_OK || (rest.high.mean >= SCENE_DARK && !light_is_right(&rest))) continue;
-        printf("%.3f at medium and %.3f at high quality, of at most %.3f and %.3f:\n",
-               r->medium.light * r->medium.mean / scale, r->high.light * r->high.mean / scale, reasons[i].medium,
-               reasons[i].high);
-        return reasons[i].reason;
-    }
-    return NULL;
 }
 
 /* Levels that are drawn with all others. */
@@ -190,7 +112,7 @@ static void draw_levels(check_random *random, int levels[FEATURES]) {
 
 static void judge(soak *s, const outcome *o) {
     const scene_report *r = &o->report;
-    const int good = scene_good(r) && r->medium.edges <= CUT;
+    const int good = scene_good(r) && r->medium.edges <= SCENE_CUT;
     const char *reason = good ? NULL : o->reason;
     if (s->show_all) print_outcome(s, o);
     ++s->compared;

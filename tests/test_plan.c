@@ -642,6 +642,101 @@ static void test_particles(void) {
     }
 }
 
+/* sps_projector.sample_fn: grey. Counts its calls. */
+static int count_rows(void *user, size_t count, const float *uv, float *rgb) {
+    (void)uv;
+    *(uint64_t *)user += 1;
+    for (size_t i = 0; i < 3 * count; ++i) rgb[i] = 0.5f;
+    return 0;
+}
+
+static void set_slide(sps_light *light, sps_projector *slide, int width, int height, uint64_t *rows) {
+    memset(slide, 0, sizeof *slide);
+    slide->width = width, slide->height = height, slide->sample_fn = count_rows, slide->user = rows;
+    slide->left = slide->bottom = -1, slide->right = slide->top = 1;
+    light->projector = slide;
+}
+
+/* Everything more than once, in an oblong picture and with oblong voxels: two gases, two meshes, two sets of particles,
+   a sun and a disc by sheets, a spotlight by a table, a lamp by a map of six faces, one that shines through everything
+   and a black one; images of 3 and 5 rows. Each number follows from what the interface says, and most differ. */
+static void add_many(setup *t, uint64_t *rows, uint64_t *records) {
+    static sps_projector slides[2];
+    static sps_tmap_settings settings;
+    static sps_particles sets[2];
+    const double u[3] = {0.1, 0, 0}, v[3] = {0, 0.1, 0.05};
+    sps_light *light;
+    sps_volume *gas;
+    for (int i = 0; i < 139; ++i) {
+        const double origin[3] = {0.02 * i - 2, -0.9, -1};
+        check_add_quad(&t->triangles, origin, u, v);
+    }
+    check_add_mesh(&t->s, &t->triangles, 0.3);
+    gas = check_add_volume(&t->s, 40, 33, 5, check_box(-0.7, -1, -1, 0.4, 0.3, 0.2));
+    gas->eval_fn = ball_eval, gas->user = &t->disc, gas->extinction = 2;
+    check_color(gas->albedo, 0.2, 0.5, 0.5);
+    memset(sets, 0, sizeof sets), memset(&settings, 0, sizeof settings);
+    for (int i = 0; i < 2; ++i) {
+        sets[i].count = i ? 3 : 4097, sets[i].read_fn = read_flat, sets[i].user = records;
+        check_color(sets[i].albedo, 0.5, 0.5, 0.5);
+    }
+    t->s.scene.particles = sets, t->s.scene.particle_set_count = 2;
+    t->s.light[0].shadow_source = SPS_SHADOW_SHEETS;
+    light = check_add_light(&t->s, SPS_LIGHT_DISC, 5);
+    check_set3(light->position, 1, 4, 6), check_set3(light->axes[0], 0.2, 0, 0), check_set3(light->axes[1], 0, 0.2, 0);
+    check_set3(light->direction, -1, -4, -6);
+    light->samples = 7, light->shadow_source = SPS_SHADOW_SHEETS;
+    set_slide(light, &slides[0], 4, 3, rows);
+    light = check_add_point(&t->s, 3, 5, 5, 9);
+    check_set3(light->direction, -3, -5, -5);
+    light->outer_cone = 0.6, light->shadow_source = SPS_SHADOW_TABLE;
+    set_slide(light, &slides[1], 6, 5, rows);
+    settings.technique = SPS_TMAP_OPACITY, settings.components = 9;
+    light = check_add_point(&t->s, 0.1, 0.2, 0.1, 1);
+    light->shadow_map = &settings, light->shadow_map_size = 8, light->shadow_map_omnidirectional = 1;
+    check_add_point(&t->s, -3, 5, 5, 9)->no_shadow = 1;
+    light = check_add_point(&t->s, -3, 5, 5, 0);
+    light->direction[1] = -1;
+    set_slide(light, &slides[1], 6, 5, rows);
+}
+
+/* Passes per light count those that cast shadows: by sheets, by a map (its six faces are one) or a table; penumbrae
+   those with an extent, depth maps the others. Passes per sweep count lights with sheets. */
+static void test_many(void) {
+    static const struct {
+        sps_pass pass;
+        int runs;
+    } expected[] = {{SPS_PASS_GATHER, 1},        {SPS_PASS_PROJECTORS, 2},   {SPS_PASS_EYE_POLYGONS, 1},
+                    {SPS_PASS_LAYERS, 0},        {SPS_PASS_TEXTURES, 0},     {SPS_PASS_LIGHT_POLYGONS, 3},
+                    {SPS_PASS_TRIANGLE_TREE, 1}, {SPS_PASS_SHADOW_RAYS, 4},  {SPS_PASS_EYE_SHEETS, 2},
+                    {SPS_PASS_LIGHT_SHEETS, 2},  {SPS_PASS_LIGHT_MAPS, 2},   {SPS_PASS_PENUMBRAE, 1},
+                    {SPS_PASS_GRADIENT, 0},      {SPS_PASS_SCATTERING, 2},   {SPS_PASS_FORWARD, 0},
+                    {SPS_PASS_SPREADING, 0},     {SPS_PASS_CELLS, 0},        {SPS_PASS_EMISSION, 1},
+                    {SPS_PASS_AMBIENT, 1},       {SPS_PASS_SURFACE_LIGHT, 2}};
+    uint64_t rows = 0, records = 0;
+    setup t;
+    outcome o;
+    setup_build(&t);
+    t.s.view.height = HEIGHT / 2;
+    add_many(&t, &rows, &records);
+    o = measure(&t); /* renders twice */
+    for (int i = 0; i < SPS_PASS_COUNT; ++i)
+        if (!CHECK(runs(&o, expected[i].pass) == expected[i].runs))
+            printf("    %s: %d\n", sps_pass_name(expected[i].pass), runs(&o, expected[i].pass));
+    CHECK(sizeof expected / sizeof *expected == SPS_PASS_COUNT);
+    CHECK(o.plan.sweep_count == 2 && o.plan.light_points == 7 && o.plan.color_channels == 3);
+    CHECK(o.plan.projector_calls == 3 + 5 && rows == 2 * (3 + 5));
+    CHECK(o.plan.particle_calls == 2 + 1 && records == 2 * (2 + 1)); /* 4097 and 3, in blocks of 4096 */
+    CHECK(o.stats.particle_calls == 2 + 1 && o.stats.projector_calls == 3 + 5);
+    CHECK(o.plan.triangle_calls == 1 + 2); /* 2 and 280, in batches of 256 */
+    CHECK(o.plan.read_calls == 1 && o.plan.eval_calls == 2 * 2 * 5 &&
+          o.plan.range_calls == 0); /* blocks of 32 voxels */
+    CHECK(o.plan.voxels_read == 21 * 21 * 21 + 40 * 33 * 5);
+    CHECK(o.plan.shadow_width == 50 && o.plan.shadow_height == 50); /* view.shadow_size */
+    CHECK(o.stats.slabs > (uint64_t)o.plan.slab_count && o.stats.slabs <= 2 * (uint64_t)o.plan.slab_count);
+    check_free_triangles(&t.triangles);
+}
+
 /* A cloud of particles a tenth as wide as itself. */
 static int read_cloud(void *user, size_t first, size_t count, sps_particle *out) {
     (void)user;
@@ -896,6 +991,7 @@ int main(void) {
     test_depth_only_when_asked(&full);
     test_sweeps(&full);
     test_particles();
+    RUN(test_many);
     test_bytes_with_particles();
     test_large_region();
     test_light_maps(&full);

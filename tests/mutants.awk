@@ -169,7 +169,7 @@ END {
     if (mode == "record") record()
     if (mode == "order") print order[section_name]
     if (mode == "named") print named
-    if (mode == "entry") printf "%s: %s\n- %s\n+ %s\n", section[entry], why[entry], old[entry], new[entry]
+    if (mode == "entry") printf "%s%s: %s\n- %s\n+ %s\n", section[entry], owner[entry] == "" ? "" : " " owner[entry], why[entry], old[entry], new[entry]
     if (mode == "reason") print reason[entry]
     find_functions()
     if (mode == "likely") likely()

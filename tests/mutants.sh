@@ -8,7 +8,9 @@
 #   sh tests/mutants.sh show 12   shows the change of entry 12
 #   sh tests/mutants.sh record    writes the tests that noticed into the list
 #
-# SECTION="tag tag" runs only these sections, JOBS= is the number of parallel jobs, LIMIT= seconds after which no more are
+# LIST=tests/blind_1.txt runs another list: entries by authors who had not read the tests, which were not written for
+# them; their keys name the function, and it is the share that is noticed which counts. SECTION="tag tag" runs only these
+# sections, JOBS= is the number of parallel jobs, LIMIT= seconds after which no more are
 # started, HANG= seconds of processor time after which a test counts as hanging, COMPILE= the compiler of the Makefile's
 # native tests.
 #
@@ -23,7 +25,8 @@
 
 set -u
 cd "$(dirname "$0")/.." || exit 1
-LIST=tests/mutants.txt
+LIST=${LIST:-tests/mutants.txt}
+ORDERS=tests/mutants.txt
 STB=${STB:-/usr/include/stb}
 COMPILE=${COMPILE:-gcc -std=c99 -D_POSIX_C_SOURCE=200809L -O2 -march=native}
 JOBS=${JOBS:-2}
@@ -38,6 +41,9 @@ text() { # mode, entry
     awk -v mode="$1" -v entry="${2:-0}" -v section_name="${3:-}" -v noticed=$OUT/noticed -f tests/mutants.awk \
         $LIST splatshadow.h
 }
+
+# The same of the list that has the order of the tests
+orders() { (LIST=$ORDERS; text "$@"); }
 
 checksum() { cksum | tr ' ' '-'; }
 
@@ -104,7 +110,7 @@ link_mutant() { # folder, test
 
 # The tests that an entry is run with: the one that noticed it last, those of its section, and those of none.
 order() { # section, test
-    { echo "$2"; text order 0 "$1"; echo "$UNNAMED"; } | tr ' ' '\n' | awk 'NF && !seen[$1]++' |
+    { echo "$2"; orders order 0 "$1"; echo "$UNNAMED"; } | tr ' ' '\n' | awk 'NF && !seen[$1]++' |
         while read -r name; do is_test "$name" && echo "$name"; done
 }
 
@@ -202,7 +208,7 @@ run() {
     done
     [ -n "$TESTS" ] || exit 1
     text list | sort -n -k5,5 -k1,1 > $OUT/list
-    UNNAMED=$(echo "$TESTS" | tr '\n' ' ' | awk -v named=" $(text named) " '{
+    UNNAMED=$(echo "$TESTS" | tr '\n' ' ' | awk -v named=" $(orders named) " '{
         for (i = 1; i <= NF; ++i) if (!index(named, " " $i " ")) print $i }')
     worker=1
     while [ $worker -le "$JOBS" ]; do
@@ -213,6 +219,14 @@ run() {
     report && [ ! -s $OUT/common/failing ]
 }
 
+# All lists; the last line is the sum of theirs.
+check() {
+    for LIST in tests/mutants.txt tests/blind_*.txt; do text check; done | awk '
+        /^[0-9]+ passed, [0-9]+ failed$/ { passed += $1; failed += $3; next }
+        { print }
+        END { printf "%d passed, %d failed\n", passed, failed; exit failed > 0 || !passed }'
+}
+
 record() {
     text list | while read -r entry rest; do
         last=$(last_of "$entry")
@@ -221,7 +235,7 @@ record() {
 }
 
 case ${1:-} in
-check) text check ;;
+check) check ;;
 show) text entry "$2" ;;
 run) run ;;
 record) record ;;

@@ -74,6 +74,13 @@ static double back_lit_is(const palette *p, int c) {
     return (double)p->albedo[c] * (double)p->light[c] * lobes_phase(1) * DEPTH * exp(-DEPTH);
 }
 
+/* The same, by an orthographic matrix whose near plane lies in the layer's middle: gas before it is seen, too. */
+static void by_matrix(check_scene *s, const palette *p) {
+    static const double matrix[16] = {40, 0, 0, 0, 0, 40, 0, 0, 0, 0, -1, -1, 0, 0, 0, 1};
+    front_lit(s, p);
+    check_matrix(&s->view.camera, matrix);
+}
+
 /* Classified gas about the eye, in front of a floor at depth 0.6, under a sun that nothing shades: all of the ray has
    the value 1, halfway between two points. */
 static void classified(check_scene *s, const palette *p) {
@@ -236,12 +243,43 @@ static double panes_are(const palette *p, int c) {
     return 0.1 * ambient + (double)p->around[c] * (0.1 * ambient + (double)p->albedo[c] * behind);
 }
 
+/* A stack of 40 panes of different colors, whose list is in no order: what each sends back passes those above it. */
+enum { STACK = 40 };
+
+static double stack_color(int level, int c) { return 0.05 + 0.01 * ((level * 7 + c * 3) % 11); }
+
+static void stack(check_scene *s, const palette *p) {
+    static check_triangles faces;
+    sps_mesh *mesh;
+    for (int i = 0; i < STACK && faces.count < 2 * STACK; ++i) {
+        const int level = 23 * i % STACK; /* from the eye */
+        const double corner[3] = {-3, -3, 2 - 0.04 * level}, right[3] = {6, 0, 0}, up[3] = {0, 6, 0};
+        check_add_quad(&faces, corner, right, up);
+        for (int k = 0; k < 6; ++k)
+            for (int c = 0; c < 3; ++c)
+                faces.list[faces.count - 1 - (size_t)(k / 3)].color[k % 3][c] = (float)stack_color(level, c);
+    }
+    mesh = check_add_mesh(s, &faces, 1);
+    mesh->has_colors = 1;
+    for (int c = 0; c < 3; ++c) mesh->transmittance[c] = 1 - 0.1f * p->albedo[c];
+    memcpy(s->scene.ambient, p->light, sizeof p->light);
+}
+static double stack_is(const palette *p, int c) {
+    double sum = 0, passes = 1;
+    for (int level = 0; level < STACK; ++level) {
+        sum += passes * stack_color(level, c) * (double)p->light[c];
+        passes *= (double)(1 - 0.1f * p->albedo[c]);
+    }
+    return sum;
+}
+
 /* Marched: midpoints in steps of an optical depth x are off by x^2 / 6 at most, with light there and back, and steps of
    0.1 voxels by 3e-5; balls take one step each, see below. Floors are exact but for floats; the disc's 256 points are
    off by points^-1, as in test_penumbrae of smooth light. Rendered, at high quality: light within a slab is second
    order in it; 0.5 % is twice what test_transport allows such layers, and balls have 0.7 %, as test_particles does. */
 static const truth truths[] = {
     {"layer lit from the front", front_lit, front_lit_is, 1e-3, 0.005},
+    {"layer lit from the front, by a matrix", by_matrix, front_lit_is, 1e-3, 0.005},
     {"layer lit from behind", back_lit, back_lit_is, 1e-3, 0.005},
     {"classified gas before a floor", classified, classified_is, 1e-3, 0.005},
     {"layer that glows", glowing, glowing_is, 1e-3, 0.005},
@@ -254,6 +292,7 @@ static const truth truths[] = {
     {"disc on a floor", disc_on_floor, disc_on_floor_is, 4e-3, 4e-3},
     {"image on a floor", image_on_floor, image_on_floor_is, 1e-5, 1e-5},
     {"panes before a floor", panes, panes_are, 1e-5, 1e-5},
+    {"a stack of panes", stack, stack_is, 1e-5, 1e-5},
 };
 
 static void check_truth(sps_context *context, const truth *t, int marched, int n) {

@@ -19954,6 +19954,17 @@ static void spsi_cell_pyramid_fill(const spsi_cell_grid *grid, float *to) {
     }
 }
 
+/* The width of the largest cells of a pyramid that are at most `width` wide. */
+static spsi_v spsi_cell_level_width(spsi_v width) {
+    spsi_v edge = spsi_set(1);
+    for (int n = 0; n + 1 < SPSI_CELL_LEVELS; ++n) {
+        const spsi_m wide = spsi_less(spsi_set(0.999f * (float)(2 << n)), width);
+        if (!spsi_bits(wide)) break;
+        edge = spsi_select(wide, spsi_set((float)(2 << n)), edge);
+    }
+    return edge;
+}
+
 /* Looks up pyramids at a vector of places, on levels whose cells are at most `width` wide. Numbers are as above. */
 static spsi_v spsi_cell_pyramid_at(const spsi_cell_grid *grid, spsi_v number, const spsi_v at[3], spsi_v width) {
     spsi_v scale = spsi_set(1), first = spsi_set(0), rows = spsi_set((float)grid->size[1]), index[3];
@@ -19984,13 +19995,19 @@ typedef struct spsi_ways {
     spsi_v clear, own; /* up to `clear`, cells of pyramid `own` hold gas of its own; farther out only others' */
 } spsi_ways;
 
-/* Optical depth on a vector of ways. Cells as wide as a step hold an emitter's own gas up to 1.3 times as far as it
-   reaches. Nearer than that, its pyramid is in the way no more than there: that is others' gas. */
+/* Optical depth on a vector of ways. A step crosses one cell, of the pyramid's level for its distance, along the axis
+   that the way follows most: layers across it keep their depth, however thin. Cells as wide as a step hold an emitter's
+   own gas up to 1.3 times as far as it reaches. Nearer than that, its pyramid is in the way no more than there: that is
+   others' gas. */
 static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), own_end = spsi_mul(ways->clear, spsi_set(1.3f));
-    spsi_v at = ways->begin, rim = spsi_set(SPSI_INFINITY), end, depth = zero;
+    const spsi_v rounded = spsi_set(1.001f);
+    spsi_v at = ways->begin, rim = spsi_set(SPSI_INFINITY), end, depth = zero, most = zero, start = zero;
     for (int k = 0; k < 3; ++k) { /* cut to the grid; a direction has at least 1e-9 along each axis */
-        const spsi_v size = spsi_set((float)grid->size[k]), tiny = spsi_set(1e-9f);
+        const spsi_v size = spsi_set((float)grid->size[k]), tiny = spsi_set(1e-9f), speed = spsi_abs(ways->unit[k]);
+        const spsi_m follows = spsi_less(most, speed), back = spsi_less(ways->unit[k], zero);
+        start = spsi_select(follows, spsi_select(back, spsi_sub(zero, ways->from[k]), ways->from[k]), start);
+        most = spsi_max(most, speed);
         const spsi_v along = spsi_select(spsi_less(spsi_abs(ways->unit[k]), tiny), tiny, ways->unit[k]);
         const spsi_v a = spsi_div(spsi_sub(zero, ways->from[k]), along);
         const spsi_v b = spsi_div(spsi_sub(size, ways->from[k]), along);
@@ -20000,7 +20017,10 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
     end = spsi_min(ways->end, rim);
     while (spsi_bits(spsi_less(at, end))) {
         const spsi_v nearer = spsi_min(at, spsi_sub(ways->length, at)), left = spsi_max(spsi_sub(end, at), zero);
-        const spsi_v step = spsi_max(spsi_mul(nearer, spsi_set(SPSI_FLIGHT_STEP)), one), taken = spsi_min(step, left);
+        const spsi_v step = spsi_cell_level_width(spsi_mul(nearer, spsi_mul(most, spsi_set(SPSI_FLIGHT_STEP))));
+        const spsi_v axis = spsi_fma(at, most, start), crossed = spsi_floor(spsi_add(spsi_div(axis, step), rounded));
+        const spsi_v cell = spsi_div(spsi_sub(spsi_mul(crossed, step), axis), most);
+        const spsi_v taken = spsi_min(spsi_select(spsi_less(one, step), cell, one), left);
         const spsi_v middle = spsi_fma(taken, spsi_set(0.5f), at);
         spsi_v place[3], gas;
         for (int k = 0; k < 3; ++k) place[k] = spsi_fma(middle, ways->unit[k], ways->from[k]);
@@ -20014,7 +20034,7 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
             gas = spsi_sub(gas, spsi_max(spsi_sub(here, beyond), zero));
         }
         depth = spsi_fma(taken, gas, depth);
-        at = spsi_add(at, step);
+        at = spsi_add(at, taken);
     }
     return depth;
 }

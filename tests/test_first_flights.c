@@ -114,6 +114,44 @@ static void check_floor(double below, double shown, flames_around around, const 
     free(f);
 }
 
+/* Two layers of smoke that scatters nothing, far apart, so that each has a grid of cells of its own: light to the floor
+   below passes both, of optical depths 0.6 and 0.9 straight down, and the eye's rays, from the side, neither. Within 0.5
+   of the point below the flame, where ways do not meet the layers' sides. */
+static void test_two_layers(void) {
+    enum { LAYERS = 2, VOXELS = 24 * 24 * 6 };
+    static const double heights[LAYERS] = {-0.7, -9}, depths[LAYERS] = {0.6, 0.9}, below = 10;
+    static float even[VOXELS];
+    static sps_grid grid;
+    flames *f = flames_floor(FLOOR, below, 1.5, FLAMES_PARTICLE);
+    double worst = 0;
+    for (int i = 0; i < VOXELS; ++i) even[i] = 1;
+    for (int n = 0; n < LAYERS; ++n) {
+        const double half[3] = {0.8, 0.15, 0.8};
+        sps_volume *layer = &f->volumes[n];
+        flames_box(layer, &grid, even, 24, half);
+        grid.size[1] = layer->size[1] = 6;
+        layer->placement.origin[1] += heights[n];
+        layer->extinction = (float)(depths[n] / 0.3);
+    }
+    f->scene.volume_count = LAYERS;
+    if (!render(f)) return;
+    for (int i = 0; i < FLOOR * FLOOR; ++i) {
+        double point[3], slant, passes;
+        flames_floor_point(f, i % FLOOR, i / FLOOR, point);
+        slant = sqrt(point[0] * point[0] + point[2] * point[2] + below * below) / below;
+        if (hypot(point[0], point[2]) > 0.5) continue;
+        passes = exp(-(depths[0] + depths[1]) * slant);
+        for (int c = 0; c < 3; ++c) {
+            const double right = f->color[c] / FLAME_PI * f->intensity[c] * flames_irradiance(point) * passes;
+            worst = fmax(worst, fabs((double)picture[4 * i + c] / right - 1));
+        }
+    }
+    if (figures()) printf("through two layers: %.4f\n", worst);
+    CHECK_CASE("Scattering", "a flame behind two layers of smoke that are far apart, on a floor", "closed form; relative",
+               worst, 0.03, "cells of the flame, and of the layers");
+    free(f);
+}
+
 static void test_ground(void) {
     if (check_long()) check_floor(0.3, 5, FLAMES_ALONE, "voxels, over a large ground");
     check_floor(0.3, 5, FLAMES_PARTICLE, "a particle, over a large ground");
@@ -1282,6 +1320,7 @@ int main(void) {
     context = sps_create(NULL, NULL);
     RUN(test_rings);
     RUN(test_ground);
+    RUN(test_two_layers);
     RUN(test_floors);
     RUN(test_patch);
     RUN(test_spots);

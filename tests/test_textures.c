@@ -756,6 +756,33 @@ static void test_plan_and_memory(void) {
     }
 }
 
+/* A triangle covers the first columns of a pixel's samples, or the first rows: the point that it is shaded at is their
+   middle. Pixels are 1 wide, samples a quarter; the triangle ends at 0.6, before the third of them. */
+static void test_strips(void) {
+    for (int n = 0; n < 2; ++n) {
+        const double corners[2][3][3] = {{{-10, -20, 0}, {-0.4, -20, 0}, {-0.4, 20, 0}},
+                                         {{-20, 10, 0}, {-20, 0.4, 0}, {20, 0.4, 0}}};
+        check_scene s;
+        check_clear(&s, 2, 2);
+        check_orthographic(&s.view.camera, 2);
+        s.view.coverage_samples = 4;
+        ground.count = 0;
+        check_add_corners(&ground, corners[n][0], corners[n][1], corners[n][2]);
+        shade(check_add_mesh(&s, &ground, 0.5), &seen);
+        check_color(s.scene.ambient, 1, 1, 1);
+        record_clear(&seen);
+        if (!check_render(context, &s, image_a)) return;
+        CHECK(seen.count > 0);
+        for (size_t i = 0; i < seen.count; ++i) {
+            const sps_surface_point *at = &seen.points[i];
+            CHECK(n ? at->y == 0 : at->x == 0);
+            CHECK_NEAR(at->position[n], n ? 0.75 : -0.75, 1e-6);
+            CHECK_NEAR(fabs(at->position[1 - n]), 0.5, 1e-6);
+        }
+        CHECK_NEAR((double)image_a[3], 0.5, 1e-6); /* 8 of 16 samples */
+    }
+}
+
 int main(void) {
     context = sps_create(NULL, NULL);
     RUN(test_points);
@@ -766,6 +793,7 @@ int main(void) {
     RUN(test_terms);
     RUN(test_emission_once);
     RUN(test_checker_against_reference);
+    RUN(test_strips);
     RUN(test_workers);
     RUN(test_regions);
     RUN(test_batches);

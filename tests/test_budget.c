@@ -249,8 +249,8 @@ static void test_kept(void) {
 }
 
 /* Balls that shade each other and themselves, in steps of 0.14 radii: half as long ones differ by 0.0014 of the mean at
-   most. The table's balls are as deep, but farther apart: what is expected is 8 to 11.4 times as much. Twice that is
-   allowed. */
+   most. What is expected is for the worst of the list's scenes, and 8 to 11.4 times what these are off by. Twice that
+   is allowed. */
 static void test_balls_kept(void) {
     static const double errors[] = {0.9, 0.35, 0.12};
     for (int n = 0; n < (check_memory_only() ? 1 : 4); ++n) {

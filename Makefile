@@ -444,7 +444,7 @@ build/tests/%.code.o: build/tests/weak.h
 
 define split_rules
 build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/shaders/*) $(call code,$(1)) build/tests/faces/splatshadow.h
-	@$(call sized,$(1))$$(call run,$(1).$$*,$$(COMPILE_$(1)) $$(call optimize,$$*) -Wall -Ibuild/tests/faces $$(INCLUDES) -Iexamples -Itests $$< -x none $(call code,$(1)) \
+	@$(call sized,$(1))$$(call run,$(1).$$*,$$(COMPILE_$(1)) $$(call optimize,$$*) -Wall -Ibuild/tests/faces -DCHECK_HEADERS='"build/tests/faces"' $$(INCLUDES) -Iexamples -Itests $$< -x none $(call code,$(1)) \
 		-o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
 endef
 $(foreach configuration,$(filter-out $(SPLIT),$(CONFIGURATIONS)),$(eval $(call configuration_rules,$(configuration))))

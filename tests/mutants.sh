@@ -50,7 +50,7 @@ checksum() { cksum | tr ' ' '-'; }
 # ---- building ----
 
 # $(compile header folder, source, object)
-compile() { $COMPILE -w -I"$1" $INCLUDES -c "$2" -o "$3"; }
+compile() { $COMPILE -w -I"$1" -DCHECK_HEADERS="\"$1\"" $INCLUDES -c "$2" -o "$3"; }
 
 implementation() { # folder, header: its object
     printf '#define SPLATSHADOW_IMPLEMENTATION\n#include "%s"\n' "$2" > "$1/code.c"

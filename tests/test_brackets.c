@@ -502,17 +502,23 @@ static void test_turned(void) {
     }
 }
 
-/* A lamp within the gas, on a pixel's ray and beside it; one that does not fall off, behind which a lobe is another. */
+/* A lamp within the gas, on a pixel's ray and beside it; one that does not fall off, behind which a lobe is another.
+   Bounds are no farther apart than those of a straight line through the middle of each step: half a step of 0.0625
+   changes the gas, whose slope is 1.03 at most and whose mean 0.5, by 0.13 of it, and what both ways let pass by 0.06.
+   The square of the sum is 0.037. Beside the lamp, steps of half the length have a quarter of that. */
 static void test_lamp_within(void) {
     static const sps_lobe lobe = {0.3f, 1};
     for (int n = 0; n < 3; ++n) {
         const double pixel = 2.0 / SIDE;
+        double width, halved;
         check_scene s;
         sps_volume *volume = start(&s, 0, 1);
         sps_light *lamp = check_add_point(&s, n == 1 ? 0 : 0.5 * pixel, n == 1 ? 0 : 0.5 * pixel, 0.1, 1);
         if (n == 2) volume->lobes = &lobe, volume->lobe_count = 1;
         if (n == 2) lamp->falloff = SPS_FALLOFF_NONE, lamp->no_shadow = 1, lamp->position[0] += 1e-4;
-        check_order(&s, 0.5);
+        width = n == 1 ? check_order(&s, 1) : HUGE_VAL;
+        halved = check_order(&s, 0.5);
+        if (!CHECK(halved < 0.037 && halved < 0.25 * width)) printf("    %d: bounds %g apart, %g\n", n, width, halved);
         check_march(context, &s, 0.04, exact, NULL);
         for (int i = 0; i < 3 * COUNT; ++i) { /* the march: 2e-6 of kernels, and its steps, halved, by 1e-4 */
             const double found = (double)exact[4 * (i / 3) + i % 3], room = 5e-4 * found;

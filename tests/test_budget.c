@@ -207,11 +207,13 @@ static void test_errors(void) {
     check_errors(&s, again, check_memory_only() ? 1 : 2);
 }
 
-/* Pictures keep within what was expected, beside sps_reference. */
-static void check_kept(const check_scene *start_from, double step, const double errors[3]) {
+/* Pictures keep within what was expected, beside sps_reference, and are expected to be at most `most` times as far off
+   as they are. The last budget makes them better than the first, if any setting is better than what that one buys. */
+static void check_kept(const check_scene *start_from, double step, const double errors[3], double most) {
     sps_context *context = check_context(NULL);
     const int count = 4 * start_from->view.width * start_from->view.height;
-    double mean = 0;
+    double mean = 0, first = 0;
+    sps_quality quality = SPS_QUALITY_DEFAULT;
     check_scene s = *start_from;
     s.scene.volumes = s.volume, s.scene.lights = s.light;
     check_march(context, &s, step, exact, NULL);
@@ -224,26 +226,31 @@ static void check_kept(const check_scene *start_from, double step, const double 
             squares += i % 4 < 3 ? pow((double)image[i] - (double)exact[i], 2) / (0.75 * count) : 0;
         found = sqrt(squares) / mean;
         if (!CHECK_NEAR(found, 0, budget_of(context).error)) printf("    budget %g\n", errors[n]);
-        CHECK(found > 0);
+        if (!CHECK(budget_of(context).error <= most * found))
+            printf("    budget %g: %g expected, %g found\n", errors[n], budget_of(context).error, found);
+        if (n == 0) first = found, quality = budget_of(context).quality;
+        if (n == 2 && quality < SPS_QUALITY_HIGH) CHECK(found < 0.6 * first && budget_of(context).quality > quality);
     }
     sps_destroy(context);
 }
 
 /* In steps of half a voxel: between these and steps of a 32nd, errors differ by 0.0001 at most. Denser gas is off by
-   more, and expected to be: its middle, in steps of 1/8 voxel. */
+   more, and expected to be: its middle, in steps of 1/8 voxel. The table has twice the worst of its scenes, and this
+   one, a puff of 25 voxels, is nearly the worst: 1.4 to 2.3 times. Twice that is allowed. */
 static void test_kept(void) {
     static const double errors[] = {0.3, 0.05, 0.02};
     check_scene s;
     start(&s);
-    check_kept(&s, 0.5, errors);
+    check_kept(&s, 0.5, errors, 2 * 2.3);
     s.volume[0].extinction = 20;
     s.view.width = s.view.height = SIZE / 3;
     check_orthographic(&s.view.camera, 0.4);
-    if (!check_memory_only()) check_kept(&s, 0.125, errors);
+    if (!check_memory_only()) check_kept(&s, 0.125, errors, 2 * 2.3);
 }
 
 /* Balls that shade each other and themselves, in steps of 0.14 radii: half as long ones differ by 0.0014 of the mean at
-   most. */
+   most. What is expected is for the worst of the list's scenes, and 8 to 11.4 times what these are off by. Twice that
+   is allowed. */
 static void test_balls_kept(void) {
     static const double errors[] = {0.9, 0.35, 0.12};
     for (int n = 0; n < (check_memory_only() ? 1 : 4); ++n) {
@@ -258,7 +265,7 @@ static void test_balls_kept(void) {
             s.light[0].kind = SPS_LIGHT_POINT;
             s.light[0].position[1] = 1.5;
         }
-        check_kept(&s, 0.2, errors);
+        check_kept(&s, 0.2, errors, 2 * 11.4);
     }
 }
 
@@ -632,11 +639,13 @@ static void test_failures(void) {
     check_workers(&s, image, exact);
 }
 
-/* Scenes that lack what ladders are about, and ones of a pixel. */
+/* Scenes that lack what ladders are about, and ones of a pixel: budgets of both kinds show what the reported settings
+   show, and a slope, whose normal is (0, 1, 3), is as bright as theory has it. */
 static void test_little(void) {
     sps_context *context = check_context(NULL);
     check_triangles floor;
-    const double corner[3] = {-2, -1, 0}, u[3] = {4, 0, 0}, v[3] = {0, 0, -4};
+    const double corner[3] = {-2, -1, -1}, u[3] = {4, 0, 0}, v[3] = {0, 3, -1};
+    const double slope = 0.5 / SPSI_PI * 3 * (1 + 3 * 0.5) / sqrt(10 * (0.4 * 0.4 + 1 + 0.5 * 0.5));
     check_scene s;
     memset(&floor, 0, sizeof floor);
     check_add_quad(&floor, corner, u, v);
@@ -652,8 +661,15 @@ static void test_little(void) {
         CHECK_OK(context, check_try(context, &s, image));
         CHECK(budget_of(context).is_met);
         if (n < 3) CHECK(!(budget_of(context).error > 0)); /* nothing but what is exact */
-        s.view.budget_error = 0, s.view.budget_seconds = 1e-3;
-        CHECK_OK(context, check_try(context, &s, image));
+        for (int timed = 0; timed < 2; ++timed) {
+            const sps_budget_report chosen = budget_of(context);
+            render_chosen(&s, &chosen, exact);
+            if (!CHECK(check_same(&s, image, exact))) printf("    scene %d, %s\n", n, timed ? "seconds" : "error");
+            for (int i = 0; i < COUNT && n < 3; ++i) /* a dozen roundings of 6e-8 */
+                CHECK_NEAR((double)image[i], n < 2 ? 0 : i % 4 == 3 ? 1 : slope, 1e-6);
+            s.view.budget_error = 0, s.view.budget_seconds = 1e-3;
+            if (!timed) CHECK_OK(context, check_try(context, &s, image));
+        }
     }
     check_free_triangles(&floor);
     sps_destroy(context);

@@ -394,10 +394,12 @@ static void test_far_flame(void) {
                fabs(light[1] / light[0] - 1), 5e-3, "interpolation between pixels");
 }
 
-/* What was kept of other distances has no part in a picture. */
+/* What was kept of other distances has no part in a picture. Voxels are kept, and the table of the last two, which are
+   of one level; the others are not. */
 static void test_kept(void) {
     static float again[4 * SIDE * SIDE];
     sps_context *own = check_context(NULL);
+    sps_stats_report stats;
     for (int n = 0; n < 4; ++n) {
         static const double pixels[] = {0.06, 0.3, 0.1, 0.11};
         check_scene s;
@@ -416,6 +418,9 @@ static void test_kept(void) {
         check_render_plain(&s, image);
         CHECK_CASE("Extremes", "a context that has rendered other distances, with tables and cells",
                    "that of a new one", memcmp(image, again, sizeof image) != 0, 0, "same bits");
+        sps_get_stats(own, &stats);
+        CHECK((stats.voxels_read > 0) == (n == 0) && (stats.tables_made > 0) == (n < 3) &&
+              stats.tables_held == (uint64_t)(n / 3));
     }
     sps_destroy(own);
 }

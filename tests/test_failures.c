@@ -141,6 +141,30 @@ static int fails_between(kept kind, cause why, long n) {
     return result != SPS_OK;
 }
 
+/* A context does keep these: a scene again reads nothing and makes nothing, and what it shows is the same; the other
+   state is read and made anew, but for voxels, which stay. */
+static void test_held(void) {
+    for (int kind = 0; kind < KINDS; ++kind) {
+        sps_context *context = check_context(NULL);
+        const int table = kind == ALL ? 2 : kind == TABLE, followed = kind == CELLS || kind == SPREAD || kind == ALL;
+        render_fresh((kept)kind);
+        for (int n = 0; n < 3; ++n) {
+            const long before = provider.calls;
+            const uint64_t made = n != 1;
+            sps_stats_report stats;
+            shows(context, (kept)kind, n / 2);
+            sps_get_stats(context, &stats);
+            if (!CHECK((provider.calls > before) == (n == 0 || (n == 2 && kind != VOXELS))) ||
+                !CHECK((stats.voxels_read > 0) == (provider.calls > before && kind != TREE)) ||
+                !CHECK(stats.tables_made == made * (uint64_t)table && stats.tables_held == (1 - made) * (table > 0)) ||
+                !CHECK((stats.cells > 0) == (followed && made)))
+                printf("    %s, call %d: %ld calls, %d tables made, %d held\n", names[kind], n, provider.calls - before,
+                       (int)stats.tables_made, (int)stats.tables_held);
+        }
+        sps_destroy(context);
+    }
+}
+
 /* Most calls are between two tiles or rows, or for another block: fewer and fewer are tried. What is kept by itself is
    enough, except for the long tests. */
 static void test_kept(void) {
@@ -158,6 +182,7 @@ static void test_kept(void) {
 
 int main(void) {
     make_floors();
+    RUN(test_held);
     RUN(test_kept);
     for (int state = 0; state < STATES; ++state) check_free_triangles(&floors[state]);
     return check_report();

@@ -2,9 +2,15 @@
    C library in double precision, and whole pictures against those of this very program compiled with SPS_NO_SIMD.
 
    One binary has one width. So the pictures of the other come from a second program: this file, which the test has the
-   system's C compiler translate with SPS_NO_SIMD, and which, called with a file's name, writes its pictures there. */
+   system's C compiler translate with SPS_NO_SIMD, and which, called with a file's name, writes its pictures there. The
+   operations of narrower vectors are tested by programs of this file, too: VECTORS_ONLY leaves out all else. */
 
 #include "check.h"
+
+/* The folder of the header that this program was compiled with: mutants.sh and the Makefile have several. */
+#ifndef CHECK_HEADERS
+#define CHECK_HEADERS "."
+#endif
 
 enum { WIDTH = 70, HEIGHT = 45, FLOATS = 5 * WIDTH * HEIGHT, SCENES = 7 };
 
@@ -147,6 +153,99 @@ static void test_fours(void) {
     }
 }
 
+/* Where a bound is NaN, the number is the result: the second argument in all builds, whichever the first is. */
+static void test_unordered(void) {
+    const spsi_v nan = spsi_set(SPSI_INFINITY - SPSI_INFINITY), number = spsi_set(-3);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        CHECK(same_bits(spsi_lane(spsi_min(nan, number), i), -3));
+        CHECK(same_bits(spsi_lane(spsi_max(nan, number), i), -3));
+        CHECK(same_bits(spsi_lane(spsi_select(spsi_less(nan, number), nan, number), i), -3));
+        CHECK(same_bits(spsi_lane(spsi_select(spsi_less(number, nan), nan, number), i), -3));
+    }
+}
+
+/* The first `count` of up to two vectors' numbers: nothing behind them is read or written, and other lanes are 0. */
+static void test_first(void) {
+    for (int count = 0; count <= 2 * SPSI_LANES; ++count) {
+        float from[2 * SPSI_LANES], to[2 * SPSI_LANES], out[SPSI_LANES];
+        for (int i = 0; i < 2 * SPSI_LANES; ++i) from[i] = i < count ? (float)(i + 1) : SPSI_INFINITY, to[i] = -1;
+        spsi_store(out, spsi_load_first(from, count));
+        for (int i = 0; i < SPSI_LANES; ++i) CHECK(same_bits(out[i], i < count ? (float)(i + 1) : 0));
+        spsi_store_first(to, spsi_add(spsi_iota(), spsi_set(5)), count);
+        for (int i = 0; i < 2 * SPSI_LANES; ++i)
+            CHECK(same_bits(to[i], i < count && i < SPSI_LANES ? (float)(i + 5) : -1));
+    }
+}
+
+/* Pairs of 16 bits, the largest of which are floats, too; one bit of 64, each of them set alone, and left out alone. */
+static void test_words(void) {
+    uint32_t pairs[77], bits[64][2];
+    float x[SPSI_LANES], y[SPSI_LANES], out[2][SPSI_LANES];
+    spsi_v pair[2];
+    for (int i = 0; i < 77; ++i) pairs[i] = (uint32_t)(65535 - i) << 16 | (uint32_t)(40000 + i);
+    for (int i = 0; i < SPSI_LANES; ++i) x[i] = (float)(i * 5 % 11), y[i] = (float)((i + 1) * 3 % 7);
+    spsi_lookup_pair(pairs, 11, spsi_load(x), spsi_load(y), pair);
+    for (int k = 0; k < 2; ++k) spsi_store(out[k], pair[k]);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        CHECK(same_bits(out[0][i], 40000 + x[i] + 11 * y[i]));
+        CHECK(same_bits(out[1][i], 65535 - x[i] - 11 * y[i]));
+    }
+    for (int n = 0; n < 2 * 64 * 64; ++n) {
+        const int at = n / 128, bit = n / 2 % 64, inverse = n % 2;
+        int expected = 0;
+        for (int i = 0; i < 64; ++i)
+            for (int k = 0; k < 2; ++k) bits[i][k] = (i / 32 == k ? 1u << i % 32 : 0) ^ (inverse ? 0xffffffffu : 0);
+        for (int i = 0; i < SPSI_LANES; ++i) {
+            x[i] = (float)((at + i) % 64), y[i] = (float)((bit + i / 2) % 64);
+            expected |= ((x[i] < y[i] || x[i] > y[i]) == inverse) << i;
+        }
+        CHECK(spsi_lookup_bit((const uint32_t(*)[2])bits, spsi_load(x), spsi_load(y)) == expected);
+    }
+}
+
+static void test_four_floats(void) {
+    static const float a[4] = {2, -3, 5, -7}, b[4] = {11, 13, -17, 19}, c[4] = {0.5f, -1, 2, -4};
+    float table[4 * SPSI_LANES], out[4], sums[SPSI_LANES];
+    spsi_four_store(out, spsi_four_mul(spsi_four_load(a), spsi_four_load(b)));
+    for (int i = 0; i < 4; ++i) CHECK(same_bits(out[i], a[i] * b[i]));
+    spsi_four_store(out, spsi_four_scale(3, spsi_four_load(b)));
+    for (int i = 0; i < 4; ++i) CHECK(same_bits(out[i], 3 * b[i]));
+    spsi_four_store(out, spsi_four_add(3, spsi_four_load(b), spsi_four_load(c)));
+    for (int i = 0; i < 4; ++i) CHECK(same_bits(out[i], 3 * b[i] + c[i])); /* all of them whole halves */
+    for (int i = 0; i < 4 * SPSI_LANES; ++i) table[i] = (float)(1 << i % 4) * (float)(i / 4 + 1);
+    spsi_store(sums, spsi_sum_fours(table));
+    for (int i = 0; i < SPSI_LANES; ++i) CHECK(same_bits(sums[i], 15 * (float)(i + 1)));
+}
+
+/* A plane's slope is exact in bilinear look-ups, within the texels' range, and so are its ends outside of it; numbers
+   of one lane and of all. */
+static void test_lookups(void) {
+    float grid[7 * 11], out[SPSI_LANES];
+    spsi_v three[2][3];
+    const double vector[3] = {1, -2, 4};
+    int whole[SPSI_LANES];
+    for (int i = 0; i < 77; ++i) grid[i] = (float)(4 * (i % 11) - 8 * (i / 11));
+    for (int n = 0; n < 14 * 10 * 4; ++n) {
+        float x[SPSI_LANES], y[SPSI_LANES];
+        for (int i = 0; i < SPSI_LANES; ++i) x[i] = (float)((n + i) % 56) / 4 - 1.5f, y[i] = (float)(n / 14) / 4 - 1.5f;
+        spsi_store(out, spsi_bilinear(grid, 11, 7, spsi_load(x), spsi_load(y)));
+        for (int i = 0; i < SPSI_LANES; ++i) {
+            const double right = fmin(fmax((double)x[i], 0), 10), down = fmin(fmax((double)y[i], 0), 6);
+            CHECK_NEAR((double)out[i], 4 * right - 8 * down, 0);
+        }
+    }
+    spsi_set3(vector, three[0]);
+    for (int k = 0; k < 3; ++k) three[1][k] = spsi_add(spsi_iota(), spsi_set((float)k));
+    spsi_store(out, spsi_dot_v(three[0], three[1])); /* i - 2 (i + 1) + 4 (i + 2) */
+    for (int i = 0; i < SPSI_LANES; ++i) CHECK(same_bits(out[i], (float)(3 * i + 6)));
+    spsi_store(out, spsi_mix(spsi_set(8), spsi_iota(), spsi_set(0.25f)));
+    for (int i = 0; i < SPSI_LANES; ++i) CHECK(same_bits(out[i], 6 + (float)i / 4));
+    spsi_store_int(whole, spsi_sub(spsi_iota(), spsi_set(3)));
+    for (int i = 0; i < SPSI_LANES; ++i) CHECK(whole[i] == i - 3 && same_bits(spsi_lane(spsi_iota(), i), (float)i));
+    CHECK(same_bits(spsi_one(spsi_add(spsi_iota(), spsi_set(7))), 7) && SPSI_ALL_LANES == (1 << SPSI_LANES) - 1);
+    for (int i = 0; i < 31; ++i) CHECK(spsi_lowest_bit(1 << i) == i && spsi_lowest_bit(-(1 << i)) == i);
+}
+
 /* -------------------------------------------------------------------------------------------------------- functions */
 
 static double exp_of(double x) {
@@ -238,6 +337,60 @@ static void test_phase(void) {
             CHECK_NEAR((double)out[0], (1 - g * g) / (4 * SPSI_PI * q * sqrt(q)),
                        (1e-6 + 7e-7 / q) * (1 - g * g) / (4 * SPSI_PI * q * sqrt(q)));
         }
+}
+
+#ifndef VECTORS_ONLY
+
+/* Of all 65536 halves: sign, exponent and fraction as IEEE 754 has them; NaN has its sign and fraction, too. */
+static void test_halves(void) {
+    int wrong = 0;
+    for (int n = 0; n < 65536; ++n) {
+        const int exponent = n >> 10 & 31, fraction = n & 1023;
+        const float value = spsi_half((uint16_t)n);
+        const double size =
+            exponent == 31 ? HUGE_VAL : ldexp(exponent ? 1024 + fraction : fraction, (exponent ? exponent : 1) - 25);
+        if (exponent == 31 && fraction)
+            wrong += value == value;
+        else
+            wrong += !same_bits(value, (float)(n >> 15 ? -size : size));
+    }
+    CHECK(wrong == 0);
+    CHECK_NEAR(spsi_total(spsi_iota()), 0.5 * SPSI_LANES * (SPSI_LANES - 1), 0);
+}
+
+/* --------------------------------------------------------------------------------------------------------- narrower */
+
+static const char *self; /* this program */
+
+/* The operations of narrower vectors, and those of plain C: on a machine that has wide ones, no other short test runs
+   them by themselves. Each is a second to compile, as functions that are not inline are left out. */
+static void test_narrower(void) {
+#if SPSI_LANES > 4 || !defined(SPSI_X86)
+    static const struct {
+        int lanes;
+        const char *flags;
+    } builds[] = {{8, "-mavx2 -mfma"}, {4, "-msse2"}, {1, "-DSPS_NO_SIMD"}};
+    FILE *source = fopen(__FILE__, "rb");
+    if (source) fclose(source);
+    for (int n = 0; n < 3 && source && strlen(self) < 500; ++n) {
+        static char command[2048], program[600];
+        if (builds[n].lanes >= SPSI_LANES) continue;
+#ifndef SPSI_X86
+        if (builds[n].lanes > 1) continue;
+#endif
+        snprintf(program, sizeof program, "%s%s.narrow", strchr(self, '/') ? "" : "./", self);
+        snprintf(command, sizeof command,
+                 "cc -std=c99 -O1 -w %s -DVECTORS_ONLY -I'%s' -I. -x c '%s' -o '%s' -lm 2>/dev/null", builds[n].flags,
+                 CHECK_HEADERS, __FILE__, program);
+        if (system(command) == 0) {
+            snprintf(command, sizeof command, "unset CHECK_ONLY; '%s' %d", program, builds[n].lanes);
+            if (!CHECK(system(command) == 0)) printf("    built with %s\n", builds[n].flags);
+        } else {
+            printf("skipped: vectors of %d: no compiler called cc here\n", builds[n].lanes);
+        }
+        remove(program);
+    }
+#endif
 }
 
 /* --------------------------------------------------------------------------------------------------------- pictures */
@@ -382,7 +535,7 @@ static void check_picture(int n) {
 
 /* This program against plain C; and if it is plain C itself, low optimisation (none in test-long, which takes time)
    against high: the same arithmetic has the same bits. */
-static void test_pictures(const char *self) {
+static void test_pictures(void) {
     render_pictures();
     if (!plain_pictures(self, check_long() ? "-O0" : "-O1", plain)) return;
     for (int n = 0; n < SCENES; ++n) check_picture(n);
@@ -393,20 +546,43 @@ static void test_pictures(const char *self) {
             printf("    scene %d\n", n);
 }
 
+#endif /* VECTORS_ONLY */
+
+static void test_operations(void) {
+    RUN(test_arithmetic);
+    RUN(test_fused);
+    RUN(test_unordered);
+    RUN(test_masks);
+    RUN(test_first);
+    RUN(test_rounding);
+    RUN(test_quads);
+    RUN(test_words);
+    RUN(test_rows);
+    RUN(test_fours);
+    RUN(test_four_floats);
+    RUN(test_lookups);
+    RUN(test_exp);
+    RUN(test_kernel_share);
+    RUN(test_mean_transmittance);
+    RUN(test_phase);
+}
+
+#ifdef VECTORS_ONLY
+/* Called with the number of lanes that its build is to have. */
+int main(int count, char **arguments) {
+    CHECK(count == 2 && atoi(arguments[1]) == SPSI_LANES);
+    test_operations();
+    return check_failed ? check_report() : 0;
+}
+#else
 int main(int count, char **arguments) {
     if (count == 2) return write_pictures(arguments[1]);
+    self = arguments[0];
     printf("%d lanes\n", SPSI_LANES);
-    test_arithmetic();
-    test_fused();
-    test_masks();
-    test_rounding();
-    test_quads();
-    test_rows();
-    test_fours();
-    test_exp();
-    test_kernel_share();
-    test_mean_transmittance();
-    test_phase();
-    test_pictures(arguments[0]);
+    test_operations();
+    RUN(test_halves);
+    RUN(test_narrower);
+    RUN(test_pictures);
     return check_report();
 }
+#endif

@@ -240,8 +240,8 @@ enum { CELLS_PIXELS = 12, CELLS_PATHS = 32 };
 /* Light from cell to cell may be off by this share of a scene's mean, besides the paths' noise. */
 #define CELLS_SHARE 0.05
 
-/* The share of a scene's mean that light from cell to cell must make before paths are followed. The noise is some 2 to 6
-   % of the mean, so scenes below the quick test's hardly ever count, and their paths take most of the time. */
+/* The share of a scene's mean that light from cell to cell must make before paths are followed. The noise is some 2 to
+   6 % of the mean, so scenes below the quick test's hardly ever count, and their paths take most of the time. */
 static double cells_worth(void) { return check_long() ? CELLS_SHARE : 1.7 * CELLS_SHARE; }
 
 static const struct {

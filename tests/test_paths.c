@@ -453,7 +453,7 @@ static double sent(int kind, int swapped, double *deviation) {
    1 / SIDE^1.5 of the mean, and step by step marching to 1e-3, or, by steps twice as long, 4e-3. */
 static void test_exchanged(void) {
     static const int kinds[] = {FLOOR, PANE, GAS, BOTH}; /* the latter two are parts of the former */
-    for (int k = 0; k < (check_long() ? 4 : 1); ++k) { /* panes are in test_furnace, too */
+    for (int k = 0; k < (check_long() ? 4 : 1); ++k) {   /* panes are in test_furnace, too */
         double errors[2], one = sent(kinds[k], 0, &errors[0]), other = sent(kinds[k], 1, &errors[1]);
         const double mean = 0.5 * (one + other), room = 5 * hypot(errors[0], errors[1]);
         if (figures())

@@ -100,8 +100,8 @@ static sps_transfer layers = {layer_points, 4, NULL, NULL, 0};
 /* --------------------------------------------------------------------------------------------- seen small and large */
 
 /* A shaded ball of 20 voxels at a quarter to four pixels per voxel, of which half is enough where there are many: its
-   mean is within 1 % of the reference's at each. Where pixels are 4 voxels wide, texels are as wide as half a pixel at medium:
-   of the 10 pixels that show the ball, 2 at its terminator may be off by half of what they show. */
+   mean is within 1 % of the reference's at each. Where pixels are 4 voxels wide, texels are as wide as half a pixel at
+   medium: of the 10 pixels that show the ball, 2 at its terminator may be off by half of what they show. */
 static void test_image_sizes(void) {
     static const int n[3] = {20, 20, 20};
     for (int pixels = 5; pixels <= 80; pixels *= 2)

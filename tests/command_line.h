@@ -1,4 +1,5 @@
-/* Shared by tests of examples/render.c: a folder for their files, and its output when run there. Include after check.h. */
+/* Shared by tests of examples/render.c: a folder for their files, and its output when run there. Include after check.h.
+ */
 
 #ifndef COMMAND_LINE_H
 #define COMMAND_LINE_H

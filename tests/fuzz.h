@@ -732,8 +732,8 @@ static int is_steady(const provider *p) { return !p->fails && p->lies != FICKLE;
 
 static int has_budget(const scenery *x) { return x->s.view.budget_seconds > 0 || x->s.view.budget_error > 0; }
 
-/* Whether every call has the same result, so that two of them may be compared. What a budget chooses depends on workers,
-   regions and what was rendered before. */
+/* Whether every call has the same result, so that two of them may be compared. What a budget chooses depends on
+   workers, regions and what was rendered before. */
 static int steady(const scenery *x) {
     int good = is_steady(&x->sky) && !has_budget(x);
     for (int i = 0; i < VOLUMES; ++i) good &= is_steady(&x->providers[i]);

@@ -115,8 +115,8 @@ static void check_floor(double below, double shown, flames_around around, const 
 }
 
 /* Two layers of smoke that scatters nothing, far apart, so that each has a grid of cells of its own: light to the floor
-   below passes both, of optical depths 0.6 and 0.9 straight down, and the eye's rays, from the side, neither. Within 0.5
-   of the point below the flame, where ways do not meet the layers' sides. */
+   below passes both, of optical depths 0.6 and 0.9 straight down, and the eye's rays, from the side, neither. Within
+   0.5 of the point below the flame, where ways do not meet the layers' sides. */
 static void test_two_layers(void) {
     enum { LAYERS = 2, VOXELS = 24 * 24 * 6 };
     static const double heights[LAYERS] = {-0.7, -9}, depths[LAYERS] = {0.6, 0.9}, below = 10;
@@ -147,8 +147,8 @@ static void test_two_layers(void) {
         }
     }
     if (figures()) printf("through two layers: %.4f\n", worst);
-    CHECK_CASE("Scattering", "a flame behind two layers of smoke that are far apart, on a floor", "closed form; relative",
-               worst, 0.03, "cells of the flame, and of the layers");
+    CHECK_CASE("Scattering", "a flame behind two layers of smoke that are far apart, on a floor",
+               "closed form; relative", worst, 0.03, "cells of the flame, and of the layers");
     free(f);
 }
 

@@ -325,7 +325,7 @@ static void test_every_callback(mixed *m, kind which, long least) {
 
 typedef struct progress {
     long calls, cancel_at;
-    float last;
+    float last, leap; /* leap: the largest rise from call to call */
     int fell, outside;
 } progress;
 
@@ -333,6 +333,7 @@ static int progress_cancel(void *user, float fraction) {
     progress *p = (progress *)user;
     if (p->calls > 0 && fraction < p->last) p->fell = 1;
     if (!(fraction >= 0 && fraction <= 1)) p->outside = 1;
+    if (p->calls > 0) p->leap = fmaxf(p->leap, fraction - p->last);
     p->last = fraction;
     return ++p->calls == p->cancel_at;
 }
@@ -376,6 +377,23 @@ static void test_progress(mixed *m, kind which) {
         CHECK(p.last == 1);
     }
     sps_destroy(context);
+}
+
+/* The reference tells of each row, whatever the picture's shape: reading and each row of 40 or 8 are at most 0.3 of it. */
+static void test_progress_of_rows(mixed *m) {
+    const int width = m->s.view.width, height = m->s.view.height;
+    for (int n = 0; n < 2; ++n) {
+        check_hooks hooks;
+        progress p;
+        sps_context *context;
+        memset(&p, 0, sizeof p);
+        context = progress_context(&hooks, &p);
+        m->s.view.width = n ? 40 : 8, m->s.view.height = n ? 8 : 40;
+        CHECK_OK(context, run(context, m, REFERENCE, pixels_after));
+        CHECK(!p.fell && !p.outside && p.leap < 0.3f && p.last == 1);
+        sps_destroy(context);
+    }
+    m->s.view.width = width, m->s.view.height = height;
 }
 
 /* A failure of each kind, one after another in one context, each with one message. */
@@ -2148,6 +2166,7 @@ static void test_failures(mixed *m) {
     test_every_cancellation(m, REFERENCE, SMALL_HEIGHT + 1);
     test_progress(m, RENDER);
     test_progress(m, REFERENCE);
+    test_progress_of_rows(m);
     test_messages(m);
     test_memory_limit(m);
     test_memory_exact(m);

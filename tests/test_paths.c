@@ -730,12 +730,41 @@ static void test_extremes(void) {
     CHECK(fabs(near_by - far_away) < 5 * hypot(deviations[0], deviations[1]) + 0.01 * near_by);
 }
 
+/* A thin ember, even or soft, 2 above a floor: an even ball lights it as a point does [Newton], and so does each shell of
+   a soft one. Its chords are 2/3 of the longest on the mean over its outline, 2/5 if soft. */
+static void test_embers(void) {
+    const double origin[3] = {-30, -30, -2}, u[3] = {60, 0, 0}, v[3] = {0, 60, 0}, square = 1 + 0.49 + 4;
+    for (int soft = 0; soft < 2; ++soft) {
+        static sps_particle ember;
+        static sps_particles set;
+        check_scene s;
+        check_clear(&s, 4, 4);
+        check_orthographic(&s.view.camera, 0.02);
+        check_set3(s.view.camera.position, 1, 0.7, 10), check_set3(s.view.camera.target, 1, 0.7, 0);
+        memset(&ember, 0, sizeof ember), memset(&set, 0, sizeof set);
+        ember.radius = 0.3f, ember.optical_depth = 1e-3f;
+        set.count = 1, set.read_fn = check_read_particles, set.user = &ember, set.soft = soft;
+        check_color(set.emission, 5e3, 3e3, 1e3);
+        s.scene.particles = &set, s.scene.particle_set_count = 1;
+        ground.count = 0;
+        check_add_quad(&ground, origin, u, v);
+        check_color(check_add_mesh(&s, &ground, 0.5)->color, 0.3, 0.5, 0.9);
+        if (!CHECK_OK(context, follow(context, &s, many(200), 1, image_a, error_a))) return;
+        for (int c = 0; c < 3; ++c) {
+            const double power = (double)set.emission[c] * 1e-3 * 3.14159265358979 * 0.09 * (soft ? 0.4 : 2.0 / 3);
+            const double exact = (double)s.mesh[0].color[c] / 3.14159265358979 * power * 2 / pow(square, 1.5);
+            check_mean(&s, soft ? "below a soft ember" : "below an even ember", c, exact, 2e-3 * exact);
+        }
+    }
+}
+
 int main(void) {
     context = sps_create(NULL, NULL);
     RUN(test_layers);
     RUN(test_half_space);
     RUN(test_dim);
     RUN(test_floor);
+    RUN(test_embers);
     RUN(test_lobes);
     RUN(test_furnace);
     RUN(test_flame_in_haze);

@@ -1080,6 +1080,31 @@ static double depth_to_pass(void) {
     return sum / weights;
 }
 
+/* What a volume shows as surface receives no light that gas has scattered: where all that is seen is surface, light from
+   cell to cell adds nothing. What there is, some of it, is of the last gas before surfaces begin. */
+static void test_nothing_for_surfaces(void) {
+    for (int light = SUN; light <= BEHIND; light += BEHIND - SUN) {
+        check_scene s;
+        double without;
+        start(&s, CLASSIFIED, SUN);
+        s.volume[0].shading = SPS_SHADING_SURFACE, s.volume[0].gradient_full = 1e-4f;
+        if (light == BEHIND) s.light[0].direction[2] = 0.3;
+        check_render(context, &s, image_a);
+        CHECK(cells_made(context) > 0);
+        s.view.scattering = SPS_SCATTERING_OFF;
+        check_render(context, &s, image_b);
+        without = mean_of(image_b);
+        if (figures()) printf("surfaces amid cells: %.5f, without %.5f\n", mean_of(image_a), without);
+        CHECK(mean_of(image_a) <= 1.02 * without);
+        s.volume[0].shading = SPS_SHADING_GAS, s.view.scattering = SPS_SCATTERING_FULL;
+        check_render(context, &s, image_a);
+        s.view.scattering = SPS_SCATTERING_OFF;
+        check_render(context, &s, image_b);
+        if (figures()) printf("gas amid cells: %.5f, without %.5f\n", mean_of(image_a), mean_of(image_b));
+        CHECK(mean_of(image_a) > 1.2 * mean_of(image_b)); /* it is there to be added */
+    }
+}
+
 /* Where nothing scatters nothing is followed; thin gas scatters next to nothing again. If it scatters evenly, that is,
    of what scatters once, the albedo times the depth that this has yet to pass, if both shade by the same. Cells are 1/6
    wide, a fifth of the puff's radius. */
@@ -2117,6 +2142,7 @@ int main(void) {
     RUN(test_white_sky);
     RUN(test_white_sky_in_sheets);
     RUN(test_little);
+    RUN(test_nothing_for_surfaces);
     RUN(test_linear);
     RUN(test_turned);
     RUN(test_scaled);

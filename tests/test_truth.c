@@ -81,6 +81,16 @@ static void by_matrix(check_scene *s, const palette *p) {
     check_matrix(&s->view.camera, matrix);
 }
 
+/* The same, with another sun behind a black wall, whose shadow holds all of the layer. */
+static void beside_hidden_sun(check_scene *s, const palette *p) {
+    static const double corner[3] = {-9, -9, -2}, right[3] = {18, 0, 0}, up[3] = {0, 18, 0};
+    static check_triangles faces;
+    front_lit(s, p);
+    if (faces.count == 0) check_add_quad(&faces, corner, right, up);
+    check_add_mesh(s, &faces, 0);
+    check_add_directional(s, 0.2, 0.1, 1, 4);
+}
+
 /* Classified gas about the eye, in front of a floor at depth 0.6, under a sun that nothing shades: all of the ray has
    the value 1, halfway between two points. */
 static void classified(check_scene *s, const palette *p) {
@@ -304,6 +314,7 @@ static double stack_is(const palette *p, int c) {
 static const truth truths[] = {
     {"layer lit from the front", front_lit, front_lit_is, 1e-3, 0.005},
     {"layer lit from the front, by a matrix", by_matrix, front_lit_is, 1e-3, 0.005},
+    {"layer between a sun and a hidden one", beside_hidden_sun, front_lit_is, 1e-3, 0.005},
     {"layer lit from behind", back_lit, back_lit_is, 1e-3, 0.005},
     {"classified gas before a floor", classified, classified_is, 1e-3, 0.005},
     {"layer that glows", glowing, glowing_is, 1e-3, 0.005},

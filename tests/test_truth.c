@@ -231,6 +231,23 @@ static void disc_on_floor(check_scene *s, const palette *p) {
 }
 static double disc_on_floor_is(const palette *p, int c) { return floor_is(p, c, 2 * (1 - 2 / sqrt(5.0))); }
 
+/* Two discs by tables, of which each takes fewer than it has points, since there is gas, beside all that is looked at.
+ */
+static void two_discs(check_scene *s, const palette *p) {
+    sps_volume *gas = add_layer(s);
+    sps_light *high;
+    gas->placement = check_box(2.5, 1.5, 0.5, 3.5, 2.5, 1.5);
+    color_volume(gas, p);
+    disc_on_floor(s, p);
+    high = check_add_light(s, SPS_LIGHT_DISC, 1);
+    check_set3(high->position, 0, 0, 3), check_set3(high->axes[0], 0.5, 0, 0), check_set3(high->axes[1], 0, 0.5, 0);
+    for (int c = 0; c < 3; ++c) high->color[c] = 3 * p->light[c];
+    for (int i = 0; i < 2; ++i) s->light[i].samples = 64, s->light[i].shadow_source = SPS_SHADOW_TABLE;
+}
+static double two_discs_are(const palette *p, int c) {
+    return disc_on_floor_is(p, c) + 3 * floor_is(p, c, 8 * (1 - 3 / sqrt(9.25)));
+}
+
 /* An image of three columns, thrown by a lamp whose image is seen upright from behind it. */
 static int paint_columns(void *user, size_t count, const float *uv, float *out) {
     (void)user;
@@ -326,6 +343,7 @@ static const truth truths[] = {
     {"lamp on a floor", point_on_floor, point_on_floor_is, 1e-5, 1e-5},
     {"spotlight on a floor", cone_on_floor, cone_on_floor_is, 1e-5, 1e-5},
     {"disc on a floor", disc_on_floor, disc_on_floor_is, 4e-3, 4e-3},
+    {"two discs on a floor", two_discs, two_discs_are, 1e-2, 4e-3},
     {"image on a floor", image_on_floor, image_on_floor_is, 1e-5, 1e-5},
     {"panes before a floor", panes, panes_are, 1e-5, 1e-5},
     {"a stack of panes", stack, stack_is, 1e-5, 1e-5},

@@ -866,8 +866,8 @@ typedef struct sps_view {
 
 /* The caller's buffers: for a region of W x H pixels, (H - 1) * row_pixels + W of them. Written on SPS_OK only. */
 typedef struct sps_image {
-    /* Four floats per pixel: radiance, including the background, and coverage (1 - transmittance), without it. On a
-       black background that is premultiplied alpha. */
+    /* Four floats per pixel: radiance, including the background, at most FLT_MAX, and coverage (1 - transmittance),
+       without it. On a black background that is premultiplied alpha. */
     float *rgba;
     /* Optional, one float per pixel: mean distance from the eye along the ray, in world units, weighted by coverage;
        infinity where nothing is seen. Orthographic: from the plane through camera.position, or see world_to_clip. */
@@ -28129,7 +28129,7 @@ static void spsi_march_add(const spsi_marcher *marcher) {
 }
 
 /* Fills in the image's pixels, and what settings ask for beside it: bounds, rounded outwards, and standard errors of
-   paths' means. */
+   paths' means. Radiance may be beyond what a float holds. */
 static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *image) {
     const sps_reference_settings *settings = marcher->settings;
     const size_t width = (size_t)marcher->frame->view.region[2], height = (size_t)marcher->frame->view.region[3];
@@ -28143,10 +28143,12 @@ static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *imag
             const double low = walker->colors[c].low / samples, high = walker->colors[c].high / samples;
             const double room = SPSI_MARCH_ROUNDING * (fabs(low) + fabs(high));
             const double mean = walker->paths[c] / paths, square = walker->squares[c] / paths;
-            pixel[c] = (float)(0.5 * (low + high) + mean);
-            if (settings->lower) settings->lower[at + c] = (float)(low - room);
+            pixel[c] = (float)fmin(0.5 * (low + high) + mean, (double)FLT_MAX);
+            if (settings->lower) settings->lower[at + c] = (float)fmin(low - room, (double)FLT_MAX);
             if (settings->lower) settings->upper[at + c] = (float)(high + room);
-            if (settings->error) settings->error[at + c] = (float)sqrt(fmax(0, square - mean * mean) / (paths - 1));
+            if (!settings->error) continue;
+            settings->error[at + c] =
+                (float)fmin(sqrt(fmax(0, square - mean * mean) / (paths - 1)), (double)FLT_MAX);
         }
         pixel[3] = (float)(walker->coverage / samples);
         if (!marcher->frame->wants_depth) continue;

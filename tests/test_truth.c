@@ -36,7 +36,7 @@ typedef struct truth {
     void (*build)(check_scene *s, const palette *p);
     double (*radiance)(const palette *p, int channel);
     double march, render; /* relative tolerances of sps_reference and of sps_render */
-    int corner;           /* 1: of the first pixel instead */
+    int pixel;            /* number, from 1, of another pixel; 0: the middle one */
 } truth;
 
 /* --- gas: a layer of optical depth DEPTH along the eye's ray, so wide that its sides are not seen --- */
@@ -134,6 +134,24 @@ static void glowing(check_scene *s, const palette *p) {
 }
 static double glowing_is(const palette *p, int c) {
     return (double)p->glow[c] * 1.2 / DEPTH * -expm1(-DEPTH) + (double)p->around[c] * exp(-DEPTH);
+}
+
+/* A pane in the glow, 0.1 before its middle, seen half a unit below the middle, where slabs, which a faint sun tilts,
+   have other depths. */
+static void pane_in_glow(check_scene *s, const palette *p) {
+    static const double corner[3] = {-3, -3, 0.1}, right[3] = {6, 0, 0}, up[3] = {0, 6, 0};
+    static check_triangles faces;
+    glowing(s, p);
+    if (faces.count == 0) check_add_quad(&faces, corner, right, up);
+    memcpy(check_add_mesh(s, &faces, 0)->transmittance, p->albedo, sizeof p->albedo);
+    check_add_directional(s, 1, 0.8, -1, 1e-9);
+    check_orthographic(&s->view.camera, 1.5);
+}
+static double pane_in_glow_is(const palette *p, int c) {
+    const double before = DEPTH * (0.5 - 0.1 / 1.2), behind = DEPTH - before,
+                 passes = (double)p->albedo[c] * exp(-before);
+    const double glow = (double)p->glow[c] * 1.2 / DEPTH;
+    return glow * -expm1(-before) + passes * (glow * -expm1(-behind) + (double)p->around[c] * exp(-behind));
 }
 
 /* Ambient light reaches all gas. */
@@ -366,6 +384,7 @@ static const truth truths[] = {
     {"layer lit from behind", back_lit, back_lit_is, 1e-3, 0.005, 0},
     {"classified gas before a floor", classified, classified_is, 1e-3, 0.005, 0},
     {"layer that glows", glowing, glowing_is, 1e-3, 0.005, 0},
+    {"pane in a layer that glows", pane_in_glow, pane_in_glow_is, 1e-3, 0.005, 8},
     {"layer in ambient light", surrounded, surrounded_is, 1e-3, 0.005, 0},
     {"even ball", even_ball, even_ball_is, 1e-3, 0.01, 0},
     {"soft ball", soft_ball, soft_ball_is, 1e-3, 0.01, 0},
@@ -393,7 +412,7 @@ static void check_truth(sps_context *context, const truth *t, int marched, int n
     if (marched ? !check_march(context, &s, 0.1, image, NULL) : !check_render(context, &s, image)) return;
     for (int c = 0; c < 3; ++c) {
         const double exact = t->radiance(&p, c);
-        const double found = (double)image[4 * (t->corner ? 0 : MIDDLE) + c];
+        const double found = (double)image[4 * (t->pixel ? t->pixel - 1 : MIDDLE) + c];
         if (getenv("CHECK_FIGURES"))
             printf("%s, %s, palette %d, channel %d: %+.5f %%\n", t->name, marched ? "marched" : "rendered", n, c,
                    100 * (found / exact - 1));

@@ -19995,10 +19995,10 @@ typedef struct spsi_ways {
     spsi_v clear, own; /* up to `clear`, cells of pyramid `own` hold gas of its own; farther out only others' */
 } spsi_ways;
 
-/* Optical depth on a vector of ways. A step crosses one cell, of the pyramid's level for its distance, along the axis
-   that the way follows most: layers across it keep their depth, however thin. Cells as wide as a step hold an emitter's
-   own gas up to 1.3 times as far as it reaches. Nearer than that, its pyramid is in the way no more than there: that is
-   others' gas. */
+/* Optical depth on a vector of ways. Near both ends, steps are as long as a cell. Farther off, a step crosses one cell
+   of a coarser level along the axis that the way follows most: layers across that axis keep their depth, however thin.
+   Cells as wide as a step hold an emitter's own gas up to 1.3 times as far as it reaches. Nearer than that, its pyramid
+   is in the way no more than there: that is others' gas. */
 static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), own_end = spsi_mul(ways->clear, spsi_set(1.3f));
     const spsi_v rounded = spsi_set(1.001f);

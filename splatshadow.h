@@ -19954,20 +19954,14 @@ static void spsi_cell_pyramid_fill(const spsi_cell_grid *grid, float *to) {
     }
 }
 
-/* The width of the largest cells of a pyramid that are at most `width` wide. */
-static spsi_v spsi_cell_level_width(spsi_v width) {
-    spsi_v edge = spsi_set(1);
-    for (int n = 0; n + 1 < SPSI_CELL_LEVELS; ++n) {
-        const spsi_m wide = spsi_less(spsi_set(0.999f * (float)(2 << n)), width);
-        if (!spsi_bits(wide)) break;
-        edge = spsi_select(wide, spsi_set((float)(2 << n)), edge);
-    }
-    return edge;
-}
+/* A level of pyramids per lane: the width of its cells, its first row, and the rows of a layer. */
+typedef struct spsi_pyramid_level {
+    spsi_v edge, first, rows;
+} spsi_pyramid_level;
 
-/* Looks up pyramids at a vector of places, on levels whose cells are at most `width` wide. Numbers are as above. */
-static spsi_v spsi_cell_pyramid_at(const spsi_cell_grid *grid, spsi_v number, const spsi_v at[3], spsi_v width) {
-    spsi_v scale = spsi_set(1), first = spsi_set(0), rows = spsi_set((float)grid->size[1]), index[3];
+/* The levels whose cells are as wide as possible, but at most `width`; the finest if none are. */
+static spsi_pyramid_level spsi_pyramid_level_of(const spsi_cell_grid *grid, spsi_v width) {
+    spsi_pyramid_level level = {spsi_set(1), spsi_set(0), spsi_set((float)grid->size[1])};
     size_t row = 0;
     for (int n = 0, y = grid->size[1], z = grid->size[2]; n + 1 < SPSI_CELL_LEVELS; ++n) {
         const float edge = (float)(2 << n);
@@ -19976,16 +19970,23 @@ static spsi_v spsi_cell_pyramid_at(const spsi_cell_grid *grid, spsi_v number, co
         row += (size_t)(y * z);
         y = (y + 1) / 2;
         z = (z + 1) / 2;
-        scale = spsi_select(wide, spsi_set(1 / edge), scale);
-        first = spsi_select(wide, spsi_set((float)row), first);
-        rows = spsi_select(wide, spsi_set((float)y), rows);
+        level.edge = spsi_select(wide, spsi_set(edge), level.edge);
+        level.first = spsi_select(wide, spsi_set((float)row), level.first);
+        level.rows = spsi_select(wide, spsi_set((float)y), level.rows);
     }
+    return level;
+}
+
+/* Looks up pyramids at a vector of places. Numbers are as above. */
+static spsi_v spsi_pyramid_at(const spsi_cell_grid *grid, spsi_v number, const spsi_v at[3],
+                              const spsi_pyramid_level *level) {
+    const spsi_v first = spsi_fma(number, spsi_set((float)grid->pyramid_rows), level->first);
+    spsi_v cell[3];
     for (int k = 0; k < 3; ++k) {
         const spsi_v inside = spsi_clamp(at[k], spsi_set(0), spsi_set((float)grid->size[k] - 0.001f));
-        index[k] = spsi_floor(spsi_mul(inside, scale));
+        cell[k] = spsi_floor(spsi_div(inside, level->edge));
     }
-    first = spsi_fma(number, spsi_set((float)grid->pyramid_rows), first);
-    return spsi_lookup(grid->pyramid, grid->pitch, index[0], spsi_fma(index[2], rows, spsi_add(first, index[1])));
+    return spsi_lookup(grid->pyramid, grid->pitch, cell[0], spsi_fma(cell[2], level->rows, spsi_add(first, cell[1])));
 }
 
 /* A vector of ways from emitters to receivers, in cells' edges. */
@@ -20017,19 +20018,20 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
     end = spsi_min(ways->end, rim);
     while (spsi_bits(spsi_less(at, end))) {
         const spsi_v nearer = spsi_min(at, spsi_sub(ways->length, at)), left = spsi_max(spsi_sub(end, at), zero);
-        const spsi_v step = spsi_cell_level_width(spsi_mul(nearer, spsi_mul(most, spsi_set(SPSI_FLIGHT_STEP))));
-        const spsi_v axis = spsi_fma(at, most, start), crossed = spsi_floor(spsi_add(spsi_div(axis, step), rounded));
-        const spsi_v cell = spsi_div(spsi_sub(spsi_mul(crossed, step), axis), most);
-        const spsi_v taken = spsi_min(spsi_select(spsi_less(one, step), cell, one), left);
+        const spsi_v width = spsi_mul(nearer, spsi_mul(most, spsi_set(SPSI_FLIGHT_STEP)));
+        const spsi_pyramid_level level = spsi_pyramid_level_of(grid, width);
+        const spsi_v axis = spsi_div(spsi_fma(at, most, start), level.edge); /* in cells; most is 0.57 to 1 */
+        const spsi_v cell = spsi_sub(spsi_floor(spsi_add(axis, rounded)), axis), coarse = spsi_div(level.edge, most);
+        const spsi_v taken = spsi_min(spsi_select(spsi_less(one, level.edge), spsi_mul(cell, coarse), one), left);
         const spsi_v middle = spsi_fma(taken, spsi_set(0.5f), at);
         spsi_v place[3], gas;
         for (int k = 0; k < 3; ++k) place[k] = spsi_fma(middle, ways->unit[k], ways->from[k]);
-        gas = spsi_cell_pyramid_at(grid, zero, place, step);
+        gas = spsi_pyramid_at(grid, zero, place, &level);
         if (spsi_bits(spsi_less(middle, own_end))) {
             const spsi_v clear = spsi_max(middle, own_end);
-            const spsi_v here = spsi_cell_pyramid_at(grid, ways->own, place, step);
+            const spsi_v here = spsi_pyramid_at(grid, ways->own, place, &level);
             for (int k = 0; k < 3; ++k) place[k] = spsi_fma(clear, ways->unit[k], ways->from[k]);
-            const spsi_v there = spsi_cell_pyramid_at(grid, ways->own, place, step);
+            const spsi_v there = spsi_pyramid_at(grid, ways->own, place, &level);
             const spsi_v beyond = spsi_select(spsi_less(rim, clear), zero, there);
             gas = spsi_sub(gas, spsi_max(spsi_sub(here, beyond), zero));
         }
@@ -25155,9 +25157,9 @@ static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Chooses the grids' lights: those that bring most. The first one that is left out takes weight from those that hardly
-   bring more. Two places have a lamp's directions from half of the longest side of any gas on. Nearer than a quarter, a
-   lamp does not count, nor does a cone that may be a narrow beam, nor what throws an image. */
+/* Chooses the lights that the grids serve: those that send most to the gas. The strongest light that is left out lowers
+   the weights of all that send less than twice as much. Two places have a lamp's directions if it is farther from all
+   gas than half of the longest side. Lamps within a quarter have no weight, nor have narrow cones and projectors. */
 static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *grids, int count) {
     const int most = count > 0 ? grids->light_count : 0;
     spsi_cell_light lights[SPSI_CELL_SETS + 1], light;
@@ -25772,7 +25774,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
     const spsi_lamps *lamps = &run->shader.frame->lamps;
-    int points = 1; /* of all lights */
+    int points = 1; /* and those of all lights */
     for (int i = 0; i < lamps->count; ++i) points += lamps->list[i].extent.exists ? lamps->list[i].point_count : 1;
     const int tick_rows = spsi_most(8 * SPSI_TILE_HEIGHT / points, 1); /* a few milliseconds' work */
     uint64_t shaded = 0;
@@ -28146,9 +28148,7 @@ static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *imag
             pixel[c] = (float)fmin(0.5 * (low + high) + mean, (double)FLT_MAX);
             if (settings->lower) settings->lower[at + c] = (float)fmin(low - room, (double)FLT_MAX);
             if (settings->lower) settings->upper[at + c] = (float)(high + room);
-            if (!settings->error) continue;
-            settings->error[at + c] =
-                (float)fmin(sqrt(fmax(0, square - mean * mean) / (paths - 1)), (double)FLT_MAX);
+            if (settings->error) settings->error[at + c] = (float)sqrt(fmax(0, square - mean * mean) / (paths - 1));
         }
         pixel[3] = (float)(walker->coverage / samples);
         if (!marcher->frame->wants_depth) continue;

@@ -75,6 +75,7 @@ check_cmake() {
 # The picture of the quick start has a header and 3 numbers, 0 to 255, for each pixel.
 check_readme() {
     targets=$(grep -oh '`make [a-z-]*' README.md docs/*.md | sed 's/.* //' | sort -u)
+    test -n "$targets"
     known=$("$MAKE" -pRrq : 2> /dev/null | awk -F: '/^[a-z-]+:/ { print $1 }' | sort -u)
     for target in $targets; do echo "$known" | grep -qx "$target"; done
     cd "$folder" && ln -sfn "$top/examples" examples && ln -sfn "$top/splatshadow.h" splatshadow.h
@@ -99,7 +100,7 @@ check_code() {
     "$CC" -std=c99 -Wall -Wextra -Werror -I. -fsyntax-only "$folder/code.c"
     for page in docs/*.md; do # other pages have none, or a test of their own
         case $page in docs/budget.md | docs/shadow_maps.md | docs/tutorial.md) continue ;; esac
-        ! grep -q '^```c$' "$page"
+        if grep '^```c$' "$page"; then exit 1; fi
     done
 }
 

@@ -9,10 +9,9 @@
 #   sh tests/mutants.sh record    writes the tests that noticed into the list
 #
 # LIST=tests/blind_1.txt runs another list: entries by authors who had not read the tests, which were not written for
-# them; their keys name the function, and it is the share that is noticed which counts. SECTION="tag tag" runs only these
-# sections, JOBS= is the number of parallel jobs, LIMIT= seconds after which no more are
-# started, HANG= seconds of processor time after which a test counts as hanging, COMPILE= the compiler of the Makefile's
-# native tests.
+# them; their keys name the function, and it is the share that is noticed which counts. SECTION="tag tag" runs only
+# these sections, JOBS= is the number of parallel jobs, LIMIT= seconds after which no more are started, HANG= seconds of
+# processor time after which a test counts as hanging, COMPILE= the compiler of the Makefile's native tests.
 #
 # One object has the whole header with every function weak, and each test is compiled once, against a header without
 # bodies. A mutant is then the object of one function, which replaces the weak one: a second, while building the header

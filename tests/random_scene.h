@@ -849,10 +849,11 @@ static inline int draw_panes(random_scene *x, uint64_t seed) {
     return 1;
 }
 
-/* Gives all colors the same value in two channels, which are drawn; the third stays another. */
+/* Gives all colors the same value in two channels, which are drawn, but for those that callbacks compute: of curves and
+   images. The third channel stays another. */
 static inline void equalize(random_scene *x, check_random *random) {
     const int of = draw_below(random, 3), from = (of + 1) % 3;
-    float *colors[4 * SCENE_VOLUMES + 2 * SCENE_SETS + SCENE_LIGHTS + 4 * 3 + 6 * SCENE_VOLUMES];
+    float *colors[6 * SCENE_VOLUMES + 2 * SCENE_SETS + SCENE_LIGHTS + 2 * 4 + 2];
     int count = 0;
     for (int i = 0; i < SCENE_VOLUMES; ++i) {
         colors[count++] = x->s.volume[i].albedo, colors[count++] = x->s.volume[i].emission;

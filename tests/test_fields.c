@@ -351,6 +351,12 @@ typedef struct row {
 #define P(type, name, path, pointer, base, also)                                                                       \
     { AT(type, name, path), POINTER, 0, pointer, base, also }
 
+#define CAMERA(path)                                                                                                   \
+    D(sps_camera, position, path, 4.2, PLAIN, NOTHING), D(sps_camera, target, path, 0.2, PLAIN, NOTHING),              \
+        D(sps_camera, up, path, 0.5, PLAIN, NOTHING), D(sps_camera, field_of_view, path, 0.7, PLAIN, NOTHING),         \
+        D(sps_camera, ortho_height, path, 2.2, ORTHOGRAPHIC, NOTHING),                                                 \
+        P(sps_camera, world_to_clip, path, it.other_matrix, MATRIX, NOTHING)
+
 static const row rows[] = {
     D(sps_placement, origin, volume[0].placement, 0.05, PLAIN, NOTHING),
     D(sps_placement, axis, volume[0].placement, 0.3, PLAIN, NOTHING),
@@ -511,18 +517,8 @@ static const row rows[] = {
     I(sps_scene, replace_invalid, scene, 0, INVALID, NOTHING),
     P(sps_scene, particles, scene, &it.other_set, PLAIN, NOTHING),
     I(sps_scene, particle_set_count, scene, 0, PLAIN, NOTHING),
-    D(sps_camera, position, view.camera, 4.2, PLAIN, NOTHING),
-    D(sps_camera, target, view.camera, 0.2, PLAIN, NOTHING),
-    D(sps_camera, up, view.camera, 0.5, PLAIN, NOTHING),
-    D(sps_camera, field_of_view, view.camera, 0.7, PLAIN, NOTHING),
-    D(sps_camera, ortho_height, view.camera, 2.2, ORTHOGRAPHIC, NOTHING),
-    P(sps_camera, world_to_clip, view.camera, it.other_matrix, MATRIX, NOTHING),
-    D(sps_camera, position, map_light.camera, 1.8, PLAIN, NOTHING),
-    D(sps_camera, target, map_light.camera, 0.2, PLAIN, NOTHING),
-    D(sps_camera, up, map_light.camera, 0.5, PLAIN, NOTHING),
-    D(sps_camera, field_of_view, map_light.camera, 0.9, PLAIN, NOTHING),
-    D(sps_camera, ortho_height, map_light.camera, 2.2, ORTHOGRAPHIC, NOTHING),
-    P(sps_camera, world_to_clip, map_light.camera, it.other_matrix, MATRIX, NOTHING),
+    CAMERA(view.camera),
+    CAMERA(map_light.camera),
     I(sps_view, width, view, 8, PLAIN, NOTHING),
     I(sps_view, height, view, 8, PLAIN, NOTHING),
     D(sps_view, camera, view, 0.9, PLAIN, NOTHING),
@@ -696,16 +692,16 @@ typedef struct way {
 } way;
 
 static const way ways[] = {
-    {RENDER, SPS_SCATTERING_OFF, SPS_SHADOW_AUTO},           {MAP, SPS_SCATTERING_OFF, SPS_SHADOW_AUTO},
-    {RENDER, SPS_SCATTERING_AMBIENT, SPS_SHADOW_AUTO},       {RENDER, SPS_SCATTERING_OFF, SPS_SHADOW_SHEETS},
-    {RENDER, SPS_SCATTERING_OFF, SPS_SHADOW_TABLE},          {RENDER, SPS_SCATTERING_FORWARD, SPS_SHADOW_SHEETS},
-    {RENDER, SPS_SCATTERING_CONVOLUTION, SPS_SHADOW_AUTO},   {RENDER, SPS_SCATTERING_FORWARD, SPS_SHADOW_AUTO},
-    {RENDER, SPS_SCATTERING_AMBIENT, SPS_SHADOW_SHEETS},     {RENDER, SPS_SCATTERING_AMBIENT, SPS_SHADOW_TABLE},
-    {RENDER, SPS_SCATTERING_FULL, SPS_SHADOW_AUTO},          {RENDER, SPS_SCATTERING_FORWARD, SPS_SHADOW_TABLE},
-    {RENDER, SPS_SCATTERING_CONVOLUTION, SPS_SHADOW_SHEETS}, {RENDER, SPS_SCATTERING_AUTO, SPS_SHADOW_SHEETS},
-    {RENDER, SPS_SCATTERING_CONVOLUTION, SPS_SHADOW_TABLE},  {RENDER, SPS_SCATTERING_FULL, SPS_SHADOW_TABLE},
-    {RENDER, SPS_SCATTERING_AUTO, SPS_SHADOW_AUTO},          {RENDER, SPS_SCATTERING_FULL, SPS_SHADOW_SHEETS},
-    {RENDER, SPS_SCATTERING_AUTO, SPS_SHADOW_TABLE},         {REFERENCE, SPS_SCATTERING_OFF, SPS_SHADOW_AUTO}};
+    {RENDER, SPS_SCATTERING_OFF, SPS_SHADOW_AUTO},      {MAP, SPS_SCATTERING_OFF, SPS_SHADOW_AUTO},
+    {RENDER, SPS_SCATTERING_AMBIENT, SPS_SHADOW_AUTO},  {RENDER, SPS_SCATTERING_OFF, SPS_SHADOW_SHEETS},
+    {RENDER, SPS_SCATTERING_OFF, SPS_SHADOW_TABLE},     {RENDER, SPS_SCATTERING_CONVOLUTION, SPS_SHADOW_AUTO},
+    {REFERENCE, SPS_SCATTERING_OFF, SPS_SHADOW_AUTO},   {RENDER, SPS_SCATTERING_FORWARD, SPS_SHADOW_SHEETS},
+    {RENDER, SPS_SCATTERING_FORWARD, SPS_SHADOW_AUTO},  {RENDER, SPS_SCATTERING_AMBIENT, SPS_SHADOW_SHEETS},
+    {RENDER, SPS_SCATTERING_AMBIENT, SPS_SHADOW_TABLE}, {RENDER, SPS_SCATTERING_FULL, SPS_SHADOW_AUTO},
+    {RENDER, SPS_SCATTERING_FORWARD, SPS_SHADOW_TABLE}, {RENDER, SPS_SCATTERING_CONVOLUTION, SPS_SHADOW_SHEETS},
+    {RENDER, SPS_SCATTERING_AUTO, SPS_SHADOW_SHEETS},   {RENDER, SPS_SCATTERING_CONVOLUTION, SPS_SHADOW_TABLE},
+    {RENDER, SPS_SCATTERING_FULL, SPS_SHADOW_TABLE},    {RENDER, SPS_SCATTERING_AUTO, SPS_SHADOW_AUTO},
+    {RENDER, SPS_SCATTERING_FULL, SPS_SHADOW_SHEETS},   {RENDER, SPS_SCATTERING_AUTO, SPS_SHADOW_TABLE}};
 
 enum { WAYS = sizeof ways / sizeof *ways };
 
@@ -844,8 +840,8 @@ static int shows(sps_context *held, const row *r, size_t element, int n) {
     return shown;
 }
 
-/* Tries the first way for each element and another one in turn for one element of every third row, all in the long
-   tests; and if the change shows in none of these, one after the other until it does. */
+/* Tries the first way for each element, and another one in turn for one element of every third row; in the long test,
+   all ways. If the change shows in none of these, the others are tried until it does. */
 static void check_element(sps_context *held, const row *r, size_t element) {
     const int turn = 1 + (int)(r - rows) / 3 % (WAYS - 1), count = (int)(r->size / element_size(r->kind));
     const int takes_turn = (r - rows) % 3 == 0 && (int)element == (int)(r - rows) % count;

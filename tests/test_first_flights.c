@@ -237,7 +237,7 @@ static void patches_place(int pixel, double at[3]) {
 static void test_spots(void) {
     static const double cones[] = {0.05, 0.1, 0.2, 0.35, 0.5, 1}, extinction = 1e-4;
     static const double origin[3] = {-9, -9, -2.3}, along[3] = {18, 0, 0}, across[3] = {0, 18, 0};
-    for (int n = 0; n < 6; ++n) {
+    for (int n = 0; n < 6; n += check_long() || n > 2 ? 1 : 2) { /* in short tests, not the second and fourth */
         check_triangles wall;
         check_scene s;
         sps_volume *gas;
@@ -302,7 +302,7 @@ static void windowed_room(check_triangles *walls, double a) {
    differs from a ball by a part of 0.3^2, 9 %, where its light falls low; on the mean by a third of that. */
 static void test_windows(void) {
     static const double halves[] = {0.15, 0.3, 1}, extinction = 1e-4;
-    for (int n = 0; n < 3; ++n) {
+    for (int n = 0; n < 3; n += check_long() ? 1 : 2) {
         const double a = halves[n];
         double squares = 0;
         check_triangles walls;
@@ -502,7 +502,7 @@ static void test_balls(void) {
     for (int soft = 0; soft < 2; ++soft)
         for (int r = 0; r < 3; ++r)
             for (int d = 0; d < 4 - soft; ++d)
-                for (double across = 0.3; across < 1; across += 0.6) {
+                for (double across = check_long() || d % 2 ? 0.3 : 0.9; across < 1; across += check_long() ? 0.6 : 1) {
                     const double way[3] = {0.013 - across, 0.021 + 0.45, -0.017}, distance = spsi_length(way);
                     const double exact = SPSI_PI * radii[r] * radii[r] * ball_sends(soft, depths[d]) * way[1] /
                                          (distance * distance * distance);
@@ -521,7 +521,7 @@ static void test_balls(void) {
 static void test_wide_ball(void) {
     static const double depths[] = {1, 10, 50};
     for (int d = 0; d < 3; ++d)
-        for (int n = check_long() ? 0 : d % 2; n < 12; n += check_long() ? 1 : 2) {
+        for (int n = check_long() ? 0 : d; n < 12; n += check_long() ? 1 : 4) {
             const double way[3] = {0.013 - 0.1 * n, 0.021 + 0.45, -0.017}, distance = spsi_length(way);
             const double exact = SPSI_PI * 0.01 * ball_sends(0, depths[d]) * way[1] / pow(distance, 3);
             ball_scene b;
@@ -558,7 +558,7 @@ static double pair_exact(double x, double depth, double apart) {
    mean over six directions, in which the other one hides all, half or nothing of it. */
 static void test_pair(void) {
     static const double gaps[] = {0.02, 0.16, 0.21, 0.25, 0.4}, depths[] = {1, 4};
-    for (int n = 0; n < 10; n += check_long() ? 1 : 2) { /* each gap once */
+    for (int n = 0; n < 10; n += check_long() ? 1 : 4) { /* three gaps */
         const double depth = depths[n / 5], apart = gaps[n % 5];
         sps_particle balls[2];
         double mean = 0;
@@ -585,7 +585,7 @@ static void test_pair(void) {
 static void test_opaque(void) {
     static const check_field solid = {even_gas, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
     static const float extinctions[] = {300, 5000, 30000};
-    for (int n = 0; n < 3; ++n) {
+    for (int n = check_long() ? 0 : 2; n < 3; ++n) {
         double brightest = 0;
         ball_scene b;
         ball_scene_build(&b, 0, 0.01, 0.01, &solid, 0.1f);
@@ -641,17 +641,17 @@ static void test_trapped(void) {
     static const check_field even = {even_gas, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
     static const double radii[] = {0.004, 0.05, 0.3}, depths[] = {0.5, 3, 12}, albedos[3] = {0.3, 0.6, 0.9};
     check_random random = {1};
-    for (int n = 0; n < 6; ++n)
+    for (int n = 0; n < 5; ++n) /* soft ones not of the last depth */
         for (int c = 0; c < 3; ++c) {
             const int soft = n % 2;
             const double depth = depths[n / 2], leaves = ball_walk(soft, depth, albedos[c], &random);
-            for (int r = 0; r < 3 && !(soft && depth > 3); ++r) {
+            for (int r = 0; r < 3; ++r) {
                 const double sent = (soft ? 0.4 : 2.0 / 3) * SPSI_PI * radii[r] * radii[r] * depth * leaves;
                 const double way[3] = {0.013 - 0.3, 0.021 + 0.45, -0.017}, distance = spsi_length(way);
                 const double exact = sent * way[1] / (distance * distance * distance), side = 2.4 * radii[r];
                 double seen = 0;
                 ball_scene b;
-                if (!check_long() && (n + n / 2 + c + r) % 2) continue; /* each radius with each depth and albedo */
+                if (!check_long() && (n + c + r) % 3) continue; /* each radius with each depth and each albedo */
                 ball_scene_build(&b, soft, radii[r], depth, &even, 1e-6f);
                 for (int k = 0; k < 3; ++k) b.set.albedo[k] = (float)albedos[k];
                 CHECK_CASE("Scattering",
@@ -716,7 +716,7 @@ static void test_small_volumes(void) {
         const int wide = i < 12 ? 1 : 3, n = i < 12 ? i : 3;
         const double radius = radii[n % 2], depth = depths[n / 2 % 3];
         const check_field field = {ball_gas, &radius, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
-        for (int c = 0; c < 3; c += n / 6 ? 1 : 3) {
+        for (int c = check_long() ? 0 : i % 3 * (n / 6); c < 3; c += n / 6 && check_long() ? 1 : 3) {
             const double sent =
                 2 * SPSI_PI / 3 * radius * radius * depth * ball_walk(0, depth, (double)albedos[n / 6][c], &random);
             const double way[3] = {0.013 - 0.3, 0.021 + 0.45, -0.017}, distance = spsi_length(way);
@@ -973,7 +973,7 @@ static void test_cut(void) {
     static const double heights[] = {-0.5, -0.1, 0, 0.3, 0.8}, places[] = {0.4, 1.2, 2, 5};
     static const double origin[3] = {-40, 0, -40}, along[3] = {0, 0, 80}, side[3] = {80, 0, 0};
     static const float radius = 0.5f, depths[] = {0.01f, 1, 5, 40};
-    for (int n = 0; n < 80; ++n) {
+    for (int n = 0; n < 80; n += check_long() ? 1 : 3) { /* each height and each place with each depth, mostly */
         const double height = heights[n / 4 % 5], across = places[n % 4];
         const float depth = depths[n / 20];
         double mean[2] = {0, 0};
@@ -1252,6 +1252,7 @@ static int render_halo(double depth, double g, double albedo, double radius, con
 static void test_halo(void) {
     static const double lobes[] = {0, 0.3, -0.4, 0.75}, depths[] = {0.5, 3}, radii[] = {0.02, 0.3};
     for (int n = 0; n < 16; ++n) {
+        if (!check_long() && (n + n / 4 + n / 8) % 2) continue; /* each with each other in a pair */
         const double g = lobes[n % 4], depth = depths[n / 4 % 2], radius = radii[n / 8], at[3] = {0.075, 0.075, -0.3};
         const double sent = 2 * SPSI_PI / 3 * radius * radius;
         if (!render_halo(depth, g, 0.01, radius, at)) return;

@@ -441,17 +441,19 @@ static void test_image_argument(void) {
     mixed_free(&m);
 }
 
+/* A matrix that is flat, or at infinity, or has an element, each in turn, that is no number. */
 static void test_matrix_arguments(void) {
-    for (int n = 0; n < 3; ++n) {
+    for (int n = 0; n < 18; ++n) {
         double matrix[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
         mixed m;
         mixed_build(&m);
         check_matrix(&m.s.view.camera, matrix);
-        if (n == 0) matrix[7] = not_a_number();
-        if (n == 1) matrix[0] = 0;  /* flat */
-        if (n == 2) matrix[15] = 0; /* orthographic, at infinity */
-        check_refused(&m,
-                      n == 0 ? "view.camera.world_to_clip[7] is nan;" : "view.camera.world_to_clip cannot be inverted");
+        char sentence[64] = "view.camera.world_to_clip cannot be inverted";
+        if (n < 16)
+            matrix[n] = not_a_number(), snprintf(sentence, sizeof sentence, "view.camera.world_to_clip[%d] is nan;", n);
+        if (n == 16) matrix[0] = 0;  /* flat */
+        if (n == 17) matrix[15] = 0; /* orthographic, at infinity */
+        check_refused(&m, sentence);
         mixed_free(&m);
     }
 }

@@ -130,6 +130,22 @@ static void background_through(const renderer *r) {
 }
 static void test_background_through(void) { EACH_RENDERER(background_through); }
 
+/* Each pane is a layer of each pixel that it covers, the last pixel too. */
+static void test_layers_counted(void) {
+    for (int panes = 1; panes < 4; ++panes) {
+        check_scene s;
+        sps_image into;
+        sps_stats_report stats;
+        start(&s, 5, 3);
+        for (int n = 0; n < panes; ++n) add_pane(&s, -n, 0.5, 0.5, 0.5);
+        memset(&into, 0, sizeof into);
+        into.rgba = image;
+        CHECK_OK(context, sps_render(context, &s.scene, &s.view, &into));
+        sps_get_stats(context, &stats);
+        CHECK(stats.layers == (uint64_t)(15 * panes));
+    }
+}
+
 /* Three panes before a background, in any order, or all in one place: the product of their transmittances. With a
    reflectance each, in order: s0 + T0 (s1 + T1 (s2 + T2 B)). Depth: the mean of the panes', weighted by the mean over
    the colors of what each takes away. */
@@ -1037,6 +1053,7 @@ int main(void) {
     context = sps_create(NULL, NULL);
     RUN(test_background_through);
     RUN(test_panes_in_order);
+    RUN(test_layers_counted);
     RUN(test_many_panes);
     RUN(test_hidden_panes);
     RUN(test_textured_layers);

@@ -170,6 +170,30 @@ static void test_slabs_and_texels(void) {
         }
 }
 
+/* The number of slabs that a scene under suns from these directions, by their numbers, is planned with. */
+static int slabs_under(int lights, const int *numbers) {
+    static const double directions[2][3] = {{0, 0, -1}, {1, 1, -1}};
+    sps_plan_report plan;
+    check_scene s;
+    sps_volume *volume;
+    check_clear(&s, 40, 30);
+    volume = check_add_volume(&s, 20, 18, 16, check_box(-1, -0.9, -0.8, 1, 0.9, 0.8));
+    volume->read_fn = check_read_constant, volume->user = &one, volume->extinction = 1, volume->albedo[0] = 1;
+    for (int i = 0; i < lights; ++i) {
+        const double *way = directions[numbers[i]];
+        check_add_directional(&s, way[0], way[1], way[2], 1)->shadow_source = SPS_SHADOW_SHEETS;
+    }
+    return CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan)) ? plan.slab_count : 0;
+}
+
+/* Slabs are those of the longest sweep, whichever light has it. */
+static void test_slabs_of_the_longest_sweep(void) {
+    static const int orders[2][2] = {{0, 1}, {1, 0}};
+    const int a = slabs_under(1, orders[0]), b = slabs_under(1, orders[1]);
+    CHECK(a != b);
+    for (int n = 0; n < 2; ++n) CHECK(slabs_under(2, orders[n]) == (a > b ? a : b));
+}
+
 /* sps_particles.read_fn: balls of radius *(float *)user in a row along z, from -1 to 1, except for the middle one. */
 static int read_row(void *user, size_t first, size_t count, sps_particle *out) {
     for (size_t i = 0; i < count; ++i) {
@@ -734,6 +758,7 @@ int main(void) {
     RUN(test_three_lights_in_thin_gas);
     RUN(test_rays_end);
     RUN(test_slabs_and_texels);
+    RUN(test_slabs_of_the_longest_sweep);
     RUN(test_slabs_of_particles);
     RUN(test_border);
     RUN(test_parabola);

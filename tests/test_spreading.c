@@ -779,6 +779,21 @@ static void test_scaled(void) {
     }
 }
 
+/* Light of each light is held by itself: that of one to three equal ones, in bytes, grows evenly. */
+static void test_bytes_of_each(void) {
+    size_t bytes[3];
+    for (int n = 0; n < 3; ++n) {
+        sps_plan_report report;
+        check_scene s;
+        start_mixed(&s);
+        s.scene.light_count = n + 1;
+        for (int i = 1; i <= n; ++i) s.light[i] = s.light[0];
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &report));
+        bytes[n] = report.pass[SPS_PASS_SPREADING].bytes;
+    }
+    CHECK(bytes[1] > bytes[0] && bytes[2] - bytes[1] == bytes[1] - bytes[0]);
+}
+
 static void test_plan(void) {
     for (int n = 0; n < 4; ++n) {
         sps_context *by = check_context(NULL);
@@ -836,6 +851,7 @@ int main(void) {
     RUN(test_failures);
     RUN(test_finite);
     RUN(test_scaled);
+    RUN(test_bytes_of_each);
     RUN(test_plan);
     RUN(test_refused);
     sps_destroy(context);

@@ -152,6 +152,37 @@ static void test_two_layers(void) {
     free(f);
 }
 
+/* Gas that scatters forward lets part of what it scatters pass on: of each channel as of gas that is as bright in all.
+   2 %: what is bright in one color only steers what cells of others refine. */
+static void test_each_color(void) {
+    static const float albedo[3] = {0.9f, 0.5f, 0.1f};
+    static const sps_lobe lobe = {0.7f, 1};
+    double sums[2][3] = {{0, 0, 0}, {0, 0, 0}};
+    for (int n = 0; n < 4; ++n) {
+        enum { VOXELS = 24 * 24 * 6 };
+        static float even[VOXELS];
+        static sps_grid grid;
+        const double half[3] = {0.8, 0.15, 0.8};
+        flames *f = flames_floor(FLOOR, 2, 1.5, FLAMES_PARTICLE);
+        sps_volume *layer = &f->volumes[0];
+        for (int i = 0; i < VOXELS; ++i) even[i] = 1;
+        flames_box(layer, &grid, even, 24, half);
+        grid.size[1] = layer->size[1] = 6;
+        layer->placement.origin[1] -= 0.7;
+        layer->extinction = 4;
+        layer->lobes = &lobe, layer->lobe_count = 1;
+        for (int c = 0; c < 3; ++c) layer->albedo[c] = albedo[n > 0 ? n - 1 : c];
+        f->scene.volume_count = 1;
+        if (!render(f)) return;
+        for (int i = 0; i < 4 * FLOOR * FLOOR; ++i)
+            if (n == 0 ? i % 4 < 3 : i % 4 == n - 1) sums[n > 0][i % 4] += (double)picture[i];
+        free(f);
+    }
+    if (figures())
+        for (int c = 0; c < 3; ++c) printf("color %d: %.5f of that alone\n", c, sums[0][c] / sums[1][c]);
+    for (int c = 0; c < 3; ++c) CHECK_NEAR(sums[0][c], sums[1][c], 0.02 * sums[1][c]);
+}
+
 static void test_ground(void) {
     if (check_long()) check_floor(0.3, 5, FLAMES_ALONE, "voxels, over a large ground");
     check_floor(0.3, 5, FLAMES_PARTICLE, "a particle, over a large ground");
@@ -1323,6 +1354,7 @@ int main(void) {
     RUN(test_rings);
     RUN(test_ground);
     RUN(test_two_layers);
+    RUN(test_each_color);
     RUN(test_floors);
     RUN(test_patch);
     RUN(test_spots);

@@ -218,9 +218,11 @@ static void test_lobes(void) {
 
 /* --- a furnace: where all light is the same, nothing can be told apart --- */
 
+static double tiny = 1; /* the scene's scale is 1 over this */
+
 static double waves(const void *user, const double p[3]) {
     (void)user;
-    return 0.6 + 0.2 * (sin(3 * p[0]) + sin(3 * p[1] + 1) + sin(3 * p[2] + 2));
+    return 0.6 + 0.2 * (sin(3 * tiny * p[0]) + sin(3 * tiny * p[1] + 1) + sin(3 * tiny * p[2] + 2));
 }
 
 static const check_field wave_field = {waves, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
@@ -514,6 +516,32 @@ static void test_corners(void) {
     for (int c = 0; c < 3; ++c) CHECK_NEAR(mean[1][c], mean[0][c], 1e-3 * mean[0][c]);
 }
 
+/* A scene 2^30 times smaller, in which light that leaves a floor may meet a wall, has the same picture: all lengths are
+   the same but for powers of 2, which round nothing, so that paths are the same. */
+static void test_tiny(void) {
+    const double small = 1.0 / (1 << 30), up[3] = {0, 2, 0}, across[3] = {2, 0, 0}, back[3] = {0, 0, 2};
+    const double origin[3] = {-1, -0.5, -1}, corner[3] = {-1, -0.5, -0.9};
+    check_scene s;
+    start(&s, GAS);
+    s.volume[0].extinction = 1;
+    ground.count = 0;
+    check_add_quad(&ground, origin, across, back);
+    check_add_quad(&ground, corner, across, up);
+    check_add_mesh(&s, &ground, 1);
+    check_add_directional(&s, -0.3, -1, -0.6, 3);
+    CHECK_OK(context, follow_coarsely(context, &s, 16, 1, image_a, NULL));
+    for (size_t i = 0; i < ground.count; ++i)
+        for (int k = 0; k < 9; ++k) ground.list[i].position[k / 3][k % 3] *= (float)small;
+    s.mesh[0].revision += 1;
+    s.volume[0].extinction = (float)(1 / small);
+    for (int k = 0; k < 9; ++k) s.volume[0].placement.axis[k / 3][k % 3] *= small;
+    for (int k = 0; k < 3; ++k) s.volume[0].placement.origin[k] *= small, s.view.camera.position[k] *= small;
+    tiny = 1 / small;
+    CHECK_OK(context, follow_coarsely(context, &s, 16, 1, image_b, NULL));
+    tiny = 1;
+    CHECK(check_largest(image_a, image_b, 4 * PIXELS) == 0);
+}
+
 /* First collisions on a ray through a soft ball and an even one that overlap: how many lie before some places, and in
    how many it is the soft one. Truth is summed along the ray: the probability of none so far is exp(-depth). With N
    draws, a fraction p has a standard error of sqrt(p (1 - p) / N). */
@@ -798,6 +826,7 @@ int main(void) {
     RUN(test_exchanged);
     RUN(test_polygons);
     RUN(test_corners);
+    RUN(test_tiny);
     RUN(test_collisions);
     RUN(test_shared);
     RUN(test_seeds);

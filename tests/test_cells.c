@@ -1080,8 +1080,8 @@ static double depth_to_pass(void) {
     return sum / weights;
 }
 
-/* What a volume shows as surface receives no light that gas has scattered: where all that is seen is surface, light from
-   cell to cell adds nothing. What there is, some of it, is of the last gas before surfaces begin. */
+/* What a volume shows as surface receives no light that gas has scattered: where all that is seen is surface, light
+   from cell to cell adds nothing. What there is, some of it, is of the last gas before surfaces begin. */
 static void test_nothing_for_surfaces(void) {
     for (int light = SUN; light <= BEHIND; light += BEHIND - SUN) {
         check_scene s;
@@ -1989,6 +1989,25 @@ static void test_apart(void) {
     check_free_triangles(&plate);
 }
 
+/* The same, where the other one, listed first or last, is five times as wide: each grid has cells of its own size. */
+static void test_apart_sizes(void) {
+    for (int last = 0; last < 2; ++last) {
+        check_scene s;
+        start_apart(&s, 200, 1);
+        check_set3(s.light[0].direction, 0.1, -1, -0.2);
+        s.volume[0].placement = check_box(-5, -5, -5, 5, 5, 5);
+        if (last) {
+            const sps_volume other = s.volume[0];
+            s.volume[0] = s.volume[1], s.volume[1] = other;
+        }
+        check_render(context, &s, image_a);
+        CHECK(grid_count(context) == 2);
+        s.volume[0] = s.volume[!last], s.scene.volume_count = 1;
+        check_render(context, &s, image_b);
+        CHECK_NEAR(mean_of(image_a), mean_of(image_b), 0.004 * mean_of(image_b));
+    }
+}
+
 /* Both against random paths: what one sends the other is left out, what it takes from the light is not. */
 static void test_apart_paths(void) {
     for (int n = 0; n < 2; ++n) {
@@ -2168,6 +2187,7 @@ int main(void) {
     RUN(test_backward_lobes);
     RUN(test_held_looks);
     RUN(test_apart);
+    RUN(test_apart_sizes);
     RUN(test_apart_paths);
     RUN(test_many_groups);
     RUN(test_plan);

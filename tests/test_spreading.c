@@ -779,6 +779,34 @@ static void test_scaled(void) {
     }
 }
 
+/* Gas that has an albedo of each color, before a wall, is in each as gas that has this albedo in all. Floats: 1e-5 of
+   the brightest. */
+static void test_each_color(void) {
+    static const float albedo[3] = {0.95f, 0.6f, 0.2f};
+    const double corner[3] = {1.2, -2, -2}, along[3] = {0, 4, 0}, across[3] = {0.5, 0, 4};
+    static float all[COUNT];
+    for (int n = 0; n < 4; ++n) {
+        double worst = 0, most = 0;
+        check_scene s;
+        lobe.asymmetry = 0.9f;
+        start(&s, 2);
+        check_add_quad(&faces, corner, along, across);
+        check_add_mesh(&s, &faces, 0.8);
+        check_orthographic(&s.view.camera, 4);
+        check_set3(s.view.camera.position, -3, 0.5, 4);
+        check_add_directional(&s, 1, -0.2, 0.1, 3);
+        for (int c = 0; c < 3; ++c) s.volume[0].albedo[c] = albedo[n > 0 ? n - 1 : c];
+        if (!check_render(context, &s, n > 0 ? image_a : all)) return;
+        for (int i = 0; i < COUNT && n > 0; ++i) {
+            if (i % 4 != n - 1) continue;
+            worst = fmax(worst, fabs((double)image_a[i] - (double)all[i]));
+            most = fmax(most, (double)all[i]);
+        }
+        CHECK(n == 0 || (most > 0.1 && worst < 1e-5 * most));
+    }
+    lobe.asymmetry = 0.85f;
+}
+
 /* Light of each light is held by itself: that of one to three equal ones, in bytes, grows evenly. */
 static void test_bytes_of_each(void) {
     size_t bytes[3];
@@ -851,6 +879,7 @@ int main(void) {
     RUN(test_failures);
     RUN(test_finite);
     RUN(test_scaled);
+    RUN(test_each_color);
     RUN(test_bytes_of_each);
     RUN(test_plan);
     RUN(test_refused);

@@ -849,10 +849,9 @@ static inline int draw_panes(random_scene *x, uint64_t seed) {
     return 1;
 }
 
-/* Gives all colors the same value in two channels, which are drawn, but for those that callbacks compute: of curves and
-   images. The third channel stays another. */
-static inline void equalize(random_scene *x, check_random *random) {
-    const int of = draw_below(random, 3), from = (of + 1) % 3;
+/* Gives all colors the value of one channel in another, but for those that callbacks compute: of curves, images and the
+   sky. */
+static inline void copy_channel(random_scene *x, int from, int to) {
     float *colors[6 * SCENE_VOLUMES + 2 * SCENE_SETS + SCENE_LIGHTS + 2 * 4 + 2];
     int count = 0;
     for (int i = 0; i < SCENE_VOLUMES; ++i) {
@@ -863,7 +862,13 @@ static inline void equalize(random_scene *x, check_random *random) {
     for (int i = 0; i < SCENE_LIGHTS; ++i) colors[count++] = x->s.light[i].color;
     for (int i = 0; i < 4; ++i) colors[count++] = x->s.mesh[i].color, colors[count++] = x->s.mesh[i].transmittance;
     colors[count++] = x->s.scene.ambient, colors[count++] = x->s.scene.background;
-    for (int i = 0; i < count; ++i) colors[i][of] = colors[i][from];
+    for (int i = 0; i < count; ++i) colors[i][to] = colors[i][from];
+}
+
+/* Two channels, which are drawn, are the same. */
+static inline void equalize(random_scene *x, check_random *random) {
+    const int of = draw_below(random, 3);
+    copy_channel(x, (of + 1) % 3, of);
 }
 
 /* sps_scene.background_fn */

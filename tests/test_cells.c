@@ -1459,6 +1459,27 @@ static void test_sources(void) {
             }
 }
 
+/* Cells get light through a table of their own, whatever the number of components of the light's map. */
+static void test_own_map(void) {
+    sps_context *by[2];
+    for (int n = 0; n < 2; ++n) {
+        sps_tmap_settings deep;
+        check_scene s;
+        memset(&deep, 0, sizeof deep);
+        deep.technique = SPS_TMAP_DEEP_OPACITY, deep.components = n ? 16 : 6;
+        by[n] = check_context(NULL);
+        start_plain(&s, SUN);
+        s.light[0].shadow_map = &deep;
+        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scatter_size = 24;
+        check_render(by[n], &s, image_a);
+    }
+    const spsi_buffer *light[2] = {&by[0]->buffers[SPSI_BUFFER_CELL_MOMENTS],
+                                   &by[1]->buffers[SPSI_BUFFER_CELL_MOMENTS]};
+    CHECK(light[0]->size == light[1]->size && memcmp(light[0]->data, light[1]->data, light[0]->size) == 0);
+    sps_destroy(by[0]), sps_destroy(by[1]);
+}
+
 /* What scatters more than once, as the picture's mean less that of light that scatters once. */
 static double scattered_again(check_scene *s) {
     double mean[2];
@@ -2186,6 +2207,7 @@ int main(void) {
     RUN(test_failures_between);
     RUN(test_backward_lobes);
     RUN(test_held_looks);
+    RUN(test_own_map);
     RUN(test_apart);
     RUN(test_apart_sizes);
     RUN(test_apart_paths);

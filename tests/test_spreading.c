@@ -617,6 +617,32 @@ static void test_classified(void) {
     CHECK_NEAR(depth, 4, 0.15);
 }
 
+/* Classified voxels are sampled at least once each, as long as that is no more than four samples along a texel. */
+static void test_samples(void) {
+    static const sps_transfer_point points[] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 3}};
+    for (int size = 20; size < 80; size += 6) {
+        const spsi_frame *frame;
+        const spsi_spread *spread;
+        sps_transfer transfer;
+        double texel;
+        check_scene s;
+        int fine;
+        memset(&transfer, 0, sizeof transfer);
+        transfer.points = points, transfer.point_count = 2;
+        start(&s, 1);
+        s.volume[0].transfer = &transfer;
+        for (int k = 0; k < 3; ++k) s.volume[0].size[k] = size;
+        check_add_directional(&s, 1, 0, 0, 3);
+        s.view.scatter_size = 12;
+        if (!check_render(context, &s, image_a)) return;
+        frame = (const spsi_frame *)context->buffers[SPSI_BUFFER_FRAME].data, spread = spread_of(context, 0);
+        texel = spsi_pixel_size_at(&spread->map.rays[0], 0); /* the same everywhere, of a sun */
+        fine = spsi_spread_fineness(frame, spread);
+        CHECK(texel / fine <= 2.0 / size || fine == 4);
+        CHECK(texel / fine > 1.0 / size || fine == 1); /* and not more than twice */
+    }
+}
+
 /* A wall behind a slab of 6 x 6 x 2 and albedo 1 that a sun crosses: irradiance by light that has scattered. Exact are
    3e6 random paths each, a wall 0.3 behind it, within 0.5 %. Two streams know neither sides nor directions: of light in
    all directions a slab without sides lets a quarter more pass, and sides as near take as much. */
@@ -872,6 +898,7 @@ int main(void) {
     RUN(test_lamp_within);
     RUN(test_sources);
     RUN(test_classified);
+    RUN(test_samples);
     RUN(test_behind_slab);
     RUN(test_narrow_cones);
     RUN(test_workers);

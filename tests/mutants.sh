@@ -8,7 +8,7 @@
 #   sh tests/mutants.sh show 12   shows the change of entry 12
 #   sh tests/mutants.sh record    writes the tests that noticed into the list
 #
-# LIST=tests/blind_1.txt runs another list: entries by authors who had not read the tests, which were not written for
+# LIST=tests/blind_2.txt runs another list: entries by authors who had not read the tests, which were not written for
 # them; their keys name the function, and it is the share that is noticed which counts. SECTION="tag tag" runs only
 # these sections, JOBS= is the number of parallel jobs, LIMIT= seconds after which no more are started, HANG= seconds of
 # processor time after which a test counts as hanging, COMPILE= the compiler of the Makefile's native tests.

@@ -1147,6 +1147,28 @@ static void test_tolerance_of_light(void) {
           unshadowed * ((double)some.light_bound + (double)some.eye_bound + 2 * 0.0067));
 }
 
+/* The bound of two lights is that of the one that has the larger, whichever comes first. */
+static void test_bound_of_lights(void) {
+    double bound[4];
+    for (int n = 0; n < 4; ++n) {
+        sps_stats_report stats;
+        check_scene s;
+        start_cloud(&s, 3);
+        check_color(s.volume[0].albedo, 1, 1, 1);
+        for (int i = 0; i < (n < 2 ? 1 : 2); ++i) { /* one, the other, both, both in another order */
+            const int second = n == 1 || (n == 2 && i == 1) || (n == 3 && i == 0);
+            check_add_directional(&s, second ? 0.2 : 1, -1, -0.6, 3)->shadow_source = SPS_SHADOW_SHEETS;
+        }
+        s.view.shadow_size = 160;
+        s.view.tolerance = 0.2f;
+        if (!check_render(context, &s, image_b)) return;
+        sps_get_stats(context, &stats);
+        bound[n] = (double)stats.light_bound;
+    }
+    CHECK(bound[0] != bound[1]);
+    for (int n = 2; n < 4; ++n) CHECK(bound[n] == fmax(bound[0], bound[1]));
+}
+
 enum { ROD_SIDE = 24, ROD_LENGTH = 128, ROD_PIXELS = 64 };
 static float rod[ROD_SIDE * ROD_SIDE * ROD_LENGTH];
 static float rod_a[4 * ROD_PIXELS * ROD_PIXELS], rod_b[4 * ROD_PIXELS * ROD_PIXELS];
@@ -1656,6 +1678,7 @@ int main(void) {
     RUN(test_tolerance_inside);
     RUN(test_tolerance_of_small_voxels);
     RUN(test_tolerance_of_light);
+    RUN(test_bound_of_lights);
     RUN(test_tolerance_beside_rods);
     RUN(test_tolerance_of_light_beside_rods);
     RUN(test_not_interpolated);

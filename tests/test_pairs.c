@@ -19,7 +19,7 @@
 
 #include "random_scene.h"
 
-enum { VOXELS = 8, ATTEMPTS = 40, QUICK = 32, QUICK_CELLS = 8 }; /* QUICK...: scenes of the quick test */
+enum { VOXELS = 8, ATTEMPTS = 40, QUICK = 24, QUICK_CELLS = 8 }; /* QUICK...: scenes of the quick test */
 
 /* Balls of a pixel or two keep their mass, which the reference's rays through the middles of pixels do not: in the long
    test, which has scenes where nothing else is seen, they are wider. */
@@ -184,22 +184,43 @@ static scene_report measure_quickly(sps_context *context, random_scene *x) {
     return scene_good(&report) ? report : measure_scene(context, x, 1);
 }
 
+/* A picture with distances has the same colors, and its distances are those of light that scatters once. */
+static void check_distances(sps_context *context, const random_scene *x, const scene_picture *picture) {
+    static random_scene other;
+    static scene_picture twice[2];
+    const size_t count = check_pixel_count(&x->s.view);
+    double worst = 0;
+    if (x->levels[OUTPUT] == OUTPUT_REGION) return;
+    other = *x;
+    other.levels[OUTPUT] = OUTPUT_DEPTH;
+    for (int once = 0; once < 2; ++once) {
+        if (once) other.s.view.scattering = SPS_SCATTERING_OFF;
+        if (!CHECK_OK(context, scene_render(context, &other, 0, &twice[once]))) return;
+    }
+    for (size_t i = 0; i < count; ++i)
+        if (twice[0].rgba[4 * i + 3] > 0.01f)
+            worst = fmax(worst, fabs((double)twice[0].depth[i] / (double)twice[1].depth[i] - 1));
+    if (!CHECK(memcmp(twice[0].rgba, picture->rgba, 4 * count * sizeof(float)) == 0) || !CHECK(worst == 0))
+        printf("    scattering %d, distances %g\n", (int)x->s.view.scattering, worst);
+}
+
 /* One channel of a picture in colors is that of a picture in which all channels are as that one: nothing takes another
    channel's values. Floats: 1e-5. Light between cells, which is followed until all channels have settled, and whose
    patches are those of the brightest: the most of 32 scenes is 0.75 %, so 1 %. */
 static void check_channel(const pairs *p, sps_context *context, const int levels[ALL_FEATURES]) {
-    static const sps_scattering modes[3] = {SPS_SCATTERING_OFF, SPS_SCATTERING_CONVOLUTION, SPS_SCATTERING_FULL};
+    static const sps_scattering modes[4] = {SPS_SCATTERING_OFF, SPS_SCATTERING_FORWARD, SPS_SCATTERING_CONVOLUTION,
+                                            SPS_SCATTERING_FULL};
     static random_scene x;
     static scene_picture pictures[2];
     const int channel = (int)(p->scenes % 3);
     if (levels[VOLUME] == VOLUME_CURVE || levels[SURROUNDINGS] == SURROUNDINGS_SKY || levels[IMAGES]) return;
-    for (int n = 0; n < (p->scenes % 2 || check_long() ? 3 : 2); ++n) {
+    for (int n = 0; n < (p->scenes % 2 || check_long() ? 4 : 3); ++n) {
         double sum = 0, squares = 0;
         for (int grey = 0; grey < 2; ++grey) {
             build_scene(&x, levels, p->random.state, VOXELS, pixels(levels));
             add_extras(&x, levels);
             x.s.view.quality = SPS_QUALITY_MEDIUM, x.s.view.scattering = modes[n];
-            if (n == 2) x.s.view.scatter_size = 16;
+            if (n == 3) x.s.view.scatter_size = 16;
             for (int i = 0; i < x.s.scene.mesh_count; ++i) x.s.mesh[i].has_colors = 0;
             for (int c = 0; c < 3 && grey; ++c) copy_channel(&x, channel, c);
             const sps_result result = scene_render(context, &x, 0, &pictures[grey]);
@@ -208,10 +229,11 @@ static void check_channel(const pairs *p, sps_context *context, const int levels
                 const double light = (double)pictures[1].rgba[4 * i + channel];
                 sum += light / count, squares += pow(light - (double)pictures[0].rgba[4 * i + channel], 2) / count;
             }
+            if (result == SPS_OK && !grey) check_distances(context, &x, &pictures[0]);
             free_scene(&x);
             if (result != SPS_OK) return;
         }
-        if (!CHECK(sqrt(squares) <= (n < 2 ? 1e-5 : 0.01) * sum))
+        if (!CHECK(sqrt(squares) <= (n < 3 ? 1e-5 : 0.01) * sum))
             printf("    channel %d, scattering %d: %.6f of %.4g\n", channel, n, sqrt(squares), sum);
     }
 }

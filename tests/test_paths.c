@@ -292,12 +292,12 @@ static void start(check_scene *s, int kind) {
 
 /* Surroundings of radiance 1, and nothing that absorbs more than it emits: radiance is 1 everywhere. Pixels are off by
    as much as their errors say: sums of squares agree to 1 / sqrt(pixels), and with some skewness. */
-static void check_furnace(check_scene *s, const char *name) {
+static void check_furnace_by(check_scene *s, int paths, const char *name) {
     double squares = 0, errors = 0;
     const int side = check_long() ? SIDE : 16;
     for (int c = 0; c < 3; ++c) s->scene.ambient[c] = s->scene.background[c] = 1;
     s->view.width = s->view.height = side;
-    if (!CHECK_OK(context, follow(context, s, check_long() ? 128 : 24, 1, image_a, error_a))) return;
+    if (!CHECK_OK(context, follow(context, s, paths, 1, image_a, error_a))) return;
     for (int c = 0; c < 3; ++c) check_mean(s, name, c, 1, 2e-5);
     for (int i = 0; i < side * side; ++i) {
         squares += pow((double)image_a[4 * i + 2] - 1, 2);
@@ -306,6 +306,8 @@ static void check_furnace(check_scene *s, const char *name) {
     if (figures()) printf("    deviation / error: %.3f\n", sqrt(squares / errors));
     CHECK(errors > 0 && fabs(squares / errors - 1) < 0.3);
 }
+
+static void check_furnace(check_scene *s, const char *name) { check_furnace_by(s, check_long() ? 128 : 24, name); }
 
 /* The last two triangles of the ground. */
 static int read_second(void *user, size_t first, size_t count, sps_triangle *out) {
@@ -320,6 +322,8 @@ static void test_furnace(void) {
         start(&s, kind);
         check_furnace(&s, names[kind]);
     }
+    start(&s, SWARM);
+    check_furnace_by(&s, 2, "two paths, whose error is known to one degree of freedom");
     start(&s, FLOOR);
     check_orthographic(&s.view.camera, 2.5);
     s.view.coverage_samples = 2;

@@ -767,6 +767,42 @@ static void cloud_light(check_scene *s, int kind, const sps_tmap_settings *setti
 /* Nobody has seen the particles: the bound is that of the largest sheets and maps. Where shadow_size sets these, texels
    count as a square of that size, less than twice those of a round cloud, and the texels of beams, which count as twice
    as wide, 4 times. With the rest, which is known to a factor of 1.5, no more than 3 times what is held. */
+/* Many points of a disc, of which each place on a floor notes what it sees: more than all else. */
+static void test_bytes_of_points(void) {
+    static const double origin[3] = {-3, -1, -3}, u[3] = {0, 0, 6}, v[3] = {6, 0, 0};
+    sps_context *own = check_context(NULL);
+    sps_plan_report plan;
+    sps_stats_report stats;
+    check_triangles floor;
+    check_scene s;
+    sps_light *light;
+    sps_volume *volume;
+    static const float one = 1;
+    float *picture = (float *)malloc(400 * 300 * 4 * sizeof(float));
+    sps_image image;
+    memset(&floor, 0, sizeof floor), memset(&image, 0, sizeof image);
+    check_clear(&s, 400, 300);
+    s.view.quality = SPS_QUALITY_DRAFT;
+    check_perspective(&s.view.camera, 0.6);
+    check_set3(s.view.camera.position, 0, 2, 5);
+    check_add_quad(&floor, origin, u, v);
+    check_add_mesh(&s, &floor, 0.5);
+    volume = check_add_volume(&s, 4, 4, 4, check_box(-0.15, -0.15, -0.15, 0.15, 0.15, 0.15));
+    volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one, volume->extinction = 1;
+    s.view.slab = 4, s.view.shadow_size = 16, s.view.filling = SPS_FILLING_SPLAT;
+    light = check_add_point(&s, 0.3, 3, 0.2, 5);
+    light->kind = SPS_LIGHT_DISC, light->axes[0][0] = light->axes[1][2] = 0.8, light->samples = 256;
+    image.rgba = picture;
+    CHECK_OK(own, sps_plan(own, &s.scene, &s.view, &plan));
+    if (CHECK(picture != NULL) && CHECK_OK(own, sps_render(own, &s.scene, &s.view, &image))) {
+        sps_get_stats(own, &stats);
+        CHECK(stats.bytes_peak <= plan.bytes);
+    }
+    free(picture);
+    check_free_triangles(&floor);
+    sps_destroy(own);
+}
+
 static void test_bytes_with_particles(void) {
     static float rgba[4 * 256 * 256], depth[256 * 256];
     for (int n = 0; n < 4 * CLOUDS; ++n) {
@@ -992,6 +1028,7 @@ int main(void) {
     test_sweeps(&full);
     test_particles();
     RUN(test_many);
+    test_bytes_of_points();
     test_bytes_with_particles();
     test_large_region();
     test_light_maps(&full);

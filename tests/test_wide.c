@@ -52,7 +52,7 @@ static const char *const names[] = {"gas", "surface", "particles", "gas and grou
 /* Something on all sides of the eye, under a sun. */
 static void start(check_scene *s, int kind, double angle) {
     const double origin[3] = {-9, -0.6, -9}, u[3] = {18, 0, 0}, v[3] = {0, 0, 18};
-    side = check_long() || kind == SWARM ? SIDE : 32;
+    side = check_long() || kind == SWARM ? SIDE : 24;
     check_clear(s, side, side);
     check_set3(s->view.camera.position, 0.05, 0.1, 0);
     check_set3(s->view.camera.target, 0.25, 0.2, -1);
@@ -113,13 +113,14 @@ static double error_step(int at_seam) {
    changes by no more than that, half a step of a display. */
 static void test_against_reference(void) {
     static const double angles[] = {1.9, 2.793, 2.967, 3.1};
-    for (int kind = GAS; kind < KINDS; ++kind) {
+    for (int kind = check_long() ? GAS : TISSUE; kind < KINDS; ++kind) { /* gas is in the last kind, too */
         const int smooth = kind == GAS || kind == MIXED;
         double off_one = 0;
         for (int n = 0; n < (smooth && check_long() ? 4 : 3); ++n) {
             check_scene s;
             double mean, off, elsewhere, seam;
             int count;
+            if (!check_long() && n == 1) continue; /* the angle between the others */
             start(&s, kind, angles[n]);
             count = 4 * side * rows();
             CHECK(plan_of(&s).sweep_count == (n ? 4 : 1));
@@ -148,7 +149,7 @@ static void test_against_reference(void) {
 static void test_any_angle(void) {
     static const double corners[] = {2.3, 2.5, 2.9};
     for (int kind = GAS; kind < KINDS; ++kind)
-        for (int n = 0; n < 3 && (kind == GAS || kind == MIXED); ++n) {
+        for (int n = 0; n < 3 && (kind == GAS || (kind == MIXED && check_long())); ++n) {
             check_scene s;
             int count;
             start(&s, kind, 2 * atan(tan(0.5 * corners[n]) * sqrt(0.5)));
@@ -202,7 +203,7 @@ static void test_matrices(void) {
     static const double edges[][4] = {
         {-20, 20, -0.5, 0.5}, {-0.5, 0.5, -20, 20}, {-3, 40, -9, 30}, {0.5, 60, -0.5, 0.5}};
     static const int sweeps[] = {2, 2, 4, 1};
-    const int few = check_long() ? 32 : 20, count = 4 * few * few;
+    const int few = check_long() ? 32 : 14, count = 4 * few * few;
     for (int n = 0; n < 4; ++n) {
         const double *e = edges[n], w = e[1] - e[0], h = e[3] - e[2];
         const double matrix[16] = {2 / w, 0, (e[0] + e[1]) / w, 0, 0, 2 / h, (e[2] + e[3]) / h, 0, 0, 0, -1, -0.1, 0, 0,

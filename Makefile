@@ -219,7 +219,7 @@ effects: build/effects
 TESTS = $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
 CONFIGURATIONS ?= wide_sanitized sanitized readme baseline cpp glsl hlsl native
 
-# -O2 takes 4 seconds more to compile than -O1, and half to a third of the time to run
+# -O2 takes 4 seconds more to compile than -O1; tests then run in a third to three quarters of the time
 COMPILE_native    = gcc $(STANDARD) -O2 -march=native
 comma = ,
 SANITIZE = clang $(STANDARD) -O1 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all
@@ -491,8 +491,8 @@ build/tests/header.fast_math.log: splatshadow.h
 		$(UNIT) | gcc -x c $$option -DSPLATSHADOW_IMPLEMENTATION -DSPS_ALLOW_FAST_MATH -I. -E - -o /dev/null || exit 1; \
 		done) && $(ONE_PASSED))
 
-# Examples are checked for syntax and warnings, against the header's declarations; the long tests build them with all of
-# it, and run the quick start, whose picture must have 256 * 256 * 3 numbers, not all of them 0; the short tests run it by
+# Examples are checked for syntax and warnings, against the header's declarations. The long tests build them with all of
+# it, and run the quick start: its picture must have 256 * 256 * 3 numbers, not all of them 0. The short tests run it by
 # the README's command, in tests/install.sh.
 EXAMPLE_HEADER = $(if $(SPLATSHADOW_LONG),,-Ibuild/tests/faces)
 EXAMPLE_OUTPUT = $(if $(SPLATSHADOW_LONG),-O0 -o build/tests/example.$(1) $(LIBRARIES),-fsyntax-only)

@@ -10,7 +10,8 @@
    is left. What a scene may be off by beyond the bounds of all has causes and bounds of its own (scene_reasons).
    Incompatible pairs are in scene_exclusions, with reasons, apart from those of a feature that is absent: a field, a
    source and a placement need a volume; a source of shadows, a side and other lights need a light. With PAIRS_ALL in
-   the environment, every scene's errors and levels are printed.
+   the environment, every scene's errors and levels are printed. Each scene is also compared with itself: one channel
+   with a grey scene, and colors and distances with those of other calls.
 
    sps_reference has light from cell to cell, SPS_SCATTERING_FULL, only as random paths, which are noisy. So it is not a
    feature of the table, but is paired with each level of every feature by scenes of its own: their mean is that of

@@ -764,10 +764,7 @@ static void cloud_light(check_scene *s, int kind, const sps_tmap_settings *setti
     if (kind == CLOUD_MAP || kind == CLOUD_MAP_WITHIN) light->shadow_map = settings;
 }
 
-/* Nobody has seen the particles: the bound is that of the largest sheets and maps. Where shadow_size sets these, texels
-   count as a square of that size, less than twice those of a round cloud, and the texels of beams, which count as twice
-   as wide, 4 times. With the rest, which is known to a factor of 1.5, no more than 3 times what is held. */
-/* Many points of a disc, of which each place on a floor notes what it sees: more than all else. */
+/* Each place on a floor keeps what it sees of each point of a disc: more bytes than all else. */
 static void test_bytes_of_points(void) {
     static const double origin[3] = {-3, -1, -3}, u[3] = {0, 0, 6}, v[3] = {6, 0, 0};
     sps_context *own = check_context(NULL);
@@ -803,6 +800,9 @@ static void test_bytes_of_points(void) {
     sps_destroy(own);
 }
 
+/* Nobody has seen the particles: the bound is that of the largest sheets and maps. Where shadow_size sets these, texels
+   count as a square of that size, less than twice those of a round cloud, and the texels of beams, which count as twice
+   as wide, 4 times. With the rest, which is known to a factor of 1.5, no more than 3 times what is held. */
 static void test_bytes_with_particles(void) {
     static float rgba[4 * 256 * 256], depth[256 * 256];
     for (int n = 0; n < 4 * CLOUDS; ++n) {

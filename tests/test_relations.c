@@ -46,7 +46,7 @@ static void scale_lengths(double by) {
     it.unit = by;
     scale_camera(&it.view.camera, by), scale_camera(&it.map_light.camera, by);
     it.map_settings.near_depth *= by, it.map_settings.far_depth *= by;
-    it.map_settings.surface_bias = it.map_settings.surface_bias * by;
+    it.map_settings.surface_bias *= by;
 }
 
 /* Red becomes green, green blue, and blue red. */
@@ -115,11 +115,12 @@ static void prepare(const way *w) {
 static void check_relation(int r, int n) {
     static outcome before, after;
     const way *w = &ways[n];
-    const size_t colors = w->maker == MAP ? 0 : 4 * (size_t)it.view.width * (size_t)it.view.height;
     double worst = 0, most = 0;
+    size_t colors;
     if (r == LIGHTS && w->source != SPS_SHADOW_TABLE) return;
     prepare(w), set_way(w, PLAIN);
     make_fresh(w, &before);
+    colors = w->maker == MAP ? 0 : 4 * (size_t)it.view.width * (size_t)it.view.height;
     prepare(w), relations[r].change(), set_way(w, PLAIN);
     make_fresh(w, &after);
     if (!CHECK(before.result == SPS_OK && after.result == SPS_OK && before.count == after.count)) return;
@@ -146,7 +147,6 @@ static void test_relations(void) {
 }
 
 int main(void) {
-    build();
     RUN(test_relations);
     return check_report();
 }

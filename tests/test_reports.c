@@ -50,7 +50,7 @@ static int values(void *user, const int low[3], const int size[3], float *out) {
     return 0;
 }
 
-/* Gas, opaque under suns by sheets, a floor and a pane. */
+/* Gas, opaque under suns by sheets, and a floor; under suns, a pane. */
 static void start(check_scene *s, int kind) {
     static const double corner[3] = {-3, -1.2, -3}, along[3] = {0, 0, 6}, side[3] = {6, 0, 0};
     static const double low[3] = {-0.5, -1, 1.3}, right[3] = {2, 0, 0.3}, up[3] = {0, 2, 0};
@@ -70,7 +70,8 @@ static void start(check_scene *s, int kind) {
     check_add_quad(&floor_faces, corner, along, side);
     check_add_quad(&pane_faces, low, right, up);
     check_add_mesh(s, &floor_faces, 0.5);
-    if (kind != THROWN) check_color(check_add_mesh(s, &pane_faces, 0.2)->transmittance, 0.5, 0.7, 0.9);
+    if (kind == BY_SHEETS || kind == WIDE)
+        check_color(check_add_mesh(s, &pane_faces, 0.2)->transmittance, 0.5, 0.7, 0.9);
     s->view.scattering = kind == SPREADING ? SPS_SCATTERING_CONVOLUTION : SPS_SCATTERING_OFF;
     s->view.scatter_size = 12;
     s->view.tolerance = 0.2f;
@@ -89,7 +90,7 @@ static int measure(int kind, int order, outcome *o) {
     context = check_context(NULL);
     good = CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &o->plan)) && check_render(context, &s, image);
     sps_get_stats(context, &o->stats);
-    CHECK(o->stats.bytes_peak <= o->plan.bytes || o->stats.layers > 0);
+    if (o->stats.layers == 0) CHECK(o->stats.bytes_peak <= o->plan.bytes); /* a bound without layers */
     sps_destroy(context);
     return good;
 }
@@ -107,55 +108,53 @@ static double figure(const outcome *o, size_t at, int size) {
     return size == 8 ? (double)*(const uint64_t *)(const void *)p : (double)*(const int *)(const void *)p;
 }
 
-#define COUNT_OF(part, name, relation)                                                                                 \
-    { #name, offsetof(outcome, part.name), 8, relation }
-#define INT_OF(part, name, relation)                                                                                   \
-    { #name, offsetof(outcome, part.name), 4, relation }
-#define FLOAT_OF(part, name, relation)                                                                                 \
-    { #name, offsetof(outcome, part.name), -4, relation }
+#define FIGURE(part, name, is)                                                                                         \
+    { #name, offsetof(outcome, part.name), (int)sizeof((outcome *)0)->part.name, is }
+#define FLOAT_FIGURE(part, name, is)                                                                                   \
+    { #name, offsetof(outcome, part.name), -4, is }
 
 static const struct {
     const char *name;
     size_t at;
-    int size;
+    int size; /* in bytes; negative: of a float */
     relation is;
 } figures[] = {
-    INT_OF(plan, sweep_count, SWEPT),
-    INT_OF(plan, color_channels, SAME),
-    INT_OF(plan, slab_count, MOST),
-    INT_OF(plan, shadow_width, MOST),
-    INT_OF(plan, shadow_height, MOST),
-    INT_OF(plan, light_points, MOST),
-    COUNT_OF(plan, read_calls, SAME),
-    COUNT_OF(plan, triangle_calls, SAME),
-    COUNT_OF(plan, projector_calls, SUM),
-    COUNT_OF(plan, voxels_read, SAME),
-    COUNT_OF(stats, read_calls, SAME),
-    COUNT_OF(stats, triangle_calls, SAME),
-    COUNT_OF(stats, projector_calls, SUM),
-    COUNT_OF(stats, voxels_read, SAME),
-    COUNT_OF(stats, voxels_relevant, SAME),
-    COUNT_OF(stats, bricks, SAME),
-    COUNT_OF(stats, triangles, SAME),
-    COUNT_OF(stats, pixels_of_polygons, SAME),
-    COUNT_OF(stats, layers, SAME),
-    COUNT_OF(stats, shadow_rays, SUM),
-    COUNT_OF(stats, slabs, SWEPT),
-    COUNT_OF(stats, slabs_empty, SWEPT),
-    COUNT_OF(stats, eye_footprints, SWEPT),
-    COUNT_OF(stats, eye_fragments, SWEPT),
-    COUNT_OF(stats, light_footprints, SUM),
-    COUNT_OF(stats, light_fragments, SUM),
-    COUNT_OF(stats, eye_samples, SWEPT),
-    COUNT_OF(stats, light_samples, SUM),
-    FLOAT_OF(stats, eye_bound, MOST),
-    FLOAT_OF(stats, light_bound, MOST),
-    COUNT_OF(stats, tables_made, SUM),
-    COUNT_OF(stats, table_patches_made, SUM),
-    COUNT_OF(stats, cells, SUM),
-    COUNT_OF(stats, soft_texels, SUM),
-    COUNT_OF(stats, pixels_shaded, SWEPT),
-    COUNT_OF(stats, tiles_finished, SWEPT),
+    FIGURE(plan, sweep_count, SWEPT),
+    FIGURE(plan, color_channels, SAME),
+    FIGURE(plan, slab_count, MOST),
+    FIGURE(plan, shadow_width, MOST),
+    FIGURE(plan, shadow_height, MOST),
+    FIGURE(plan, light_points, MOST),
+    FIGURE(plan, read_calls, SAME),
+    FIGURE(plan, triangle_calls, SAME),
+    FIGURE(plan, projector_calls, SUM),
+    FIGURE(plan, voxels_read, SAME),
+    FIGURE(stats, read_calls, SAME),
+    FIGURE(stats, triangle_calls, SAME),
+    FIGURE(stats, projector_calls, SUM),
+    FIGURE(stats, voxels_read, SAME),
+    FIGURE(stats, voxels_relevant, SAME),
+    FIGURE(stats, bricks, SAME),
+    FIGURE(stats, triangles, SAME),
+    FIGURE(stats, pixels_of_polygons, SAME),
+    FIGURE(stats, layers, SAME),
+    FIGURE(stats, shadow_rays, SUM),
+    FIGURE(stats, slabs, SWEPT),
+    FIGURE(stats, slabs_empty, SWEPT),
+    FIGURE(stats, eye_footprints, SWEPT),
+    FIGURE(stats, eye_fragments, SWEPT),
+    FIGURE(stats, light_footprints, SUM),
+    FIGURE(stats, light_fragments, SUM),
+    FIGURE(stats, eye_samples, SWEPT),
+    FIGURE(stats, light_samples, SUM),
+    FLOAT_FIGURE(stats, eye_bound, MOST),
+    FLOAT_FIGURE(stats, light_bound, MOST),
+    FIGURE(stats, tables_made, SUM),
+    FIGURE(stats, table_patches_made, SUM),
+    FIGURE(stats, cells, SUM),
+    FIGURE(stats, soft_texels, SUM),
+    FIGURE(stats, pixels_shaded, SWEPT),
+    FIGURE(stats, tiles_finished, SWEPT),
 };
 
 static void test_two_lights(void) {

@@ -596,21 +596,25 @@ static void test_sources(void) {
     }
 }
 
-/* Voxels smaller than texels, whose transfer function is not linear: a layer of them passes the same light. */
-static void test_classified(void) {
+/* A box of `size` voxels along each axis, whose transfer function is not linear, under a sun, in 12 texels. */
+static void start_classified(check_scene *s, int size) {
     static const sps_transfer_point points[] = {{0.4f, {1, 1, 1}, 0}, {0.6f, {1, 1, 1}, 4}};
-    sps_transfer transfer;
+    static sps_transfer transfer;
+    transfer.points = points, transfer.point_count = 2;
+    start(s, 1);
+    s->volume[0].transfer = &transfer;
+    for (int k = 0; k < 3; ++k) s->volume[0].size[k] = size;
+    check_add_directional(s, 1, 0, 0, 3);
+    s->view.scatter_size = 12;
+    s->view.slab = 0.7;
+}
+
+/* A layer of voxels smaller than texels passes the same light. */
+static void test_classified(void) {
     double depth;
     check_scene s;
-    memset(&transfer, 0, sizeof transfer);
-    transfer.points = points, transfer.point_count = 2;
-    start(&s, 1);
-    s.volume[0].transfer = &transfer;
-    for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 96;
     lobe.asymmetry = 0.97f;
-    check_add_directional(&s, 1, 0, 0, 3);
-    s.view.scatter_size = 12;
-    s.view.slab = 0.7;
+    start_classified(&s, 96);
     check_render(context, &s, image_a);
     lobe.asymmetry = 0.85f;
     CHECK_NEAR(flux_at(context, 0, 0, 0, 0, &depth), onward(4, 4, 0.97), 0.02);
@@ -619,21 +623,13 @@ static void test_classified(void) {
 
 /* Classified voxels are sampled at least once each, as long as that is no more than four samples along a texel. */
 static void test_samples(void) {
-    static const sps_transfer_point points[] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 3}};
     for (int size = 20; size < 80; size += 6) {
         const spsi_frame *frame;
         const spsi_spread *spread;
-        sps_transfer transfer;
         double texel;
         check_scene s;
         int fine;
-        memset(&transfer, 0, sizeof transfer);
-        transfer.points = points, transfer.point_count = 2;
-        start(&s, 1);
-        s.volume[0].transfer = &transfer;
-        for (int k = 0; k < 3; ++k) s.volume[0].size[k] = size;
-        check_add_directional(&s, 1, 0, 0, 3);
-        s.view.scatter_size = 12;
+        start_classified(&s, size);
         if (!check_render(context, &s, image_a)) return;
         frame = (const spsi_frame *)context->buffers[SPSI_BUFFER_FRAME].data, spread = spread_of(context, 0);
         texel = spsi_pixel_size_at(&spread->map.rays[0], 0); /* the same everywhere, of a sun */

@@ -991,20 +991,16 @@ static double single_irradiance(double g, double extinction, const double light[
    degree 3 of the lobe itself were off by 12 % at g 0.5, by up to 63 % at 0.8. */
 static void test_lobes_beside_slab(void) {
     enum { BESIDE = 12 };
-    static const sps_lobe lobes[3] = {{0.5f, 1}, {0.8f, 1}, {-0.6f, 1}};
+    static const sps_lobe lobes[5] = {{0.5f, 1}, {0.8f, 1}, {0.8f, 1}, {0.8f, 1}, {-0.6f, 1}};
+    static const double blues[5] = {1, 1, 0.25, 0, 1}, albedos[5] = {0.1, 0.1, 0.1, 0.1, 0.01};
     static const double sun[4] = {0, 0, 1, 0}, others[2][4] = {{0.6, 0, 0.8, 0}, {-5.5, -5, -3.5, 1}};
     for (int n = 0; n < 5; ++n) { /* g 0.5, then 0.8: under a sun, two, a lamp; backward, under a sun */
-        const sps_lobe *own = &lobes[n == 4 ? 2 : n > 0];
-        const double g = (double)own->asymmetry,
-                     blue = n < 2 || n == 4 ? 1
-                            : n == 2        ? 0.25
-                                            : 0,
-                     albedo = n == 4 ? 0.01 : 0.1;
+        const double g = (double)lobes[n].asymmetry, blue = blues[n], albedo = albedos[n];
         double all[2][2] = {{0, 0}, {0, 0}}, found, exact, place[6] = {0, 0, 3, 0, 0, -1};
         check_triangles wall;
         check_scene s;
         start_slab(&s, 0.1, 3, &wall);
-        s.volume[0].lobes = own, s.volume[0].lobe_count = 1;
+        s.volume[0].lobes = &lobes[n], s.volume[0].lobe_count = 1;
         check_color(s.volume[0].albedo, albedo, albedo, albedo);
         if (n == 2) check_color(s.light[0].color, 1, 0.5, 0.25), check_add_directional(&s, 0.6, 0, 0.8, 1);
         if (n == 3) s.scene.light_count = 0, check_add_point(&s, -5.5, -5, -3.5, 1);
@@ -1012,7 +1008,7 @@ static void test_lobes_beside_slab(void) {
         check_render(context, &s, image_a);
         found = (double)image_a[20] * 1e4 * SPSI_PI - exp(-0.1);
         exact = n < 2 ? single_irradiance(g, 0.05, sun, place) : 0;
-        if (figures()) printf("g %.1f, lights %d, behind: %.5f, exact %.5f\n", g, n, found, exact);
+        if (figures()) printf("g %.1f, case %d, behind: %.5f, exact %.5f\n", g, n, found, exact);
         if (n < 2) CHECK_NEAR(found, exact, 0.09 * exact);
         for (int i = 0; i < 2 * BESIDE; ++i) { /* 0.4 and 1.5 beside; 0.6 and 1.6 behind, within the shadow and not */
             const int behind = i >= BESIDE, channel = grid_of(context)->channels - 1;

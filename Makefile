@@ -269,7 +269,7 @@ endif
 # tests, a test itself is not optimised, which takes longer than it saves, unless it computes much.
 SPLIT = native sanitized wide_sanitized cpp glsl hlsl unoptimized threads memory $(if $(SPLATSHADOW_LONG),plain baseline)
 SPLIT_CPP = cpp glsl hlsl
-COMPUTING = test_area test_cells test_filling test_particles test_reading test_sampling test_scattering test_walls
+COMPUTING = test_area test_brackets test_cells test_filling test_particles test_reading test_sampling test_scattering test_spreading test_walls
 optimize = $(if $(SPLATSHADOW_LONG)$(filter $(COMPUTING),$(1)),,-O0)
 code = build/tests/$(if $(filter $(SPLIT_CPP),$(1)),cpp,$(1)).code.o
 

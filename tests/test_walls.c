@@ -735,6 +735,7 @@ static void test_white_floor(void) {
 /* Gas by polygons, in their light, in front of them and behind. Scattered once, light is 16 to 74 % short. Were nothing
    in the way of what gas sends, the floor below a roof would be half too bright. */
 static void test_paths(void) {
+    const int roof = check_long() ? 1000 : 300; /* paths below it */
     for (int n = 0; n < 2 * PLACES; ++n) {
         const int place = n / 2;
         char name[64];
@@ -750,13 +751,7 @@ static void test_paths(void) {
         snprintf(name, sizeof name, "%s, g %g", places[place], n % 2 ? 0.85 : 0);
         /* the light of a lamp within gas: 7 %; the sides of a grid, where the light that a roof hides comes from
            further up: 4 % */
-        check_paths(context, &s, name,
-                    place == ROOF && !check_long() ? 300
-                    : place == ROOF                ? 1000
-                                                   : 30,
-                    place == ROOM   ? 0.08
-                    : place == ROOF ? 0.06
-                                    : 0.03);
+        check_paths(context, &s, name, place == ROOF ? roof : 30, place == ROOM ? 0.08 : place == ROOF ? 0.06 : 0.03);
     }
 }
 

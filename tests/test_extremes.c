@@ -1372,6 +1372,8 @@ static void test_light_inside(void) {
     mixed m;
     sps_context *context = check_context(NULL);
     sps_plan_report report;
+    sps_error_info info;
+    char cosine[40];
     mixed_build(&m);
     check_set3(m.s.light[1].position, 0.1, 0.2, 0.1);
     check_force_sheets(&m.s);
@@ -1382,6 +1384,9 @@ static void test_light_inside(void) {
                0, "exact");
     CHECK(sps_plan(context, &m.s.scene, &m.s.view, &report) == SPS_ERROR_UNSUPPORTED);
     CHECK(strstr(sps_error(context), "light[1]") != NULL);
+    sps_get_error(context, &info);
+    snprintf(cosine, sizeof cosine, " at a cosine of %g,", info.value);
+    CHECK(info.value < 0.1 && strstr(info.sentence, cosine) != NULL);
     CHECK(report.bytes == 0 && report.sweep_count == 0);
     m.s.light[1].no_shadow = 1;
     RENDERS(&m.s, rgba);

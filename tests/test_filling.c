@@ -1100,6 +1100,32 @@ static void test_tolerance(void) {
     }
 }
 
+/* A black polygon that cuts slabs amid the cloud, all of which is lit alike: what is seen of it is off by no more than
+   the bound, since nothing is interpolated in a slab that the polygon cuts. */
+static void test_tolerance_before_polygon(void) {
+    static const double corner[3] = {-1, -1, -0.05}, u[3] = {2, 0, 0.1}, v[3] = {0, 2, 0.06};
+    const double uneven = 0.0067 * 0.6 / 7 * 7 * sqrt(2 * SPSI_PI) * 4 * 2 / EDGE; /* as above */
+    for (int slab = 1; slab <= 4; slab += 3) {
+        double none, some, bound, worst = 0;
+        check_scene s;
+        start_cloud(&s, 3);
+        s.view.slab = slab;
+        check_color(s.volume[0].albedo, 1, 1, 1);
+        check_add_directional(&s, 0, -1, -1, 4 * SPSI_PI)->no_shadow = 1; /* gas of radiance 1 */
+        check_add_quad(&faces, corner, u, v);
+        check_add_mesh(&s, &faces, 0);
+        CHECK(spent(&s, 0, image_a, &none) == 0);
+        bound = spent(&s, 1, image_b, &some);
+        for (int i = 0; i < COUNT; i += 4)
+            worst = fmax(worst, fabs((double)log1pf(-image_a[i]) - (double)log1pf(-image_b[i])));
+        if (getenv("CHECK_FIGURES"))
+            printf("slabs of %d before a polygon: %g of %g samples, bound %g, off by %g\n", slab, some, none, bound,
+                   worst);
+        CHECK(bound > 0 && bound <= 1 && some < none);
+        CHECK(worst <= bound + uneven);
+    }
+}
+
 /* The same where voxels are smaller than pixels, with two rays a pixel, four, two on a coarser level, and sixteen where
    voxels are too long for a level, in gas that is as much thinner as bounds are wider. */
 static void test_tolerance_of_small_voxels(void) {
@@ -1481,20 +1507,28 @@ static void start_ends(check_scene *s, int *size) {
     s->volume[0].user = size;
 }
 
+/* Whether voxels are scattered is told by each volume's own bricks, whatever another volume holds. */
 static void test_scattered_thinly(void) {
+    static float one = 1;
     int size = 400;
-    sps_plan_report plan;
-    sps_stats_report stats;
-    check_scene s;
-    start_ends(&s, &size);
-    check_set3(s.view.camera.target, -1, -1, -1);
-    check_orthographic(&s.view.camera, 0.1);
-    if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
-    CHECK(strstr(plan.eye_filling, "splatted: voxels are scattered") == plan.eye_filling);
-    check_render(context, &s, image_a);
-    sps_get_stats(context, &stats);
-    CHECK(stats.eye_samples == 0 && stats.eye_footprints > 0);
-    CHECK(((const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data)->list[0].grid == NULL);
+    for (int beside = 0; beside < 2; ++beside) {
+        sps_plan_report plan;
+        sps_stats_report stats;
+        check_scene s;
+        start_ends(&s, &size);
+        check_set3(s.view.camera.target, -1, -1, -1);
+        check_orthographic(&s.view.camera, 0.1);
+        if (beside) {
+            sps_volume *other = check_add_volume(&s, 88, 88, 88, check_box(-1, -1, -1, 1, 1, 1));
+            other->read_fn = check_read_constant, other->user = &one, other->extinction = 0.1f;
+        }
+        if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
+        CHECK(strstr(plan.eye_filling, "splatted: voxels are scattered") == plan.eye_filling);
+        check_render(context, &s, image_a);
+        sps_get_stats(context, &stats);
+        CHECK((stats.eye_samples > 0) == beside && stats.eye_footprints > 0);
+        CHECK(((const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data)->list[0].grid == NULL);
+    }
 }
 
 /* Light from the left meets the surface of such a voxel, whose left half faces it: its gradient is known, whatever
@@ -1676,6 +1710,7 @@ int main(void) {
     RUN(test_slabs_in_need);
     RUN(test_tolerance);
     RUN(test_tolerance_inside);
+    RUN(test_tolerance_before_polygon);
     RUN(test_tolerance_of_small_voxels);
     RUN(test_tolerance_of_light);
     RUN(test_bound_of_lights);

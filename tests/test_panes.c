@@ -1001,6 +1001,32 @@ static void test_seams(void) {
     }
 }
 
+/* Panes on one side of a larger cube, or on two opposite ones: the light's other faces are as bright as without panes.
+   In sum over the picture within what slabs leave out, 1 % as above. */
+static void test_single_sides(void) {
+    enum { WIDTH = 24, HEIGHT = 16 };
+    for (int sides = 0; sides < 9; ++sides) {
+        double sums[2] = {0, 0};
+        check_scene s;
+        sps_volume *fog;
+        start(&s, WIDTH, HEIGHT);
+        check_set3(s.view.camera.position, 3, 2.2, 1.1);
+        s.view.quality = SPS_QUALITY_MEDIUM;
+        fog = check_add_volume(&s, 16, 16, 16, check_box(-1, -1, -1, 1, 1, 1));
+        fog->read_fn = check_read_constant, fog->user = &one, fog->extinction = 0.2f;
+        check_color(fog->albedo, 1, 1, 1);
+        for (int i = 0; i < 6; ++i)
+            if (i == sides || i / 2 == sides - 6) add_face_of_cube(&lists[0], i / 2, i % 2 ? 0.3 : -0.3, 0.3);
+        add_mesh(&s, 0.1, 0.3, 0.6);
+        check_add_point(&s, 0, 0, 0, 1);
+        for (int i = 0; i < RENDERERS; ++i) {
+            if (!render_into(&renderers[i], &s, image)) return;
+            for (int k = 0; k < WIDTH * HEIGHT; ++k) sums[i] += (double)image[4 * k];
+        }
+        CHECK_NEAR(sums[1] / sums[0], 1, 0.01);
+    }
+}
+
 /* Many panes in one pixel, all of which lie before a steep surface of two colors, though not at their mean depth. */
 static void many_steep_panes(const renderer *r) {
     for (int m = 1; m <= 6; ++m) {
@@ -1076,6 +1102,7 @@ int main(void) {
     RUN(test_same_bits);
     RUN(test_dense_stand_in);
     RUN(test_seams);
+    RUN(test_single_sides);
     RUN(test_many_steep_panes);
     RUN(test_gas_behind_an_edge);
     for (int i = 0; i < LISTS; ++i) check_free_triangles(&lists[i]);

@@ -13,7 +13,7 @@
 #define RIM       1e-6
 #define ISOTROPIC (0.25 / PI)
 
-enum { PIXELS_MOST = 128 * 128 };
+enum { PIXELS_MOST = 192 * 96 };
 static float image_a[4 * PIXELS_MOST], image_b[4 * PIXELS_MOST], distance_a[PIXELS_MOST];
 static sps_context *context;
 
@@ -213,6 +213,24 @@ static void test_one_ball(void) {
                 check_coverage(&x, image_a, (double)stats.slabs, what);
                 stage_free(&x);
             }
+}
+
+/* A ball 90 pixels wide, which covers two columns of tiles or three and one row or two, or the other way round,
+   wherever it lies. */
+static void test_across_tiles(void) {
+    enum { LONG = 192, SHORT = 96 };
+    for (int turned = 0; turned < 2; ++turned)
+        for (int place = 0; place < 6; ++place) {
+            const double scale = 2.5 / (turned ? LONG : SHORT), aside = (place - 3) * 9 * scale;
+            stage x;
+            stage_clear(&x, turned ? SHORT : LONG, turned ? LONG : SHORT);
+            check_set3(x.s.view.camera.position, 0, 0, 5);
+            check_orthographic(&x.s.view.camera, 2.5);
+            stage_add(&x, 0);
+            cloud_add(&x.clouds[0], turned ? 0 : aside, turned ? aside : 0, 0, 45 * scale, 1.5);
+            if (stage_render(&x, image_a)) check_coverage(&x, image_a, 1, turned ? "rows" : "columns");
+            stage_free(&x);
+        }
 }
 
 /* The near plane clips the ball at any position. */
@@ -1413,6 +1431,7 @@ int main(void) {
     RUN(test_queue);
     RUN(test_measures);
     RUN(test_one_ball);
+    RUN(test_across_tiles);
     RUN(test_near_plane);
     RUN(test_cut_by_polygon);
     RUN(test_small);

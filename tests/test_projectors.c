@@ -21,7 +21,7 @@ typedef struct slide {
     int pattern;
 } slide;
 
-enum { WHITE, NOISE, CHECKER, HALVES, GREY, HOLED, ROWS, COLUMNS, LINES };
+enum { WHITE, NOISE, CHECKER, HALVES, GREY, HOLED, ROWS, COLUMNS, LINES, POSTS };
 
 /* A color of the texel at (x, y): a hash. */
 static void noise(int x, int y, float rgb[3]) {
@@ -41,6 +41,7 @@ static int sample_slide(void *user, size_t count, const float *uv, float *out) {
         if (s->pattern == NOISE || s->pattern == HOLED) noise(x, y, out);
         if (s->pattern == HOLED && y == s->size - 1 && x == 1) out[0] = out[1] = out[2] = 0;
         if (s->pattern == LINES) out[0] = out[1] = out[2] = (float)(y & 1);
+        if (s->pattern == POSTS) out[0] = out[1] = out[2] = (float)(x & 1);
         if (s->pattern == ROWS) out[0] = out[1] = out[2] = (float)((y + 2) >> 2 & 1);
         if (s->pattern == COLUMNS) out[0] = out[1] = out[2] = (float)((x + 2) >> 2 & 1);
         if (s->pattern == GREY) out[0] = out[1] = out[2] = 0.5f;
@@ -181,22 +182,24 @@ static void test_oblong_texels(void) {
     }
 }
 
-/* Eight rows of black and white, each four pixels high, however many columns there are: halving the short side of
-   texels must leave the long one. Rows' middles lie two pixels from where rows meet, so pixels there are an eighth off.
- */
+/* Eight rows of black and white, each four pixels high, however many columns there are, or eight such columns: halving
+   the short side of texels must leave the long one. Rows' middles lie two pixels from where rows meet, so pixels there
+   are an eighth off. */
 static void test_long_texels(void) {
-    for (int width = 8; width <= 2048; width *= 4) {
-        slide image = {8, 0, 0, 0, LINES};
+    for (int n = 0; n < 10; ++n) {
+        const int many = 8 << 2 * (n / 2), columns = n % 2;
+        slide image = {8, 0, 0, 0, columns ? POSTS : LINES};
         sps_projector projector = projector_of(&image, 2);
         check_scene s;
         double low = 1, high = 0;
-        projector.width = width;
+        *(columns ? &projector.height : &projector.width) = many;
         start_wall(&s);
         add_projector(&s, SPS_LIGHT_DIRECTIONAL, &projector);
         check_render(context, &s, image_a);
-        for (int y = 3; y < SIDE - 3; ++y) {
-            low = fmin(low, (double)pixel(image_a, SIDE / 2, y)[0]);
-            high = fmax(high, (double)pixel(image_a, SIDE / 2, y)[0]);
+        for (int i = 3; i < SIDE - 3; ++i) {
+            const double here = (double)pixel(image_a, columns ? i : SIDE / 2, columns ? SIDE / 2 : i)[0];
+            low = fmin(low, here);
+            high = fmax(high, here);
         }
         CHECK_NEAR(low, 0.125, 1e-5);
         CHECK_NEAR(high, 0.875, 1e-5);

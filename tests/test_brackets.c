@@ -438,22 +438,25 @@ static void test_faces(void) {
     check_free_triangles(&pane);
 }
 
-/* Chords of balls are exact, and gas amid them shines on both of their sides. The march's steps have particles' mean
-   optical depth, and its kernels end, which costs it 2e-6 of each. */
+/* Chords of balls are exact, and gas amid them shines on both of their sides. Bounds of a floor's light have their
+   shadows. The march's steps have particles' mean optical depth, and its kernels end, which costs it 2e-6 of each. */
 static void test_particles(void) {
-    for (int shines = 0; shines < 2; ++shines) {
+    const double origin[3] = {-3, -3, -1.5}, u[3] = {6, 0, 0}, v[3] = {0, 6, 0};
+    for (int shines = 0; shines < 3; ++shines) {
         check_scene s;
         start(&s, 0, 1);
         check_add_swarm(&s, 0.4);
         check_color(s.volume[0].albedo, 0, 0, 0);
         check_color(s.scene.background, 1, 1, 1);
-        if (shines) check_color(s.volume[0].emission, 2, 2, 2);
+        if (shines == 1) check_color(s.volume[0].emission, 2, 2, 2);
+        if (shines == 2) check_add_quad(&faces, origin, u, v), check_add_mesh(&s, &faces, 0.5);
+        if (shines == 2) check_add_directional(&s, 0.1, -0.2, -1, PI);
         check_order(&s, 0.25);
         check_march(context, &s, 0.02, exact, NULL);
         for (int i = 0; i < 3 * COUNT; ++i) {
             const double found = (double)exact[4 * (i / 3) + i % 3], room = shines ? 2e-4 * found : 2e-5;
             CHECK((double)low[i] - room <= found && found <= (double)high[i] + room);
-            CHECK(shines || (double)high[i] - (double)low[i] < 1e-4);
+            CHECK(shines == 1 || (double)high[i] - (double)low[i] < 1e-4);
         }
     }
 }
@@ -525,6 +528,25 @@ static void test_lamp_within(void) {
             CHECK((double)low[i] - room <= found && found <= (double)high[i] + room);
         }
     }
+}
+
+/* A cone bends within a range just where a straight line through its ends misses it. */
+static void test_corners_of_cones(void) {
+    check_random random = {3};
+    spsi_cone cone;
+    int bent = 0;
+    memset(&cone, 0, sizeof cone);
+    cone.exists = 1, cone.none = 0.7, cone.rim = 0.4; /* all of the light up to 0.3, none from 0.7 on */
+    for (int n = 0; n < 1000; ++n) {
+        const double from = check_next(&random), to = from + 0.5 * check_next(&random);
+        double share[3];
+        spsi_between range;
+        range.low = from, range.high = to;
+        for (int i = 0; i < 3; ++i) share[i] = fmin(fmax((0.7 - from - 0.5 * i * (to - from)) / 0.4, 0), 1);
+        CHECK(spsi_cone_bends(&cone, range) == (fabs(share[0] + share[2] - 2 * share[1]) > 1e-12));
+        bent += spsi_cone_bends(&cone, range);
+    }
+    CHECK(bent > 100 && bent < 900);
 }
 
 /* Gas outside of a cone is dark, and nothing else is said of it. */
@@ -667,6 +689,7 @@ int main(void) {
     RUN(test_dense);
     RUN(test_turned);
     RUN(test_lamp_within);
+    RUN(test_corners_of_cones);
     RUN(test_outside_cone);
     RUN(test_refused);
     RUN(test_workers);

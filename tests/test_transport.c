@@ -293,6 +293,33 @@ static void test_thin_sheets(void) {
                "ripple; round-off of 2000 sheets");
 }
 
+/* Below dense gas no sun arrives on a ground, in however many chunks of slabs the gas is cut after the first sheets
+   that let nothing pass. Light ends where 1e-7 of it is left. */
+static void test_dark_below(void) {
+    enum { PIXELS = 32 };
+    const double corner[3] = {-3, -1.4, 3}, u[3] = {6, 0, 0}, v[3] = {0, 0, -6};
+    for (int size = 100; size <= 800; size *= 2) {
+        check_triangles ground;
+        check_scene s;
+        sps_volume *gas;
+        memset(&ground, 0, sizeof ground);
+        check_clear(&s, PIXELS, PIXELS);
+        s.view.quality = SPS_QUALITY_MEDIUM, s.view.shadow_size = size;
+        gas = check_add_volume(&s, 40, 40, 40, check_box(-1, -1, -1, 1, 1, 1));
+        gas->read_fn = check_read_constant, gas->user = &one, gas->extinction = 60;
+        check_add_directional(&s, 0.2, -1, -0.1, 1);
+        check_add_quad(&ground, corner, u, v);
+        check_add_mesh(&s, &ground, 1);
+        check_set3(s.view.camera.position, 0.28, -1.2,
+                   -0.14); /* between gas and ground, which is in the shadow there */
+        check_set3(s.view.camera.target, 0.28, -1.4, -0.14), check_set3(s.view.camera.up, 0, 0, 1);
+        check_orthographic(&s.view.camera, 1);
+        if (!check_render(context, &s, image_a)) return;
+        CHECK(fabs(farthest(image_a, PIXELS * PIXELS, 0, 0)) <= 1e-6);
+        check_free_triangles(&ground);
+    }
+}
+
 /* ------------------------------------------------------------------------------------------------------------ blobs */
 
 static double gaussian(const void *user, const double p[3]) {
@@ -1473,6 +1500,7 @@ int main(void) {
     RUN(test_slab_scattering_sheets);
     RUN(test_slab_energy);
     RUN(test_thin_sheets);
+    RUN(test_dark_below);
     RUN(test_blob);
     RUN(test_long_voxels);
     RUN(test_pixel_filter);

@@ -796,8 +796,25 @@ static void test_paths_unshadowed(void) {
     }
 }
 
-/* Even gas under a sun, or with a peak beside a lamp whose light is kept apart in part, in any unit of length: powers of
-   two round nothing. */
+/* A spot that a black roof amid the gas cuts off is narrow there, though its cone would be wide at the gas's far end:
+   gas gets the light of the whole cone. */
+static void test_paths_cut_spot(void) {
+    check_scene s;
+    sps_light *spot;
+    start_even(&s);
+    s.volume[0].extinction = 3;
+    add_quad(-4, 0.4, -4, 8, 0, 0, 0, 0, 8);
+    check_add_mesh(&s, &faces, 0);
+    check_set3(s.view.camera.position, 0, 2, 5), check_set3(s.view.camera.target, 0, 0.7, 0);
+    check_orthographic(&s.view.camera, 1.5);
+    spot = check_add_point(&s, 0.1, 1.6, 0.2, 10);
+    check_set3(spot->direction, 0, -1, 0);
+    spot->inner_cone = 0.1, spot->outer_cone = 0.15;
+    check_paths(context, &s, "a spot cut by a roof", 300, 0.03);
+}
+
+/* Even gas under a sun, or with a peak beside a lamp whose light is kept apart in part, in any unit of length: powers
+   of two round nothing. */
 static void start_scaled(check_scene *s, int lamp, double scale) {
     start_even(s);
     add_place(s, lamp ? GLOW : ABOVE_FLOOR);
@@ -1067,8 +1084,8 @@ static void test_lobes_beside_slab(void) {
 
 /* A wall behind gas of g 0.8 and a depth of 2 keeps its light where another gas, of g 0.81, is a trace of 1e-6, and
    where such a trace scatters evenly and comes first, so that gases with a peak have other numbers. Under a model for
-   one gas alone, the wall behind lost a quarter, and one beside it up to 47 %. Floats: 1e-5. Two halves of the gas, of g
-   0.8 and 0.8001, are the gas, within what g changes, 1 - g by 5e-4. */
+   one gas alone, the wall behind lost a quarter, and one beside it up to 47 %. Floats: 1e-5. Two halves of the gas, of
+   g 0.8 and 0.8001, are the gas, within what g changes, 1 - g by 5e-4. */
 static void test_trace(void) {
     static const sps_lobe lobes[3] = {{0.8f, 1}, {0.81f, 1}, {0.8001f, 1}};
     double found[4];
@@ -1087,7 +1104,7 @@ static void test_trace(void) {
         found[n] = (double)image_a[20];
         check_free_triangles(&wall);
     }
-    if (figures()) 
+    if (figures())
         printf("a trace of gas: %.5g, %.5g instead of %.5g; two halves: %.5g\n", found[1], found[2], found[0],
                found[3]);
     for (int n = 1; n < 4; ++n) CHECK_NEAR(found[n], found[0], 1e-3 * found[0]);
@@ -1359,6 +1376,7 @@ int main(void) {
     RUN(test_white_floor);
     RUN(test_paths);
     RUN(test_paths_unshadowed);
+    RUN(test_paths_cut_spot);
     RUN(test_scaled);
     RUN(test_channels);
     RUN(test_workers);

@@ -1004,7 +1004,7 @@ static void test_seams(void) {
 /* Panes on one side of a larger cube, or on two opposite ones: the light's other faces are as bright as without panes.
    In sum over the picture within what slabs leave out, 1 % as above. */
 static void test_single_sides(void) {
-    enum { WIDTH = 24, HEIGHT = 16 };
+    enum { WIDTH = 15, HEIGHT = 10 };
     for (int sides = 0; sides < 9; ++sides) {
         double sums[2] = {0, 0};
         check_scene s;

@@ -310,8 +310,8 @@ static void test_dark_below(void) {
         check_add_directional(&s, 0.2, -1, -0.1, 1);
         check_add_quad(&ground, corner, u, v);
         check_add_mesh(&s, &ground, 1);
-        check_set3(s.view.camera.position, 0.28, -1.2,
-                   -0.14); /* between gas and ground, which is in the shadow there */
+        /* between gas and ground, which is in the shadow there */
+        check_set3(s.view.camera.position, 0.28, -1.2, -0.14);
         check_set3(s.view.camera.target, 0.28, -1.4, -0.14), check_set3(s.view.camera.up, 0, 0, 1);
         check_orthographic(&s.view.camera, 1);
         if (!check_render(context, &s, image_a)) return;

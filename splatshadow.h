@@ -25176,10 +25176,10 @@ static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Chooses the lights that the grids serve: those that send most to the gas. The strongest of the others lowers the
-   weights of lights that send less than twice as much. A lamp's weight grows from 0 at a quarter of the grid's longest
-   side to 1 at half of it, where its directions at two places stand for those along a way. Narrow cones and projectors
-   have no weight. */
+/* The grids serve the lights that bring most to the gas. The strongest light without a place lowers the weight of each
+   that brings less than twice as much, so weights reach 0 before lights change places. A lamp's directions at two
+   places stand for those along a way if it is distant: its weight grows from 0 at a quarter of the grid's longest side
+   to 1 at half of it. Projectors and narrow cones have no weight. */
 static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *grids, int count) {
     const int most = count > 0 ? grids->light_count : 0;
     spsi_cell_light lights[SPSI_CELL_SETS + 1], light;

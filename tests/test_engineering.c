@@ -379,8 +379,7 @@ static void test_progress(mixed *m, kind which) {
     sps_destroy(context);
 }
 
-/* The reference tells of each row, whatever the picture's shape: reading and each row of 40 or 8 are at most 0.3 of it.
- */
+/* The reference reports each row of a picture of any shape: reading and each of 40 or 8 rows are at most 0.3 of it. */
 static void test_progress_of_rows(mixed *m) {
     const int width = m->s.view.width, height = m->s.view.height;
     for (int n = 0; n < 2; ++n) {

@@ -928,11 +928,13 @@ static double spent(check_scene *s, float tolerance, float *image, double *sampl
 }
 
 /* The largest difference of the optical depths of two pictures of matter that only absorbs. */
-static double depths_apart(const float *a, const float *b) {
+static double depths_apart_in(int channel, const float *a, const float *b) {
     double most = 0;
-    for (int i = 3; i < COUNT; i += 4) most = fmax(most, fabs((double)log1pf(-a[i]) - (double)log1pf(-b[i])));
+    for (int i = channel; i < COUNT; i += 4) most = fmax(most, fabs((double)log1pf(-a[i]) - (double)log1pf(-b[i])));
     return most;
 }
+
+static double depths_apart(const float *a, const float *b) { return depths_apart_in(3, a, b); }
 
 /* Third differences of cubics are their third derivatives. The norm counts each of the orders in which one may be
    taken: 1 for x x x, 3 for x x y, 6 for x y z. */
@@ -1067,13 +1069,15 @@ static void test_tolerance_inside(void) {
     }
 }
 
+/* What kernels are uneven by in the cloud's optical depth: a slope is off by 0.0013 of itself (2 pi sigma^2 2 q,
+   q = exp(-2 pi^2 sigma^2)) and 0.0054 for what 4 taps leave out, here 0.0067 * 0.6 / 7 of the largest value along
+   7 sqrt(2 pi) voxels of 4 * 2 / EDGE each. */
+#define UNEVEN (0.0067 * 0.6 * sqrt(2 * SPSI_PI) * 4 * 2 / EDGE)
+
 /* What is interpolated is off by no more than the bound, which is no more than the tolerance, and by what kernels are
-   uneven by: a slope is off by 0.0013 of itself (2 pi sigma^2 2 q, q = exp(-2 pi^2 sigma^2)) and 0.0054 for what 4 taps
-   leave out, here 0.0067 * 0.6 / 7 of the largest value along 7 sqrt(2 pi) voxels of 4 * 2 / EDGE each. A tolerance
-   that is less than what all patches would use leaves some of them, but not all, as they are. */
+   uneven by. A tolerance that is less than what all patches would use leaves some of them, but not all, as they are. */
 static void test_tolerance(void) {
     static const double widths[] = {1, 3, 6};
-    const double uneven = 0.0067 * 0.6 / 7 * 7 * sqrt(2 * SPSI_PI) * 4 * 2 / EDGE;
     for (int n = 0; n < 3; ++n) {
         for (int slab = 1; slab <= 4; slab += 3) {
             double none, all, some, bound, half;
@@ -1083,7 +1087,7 @@ static void test_tolerance(void) {
             CHECK(spent(&s, 0, image_a, &none) == 0);
             bound = spent(&s, 1, image_b, &all);
             if (!CHECK(bound > 0 && bound <= 1) || !CHECK(all < 0.5 * none) ||
-                !CHECK(depths_apart(image_a, image_b) <= bound + uneven))
+                !CHECK(depths_apart(image_a, image_b) <= bound + UNEVEN))
                 printf("    patches of %g voxels, slabs of %d: %g of %g samples, bound %g, off by %g\n", widths[n],
                        slab, all, none, bound, depths_apart(image_a, image_b));
             if (getenv("CHECK_FIGURES"))
@@ -1104,9 +1108,8 @@ static void test_tolerance(void) {
    the bound, since nothing is interpolated in a slab that the polygon cuts. */
 static void test_tolerance_before_polygon(void) {
     static const double corner[3] = {-1, -1, -0.05}, u[3] = {2, 0, 0.1}, v[3] = {0, 2, 0.06};
-    const double uneven = 0.0067 * 0.6 / 7 * 7 * sqrt(2 * SPSI_PI) * 4 * 2 / EDGE; /* as above */
     for (int slab = 1; slab <= 4; slab += 3) {
-        double none, some, bound, worst = 0;
+        double none, some, bound, off;
         check_scene s;
         start_cloud(&s, 3);
         s.view.slab = slab;
@@ -1116,13 +1119,12 @@ static void test_tolerance_before_polygon(void) {
         check_add_mesh(&s, &faces, 0);
         CHECK(spent(&s, 0, image_a, &none) == 0);
         bound = spent(&s, 1, image_b, &some);
-        for (int i = 0; i < COUNT; i += 4)
-            worst = fmax(worst, fabs((double)log1pf(-image_a[i]) - (double)log1pf(-image_b[i])));
+        off = depths_apart_in(0, image_a, image_b);
         if (getenv("CHECK_FIGURES"))
             printf("slabs of %d before a polygon: %g of %g samples, bound %g, off by %g\n", slab, some, none, bound,
-                   worst);
+                   off);
         CHECK(bound > 0 && bound <= 1 && some < none);
-        CHECK(worst <= bound + uneven);
+        CHECK(off <= bound + UNEVEN);
     }
 }
 
@@ -1132,7 +1134,7 @@ static void test_tolerance_of_small_voxels(void) {
     static const double widths[] = {16, 26, 34, 50};
     static const int rays[] = {2, 4, 2, 16};
     for (int n = 0; n < 4; ++n) {
-        const double thinner = pow(6 / widths[n], 3), uneven = 0.0067 * 0.6 * sqrt(2 * SPSI_PI) * 4 * 2 / EDGE;
+        const double thinner = pow(6 / widths[n], 3);
         double all, some, bound;
         check_scene s;
         start_cloud(&s, widths[n]);
@@ -1141,7 +1143,7 @@ static void test_tolerance_of_small_voxels(void) {
         CHECK(spent(&s, 0, image_a, &all) == 0);
         bound = spent(&s, 1, image_b, &some);
         if (!CHECK(bound > 0.2 && bound <= 1 && some < 0.75 * all) ||
-            !CHECK(depths_apart(image_a, image_b) <= bound + uneven * thinner))
+            !CHECK(depths_apart(image_a, image_b) <= bound + UNEVEN * thinner))
             printf("    patches of %g voxels: %g of %g samples, bound %g, off by %g\n", widths[n], some, all, bound,
                    depths_apart(image_a, image_b));
         if (getenv("CHECK_FIGURES"))

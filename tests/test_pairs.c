@@ -257,8 +257,8 @@ static int look(pairs *p, sps_context *context, const int levels[ALL_FEATURES]) 
         p->dark += !seen;
     }
     if (r.result == SPS_OK) check_channel(p, context, levels);
+    if (seen) CHECK(scene_good(&r) || excuse(context, &x, &r));
     if (check_failed > failed || getenv("PAIRS_ALL")) print_report(p, levels, &r);
-    if (seen && !CHECK(scene_good(&r) || excuse(context, &x, &r))) print_report(p, levels, &r);
     free_scene(&x);
     return seen;
 }

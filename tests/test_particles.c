@@ -223,12 +223,15 @@ static void test_across_tiles(void) {
         for (int place = 0; place < 6; ++place) {
             const double scale = 2.5 / (turned ? LONG : SHORT), aside = (place - 3) * 9 * scale;
             stage x;
+            sps_stats_report stats;
             stage_clear(&x, turned ? SHORT : LONG, turned ? LONG : SHORT);
             check_set3(x.s.view.camera.position, 0, 0, 5);
             check_orthographic(&x.s.view.camera, 2.5);
             stage_add(&x, 0);
             cloud_add(&x.clouds[0], turned ? 0 : aside, turned ? aside : 0, 0, 45 * scale, 1.5);
-            if (stage_render(&x, image_a)) check_coverage(&x, image_a, 1, turned ? "rows" : "columns");
+            if (!stage_render(&x, image_a)) return;
+            sps_get_stats(context, &stats);
+            check_coverage(&x, image_a, (double)stats.slabs, turned ? "rows of tiles" : "columns of tiles");
             stage_free(&x);
         }
 }

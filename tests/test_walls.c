@@ -850,18 +850,35 @@ static void test_scaled(void) {
     }
 }
 
+/* Exchanges the axes of a vector: x becomes y, y z, and z x, `by` times. */
 static void turn(double v[3], int by) {
     const double kept[3] = {v[0], v[1], v[2]};
     for (int k = 0; k < 3; ++k) v[(k + by) % 3] = kept[k];
 }
 
-/* Dense gas in an oblong grid about a floor and a wall, all axes of which are exchanged `by` times. */
+static const double turned_sides[3] = {1.5, 0.7, 0.45};
+
+/* Gas that fades out towards the sides of an oblong box: how faces lie in cells would depend on the axis. */
+static double turned_gas(const void *user, const double p[3]) {
+    const int by = *(const int *)user;
+    double value = 1;
+    for (int k = 0; k < 3; ++k) value *= fmax(cos(0.5 * SPSI_PI * p[(k + by) % 3] / turned_sides[k]), 0);
+    value = fmin(2 * value, 1);
+    return value * value;
+}
+
+/* Dense gas in an oblong grid about a floor and a wall, with its axes exchanged. */
 static void start_turned(check_scene *s, int by) {
-    static const double sides[3] = {1.5, 0.7, 0.45};
+    const double *sides = turned_sides;
+    static int number;
+    static const check_field field = {turned_gas, &number, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
     double quads[6][3] = {{-4, -0.2, -4}, {8, 0.3, 0}, {0, 0, 8}, {0.3, -0.2, -4}, {0.2, 2, 0}, {0, 0, 8}};
     sps_placement *placement = &s->volume[0].placement;
     start_even(s);
-    s->volume[0].extinction = 20;
+    s->volume[0].extinction = 60;
+    s->volume[0].read_fn = NULL;
+    s->volume[0].eval_fn = check_eval_field, s->volume[0].user = (void *)(size_t)&field;
+    number = by;
     for (int i = 0; i < 6; ++i) turn(quads[i], by);
     for (int i = 0; i < 6; i += 3) check_add_quad(&faces, quads[i], quads[i + 1], quads[i + 2]);
     check_add_mesh(s, &faces, 0.8)->revision = (uint64_t)by + 1;
@@ -877,7 +894,7 @@ static void start_turned(check_scene *s, int by) {
     turn(s->light[0].direction, by), turn(s->view.camera.position, by), turn(s->view.camera.up, by);
 }
 
-/* The picture is the same, but for the sun's texels and slabs, which lie otherwise about the axes: 1 % of the mean. */
+/* The picture is the same: of the light that polygons send to and fro, 5e-3 may be missing in each. */
 static void test_turned(void) {
     for (int by = 0; by < 3; ++by) {
         check_scene s;
@@ -886,7 +903,7 @@ static void test_turned(void) {
         if (!check_render(context, &s, by ? image_a : image_b)) return;
         off = by ? check_rms(image_a, image_b, COUNT) : 0;
         if (figures()) printf("turned %d times: off by %.2g of %.2g\n", by, off, mean_of(image_b));
-        CHECK(off <= 0.02 * mean_of(image_b));
+        CHECK(off <= 2 * 5e-3 * mean_of(image_b));
     }
 }
 
@@ -1132,13 +1149,12 @@ static void test_trace(void) {
     for (int n = 0; n < 4; ++n) {
         check_triangles wall;
         check_scene s;
-        const int trace = n == 1 ? 1 : 0;
         start_slab(&s, 2, 3, &wall);
         s.volume[0].lobes = lobes, s.volume[0].lobe_count = 1;
         if (n > 0) *check_add_volume(&s, 8, 8, 8, check_box(-1, -1, 0.5, 1, 1, 1.5)) = s.volume[0];
-        if (n > 0) s.volume[trace].extinction *= n < 3 ? 1e-6f : 0.5f, s.volume[trace].lobes = &lobes[n == 1 ? 1 : 2];
-        if (n == 2) s.volume[trace].lobes = NULL, s.volume[trace].lobe_count = 0;
-        if (n == 3) s.volume[1].extinction = s.volume[0].extinction;
+        if (n == 1) s.volume[1].extinction *= 1e-6f, s.volume[1].lobes = &lobes[1];
+        if (n == 2) s.volume[0].extinction *= 1e-6f, s.volume[0].lobes = NULL, s.volume[0].lobe_count = 0;
+        if (n == 3) s.volume[0].extinction *= 0.5f, s.volume[1].extinction *= 0.5f, s.volume[1].lobes = &lobes[2];
         check_set3(s.view.camera.position, 0, 0, 2.6), check_set3(s.view.camera.target, 0, 0, 3);
         check_render(context, &s, image_a);
         found[n] = (double)image_a[20];

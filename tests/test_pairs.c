@@ -206,14 +206,18 @@ static void check_distances(sps_context *context, const random_scene *x, const s
 }
 
 /* One channel of a picture in colors is that of a picture in which all channels are as that one: nothing takes another
-   channel's values. Floats: 1e-5. Light between cells, which is followed until all channels have settled, and whose
-   patches are those of the brightest: the most of 32 scenes is 0.75 %, so 1 %. A channel that panes keep off is left
-   out: grey, they would be opaque, and shade by other maps. */
+   channel's values. Floats: 1e-6. Light between cells, which is followed until all channels have settled, and whose
+   patches are those of the brightest: the most of the long test's scenes is 0.75 %, so 1 %. Cells serve the lights that
+   bring most in all channels together, so only the first two are left then. Panes weigh some things by their mean of
+   all channels: the depth of a layer that only some samples see, and the points of a light with an extent. So there are
+   no such samples, and no check under such lights. A channel that panes keep off is left out: grey, they would be
+   opaque, and shade by other maps. */
 static void check_channel(const pairs *p, sps_context *context, const int levels[ALL_FEATURES]) {
     static const sps_scattering modes[4] = {SPS_SCATTERING_OFF, SPS_SCATTERING_FORWARD, SPS_SCATTERING_CONVOLUTION,
                                             SPS_SCATTERING_FULL};
     static random_scene x;
     static scene_picture pictures[2];
+    const int weighed = levels[PANES] && levels[LIGHT] >= LIGHT_WIDE_SUN;
     int channel = (int)(p->scenes % 3);
     if (levels[VOLUME] == VOLUME_CURVE || levels[SURROUNDINGS] == SURROUNDINGS_SKY || levels[IMAGES]) return;
     for (int n = 0; n < (p->scenes % 2 || check_long() ? 4 : 3); ++n) {
@@ -223,6 +227,8 @@ static void check_channel(const pairs *p, sps_context *context, const int levels
             add_extras(&x, levels);
             x.s.view.quality = SPS_QUALITY_MEDIUM, x.s.view.scattering = modes[n];
             if (n == 3) x.s.view.scatter_size = 16;
+            if (n == 3 && x.s.scene.light_count > 2) x.s.scene.light_count = 2;
+            if (levels[PANES]) x.s.view.coverage_samples = 0;
             for (int i = 0; i < x.s.scene.mesh_count; ++i) x.s.mesh[i].has_colors = 0;
             if (levels[PANES] && !(x.s.mesh[0].transmittance[channel] > 0)) channel = (channel + 1) % 3;
             for (int c = 0; c < 3 && grey; ++c) copy_channel(&x, channel, c);
@@ -236,7 +242,7 @@ static void check_channel(const pairs *p, sps_context *context, const int levels
             free_scene(&x);
             if (result != SPS_OK) return;
         }
-        if (!CHECK(sqrt(squares) <= (n < 3 ? 1e-5 : 0.01) * sum))
+        if (!weighed && !CHECK(sqrt(squares) <= (n < 3 ? 1e-6 : 0.01) * sum))
             printf("    channel %d, scattering %d: %.6f of %.4g\n", channel, n, sqrt(squares), sum);
     }
 }

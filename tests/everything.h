@@ -238,6 +238,7 @@ static inline void build(void) {
 /* What the fields of a row need besides. */
 typedef enum base {
     PLAIN,
+    KEPT,         /* nothing that may change without notice, so that what can be kept from call to call is */
     ORTHOGRAPHIC, /* cameras and the light's map */
     MATRIX,
     EVALUATED,  /* a transfer function by eval_fn */
@@ -268,7 +269,9 @@ static inline void build_matrices(double height) {
 
 static inline void build_base(base b) {
     build();
-    if (b == ORTHOGRAPHIC) {
+    if (b == KEPT) {
+        it.light[1].projector = NULL;
+    } else if (b == ORTHOGRAPHIC) {
         check_orthographic(&it.view.camera, 2.6), check_orthographic(&it.map_light.camera, 2.6);
     } else if (b == MATRIX) {
         build_matrices(1);

@@ -233,24 +233,38 @@ static void test_series(void) {
     CHECK_NEAR(spsi_gauss_error(h, 1), missed, 1e-9 * h);
 }
 
-/* Voxels of 0 and 1 by turns along an axis bend the field most. What a step misses of them is within its bounds, and
-   not far below: bounds that were a tenth as wide would not hold. */
-static void test_step(void) {
-    enum { EDGE = 24 };
-    static spsi_marcher marcher;
-    static float values[EDGE * EDGE * EDGE], most[27];
-    double tightest = 0;
-    spsi_dense *grid = &marcher.grids[0];
-    for (int i = 0; i < EDGE * EDGE * EDGE; ++i) values[i] = (float)(i / (EDGE * EDGE) % 2);
+enum { EDGE = 24 };
+
+/* A marcher through voxels of unit size, whose values are given. */
+static void march_voxels(float *values, float most[27], double extinction, spsi_frame *frame, spsi_marcher *marcher) {
+    spsi_dense *grid = &marcher->grids[0];
     for (int i = 0; i < 27; ++i) most[i] = 1;
     grid->values = values, grid->most = most;
     for (int k = 0; k < 3; ++k) grid->size[k] = EDGE, grid->bricks[k] = 3, grid->inverse[k][k] = 1;
     grid->all_most = 1;
+    frame->medium_count = 1, frame->matter.materials[0].extinction = (float)extinction;
+    marcher->frame = frame, marcher->part_count = 2, marcher->step = 0.75;
+    for (int k = 0; k < 3; ++k) marcher->bounds.low[k] = 0, marcher->bounds.high[k] = EDGE;
+}
+
+/* Voxels of 0 and 1 by turns along an axis bend the field most. What a step misses of them is within its bounds, and
+   not far below: bounds that were a tenth as wide would not hold. So is what it misses of the light that they send. */
+static void test_step(void) {
+    static spsi_marcher marcher;
+    static spsi_frame frame;
+    static spsi_step step;
+    static float values[EDGE * EDGE * EDGE], most[27];
+    double tightest[2] = {0, 0};
+    for (int i = 0; i < EDGE * EDGE * EDGE; ++i) values[i] = (float)(i / (EDGE * EDGE) % 2);
+    march_voxels(values, most, 0, &frame, &marcher);
     for (int n = 0; n < 40; ++n) {
-        spsi_ray ray = {{12.3, 11.6, 11}, {0, 0, 1}, 0.05 * n, 0.05 * n + 0.75};
-        double wanted = 0, middle;
-        spsi_step_gas gas;
-        CHECK(spsi_step_sample(&marcher, 0, &ray, &gas));
+        const spsi_ray ray = {{12.3, 11.6, 11}, {0, 0, 1}, 0.05 * n, 0.05 * n + 0.75};
+        double wanted = 0;
+        spsi_between bounds[2];
+        spsi_coming coming;
+        spsi_step_build(&marcher, &ray, spsi_between_of(0, 0), &step);
+        spsi_coming_plain(&coming);
+        bounds[0] = step.gas[0].length, bounds[1] = spsi_step_integral(&marcher, &step, 0, &coming);
         for (int z = 1; z < EDGE; z += 2) /* kernels across sum up to 1, but for 5e-4 by axis */
             wanted += 0.5 * (erf((ray.origin[2] + ray.high - z - 0.5) / (0.65 * sqrt(2.0))) -
                              erf((ray.origin[2] + ray.low - z - 0.5) / (0.65 * sqrt(2.0))));
@@ -259,12 +273,46 @@ static void test_step(void) {
             for (int i = -8; i < 9; ++i) across += kernel(ray.origin[k] - floor(ray.origin[k]) - i - 0.5);
             wanted *= across;
         }
-        middle = 0.5 * (gas.length.low + gas.length.high);
-        CHECK(gas.length.low <= wanted && wanted <= gas.length.high);
-        tightest = fmax(tightest, fabs(wanted - middle) / (0.5 * (gas.length.high - gas.length.low)));
+        for (int i = 0; i < 2; ++i) {
+            const double middle = 0.5 * (bounds[i].low + bounds[i].high);
+            CHECK(bounds[i].low <= wanted && wanted <= bounds[i].high);
+            tightest[i] = fmax(tightest[i], fabs(wanted - middle) / (0.5 * (bounds[i].high - bounds[i].low)));
+        }
     }
-    if (figures()) printf("a step misses up to %.2f of what is allowed\n", tightest);
-    CHECK(tightest > 0.1);
+    if (figures()) printf("a step misses up to %.2f and %.2f of what is allowed\n", tightest[0], tightest[1]);
+    CHECK(tightest[0] > 0.1 && tightest[1] > 0.1);
+}
+
+/* Even gas around a lamp lets exp(-extinction * distance) pass to all places of a step, and its optical depth changes
+   no faster along that than its series says: by the cosine, and by half the square of the sine over the distance. */
+static void test_shade(void) {
+    static spsi_marcher marcher;
+    static spsi_frame frame;
+    static spsi_step step;
+    static float values[EDGE * EDGE * EDGE], most[27];
+    const double extinction = 3, place[3] = {12, 12, 12};
+    for (int i = 0; i < EDGE * EDGE * EDGE; ++i) values[i] = 1;
+    march_voxels(values, most, extinction, &frame, &marcher);
+    for (int n = 0; n < 12; ++n) {
+        const double away = 1.5 + n / 4, turn = 0.5 * (n % 4);
+        const spsi_ray ray = {{12, 12, 12 + away}, {sin(turn), 0, cos(turn)}, -0.25, 0.25};
+        spsi_coming coming;
+        spsi_lamp lamp;
+        memset(&lamp, 0, sizeof lamp);
+        lamp.is_point = 1;
+        memcpy(lamp.position, place, sizeof lamp.position);
+        spsi_step_build(&marcher, &ray, spsi_between_of(0, 0), &step);
+        spsi_coming_plain(&coming);
+        spsi_coming_shade(&marcher, &step, &lamp, &coming);
+        CHECK(coming.smooth);
+        for (int i = 0; i < 9; ++i) {
+            const double t = ray.low + i / 16.0,
+                         depth = extinction * sqrt(away * away + t * t + 2 * t * away * cos(turn));
+            CHECK(coming.passes.low <= exp(-depth) * 1.001 && exp(-depth) * 0.999 <= coming.passes.high);
+        }
+        CHECK(extinction * cos(turn) <= coming.series.term[1] * 1.001);
+        CHECK(extinction * sin(turn) * sin(turn) / (2 * away) <= coming.series.term[2] * 1.001);
+    }
 }
 
 /* 1 / (t^2 + q^2) about any place, whose k-th derivative / k! is sin((k + 1) angle) / (q r^(k + 1)) for the angle at
@@ -596,6 +644,10 @@ static void test_refused(void) {
     s.volume[1] = s.volume[0];
     s.volume[1].placement.origin[0] = 1e9;
     check_refused(&s, "too far apart");
+    for (int i = 0; i < 2; ++i) /* in thousandths, nearer and as many steps */
+        for (int k = 0; k < 3; ++k) s.volume[i].placement.axis[k][k] *= 1e-3;
+    s.volume[1].placement.origin[0] = 1e6;
+    check_refused(&s, "too far apart");
     s.scene.volume_count = 1;
     memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
     settings.step = 0.5, settings.lower = low, image.rgba = rgba;
@@ -683,6 +735,7 @@ int main(void) {
     RUN(test_kernel);
     RUN(test_series);
     RUN(test_step);
+    RUN(test_shade);
     RUN(test_falloff);
     RUN(test_absorption);
     RUN(test_scattering);

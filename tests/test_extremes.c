@@ -484,6 +484,19 @@ static void test_too_many_volumes(void) {
     RENDERS(&s, rgba);
 }
 
+/* The same of sets of particles. */
+static void test_too_many_sets(void) {
+    static sps_particles sets[65];
+    check_scene s;
+    uniform_build(&s, 4, 1);
+    for (int i = 0; i < 65; ++i) sets[i] = *check_add_swarm(&s, 0.1), s.scene.particle_set_count = 0;
+    s.scene.particles = sets;
+    s.scene.particle_set_count = 65;
+    CHECK(render_fresh(&s, rgba) == SPS_ERROR_ARGUMENT && strstr(sentence, "scene.particle_set_count is 65;"));
+    sets[7].count = 0;
+    RENDERS(&s, rgba);
+}
+
 static int range_fails(void *user, const int lo[3], const int size[3], float out[2]) {
     (void)user;
     (void)lo;
@@ -1592,6 +1605,7 @@ int main(void) {
     RUN(test_matrix_arguments);
     RUN(test_flat_placements);
     RUN(test_too_many_volumes);
+    RUN(test_too_many_sets);
     RUN(test_largest_volume);
     RUN(test_bad_values);
     RUN(test_bad_range);

@@ -169,6 +169,9 @@ static const row rows[] = {
     I(sps_light, kind, light[2], SPS_LIGHT_RECTANGLE, PLAIN, NOTHING),
     I(sps_light, kind, light[2], SPS_LIGHT_DISC, RECTANGLE, NOTHING),
     D(sps_light, direction, light[0], -0.2, PLAIN, NOTHING),
+    D(sps_light, direction, light[0], -0.4, PLAIN, NOTHING), /* x mirrored, then y, then z: its length is the same */
+    D(sps_light, direction, light[0], 0.5, PLAIN, NOTHING),
+    D(sps_light, direction, light[0], 1, PLAIN, NOTHING),
     D(sps_light, direction, light[1], -0.4, PLAIN, NOTHING),
     D(sps_light, position, light[1], 1.7, PLAIN, NOTHING),
     D(sps_light, position, light[2], 1.1, PLAIN, NOTHING),
@@ -397,6 +400,23 @@ static void change(const row *r, size_t element) {
     if (r->also == SIZES) it.volume[0].size[element] = i;
 }
 
+/* Those in which most is kept from call to call: tables, and cells or light that spreads. */
+static const int kept_ways[2] = {16, 15};
+
+static void test_keeps(void) {
+    for (int i = 0; i < 2; ++i) {
+        sps_context *by = check_context(NULL);
+        static outcome out;
+        sps_stats_report stats;
+        build_base(KEPT), set_way(&ways[kept_ways[i]], KEPT);
+        for (int n = 0; n < 2; ++n) make(by, &ways[kept_ways[i]], &out);
+        sps_get_stats(by, &stats);
+        CHECK(ways[kept_ways[i]].scattering == (i ? SPS_SCATTERING_CONVOLUTION : SPS_SCATTERING_FULL));
+        CHECK(stats.cells == 0 && stats.tables_made == 0 && stats.tables_held == 5);
+        sps_destroy(by);
+    }
+}
+
 /* What a new context makes of a base before any change. */
 static const outcome *made_before(base b, int n, const row *r) {
     static outcome *made[BASES][WAYS];
@@ -437,6 +457,16 @@ static int shows(sps_context *held, const row *r, size_t element, int n) {
     return shown;
 }
 
+/* The same where all is kept that can be: tables, and light that scatters from cell to cell or spreads, by turns. */
+static void check_kept(sps_context *held, const row *r, size_t element) {
+    row kept = *r;
+    kept.base = KEPT;
+    for (int n = 0; n < WAYS; ++n)
+        if (check_long() ? ways[n].scattering >= SPS_SCATTERING_CONVOLUTION
+                         : n == kept_ways[((size_t)(r - rows) + element) % 2])
+            shows(held, &kept, element, n);
+}
+
 /* Tries the first way for each element, and another one in turn for one element of every third row; in the long test,
    all ways. If the change shows in none of these, the others are tried until it does. */
 static void check_element(sps_context *held, const row *r, size_t element) {
@@ -453,6 +483,7 @@ static void check_element(sps_context *held, const row *r, size_t element) {
             seen[n] = shows(held, r, element, n) ? 'x' : '-';
             shown |= seen[n] == 'x';
         }
+    if (r->base == PLAIN) check_kept(held, r, element);
     if (getenv("CHECK_FIGURES")) printf("%-20s %-16s %2d  %s\n", r->type + 4, r->name, (int)element, seen);
     if (!CHECK(shown == (r->also != HIDDEN))) complain(r, element, 0, shown ? "shows" : "shows nowhere");
 }
@@ -470,6 +501,7 @@ static void test_fields(void) {
 
 int main(void) {
     RUN(test_list);
+    RUN(test_keeps);
     RUN(test_fields);
     return check_report();
 }

@@ -96,6 +96,20 @@ static int planned_width(const check_scene *s) {
     return plan.shadow_width;
 }
 
+/* Sheets of gas have as many texels as it has voxels, up to 4096 on the longer side, which its kernels make y here. */
+static void test_most_texels(void) {
+    for (int n = 0; n < 2; ++n) {
+        sps_plan_report plan;
+        check_scene s;
+        start_cube(&s, 4096);
+        check_orthographic(&s.view.camera, 1);
+        s.volume[0].size[0] = n ? 8000 : 3000;
+        if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
+        if (n == 0) CHECK_NEAR(plan.shadow_width, 3000 + 5 + 5, 1);
+        if (n == 1) CHECK(plan.shadow_height == 4096);
+    }
+}
+
 /* Polygons may show the gas's shadow nearer to the eye than the gas: all along the light's way as long as that is in
    the image. */
 static void test_polygons(void) {
@@ -325,6 +339,7 @@ int main(void) {
         lumps[(GRID - 1) * ((i & 1) + GRID * ((i >> 1 & 1) + GRID * (i >> 2)))] = 1e-4f;
     RUN(test_pixels);
     RUN(test_nearest);
+    RUN(test_most_texels);
     RUN(test_polygons);
     RUN(test_samples);
     RUN(test_bytes);

@@ -829,7 +829,8 @@ static void test_each_color(void) {
     lobe.asymmetry = 0.85f;
 }
 
-/* Light of each light is held by itself: that of one to three equal ones, in bytes, grows evenly. */
+/* Light of each light is held by itself: that of one to three equal ones, in bytes, grows evenly. Besides, chunks of
+   sheets of 16 x 16 texels and more are worked on: of what gas takes, and of five values in a channel. */
 static void test_bytes_of_each(void) {
     size_t bytes[3];
     for (int n = 0; n < 3; ++n) {
@@ -842,6 +843,7 @@ static void test_bytes_of_each(void) {
         bytes[n] = report.pass[SPS_PASS_SPREADING].bytes;
     }
     CHECK(bytes[1] > bytes[0] && bytes[2] - bytes[1] == bytes[1] - bytes[0]);
+    CHECK(bytes[0] >= bytes[1] - bytes[0] + 7 * SPSI_CHUNK * 16 * 16 * sizeof(float));
 }
 
 static void test_plan(void) {

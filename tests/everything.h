@@ -269,9 +269,7 @@ static inline void build_matrices(double height) {
 
 static inline void build_base(base b) {
     build();
-    if (b == KEPT) {
-        it.light[1].projector = NULL;
-    } else if (b == ORTHOGRAPHIC) {
+    if (b == ORTHOGRAPHIC) {
         check_orthographic(&it.view.camera, 2.6), check_orthographic(&it.map_light.camera, 2.6);
     } else if (b == MATRIX) {
         build_matrices(1);
@@ -406,6 +404,12 @@ static inline void make_fresh(const way *w, outcome *out) {
 
 static inline int same_outcome(const outcome *a, const outcome *b) {
     return a->result == b->result && a->count == b->count && memcmp(a->data, b->data, a->count * sizeof *a->data) == 0;
+}
+
+/* A base without images that lights throw: they may change without notice, so that scattered light is not kept. */
+static inline void build_kept(base b) {
+    build_base(b);
+    for (int i = 0; i < 3; ++i) it.light[i].projector = NULL;
 }
 
 /* What a way asks for, unless the base has it otherwise. */

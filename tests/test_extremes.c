@@ -589,6 +589,30 @@ static void check_replaced(check_scene *s, spoilt *user) {
     sps_destroy(context);
 }
 
+static void keep_messages(void *user, const char *text) { strcat((char *)user, text); }
+
+/* Invalid voxels and particles are counted apart. */
+static void test_bad_of_both(void) {
+    spoilt user = {not_a_number(), 0};
+    char text[512] = "";
+    check_scene s;
+    sps_config config;
+    sps_image image;
+    sps_context *by;
+    memset(&config, 0, sizeof config), memset(&image, 0, sizeof image);
+    config.message_fn = keep_messages, config.message_user = text;
+    by = sps_create(&config, NULL);
+    spoilt_build(&s, &user, 0);
+    user.twice = 1;
+    sps_particle *swarm = (sps_particle *)check_add_swarm(&s, 0.1)->user;
+    swarm[7].radius = swarm[9].position[1] = (float)not_a_number();
+    s.scene.replace_invalid = 1;
+    image.rgba = rgba;
+    CHECK_OK(by, sps_render(by, &s.scene, &s.view, &image));
+    if (!CHECK(strstr(text, "2 values of volumes were") && strstr(text, "2 particles were"))) printf("    %s\n", text);
+    sps_destroy(by);
+}
+
 static void test_bad_values(void) {
     const double bad[] = {not_a_number(), infinite, -infinite, -1, -1e-20, 1e30, 1.1e18};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i)
@@ -1607,6 +1631,7 @@ int main(void) {
     RUN(test_too_many_volumes);
     RUN(test_too_many_sets);
     RUN(test_largest_volume);
+    RUN(test_bad_of_both);
     RUN(test_bad_values);
     RUN(test_bad_range);
     RUN(test_bad_triangles);

@@ -666,6 +666,33 @@ static void test_regions(void) {
     CHECK(hooks.live == 0);
 }
 
+/* Paths begin at all samples of a pixel: gas that only a third of it shows, above or below, left or right, is as
+   bright. Five standard errors of a difference. */
+static void test_all_samples(void) {
+    double light[4], deviation[4];
+    for (int n = 0; n < 4; ++n) {
+        const double aside = n % 2 ? 2 : -2, x = n < 2 ? 0 : aside, y = n < 2 ? aside : 0;
+        const double half[2] = {n < 2 ? 3 : 1, n < 2 ? 1 : 3};
+        check_scene s;
+        sps_volume *volume;
+        check_clear(&s, 1, 1);
+        check_orthographic(&s.view.camera, 6);
+        volume = check_add_volume(&s, 9, 9, 9, check_box(x - half[0], y - half[1], -1, x + half[0], y + half[1], 1));
+        volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one;
+        volume->extinction = 2;
+        check_color(volume->albedo, 1, 1, 1);
+        check_add_directional(&s, 0, 0, -1, 3);
+        s.view.coverage_samples = 3;
+        s.view.scattering = SPS_SCATTERING_FULL;
+        if (!CHECK_OK(context, follow_coarsely(context, &s, many(400), 3, image_a, error_a))) return;
+        light[n] = mean_of(&s, image_a, error_a, 0, &deviation[n]);
+        CHECK(light[n] > 0.01);
+        if (figures()) printf("gas in a third of a pixel: %.4f +- %.4f\n", light[n], deviation[n]);
+        for (int m = 0; m < n; ++m)
+            CHECK_NEAR(light[n], light[m], 5 * sqrt(pow(deviation[n], 2) + pow(deviation[m], 2)));
+    }
+}
+
 static void check_refused(sps_reference_settings *settings, const char *field, const char *words) {
     check_scene s;
     sps_image image;
@@ -835,6 +862,7 @@ int main(void) {
     RUN(test_shared);
     RUN(test_seeds);
     RUN(test_regions);
+    RUN(test_all_samples);
     RUN(test_settings);
     RUN(test_failures);
     RUN(test_extremes);

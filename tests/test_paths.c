@@ -672,7 +672,7 @@ static void test_all_samples(void) {
     double light[4], deviation[4];
     for (int n = 0; n < 4; ++n) {
         const double aside = n % 2 ? 2 : -2, x = n < 2 ? 0 : aside, y = n < 2 ? aside : 0;
-        const double half[2] = {n < 2 ? 3 : 1, n < 2 ? 1 : 3};
+        const double half[2] = {n < 2 ? 3.0 : 1.0, n < 2 ? 1.0 : 3.0};
         check_scene s;
         sps_volume *volume;
         check_clear(&s, 1, 1);

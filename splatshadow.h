@@ -25045,7 +25045,7 @@ static uint64_t spsi_lamp_fingerprint(uint64_t hash, const spsi_lamp *lamp) {
                               lamp->extent.radius, lamp->cone.none,          lamp->cone.rim};
     const int flags[] = {
         lamp->is_point,      lamp->falls_off,           lamp->shadows,        lamp->cone.exists,
-        lamp->extent.exists, lamp->extent.is_disc,      lamp->few_count,      lamp->has_map,
+        lamp->extent.exists, lamp->extent.is_disc,      lamp->point_count,    lamp->has_map,
         lamp->map_size,      lamp->map_omnidirectional, lamp->map.components, (int)lamp->map.technique};
     if (lamp->projection.exists || !hash) return 0;
     hash = spsi_fingerprint(hash, numbers, sizeof numbers);

@@ -406,6 +406,7 @@ static void change(const row *r, size_t element) {
 /* Those in which most is kept from call to call: cells; light that spreads, and tables. */
 static const int kept_ways[2] = {11, 15};
 
+/* There, what a context holds is taken over. */
 static void test_keeps(void) {
     for (int i = 0; i < 2; ++i) {
         sps_context *by = check_context(NULL);
@@ -462,24 +463,27 @@ static int shows(sps_context *held, const row *r, int kept, size_t element, int 
     return shown;
 }
 
-/* Changes an element where much is kept; in the long test, in all ways that keep scattered light. Returns whether the
-   change shows. */
+static int is_of_light(const row *r) { return strcmp(r->type, "sps_light") == 0; }
+
+/* Changes an element where much is kept: in one of two ways, a light's in both, and in the long test in all that keep
+   scattered light. Returns whether the change shows. */
 static int check_kept(sps_context *held, const row *r, size_t element) {
     int shown = 0;
     for (int n = 0; n < WAYS; ++n)
-        if (check_long() ? ways[n].scattering >= SPS_SCATTERING_CONVOLUTION : n == kept_ways[(r - rows) % 2])
+        if (check_long() ? ways[n].scattering >= SPS_SCATTERING_CONVOLUTION
+                         : n == kept_ways[(r - rows) % 2] || (is_of_light(r) && n == kept_ways[(r - rows + 1) % 2]))
             shown |= shows(held, r, 1, element, n);
     return shown;
 }
 
-/* Tries the first way for each element, or one in which much is kept (always for lights, each number of which is listed
-   there), and another one in turn for one element of every third row; in the long test, all ways. If the change shows
-   in none of these, the others are tried until it does. */
+/* Tries the first way for each element, or one in which much is kept, as always for lights, and another one in turn for
+   one element of every third row; in the long test, all ways. If the change shows in none of these, the others are
+   tried until it does. */
 static void check_element(sps_context *held, const row *r, size_t element) {
     const int turn = 1 + (int)(r - rows) / 3 % (WAYS - 1), count = (int)(r->size / element_size(r->kind));
     const int takes_turn = (r - rows) % 3 == 0 && (int)element == (int)(r - rows) % count;
-    const int is_light = strcmp(r->type, "sps_light") == 0;
-    const int keeps = check_long() || (r->base == PLAIN && (is_light || ((size_t)(r - rows) / 2 + element) % 2 == 0));
+    const int even = ((size_t)(r - rows) / 2 + element) % 2 == 0;
+    const int keeps = check_long() || (r->base == PLAIN && (even || is_of_light(r)));
     char seen[WAYS + 1] = "";
     int shown = keeps && check_kept(held, r, element);
     for (int due = 1; due >= 0; --due)

@@ -465,13 +465,13 @@ static int shows(sps_context *held, const row *r, int kept, size_t element, int 
 
 static int is_of_light(const row *r) { return strcmp(r->type, "sps_light") == 0; }
 
-/* Changes an element where much is kept: in one of two ways, a light's in both, and in the long test in all that keep
-   scattered light. Returns whether the change shows. */
+/* Changes an element where much is kept: a light's where cells are, others in one of two ways; in the long test in all
+   that keep scattered light. Returns whether the change shows. */
 static int check_kept(sps_context *held, const row *r, size_t element) {
+    const int own = kept_ways[is_of_light(r) ? 0 : (r - rows) % 2];
     int shown = 0;
     for (int n = 0; n < WAYS; ++n)
-        if (check_long() ? ways[n].scattering >= SPS_SCATTERING_CONVOLUTION
-                         : n == kept_ways[(r - rows) % 2] || (is_of_light(r) && n == kept_ways[(r - rows + 1) % 2]))
+        if (check_long() ? ways[n].scattering >= SPS_SCATTERING_CONVOLUTION : n == own)
             shown |= shows(held, r, 1, element, n);
     return shown;
 }
@@ -482,8 +482,8 @@ static int check_kept(sps_context *held, const row *r, size_t element) {
 static void check_element(sps_context *held, const row *r, size_t element) {
     const int turn = 1 + (int)(r - rows) / 3 % (WAYS - 1), count = (int)(r->size / element_size(r->kind));
     const int takes_turn = (r - rows) % 3 == 0 && (int)element == (int)(r - rows) % count;
-    const int even = ((size_t)(r - rows) / 2 + element) % 2 == 0;
-    const int keeps = check_long() || (r->base == PLAIN && (even || is_of_light(r)));
+    const int third = ((size_t)(r - rows) / 2 + element) % 3 == 0;
+    const int keeps = check_long() || (r->base == PLAIN && (third || is_of_light(r)));
     char seen[WAYS + 1] = "";
     int shown = keeps && check_kept(held, r, element);
     for (int due = 1; due >= 0; --due)

@@ -1944,7 +1944,8 @@ static void test_planes(void) {
         float planes[3] = {0.25f, 0.5f, 1};
         sps_tmap_settings resolved;
         fixture f;
-        sps_tmap *map = NULL;
+        sps_tmap *map = NULL, *other = NULL;
+        size_t live;
         begin(&f, technique);
         f.settings.components = technique == SPS_TMAP_OPACITY ? 3 : 5;
         for (int i = 0; i < 5; ++i) {
@@ -1955,6 +1956,10 @@ static void test_planes(void) {
         f.settings.planes = planes;
         complete(&f);
         CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &map));
+        live = hooks.live;
+        CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &other));
+        sps_tmap_destroy(other);
+        CHECK(hooks.live == live);
         planes[0] = planes[1] = 7;
         resolved = check_settings_of(map);
         CHECK(resolved.planes && resolved.planes != planes && resolved.planes[1] <= 0.5f);

@@ -792,13 +792,16 @@ static void check_placed_slab(const char *name, const int size[3], const sps_pla
     s.view.quality = SPS_QUALITY_ULTRA;
     s.view.slab = 0.25; /* that of ultra quality, however wide pixels are */
     s.view.shadow_size = 100;
-    if (!check_render(context, &s, image_a)) return;
-    if (!CHECK_NEAR(farthest(image_a, 15, 0, exact), exact,
-                    3 * ISOTROPIC * slab_slack(tau, 1.2, 1, RIPPLE) + 5e-4 * exact) ||
-        !CHECK_CASE("Extremes", "voxels 50:50:1, 1:1:50, 1:50:1.67, sheared, mirrored", "coverage of the same slab",
-                    fabs(farthest(image_a, 15, 3, 1 - exp(-tau)) - (1 - exp(-tau))),
-                    exp(-tau) * tau * RIPPLE + ROUNDING, "ripple"))
-        printf("    %s\n", name);
+    for (int splat = 0; splat < 2; ++splat) {
+        s.view.filling = splat ? SPS_FILLING_SPLAT : SPS_FILLING_AUTO;
+        if (!check_render(context, &s, image_a)) return;
+        if (!CHECK_NEAR(farthest(image_a, 15, 0, exact), exact,
+                        3 * ISOTROPIC * slab_slack(tau, 1.2, 1, RIPPLE) + 5e-4 * exact) ||
+            !CHECK_CASE("Extremes", "voxels 50:50:1, 1:1:50, 1:50:1.67, sheared, mirrored", "coverage of the same slab",
+                        fabs(farthest(image_a, 15, 3, 1 - exp(-tau)) - (1 - exp(-tau))),
+                        exp(-tau) * tau * RIPPLE + ROUNDING, "ripple"))
+            printf("    %s\n", name);
+    }
 }
 
 static void test_placements(void) {

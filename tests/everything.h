@@ -238,7 +238,6 @@ static inline void build(void) {
 /* What the fields of a row need besides. */
 typedef enum base {
     PLAIN,
-    KEPT,         /* nothing that may change without notice, so that what can be kept from call to call is */
     ORTHOGRAPHIC, /* cameras and the light's map */
     MATRIX,
     EVALUATED,  /* a transfer function by eval_fn */

@@ -173,7 +173,7 @@ static const row rows[] = {
     D(sps_light, direction, light[0], 0.5, PLAIN, NOTHING),
     D(sps_light, direction, light[0], 1, PLAIN, NOTHING),
     D(sps_light, direction, light[1], -0.4, PLAIN, NOTHING),
-    D(sps_light, direction, light[1], 0.5, PLAIN, NOTHING),
+    D(sps_light, direction, light[1], 0.5, PLAIN, NOTHING), /* likewise */
     D(sps_light, direction, light[1], 0.6, PLAIN, NOTHING),
     D(sps_light, direction, light[1], 1, PLAIN, NOTHING),
     D(sps_light, position, light[1], 1.7, PLAIN, NOTHING),
@@ -403,10 +403,10 @@ static void change(const row *r, size_t element) {
     if (r->also == SIZES) it.volume[0].size[element] = i;
 }
 
-/* Those in which most is kept from call to call: cells; light that spreads, and tables. */
+/* Ways that keep most from call to call: cells; light that spreads, and tables. */
 static const int kept_ways[2] = {11, 15};
 
-/* There, what a context holds is taken over. */
+/* A second call in these ways makes neither cells nor tables. */
 static void test_keeps(void) {
     for (int i = 0; i < 2; ++i) {
         sps_context *by = check_context(NULL);

@@ -222,7 +222,7 @@ static void check_channel(const pairs *p, sps_context *context, const int levels
     if (levels[VOLUME] == VOLUME_CURVE || levels[SURROUNDINGS] == SURROUNDINGS_SKY || levels[IMAGES]) return;
     for (int n = 0; n < (p->scenes % 2 || check_long() ? 4 : 3); ++n) {
         double sum = 0, squares = 0;
-        for (int grey = 0; grey < 2; ++grey) {
+        for (int grey = 0; grey < (weighed ? 1 : 2); ++grey) {
             build_scene(&x, levels, p->random.state, VOXELS, pixels(levels));
             add_extras(&x, levels);
             x.s.view.quality = SPS_QUALITY_MEDIUM, x.s.view.scattering = modes[n];

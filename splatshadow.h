@@ -4259,7 +4259,7 @@ typedef struct spsi_cell_grid {
     float *depth;                       /* optical depth along an edge */
     float *moments;                     /* per channel and term: what the light in a cell is, without ambient light */
     float *flown;   /* the same of first flights, which are in no other moments; NULL: there are none, >>flights */
-    float *trapped; /* per channel: light of glowing particles in their own gas, less that in `flown`; or NULL */
+    float *trapped; /* per channel: glowing gas's own light in it, then what that replaces of `flown`; or NULL */
     float *seen;    /* per material and channel: radiance towards the eye per optical depth scattered */
     int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
@@ -13283,8 +13283,8 @@ static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, co
 
 /* Decides how a volume fills a target. A light's holds the optical depth of gases and the values of classified volumes.
    In sheets and coarse maps, kernels of these end early, and are not widened to a texel: it would be the look of a
-   mean. In samples, gas keeps its mass: it is deposited if its voxels are small, or gathered on the level on which the
-   eye sees it. Returns 0 if the volume is refused. */
+   mean. In samples, gas keeps its mass, whatever the level on which the eye sees it: it is deposited if its voxels are
+   small. Returns 0 if the volume is refused. */
 static int spsi_target_judge(spsi_target *target, int i) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
@@ -13299,11 +13299,12 @@ static int spsi_target_judge(spsi_target *target, int i) {
     splatter->whole = target->kind == SPSI_TARGET_EYE && material->table; /* sections are not cut */
     if (splatter->whole) splatter->eye_near = -FLT_MAX;
     if (splatter->whole || looks) splatter->filter = 0; /* nor footprints widened */
-    if (!keeps || frame->content->levels[i] > 0)
+    if (!keeps) {
         target->verdicts[i] = spsi_tapper_judge(frame, &frame->lattices[i], target->rays, target->slabs, splatter,
                                                 tapping, &target->tappers[i]);
-    target->tappers[i].scale = scale;
-    if (!keeps || spsi_gathers(target->verdicts[i])) return 1;
+        target->tappers[i].scale = scale;
+        return 1;
+    }
     spsi_splatter_deposits(splatter, target->rays, &frame->content->bounds);
     target->verdicts[i] = splatter->deposits ? SPSI_DEPOSITED : SPSI_SPLAT_MASS;
     return 1;
@@ -18892,21 +18893,27 @@ static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z
     memset(toward, 0, 3 * sizeof *toward);
 }
 
-/* First flights that a material sends towards the eye, by their moments in a cell: `each` floats apart. If the light is
-   a lobe of mean cosine b about one direction, a lobe g makes one of b g of it. */
-static float spsi_cell_flown(const spsi_material *material, const double toward[3], const float *flown, int terms,
-                             size_t each) {
+/* What a material scatters of first flights towards the eye, in a cell and channel. Light in a lobe of mean cosine b
+   about one direction is made one of b g by a lobe g. In gas that glows, its own light is even. */
+static float spsi_cell_flown(const spsi_cell_look *look, int m, const double toward[3], int c, size_t at) {
+    const spsi_cell_grid *grid = look->grid;
+    const spsi_material *material = &look->frame->matter.materials[m];
+    const float *flown = grid->flown + (size_t)(c * grid->terms) * grid->count + at;
+    const int own = look->frame->content->flies[m] > 0 && grid->trapped;
+    const float *trapped = grid->trapped + (own ? (size_t)c * grid->count + at : 0);
     double mean[3] = {0, 0, 0}, sum = 0, length;
-    if (!(flown[0] > 0)) return 0;
-    for (int k = 0; k < 3 && terms > 1 && spsi_dot(toward, toward) > 0; ++k) /* y, z and x */
-        mean[k] = (double)flown[(size_t)(k ? k : 3) * each] / (sqrt(3) * (double)flown[0]);
+    if (!(flown[0] > 0)) return own ? *trapped : 0;
+    for (int k = 0; k < 3 && grid->terms > 1 && spsi_dot(toward, toward) > 0; ++k) /* y, z and x */
+        mean[k] = (double)flown[(size_t)(k ? k : 3) * grid->count] / (sqrt(3) * (double)flown[0]);
     length = spsi_fmin(spsi_length(mean), 1);
     for (int i = 0; i < material->lobe_count; ++i) {
         sps_lobe lobe = material->lobes[i];
         lobe.asymmetry *= (float)length;
         sum += spsi_lobe_at(&lobe, spsi_dot(mean, toward) / spsi_fmax(length, DBL_MIN));
     }
-    return (float)(4 * SPSI_PI * sum) * flown[0];
+    sum *= 4 * SPSI_PI;
+    if (!own) return (float)sum * flown[0];
+    return (float)sum * (flown[0] - trapped[(size_t)grid->channels * grid->count]) + *trapped;
 }
 
 /* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells: 0 for empty
@@ -18929,12 +18936,7 @@ static void spsi_cells_look_task(void *data, int row) {
             for (int m = 0; m < look->frame->matter.material_count; ++m) {
                 float sum = 0;
                 for (int l = 0; l < grid->orders; ++l) sum += grid->lobes[m][l] * degree[l];
-                if (grid->flown)
-                    sum += spsi_cell_flown(&look->frame->matter.materials[m], toward,
-                                           grid->flown + (size_t)(c * grid->terms) * grid->count + at, grid->terms,
-                                           grid->count);
-                if (look->frame->content->flies[m] > 0 && grid->trapped)
-                    sum += grid->trapped[(size_t)c * grid->count + at];
+                if (grid->flown) sum += spsi_cell_flown(look, m, toward, c, at);
                 grid->seen[(size_t)(m * grid->channels + c) * grid->count + at] = spsi_higher(sum, 0);
             }
         }
@@ -19676,16 +19678,19 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
 
 /* Sets what leaves an even glowing ball, and the light that stays in it, times `part`. x: optical depth along a radius.
    A fraction p of what is sent leaves at once. Of what has scattered, less leaves, and the rest scatters again: within
-   1 % up to an x of 10. Lobes count as even ones of less gas. p is above 0; of albedo 1, all leaves. */
-static void spsi_emitter_trap(const spsi_material *material, double x, double part, spsi_emitter *like) {
+   1 % up to an x of 10. Lobes count as even ones of less gas. p is above 0; of albedo 1, all leaves. The eye sees the
+   light that stays through what `peak` leaves of the gas, where it passes on. */
+static void spsi_emitter_trap(const spsi_material *material, double peak, double x, double part, spsi_emitter *like) {
+    const double once = spsi_ball_escape(x);
     for (int c = 0; c < 3; ++c) {
         const double emission = (double)material->emission[c], albedo = (double)material->albedo[c];
         const double ahead = albedo * spsi_phase_moment(material, 1), again = (albedo - ahead) / (1 - ahead);
         const double p = spsi_ball_escape(x * (1 - ahead)), q = (1 - p) * (1 - p) / p;
         const double later = p / (1 + 0.083 * q / (1 + (1 - again) * q / 3));
         const double leaves = p + again * (1 - p) * later / (1 - again + again * later);
-        const double sent = spsi_fmin(emission * leaves / spsi_ball_escape(x), (double)SPSI_RADIANCE_MAX);
-        const double trapped = albedo > 0 ? part * (sent - emission) / albedo : 0;
+        const double sent = spsi_fmin(emission * leaves / once, (double)SPSI_RADIANCE_MAX);
+        const double shown = once / spsi_ball_escape(x * (1 - albedo * peak));
+        const double trapped = albedo > 0 ? part * shown * (sent - emission) / albedo : 0;
         like->sent[c] = (float)sent;
         like->trapped[c] = (float)spsi_fmin(trapped, (double)SPSI_RADIANCE_MAX);
     }
@@ -19829,7 +19834,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             if (!many) spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
             if (!(flies > 0)) continue;
             like.gas = (float)amount;
-            spsi_emitter_trap(material, own, flies, &like);
+            spsi_emitter_trap(material, (double)flights->grids->peak[set->channel], own, flies, &like);
             spsi_emitter_clear(flights, point, radius, own, set->channel, &like);
             spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
@@ -19883,7 +19888,8 @@ static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice
     area = spsi_emitter_sum_ball(lattice, sum, point, &like);
     like.gas = (float)(amount * extinction);
     own = 0.75 / SPSI_PI * amount * extinction / area;
-    spsi_emitter_trap(material, own, flies / spsi_fmax(extinction, (double)FLT_MIN), &like);
+    spsi_emitter_trap(material, (double)flights->grids->peak[m], own,
+                      flies / spsi_fmax(extinction, (double)FLT_MIN), &like);
     spsi_emitter_clear(flights, point, (double)like.radius, own, m, &like);
     spsi_emitters_add(flights, point, flies * amount, own, &like, items);
 }
@@ -20473,8 +20479,8 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_emitter *node = flight->emitter;
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), radius = spsi_set(node->radius / (float)grid->edge);
-    const spsi_v rim = spsi_sqrt(spsi_fma(radius, radius, spsi_set(0.38f))), half = spsi_set(0.5f);
+    const spsi_v zero = spsi_set(0), radius = spsi_set(node->radius / (float)grid->edge);
+    const spsi_v rim = spsi_sqrt(spsi_fma(radius, radius, spsi_set(0.38f)));
     spsi_v square, harmonic[SPSI_CELL_TERMS], depth, part, passes[3], even, bent, length, gas;
     spsi_ways ways;
     for (int k = 0; k < 3; ++k) {
@@ -20489,14 +20495,11 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     cells->gas = spsi_add(cells->gas, gas);
     length = spsi_mul(ways.length, spsi_set((float)grid->edge));
     ways.begin = spsi_mul(spsi_flight_begin(flight, length), spsi_set((float)(1 / grid->edge)));
-    ways.end = spsi_sub(ways.length, half);
+    ways.end = spsi_sub(ways.length, spsi_set(0.5f));
     ways.clear = spsi_set(spsi_flight_clear(node, flight->node) / (float)grid->edge);
     ways.own = spsi_set(node->own);
     for (int k = 0; k < 3; ++k) ways.unit[k] = spsi_div(ways.unit[k], spsi_max(ways.length, spsi_set(1e-3f)));
-    /* what is counted twice if the way begins in the cell: half of it, less what its extent adds to the mean way */
-    depth = spsi_clamp(spsi_sub(node->clear > 0 ? radius : ways.begin, ways.end), zero, half);
-    depth = spsi_mul(depth, spsi_sub(spsi_sub(rim, radius), one));
-    depth = spsi_max(spsi_fma(depth, cells->depth, spsi_ways_depth(grid, &ways)), zero);
+    depth = spsi_ways_depth(grid, &ways);
     part = spsi_flight_part(flight, length);
     spsi_harmonics_v(ways.unit, grid->terms, harmonic);
     square = spsi_ball_square(square, spsi_mul(radius, radius));
@@ -20538,7 +20541,8 @@ static void spsi_flight_cells_trap(const spsi_flight_job *job, const spsi_flight
         const float trapped = spsi_lane(spsi_mul(cells->trapped[c], per_gas), i);
         const size_t at = spsi_flight_cell(job, cells, i);
         if (!(cells->lanes >> i & 1)) continue;
-        grid->trapped[(size_t)c * grid->count + at] = trapped - own;
+        grid->trapped[(size_t)c * grid->count + at] = trapped;
+        grid->trapped[(size_t)(grid->channels + c) * grid->count + at] = own;
         for (int m = 0; m < job->frame->matter.material_count; ++m)
             if (job->frame->content->flies[m] > 0)
                 job->emitted[(size_t)c * grid->count + at] -=
@@ -24985,7 +24989,7 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     grid->flux = spsi_lay(memory, &laid, each * (size_t)grid->flux_terms);
     grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? 2 * spsi_cell_patch_floats(grid) : 0);
     grid->flown = flies_to_cells ? spsi_lay(memory, &laid, moments) : NULL;
-    grid->trapped = flies_to_cells ? spsi_lay(memory, &laid, each) : NULL;
+    grid->trapped = flies_to_cells ? spsi_lay(memory, &laid, 2 * each) : NULL;
     grid->pyramid_rows = 0;
     for (int n = 0, y = grid->size[1], z = grid->size[2]; n < SPSI_CELL_LEVELS; ++n, y = (y + 1) / 2, z = (z + 1) / 2)
         grid->pyramid_rows += (size_t)(y * z);

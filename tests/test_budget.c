@@ -65,6 +65,7 @@ static void test_refused(void) {
         check_fails(context, &s, image, SPS_ERROR_ARGUMENT, "view.budget_seconds");
         s.view.budget_seconds = 0, s.view.budget_error = bad[i];
         check_fails(context, &s, image, SPS_ERROR_ARGUMENT, "view.budget_error");
+        CHECK(strstr(sps_error(context), "positive and finite") != NULL);
     }
     start(&s);
     s.view.budget_seconds = s.view.budget_error = 1;
@@ -504,6 +505,7 @@ static void test_refused_rungs(void) {
         light = check_add_light(&s, SPS_LIGHT_RECTANGLE, 3);
         light->position[1] = height;
         light->axes[0][0] = light->axes[1][2] = 1;
+        light->shadow_source = SPS_SHADOW_SHEETS;
         s.view.quality = SPS_QUALITY_DRAFT, light->samples = 4;
         if (check_try(context, &s, image) != SPS_OK) continue;
         s.view.quality = SPS_QUALITY_DEFAULT, light->samples = 0;

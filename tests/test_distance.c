@@ -67,6 +67,23 @@ static void test_layers(void) {
             }
 }
 
+/* Texels many voxels wide: a light has more rays in each before it takes a coarser level than the eye, on which the
+   layer would be wider, and shade what the eye sees of it. As in check_layer. */
+static void test_wide_texels(void) {
+    for (int behind = 0; behind < 2; ++behind) {
+        const double lit = behind ? 0.2 * exp(-1.0) : 0.1 * (1 - exp(-2.0));
+        check_scene s;
+        check_clear(&s, SIDE, SIDE);
+        check_set3(s.view.camera.position, 0, 0, 200);
+        check_orthographic(&s.view.camera, SIDE);
+        add_layer(&s, 4, 1);
+        check_add_directional(&s, 0, 0, behind ? 1 : -1, 3.14159265358979);
+        s.view.shadow_size = 8;
+        if (!check_render(context, &s, image)) return;
+        CHECK_NEAR((double)image[4 * (SIDE / 2 * SIDE + SIDE / 2)], lit, 0.01 * lit);
+    }
+}
+
 /* --- mass --- */
 
 typedef enum shape { LONE, SHEET, CUBE, BLOB, LONG, SHAPES } shape;
@@ -450,6 +467,7 @@ static void test_behind(void) {
 int main(void) {
     context = check_context(NULL);
     RUN(test_layers);
+    RUN(test_wide_texels);
     RUN(test_mass);
     RUN(test_even);
     RUN(test_receding);

@@ -697,12 +697,13 @@ static void test_ambient_of_each(void) {
     check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "ambient");
 }
 
-/* An allocation that fails at any point of a call that measures gas first, with a map beside the sheets: nothing leaks.
- */
+/* An allocation that fails at any point of a call that measures gas first, with a map beside the sheets: nothing leaks,
+   and a call after it leaves the context with as much memory as one without a failure before it. */
 static void test_failures(void) {
     sps_tmap_settings settings;
     check_hooks hooks;
     sps_result result;
+    size_t left[2] = {0, 0}; /* bytes, after a failed call and another; the least and the most */
     long n = 0;
     memset(&settings, 0, sizeof settings), memset(&hooks, 0, sizeof hooks);
     settings.technique = SPS_TMAP_COMPRESSED;
@@ -723,10 +724,13 @@ static void test_failures(void) {
         result = sps_render(by, &s.scene, &s.view, &image);
         hooks.fail_at = 0;
         CHECK(result == SPS_OK || result == SPS_ERROR_MEMORY);
+        CHECK_OK(by, sps_render(by, &s.scene, &s.view, &image));
+        left[0] = n == 1 || hooks.live < left[0] ? hooks.live : left[0];
+        left[1] = hooks.live > left[1] ? hooks.live : left[1];
         sps_destroy(by);
         CHECK(hooks.live == 0);
     } while (result != SPS_OK && n < 1000);
-    CHECK(n > 20);
+    CHECK(n > 20 && left[0] == left[1]);
 }
 
 int main(void) {

@@ -155,6 +155,37 @@ static void test_links(void) {
     }
 }
 
+/* A plane across y cuts the patches of the four sides that it crosses: no patch reaches past it, and a row of them ends
+   there, on the side of the grid's middle. The plane counts as being between the cells whose middles it separates. */
+static void test_trimmed(void) {
+    for (int n = 0; n < 6; ++n) {
+        const plane wall = {{0, 1, 0}, 0.32 * n - 0.81};
+        const spsi_cell_grid *grid;
+        double cut;
+        check_scene s;
+        start_even(&s);
+        check_add_directional(&s, 0.2, -1, 0.1, 1);
+        add_plane(&wall);
+        check_add_mesh(&s, &faces, 0.5);
+        check_render(context, &s, image_a);
+        grid = grid_of(context);
+        cut = ceil((wall.offset - grid->corner[1]) / grid->edge - 0.5);
+        for (int side = 0; side < 6; ++side) {
+            int crossing = 0, ending = 0;
+            for (int i = 0; i < 6 * grid->across * grid->across && side / 2 != 1; ++i) {
+                const int along =
+                    side / 2 == 0 ? 4 : 5; /* y is the first axis of sides across x, the second across z */
+                const double middle = (double)grid->patches[SPSI_CELL_SHEET + i] / grid->edge;
+                const double half = 0.5 * (double)grid->patches[along * SPSI_CELL_SHEET + i] / grid->edge;
+                if (spsi_cell_patch_side(grid, i) != side) continue;
+                crossing += middle - half < cut - 1e-4 && middle + half > cut + 1e-4;
+                ending += fabs((cut < 0.5 * grid->size[1] ? middle - half : middle + half) - cut) < 1e-4;
+            }
+            CHECK(crossing == 0 && ending == (side / 2 == 1 ? 0 : grid->across));
+        }
+    }
+}
+
 /* Rays to what is outside the grid: on the mean of many cells along the direction that they stand for, and spread over
    its share of the sphere. */
 static void test_rays(void) {
@@ -196,11 +227,20 @@ static void test_rays(void) {
     }
 }
 
+/* Irradiance by one channel of a grid's sides */
+static double outside(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
+                      const float *open) {
+    const spsi_cell_receiver to = {point, normal, open};
+    double irradiance[3];
+    spsi_cells_irradiance_outside(grid, channel, 1, &to, irradiance);
+    return irradiance[0];
+}
+
 /* No light passes an opaque plane, at whatever angle, and gas behind it stays dark. */
 static void test_dark_side(void) {
     static const plane walls[] = {{{1, 0, 0}, 0.02}, {{0.48, 0.6, 0.64}, 0.1}};
     for (int n = 0; n < 2; ++n) {
-        double lit = 0, dark = 0;
+        double lit = 0, dark = 0, beside[3], facing[3];
         const spsi_cell_grid *grid;
         int at[3];
         check_scene s;
@@ -222,20 +262,17 @@ static void test_dark_side(void) {
         if (figures()) printf("before a wall up to %.3g, behind it %.3g\n", lit, dark);
         CHECK(lit > 0.05);
         CHECK(dark <= (n ? 0.02 : SPSI_CELL_BALANCE) * lit); /* at a slant, cells that it cuts have lit samples */
+        for (int k = 0; k < 3; ++k) beside[k] = 4 * walls[n].normal[k], facing[k] = -walls[n].normal[k];
+        lit = outside(grid, 0, beside, facing, NULL); /* rays from the grid's sides stop at the plane, too */
+        for (int k = 0; k < 3; ++k) beside[k] = -beside[k];
+        dark = outside(grid, 0, beside, walls[n].normal, NULL);
+        CHECK(dark <= (n ? 0.02 : SPSI_CELL_BALANCE) * lit);
     }
 }
 
 /* --- what cells send to polygons --- */
 
-/* Irradiance by one channel of a grid's sides, and of a grid. */
-static double outside(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
-                      const float *open) {
-    const spsi_cell_receiver to = {point, normal, open};
-    double irradiance[3];
-    spsi_cells_irradiance_outside(grid, channel, 1, &to, irradiance);
-    return irradiance[0];
-}
-
+/* The same of a grid, also within it */
 static double irradiance_at(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
                             const float *open) {
     const spsi_cell_receiver to = {point, normal, open};
@@ -589,12 +626,19 @@ static void test_free(void) {
    that lets pass half of all light leaves half of what glows where it is in the way, all of it elsewhere, and something
    between where it hides a part. With a roof it is darker. */
 static void test_same_floor(void) {
-    double sums[2] = {0, 0}, half = 0, whole = 0;
-    for (int n = 0; n < 4; ++n) {
+    double sums[2][2] = {{0, 0}, {0, 0}}, half = 0, whole = 0;
+    for (int k = 0; k < 8; ++k) {
+        const int n = k % 4, scatters = k / 4; /* gas sends a sun's light by cells; its own flies */
         check_scene s;
-        start(&s, NULL);
-        add_place(&s, GLOW);
-        s.volume[0].extinction *= 0.05f; /* its light flies */
+        if (scatters) {
+            start_even(&s);
+            check_add_directional(&s, 1, 0, 0, 1); /* along the floor, and past what is above it */
+        } else {
+            start(&s, NULL);
+            add_place(&s, GLOW);
+            s.volume[0].extinction *= 0.05f;
+        }
+        if (scatters && n == 1) continue;
         check_set3(s.view.camera.position, 0, -2.5, 5);
         check_set3(s.view.camera.target, 0, -2.9, 0);
         faces.count = 0;
@@ -622,12 +666,15 @@ static void test_same_floor(void) {
         }
         if (n == 2) CHECK(memcmp(image_a + COUNT / 2, image_b + COUNT / 2, COUNT / 2 * sizeof *image_a) == 0);
         for (int i = COUNT / 2; i < COUNT && n == 3; ++i)
-            if (i % 4 < 3) sums[0] += (double)image_a[i], sums[1] += (double)image_b[i];
+            if (i % 4 < 3) sums[scatters][0] += (double)image_a[i], sums[scatters][1] += (double)image_b[i];
     }
-    if (figures()) printf("a floor below a roof is %.3f of what it would be\n", sums[0] / sums[1]);
     if (figures()) printf("a floor below a pane is %.3f of what it would be\n", half / whole);
     CHECK(half < 0.9 * whole);
-    CHECK(sums[0] < 0.7 * sums[1] && sums[0] > 0.01 * sums[1]);
+    for (int scatters = 0; scatters < 2; ++scatters) {
+        const double share = sums[scatters][0] / sums[scatters][1];
+        if (figures()) printf("a floor below a roof is %.3f of what it would be\n", share);
+        CHECK(share < 0.7 && share > 0.01);
+    }
 }
 
 /* --- what polygons send --- */
@@ -1405,6 +1452,7 @@ int main(void) {
     context = check_context(NULL);
     RUN(test_links);
     RUN(test_rays);
+    RUN(test_trimmed);
     RUN(test_dark_side);
     RUN(test_cones);
     RUN(test_outside);

@@ -1,7 +1,7 @@
 # sh tests/install.sh CHECK FOLDER: what the README says about building, in FOLDER. CHECK is `make` (make install and
 # uninstall only), `pkg-config`, `cmake` (examples/cmake/, by itself and from a project that fetches it), `readme` (the
 # quick start's command, and that every make target that the documents name exists), or `code` (the C of the documents
-# that no other test compiles). Commands and code are read from the documents themselves. CC and MAKE are in the
+# but for the tutorial, which a test of its own compares with its programs). Commands and code are read from the documents themselves. CC and MAKE are in the
 # environment. The last line is `1 passed, 0 failed`, or the error of what failed.
 
 set -ex
@@ -85,6 +85,46 @@ check_readme() {
         END { exit !(good && n == 3 * 256 * 256 && bright >= 256) }' blob.ppm
 }
 
+# Indented C of a document, each piece a block; a piece that begins a function is one, and what follows it a block.
+# Indented formulas have no semicolon.
+pieces_of() { # document
+    awk 'function end() {
+            if (piece ~ /;/ && piece ~ /^static int /) sub(/\n}\n/, "\n}\nvoid piece" ++n "(void);\nvoid piece" n "(void) {\n", piece)
+            else if (piece ~ /;/) piece = "void piece" ++n "(void);\nvoid piece" n "(void) {\n" piece
+            if (piece ~ /;/) print piece "}"
+            piece = ""
+        }
+        /^```/ { fenced = !fenced }
+        /^    / && !fenced { piece = piece substr($0, 5) "\n"; next }
+        { end() }
+        END { end() }' "$1" | grep .
+}
+
+# What the manual's pieces speak of
+write_surroundings() {
+    cat << 'C'
+#include "splatshadow.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+static sps_context *context;
+static sps_scene scene;
+static sps_view view;
+static sps_image image;
+static sps_volume volume, smoke;
+static sps_light sun, lamp, lights[1];
+static sps_mesh mesh, pane;
+static unsigned short scan[1];
+static int n, my_image, my_texture;
+static size_t width, height;
+static float *lower, *upper;
+int my_read(void *user, const int lo[3], const int size[3], float *out);
+int my_range(void *user, const int lo[3], const int size[3], float out_min_max[2]);
+int my_color(void *user, size_t count, const float *uv, float *out);
+void my_texture_sample(void *user, const double uv[2], const float dx[2], const float dy[2], float color[3]);
+C
+}
+
 # Each piece inside a function that has what the text around it speaks of.
 check_code() {
     {
@@ -99,10 +139,14 @@ check_code() {
         printf '}\n'
     } > "$folder/code.c"
     "$CC" -std=c99 -Wall -Wextra -Werror -I. -fsyntax-only "$folder/code.c"
-    for page in docs/*.md; do # other pages have none, or a test of their own
+    for page in docs/*.md; do # fences elsewhere would be read by nothing
         case $page in docs/budget.md | docs/shadow_maps.md | docs/tutorial.md) continue ;; esac
         if grep '^```c$' "$page"; then exit 1; fi
+        { write_surroundings && pieces_of "$page"; } > "$folder/page.c" || continue # it has none
+        "$CC" -std=c99 -Wall -Wextra -Werror -Wno-unused -I. -fsyntax-only "$folder/page.c"
+        read=$((${read:-0} + $(grep -c '(void);$' "$folder/page.c")))
     done
+    test "$read" -ge 10
 }
 
 case $1 in

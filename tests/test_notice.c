@@ -467,7 +467,7 @@ static void test_eye_amid_surface(void) {
 /* The eye amid classified matter of one value, which shows from 0.92 to 1.08 of that: the slabs around the eye hold it
    in full, by kernels some of which lie wholly behind the eye, and so the mean distance of what is seen is
    1 / extinction, to the 0.05 % that kernels' cut tails take. Ripple does not matter. Slabs of two voxels have an
-   optical depth of 2 and more, and 1 % of a mean distance comes from the pieces that they are shaded in. */
+   optical depth of 2 and more, and 1.1 % of a mean distance comes from the pieces that they are shaded in: 2 %. */
 static void test_eye_amid_even(void) {
     static const sps_transfer_point points[4] = {
         {0.9f, {1, 1, 1}, 0}, {0.92f, {1, 1, 1}, 10}, {1.08f, {1, 1, 1}, 10}, {1.1f, {1, 1, 1}, 0}};

@@ -787,6 +787,39 @@ static void straight_edge(const renderer *r) {
 }
 static void test_straight_edge(void) { EACH_RENDERER(straight_edge); }
 
+/* An edge between halves of one plane whose colors differ in a single channel: by area, as above, in that one, and not
+   at all in the others. */
+static void colored_edge(const renderer *r) {
+    for (int n = 0; n < 12; ++n) {
+        const int N = n % 2 ? 4 : 8, channel = n / 2 % 3;
+        const double angle = 2 * PI * (n + 0.3) / 12, c = cos(angle), s_ = sin(angle);
+        check_scene s;
+        start(&s, 12, 12);
+        check_orthographic(&s.view.camera, 12);
+        s.view.coverage_samples = N;
+        for (int half = -1; half <= 1; half += 2) { /* beyond the edge, and before it */
+            const double origin[3] = {0.1 - 20 * s_, 0.2 + 20 * c, 0}, u[3] = {40 * s_, -40 * c, 0};
+            const double v[3] = {half * 20 * c, half * 20 * s_, 0};
+            check_add_quad(&lists[0], origin, u, v);
+            for (int i = 0; i < 6; ++i) {
+                float *color = lists[0].list[lists[0].count - 1 - (size_t)(i / 3)].color[i % 3];
+                check_color(color, 0.5, 0.5, 0.5);
+                color[channel] = half < 0 ? 0.9f : 0.3f;
+            }
+        }
+        add_mesh(&s, 0, 0, 0)->has_colors = 1;
+        check_color(s.scene.ambient, 1, 1, 1);
+        if (!render_into(r, &s, image)) return;
+        for (int i = 0; i < 144; ++i) {
+            const double area = covered_area(i % 12 - 5.5 - 0.1, 5.5 - i / 12 - 0.2, c, s_);
+            for (int k = 0; k < 3; ++k)
+                CHECK_NEAR((double)image[4 * i + k], k == channel ? 0.3 + 0.6 * area : 0.5,
+                           (k == channel) * 0.6 * (0.5 / N + 0.25 / N / N) + 3 * EXACT);
+        }
+    }
+}
+static void test_colored_edge(void) { EACH_RENDERER(colored_edge); }
+
 /* With N x N samples, a pixel is the mean of the N x N pixels that an image of N times as many on each side has in its
    place: translucent and opaque polygons that cross each other; lit, and amid gas, where these are sampled too. Where
    they are not, what a polygon covers of one opaque surface behind it has that surface's mean depth: with half of it
@@ -1097,6 +1130,7 @@ int main(void) {
     RUN(test_eye_in_fog);
     RUN(test_gas_between_panes);
     RUN(test_straight_edge);
+    RUN(test_colored_edge);
     RUN(test_finer_image);
     RUN(test_number_of_samples);
     RUN(test_same_bits);

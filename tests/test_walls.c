@@ -170,18 +170,17 @@ static void test_trimmed(void) {
         check_render(context, &s, image_a);
         grid = grid_of(context);
         cut = ceil((wall.offset - grid->corner[1]) / grid->edge - 0.5);
-        for (int side = 0; side < 6; ++side) {
+        for (int side = 0; side < 6; side += side == 1 ? 3 : 1) { /* across x and across z */
+            const int along = side < 2 ? 4 : 5; /* the extent of a patch along y: its first axis, or the second */
             int crossing = 0, ending = 0;
-            for (int i = 0; i < 6 * grid->across * grid->across && side / 2 != 1; ++i) {
-                const int along =
-                    side / 2 == 0 ? 4 : 5; /* y is the first axis of sides across x, the second across z */
+            for (int i = 0; i < 6 * grid->across * grid->across; ++i) {
                 const double middle = (double)grid->patches[SPSI_CELL_SHEET + i] / grid->edge;
                 const double half = 0.5 * (double)grid->patches[along * SPSI_CELL_SHEET + i] / grid->edge;
                 if (spsi_cell_patch_side(grid, i) != side) continue;
                 crossing += middle - half < cut - 1e-4 && middle + half > cut + 1e-4;
                 ending += fabs((cut < 0.5 * grid->size[1] ? middle - half : middle + half) - cut) < 1e-4;
             }
-            CHECK(crossing == 0 && ending == (side / 2 == 1 ? 0 : grid->across));
+            CHECK(crossing == 0 && ending == grid->across);
         }
     }
 }
@@ -227,7 +226,7 @@ static void test_rays(void) {
     }
 }
 
-/* Irradiance by one channel of a grid's sides */
+/* Irradiance by one channel of a grid's sides. */
 static double outside(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
                       const float *open) {
     const spsi_cell_receiver to = {point, normal, open};
@@ -272,7 +271,7 @@ static void test_dark_side(void) {
 
 /* --- what cells send to polygons --- */
 
-/* The same of a grid, also within it */
+/* Irradiance by one channel of a grid, outside of it or within. */
 static double irradiance_at(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
                             const float *open) {
     const spsi_cell_receiver to = {point, normal, open};
@@ -630,6 +629,7 @@ static void test_same_floor(void) {
     for (int k = 0; k < 8; ++k) {
         const int n = k % 4, scatters = k / 4; /* gas sends a sun's light by cells; its own flies */
         check_scene s;
+        if (scatters && n == 1) continue; /* panes filter both alike */
         if (scatters) {
             start_even(&s);
             check_add_directional(&s, 1, 0, 0, 1); /* along the floor, and past what is above it */
@@ -638,7 +638,6 @@ static void test_same_floor(void) {
             add_place(&s, GLOW);
             s.volume[0].extinction *= 0.05f;
         }
-        if (scatters && n == 1) continue;
         check_set3(s.view.camera.position, 0, -2.5, 5);
         check_set3(s.view.camera.target, 0, -2.9, 0);
         faces.count = 0;

@@ -28423,8 +28423,9 @@ static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h
 
 /* A row of voxels, 0 beyond the volume; in `spare` if it lies on the volume's edge. */
 static const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int z, float *spare) {
-    const float *row = grid->values + ((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0];
     const int inside = y >= 0 && z >= 0 && y < grid->size[1] && z < grid->size[2];
+    const size_t number = inside ? (size_t)z * (size_t)grid->size[1] + (size_t)y : 0;
+    const float *row = grid->values + number * (size_t)grid->size[0];
     if (inside && x >= 0 && x + SPSI_BRACKET_TAPS <= grid->size[0]) return row + x;
     for (int i = 0; i < SPSI_BRACKET_TAPS; ++i)
         spare[i] = inside && x + i >= 0 && x + i < grid->size[0] ? row[x + i] : 0;

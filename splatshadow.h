@@ -4259,7 +4259,7 @@ typedef struct spsi_cell_grid {
     float *depth;                       /* optical depth along an edge */
     float *moments;                     /* per channel and term: what the light in a cell is, without ambient light */
     float *flown;   /* the same of first flights, which are in no other moments; NULL: there are none, >>flights */
-    float *trapped; /* per channel: glowing gas's own light in it, then what that replaces of `flown`; or NULL */
+    float *trapped; /* beside `flown`: per channel, glowing gas's own light in it, then what that replaces of it */
     float *seen;    /* per material and channel: radiance towards the eye per optical depth scattered */
     int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
     float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
@@ -18899,8 +18899,8 @@ static float spsi_cell_flown(const spsi_cell_look *look, int m, const double tow
     const spsi_cell_grid *grid = look->grid;
     const spsi_material *material = &look->frame->matter.materials[m];
     const float *flown = grid->flown + (size_t)(c * grid->terms) * grid->count + at;
-    const int own = look->frame->content->flies[m] > 0 && grid->trapped;
-    const float *trapped = grid->trapped + (own ? (size_t)c * grid->count + at : 0);
+    const float *trapped = grid->trapped + (size_t)c * grid->count + at;
+    const int own = look->frame->content->flies[m] > 0;
     double mean[3] = {0, 0, 0}, sum = 0, length;
     if (!(flown[0] > 0)) return own ? *trapped : 0;
     for (int k = 0; k < 3 && grid->terms > 1 && spsi_dot(toward, toward) > 0; ++k) /* y, z and x */

@@ -1,8 +1,9 @@
 # sh tests/install.sh CHECK FOLDER: what the README says about building, in FOLDER. CHECK is `make` (make install and
 # uninstall only), `pkg-config`, `cmake` (examples/cmake/, by itself and from a project that fetches it), `readme` (the
 # quick start's command, and that every make target that the documents name exists), or `code` (the C of the documents
-# but for the tutorial, which a test of its own compares with its programs). Commands and code are read from the documents themselves. CC and MAKE are in the
-# environment. The last line is `1 passed, 0 failed`, or the error of what failed.
+# but for the tutorial, which a test of its own compares with its programs). Commands and code are read from the
+# documents themselves. CC and MAKE are in the environment. The last line is `1 passed, 0 failed`, or the error of what
+# failed.
 
 set -ex
 unset MAKEFLAGS MFLAGS MAKELEVEL MAKEOVERRIDES

@@ -226,12 +226,20 @@ static void test_rays(void) {
     }
 }
 
-/* Irradiance by one channel of a grid's sides. */
+/* Irradiance by one channel of a grid's sides, and of a grid. */
 static double outside(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
                       const float *open) {
     const spsi_cell_receiver to = {point, normal, open};
     double irradiance[3];
     spsi_cells_irradiance_outside(grid, channel, 1, &to, irradiance);
+    return irradiance[0];
+}
+
+static double irradiance_at(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
+                            const float *open) {
+    const spsi_cell_receiver to = {point, normal, open};
+    double irradiance[3];
+    spsi_cells_irradiance(grid, channel, 1, &to, irradiance);
     return irradiance[0];
 }
 
@@ -270,15 +278,6 @@ static void test_dark_side(void) {
 }
 
 /* --- what cells send to polygons --- */
-
-/* Irradiance by one channel of a grid, outside of it or within. */
-static double irradiance_at(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
-                            const float *open) {
-    const spsi_cell_receiver to = {point, normal, open};
-    double irradiance[3];
-    spsi_cells_irradiance(grid, channel, 1, &to, irradiance);
-    return irradiance[0];
-}
 
 /* Irradiance by the sides of a box of uniform exitance, by 200 x 200 points each. */
 static double box_irradiance(const spsi_cell_grid *grid, const double point[3], const double normal[3]) {

@@ -655,7 +655,7 @@ typedef struct sps_light {
        gas, up to 17 lookups; in gas, three lookups per point, slab and texel that has gas. sps_reference uses this
        number of points for each sample, 64 if this is 0, and other ones. */
     int samples;
-    int no_shadow; /* 1: shines through everything */
+    int no_shadow; /* 1: shines through everything, and scatters once in gas */
     /* NULL: see shadow_source. Otherwise from a transmittance map made with these settings, which has no
        slicing limit: around a point light amid what it lights, the map has six faces. Its depth range is fitted to the
        gas, and shadows of polygons are the same as without it: near_depth, far_depth and surface_bias must be 0. By
@@ -758,16 +758,17 @@ typedef enum sps_scattering {
     SPS_SCATTERING_CONVOLUTION,
     /* Any number of times in every direction, on a grid of cubic cells about all gas, or up to four about gas that is
        far apart, for all lights at once: what comes back, what leaves by the sides, what goes from gas to gas, and
-       emission and ambient light that is scattered. What keeps to the straight way is added as by FORWARD. See
-       sps_view.scatter_size. The light in the cells does not depend on the camera: it is held for the next call, and
-       used there if nothing that it was made from has changed, which takes a revision of every volume and mesh, and no
-       light that throws an image. Opaque polygons stop what goes from cell to cell and send it back in all directions,
-       as they do with what lights and ambient light send them; they reflect it in the picture, too, where ambient light
-       is less by what gas keeps off. All that by the mesh's own color, which shade_fn does not change, and not from
-       polygon to polygon. Panes let it pass as if they were not there. A light with an extent lights the cells from its
-       centre. Cost: filling the cells and a table per light, and some five sweeps over them per channel of color, twice
-       as many and rays through the polygons where there are any; then a lookup of them per gas and channel beside those
-       of shadows, and one per surface. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
+       emission and ambient light that is scattered. What keeps to the straight way is added as by FORWARD, and lights
+       without shadows scatter once in gas, since each place would get all of them again. See sps_view.scatter_size. The
+       light in the cells does not depend on the camera: it is held for the next call, and used there if nothing that it
+       was made from has changed, which takes a revision of every volume and mesh, and no light that throws an image.
+       Opaque polygons stop what goes from cell to cell and send it back in all directions, as they do with what lights
+       and ambient light send them; they reflect it in the picture, too, where ambient light is less by what gas keeps
+       off. All that by the mesh's own color, which shade_fn does not change, and not from polygon to polygon. Panes let
+       it pass as if they were not there. A light with an extent lights the cells from its centre. Cost: filling the
+       cells and a table per light, and some five sweeps over them per channel of color, twice as many and rays through
+       the polygons where there are any; then a lookup of them per gas and channel beside those of shadows, and one per
+       surface. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
     SPS_SCATTERING_FULL
 } sps_scattering;
 
@@ -6185,11 +6186,12 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 
 #define SPSI_BOUND_NONE 1e6 /* of what scatters again, per unit of what scatters once: as much as may be */
 
-/* Whether there is light that gas may scatter, or that it lights polygons by or keeps from them. */
+/* Whether there is light that gas may scatter again, or that it lights polygons by or keeps from them. */
 static int spsi_light_meets_gas(const spsi_frame *frame) {
-    const int own = frame->matter.emits || frame->has_ambient, lit = own || frame->lamps.count > 0;
+    const int own = frame->matter.emits || frame->has_ambient, polygons = frame->meshes.triangle_count > 0;
+    const int lit = own || frame->lamps.shadow_count > 0 || (frame->lamps.count > 0 && polygons);
     const int gas = frame->medium_count + frame->particles.set_count; /* which may scatter nothing */
-    return (lit && frame->matter.scatters) || (own && gas > 0 && frame->meshes.triangle_count > 0);
+    return (lit && frame->matter.scatters) || (own && gas > 0 && polygons);
 }
 
 /* A coarse grid of upper bounds of extinction. A straight way advances by at least 1 / sqrt 3 of its length along one
@@ -8664,9 +8666,9 @@ static int spsi_scatters_aside(const spsi_frame *frame) {
 
 /* Whether gas needs tables of light that is scattered forward. */
 static int spsi_scatters_forward(const spsi_frame *frame) {
-    if (spsi_scatters_fully(frame)) return frame->matter.scatters && frame->lamps.count > 0 && frame->matter.orders > 1;
-    return (frame->view.scattering == SPS_SCATTERING_FORWARD || spsi_scatters_aside(frame)) && frame->matter.scatters &&
-           frame->lamps.shadow_count > 0;
+    const int lit = frame->matter.scatters && frame->lamps.shadow_count > 0;
+    if (spsi_scatters_fully(frame)) return lit && frame->matter.orders > 1;
+    return lit && (frame->view.scattering == SPS_SCATTERING_FORWARD || spsi_scatters_aside(frame));
 }
 
 /* Whether any gas scatters light more than once. */
@@ -21730,13 +21732,11 @@ static void spsi_add_cells(const spsi_shader *shader, const spsi_pixels *p, cons
     }
 }
 
-/* Adds ambient light, emission, and the lights that cast no shadows. What peaks pass on of these depends on gas towards
-   the eye here; what they pass on towards the light is in the cells. */
+/* Adds ambient light, emission, and the lights that cast no shadows. */
 static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                                 const spsi_sent *into) {
     const spsi_v mean = spsi_mean_transmittance(part->before, part->after), one = spsi_set(1);
-    const spsi_carried carried = {
-        {mean, mean, mean}, {one, one, one}, part->before, part->after, spsi_scatters_fully(shader->frame)};
+    const spsi_carried carried = {{mean, mean, mean}, {one, one, one}, part->before, part->after, 0};
     for (int m = 0; m < shader->frame->matter.material_count; ++m) {
         const spsi_material *material = &shader->frame->matter.materials[m];
         const spsi_sample *sample = &part->samples[m];
@@ -23266,7 +23266,6 @@ typedef struct spsi_cell_job {
     float *emitted;       /* per channel: radiance added along an edge */
     float *lit;           /* per light of the grid and channel: its part of degree 0 of `incoming` */
     float *incoming;      /* per channel and term: moments of the lights' radiance */
-    float *passed_on;     /* the same of what peaks pass on from lights without shadows; NULL: nothing */
     spsi_flights *flights; /* all trees */
     int grid_count;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
@@ -23391,18 +23390,6 @@ static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
         grid->light_count = spsi_least(SPSI_CELL_SETS / grid->peak_count, frame->lamps.whole_count);
 }
 
-/* Whether a peak passes on light of lights without shadows: they have tables, too, which tell how much. */
-static int spsi_cells_pass_on(const spsi_frame *frame, const spsi_cell_grid *grid) {
-    int peaks = 0;
-    for (int m = 0; m < frame->matter.material_count; ++m) peaks |= grid->peak[m] > 0;
-    return peaks && frame->matter.extinguishes && frame->lamps.count > frame->lamps.shadow_count;
-}
-
-/* Number of lights with tables. */
-static int spsi_cells_table_count(const spsi_frame *frame, const spsi_cell_grid *grid) {
-    return spsi_cells_pass_on(frame, grid) ? frame->lamps.count : frame->lamps.shadow_count;
-}
-
 /* Starts a ray of a cone, from its axis by an angle of that versine (1 - cosine), turned about it. */
 static void spsi_cone_ray(const spsi_lamp *lamp, double versine, double turn, spsi_ray *ray) {
     const double sine = sqrt(versine * (2 - versine));
@@ -23433,8 +23420,7 @@ static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp, 
 
 /* Floats per cell while it is filled and lit. */
 static size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid *grid) {
-    const int lights = 1 + spsi_cells_pass_on(frame, grid);
-    const int each = frame->matter.material_count + 1 + grid->light_count + lights * grid->terms;
+    const int each = frame->matter.material_count + 1 + grid->light_count + grid->terms;
     return (size_t)(8 + each * grid->channels);
 }
 
@@ -23663,26 +23649,24 @@ static sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_lamp *la
     return job->context->result;
 }
 
-/* Lists the lights that have tables: first those that cast shadows, with depth maps and pane maps, then the others.
-   Tables are a grid's own, unless they are the light's; the other maps serve all grids. */
+/* Makes the maps of the lights that cast shadows. Tables are a grid's own, unless they are the light's; depth maps and
+   pane maps serve all grids. */
 static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call *part, sps_tmap *maps) {
     const spsi_frame *frame = job->frame;
-    const int shadows = frame->lamps.shadow_count, tables = spsi_cells_table_count(frame, job->grid);
+    const int shadows = frame->lamps.shadow_count;
     spsi_part_of_call each = *part;
-    int next[2] = {shadows, 0};
-    each.share /= spsi_most(1, tables);
-    for (int i = 0; i < frame->lamps.count; ++i) {
+    each.share /= spsi_most(1, shadows);
+    for (int i = 0, at = 0; at < shadows; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
-        const int at = next[lamp->shadows];
-        if (at == tables) continue; /* without shadows, and no peak needs its table */
+        if (!lamp->shadows) continue;
         if (spsi_cells_table(job, lamp, &each, &job->shadows[at], &maps[at])) return job->context->result;
-        next[lamp->shadows] += 1;
         each.progress += each.share;
+        ++at;
     }
     if (!job->later && (spsi_depth_maps_build(job->context, frame, job->faces, 0, job->shadows, shadows) ||
                         spsi_pane_maps_build(job->context, frame, job->faces, job->shadows, shadows)))
         return job->context->result;
-    for (int i = 0; i < tables; ++i) spsi_shadow_aim(&job->sheets.rays, &job->shadows[i]);
+    for (int i = 0; i < shadows; ++i) spsi_shadow_aim(&job->sheets.rays, &job->shadows[i]);
     return SPS_OK;
 }
 
@@ -23745,26 +23729,13 @@ static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *s
     }
 }
 
-/* What arrives of a light without shadows at a vector of samples beside the whole light: a scale k of extinction means
-   that peaks pass on 1 - k of it wherever it meets gas, of which exp(-k t) is left after a depth t, in all
-   (1 - k) / k (1 - exp(-k t)). k is 1 minus an albedo times a peak, which is at most 0.99^4: never below 0.039. */
-static void spsi_cell_spot_passed_on(const spsi_shadow *table, const spsi_cell_spot *spot, int channels,
-                                     spsi_v passed_on[3]) {
-    const spsi_v found = spsi_pixels_shadow(table, &spot->pixels, 0, spot->part.middle), one = spsi_set(1);
-    for (int c = 0; c < channels; ++c) {
-        const spsi_v scale = spsi_max(spot->scale[c], spsi_set(0.03f)); /* by round-off alone it is less */
-        const spsi_v left = spsi_sub(one, spsi_cell_spot_straight(spot, found, c));
-        passed_on[c] = spsi_mul(spsi_div(spsi_sub(one, scale), scale), left);
-    }
-}
-
 /* Adds moments of light to the cells of a vector of samples, in one channel. */
 static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spot *spot, int channel, spsi_v amount,
-                                   const spsi_v harmonic[SPSI_CELL_TERMS], float *moments) {
+                                   const spsi_v harmonic[SPSI_CELL_TERMS]) {
     const spsi_cell_grid *grid = job->grid;
     const int x = spot->pixels.line.x, end = job->sheets.rays.width - 1;
     for (int t = 0; t < grid->terms; ++t)
-        spsi_cells_deposit(moments + (size_t)(channel * grid->terms + t) * grid->count + spot->row, x, end, 2, 1,
+        spsi_cells_deposit(job->incoming + (size_t)(channel * grid->terms + t) * grid->count + spot->row, x, end, 2, 1,
                            spsi_mul(amount, harmonic[t]));
 }
 
@@ -23779,27 +23750,24 @@ static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_lamp *lam
     return spsi_div(scale, spsi_mul(square, spsi_lamp_falloff(&spot->pixels, &reach)));
 }
 
-/* Adds what one light sends to a vector of samples, weighted by their optical depth. `table`: NULL if it has none. */
-static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *table,
-                                const spsi_cell_spot *spot) {
+/* Adds what one light sends to a vector of samples, weighted by their optical depth. */
+static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot) {
+    const spsi_lamp *lamp = shadow->lamp;
     const int light = spsi_cells_light_of(job->grid, lamp->index);
-    const int channels = job->grid->channels, passes_on = table && !lamp->shadows;
+    const int channels = job->grid->channels;
     const float fraction = (float)(1 - spsi_cells_beams(job, lamp, 0));
-    const spsi_v one = spsi_set(1);
-    spsi_v passes[3] = {one, one, one}, passed_on[3], harmonic[SPSI_CELL_TERMS], cubes = one;
+    spsi_v passes[3], harmonic[SPSI_CELL_TERMS], cubes = spsi_set(1);
     spsi_incident incident;
     spsi_lamp_at(&job->shader, lamp, &spot->pixels, &spot->part, spsi_set(0), &incident);
     if (lamp->falls_off && lamp->few_count == 1) cubes = spsi_cell_spot_near(job, lamp, spot);
-    if (lamp->shadows) spsi_cell_spot_passes(job, table, spot, passes);
-    if (passes_on) spsi_cell_spot_passed_on(table, spot, channels, passed_on);
+    spsi_cell_spot_passes(job, shadow, spot, passes);
     spsi_harmonics_v(incident.travel, job->grid->terms, harmonic);
     for (int c = 0; c < channels; ++c) {
         const spsi_v color = spsi_set(lamp->color[c] * (float)(0.25 / SPSI_PI));
         spsi_v amount = spsi_min(spsi_mul(incident.irradiance[c], color), spsi_set(SPSI_RADIANCE_MAX));
         amount = spsi_mul(spsi_mul(amount, cubes), spsi_mul(spot->depth, spsi_set(fraction)));
-        if (passes_on) spsi_cells_add_moments(job, spot, c, spsi_mul(amount, passed_on[c]), harmonic, job->passed_on);
-        amount = spsi_mul(amount, passes_on ? spsi_add(one, passed_on[c]) : passes[c]);
-        spsi_cells_add_moments(job, spot, c, amount, harmonic, job->incoming);
+        amount = spsi_mul(amount, passes[c]);
+        spsi_cells_add_moments(job, spot, c, amount, harmonic);
         if (light < job->grid->light_count)
             spsi_cells_deposit(job->lit + (size_t)(light * channels + c) * job->grid->count + spot->row,
                                spot->pixels.line.x, job->sheets.rays.width - 1, 2, job->grid->lights[light].weight,
@@ -23816,18 +23784,6 @@ static spsi_v spsi_cells_scale(const spsi_cell_job *job, size_t row, int channel
         scale[i] = grid->depth[at] > 0 ? spsi_higher(1 - spsi_cell_straight(job, channel, at) / grid->depth[at], 0) : 1;
     }
     return spsi_load(scale);
-}
-
-/* Adds what all lights send to a vector of samples. */
-static void spsi_cells_add_lamps(const spsi_cell_job *job, const spsi_cell_spot *spot) {
-    const spsi_lamps *lamps = &job->frame->lamps;
-    const spsi_shadow *next[2] = {job->passed_on ? job->shadows + lamps->shadow_count : NULL, job->shadows};
-    for (int i = 0; i < lamps->count; ++i) {
-        const spsi_lamp *lamp = &lamps->list[i];
-        const spsi_shadow **table = &next[lamp->shadows];
-        spsi_cells_add_lamp(job, lamp, *table, spot);
-        if (*table) ++*table;
-    }
 }
 
 /* --- polygons about the cells --- */
@@ -24173,7 +24129,7 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_lamp *lam
         spsi_beam_light(job, lamp, ray, solid, middle, like.sent);
         for (int c = 0; c < 3; ++c) {
             const int channel = spsi_least(c, grid->channels - 1);
-            const double scale = (double)grid->scale[channel], x = lamp->shadows ? scale * own : 0;
+            const double scale = (double)grid->scale[channel], x = scale * own;
             double scattered = 0;
             for (int m = 0; m < job->frame->matter.material_count; ++m) {
                 const float *each = job->scattered + (size_t)(m * grid->channels + channel) * grid->count;
@@ -24181,8 +24137,8 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_lamp *lam
                 ahead += (double)(each[at] * (grid->orders > 1 ? grid->lobes[m][1] : 0));
                 all += (double)(each[at] * grid->lobes[m][0]);
             }
-            like.sent[c] *= (float)(scattered * length / grid->edge * (lamp->shadows ? exp(-scale * depth) : 1) *
-                               (x > 1e-6 ? -expm1(-x) / x : 1));
+            scattered *= length / grid->edge * exp(-scale * depth);
+            like.sent[c] *= (float)(scattered * (x > 1e-6 ? -expm1(-x) / x : 1));
         }
         depth += own;
         for (int k = 0; k < 3; ++k) /* 4 max(0, cos) has a mean cosine of 2 / 3 */
@@ -24240,7 +24196,7 @@ static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, con
                 hits.weight[last] = to_polygons * ray.high * ray.high /
                                     spsi_fmax(-spsi_dot(hits.surface[last].normal, ray.direction), 1e-3);
             }
-            spsi_beam_through_gas(job, lamp, &ray, to_gas, items[SPSI_FLIGHTS_BEAMS]);
+            if (shadow) spsi_beam_through_gas(job, lamp, &ray, to_gas, items[SPSI_FLIGHTS_BEAMS]);
         }
         spsi_cell_hits_light(job, lamp, 1, shadow, 0, &hits);
         for (int i = 0; i < hits.count; ++i) spsi_hits_reflect(job, &hits, i, i + 1, items[SPSI_FLIGHTS_SPOTS]);
@@ -24400,18 +24356,18 @@ static void spsi_cells_light_task(void *data, int row) {
             if (!spsi_bits(spsi_less(spsi_set(0), spot.depth))) continue;
             for (int c = 0; c < grid->channels; ++c) spot.scale[c] = spsi_cells_scale(job, spot.row, c, x);
             spsi_cell_spot_build(&job->shader, job->sheets.slabs.thickness, x, sy, sz, &spot);
-            spsi_cells_add_lamps(job, &spot);
+            for (int i = 0; i < job->frame->lamps.shadow_count; ++i) spsi_cells_add_lamp(job, &job->shadows[i], &spot);
         }
 }
 
 /* Lights all cells, and the polygons about them. */
 static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *part) {
     sps_context *context = job->context;
-    const int count = spsi_cells_table_count(job->frame, job->grid), rows = job->grid->size[1] * job->grid->size[2];
+    const int count = job->frame->lamps.shadow_count, rows = job->grid->size[1] * job->grid->size[2];
     sps_tmap *maps;
     spsi_cell_directions(job->directions);
     if (spsi_cell_walls_begin(job)) return context->result;
-    if (job->frame->lamps.count == 0 && !job->walls.closed) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
+    if (count == 0 && !job->walls.closed) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
     job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
     if (!job->shadows || !maps) return context->result;
@@ -24898,21 +24854,6 @@ static double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_leve
     return change;
 }
 
-/* Adds what peaks pass on of the light of lights without shadows, which cells do not send. */
-static void spsi_cells_add_passed_on(const spsi_cell_job *job, int channel) {
-    const spsi_cell_grid *grid = job->grid;
-    for (int t = 0; t < grid->terms; ++t) {
-        const size_t term = (size_t)(channel * grid->terms + t) * grid->count;
-        float *light = grid->moments + term, *flux = NULL;
-        if (t < grid->flux_terms) flux = grid->flux + (size_t)(channel * grid->flux_terms + t) * grid->count;
-        for (size_t at = 0; at < grid->count; ++at) {
-            const float more = grid->depth[at] > 0 ? job->passed_on[term + at] / (4 * grid->depth[at]) : 0;
-            light[at] += more;
-            if (flux) flux[at] += more;
-        }
-    }
-}
-
 /* Solves for one channel; beside polygons, again with what they reflect. */
 static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_level *plain, const spsi_part_of_call *part) {
     spsi_cell_solver *solver = job->solver;
@@ -24944,7 +24885,6 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_level *
     if (grid->pyramid) spsi_cells_sweep_rest(job, job->channel, light);
     if (plain) spsi_cells_take_flux(job, job->channel, grid);
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
-    if (job->passed_on) spsi_cells_add_passed_on(job, job->channel);
     return SPS_OK;
 }
 
@@ -25034,7 +24974,7 @@ static size_t spsi_cells_bytes(const spsi_frame *frame) {
     for (int i = 0; i < frame->lamps.count; ++i) { /* lights' tables */
         spsi_lamp coarse = frame->lamps.list[i];
         size_t held, filling;
-        if ((!coarse.shadows && !spsi_cells_pass_on(frame, &grid)) || spsi_has_shadow_table(&coarse)) continue;
+        if (!coarse.shadows || spsi_has_shadow_table(&coarse)) continue;
         spsi_cells_lamp(spsi_cell_texels(frame), NULL, &coarse);
         spsi_lamp_tmap_bytes(frame, &coarse, &held, &filling);
         bytes += sizeof(sps_tmap) + held + filling;
@@ -25135,7 +25075,6 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
     const size_t channels = (size_t)grid->channels, floats = spsi_cell_job_floats(frame, grid) * grid->count;
     spsi_cell_job *job = (spsi_cell_job *)spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof *job);
     float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELLS, floats, sizeof(float));
-    const size_t moments = channels * (size_t)grid->terms * grid->count;
     const size_t cells = (size_t)(grid->pitch * grid->size[1] * grid->size[2]);
     *begun = job;
     if (!job || !memory) return context->result;
@@ -25153,11 +25092,6 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
     job->emitted = job->scattered + (size_t)frame->matter.material_count * channels * grid->count;
     job->lit = job->emitted + channels * grid->count;
     job->incoming = job->lit + (size_t)grid->light_count * channels * grid->count;
-    memory = job->incoming + moments;
-    if (spsi_cells_pass_on(frame, grid)) {
-        job->passed_on = memory;
-        memory += moments;
-    }
     if (spsi_cells_fill(job, part)) return context->result;
     spsi_cells_mean_scale(job);
     if (grid->pyramid) memcpy(grid->pyramid, grid->depth, cells * sizeof *grid->depth);
@@ -25183,7 +25117,7 @@ static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *fra
 /* The grids serve the lights that bring most to the gas. The strongest light without a place lowers the weight of each
    that brings less than twice as much, so weights reach 0 before lights change places. A lamp's directions at two
    places stand for those along a way if it is distant: its weight grows from 0 at a quarter of the grid's longest side
-   to 1 at half of it. Projectors and narrow cones have no weight. */
+   to 1 at half of it. Projectors, narrow cones and lights without shadows have no weight. */
 static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *grids, int count) {
     const int most = count > 0 ? grids->light_count : 0;
     spsi_cell_light lights[SPSI_CELL_SETS + 1], light;
@@ -25191,7 +25125,8 @@ static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *gr
     for (int i = 0; i < frame->lamps.whole_count && most > 0; ++i) {
         const spsi_lamp *lamp = &frame->lamps.whole[i];
         const double sum = (double)lamp->color[0] + (double)lamp->color[1] + (double)lamp->color[2];
-        double weight = lamp->projection.exists ? 0 : lamp->cone.exists ? lamp->cone.none / 0.3 - 1 : 1;
+        double weight = lamp->cone.exists ? lamp->cone.none / 0.3 - 1 : 1;
+        if (!lamp->shadows || lamp->projection.exists) continue;
         light.index = lamp->index, light.places = 1 + lamp->is_point, light.brings = 0;
         for (int n = 0; n < count; ++n) {
             const double longest = grids[n].edge * frame->view.scatter_size;
@@ -27267,7 +27202,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    : frame->view.scattering == SPS_SCATTERING_OFF ? once
                    : !again                                       ? "view.scattering does not ask for it"
                    : !lit                                         ? "no light"
-                   : !spsi_scatters_fully(frame)                  ? "no light casts shadows"
+                   : frame->lamps.shadow_count == 0               ? "no light casts shadows"
                                                                   : "gases scatter evenly: cells have all of it");
     spsi_plan_pass(report, SPS_PASS_SPREADING, spsi_scatters_aside(frame) ? frame->lamps.shadow_count : 0,
                    "view.scattering asks for it",
@@ -27280,7 +27215,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    : report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is above the tolerance"
                                                : "view.scattering asks for it",
                    !frame->matter.scatters        ? "nothing scatters: albedo 0 or no extinction"
-                   : !spsi_light_meets_gas(frame) ? "no light"
+                   : !spsi_light_meets_gas(frame) ? lit ? "no light casts shadows" : "no light"
                    : report->scatter_bound > 0    ? once
                                                   : "view.scattering does not ask for it");
     spsi_plan_pass(report, SPS_PASS_EMISSION, frame->matter.emits, "volumes or particles emit", "nothing emits");
@@ -29447,7 +29382,7 @@ static void spsi_path_turn(spsi_path *path, const double direction[3], int face,
     path->face = face;
 }
 
-/* Adds the light that gas at a point scatters along the path. */
+/* Adds the light that gas at a point scatters along the path: after the first event, none of lights without shadows. */
 static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *point, const spsi_material *material,
                                 spsi_path *path) {
     const int lamps = path->scattered > 0 ? marcher->frame->lamps.count : 0; /* the first event's are marched */
@@ -29458,7 +29393,7 @@ static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *p
             spsi_glow_draw(marcher, &path->random, &at);
         else
             spsi_reference_point(&marcher->frame->lamps.list[i], point->position, 0, &at);
-        if (!spsi_point_arrival(marcher, point, &at, travel, arrives)) continue;
+        if (!at.shadows || !spsi_point_arrival(marcher, point, &at, travel, arrives)) continue;
         passes = spsi_path_transmittance(marcher, &at, point->position, &path->random);
         density = spsi_path_density(material, -spsi_dot(travel, point->direction));
         if (i < 0) passes *= marcher->glow_sum * spsi_glow_at(marcher, point->position, density, at.position, response);

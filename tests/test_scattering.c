@@ -370,8 +370,17 @@ static double error_of(const float *image) {
     return sqrt(square) / mean_of(image_b);
 }
 
-/* The reference marches with the series itself. Errors may be those of light that scatters once, and 0.5 % of tables.
-   Returns that of light that scatters forward. */
+/* What 1 % of the brightest value, test_series' limit of what tables leave between nodes, makes of such an error. It
+   counts where one pixel sees a lamp amid surfaces, 144 times as bright as the mean. */
+static double error_at_peak(const float *image) {
+    double most = 0;
+    for (int i = 0; i < COUNT; ++i)
+        if (i % 4 < 3) most = fmax(most, (double)image[i]);
+    return 0.01 * most / (sqrt(3.0) * SIDE * mean_of(image));
+}
+
+/* The reference marches with the series itself. Errors may be those of light that scatters once, and what tables leave,
+   0.5 % of many pixels and 1 % of one. Returns that of light that scatters forward. */
 static double compare_with_reference(int kind, int light, double extinction) {
     const double step = extinction > PUFF_EXTINCTION ? 0.4 : 0.5;
     double once, again, more;
@@ -392,7 +401,8 @@ static double compare_with_reference(int kind, int light, double extinction) {
         printf("%s, %s: %.2f times as bright, error %.4f, scattered once %.4f\n", kinds[kind], lights[light], more,
                again, once);
     CHECK(more > 1.05);
-    if (!CHECK(again < once + 0.005)) printf("    %s, %s: %.4f, %.4f\n", kinds[kind], lights[light], again, once);
+    if (!CHECK(again < once + 0.005 + error_at_peak(image_b)))
+        printf("    %s, %s: %.4f, %.4f\n", kinds[kind], lights[light], again, once);
     return again;
 }
 

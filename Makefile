@@ -232,7 +232,6 @@ COMPILE_sanitized = $(SANITIZE) -DSPS_NO_SIMD $(call TRAP,$(comma)alignment)
 COMPILE_cpp       = g++ -x c++ -std=c++11 -D_POSIX_C_SOURCE=200809L $(if $(SPLATSHADOW_LONG),-O2,-O1)
 COMPILE_baseline  = gcc $(STANDARD) $(if $(SPLATSHADOW_LONG),-O2,-O1)
 COMPILE_plain     = gcc $(STANDARD) -O2 -DSPS_NO_SIMD
-COMPILE_unoptimized = gcc $(STANDARD) -O0 -march=native
 COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
 # In plain C: clang 14 takes what most vector instructions answer for uninitialised if any lane of theirs is
 COMPILE_memory    = clang $(STANDARD) -O1 -gline-tables-only -DSPS_NO_SIMD -fsanitize=memory
@@ -259,15 +258,18 @@ TESTS_clang     = test_watertight
 TESTS_glsl      = test_sampling
 TESTS_hlsl      = test_sampling
 ifdef SPLATSHADOW_LONG
-CONTRACTING = readme fused clang
-$(foreach configuration,$(filter-out native glsl hlsl $(CONTRACTING),$(CONFIGURATIONS)),$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
-$(foreach configuration,$(CONTRACTING),$(eval TESTS_$(configuration) += test_polygons test_pictures test_filling test_shadows test_tmaps test_simd))
+# All tests where misuse of memory is found, with vectors and without, and in C++, whose programs are also those for the
+# least x86. The tests that depend on floats in other ways of compiling, and those with threads of their own.
+$(foreach configuration,sanitized wide_sanitized memory cpp,$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
+$(foreach configuration,plain baseline readme fused clang,\
+	$(eval TESTS_$(configuration) = test_watertight test_polygons test_pictures test_filling test_shadows test_tmaps test_simd))
+TESTS_threads = test_engineering test_reading
 endif
 
 # Where many tests run in one configuration, the header is compiled once, with every function visible, and each test
 # against its declarations alone; tests/mutants.awk writes both out. Not where it matters what is inlined. In short
 # tests, a test itself is not optimised, which takes longer than it saves, unless it computes much.
-SPLIT = native sanitized wide_sanitized cpp glsl hlsl unoptimized threads memory $(if $(SPLATSHADOW_LONG),plain baseline)
+SPLIT = native sanitized wide_sanitized cpp glsl hlsl threads memory $(if $(SPLATSHADOW_LONG),plain baseline)
 SPLIT_CPP = cpp glsl hlsl
 COMPUTING = test_area test_brackets test_cells test_filling test_particles test_reading test_sampling test_scattering test_spreading test_walls
 optimize = $(if $(SPLATSHADOW_LONG)$(filter $(COMPUTING),$(1)),,-O0)
@@ -328,7 +330,7 @@ test:
 	@awk '$(SUMMARY)' build/tests/*.log
 
 test-long: export SPLATSHADOW_LONG = 1
-test-long: export CONFIGURATIONS = native sanitized wide_sanitized plain cpp baseline readme fused clang glsl hlsl unoptimized threads memory
+test-long: export CONFIGURATIONS = native sanitized wide_sanitized plain cpp baseline readme fused clang glsl hlsl threads memory
 test-long: test
 
 # A log ends with `exit status S`. Its last `N passed, N failed` counts; a program whose status is not 0 although it

@@ -1341,6 +1341,21 @@ static inline sps_result measure_edges(sps_context *context, const random_scene 
     return result;
 }
 
+/* Compares edges of polygons with the reference's. A near plane or an edge that ends gas costs it half a step of it, so
+   failures are measured again. */
+static inline int check_edges(sps_context *context, const random_scene *x, int samples) {
+    scene_error error;
+    int good = 0;
+    for (double step = SCENE_STEP; step > 0.1 && !good && x->s.scene.mesh_count > 0; step *= 0.25) {
+        if (!CHECK_OK(context, measure_edges(context, x, samples, step, &error))) return 0;
+        good = error.mean < SCENE_DARK || (error.light <= SCENE_BOUND && error.coverage <= SCENE_COVERAGE);
+    }
+    if (x->s.scene.mesh_count > 0 && !CHECK(good))
+        printf("    edges with %d x %d samples: %.2f %%, coverage %.4f\n", samples, samples, 100 * error.light,
+               error.coverage);
+    return good;
+}
+
 /* --------------------------------------------------------------------------------------- light from cell to cell */
 
 enum { CELLS_SIDE = 24 }; /* cells, and pixels where they are compared with random paths */

@@ -125,21 +125,6 @@ static void judge(soak *s, const outcome *o) {
     print_outcome(s, o);
 }
 
-/* A near plane or an edge that ends gas costs the reference half a step of it, so failures are measured again. */
-static void soak_edges(sps_context *context, const random_scene *x, long number) {
-    const int samples = 2 + (int)(number / 2 % 4);
-    scene_error error;
-    int good = 0;
-    if (x->s.scene.mesh_count == 0 || number % 2 == 1) return;
-    for (double step = SCENE_STEP; step > 0.1 && !good; step *= 0.25) {
-        if (!CHECK_OK(context, measure_edges(context, x, samples, step, &error))) return;
-        good = error.mean < SCENE_DARK || (error.light <= SCENE_BOUND && error.coverage <= SCENE_COVERAGE);
-    }
-    if (!CHECK(good))
-        printf("    scene %ld with %d x %d samples: %.2f %%, coverage %.4f\n", number, samples, samples,
-               100 * error.light, error.coverage);
-}
-
 /* Whether a picture with light from cell to cell is darker than what is judged, by the renderer and by a few paths. */
 static int cells_dark(sps_context *context, const random_scene *x) {
     static float rgba[2][4 * CELLS_SIDE * CELLS_SIDE];
@@ -538,7 +523,7 @@ static void soak_scene(sps_context *context, soak *s, long number) {
         ++s->hidden;
     else
         judge(s, &o);
-    if (o.report.result == SPS_OK) soak_edges(context, &x, number);
+    if (o.report.result == SPS_OK && number % 2 == 0) check_edges(context, &x, 2 + (int)(number / 2 % 4));
     soak_distance(context, &x, random, number);
     soak_beside(context, s, random, number);
     soak_specks(context, random, number);

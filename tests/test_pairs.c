@@ -40,7 +40,7 @@ static const char *const extra_names[ALL_FEATURES - FEATURES] = {"panes", "image
 
 /* Levels that are paired. Area lights, images, cones and panes are left to soak, tests of their own and the long test:
    the reference samples each by 16 points at every place, or has to be refined, which would take this test minutes.
-   coverage_samples has a comparison with every scene in soak. */
+   coverage_samples has a comparison of its own with each scene that has polygons. */
 static int pair_levels(int f) {
     if (f >= FEATURES) return f >= TOLERANT || check_long() ? 2 : 1;
     return f == LIGHT && !check_long() ? LIGHT_DISC : level_count(f);
@@ -263,6 +263,7 @@ static int look(pairs *p, sps_context *context, const int levels[ALL_FEATURES]) 
         p->dark += !seen;
     }
     if (r.result == SPS_OK) check_channel(p, context, levels);
+    if (r.result == SPS_OK) check_edges(context, &x, 2 + (int)(p->scenes % 3));
     if (seen) CHECK(scene_good(&r) || excuse(context, &x, &r));
     if (check_failed > failed || getenv("PAIRS_ALL")) print_report(p, levels, &r);
     free_scene(&x);

@@ -1270,7 +1270,7 @@ static void bench_grades(ex_session sessions[GRADES]) {
 static void bench_cells(ex_session *session) {
     enum { SIZES = 4, PHASES = 3, ROUNDS = 3 };
     static const int sizes[SIZES] = {32, 48, 64, 96}, moments[PHASES] = {1, 4, 16};
-    static const sps_lobe lobes[PHASES] = {{0, 1}, {0.3f, 1}, {0.85f, 1}};
+    static const sps_lobe lobes[PHASES] = {{0, 1}, {0.2f, 1}, {0.85f, 1}};
     frame f;
     blob_frame(&f, 128, 64);
     f.volume.extinction = 40;

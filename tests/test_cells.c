@@ -335,7 +335,7 @@ static void check_levels(void) {
 }
 
 static const int sizes[][3] = {{1, 1, 1}, {3, 2, 1}, {17, 5, 9}, {4, 19, 6}, {8, 3, 33}};
-static const double asymmetries[] = {0, 0.4, 0.85};
+static const double asymmetries[] = {0, 0.2, 0.85};
 
 /* What is found must be a solution: sent = keep * moments + given, by another sweep. That must hold as closely as the
    solver states, at any depth; and floats are as good as a few hundred of their roundings. */
@@ -1367,6 +1367,31 @@ static void test_paths(void) {
         }
 }
 
+/* An eye near the rim of gas has a lamp behind itself, and sees what turns straight back. A trace of a sharp lobe makes
+   cells keep four orders. Two leave out 17 % of it at an asymmetry of 0.49, 6 % at 0.32, and 2 % at 0.2. */
+static void test_straight_back(void) {
+    static const sps_lobe all[] = {{0.49f, 1}, {0.32f, 1}, {0.2f, 1}};
+    for (int n = 0; n < 3; ++n) {
+        double mean, exact;
+        check_scene s;
+        start_plain(&s, LIGHTS);
+        s.volume[0].lobes = &all[n], s.volume[0].lobe_count = 1;
+        check_set3(s.view.camera.position, 0, 0, -0.6);
+        check_set3(s.view.camera.target, 0, 0, -1);
+        check_orthographic(&s.view.camera, 0.5);
+        check_add_point(&s, 0, 0, 0.1, 1);
+        s.view.scatter_size = 24;
+        check_render(context, &s, image_a);
+        mean = mean_of(image_a);
+        s.volume[1] = s.volume[0], s.scene.volume_count = 2; /* the trace */
+        s.volume[1].extinction = 1e-6f, s.volume[1].lobes = &forward;
+        check_render(context, &s, image_a);
+        exact = mean_of(image_a);
+        if (figures()) printf("straight back, g %g: %+.2f %%\n", (double)all[n].asymmetry, 100 * (mean / exact - 1));
+        CHECK_NEAR(mean, exact, 0.03 * exact);
+    }
+}
+
 /* Emission is scattered, and ambient light comes through the gas. */
 static void test_paths_unlit(void) {
     for (int kind = 0; kind < 5; ++kind) {
@@ -1539,7 +1564,7 @@ static void test_table_of_sheets(void) {
 
 /* A plate above the gas, in the way of a sun from above. */
 static void start_below(check_scene *s, double width, double transmittance) {
-    static const sps_lobe weak = {0.3f, 1};
+    static const sps_lobe weak = {0.2f, 1};
     const double origin[3] = {-width, 1.5, -2}, u[3] = {2 * width, 0, 0}, v[3] = {0, 0, 4};
     start_plain(s, LIGHTS);
     s->volume[0].lobes = &weak, s->volume[0].lobe_count = 1; /* with or without polygons, of two orders */
@@ -2192,6 +2217,7 @@ int main(void) {
     RUN(test_clouds);
     RUN(test_cloud_pixels);
     RUN(test_paths);
+    RUN(test_straight_back);
     RUN(test_paths_unlit);
     RUN(test_layers);
     RUN(test_sources);

@@ -739,10 +739,10 @@ static void test_floor_receives(void) {
     CHECK(off < 5e-5); /* the distance of points, rounded to floats, where light falls off by its square */
 }
 
-/* Light that comes back to polygons takes more moments than light in gas alone. */
+/* Weak lobes take few moments. Beside polygons, even gas takes as many as these. */
 static void test_orders(void) {
-    static const float asymmetries[] = {0, 0.25f, 0.5f, 0.6f};
-    static const int orders[2][4] = {{1, 2, 2, 4}, {2, 2, 4, 4}};
+    static const float asymmetries[] = {0, 0.2f, 0.25f, 0.6f};
+    static const int orders[2][4] = {{1, 2, 4, 4}, {2, 2, 4, 4}};
     for (int n = 0; n < 8; ++n) {
         const sps_lobe lobe = {asymmetries[n % 4], 1};
         check_scene s;

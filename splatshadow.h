@@ -18877,20 +18877,19 @@ typedef struct spsi_cell_look {
     spsi_cell_grid *grid;
 } spsi_cell_look;
 
-/* The direction from a cell's centre to the eye, also as harmonics. Nearer than the cell is wide, it is not one
-   direction but 0: only degree 0 counts. */
+/* The direction from a cell's centre to the eye, also as harmonics. Rays look up cells beside and behind the eye, too:
+   these count as half an edge ahead of it. */
 static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z, double toward[3],
                                  float harmonic[SPSI_CELL_TERMS]) {
     const spsi_rays *eye = &look->frame->content->eye;
-    const double at[3] = {x + 0.5, y + 0.5, z + 0.5};
+    const double at[3] = {x + 0.5, y + 0.5, z + 0.5}, length = spsi_length(eye->c);
+    double behind;
     for (int k = 0; k < 3; ++k)
         toward[k] = eye->perspective ? eye->origin[k] - (look->grid->corner[k] + look->grid->edge * at[k]) : -eye->c[k];
-    double distance = spsi_length(toward);
+    behind = spsi_fmax(0.5 * look->grid->edge + spsi_dot(toward, eye->c) / length, 0);
+    for (int k = 0; k < 3 && eye->perspective; ++k) toward[k] -= behind * eye->c[k] / length;
     if (!spsi_normalise(toward)) toward[2] = 1;
     spsi_harmonics(toward, harmonic);
-    if (!eye->perspective || distance >= look->grid->edge) return;
-    memset(harmonic + 1, 0, (SPSI_CELL_TERMS - 1) * sizeof *harmonic);
-    memset(toward, 0, 3 * sizeof *toward);
 }
 
 /* What a material scatters of first flights towards the eye, in a cell and channel. Light in a lobe of mean cosine b

@@ -1392,6 +1392,25 @@ static void test_straight_back(void) {
     }
 }
 
+/* An eye amid gas, with the sun behind itself, beside itself and before. The light of cells beside and behind the eye
+   lies between places on its rays: were they seen from the other side, the first picture would be a quarter too bright.
+   Cells are an eighth of the gas's radius wide: 5 %. */
+static void test_eye_amid(void) {
+    static const double ways[3][3] = {{0.5, -0.8, -0.4}, {0.8, 0.5, 0}, {-0.5, 0.8, 0.4}};
+    static const char *const names[] = {"eye amid gas, away from a sun", "beside it", "towards it"};
+    static const sps_lobe lobe = {0.49f, 1};
+    for (int n = 0; n < 3; ++n) {
+        check_scene s;
+        start_plain(&s, SUN);
+        s.volume[0].lobes = &lobe, s.volume[0].lobe_count = 1;
+        check_set3(s.view.camera.position, 0.1, -0.05, 0.08);
+        for (int k = 0; k < 3; ++k) s.view.camera.target[k] = s.view.camera.position[k] + ways[n][k];
+        check_perspective(&s.view.camera, n == 1 ? 1.5 : 0.4);
+        s.view.scatter_size = 16;
+        check_paths(context, &s, names[n], 60, 0.05);
+    }
+}
+
 /* Emission is scattered, and ambient light comes through the gas. */
 static void test_paths_unlit(void) {
     for (int kind = 0; kind < 5; ++kind) {
@@ -2218,6 +2237,7 @@ int main(void) {
     RUN(test_cloud_pixels);
     RUN(test_paths);
     RUN(test_straight_back);
+    RUN(test_eye_amid);
     RUN(test_paths_unlit);
     RUN(test_layers);
     RUN(test_sources);

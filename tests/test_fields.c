@@ -100,7 +100,7 @@ static const row rows[] = {
     F(sps_triangle, position, triangle[0], 0.4, PLAIN, REVISION),
     F(sps_triangle, normal, triangle[0], 0.7, PLAIN, REVISION),
     F(sps_triangle, color, triangle[0], 0.1, COLORED, REVISION),
-    F(sps_triangle, uv, triangle[1], 0.9, PLAIN, REVISION),
+    F(sps_triangle, uv, triangle[1], 1.7, PLAIN, REVISION),
     F(sps_surface, color, look, 0.9, PLAIN, NOTHING),
     F(sps_surface, emission, look, 0.2, PLAIN, NOTHING),
     Z(sps_mesh, triangle_count, mesh[0], 1, PLAIN, NOTHING),

@@ -324,7 +324,7 @@ static inline void build_base(base b) {
 typedef enum maker { RENDER, REFERENCE, MAP } maker;
 
 typedef struct way {
-    maker maker;
+    maker by;
     sps_scattering scattering;
     sps_shadow_source source; /* AUTO: as the lights have it */
 } way;
@@ -381,15 +381,15 @@ static inline void make_picture(sps_context *context, const way *w, outcome *out
     size_t count;
     it.image.rgba = rgba, it.image.depth = depth;
     memset(rgba, 0, sizeof rgba), memset(depth, 0, sizeof depth);
-    out->result = w->maker == REFERENCE ? sps_reference(context, &it.scene, &it.view, &it.reference, &it.image)
-                                        : sps_render(context, &it.scene, &it.view, &it.image);
+    out->result = w->by == REFERENCE ? sps_reference(context, &it.scene, &it.view, &it.reference, &it.image)
+                                     : sps_render(context, &it.scene, &it.view, &it.image);
     count = (size_t)it.view.width * (size_t)it.view.height * (it.image.row_pixels ? 2 : 1);
     append(out, rgba, 4 * count), append(out, depth, count);
 }
 
 static inline void make(sps_context *context, const way *w, outcome *out) {
     memset(out, 0, sizeof *out);
-    if (w->maker == MAP)
+    if (w->by == MAP)
         make_map(context, out);
     else
         make_picture(context, w, out);
@@ -413,7 +413,7 @@ static inline void build_kept(base b) {
 
 /* What a way asks for, unless the base has it otherwise. */
 static inline void set_way(const way *w, base b) {
-    const int paths = b == PATHS && w->maker == REFERENCE;
+    const int paths = b == PATHS && w->by == REFERENCE;
     it.view.scattering = paths ? SPS_SCATTERING_FULL : w->scattering;
     if (!paths) it.reference.samples = 0;
     for (int i = 0; i < 3; ++i)

@@ -12,20 +12,20 @@
 
 /* ------------------------------------------------------------------------------------------------------- the fields */
 
-typedef enum kind { INT, FLOAT, DOUBLE, SIZE, WORD, POINTER } kind;
+typedef enum type_of_field { INT, FLOAT, DOUBLE, SIZE, WORD, POINTER } type_of_field;
 
 /* Besides the field itself: nothing; the revisions, since it is data behind them; the volume's size, which has to be
    the grid's; or what must not show. */
-typedef enum also { NOTHING, REVISION, SIZES, HIDDEN } also;
+typedef enum changes_too { NOTHING, REVISION, SIZES, HIDDEN } changes_too;
 
 typedef struct row {
     const char *type, *name;
     size_t at, size;
-    kind kind;
+    type_of_field kind;
     double value;
     void *pointer;
-    base base;
-    also also;
+    base scene;
+    changes_too also;
 } row;
 
 #define AT(type, name, path) #type, #name, offsetof(everything, path.name), sizeof(((everything *)0)->path.name)
@@ -380,7 +380,7 @@ static void test_list(void) {
 
 /* ------------------------------------------------------------------------------------------------------ the changes */
 
-static size_t element_size(kind k) {
+static size_t element_size(type_of_field k) {
     static const size_t sizes[] = {sizeof(int),    sizeof(float),    sizeof(double),
                                    sizeof(size_t), sizeof(uint64_t), sizeof(void *)};
     return sizes[k];
@@ -445,7 +445,7 @@ static void complain(const row *r, size_t element, int n, const char *what) {
 static int shows(sps_context *held, const row *r, int kept, size_t element, int n) {
     static const outcome *last; /* what the held context has made last */
     static outcome out, fresh;
-    const outcome *before = made_before(r->base, kept, n);
+    const outcome *before = made_before(r->scene, kept, n);
     int wrong = 0, shown;
     if (last != before) make(held, &ways[n], &out), wrong = !same_outcome(&out, before);
     change(r, element);
@@ -453,7 +453,7 @@ static int shows(sps_context *held, const row *r, int kept, size_t element, int 
     make_fresh(&ways[n], &fresh);
     shown = !same_outcome(&fresh, before);
     if (!same_outcome(&out, &fresh)) wrong |= 2;
-    made_before(r->base, kept, n);
+    made_before(r->scene, kept, n);
     make(held, &ways[n], &out);
     if (!same_outcome(&out, before)) wrong |= 4;
     last = before;
@@ -483,7 +483,7 @@ static void check_element(sps_context *held, const row *r, size_t element) {
     const int turn = 1 + (int)(r - rows) / 3 % (WAYS - 1), count = (int)(r->size / element_size(r->kind));
     const int takes_turn = (r - rows) % 3 == 0 && (int)element == (int)(r - rows) % count;
     const int third = ((size_t)(r - rows) / 2 + element) % 3 == 0;
-    const int keeps = check_long() || (r->base == PLAIN && (third || is_of_light(r)));
+    const int keeps = check_long() || (r->scene == PLAIN && (third || is_of_light(r)));
     char seen[WAYS + 1] = "";
     int shown = keeps && check_kept(held, r, element);
     for (int due = 1; due >= 0; --due)

@@ -16,7 +16,7 @@ typedef enum placing { ANYWHERE, AROUND_ORIGIN, ALONG_AXIS, PLACINGS } placing;
 
 typedef struct camera {
     int kind;
-    placing placing;
+    placing place;
     double half[2], shift[2]; /* of the image at depth 1; lens shift in clip space */
     double near_depth, far_depth, distance;
     double scale;   /* of the world */
@@ -59,7 +59,7 @@ static void make_view(const camera *seen, double m[16]) {
     const double angle = between(0.05, 3.1);
     double axis[3], to[3] = {0, 0, 0}, length = 0;
     for (int i = 0; i < 3; ++i) axis[i] = between(-1, 1), length += axis[i] * axis[i];
-    if (seen->placing == ALONG_AXIS) axis[0] = axis[1] = 0, length = axis[2] * axis[2];
+    if (seen->place == ALONG_AXIS) axis[0] = axis[1] = 0, length = axis[2] * axis[2];
     memset(m, 0, 16 * sizeof *m);
     for (int i = 0; i < 3; ++i) {
         const double a = axis[i] / sqrt(length), b = axis[(i + 1) % 3] / sqrt(length);
@@ -70,7 +70,7 @@ static void make_view(const camera *seen, double m[16]) {
             seen->scale * ((1 - cos(angle)) * a * b + sin(angle) * axis[(i + 2) % 3] / sqrt(length));
     }
     to[2] = (seen->kind & LEFT_HANDED ? 1 : -1) * seen->distance;
-    if (seen->placing == ANYWHERE)
+    if (seen->place == ANYWHERE)
         for (int i = 0; i < 3; ++i) to[i] += between(-1, 1) * seen->distance;
     for (int i = 0; i < 3; ++i) m[4 * i + 3] = to[i];
     m[15] = 1;
@@ -100,7 +100,7 @@ static camera any_camera(int kind, int places) {
     camera seen;
     memset(&seen, 0, sizeof seen);
     seen.kind = kind;
-    seen.placing = (placing)((int)(check_next(&numbers) * places) % places);
+    seen.place = (placing)((int)(check_next(&numbers) * places) % places);
     for (int i = 0; i < 2; ++i) {
         seen.half[i] = spread(0.05, 4) * (kind & ORTHOGRAPHIC ? 10 : 1);
         seen.shift[i] = check_next(&numbers) < 0.5 ? 0 : between(-1.5, 1.5);
@@ -132,7 +132,7 @@ static void test_legal(void) {
         make_matrix(&seen, matrix, transposed);
         ++count;
         if (plan(matrix) && ++refused < 5)
-            printf("    kind %d placing %d near %g scale %g oblique %d: %s\n", seen.kind, (int)seen.placing,
+            printf("    kind %d placing %d near %g scale %g oblique %d: %s\n", seen.kind, (int)seen.place,
                    seen.near_depth, seen.scale, seen.is_oblique, sps_error(context));
     }
     CHECK(count > 3500);
@@ -149,7 +149,7 @@ static void test_transposed(void) {
         double matrix[16], transposed[16];
         camera seen = any_camera(n % KINDS, PLACINGS);
         int good;
-        if (seen.placing == ALONG_AXIS) {
+        if (seen.place == ALONG_AXIS) {
             if (seen.kind & ORTHOGRAPHIC || (seen.near_depth >= 1 && seen.near_depth <= 1)) continue;
             seen.scale = 1;
         }
@@ -159,7 +159,7 @@ static void test_transposed(void) {
         good = plan(transposed) == SPS_ERROR_ARGUMENT &&
                strstr(sps_error(context), "view.camera.world_to_clip looks transposed: it must be row-major") != NULL;
         if (!good && ++taken < 5)
-            printf("    kind %d placing %d near %g scale %g: %s\n", seen.kind, (int)seen.placing, seen.near_depth,
+            printf("    kind %d placing %d near %g scale %g: %s\n", seen.kind, (int)seen.place, seen.near_depth,
                    seen.scale, sps_error(context));
     }
     CHECK(count > 3500);

@@ -107,7 +107,7 @@ enum { BRIGHTER, LARGER, COLORS, LISTS, LIGHTS, RELATIONS };
    extent, and there is no disc. */
 static void prepare(const way *w) {
     build(), slide_turn = 0;
-    if (w->maker != REFERENCE) return;
+    if (w->by != REFERENCE) return;
     it.light[0].angular_diameter = 0, it.light[0].samples = 0;
     it.scene.light_count = 2;
 }
@@ -120,14 +120,14 @@ static void check_relation(int r, int n) {
     if (r == LIGHTS && w->source != SPS_SHADOW_TABLE) return;
     prepare(w), set_way(w, PLAIN);
     make_fresh(w, &before);
-    colors = w->maker == MAP ? 0 : 4 * (size_t)it.view.width * (size_t)it.view.height;
+    colors = w->by == MAP ? 0 : 4 * (size_t)it.view.width * (size_t)it.view.height;
     prepare(w), relations[r].change(), set_way(w, PLAIN);
     make_fresh(w, &after);
     if (!CHECK(before.result == SPS_OK && after.result == SPS_OK && before.count == after.count)) return;
     for (size_t i = 0; i < colors && r == COLORS; i += 4)
         for (int k = 0; k < 2; ++k) turn(after.data + i); /* twice more: as before */
     for (size_t i = 0; i < before.count; ++i) {
-        const int is_color = i < colors && i % 4 < 3, is_depth = w->maker != MAP && i >= colors;
+        const int is_color = i < colors && i % 4 < 3, is_depth = w->by != MAP && i >= colors;
         const double by = (r == BRIGHTER && is_color) || (r == LARGER && is_depth) ? FACTOR : 1;
         if (!(fabsf(before.data[i]) < 1e14f)) continue; /* nothing there */
         most = fmax(most, fabs((double)before.data[i]));
@@ -137,7 +137,7 @@ static void check_relation(int r, int n) {
     if (!CHECK_CASE("Engineering", "everything brighter, larger, in exchanged colors, or in other order",
                     "the same picture or map; relative to its largest float", worst / most, relations[r].tolerance,
                     "exact; sums in another order"))
-        printf("    %s, way %d (%d, scattering %d, source %d): %g of %g\n", relations[r].name, n, (int)w->maker,
+        printf("    %s, way %d (%d, scattering %d, source %d): %g of %g\n", relations[r].name, n, (int)w->by,
                (int)w->scattering, (int)w->source, worst, most);
 }
 

@@ -759,7 +759,7 @@ typedef enum sps_scattering {
     /* Any number of times in every direction, on a grid of cubic cells about all gas, or up to four about gas that is
        far apart, for all lights at once: what comes back, what leaves by the sides, what goes from gas to gas, and
        emission and ambient light that is scattered. What keeps to the straight way is added as by FORWARD, and lights
-       without shadows scatter once in gas, since each place would get all of them again. See sps_view.scatter_size. The
+       without shadows scatter once in gas: every place has all of their light already. See sps_view.scatter_size. The
        light in the cells does not depend on the camera: it is held for the next call, and used there if nothing that it
        was made from has changed, which takes a revision of every volume and mesh, and no light that throws an image.
        Opaque polygons stop what goes from cell to cell and send it back in all directions, as they do with what lights

@@ -1171,7 +1171,7 @@ static void test_unshadowed(void) {
     static const int of[] = {UNSHADOWED, POINT, SPOT};
     enum { OPEN, BLACK, GREY, FLOORS };
     for (int n = 0; n < 3 * FLOORS; ++n) {
-        const int floor = n % FLOORS;
+        const int ground = n % FLOORS;
         double off;
         sps_plan_report report;
         check_scene s;
@@ -1181,29 +1181,29 @@ static void test_unshadowed(void) {
         if (s.light[0].outer_cone > 0) s.light[0].inner_cone = 0.02, s.light[0].outer_cone = 0.04; /* a narrow beam */
         plate.count = 0;
         check_add_quad(&plate, corner, u, v);
-        if (floor != OPEN) check_add_mesh(&s, &plate, floor == GREY ? 0.7 : 0);
+        if (ground != OPEN) check_add_mesh(&s, &plate, ground == GREY ? 0.7 : 0);
         s.view.scattering = SPS_SCATTERING_OFF;
         check_render(context, &s, image_b);
         s.view.scattering = SPS_SCATTERING_FULL;
         check_render(context, &s, image_a);
         CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &report));
-        CHECK(report.pass[SPS_PASS_CELLS].runs == (floor != OPEN) && report.pass[SPS_PASS_FORWARD].runs == 0);
-        if (floor == OPEN) {
+        CHECK(report.pass[SPS_PASS_CELLS].runs == (ground != OPEN) && report.pass[SPS_PASS_FORWARD].runs == 0);
+        if (ground == OPEN) {
             CHECK(strcmp(report.pass[SPS_PASS_CELLS].reason, "no light casts shadows") == 0);
             CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
         }
-        if (floor == BLACK) CHECK(error_of(image_a, image_b) < 2e-6);
-        if (floor == GREY) CHECK(error_of(image_a, image_b) > 0.01);
+        if (ground == BLACK) CHECK(error_of(image_a, image_b) < 2e-6);
+        if (ground == GREY) CHECK(error_of(image_a, image_b) > 0.01);
         add_light(&s, BEHIND);
         check_render(context, &s, image_c);
-        if (floor != OPEN) CHECK(grid_of(context)->light_count == 1 && grid_of(context)->lights[0].index == 1);
+        if (ground != OPEN) CHECK(grid_of(context)->light_count == 1 && grid_of(context)->lights[0].index == 1);
         s.light[0] = s.light[1], s.scene.light_count = 1;
         check_render(context, &s, image_b);
         add_images(image_a, image_b);
         off = error_of(image_a, image_c);
         if (figures())
-            printf("%s, unshadowed, floor %d, beside a sun: off by %.2g\n", lights[of[n / FLOORS]], floor, off);
-        CHECK(off < (floor == GREY ? 1e-3 : 2e-6));
+            printf("%s, unshadowed, floor %d, beside a sun: off by %.2g\n", lights[of[n / FLOORS]], ground, off);
+        CHECK(off < (ground == GREY ? 1e-3 : 2e-6));
     }
 }
 

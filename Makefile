@@ -258,8 +258,8 @@ TESTS_clang     = test_watertight
 TESTS_glsl      = test_sampling
 TESTS_hlsl      = test_sampling
 ifdef SPLATSHADOW_LONG
-# All tests where misuse of memory is found, with vectors and without, and in C++, whose programs are also those for the
-# least x86. The tests that depend on floats in other ways of compiling, and those with threads of their own.
+# All tests where misuse of memory is found, with vectors and without, and in C++, there with SSE2 alone. In other ways
+# of compiling, the tests that depend most on how floats are rounded; and those that have threads.
 $(foreach configuration,sanitized wide_sanitized memory cpp,$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
 $(foreach configuration,plain baseline readme fused clang,\
 	$(eval TESTS_$(configuration) = test_watertight test_polygons test_pictures test_filling test_shadows test_tmaps test_simd))

@@ -760,8 +760,8 @@ typedef enum sps_scattering {
        far apart, for all lights at once: what comes back, what leaves by the sides, what goes from gas to gas, and
        emission and ambient light that is scattered. What keeps to the straight way is added as by FORWARD, and lights
        without shadows scatter once in gas: every place has all of their light already. See sps_view.scatter_size. The
-       light in the cells does not depend on the camera: it is held for the next call, and used there if nothing that it
-       was made from has changed, which takes a revision of every volume and mesh, and no light that throws an image.
+       light in the cells does not depend on the camera. It is held, and the next call uses it if nothing that it was
+       made from has changed. That takes a revision of every volume and mesh; a light that throws an image prevents it.
        Opaque polygons stop what goes from cell to cell and send it back in all directions, as they do with what lights
        and ambient light send them; they reflect it in the picture, too, where ambient light is less by what gas keeps
        off. All that by the mesh's own color, which shade_fn does not change, and not from polygon to polygon. Panes let
@@ -18878,7 +18878,7 @@ typedef struct spsi_cell_look {
 } spsi_cell_look;
 
 /* The direction from a cell's centre to the eye, also as harmonics. Rays look up cells beside and behind the eye, too:
-   these count as half an edge ahead of it. */
+   these count as half an edge ahead of it, so that the direction is never 0. */
 static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z, double toward[3],
                                  float harmonic[SPSI_CELL_TERMS]) {
     const spsi_rays *eye = &look->frame->content->eye;
@@ -18888,7 +18888,7 @@ static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z
         toward[k] = eye->perspective ? eye->origin[k] - (look->grid->corner[k] + look->grid->edge * at[k]) : -eye->c[k];
     behind = spsi_fmax(0.5 * look->grid->edge + spsi_dot(toward, eye->c) / length, 0);
     for (int k = 0; k < 3 && eye->perspective; ++k) toward[k] -= behind * eye->c[k] / length;
-    if (!spsi_normalise(toward)) toward[2] = 1;
+    (void)spsi_normalise(toward);
     spsi_harmonics(toward, harmonic);
 }
 
@@ -18902,7 +18902,7 @@ static float spsi_cell_flown(const spsi_cell_look *look, int m, const double tow
     const int own = look->frame->content->flies[m] > 0;
     double mean[3] = {0, 0, 0}, sum = 0, length;
     if (!(flown[0] > 0)) return own ? *trapped : 0;
-    for (int k = 0; k < 3 && grid->terms > 1 && spsi_dot(toward, toward) > 0; ++k) /* y, z and x */
+    for (int k = 0; k < 3 && grid->terms > 1; ++k) /* y, z and x */
         mean[k] = (double)flown[(size_t)(k ? k : 3) * grid->count] / (sqrt(3) * (double)flown[0]);
     length = spsi_fmin(spsi_length(mean), 1);
     for (int i = 0; i < material->lobe_count; ++i) {

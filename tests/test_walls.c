@@ -226,20 +226,15 @@ static void test_rays(void) {
     }
 }
 
-/* Irradiance by one channel of a grid's sides, and of a grid. */
-static double outside(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
-                      const float *open) {
+/* Irradiance by one channel of a grid, or of its sides alone. */
+static double irradiance_of(const spsi_cell_grid *grid, int sides, int channel, const double point[3],
+                            const double normal[3], const float *open) {
     const spsi_cell_receiver to = {point, normal, open};
     double irradiance[3];
-    spsi_cells_irradiance_outside(grid, channel, 1, &to, irradiance);
-    return irradiance[0];
-}
-
-static double irradiance_at(const spsi_cell_grid *grid, int channel, const double point[3], const double normal[3],
-                            const float *open) {
-    const spsi_cell_receiver to = {point, normal, open};
-    double irradiance[3];
-    spsi_cells_irradiance(grid, channel, 1, &to, irradiance);
+    if (sides)
+        spsi_cells_irradiance_outside(grid, channel, 1, &to, irradiance);
+    else
+        spsi_cells_irradiance(grid, channel, 1, &to, irradiance);
     return irradiance[0];
 }
 
@@ -270,9 +265,9 @@ static void test_dark_side(void) {
         CHECK(lit > 0.05);
         CHECK(dark <= (n ? 0.02 : SPSI_CELL_BALANCE) * lit); /* at a slant, cells that it cuts have lit samples */
         for (int k = 0; k < 3; ++k) beside[k] = 4 * walls[n].normal[k], facing[k] = -walls[n].normal[k];
-        lit = outside(grid, 0, beside, facing, NULL); /* rays from the grid's sides stop at the plane, too */
+        lit = irradiance_of(grid, 1, 0, beside, facing, NULL); /* rays from the grid's sides stop at the plane, too */
         for (int k = 0; k < 3; ++k) beside[k] = -beside[k];
-        dark = outside(grid, 0, beside, walls[n].normal, NULL);
+        dark = irradiance_of(grid, 1, 0, beside, walls[n].normal, NULL);
         CHECK(dark <= (n ? 0.02 : SPSI_CELL_BALANCE) * lit);
     }
 }
@@ -341,7 +336,8 @@ static void test_outside(void) {
     for (int i = 0; i < 2 * SPSI_CELL_SHEET; ++i) patches[SPSI_CELL_PLACES * SPSI_CELL_SHEET + i] = 1; /* flux; even */
     for (int n = 0; n < 5 * 4; ++n) {
         const double *place = places[n / 4], *normal = normals[n % 4];
-        const double exact = box_irradiance(&grid, place, normal), found = irradiance_at(&grid, 0, place, normal, NULL);
+        const double exact = box_irradiance(&grid, place, normal),
+                     found = irradiance_of(&grid, 0, 0, place, normal, NULL);
         double off = fabs(found - exact);
         if (figures()) printf("place %d, normal %d: %.5f, exact %.5f\n", n / 4, n % 4, found, exact);
         CHECK(off <= (n / 4 == 4 ? 0.12 : 0.02) * exact + 0.002);
@@ -354,12 +350,13 @@ static void test_outside(void) {
         const double point[3] = {grid.corner[0] - 0.01, grid.corner[1] + (double)patches[SPSI_CELL_SHEET + middle],
                                  grid.corner[2] + (double)patches[2 * SPSI_CELL_SHEET + middle]};
         const double before[3] = {-1.225, 0.2, 0}, normal[3] = {1, 0, 0};
-        CHECK_NEAR(outside(&grid, 0, point, normal, NULL), 1, 0.05);
-        CHECK_NEAR(irradiance_at(&grid, 0, before, normal, NULL), 0.5 * outside(&grid, 0, before, normal, NULL), 1e-6);
+        CHECK_NEAR(irradiance_of(&grid, 1, 0, point, normal, NULL), 1, 0.05);
+        CHECK_NEAR(irradiance_of(&grid, 0, 0, before, normal, NULL),
+                   0.5 * irradiance_of(&grid, 1, 0, before, normal, NULL), 1e-6);
         for (int i = 0; i < 64 * 12 * 5; ++i) flux[i] = 1;
         grid.flux_terms = 1, grid.pitch = spsi_cell_pitch(16);
-        CHECK(irradiance_at(&grid, 0, before, normal, NULL) > 0.4 * SPSI_PI);
-        CHECK(irradiance_at(&grid, 0, before, normal, shut) == 0); /* what hides all patches hides all cells */
+        CHECK(irradiance_of(&grid, 0, 0, before, normal, NULL) > 0.4 * SPSI_PI);
+        CHECK(irradiance_of(&grid, 0, 0, before, normal, shut) == 0); /* what hides all patches hides all cells */
     }
 }
 
@@ -392,7 +389,7 @@ static void test_within(void) {
     }
     for (int n = 0; n < 4; ++n) {
         const double point[3] = {1, 1, 1};
-        CHECK_NEAR(irradiance_at(&grid, 0, point, normals[n], NULL), SPSI_PI * shares[n], 1e-5);
+        CHECK_NEAR(irradiance_of(&grid, 0, 0, point, normals[n], NULL), SPSI_PI * shares[n], 1e-5);
     }
 }
 
@@ -409,7 +406,7 @@ static void test_before(void) {
             for (int y = 2; y < 4; ++y) flux[(z * 4 + y) * grid.pitch + x] = 1;
     for (double y = 1.55; y < 2.5; y += 0.1) {
         const double up[3] = {0, 1, 0}, point[3] = {2.2, y, 1.7};
-        CHECK_NEAR(irradiance_at(&grid, 0, point, up, NULL), SPSI_PI, 1e-5);
+        CHECK_NEAR(irradiance_of(&grid, 0, 0, point, up, NULL), SPSI_PI, 1e-5);
     }
 }
 
@@ -510,7 +507,7 @@ static double roofed(const spsi_cell_grid *grid, const double point[3], double y
             double sent, to[3];
             int seen = 0;
             open[n] = 1;
-            sent = outside(grid, 0, point, up, open);
+            sent = irradiance_of(grid, 1, 0, point, up, open);
             to[axis] = grid->corner[axis] + grid->edge * (side % 2 ? grid->size[axis] - 0.51 : 0.51);
             for (int i = 0; i < POINTS * POINTS && sent > 0; ++i) {
                 const double part[2] = {(i % POINTS + 0.5) / POINTS, (i / POINTS + 0.5) / POINTS};
@@ -568,7 +565,7 @@ static void test_roof(void) {
                 look_up(&held, x > z ? 0 : 1, x, -3, z, &surface, &sight);
                 some = spsi_cells_sight(&sight, open);
                 exact = roofed(grid_of(context), surface.point, -2, low, high, &all, &off);
-                found = irradiance_at(grid_of(context), 0, surface.point, sight.normal, some ? open : NULL);
+                found = irradiance_of(grid_of(context), 0, 0, surface.point, sight.normal, some ? open : NULL);
                 CHECK_NEAR(found, exact, off + 1e-5 * all);
                 worst = fmax(worst, fabs(found - exact) / all), mean += fabs(found - exact) / all, ++count;
                 darkest = fmin(darkest, found / all), lightest = fmax(lightest, found / all);
@@ -730,7 +727,7 @@ static void test_floor_receives(void) {
         for (int c = 0; c < 3; ++c) {
             const size_t at = 4 * (size_t)((SIDE - 1) * SIDE + x) + (size_t)c;
             const double exact =
-                (double)s.mesh[0].color[c] / SPSI_PI * irradiance_at(grid_of(context), c, point, normal, NULL);
+                (double)s.mesh[0].color[c] / SPSI_PI * irradiance_of(grid_of(context), 0, c, point, normal, NULL);
             off = fmax(off, fabs((double)image_a[at] - (double)image_b[at] - exact)), more = fmax(more, exact);
         }
     }
@@ -1098,7 +1095,7 @@ static void test_beside_slab(void) {
         check_set3(s.view.camera.position, 0, 0, 100), check_set3(s.view.camera.target, 0, 0, 200);
         check_render(context, &s, image_a);
         for (int i = 0; i < BESIDE; ++i) {
-            const double off = irradiance_at(grid_of(context), 0, places[i], places[i] + 3, NULL) / exact[n][i] - 1;
+            const double off = irradiance_of(grid_of(context), 0, 0, places[i], places[i] + 3, NULL) / exact[n][i] - 1;
             if (figures()) printf("depth %g, place %d beside: %+.1f %%\n", slab_depths[n], i, 100 * off);
             squares += off * off / (4 * BESIDE);
             CHECK_CASE("Scattering", "floors and walls 0.5 to 3 beside a slab of depth 0.3 to 6",
@@ -1171,7 +1168,7 @@ static void test_lobes_beside_slab(void) {
             const int behind = i >= BESIDE, channel = grid_of(context)->channels - 1;
             check_set3(place, i % 2 ? 4.5 : 3.4, 0.3, i / 2 - 0.5), check_set3(place + 3, -1, 0, 0);
             if (behind) check_set3(place, i / 2 - 5.5, 0.3, i % 2 ? 3.6 : 2.6), check_set3(place + 3, 0, 0, -1);
-            found = irradiance_at(grid_of(context), channel, place, place + 3, NULL);
+            found = irradiance_of(grid_of(context), 0, channel, place, place + 3, NULL);
             exact = blue > 0 ? blue * single_irradiance(g, 0.05, sun, place) : 0;
             if (n == 2 || n == 3) exact += single_irradiance(g, 0.05, others[n - 2], place);
             exact *= albedo / 0.1;

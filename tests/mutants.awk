@@ -1,11 +1,10 @@
 # Text processing for tests/mutants.sh. Files: a list such as tests/mutants.txt, then the header. `mode` is one of
 #   check     prints the entries that do not apply, and ends with `N passed, N failed`
-#   list      a line for each entry: number, section, function (- outside functions), line of the header, rank(entry)
+#   list      a line for each entry: number, chapter, function (- outside functions), line of the header, rank(entry)
 #   entry     the text of entry number `entry`
-#   likely    tests, and the parts of them, that noticed entry number `entry` last, or others of its function or section
+#   likely    tests, and the parts of them, that noticed entry number `entry` last, or others of its function or chapter
 #   record    the list, with the last tests read from standard input, a line for each entry: number, test, part
-#   order     the tests that can notice errors in section `section_name`, likeliest first
-#   named     all tests that any section names
+#   order     the tests that noticed errors in chapter `chapter`, most of them first
 #   weak      the header with every function weak, so that another object can replace it
 #   mutated   the same with entry number `entry` applied to it
 #   faces     the header without its functions' bodies; with `entry`, of the mutated header
@@ -18,86 +17,117 @@ FNR == 1 { ++file }
 
 file == 1 && mode == "record" { listed[FNR] = $0; listed_lines = FNR }
 file == 1 && /^(#|$)/ { next }
-file == 1 && /^tests / {
-    at = substr($2, 1, length($2) - 1)
-    sub(/^tests [^:]*: */, "")
-    order[at] = $0
-    named = named " " $0
-    next
-}
 file == 1 && /^- / { old[count] = substr($0, 3); next }
 file == 1 && /^\+/ { new[count] = substr($0, 3); end_of[count] = FNR; next }
 file == 1 && /^! / { reason[count] = substr($0, 3); end_of[count] = FNR; next }
 file == 1 && /^= / { last[count] = substr($0, 3); last_line[count] = FNR; next }
 file == 1 {
     line_of[++count] = FNR
-    section[count] = $1
-    owner[count] = $1 ~ /:$/ ? "" : substr($2, 1, length($2) - 1)
-    sub(/:$/, "", section[count])
+    owner[count] = $1
+    sub(/:$/, "", owner[count])
     why[count] = substr($0, index($0, ":") + 2)
     next
 }
 
 # ---- the header ----
 
-/^\/\* =+ >>/ { here = $0; sub(/^.*>>/, "", here); sub(/ .*$/, "", here) }
-/^(static|SPS_API) [^=;]*\(/ { inside = $0; sub(/\(.*/, "", inside); sub(/.*[ *]/, "", inside) }
-{ text[FNR] = $0; section_at[FNR] = here; owner_at[FNR] = inside; lines = FNR }
-/^\}/ || /^(static|SPS_API) .*\}$/ { inside = "" }
-/^#ifdef SPLATSHADOW_IMPLEMENTATION/ { implementation = FNR }
+{ text[++lines] = $0 }
 
-# Whether a line begins a function that is not inline. A definition's first line has its name and the opening parenthesis
-# of its parameters; declarations without a body are the public ones, which come before the implementation.
-function begins(line) {
-    return line > implementation && text[line] ~ /^(static|SPS_API) [^=]*\(/ && text[line] !~ /^static inline / &&
-        text[line] !~ /;$/
+function name_before(line, mark) {
+    sub(mark ".*", "", line)
+    sub(/.*[ *]/, "", line)
+    return line
 }
 
-# A function ends with a brace at the start of a line, or with the line that opens its body.
-function find_functions(line, name, inside, opened) {
-    for (line = implementation + 1; line <= lines; ++line) {
-        if (!inside && begins(line)) {
-            name = text[line]
-            sub(/\(.*/, "", name)
-            sub(/.*[ *]/, "", name)
-            first[name] = line
-            inside = 1
-            opened = 0
-        }
-        if (!inside) continue
-        function_at[line] = name
-        if (opened ? text[line] ~ /^\}/ : text[line] ~ /\{.*\}$/) inside = 0
-        if (text[line] ~ /\{/) opened = 1
-    }
-}
-
-# Finds the text that an entry replaces; 0: it does not occur exactly once. Sets `places` to the number of occurrences.
-function find(n, line, rest, found) {
-    places = 0
+# Finds what each line belongs to: a function, a macro, a table of constants, or a type; `body_of` has the functions that
+# are not inline.
+function read_header(line, here, chapter, implementation) {
     for (line = 1; line <= lines; ++line) {
-        if (section_at[line] != section[n] || !index(text[line], old[n])) continue
-        if (owner[n] != "" && owner_at[line] != owner[n]) continue
-        for (rest = text[line]; index(rest, old[n]); rest = substr(rest, index(rest, old[n]) + 1)) ++places
-        found = line
+        here = text[line]
+        if (here ~ /^\/\* =+ >>/) { chapter = here; sub(/^.*>>/, "", chapter); sub(/ .*$/, "", chapter) }
+        if (here ~ /^#ifdef SPLATSHADOW_IMPLEMENTATION/) implementation = 1
+        if (begun == "") {
+            begin_owner(here)
+            begins[line] = 1
+        }
+        chapter_at[line] = chapter
+        owner_at[line] = begun
+        if (implementation && plain) body_of[line] = begun
+        if (here ~ ending) begun = ""
     }
-    return places == 1 ? found : 0
 }
 
-function apply(n, line) {
-    line = find(n)
+# Sets `begun` to the name of what begins on a line, `ending` to how its last line looks, and `plain` to 1 for a
+# function that is not inline.
+function begin_owner(here) {
+    begun = ""
+    plain = 0
+    ending = "."
+    if (here ~ /^#define /) {
+        begun = here
+        sub(/^#define /, "", begun)
+        sub(/[ (].*/, "", begun)
+        ending = "[^\\\\]$"
+    } else if (here ~ /^(static|SPS_API) [^=;]*\(/ && here !~ /;$/) {
+        begun = name_before(here, "\\(")
+        plain = here !~ /^static inline /
+        ending = here ~ /\{.*\}$/ ? "." : "^\\}"
+    } else if (here ~ /^static const .*=/) {
+        begun = name_before(here, "(\\[.*)? =")
+        ending = here ~ /;/ ? "." : "; *(/\\*.*)?$"
+    } else if (here ~ /^typedef (struct|enum|union) .*\{$/) {
+        begun = here
+        sub(/ \{$/, "", begun)
+        sub(/.* /, "", begun)
+        ending = "^\\}"
+    }
+}
+
+# A regular expression for a text in which white space, also the end of a line, stands for any other.
+function pattern_of(n, pattern) {
+    pattern = old[n]
+    gsub(/^ +| +$/, "", pattern)
+    gsub(/[][\\.*+?(){}|^$\/]/, "\\\\&", pattern)
+    gsub(/ +/, "[ \n]+", pattern)
+    return pattern
+}
+
+# Finds the text that an entry replaces, which must occur once in its owner. Returns the line on which it begins, and
+# sets `at` to its place there and `span` to its length; 0 if `places`, the number of occurrences, is not 1.
+function find(n, line, first, whole, before, found) {
+    places = found = 0
+    for (line = 1; line <= lines; ++line) {
+        if (owner_at[line] != owner[n]) continue
+        first = line
+        whole = text[line]
+        while (owner_at[line + 1] == owner[n]) whole = whole "\n" text[++line]
+        for (before = 0; match(substr(whole, before + 1), pattern_of(n)); before += RSTART)
+            if (++places == 1) { found = first; at = before + RSTART; span = RLENGTH }
+    }
+    if (places != 1) return 0
+    for (; at > length(text[found]); ++found) at -= length(text[found]) + 1
+    return found
+}
+
+# Puts an entry's text into the header. Lines that the old one spanned become one, and empty ones.
+function apply(n, line, end) {
+    line = end = find(n)
     if (!line) exit 1
-    text[line] = substr(text[line], 1, index(text[line], old[n]) - 1) new[n] \
-        substr(text[line], index(text[line], old[n]) + length(old[n]))
+    while (length(text[line]) < at + span - 1) {
+        text[line] = text[line] "\n" text[++end]
+        text[end] = ""
+    }
+    text[line] = substr(text[line], 1, at - 1) new[n] substr(text[line], at + span)
     return line
 }
 
 function check(n, failed) {
     for (n = 1; n <= count; ++n)
         if (old[n] == "" || old[n] == new[n] || why[n] == "") {
-            printf "%s:%d: an entry needs a section, a reason, and two texts that differ\n", ARGV[1], line_of[n]
+            printf "%s:%d: an entry needs a function, a reason, and two texts that differ\n", ARGV[1], line_of[n]
             ++failed
         } else if (!find(n)) {
-            printf "%s:%d: %d places in %s have: %s\n", ARGV[1], line_of[n], places, owner[n] != "" ? owner[n] : section[n], old[n]
+            printf "%s:%d: %d places in %s have: %s\n", ARGV[1], line_of[n], places, owner[n], old[n]
             ++failed
         }
     printf "%d passed, %d failed\n", count - failed, failed
@@ -113,27 +143,29 @@ function opening(line, faces) {
 
 function print_header(faces, whole, line, name) {
     for (line = 1; line <= lines; ++line) {
-        name = function_at[line]
-        if (name == "" || !faces && line != first[name]) { print text[line]; continue }
+        name = body_of[line]
+        if (name == "" || !faces && !begins[line]) { print text[line]; continue }
         if (!faces) { print opening(text[line], 0); continue }
-        if (name == whole) { print line == first[name] ? opening(text[line], 1) : text[line]; continue }
+        if (name == whole) { print begins[line] ? opening(text[line], 1) : text[line]; continue }
         # a face: the lines up to the one that opens the body
-        if (line == first[name]) open = 0
+        if (begins[line]) open = 0
         if (open) continue
         open = text[line] ~ /\{/
         sub(/ *\{.*/, ";", text[line])
-        print line == first[name] ? opening(text[line], 1) : text[line]
+        print begins[line] ? opening(text[line], 1) : text[line]
     }
 }
 
 # 1 for entries that no test is known to notice, 2 for those that one does, 3 for those that none need notice.
 function rank(n) { return n in reason ? 3 : n in last_line ? 2 : 1 }
 
-function place(n) { return function_at[find(n)] }
+# The function that an entry changes, - outside functions, and its chapter, - if it does not apply
+function place(n) { return body_of[find(n)] == "" ? "-" : body_of[find(n)] }
+function chapter_of(n) { return find(n) ? chapter_at[find(n)] : "-" }
 
-# The entry's own first, then those that noticed most: one of the same function counts as ten of the same section.
+# The entry's own first, then those that noticed most: one of the same function counts as ten of the same chapter.
 # `noticed` is a file of such lines as record() reads, newer than the list.
-function likely(n, k, best, seen, line) {
+function likely(n, k, best, seen, line, weight) {
     while ((getline line < noticed) > 0) {
         n = line + 0
         sub(/^[0-9]+ /, "", line)
@@ -141,7 +173,7 @@ function likely(n, k, best, seen, line) {
     }
     if (entry in last) { print last[entry]; seen[last[entry]] = 1 }
     for (n = 1; n <= count; ++n)
-        if (section[n] == section[entry] && last[n] ~ / /) weight[last[n]] += place(n) == place(entry) ? 10 : 1
+        if (last[n] ~ / / && chapter_of(n) == chapter_of(entry)) weight[last[n]] += owner[n] == owner[entry] ? 10 : 1
     for (k = 0; k < 6; ++k) {
         best = ""
         for (n in weight)
@@ -149,6 +181,24 @@ function likely(n, k, best, seen, line) {
         if (best == "") return
         print best
         seen[best] = 1
+    }
+}
+
+# Tests that noticed an entry of a chapter, most of its entries first
+function order(n, test, weight, best) {
+    for (n = 1; n <= count; ++n)
+        if (n in last && chapter_of(n) == chapter) {
+            test = last[n]
+            sub(/ .*/, "", test)
+            ++weight[test]
+        }
+    for (;;) {
+        best = ""
+        for (test in weight)
+            if (best == "" || weight[test] > weight[best]) best = test
+        if (best == "") return
+        print best
+        delete weight[best]
     }
 }
 
@@ -165,21 +215,17 @@ function record(n, line) {
 }
 
 END {
-    if (mode == "check") check()
     if (mode == "record") record()
-    if (mode == "order") print order[section_name]
-    if (mode == "named") print named
-    if (mode == "entry") printf "%s%s: %s\n- %s\n+ %s\n", section[entry], owner[entry] == "" ? "" : " " owner[entry], why[entry], old[entry], new[entry]
+    if (mode == "entry") printf "%s: %s\n- %s\n+ %s\n", owner[entry], why[entry], old[entry], new[entry]
     if (mode == "reason") print reason[entry]
-    find_functions()
+    if (mode == "record" || mode == "entry" || mode == "reason") exit
+    read_header()
+    if (mode == "check") check()
+    if (mode == "order") order()
     if (mode == "likely") likely()
-    if (mode == "list")
-        for (n = 1; n <= count; ++n) {
-            line = find(n)
-            print n, section[n], line && function_at[line] != "" ? function_at[line] : "-", line, rank(n)
-        }
+    if (mode == "list") for (n = 1; n <= count; ++n) print n, chapter_of(n), place(n), find(n), rank(n)
     if (mode == "weak") print_header(0)
     if (mode == "mutated") { apply(entry); print_header(0) }
     if (mode == "faces") { if (entry) apply(entry); print_header(1) }
-    if (mode == "function") print_header(1, function_at[apply(entry)])
+    if (mode == "function") print_header(1, body_of[apply(entry)])
 }

@@ -9,8 +9,8 @@
 #   sh tests/mutants.sh record    writes the tests that noticed into the list
 #
 # LIST=tests/blind_2.txt runs another list: entries by authors who had not read the tests, which were not written for
-# them; their keys name the function, and it is the share that is noticed which counts. SECTION="tag tag" runs only
-# these sections, JOBS= is the number of parallel jobs, LIMIT= seconds after which no more are started, HANG= seconds of
+# them; it is the share that is noticed which counts. CHAPTER="tag tag" runs only what is in these chapters of the
+# header, JOBS= is the number of parallel jobs, LIMIT= seconds after which no more are started, HANG= seconds of
 # processor time after which a test counts as hanging, COMPILE= the compiler of the Makefile's native tests.
 #
 # One object has the whole header with every function weak, and each test is compiled once, against a header without
@@ -19,7 +19,7 @@
 #
 # build/mutants/results has the results, keyed by a checksum of header, tests and entry; build/mutants/last the test that
 # noticed an entry last, which is run first the next time, before those that the list has for it and for others of its
-# function or section: the part of a test takes a second, while one test after the other until one notices takes ten.
+# function or chapter: the part of a test takes a second, while one test after the other until one notices takes ten.
 # Entries of which the list has none come first, and those that no test need notice last.
 
 set -u
@@ -31,17 +31,17 @@ COMPILE=${COMPILE:-gcc -std=c99 -D_POSIX_C_SOURCE=200809L -O2 -march=native}
 JOBS=${JOBS:-2}
 LIMIT=${LIMIT:-2400}
 HANG=${HANG:-60}
-SECTION=${SECTION:-}
+CHAPTER=${CHAPTER:-}
 OUT=build/mutants
 INCLUDES="-isystem $STB -Iexamples -Itests"
 TESTS=$(ls tests/test_*.c tests/fuzz.c | sed 's|tests/||; s|\.c$||')
 
 text() { # mode, entry
-    awk -v mode="$1" -v entry="${2:-0}" -v section_name="${3:-}" -v noticed=$OUT/noticed -f tests/mutants.awk \
+    awk -v mode="$1" -v entry="${2:-0}" -v chapter="${3:-}" -v noticed=$OUT/noticed -f tests/mutants.awk \
         $LIST splatshadow.h
 }
 
-# The same of the list that has the order of the tests
+# As text(), from the list that tests were written for
 orders() { (LIST=$ORDERS; text "$@"); }
 
 checksum() { cksum | tr ' ' '-'; }
@@ -107,9 +107,9 @@ link_mutant() { # folder, test
 
 # ---- running ----
 
-# The tests that an entry is run with: the one that noticed it last, those of its section, and those of none.
-order() { # section, test
-    { echo "$2"; orders order 0 "$1"; echo "$UNNAMED"; } | tr ' ' '\n' | awk 'NF && !seen[$1]++' |
+# The tests that an entry is run with: the one that noticed it last, those that noticed others of its chapter, the rest.
+order() { # chapter, test
+    { echo "$2"; orders order 0 "$1"; echo "$TESTS"; } | awk 'NF && !seen[$1]++' |
         while read -r name; do is_test "$name" && echo "$name"; done
 }
 
@@ -122,7 +122,7 @@ part() { # output
 }
 
 # Prints the test that noticed, and the part of it; nothing if none did.
-notice() { # folder, section, file with what is likely to notice
+notice() { # folder, chapter, file with what is likely to notice
     first=
     while read -r likely part; do
         first=${first:-$likely}
@@ -146,49 +146,51 @@ last_of() { # entry
     echo "$OUT/last/$(text entry "$1" | checksum)"
 }
 
-run_entry() { # worker, entry, section, function
+run_entry() { # worker, entry, chapter, function, line of the header
     result=$OUT/results/$(result_of "$2")
     last=$(last_of "$2")
     [ -e "$result" ] && return
     mkdir "$OUT/taken/$2" 2>/dev/null || return
     folder=$OUT/work_$1
     { cat "$last" 2> /dev/null; text likely "$2"; } | awk '!seen[$0]++' > "$folder.likely"
-    if build_mutant "$folder" "$2" "$4" 2> "$OUT/work_$1.txt"; then
+    if [ "$5" = 0 ]; then
+        echo "does not apply" > "$result.new"
+    elif build_mutant "$folder" "$2" "$4" 2> "$OUT/work_$1.txt"; then
         notice "$folder" "$3" "$folder.likely" > "$result.new" 2>> "$OUT/work_$1.txt"
     else
         echo "does not compile" > "$result.new"
     fi
-    [ -s "$result.new" ] && cp "$result.new" "$last" && echo "$2 $(cat "$last")" >> $OUT/noticed
+    [ "$5" != 0 ] && [ -s "$result.new" ] && cp "$result.new" "$last" && echo "$2 $(cat "$last")" >> $OUT/noticed
     mv "$result.new" "$result"
     echo "$2 $3 $4: $(cat "$result")"
     rm -rf "$folder"
 }
 
 work() { # worker
-    while read -r entry section function rest; do
+    while read -r entry chapter function line rest; do
         [ $(($(date +%s) - BEGIN)) -ge "$LIMIT" ] && return
-        case " ${SECTION:-$section} " in *" $section "*) ;; *) continue ;; esac
-        run_entry "$1" "$entry" "$section" "$function"
+        case " ${CHAPTER:-$chapter} " in *" $chapter "*) ;; *) continue ;; esac
+        run_entry "$1" "$entry" "$chapter" "$function" "$line"
     done < $OUT/list
 }
 
 report() {
-    while read -r entry section function line rest; do
-        case " ${SECTION:-$section} " in *" $section "*) ;; *) continue ;; esac
+    while read -r entry chapter function line rest; do
+        case " ${CHAPTER:-$chapter} " in *" $chapter "*) ;; *) continue ;; esac
         result=$OUT/results/$(result_of "$entry")
         if [ ! -e "$result" ]; then said="not run"; elif [ -s "$result" ]; then said=$(cat "$result"); else said=-; fi
-        printf '%s|%s|%s|%s|%s|%s\n' "$entry" "$section" "$line" "$function" "$said" "$(text reason "$entry")"
+        printf '%s|%s|%s|%s|%s|%s\n' "$entry" "$chapter" "$line" "$function" "$said" "$(text reason "$entry")"
     done < $OUT/list | sort -n | awk -F'|' '
         { printf "%4d  %-14s %6d  %-32s %s\n", $1, $2, $3, $4, $5 == "-" ? "NOT NOTICED" : $5 }
         $5 == "not run" { ++waiting; next }
-        $5 == "does not compile" { ++broken; next }
+        $5 ~ /^does not/ { ++broken; next }
         $5 == "-" { missed[++misses] = $1 ": " ($6 == "" ? "no reason" : $6); unexplained += $6 == "" }
         $5 != "-" { ++noticed; if ($6 != "") seen = seen " " $1 }
         END {
             if (misses) print "\nNot noticed:"
             for (i = 1; i <= misses; ++i) print "  " missed[i]
             if (seen != "") print "Noticed, though the list has a reason why not:" seen
-            if (broken) print broken " do not compile"
+            if (broken) print broken " do not apply or compile"
             if (waiting) print waiting " not run yet: run again"
             all = noticed + misses
             printf "%d of %d noticed (%.0f %%), %d without a reason\n", noticed, all, all ? 100 * noticed / all : 0, unexplained
@@ -207,8 +209,6 @@ run() {
     done
     [ -n "$TESTS" ] || exit 1
     text list | sort -n -k5,5 -k1,1 > $OUT/list
-    UNNAMED=$(echo "$TESTS" | tr '\n' ' ' | awk -v named=" $(orders named) " '{
-        for (i = 1; i <= NF; ++i) if (!index(named, " " $i " ")) print $i }')
     worker=1
     while [ $worker -le "$JOBS" ]; do
         work $worker &

@@ -163,6 +163,44 @@ static inline char *read_text(const char *path) {
     return read_bytes(path, &size);
 }
 
+/* ---------------------------------------------------------------------------------------------------------- vectors */
+
+#define PI 3.14159265358979323846
+
+static inline double vec_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+static inline double vec_length(const double a[3]) { return sqrt(vec_dot(a, a)); }
+
+static inline void vec_cross(const double a[3], const double b[3], double out[3]) {
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static inline double vec_determinant(const double a[3], const double b[3], const double c[3]) {
+    double bc[3];
+    vec_cross(b, c, bc);
+    return vec_dot(a, bc);
+}
+
+/* out = a + t b */
+static inline void vec_along(const double a[3], const double b[3], double t, double out[3]) {
+    for (int i = 0; i < 3; ++i) out[i] = a[i] + t * b[i];
+}
+
+static inline void vec_normalise(double a[3]) {
+    const double length = vec_length(a);
+    for (int i = 0; i < 3; ++i) a[i] /= length;
+}
+
+/* Two unit vectors perpendicular to the unit vector n. */
+static inline void vec_basis(const double n[3], double x[3], double y[3]) {
+    const double ax = fabs(n[0]), ay = fabs(n[1]), az = fabs(n[2]);
+    const int least = ax <= ay && ax <= az ? 0 : ay <= az ? 1 : 2;
+    for (int i = 0; i < 3; ++i) x[i] = (i == least) - n[least] * n[i];
+    vec_normalise(x);
+    vec_cross(n, x, y);
+}
+
 /* --------------------------------------------------------------------------------------------------- random numbers */
 
 typedef struct check_random {
@@ -503,7 +541,7 @@ static inline sps_volume *check_add_volume(check_scene *s, int nx, int ny, int n
 }
 
 static inline double check_puff(const void *user, const double p[3]) {
-    const double r = spsi_length(p), ripples = 0.2 * sin(7 * p[0] + 1) * cos(6 * p[1]) * sin(8 * p[2]);
+    const double r = vec_length(p), ripples = 0.2 * sin(7 * p[0] + 1) * cos(6 * p[1]) * sin(8 * p[2]);
     (void)user;
     return fmin(fmax(2.5 * (0.8 + ripples - r), 0), 1);
 }

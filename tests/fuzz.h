@@ -748,7 +748,7 @@ static double steps_to_march(const scenery *x) {
     double low[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, high[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}, edge = HUGE_VAL;
     for (int i = 0; i < x->s.scene.volume_count; ++i) {
         const sps_volume *volume = &x->s.volume[i];
-        for (int k = 0; k < 3; ++k) edge = fmin(edge, spsi_length(volume->placement.axis[k]) / volume->size[k]);
+        for (int k = 0; k < 3; ++k) edge = fmin(edge, vec_length(volume->placement.axis[k]) / volume->size[k]);
         for (int corner = 0; corner < 8; ++corner)
             for (int k = 0; k < 3; ++k) {
                 double at = volume->placement.origin[k];

@@ -45,13 +45,12 @@ static inline double photons_density(const photons_medium *m, const double point
     for (int k = 0; k < 3; ++k) offset[k] = point[k] - m->volume->placement.origin[k];
     for (int i = 0; i < 3; ++i) {
         const int size = m->volume->size[i];
-        at[i] = spsi_dot(m->inverse[i], offset) * size - 0.5;
+        at[i] = vec_dot(m->inverse[i], offset) * size - 0.5;
         first[i] = (int)fmax(0, ceil(at[i] - PHOTONS_REACH)),
         last[i] = (int)fmin(size - 1, floor(at[i] + PHOTONS_REACH));
         if (last[i] < first[i]) return 0;
         for (int k = first[i]; k <= last[i]; ++k)
-            weights[i][k - first[i]] =
-                exp(-0.5 * pow((k - at[i]) / PHOTONS_SIGMA, 2)) / (sqrt(2 * SCENE_PI) * PHOTONS_SIGMA);
+            weights[i][k - first[i]] = exp(-0.5 * pow((k - at[i]) / PHOTONS_SIGMA, 2)) / (sqrt(2 * PI) * PHOTONS_SIGMA);
     }
     for (int z = first[2]; z <= last[2]; ++z)
         for (int y = first[1]; y <= last[1]; ++y) {
@@ -70,7 +69,7 @@ static inline int photons_range(const photons_medium *m, const double from[3], c
         double offset[3], middle, square;
         const double radius = (double)m->particle->radius;
         for (int k = 0; k < 3; ++k) offset[k] = (double)m->particle->position[k] - from[k];
-        middle = spsi_dot(offset, way), square = radius * radius - spsi_dot(offset, offset) + middle * middle;
+        middle = vec_dot(offset, way), square = radius * radius - vec_dot(offset, offset) + middle * middle;
         if (!(square > 0)) return 0;
         range[0] = fmax(0, middle - sqrt(square)), range[1] = middle + sqrt(square);
         return range[1] > range[0];
@@ -79,7 +78,7 @@ static inline int photons_range(const photons_medium *m, const double from[3], c
         const double reach = (PHOTONS_REACH - 0.5) / m->volume->size[i];
         double offset[3], at, along, a, b;
         for (int k = 0; k < 3; ++k) offset[k] = from[k] - m->volume->placement.origin[k];
-        at = spsi_dot(m->inverse[i], offset), along = spsi_dot(m->inverse[i], way);
+        at = vec_dot(m->inverse[i], offset), along = vec_dot(m->inverse[i], way);
         if (fabs(along) < 1e-30) along = 1e-30;
         a = (-reach - at) / along, b = (1 + reach - at) / along;
         range[0] = fmax(range[0], fmin(a, b)), range[1] = fmin(range[1], fmax(a, b));
@@ -132,17 +131,17 @@ static inline double photons_wall(const photons_scene *p, const double from[3], 
             c[k] = p->x->scale * (double)t[n].position[2][k] - a[k];
             offset[k] = from[k] - a[k];
         }
-        spsi_cross(way, c, h);
-        determinant = spsi_dot(b, h);
+        vec_cross(way, c, h);
+        determinant = vec_dot(b, h);
         if (!(fabs(determinant) > 0)) continue;
-        u = spsi_dot(offset, h) / determinant;
-        spsi_cross(offset, b, q);
-        v = spsi_dot(way, q) / determinant, d = spsi_dot(c, q) / determinant;
+        u = vec_dot(offset, h) / determinant;
+        vec_cross(offset, b, q);
+        v = vec_dot(way, q) / determinant, d = vec_dot(c, q) / determinant;
         if (!(u >= 0 && v >= 0 && u + v <= 1 && d > 1e-9 * p->x->scale && d < nearest)) continue;
         nearest = d;
-        spsi_cross(b, c, normal);
-        spsi_normalise(normal);
-        if (spsi_dot(normal, way) > 0)
+        vec_cross(b, c, normal);
+        vec_normalise(normal);
+        if (vec_dot(normal, way) > 0)
             for (int k = 0; k < 3; ++k) normal[k] = -normal[k];
     }
     return nearest;
@@ -155,9 +154,9 @@ static inline void photons_see(photons_scene *p, const double point[3], const do
     double offset[3], depth, passes, normal[3];
     int at[2], pixel;
     for (int k = 0; k < 3; ++k) offset[k] = point[k] - eye[k];
-    depth = spsi_dot(offset, p->forward);
-    at[0] = (int)floor(spsi_dot(offset, p->right) / p->pixel + 0.5 * PHOTONS_SIDE);
-    at[1] = (int)floor(-spsi_dot(offset, p->up) / p->pixel + 0.5 * PHOTONS_SIDE);
+    depth = vec_dot(offset, p->forward);
+    at[0] = (int)floor(vec_dot(offset, p->right) / p->pixel + 0.5 * PHOTONS_SIDE);
+    at[1] = (int)floor(-vec_dot(offset, p->up) / p->pixel + 0.5 * PHOTONS_SIDE);
     if (depth < 0 || at[0] < 0 || at[1] < 0 || at[0] >= PHOTONS_SIDE || at[1] >= PHOTONS_SIDE) return;
     pixel = at[1] * PHOTONS_SIDE + at[0];
     if (!p->judged[pixel] || photons_wall(p, point, back, normal) < depth) return;
@@ -167,15 +166,15 @@ static inline void photons_see(photons_scene *p, const double point[3], const do
 
 /* Henyey-Greenstein, and a direction by it. */
 static inline double photons_phase(double g, double cosine) {
-    return (1 - g * g) / (4 * SCENE_PI * pow(1 + g * g - 2 * g * cosine, 1.5));
+    return (1 - g * g) / (4 * PI * pow(1 + g * g - 2 * g * cosine, 1.5));
 }
 static inline void photons_about(photons_scene *p, const double axis[3], double cosine, double out[3]) {
-    const double turn = 2 * SCENE_PI * check_next(&p->random), sine = sqrt(fmax(0, 1 - cosine * cosine));
+    const double turn = 2 * PI * check_next(&p->random), sine = sqrt(fmax(0, 1 - cosine * cosine));
     double u[3] = {0, 0, 0}, v[3], w[3];
     u[fabs(axis[0]) < 0.6 ? 0 : 1] = 1;
-    spsi_cross(axis, u, v);
-    spsi_normalise(v);
-    spsi_cross(axis, v, w);
+    vec_cross(axis, u, v);
+    vec_normalise(v);
+    vec_cross(axis, v, w);
     for (int k = 0; k < 3; ++k) out[k] = cosine * axis[k] + sine * (cos(turn) * v[k] + sin(turn) * w[k]);
 }
 static inline void photons_scatter(photons_scene *p, double g, double way[3]) {
@@ -200,7 +199,7 @@ static inline void photons_follow(photons_scene *p, double from[3], double way[3
         if (!(nearest < HUGE_VAL)) return;
         for (int k = 0; k < 3; ++k) from[k] += nearest * way[k];
         for (int c = 0; c < 3; ++c) power[c] *= m ? m->albedo[c] : (double)p->x->s.mesh[0].color[c];
-        share = m ? photons_phase(m->asymmetry, spsi_dot(way, back)) : fmax(0, spsi_dot(normal, back)) / SCENE_PI;
+        share = m ? photons_phase(m->asymmetry, vec_dot(way, back)) : fmax(0, vec_dot(normal, back)) / PI;
         for (int c = 0; c < 3; ++c) sent[c] = share * power[c];
         if (share > 0) photons_see(p, from, sent, picture);
         if (m)
@@ -221,7 +220,7 @@ static inline void photons_start(photons_scene *p, const photons_medium *m, doub
         double u[3], square;
         do {
             for (int k = 0; k < 3; ++k) u[k] = 2 * check_next(&p->random) - 1;
-            square = spsi_dot(u, u);
+            square = vec_dot(u, u);
         } while (square > 1 || (m->soft && check_next(&p->random) > 1 - square));
         for (int k = 0; k < 3; ++k) out[k] = (double)m->particle->position[k] + (double)m->particle->radius * u[k];
         return;
@@ -242,7 +241,7 @@ static inline void photons_start(photons_scene *p, const photons_medium *m, doub
         double offset, u;
         do {
             u = check_next(&p->random);
-            offset = PHOTONS_SIGMA * sqrt(-2 * log1p(-u)) * cos(2 * SCENE_PI * check_next(&p->random));
+            offset = PHOTONS_SIGMA * sqrt(-2 * log1p(-u)) * cos(2 * PI * check_next(&p->random));
         } while (fabs(offset) > PHOTONS_REACH);
         for (int k = 0; k < 3; ++k) out[k] += (at[i] + 0.5 + offset) / size[i] * m->volume->placement.axis[i][k];
     }
@@ -253,9 +252,9 @@ static inline void photons_intensity(const photons_medium *m, double out[3]) {
     double extent;
     if (m->volume) {
         const double(*axis)[3] = m->volume->placement.axis;
-        extent = fabs(spsi_determinant(axis[0], axis[1], axis[2])) * m->sums[m->voxels - 1] / m->voxels;
+        extent = fabs(vec_determinant(axis[0], axis[1], axis[2])) * m->sums[m->voxels - 1] / m->voxels;
     } else
-        extent = m->peak * 4 * SCENE_PI / 3 * pow((double)m->particle->radius, 3) * (m->soft ? 0.4 : 1);
+        extent = m->peak * 4 * PI / 3 * pow((double)m->particle->radius, 3) * (m->soft ? 0.4 : 1);
     for (int c = 0; c < 3; ++c) out[c] = extent * m->emission[c];
 }
 
@@ -271,7 +270,7 @@ static inline double photons_reach(const random_scene *x) {
             const double reach = (PHOTONS_REACH - 0.5) / v->size[i], at = n >> i & 1 ? 1 + reach : -reach;
             for (int k = 0; k < 3; ++k) offset[k] += at * v->placement.axis[i][k];
         }
-        square = fmax(square, spsi_dot(offset, offset));
+        square = fmax(square, vec_dot(offset, offset));
     }
     for (size_t n = 0; n < 3 * x->triangles.count; ++n) {
         double b[3], c[3], normal[3], corner[3];
@@ -281,10 +280,10 @@ static inline double photons_reach(const random_scene *x) {
             corner[k] = x->scale * (double)at[n % 3][k];
             b[k] = (double)at[1][k] - (double)at[0][k], c[k] = (double)at[2][k] - (double)at[0][k];
         }
-        spsi_cross(b, c, normal);
+        vec_cross(b, c, normal);
         for (int i = 0; i < x->s.scene.light_count; ++i)
-            lit |= fabs(spsi_dot(normal, x->s.light[i].direction)) > 1e-6 * spsi_length(normal);
-        if (lit) square = fmax(square, spsi_dot(corner, corner));
+            lit |= fabs(vec_dot(normal, x->s.light[i].direction)) > 1e-6 * vec_length(normal);
+        if (lit) square = fmax(square, vec_dot(corner, corner));
     }
     return sqrt(square);
 }
@@ -298,9 +297,9 @@ static inline int photons_begin(photons_scene *p, const random_scene *x) {
         photons_medium *m = &p->media[p->count++];
         const sps_volume *v = m->volume = &x->s.volume[i];
         float most = 0;
-        double sum = 0, d = spsi_determinant(v->placement.axis[0], v->placement.axis[1], v->placement.axis[2]);
+        double sum = 0, d = vec_determinant(v->placement.axis[0], v->placement.axis[1], v->placement.axis[2]);
         for (int a = 0; a < 3; ++a) {
-            spsi_cross(v->placement.axis[(a + 1) % 3], v->placement.axis[(a + 2) % 3], m->inverse[a]);
+            vec_cross(v->placement.axis[(a + 1) % 3], v->placement.axis[(a + 2) % 3], m->inverse[a]);
             for (int k = 0; k < 3; ++k) m->inverse[a][k] /= d;
         }
         m->voxels = v->size[0] * v->size[1] * v->size[2];
@@ -321,10 +320,10 @@ static inline int photons_begin(photons_scene *p, const random_scene *x) {
             m->albedo[c] = (double)x->sets[i].albedo[c], m->emission[c] = (double)x->sets[i].emission[c];
     }
     for (int k = 0; k < 3; ++k) p->forward[k] = camera->target[k] - camera->position[k];
-    spsi_normalise(p->forward);
-    spsi_cross(p->forward, camera->up, p->right);
-    spsi_normalise(p->right);
-    spsi_cross(p->right, p->forward, p->up);
+    vec_normalise(p->forward);
+    vec_cross(p->forward, camera->up, p->right);
+    vec_normalise(p->right);
+    vec_cross(p->right, p->forward, p->up);
     p->pixel = camera->ortho_height / PHOTONS_SIDE, p->reach = photons_reach(x);
     for (int i = 0; i < PHOTONS_PIXELS; ++i) { /* all corners show the wall, or none does */
         int hits = 0;
@@ -354,7 +353,7 @@ static inline void photons_send(photons_scene *p, double share, double *picture)
         photons_start(p, m, from);
         for (int c = 0; c < 3; ++c) power[c] *= share;
         photons_see(p, from, power, picture);
-        for (int c = 0; c < 3; ++c) power[c] *= 4 * SCENE_PI;
+        for (int c = 0; c < 3; ++c) power[c] *= 4 * PI;
         photons_about(p, p->forward, 2 * check_next(&p->random) - 1, way);
         photons_follow(p, from, way, power, picture);
     }
@@ -363,14 +362,14 @@ static inline void photons_send(photons_scene *p, double share, double *picture)
         const double radius = p->reach, r = radius * sqrt(check_next(&p->random));
         const int is_lamp = light->kind == SPS_LIGHT_POINT;
         for (int c = 0; c < 3; ++c)
-            power[c] = share * (double)light->color[c] * (is_lamp ? 4 * SCENE_PI : SCENE_PI * radius * radius);
+            power[c] = share * (double)light->color[c] * (is_lamp ? 4 * PI : PI * radius * radius);
         if (is_lamp) {
             memcpy(from, light->position, sizeof from);
             photons_about(p, p->forward, 2 * check_next(&p->random) - 1, way);
         } else {
             double across[3];
             memcpy(way, light->direction, sizeof way);
-            spsi_normalise(way);
+            vec_normalise(way);
             photons_about(p, way, 0, across);
             for (int k = 0; k < 3; ++k) from[k] = r * across[k] - 2 * radius * way[k];
         }

@@ -8,8 +8,6 @@
 
 #include "check.h"
 
-#define SCENE_PI 3.14159265358979323846
-
 /* --------------------------------------------------------------------------------------------------------- features */
 
 typedef enum feature {
@@ -144,9 +142,9 @@ static inline void draw_direction(check_random *random, double out[3]) {
     double length;
     do {
         for (int i = 0; i < 3; ++i) out[i] = draw(random, -1, 1);
-        length = spsi_length(out);
+        length = vec_length(out);
     } while (length > 1 || length < 0.1);
-    spsi_normalise(out);
+    vec_normalise(out);
 }
 
 static inline void draw_color(check_random *random, double low, double high, float out[3]) {
@@ -231,7 +229,7 @@ static inline double formula_value(const void *user, const double position[3]) {
     const scene_formula *formula = (const scene_formula *)user;
     double p[3], r, noise;
     for (int i = 0; i < 3; ++i) p[i] = 2 * (position[i] - formula->centre[i]) / formula->scale;
-    r = spsi_length(p);
+    r = vec_length(p);
     for (int i = 0; i < 3; ++i) p[i] *= 4;
     noise = lattice_noise(formula->seed, p);
     switch (formula->shape) {
@@ -324,7 +322,7 @@ static inline void fill_volume(random_scene *x, int n, int shape, int source, co
 /* Length of the longest edge of a voxel. */
 static inline double voxel_edge(const sps_volume *volume) {
     double longest = 0;
-    for (int a = 0; a < 3; ++a) longest = fmax(longest, spsi_length(volume->placement.axis[a]) / volume->size[a]);
+    for (int a = 0; a < 3; ++a) longest = fmax(longest, vec_length(volume->placement.axis[a]) / volume->size[a]);
     return longest;
 }
 
@@ -428,7 +426,7 @@ static inline void add_ground(random_scene *x, double half, double height) {
 }
 
 static inline void add_wall(random_scene *x) {
-    const double angle = draw(&x->random, 0, SCENE_PI), half = draw(&x->random, 0.2, 0.6);
+    const double angle = draw(&x->random, 0, PI), half = draw(&x->random, 0.2, 0.6);
     const double u[3] = {half * cos(angle), 0, half * sin(angle)}, v[3] = {0, half, 0};
     const double back = draw(&x->random, -0.4, 0.4), up = draw(&x->random, -0.3, 0.3);
     add_rectangle(x, draw(&x->random, -0.4, 0.4), up, back, u, v);
@@ -464,8 +462,8 @@ static inline void add_ball(random_scene *x) {
         for (int j = 0; j < 2 * n; ++j)
             for (int half = 0; half < 2; ++half) {
                 sps_triangle *t = check_add_triangle(&x->triangles);
-                const double low = SCENE_PI * i / n, high = SCENE_PI * (i + 1) / n;
-                const double left = SCENE_PI * j / n, right = SCENE_PI * (j + 1) / n;
+                const double low = PI * i / n, high = PI * (i + 1) / n;
+                const double left = PI * j / n, right = PI * (j + 1) / n;
                 set_ball_corner(t, 0, middle, radius, low, left);
                 set_ball_corner(t, 1, middle, radius, half ? high : low, right);
                 set_ball_corner(t, 2, middle, radius, high, half ? left : right);
@@ -586,11 +584,11 @@ static inline void set_matrix(random_scene *x, double half_height, int flat) {
     const sps_view *view = &x->s.view;
     const double aspect = (double)view->width / view->height;
     double forward[3], rows[4][3];
-    spsi_along(view->camera.target, view->camera.position, -1, forward);
-    spsi_normalise(forward);
-    spsi_cross(forward, view->camera.up, rows[0]);
-    spsi_normalise(rows[0]);
-    spsi_cross(rows[0], forward, rows[1]);
+    vec_along(view->camera.target, view->camera.position, -1, forward);
+    vec_normalise(forward);
+    vec_cross(forward, view->camera.up, rows[0]);
+    vec_normalise(rows[0]);
+    vec_cross(rows[0], forward, rows[1]);
     for (int i = 0; i < 3; ++i) {
         rows[0][i] /= half_height * aspect;
         rows[1][i] /= half_height;
@@ -599,7 +597,7 @@ static inline void set_matrix(random_scene *x, double half_height, int flat) {
     }
     for (int r = 0; r < 4; ++r) {
         memcpy(x->matrix + 4 * r, rows[r], sizeof rows[r]);
-        x->matrix[4 * r + 3] = -spsi_dot(rows[r], view->camera.position);
+        x->matrix[4 * r + 3] = -vec_dot(rows[r], view->camera.position);
     }
     if (flat) x->matrix[11] -= 1, x->matrix[15] = 1;
     check_matrix(&x->s.view.camera, x->matrix);
@@ -611,7 +609,7 @@ static inline void set_matrix(random_scene *x, double half_height, int flat) {
 static inline void draw_eye(random_scene *x) {
     const int mesh = x->levels[MESH];
     const double elevation = draw(&x->random, 0.1, 1.1);
-    const double azimuth = mesh == MESH_HALL ? draw(&x->random, -0.6, 0.6) : draw(&x->random, -SCENE_PI, SCENE_PI);
+    const double azimuth = mesh == MESH_HALL ? draw(&x->random, -0.6, 0.6) : draw(&x->random, -PI, PI);
     draw_direction(&x->random, x->eye);
     if (mesh != MESH_HALL && mesh != MESH_GROUND && mesh != MESH_PLAIN) return;
     check_set3(x->eye, cos(elevation) * sin(azimuth), sin(elevation), cos(elevation) * cos(azimuth));
@@ -663,7 +661,7 @@ static inline void draw_travel(random_scene *x, int side, double out[3]) {
     for (int attempt = 0; attempt < 200; ++attempt) {
         double cosine;
         draw_direction(&x->random, out);
-        cosine = -spsi_dot(out, x->eye);
+        cosine = -vec_dot(out, x->eye);
         if (below && out[1] > -0.15 && attempt < 100) continue;
         if (side == SIDE_BEHIND ? cosine > 0.4 : side == SIDE_ACROSS ? fabs(cosine) < 0.3 : cosine < -0.4) return;
     }
@@ -741,10 +739,10 @@ static inline int scene_slide_color(void *user, size_t count, const float *uv, f
     const scene_slide *slide = (const scene_slide *)user;
     for (size_t i = 0; i < count; ++i) {
         const double u = (double)uv[2 * i], v = (double)uv[2 * i + 1];
-        const double share = slide->fades ? sin(SCENE_PI * u) * sin(SCENE_PI * v) : 1;
+        const double share = slide->fades ? sin(PI * u) * sin(PI * v) : 1;
         for (int c = 0; c < 3; ++c) {
             const double turn = slide->phase[c] + slide->wave[c][0] * u + slide->wave[c][1] * v;
-            out_rgb[3 * i + (size_t)c] = (float)(share * (0.55 + 0.45 * sin(2 * SCENE_PI * turn)));
+            out_rgb[3 * i + (size_t)c] = (float)(share * (0.55 + 0.45 * sin(2 * PI * turn)));
         }
     }
     return 0;
@@ -769,8 +767,8 @@ static inline void set_image(random_scene *x, int n, check_random *random) {
     sps_projector *projector = &x->projectors[n];
     const int has_place = light->kind != SPS_LIGHT_DIRECTIONAL;
     double offset[3], distance;
-    spsi_along(light->position, x->offset, -1, offset);
-    distance = has_place ? spsi_length(offset) : 0;
+    vec_along(light->position, x->offset, -1, offset);
+    distance = has_place ? vec_length(offset) : 0;
     if (!has_place) memcpy(light->position, x->offset, sizeof light->position);
     set_image_edges(x, n, distance, random);
     for (int c = 0; c < 3; ++c) {
@@ -1004,12 +1002,12 @@ static inline int near_lamp(const random_scene *x, const spsi_rays *eye, int pix
     double origin[3], direction[3], offset[3];
     spsi_ray_point(eye, pixel_x, pixel_y, 0, origin);
     spsi_ray_direction(eye, pixel_x, pixel_y, direction);
-    spsi_normalise(direction);
+    vec_normalise(direction);
     for (int i = 0; i < x->s.scene.light_count; ++i) {
         if (x->s.light[i].kind == SPS_LIGHT_DIRECTIONAL) continue;
-        spsi_along(x->s.light[i].position, origin, -1, offset);
-        spsi_along(offset, direction, -spsi_dot(offset, direction), offset);
-        if (spsi_length(offset) < h) return 1;
+        vec_along(x->s.light[i].position, origin, -1, offset);
+        vec_along(offset, direction, -vec_dot(offset, direction), offset);
+        if (vec_length(offset) < h) return 1;
     }
     return 0;
 }
@@ -1019,7 +1017,7 @@ static inline double step_length(const random_scene *x, double step) {
     double shortest = x->scale / x->voxels;
     for (int i = 0; i < x->s.scene.volume_count; ++i)
         for (int a = 0; a < 3; ++a)
-            shortest = fmin(shortest, spsi_length(x->s.volume[i].placement.axis[a]) / x->s.volume[i].size[a]);
+            shortest = fmin(shortest, vec_length(x->s.volume[i].placement.axis[a]) / x->s.volume[i].size[a]);
     return step * shortest;
 }
 

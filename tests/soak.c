@@ -187,7 +187,7 @@ static void soak_distance(sps_context *context, const random_scene *from, check_
     for (int k = 0; k < 3; ++k) {
         middle[k] = gas->placement.origin[k];
         for (int i = 0; i < 3; ++i) middle[k] += gas->placement.axis[i][k] / 2;
-        widest += spsi_length(gas->placement.axis[k]);
+        widest += vec_length(gas->placement.axis[k]);
     }
     pixel = widest / 60 * pow(4 * 64 / 2.5, draw(&random, 0, 1));
     memset(view, 0, sizeof *view);
@@ -199,7 +199,7 @@ static void soak_distance(sps_context *context, const random_scene *from, check_
     view->camera.target[2] -= 1;
     view->camera.up[1] = 1;
     check_orthographic(&view->camera, 64 * pixel);
-    depth = fabs(spsi_determinant(gas->placement.axis[0], gas->placement.axis[1], gas->placement.axis[2])) * sum;
+    depth = fabs(vec_determinant(gas->placement.axis[0], gas->placement.axis[1], gas->placement.axis[2])) * sum;
     depth /= (double)gas->size[0] * gas->size[1] * gas->size[2] * pixel * pixel;
     x.s.volume[0].extinction = (float)(1e-4 / depth);
     check_color(x.s.volume[0].emission, 0, 0, 0);
@@ -274,7 +274,7 @@ static void beside_particle(random_scene *x, const double place[3]) {
 /* Suns shine along the wall, so that it has only gas's light, or onto it, as lamps do. */
 static void beside_light(random_scene *x, int from, double frame[3][3], const double place[3]) {
     const int is_lamp = from == FROM_LAMP;
-    const double turn = draw(&x->random, 0, 2 * SCENE_PI), onto = from == FROM_SUN ? draw(&x->random, 0.2, 1) : 0;
+    const double turn = draw(&x->random, 0, 2 * PI), onto = from == FROM_SUN ? draw(&x->random, 0.2, 1) : 0;
     const double along = sqrt(1 - onto * onto);
     sps_light *light = check_add_light(&x->s, is_lamp ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL, 1);
     beside_place(frame, along * cos(turn), along * sin(turn), onto, light->direction);
@@ -366,9 +366,9 @@ static double beside_rays(const random_scene *x) {
     const sps_light *sun = x->s.light;
     double toward[3], sum = 0;
     if (x->s.scene.light_count == 0 || sun->kind != SPS_LIGHT_DIRECTIONAL) return 0;
-    spsi_along(x->s.view.camera.target, x->s.view.camera.position, -1, toward);
-    if (fabs(spsi_dot(toward, sun->direction)) > 1e-6 * spsi_length(toward)) return 0;
-    for (int c = 0; c < 3; ++c) sum += (double)sun->color[c] * (double)x->s.mesh[0].color[c] / SCENE_PI;
+    vec_along(x->s.view.camera.target, x->s.view.camera.position, -1, toward);
+    if (fabs(vec_dot(toward, sun->direction)) > 1e-6 * vec_length(toward)) return 0;
+    for (int c = 0; c < 3; ++c) sum += (double)sun->color[c] * (double)x->s.mesh[0].color[c] / PI;
     return BESIDE_RAYS * sum;
 }
 
@@ -477,9 +477,9 @@ static void soak_specks(sps_context *context, check_random random, long number) 
         for (int k = 0; k < 3; ++k) p->position[k] = (float)place[k];
         p->radius = (float)radius;
         p->optical_depth = (float)(set->is_extinction ? thick / (radius * (set->soft ? 4 / 3.0 : 2)) : thick);
-        mass += SCENE_PI * thick * radius * radius / (pixel * pixel) * (set->soft ? 0.4 : 2 / 3.0);
+        mass += PI * thick * radius * radius / (pixel * pixel) * (set->soft ? 0.4 : 2 / 3.0);
     }
-    check_add_directional(&x.s, frame[0][0], frame[0][1], frame[0][2], 4 * SCENE_PI)->no_shadow = 1;
+    check_add_directional(&x.s, frame[0][0], frame[0][1], frame[0][2], 4 * PI)->no_shadow = 1;
     if (!check_render(context, &x.s, rgba)) return;
     for (int i = 0; i < SPECKS_SIDE * SPECKS_SIDE; ++i)
         depth -= log1p(-(double)rgba[4 * i + 3]), light += (double)rgba[4 * i];

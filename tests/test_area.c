@@ -4,8 +4,6 @@
 
 #include "check.h"
 
-#define PI 3.14159265358979323846
-
 enum { SIDE = 20, COUNT = 4 * SIDE * SIDE, SPHERES = 11, FACES = 16 };
 static float image_a[COUNT], image_b[COUNT];
 static sps_context *context;

@@ -4,8 +4,6 @@
 
 #include "check.h"
 
-#define PI 3.14159265358979323846
-
 enum { SIDE = 4, COUNT = SIDE * SIDE, GRID = 8, VALUES = GRID * GRID * GRID };
 static sps_context *context;
 static float rgba[4 * COUNT], exact[4 * COUNT], low[3 * COUNT], high[3 * COUNT];
@@ -102,7 +100,7 @@ static double depth_along(const check_scene *s, const double from[3], const doub
     for (int i = 0; i < count; ++i)
         for (int j = 0; j < 3; ++j) {
             double p[3];
-            spsi_along(from, direction, length * (i + places[j]) / count, p);
+            vec_along(from, direction, length * (i + places[j]) / count, p);
             sum += weights[j] * length / count * extinction_at(s, p);
         }
     return sum;
@@ -116,13 +114,13 @@ static double light_at(const check_scene *s, const double p[3], float g) {
         double toward[3], far = 8, irradiance = (double)light->color[0], cosine, square;
         for (int k = 0; k < 3; ++k)
             toward[k] = light->kind == SPS_LIGHT_POINT ? light->position[k] - p[k] : -light->direction[k];
-        if (light->kind == SPS_LIGHT_POINT) far = spsi_length(toward), irradiance /= far * far;
-        spsi_normalise(toward);
+        if (light->kind == SPS_LIGHT_POINT) far = vec_length(toward), irradiance /= far * far;
+        vec_normalise(toward);
         cosine = -toward[2]; /* between the light's way and that to the eye, +z */
         if (light->outer_cone > 0) {
             double axis[3] = {light->direction[0], light->direction[1], light->direction[2]}, share;
-            spsi_normalise(axis);
-            share = -spsi_dot(axis, toward);
+            vec_normalise(axis);
+            share = -vec_dot(axis, toward);
             share = (share - cos(light->outer_cone)) / (cos(light->inner_cone) - cos(light->outer_cone));
             share = fmin(fmax(share, 0), 1);
             irradiance *= share * share;
@@ -145,11 +143,11 @@ static double truth(const check_scene *s, int pixel, double edge) {
         for (int i = 0; i < 50; ++i) {
             const double h = (cuts[part + 1] - cuts[part]) / 50;
             double from[3];
-            spsi_along(p, way, cuts[part] + i * h, from);
+            vec_along(p, way, cuts[part] + i * h, from);
             for (int j = 0; j < 3 && h > 0; ++j) {
                 double at[3], light = 0;
                 const double passed = exp(-depth - depth_along(s, from, way, places[j] * h, 1));
-                spsi_along(from, way, places[j] * h, at);
+                vec_along(from, way, places[j] * h, at);
                 for (int m = 0; m < s->scene.volume_count; ++m) {
                     const sps_volume *volume = &s->volume[m];
                     const float g = volume->lobe_count > 0 ? volume->lobes[0].asymmetry : 0;

@@ -647,7 +647,7 @@ static void test_little(void) {
     sps_context *context = check_context(NULL);
     check_triangles floor;
     const double corner[3] = {-2, -1, -1}, u[3] = {4, 0, 0}, v[3] = {0, 3, -1};
-    const double slope = 0.5 / SPSI_PI * 3 * (1 + 3 * 0.5) / sqrt(10 * (0.4 * 0.4 + 1 + 0.5 * 0.5));
+    const double slope = 0.5 / PI * 3 * (1 + 3 * 0.5) / sqrt(10 * (0.4 * 0.4 + 1 + 0.5 * 0.5));
     check_scene s;
     memset(&floor, 0, sizeof floor);
     check_add_quad(&floor, corner, u, v);

@@ -78,7 +78,7 @@ static void test_weights(void) {
         for (int k = 0; k < SPSI_CELL_DIRECTIONS; ++k) {
             double v[3];
             vector_of(&directions[k], v);
-            spsi_normalise(v);
+            vec_normalise(v);
             sum += (double)directions[k].weight * pow(v[0], power[0]) * pow(v[1], power[1]) * pow(v[2], power[2]);
         }
         if (degree < 12 && !CHECK_NEAR(sum, mean_power(power), 1e-7))
@@ -112,10 +112,10 @@ static void test_harmonics(void) {
         double u[3], v[3], sum[SPSI_CELL_ORDERS] = {0};
         float of_u[SPSI_CELL_TERMS], of_v[SPSI_CELL_TERMS];
         for (int k = 0; k < 3; ++k) u[k] = check_next(&random) - 0.5, v[k] = check_next(&random) - 0.5;
-        spsi_normalise(u), spsi_normalise(v);
+        vec_normalise(u), vec_normalise(v);
         spsi_harmonics(u, of_u), spsi_harmonics(v, of_v);
         for (int t = 0; t < SPSI_CELL_TERMS; ++t) sum[spsi_term_degree(t)] += (double)of_u[t] * (double)of_v[t];
-        for (int l = 0; l < SPSI_CELL_ORDERS; ++l) CHECK_NEAR(sum[l], (2 * l + 1) * legendre(l, spsi_dot(u, v)), 5e-6);
+        for (int l = 0; l < SPSI_CELL_ORDERS; ++l) CHECK_NEAR(sum[l], (2 * l + 1) * legendre(l, vec_dot(u, v)), 5e-6);
     }
 }
 
@@ -452,7 +452,7 @@ static void test_nothing_given(void) {
 static double transformed_puff(const void *user, const double p[3]) {
     const double(*rows)[3] = (const double(*)[3])user;
     double q[3];
-    for (int i = 0; i < 3; ++i) q[i] = spsi_dot(rows[i], p);
+    for (int i = 0; i < 3; ++i) q[i] = vec_dot(rows[i], p);
     return check_puff(NULL, q);
 }
 
@@ -570,7 +570,7 @@ static void test_filling(void) {
             s.scene.volume_count = 0;
             swarm = check_add_swarm(&s, 0.8);
             check_color(swarm->albedo, 0.5, 0.5, 0.5);
-            exact_sum = 50 * 0.8 * SPSI_PI * 0.25 * 0.25 * (2.0 / 3); /* chords of a ball: 2/3 of its diameter */
+            exact_sum = 50 * 0.8 * PI * 0.25 * 0.25 * (2.0 / 3); /* chords of a ball: 2/3 of its diameter */
         }
         check_add_directional(&s, 0, 0, -1, 1);
         s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = 9 + n % 3;
@@ -607,7 +607,7 @@ static const double lump_width = 0.28;
 /* A lump of gas whose second derivatives are at most 1 / lump_width^2, in the middle. */
 static double lump(const void *user, const double p[3]) {
     (void)user;
-    return exp(-0.5 * spsi_dot(p, p) / (lump_width * lump_width));
+    return exp(-0.5 * vec_dot(p, p) / (lump_width * lump_width));
 }
 static const check_field lump_field = {lump, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
 
@@ -670,14 +670,14 @@ static double sample_place(const spsi_sampling *sheets, size_t sample, double po
     const spsi_rays *rays = &sheets->rays;
     const size_t row = sample / (size_t)rays->width;
     const double x = (double)(sample % (size_t)rays->width), y = (double)(row % (size_t)rays->height);
-    const double from = spsi_dot(sheets->slabs.normal, rays->origin), *c = rays->c;
+    const double from = vec_dot(sheets->slabs.normal, rays->origin), *c = rays->c;
     const double s =
         sheets->slabs.start + sheets->slabs.thickness * ((double)(row / (size_t)rays->height) + 0.5) - from;
-    double ray[3], t = s / spsi_dot(sheets->slabs.normal, c);
+    double ray[3], t = s / vec_dot(sheets->slabs.normal, c);
     if (rays->perspective) {
         for (int k = 0; k < 3; ++k) ray[k] = c[k] + x * rays->a[k] + y * rays->b[k];
-        t = s / spsi_dot(sheets->slabs.normal, ray);
-        spsi_along(rays->origin, ray, t, point);
+        t = s / vec_dot(sheets->slabs.normal, ray);
+        vec_along(rays->origin, ray, t, point);
         return t * t;
     }
     for (int k = 0; k < 3; ++k) point[k] = rays->origin[k] + x * rays->a[k] + y * rays->b[k] + t * c[k];
@@ -704,9 +704,9 @@ static double deposit_bound(const spsi_sampling *sheets, double *breadth) {
         c[i / 9][i / 3 % 3] += SPSI_SIGMA * SPSI_SIGMA * change[i % 3][i / 9] * change[i % 3][i / 3 % 3];
     across = 0.5 * (c[0][0] - c[1][1]);
     least = 0.5 * (c[0][0] + c[1][1]) - sqrt(across * across + c[0][1] * c[0][1]);
-    unit[0] = unit[1] = spsi_length(sheets->rays.a) * (perspective ? centre[2] : 1) / lump_width;
+    unit[0] = unit[1] = vec_length(sheets->rays.a) * (perspective ? centre[2] : 1) / lump_width;
     spsi_ray_direction(&sheets->rays, centre[0], centre[1], ray); /* slabs are crossed along it */
-    unit[2] = pitch / lump_width * spsi_length(ray) / spsi_dot(sheets->slabs.normal, ray);
+    unit[2] = pitch / lump_width * vec_length(ray) / vec_dot(sheets->slabs.normal, ray);
     *breadth = 0;
     for (int k = 0; k < 3; ++k) {
         const double own = k < 2 ? fmax(0, 0.25 - least) : 1.0 / 12;
@@ -755,12 +755,12 @@ static void test_deposits(void) {
         sample_gas(sheets, 0, splatted);
         bound = deposit_bound(sheets, &breadth);
         if (kind == 3) {
-            const double t = sheets->slabs.start - spsi_dot(sheets->slabs.normal, sheets->rays.origin);
+            const double t = sheets->slabs.start - vec_dot(sheets->slabs.normal, sheets->rays.origin);
             allowed = pow(sheets->slabs.thickness, 2) * (0.75 / (t * t) + 0.5 / t);
         }
         for (size_t i = 0; i < (size_t)(sheets->rays.width * sheets->rays.height * sheets->slabs.count); ++i) {
             double point[3], volume = sample_place(sheets, i, point);
-            volume *= fabs(spsi_determinant(sheets->rays.a, sheets->rays.b, sheets->rays.c));
+            volume *= fabs(vec_determinant(sheets->rays.a, sheets->rays.b, sheets->rays.c));
             mass += volume * (double)splatted[i];
             for (int k = 0; k < 4; ++k) sums[k] += volume * (double)deposited[i] * (k < 3 ? point[k] : 1);
         }
@@ -826,9 +826,9 @@ static void test_lit(void) {
             }
             if (fabs(p[0]) > 0.85 || fabs(p[1]) > 0.85 || fabs(p[2]) > 0.85) continue; /* where gas fades out */
             if (n < 2) way[1] = -1;
-            distance = spsi_length(way);
+            distance = vec_length(way);
             if (n >= 2) irradiance = 200 / (distance * distance);
-            spsi_normalise(way);
+            vec_normalise(way);
             cosine = -way[1];
             if (n == 3) {
                 const double share = (cosine - cos(0.05)) / (cos(0.02) - cos(0.05));
@@ -839,7 +839,7 @@ static void test_lit(void) {
             for (int t = 0; t < 16; ++t) {
                 const size_t moment = (size_t)t * made->count + at;
                 const double got = (double)job->incoming[moment] / (4 * (double)made->depth[at]);
-                const double given = irradiance / (4 * SPSI_PI) * (double)harmonic[t];
+                const double given = irradiance / (4 * PI) * (double)harmonic[t];
                 const double allowed = n < 2 ? 0.002 : n == 2 ? 0.01 : 0.2;
                 if (!CHECK_NEAR(got, given * exp(-k * depth), allowed))
                     printf("    light %d, term %d, at %g %g %g\n", n, t, p[0], p[1], p[2]);
@@ -870,7 +870,7 @@ static void test_lit_behind_rods(void) {
     static const sps_transfer_point points[] = {{0, {1, 1, 1}, 0},    {0.2f, {1, 1, 1}, 0.05f}, {0.3f, {1, 1, 1}, 0},
                                                 {0.6f, {1, 1, 1}, 0}, {0.7f, {1, 1, 1}, 1},     {1, {1, 1, 1}, 1}};
     static const sps_transfer rods = {points, 6, NULL, NULL, 0};
-    const double share = acos((0.65 - 0.5) / 0.378) / SPSI_PI, wrong = 1 / 11.0 * (1 - exp(-1));
+    const double share = acos((0.65 - 0.5) / 0.378) / PI, wrong = 1 / 11.0 * (1 - exp(-1));
     for (int filling = SPS_FILLING_AUTO; filling <= SPS_FILLING_GATHER; ++filling) {
         double light = 0, gas = 0;
         check_scene s;
@@ -890,7 +890,7 @@ static void test_lit_behind_rods(void) {
             light += (double)job_of(context)->incoming[at];
             gas += 4 * (double)grid_of(context)->depth[at];
         }
-        light /= gas * 2 / (4 * SPSI_PI);
+        light /= gas * 2 / (4 * PI);
         if (figures()) printf("filling %d: %.3f of light behind rods\n", filling, light);
         CHECK(light >= exp(-share - 0.05) - wrong && light <= 1 - share * (1 - exp(-1)) + wrong);
     }
@@ -910,12 +910,12 @@ static void test_deep(void) {
         s.volume[0].lobes = &forward, s.volume[0].lobe_count = n % 2;
         check_render(context, &s, image_a);
         for (size_t i = 0; i < grid_of(context)->count; ++i)
-            in += (double)job_of(context)->incoming[i] * SPSI_PI * pow(grid_of(context)->edge, 2);
+            in += (double)job_of(context)->incoming[i] * PI * pow(grid_of(context)->edge, 2);
         in *= (double)grid_of(context)->scale[0]; /* sharp lobes: what goes straight on is taken again */
         if (figures()) printf("extinction %g, g %d: takes %.3f\n", extinctions[n / 2], n % 2, in);
         CHECK(in > 1);
         CHECK_CASE("Found in review", "light that gas takes, in cells of a depth of 1 to 1e5",
-                   "no more than comes in, or 1.8 and 3.2 times it in the deepest", in / (SPSI_PI * 0.95 * 0.95),
+                   "no more than comes in, or 1.8 and 3.2 times it in the deepest", in / (PI * 0.95 * 0.95),
                    1.03 * factors[n / 2],
                    "corners of cells, 3 %; cells at the rim take light several times: known to be wrong");
     }
@@ -1061,11 +1061,11 @@ static double depth_to_pass(void) {
     check_random random = {17};
     double sum = 0, weights = 0;
     for (int i = 0; i < 200000; ++i) {
-        double p[3], w[3], q[3], value, z = 2 * check_next(&random) - 1, turn = 2 * SPSI_PI * check_next(&random);
+        double p[3], w[3], q[3], value, z = 2 * check_next(&random) - 1, turn = 2 * PI * check_next(&random);
         for (int k = 0; k < 3; ++k) p[k] = 2 * check_next(&random) - 1;
         w[0] = sqrt(1 - z * z) * cos(turn), w[1] = sqrt(1 - z * z) * sin(turn), w[2] = z;
         value = puff_field.value_fn(puff_field.user, p);
-        spsi_along(p, w, 2 * check_next(&random), q);
+        vec_along(p, w, 2 * check_next(&random), q);
         for (int k = 0; k < 3; ++k)
             if (fabs(q[k]) > 1)
                 break;
@@ -1210,7 +1210,7 @@ static void test_unshadowed(void) {
 /* v becomes its products with the rows. */
 static void turn(const double rows[3][3], double v[3]) {
     double out[3];
-    for (int i = 0; i < 3; ++i) out[i] = spsi_dot(rows[i], v);
+    for (int i = 0; i < 3; ++i) out[i] = vec_dot(rows[i], v);
     check_set3(v, out[0], out[1], out[2]);
 }
 
@@ -1458,7 +1458,7 @@ static void layer_sends(double depth, double g, double albedo, double share[2]) 
             s.view.camera.position[0] = 1000 * sqrt(1 - cosine * cosine);
             s.view.camera.position[2] = 0.5 + (through ? -1000 : 1000) * cosine;
             check_render(context, &s, rgba);
-            share[through] += SPSI_PI * weight[i % 8] * cosine * (double)rgba[0];
+            share[through] += PI * weight[i % 8] * cosine * (double)rgba[0];
         }
     }
 }

@@ -1606,7 +1606,7 @@ static void start_corner(check_scene *s, check_triangles *corner) {
     check_set3(s->view.camera.position, 0.5, 1, 4);
     check_set3(s->view.camera.target, 0.5, 1, -0.5);
     check_set3(s->view.camera.up, 0, 1, 0);
-    check_perspective(&s->view.camera, 40 * SPSI_PI / 180);
+    check_perspective(&s->view.camera, 40 * PI / 180);
 }
 
 /* The share of a white background that corner.obj lets pass, of each color. */
@@ -1727,7 +1727,7 @@ static void test_extents_as_placed(void) {
         if (i < 2) light->kind = i == 0 ? SPS_LIGHT_DISC : SPS_LIGHT_RECTANGLE;
         check_set3(light->axes[0], i == 0 ? 0.9 : 1, 0, 0);
         check_set3(light->axes[1], 0, i == 0 ? 0.9 : 0.3, 0);
-        if (i == 2) light->angular_diameter = SPSI_PI / 3;
+        if (i == 2) light->angular_diameter = PI / 3;
         check_render(context, &s, rgba);
         snprintf(line, sizeof line,
                  SMALL "--mesh corner.obj --camera 0.5,1,4,0.5,1,-0.5 %s --light-samples 7 --pfm extent.pfm",
@@ -1771,7 +1771,7 @@ static sps_light *add_slide(check_scene *s, sps_projector *projector, int kind) 
     memset(projector, 0, sizeof *projector);
     projector->width = 3, projector->height = 2;
     projector->sample_fn = sample_slide;
-    projector->top = tan(0.5 * 50 * SPSI_PI / 180), projector->bottom = -projector->top;
+    projector->top = tan(0.5 * 50 * PI / 180), projector->bottom = -projector->top;
     projector->right = projector->top * 3 / 2, projector->left = -projector->right;
     check_set3(projector->up, 0, 1, 0);
     check_set3(light->direction, -0.6, 0, -2);

@@ -28,7 +28,7 @@ static double eye_samples_of(sps_context *of) {
 
 /* The field that voxels stand for, at a place counted in voxels from the first one's centre. */
 static double sum_of_kernels(const float *values, const double at[3]) {
-    const double peak = pow(SPSI_SIGMA * sqrt(2 * SPSI_PI), -3);
+    const double peak = pow(SPSI_SIGMA * sqrt(2 * PI), -3);
     double sum = 0;
     for (int n = 0; n < GRID * GRID * GRID; ++n) {
         const double x = n % GRID - at[0], y = n / GRID % GRID - at[1], z = n / (GRID * GRID) - at[2];
@@ -101,7 +101,7 @@ static void test_samples(void) {
 
 /* The gradient of that field per voxel. */
 static void gradient_of_kernels(const float *values, const double at[3], double gradient[3]) {
-    const double square_sigma = SPSI_SIGMA * SPSI_SIGMA, peak = pow(SPSI_SIGMA * sqrt(2 * SPSI_PI), -3);
+    const double square_sigma = SPSI_SIGMA * SPSI_SIGMA, peak = pow(SPSI_SIGMA * sqrt(2 * PI), -3);
     memset(gradient, 0, 3 * sizeof *gradient);
     for (int n = 0; n < GRID * GRID * GRID; ++n) {
         const double off[3] = {n % GRID - at[0], n / GRID % GRID - at[1], n / (GRID * GRID) - at[2]};
@@ -137,7 +137,7 @@ static void gradient_at(const spsi_fields *fields, const double at[3], double gr
 static void test_gradients(void) {
     for (int quality = SPS_QUALITY_MEDIUM; quality <= SPS_QUALITY_HIGH; ++quality) {
         const double cut = quality == SPS_QUALITY_MEDIUM ? 0.0054 : 1.4e-5;
-        const double own = (quality == SPS_QUALITY_MEDIUM ? 0.0257 : 1.1e-4) + 2 * SPSI_PI * 5e-4;
+        const double own = (quality == SPS_QUALITY_MEDIUM ? 0.0257 : 1.1e-4) + 2 * PI * 5e-4;
         const double allowed = own + 2 * (2 * cut + 5e-4) * 1.23 / 2 + (1.3 + 1.23 * 1.23) / 2048;
         check_random random = {6};
         check_scene s;
@@ -362,7 +362,7 @@ static void check_level(const spsi_fields *fields, const spsi_voxel_field *level
             exact += voxel_of(fields, level, of) * exp(-0.5 * square / (SPSI_SIGMA * SPSI_SIGMA));
             most = fmax(most, voxel_of(fields, level, of));
         }
-        exact *= pow(SPSI_SIGMA * sqrt(2 * SPSI_PI), -3);
+        exact *= pow(SPSI_SIGMA * sqrt(2 * PI), -3);
         if (!CHECK(fabs(sample - exact) <= allowed * most + 1e-7))
             printf("    at %.2f %.2f %.2f: %g, exact %g\n", at[0], at[1], at[2], sample, exact);
     }
@@ -539,8 +539,8 @@ static void test_pixel_filter(void) {
     for (int n = 0; n < 3; ++n) {
         const double square = pixels[n] * pixels[n], own = 1.6 * 1.6 * square;
         const double kernel = (SPSI_SIGMA * SPSI_SIGMA * (1 + 3 * mixes[n]) + 0.75 * mixes[n]) * square;
-        const double exact = own + kernel + (n ? 1.0 / 16 : 0), rest = exp(-2 * SPSI_PI * SPSI_PI * exact);
-        const double allowed = 0.055 * kernel + 8 * SPSI_PI * SPSI_PI * exact * exact * rest;
+        const double exact = own + kernel + (n ? 1.0 / 16 : 0), rest = exp(-2 * PI * PI * exact);
+        const double allowed = 0.055 * kernel + 8 * PI * PI * exact * exact * rest;
         double moments[3];
         check_scene s;
         start(&s, ball);
@@ -856,7 +856,7 @@ static void start_even(check_scene *s, double gradient_full) {
 
 /* Root mean square error of the picture, relative to 3 * 0.8 / 4 pi, the light of an opaque gas of that color. */
 static double even_error(void) {
-    const double exact = 3 * 0.8 / (4 * SPSI_PI);
+    const double exact = 3 * 0.8 / (4 * PI);
     double sum = 0;
     for (int i = 0; i < SIDE * SIDE; ++i) sum += pow((double)image_a[4 * i] / exact - 1, 2);
     return sqrt(sum / (SIDE * SIDE));
@@ -872,7 +872,7 @@ static void test_even_surface(void) {
     for (int high = 0; high < 2; ++high)
         for (int n = 0; n < 3; ++n)
             for (int splat = 0; splat < 2; ++splat) {
-                const double w = splat ? 2 * SPSI_PI * ripple[high] / full[n] : 0;
+                const double w = splat ? 2 * PI * ripple[high] / full[n] : 0;
                 const double allowed = sqrt(16.0 / 6 - 8.0 / 4 + 1) * w + left[high] + splat * ripple[high];
                 check_scene s;
                 start_even(&s, full[n]);
@@ -1072,7 +1072,7 @@ static void test_tolerance_inside(void) {
 /* What kernels are uneven by in the cloud's optical depth: a slope is off by 0.0013 of itself (2 pi sigma^2 2 q,
    q = exp(-2 pi^2 sigma^2)) and 0.0054 for what 4 taps leave out, here 0.0067 * 0.6 / 7 of the largest value along
    7 sqrt(2 pi) voxels of 4 * 2 / EDGE each. */
-#define UNEVEN (0.0067 * 0.6 * sqrt(2 * SPSI_PI) * 4 * 2 / EDGE)
+#define UNEVEN (0.0067 * 0.6 * sqrt(2 * PI) * 4 * 2 / EDGE)
 
 /* What is interpolated is off by no more than the bound, which is no more than the tolerance, and by what kernels are
    uneven by. A tolerance that is less than what all patches would use leaves some of them, but not all, as they are. */
@@ -1114,7 +1114,7 @@ static void test_tolerance_before_polygon(void) {
         start_cloud(&s, 3);
         s.view.slab = slab;
         check_color(s.volume[0].albedo, 1, 1, 1);
-        check_add_directional(&s, 0, -1, -1, 4 * SPSI_PI)->no_shadow = 1; /* gas of radiance 1 */
+        check_add_directional(&s, 0, -1, -1, 4 * PI)->no_shadow = 1; /* gas of radiance 1 */
         check_add_quad(&faces, corner, u, v);
         check_add_mesh(&s, &faces, 0);
         CHECK(spent(&s, 0, image_a, &none) == 0);
@@ -1168,7 +1168,7 @@ static void test_tolerance_of_light(void) {
     s.view.tolerance = 0.2f;
     if (!check_render(context, &s, image_b)) return;
     sps_get_stats(context, &some);
-    unshadowed = 3 / (4 * SPSI_PI);
+    unshadowed = 3 / (4 * PI);
     CHECK((double)some.light_samples < 0.7 * (double)all.light_samples && all.light_bound == 0);
     CHECK(some.light_bound > 0 && some.light_bound <= 0.2f && some.eye_bound <= 0.2f);
     CHECK(check_largest(image_a, image_b, COUNT) <=

@@ -225,9 +225,9 @@ static double spot_lights(double cone, const double at[3]) {
     const double widest = 0.6 * tan(cone);
     double sum = 0;
     for (int n = 0; n < N * N; ++n) {
-        const double r = widest * sqrt((n / N + 0.5) / N), turn = 2 * SPSI_PI * (n % N + 0.5) / N;
+        const double r = widest * sqrt((n / N + 0.5) / N), turn = 2 * PI * (n % N + 0.5) / N;
         const double way[3] = {at[0] - r * cos(turn), at[1] - r * sin(turn), at[2] + 2.3};
-        const double square = spsi_dot(way, way), from = r * r + 0.36;
+        const double square = vec_dot(way, way), from = r * r + 0.36;
         const double lit = (0.6 / sqrt(from) - cos(cone)) / (cos(cone / 2) - cos(cone));
         sum += fmin(lit * lit, 1) * 0.6 / (from * sqrt(from)) * way[2] / (square * sqrt(square));
     }
@@ -282,7 +282,7 @@ static void test_spots(void) {
             if (at[2] < -1.4 || at[2] > 1.5 || fabs(at[0]) > 2.5) continue;
             for (int k = 0; k < 40; ++k) {
                 at[1] = -2 + 4 * (k + 0.5) / 40;
-                exact += extinction / (4 * SPSI_PI) * 4 / 40 * spot_lights(cones[n], at);
+                exact += extinction / (4 * PI) * 4 / 40 * spot_lights(cones[n], at);
             }
             for (int c = 0; c < 3; ++c) ratios_add(&all, (double)picture[4 * i + c] / (exact * (double)gas->albedo[c]));
         }
@@ -306,10 +306,10 @@ static double window_lights(double half, double middle, const double at[3]) {
     for (int n = 0; n < N * N; ++n) {
         const double way[3] = {at[0] - middle - half * (2 * (n % N + 0.5) / N - 1),
                                at[1] - half * (2 * (n / N + 0.5) / N - 1), at[2] + 2.3};
-        const double square = spsi_dot(way, way);
+        const double square = vec_dot(way, way);
         sum += way[2] / (square * sqrt(square));
     }
-    return 0.5 / SPSI_PI * 4 * half * half * sum / (N * N);
+    return 0.5 / PI * 4 * half * half * sum / (N * N);
 }
 
 /* A floor, and a roof about a square window of half width `a`. */
@@ -347,7 +347,7 @@ static void test_windows(void) {
             if (fabs(at[2]) > 1.6 || fabs(at[0]) > 2.7 || fabs(at[0] - 0.15 * (2.3 - at[2])) < a + 0.3) continue;
             for (int k = 0; k < 40; ++k) {
                 at[1] = -2 + 4 * (k + 0.5) / 40;
-                exact += extinction / (4 * SPSI_PI) * 4 / 40 * window_lights(a, 0.69, at);
+                exact += extinction / (4 * PI) * 4 / 40 * window_lights(a, 0.69, at);
             }
             for (int c = 0; c < 3; ++c) {
                 const double ratio = (double)picture[4 * i + c] / (exact * (double)gas->albedo[c]);
@@ -514,7 +514,7 @@ static double ball_irradiance(ball_scene *b, double across, int channel) {
     check_set3(b->s.view.camera.target, across, -0.45, 0);
     b->s.view.camera.ortho_height = 1e-3;
     check_render(context, &b->s, picture);
-    return 100 * SPSI_PI * (double)picture[channel];
+    return 100 * PI * (double)picture[channel];
 }
 
 /* What the eye sees of the ball without the floor: the integral of radiance over a square of that side, by channel. */
@@ -542,8 +542,8 @@ static void test_balls(void) {
         for (int r = 0; r < 3; ++r)
             for (int d = 0; d < 4 - soft; ++d)
                 for (double across = check_long() || d % 2 ? 0.3 : 0.9; across < 1; across += check_long() ? 0.6 : 1) {
-                    const double way[3] = {0.013 - across, 0.021 + 0.45, -0.017}, distance = spsi_length(way);
-                    const double exact = SPSI_PI * radii[r] * radii[r] * ball_sends(soft, depths[d]) * way[1] /
+                    const double way[3] = {0.013 - across, 0.021 + 0.45, -0.017}, distance = vec_length(way);
+                    const double exact = PI * radii[r] * radii[r] * ball_sends(soft, depths[d]) * way[1] /
                                          (distance * distance * distance);
                     ball_scene b;
                     ball_scene_build(&b, soft, radii[r], depths[d], &even, 1e-6f);
@@ -561,8 +561,8 @@ static void test_wide_ball(void) {
     static const double depths[] = {1, 10, 50};
     for (int d = 0; d < 3; ++d)
         for (int n = check_long() ? 0 : d + 1; n < 12; n += check_long() ? 1 : 4) {
-            const double way[3] = {0.013 - 0.1 * n, 0.021 + 0.45, -0.017}, distance = spsi_length(way);
-            const double exact = SPSI_PI * 0.01 * ball_sends(0, depths[d]) * way[1] / pow(distance, 3);
+            const double way[3] = {0.013 - 0.1 * n, 0.021 + 0.45, -0.017}, distance = vec_length(way);
+            const double exact = PI * 0.01 * ball_sends(0, depths[d]) * way[1] / pow(distance, 3);
             ball_scene b;
             ball_scene_build(&b, 0, 0.1, depths[d], NULL, 0);
             b.s.scene.volume_count = 0;
@@ -580,17 +580,17 @@ static double pair_exact(double x, double depth, double apart) {
     enum { ALONG = 400, AROUND = 400 };
     double sum = 0;
     for (int n = 0; n < ALONG * AROUND; ++n) {
-        const double cosine = (n % ALONG + 0.5) / ALONG, turn = SPSI_PI * (n / ALONG + 0.5) / AROUND;
+        const double cosine = (n % ALONG + 0.5) / ALONG, turn = PI * (n / ALONG + 0.5) / AROUND;
         const double sine = sqrt(1 - cosine * cosine), way[3] = {sine * cos(turn), cosine, sine * sin(turn)};
         double passed = 0;
         for (int i = 0; i < 2; ++i) {
-            const double to[3] = {i * apart - x, 0.45, 0}, along = spsi_dot(to, way);
-            const double square = 0.01 - spsi_dot(to, to) + along * along;
+            const double to[3] = {i * apart - x, 0.45, 0}, along = vec_dot(to, way);
+            const double square = 0.01 - vec_dot(to, to) + along * along;
             if (square > 0) passed += 2 * sqrt(square) * depth / 0.2;
         }
         sum -= expm1(-passed) * cosine;
     }
-    return sum * 2 * SPSI_PI / ALONG / AROUND;
+    return sum * 2 * PI / ALONG / AROUND;
 }
 
 /* Floors below two balls that overlap, touch, or stand apart, in the mean of six places. 5 %: what leaves a ball is the
@@ -657,14 +657,14 @@ static double ball_walk(int soft, double depth, double albedo, check_random *ran
         double at[3], square = 2, way[3], weight = 1;
         while (square > 1 || (soft && check_next(random) > 1 - square)) {
             for (int k = 0; k < 3; ++k) at[k] = 2 * check_next(random) - 1;
-            square = spsi_dot(at, at);
+            square = vec_dot(at, at);
         }
         while (square < 1) {
-            const double z = 2 * check_next(random) - 1, turn = 2 * SPSI_PI * check_next(random);
+            const double z = 2 * check_next(random) - 1, turn = 2 * PI * check_next(random);
             check_set3(way, sqrt(1 - z * z) * cos(turn), sqrt(1 - z * z) * sin(turn), z);
             do {
-                spsi_along(at, way, -log1p(-check_next(random)) / dense, at);
-                square = spsi_dot(at, at);
+                vec_along(at, way, -log1p(-check_next(random)) / dense, at);
+                square = vec_dot(at, at);
             } while (soft && square < 1 && check_next(random) > 1 - square);
             if (square < 1) weight *= albedo;
         }
@@ -685,8 +685,8 @@ static void test_trapped(void) {
             const int soft = n % 2;
             const double depth = depths[n / 2], leaves = ball_walk(soft, depth, albedos[c], &random);
             for (int r = 0; r < 3; ++r) {
-                const double sent = (soft ? 0.4 : 2.0 / 3) * SPSI_PI * radii[r] * radii[r] * depth * leaves;
-                const double way[3] = {0.013 - 0.3, 0.021 + 0.45, -0.017}, distance = spsi_length(way);
+                const double sent = (soft ? 0.4 : 2.0 / 3) * PI * radii[r] * radii[r] * depth * leaves;
+                const double way[3] = {0.013 - 0.3, 0.021 + 0.45, -0.017}, distance = vec_length(way);
                 const double exact = sent * way[1] / (distance * distance * distance);
                 double seen[3];
                 ball_scene b;
@@ -751,8 +751,8 @@ static void test_small_volumes(void) {
         const check_field field = {ball_gas, &radius, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
         for (int c = check_long() ? 0 : i % 3 * (n / 6); c < 3; c += n / 6 && check_long() ? 1 : 3) {
             const double sent =
-                2 * SPSI_PI / 3 * radius * radius * depth * ball_walk(0, depth, (double)albedos[n / 6][c], &random);
-            const double way[3] = {0.013 - 0.3, 0.021 + 0.45, -0.017}, distance = spsi_length(way);
+                2 * PI / 3 * radius * radius * depth * ball_walk(0, depth, (double)albedos[n / 6][c], &random);
+            const double way[3] = {0.013 - 0.3, 0.021 + 0.45, -0.017}, distance = vec_length(way);
             ball_scene b;
             ball_scene_build(&b, 0, radius, depth, &field, 1);
             ball_of_voxels(&b, &field, radius, depth, albedos[n / 6], wide);
@@ -787,7 +787,7 @@ static void test_peaked(void) {
         ball_seen(&b, 2.8 * radius, seen);
         for (int c = 0; c < 3; ++c) {
             const double absorbed = 1 - (double)albedos[c];
-            const double sent = SPSI_PI * radius * radius * ball_sends(0, absorbed * depth) / absorbed;
+            const double sent = PI * radius * radius * ball_sends(0, absorbed * depth) / absorbed;
             if (figures())
                 printf("voxels %d, turns %d, radius %g, depth %g, albedo %g: %.4f\n", voxels, turns, radius, depth,
                        (double)albedos[c], seen[c] / sent);
@@ -805,7 +805,7 @@ static double cube_gas(const double place[3]) {
     for (int k = 0; k < 3; ++k) {
         double sum = 0;
         for (int n = -1; n <= 1; ++n) sum += exp(-0.5 * (place[k] - n) * (place[k] - n) / 0.65 / 0.65);
-        gas *= sum / (0.65 * sqrt(2 * SPSI_PI));
+        gas *= sum / (0.65 * sqrt(2 * PI));
     }
     return gas;
 }
@@ -821,9 +821,9 @@ static double cube_irradiance(double edge, double depth, double across) {
         double place[3], way[3], at[3], gas = 0, distance;
         for (int k = 0; k < 3; ++k) place[k] = (step[k] + 0.5) * small - 3.5;
         for (int k = 0; k < 3; ++k) way[k] = floor_at[k] - ball_at[k] - edge / 3 * place[k];
-        distance = spsi_length(way);
+        distance = vec_length(way);
         for (int n = 0; n < STEPS; ++n) {
-            spsi_along(place, way, (n + 0.5) * 6 / STEPS / distance, at);
+            vec_along(place, way, (n + 0.5) * 6 / STEPS / distance, at);
             gas += cube_gas(at) * 6 / STEPS;
         }
         sum -= cube_gas(place) * exp(-depth / 3 * gas) * way[1] / (distance * distance * distance);
@@ -866,9 +866,9 @@ static double long_gas(const void *user, const double p[3]) {
    0.72 large. That is 1.4 times too much, were it as dense as can be. */
 static void test_long_volume(void) {
     const float black[3] = {0, 0, 0};
-    const double radius = 0.03, depth = 6, way[3] = {0.013 - 0.3, 0.021 + 0.45, -0.017}, distance = spsi_length(way);
+    const double radius = 0.03, depth = 6, way[3] = {0.013 - 0.3, 0.021 + 0.45, -0.017}, distance = vec_length(way);
     const double across = (way[0] * way[0] + way[2] * way[2]) / (distance * distance), along = 1 - across;
-    const double area = SPSI_PI * radius * radius * sqrt(9 * across + along), x = depth / sqrt(across + along / 9);
+    const double area = PI * radius * radius * sqrt(9 * across + along), x = depth / sqrt(across + along / 9);
     const double sent = area * (1 - 2 * (1 - (1 + x) * exp(-x)) / (x * x));
     const check_field field = {long_gas, &radius, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
     ball_scene b;
@@ -938,27 +938,27 @@ enum { MANY = 5000 };
 /* Irradiance of a place by soft particles in a ball about the middle whose gas emits 1 and does not scatter: radiance
    is 1 - exp(-optical depth). 40 x 40 rays, each somewhere in its part of the cone about the ball. */
 static double many_irradiance(const sps_particle *list, double ball, const double place[3]) {
-    const double distance = spsi_length(place), least = sqrt(1 - ball * ball / (distance * distance));
+    const double distance = vec_length(place), least = sqrt(1 - ball * ball / (distance * distance));
     const double axis[3] = {-place[0] / distance, -place[1] / distance, -place[2] / distance};
     double across[2][3], sum = 0;
     check_random random = {3};
-    spsi_basis(axis, across[0], across[1]);
+    vec_basis(axis, across[0], across[1]);
     for (int i = 0; i < 40 * 40; ++i) {
         const double cosine = 1 - (1 - least) * (i / 40 + check_next(&random)) / 40, sine = sqrt(1 - cosine * cosine);
-        const double turn = 2 * SPSI_PI * (i % 40 + check_next(&random)) / 40;
+        const double turn = 2 * PI * (i % 40 + check_next(&random)) / 40;
         double way[3], depth = 0;
         for (int k = 0; k < 3; ++k)
             way[k] = cosine * axis[k] + sine * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
         for (int n = 0; n < MANY; ++n) {
             double to[3], square, along;
             for (int k = 0; k < 3; ++k) to[k] = (double)list[n].position[k] - place[k];
-            along = spsi_dot(to, way);
-            square = 1 - (spsi_dot(to, to) - along * along) / ((double)list[n].radius * (double)list[n].radius);
+            along = vec_dot(to, way);
+            square = 1 - (vec_dot(to, to) - along * along) / ((double)list[n].radius * (double)list[n].radius);
             if (square > 0) depth += (double)list[n].optical_depth * square * sqrt(square);
         }
         sum -= expm1(-depth) * way[1];
     }
-    return sum * 2 * SPSI_PI * (1 - least) / (40 * 40);
+    return sum * 2 * PI * (1 - least) / (40 * 40);
 }
 
 /* Many particles are fewer emitters: those of a block of 2^3 cells are one. 2 %: a particle hides 2.8 % of its own
@@ -972,7 +972,7 @@ static void test_many(void) {
     ball_scene_build(&b, 1, 0.03, 0.1, &even, 1e-6f);
     for (int n = 0; n < MANY; ++n) {
         double at[3] = {1, 1, 1};
-        while (spsi_length(at) > 0.4)
+        while (vec_length(at) > 0.4)
             for (int k = 0; k < 3; ++k) at[k] = 0.8 * check_next(&random) - 0.4;
         list[n] = b.ball;
         for (int k = 0; k < 3; ++k) list[n].position[k] = (float)at[k];
@@ -1031,7 +1031,7 @@ enum { CUT_STEPS = 300, CUT_PIXELS = 4 };
 static double cut_exact(double height, double aside, double depth) {
     double sum = 0;
     for (int n = 0; n < CUT_STEPS * CUT_STEPS; ++n) {
-        const double cosine = (n % CUT_STEPS + 0.5) / CUT_STEPS, turn = SPSI_PI * (n / CUT_STEPS + 0.5) / CUT_STEPS;
+        const double cosine = (n % CUT_STEPS + 0.5) / CUT_STEPS, turn = PI * (n / CUT_STEPS + 0.5) / CUT_STEPS;
         const double middle = sqrt(1 - cosine * cosine) * cos(turn) * aside + cosine * height;
         const double square = middle * middle + 1 - aside * aside - height * height, half = sqrt(fmax(square, 0));
         if (square > 0) sum -= cosine * expm1(-depth / 2 * (fmax(middle + half, 0) - fmax(middle - half, 0)));
@@ -1094,8 +1094,8 @@ static double cut_lights(double height, const double place[3]) {
         const double at[3] = {(n % N + 0.5) * 0.6 / N - 0.3, (n / N % N + 0.5) * high / N + low,
                               (n / N / N + 0.5) * 0.6 / N - 0.3};
         const double way[3] = {at[0] - place[0], at[1] + height - place[1], at[2] - place[2]};
-        const double square = spsi_dot(way, way);
-        if (spsi_dot(at, at) < 0.09) sum += (place[2] > -1.5 ? 1 : way[2] / sqrt(square)) / square;
+        const double square = vec_dot(way, way);
+        if (vec_dot(at, at) < 0.09) sum += (place[2] > -1.5 ? 1 : way[2] / sqrt(square)) / square;
     }
     return sum * 0.36 * high / (N * N * N);
 }
@@ -1104,21 +1104,21 @@ static double cut_lights(double height, const double place[3]) {
    the cosine times what is seen along the way above y = 0. */
 static double cut_dense(double height, double depth, const double place[3]) {
     enum { N = 60 };
-    const double axis[3] = {-place[0], height - place[1], -place[2]}, away = spsi_length(axis);
+    const double axis[3] = {-place[0], height - place[1], -place[2]}, away = vec_length(axis);
     const double level = sqrt(axis[0] * axis[0] + axis[1] * axis[1]), widest = 1 - sqrt(1 - 0.09 / (away * away));
     const double aside[3] = {axis[1] / level, -axis[0] / level, 0};
     double sum = 0, across[3];
-    spsi_cross(axis, aside, across);
+    vec_cross(axis, aside, across);
     for (int n = 0; n < N * N; ++n) {
         const double cosine = 1 - widest * (n / N + 0.5) / N, sine = sqrt(1 - cosine * cosine);
-        const double turn = 2 * SPSI_PI * (n % N + 0.5) / N, half = sqrt(0.09 - away * away * sine * sine);
+        const double turn = 2 * PI * (n % N + 0.5) / N, half = sqrt(0.09 - away * away * sine * sine);
         double way[3], end = away * cosine + half;
         for (int k = 0; k < 3; ++k)
             way[k] = (cosine * axis[k] + sine * sin(turn) * across[k]) / away + sine * cos(turn) * aside[k];
         if (way[1] < 0) end = fmin(end, -place[1] / way[1]);
         sum -= way[2] * expm1(-depth / 0.6 * fmax(end - away * cosine + half, 0));
     }
-    return sum * 2 * SPSI_PI * widest / (N * N);
+    return sum * 2 * PI * widest / (N * N);
 }
 
 /* Gas of that ball, its rim a voxel wide; user: its height. */
@@ -1178,11 +1178,10 @@ static void test_cut_on_walls(void) {
         for (int i = 0; i < 64; i += 5) {
             double place[3] = {0.8 + (i % 8 - 3.5) / 8, 0.8 - (i / 8 - 3.5) / 8, -1.5}, exact = 0;
             if (!hazy)
-                exact =
-                    0.8 / SPSI_PI * (n % 4 == 3 ? cut_dense(height, (double)depth, place) : cut_lights(height, place));
+                exact = 0.8 / PI * (n % 4 == 3 ? cut_dense(height, (double)depth, place) : cut_lights(height, place));
             for (int k = 0; k < 12 && hazy; ++k) {
                 place[2] = -1.5 + 3 * (k + 0.5) / 12;
-                exact += 1e-3 / (4 * SPSI_PI) * 3 / 12 * cut_lights(height, place);
+                exact += 1e-3 / (4 * PI) * 3 / 12 * cut_lights(height, place);
             }
             all += exact;
             sum += (double)picture[4 * i];
@@ -1210,8 +1209,8 @@ static void test_uneven(void) {
     enum { STEPS = 400 };
     const double blurred = exp(-0.5 * (14 * 14 + 11 * 11 + 12 * 12) * pow(0.65 / 32, 2));
     for (double across = -0.4; across < 0.45; across += 0.1) {
-        const double way[3] = {0.013 - across, 0.021 + 0.45, -0.017}, distance = spsi_length(way);
-        double exact = SPSI_PI * 1e-4 * ball_sends(0, 0.3) * way[1] / (distance * distance * distance), depth = 0;
+        const double way[3] = {0.013 - across, 0.021 + 0.45, -0.017}, distance = vec_length(way);
+        double exact = PI * 1e-4 * ball_sends(0, 0.3) * way[1] / (distance * distance * distance), depth = 0;
         ball_scene b;
         for (int i = 0; i < STEPS; ++i) {
             const double part = (i + 0.5) / STEPS;
@@ -1237,13 +1236,13 @@ static double amid_exact(double radius, double depth, double x, double across, d
         const double up = (2 * n + 1.0) / POINTS - 1, turn = 2.399963 * n, part = cbrt(fmod(0.5 + 0.7548777 * n, 1));
         const double wide = radius * part * sqrt(1 - up * up);
         const double from[3] = {wide * cos(turn), radius * part * up, wide * sin(turn)};
-        const double way[3] = {across - x - from[0], -0.471 - from[1], 0.017 - from[2]}, length = spsi_length(way);
-        const double along = spsi_dot(way, from) / length, square = spsi_dot(from, from);
+        const double way[3] = {across - x - from[0], -0.471 - from[1], 0.017 - from[2]}, length = vec_length(way);
+        const double along = vec_dot(way, from) / length, square = vec_dot(from, from);
         const double own = sqrt(along * along + radius * radius - square) - along;
         const double outside = fmax(x + from[0] - 0.5, 0) / (x + from[0] - across);
         sum -= way[1] * exp(-0.5 * depth / radius * own - extinction * length * (1 - outside)) / pow(length, 3);
     }
-    return sum / POINTS * 2 * SPSI_PI / 3 * radius * radius * depth;
+    return sum / POINTS * 2 * PI / 3 * radius * radius * depth;
 }
 
 /* 5 %: a ball counts as its middle. Of one of 0.1 half outside the box, parts have up to 0.15 more or less gas before
@@ -1283,7 +1282,7 @@ static double halo_exact(double depth, double g, double albedo, double radius, c
             const double z = -1 + 2 * (i + 0.5) / STEPS, dz = z - at[2] - radius * from[2];
             const double dx = x - at[0] - radius * from[0], dy = -radius * from[1];
             const double way = sqrt(dx * dx + dy * dy + dz * dz), root = 1 + g * g - 2 * g * dz / way;
-            const double phase = (1 - g * g) / (4 * SPSI_PI * root * sqrt(root));
+            const double phase = (1 - g * g) / (4 * PI * root * sqrt(root));
             sum += phase * exp(-dense * (way + 1 - z)) / (way * way);
         }
     }
@@ -1326,7 +1325,7 @@ static void test_halo(void) {
     for (int n = 0; n < 16; ++n) {
         if (!check_long() && (n + n / 4 + n / 8) % 2) continue; /* each with each other in a pair */
         const double g = lobes[n % 4], depth = depths[n / 4 % 2], radius = radii[n / 8], at[3] = {0.075, 0.075, -0.3};
-        const double sent = 2 * SPSI_PI / 3 * radius * radius;
+        const double sent = 2 * PI / 3 * radius * radius;
         if (!render_halo(depth, g, 0.01, radius, at)) return;
         for (int i = HALO_FIRST; i <= HALO_LAST; ++i) {
             const double x = (i + 0.5) * 2.4 / HALO_PIXELS - 1.2, found = (double)picture[4 * (7 * HALO_PIXELS + i)];

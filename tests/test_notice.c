@@ -2,7 +2,6 @@
 
 #include "check.h"
 
-#define PI     3.14159265358979323846
 #define RIPPLE 0.002 /* of a constant grid's optical depth, for high quality: see test_ripple in test_transport.c */
 
 enum { SIDE = 24, PIXELS = SIDE * SIDE };
@@ -59,8 +58,8 @@ static void test_normals_stretched(void) {
             if (!check_render(context, &s, image_a) || !check_march(context, &s, 1, image_b, NULL)) return;
             CHECK(spsi_invert(axes[n][0], axes[n][1], axes[n][2], rows));
             for (int i = 0; i < 3; ++i) /* n' . (A p) = n . p for all p */
-                spsi_along(normal, rows[i], (double)(float)local[i], normal);
-            exact = 0.5 / PI * 3 * (-0.2 * normal[0] - 0.1 * normal[1] + normal[2]) / spsi_length(normal) / sqrt(1.05);
+                vec_along(normal, rows[i], (double)(float)local[i], normal);
+            exact = 0.5 / PI * 3 * (-0.2 * normal[0] - 0.1 * normal[1] + normal[2]) / vec_length(normal) / sqrt(1.05);
             CHECK_CASE("Found in review", "normals of a stretched and sheared mesh", "the inverse transpose's",
                        fabs((double)image_a[16] - exact), 1e-6, "a few roundings of floats");
             CHECK_NEAR((double)image_b[16], exact, 1e-6);
@@ -518,7 +517,7 @@ static void test_eye_amid_tiles(void) {
             for (int x = 0; x < WIDE; ++x) {
                 double d[3], most = 0, second = 0, exact;
                 spsi_ray_direction(&rays, x, y, d);
-                spsi_normalise(d);
+                vec_normalise(d);
                 for (int i = 0; i < 3; ++i) {
                     const double size = fabs(d[i]);
                     second = fmax(second, fmin(most, size));

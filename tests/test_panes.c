@@ -5,7 +5,6 @@
 
 #include "check.h"
 
-#define PI        3.14159265358979323846
 #define EXACT     1e-6
 #define ISOTROPIC (0.25 / PI)
 
@@ -387,7 +386,7 @@ static void shared_edges(const renderer *r) {
         if (!render_into(r, &s, image)) return;
         for (int i = 0; i < 256; ++i) {
             const double x = (i % 16 - 7) / 16.0, y = (8 - i / 16) / 16.0, square = x * x + y * y + 16;
-            const double light = n < 5 ? 4 / spsi_length(way) : 64 * 4 / (square * sqrt(square));
+            const double light = n < 5 ? 4 / vec_length(way) : 64 * 4 / (square * sqrt(square));
             const double seen[3] = {0.75 * 0.75 * 0.5, 0.5 * 0.5 * 0.25, 0.25 * 0.25 * 0.75}; /* eye: 1 net, light: 2 */
             for (int c = 0; c < 3; ++c)
                 if (!CHECK_NEAR((double)image[4 * i + c], 0.5 * light / PI * seen[c], EXACT)) {
@@ -765,7 +764,7 @@ static void straight_edge(const renderer *r) {
             start(&s, 12, 12);
             check_orthographic(&s.view.camera, 12);
             s.view.coverage_samples = sides[n];
-            spsi_along(middle, u, -0.5, origin);
+            vec_along(middle, u, -0.5, origin);
             check_add_quad(&lists[0], origin, u, v);
             check_color(add_mesh(&s, T, T, T)->color, 0.75, 0.5, 0.25);
             check_color(s.scene.ambient, 1, 1, 1);

@@ -8,7 +8,6 @@
 
 #include "check.h"
 
-#define PI        3.14159265358979323846
 #define ROUNDING  6e-8
 #define RIM       1e-6
 #define ISOTROPIC (0.25 / PI)
@@ -140,8 +139,8 @@ static void pixel_ray(const sps_view *view, int x, int y, double origin[3], doub
     spsi_rays_from_camera(&rays, &view->camera);
     spsi_ray_point(&rays, x, y, 0, origin);
     spsi_ray_direction(&rays, x, y, direction);
-    *length = spsi_length(direction);
-    spsi_normalise(direction);
+    *length = vec_length(direction);
+    vec_normalise(direction);
 }
 
 /* Compares the coverage of every pixel with the exact chords of all sets; returns the largest error beyond the
@@ -274,9 +273,9 @@ static void test_cut_by_polygon(void) {
         for (int i = 0; i < 41 * 39; ++i) {
             double from[3], way[3], normal[3], offset[3], length, t, tau, slack;
             pixel_ray(&x.s.view, i % 41, i / 41, from, way, &length);
-            spsi_cross(u, v, normal);
-            spsi_along(origin, from, -1, offset);
-            t = spsi_dot(normal, offset) / spsi_dot(normal, way);
+            vec_cross(u, v, normal);
+            vec_along(origin, from, -1, offset);
+            t = vec_dot(normal, offset) / vec_dot(normal, way);
             tau = chords(&x.clouds[0], &x.set[0], from, way, 0, t, &slack);
             worst = fmax(worst, fabs((double)image_a[4 * i] - exp(-tau)) - fmin(slack, 1));
         }
@@ -381,8 +380,8 @@ static void test_shadow_on_polygon(void) {
             double from[3], way[3], at[3], back[3] = {-0.3, 1, -0.1}, length, t, depth, hidden, slack, exact;
             pixel_ray(&x.s.view, i % 61, i / 61, from, way, &length);
             t = (-1.5 - from[1]) / way[1];
-            spsi_along(from, way, t, at);
-            spsi_normalise(back);
+            vec_along(from, way, t, at);
+            vec_normalise(back);
             depth = chords(&x.clouds[0], &x.set[0], at, back, 0, HUGE_VAL, &slack);
             hidden = chords(&x.clouds[0], &x.set[0], from, way, 0, t, &slack);
             if (!(t > 0) || hidden > 0 || depth < tau * sqrt(0.75)) continue;
@@ -490,7 +489,7 @@ static double lit_inside(const stage *x, int pixel, const double sun[3], int wal
     const double back[3] = {-sun[0], -sun[1], -sun[2]};
     double from[3], way[3], length, slack, sum = 0, before = 1, start;
     pixel_ray(&x->s.view, pixel % x->s.view.width, pixel / x->s.view.width, from, way, &length);
-    start = -spsi_dot(from, way) - 1.5;
+    start = -vec_dot(from, way) - 1.5;
     for (int i = 0; i < steps; ++i) {
         const double middle = start + 3 * (i + 0.5) / steps;
         const double after = exp(-chords(&x->clouds[0], &x->set[0], from, way, 0, middle + 1.5 / steps, &slack));
@@ -535,7 +534,7 @@ static void test_lit_inside(void) {
         }
         if (form & 1) sun[2] = 0.5; /* back to front */
         check_add_directional(&x.s, sun[0], sun[1], sun[2], 4 * PI);
-        spsi_normalise(sun);
+        vec_normalise(sun);
         if (wall) {
             check_add_quad(&x.triangles, origin, u, v);
             check_add_mesh(&x.s, &x.triangles, 0);
@@ -1381,10 +1380,10 @@ static void compare_chords(const spsi_rays *rays, const sps_particle *particle, 
         double ray[3], centre[3], nearest[3], exact, square;
         for (int k = 0; k < 3; ++k) centre[k] = (double)particle->position[k];
         spsi_ray_direction(rays, x + i, y, ray);
-        exact = spsi_dot(centre, ray) / spsi_dot(ray, ray);
-        spsi_along(centre, ray, -exact, nearest);
-        square = fmax(1 - spsi_dot(nearest, nearest) / (radius * radius), 0);
-        if (exact + radius * sqrt(square / spsi_dot(ray, ray)) < 0) continue; /* all of it is behind the eye */
+        exact = vec_dot(centre, ray) / vec_dot(ray, ray);
+        vec_along(centre, ray, -exact, nearest);
+        square = fmax(1 - vec_dot(nearest, nearest) / (radius * radius), 0);
+        if (exact + radius * sqrt(square / vec_dot(ray, ray)) < 0) continue; /* all of it is behind the eye */
         if (x + i < ball->x0 || x + i > ball->x1 || y < ball->y0 || y > ball->y1) {
             errors->missed += square > RIM;
             continue;

@@ -3,8 +3,6 @@
 
 #include "check.h"
 
-#define PI 3.14159265358979323846
-
 enum { SIDE = 64, ROWS = 8 }; /* rows in the middle, which stand for all where things are as wide as the view */
 static float image_a[4 * SIDE * SIDE], image_b[4 * SIDE * SIDE], image_c[4 * SIDE * SIDE];
 static sps_context *context;
@@ -561,7 +559,7 @@ static void test_cone(void) {
     for (int y = 0; y < SIDE; ++y)
         for (int x = 0; x < SIDE; ++x) {
             const double to[3] = {column_x(x), -5, column_x(y)}, axis[3] = {0.2, -2, 0.1};
-            const double cosine = spsi_dot(to, axis) / (spsi_length(to) * spsi_length(axis));
+            const double cosine = vec_dot(to, axis) / (vec_length(to) * vec_length(axis));
             const double share = fmin(fmax((cosine - cos(0.3)) / (cos(0.1) - cos(0.3)), 0), 1);
             worst = fmax(worst, fabs(ratio_at(x, y) - share * share));
         }

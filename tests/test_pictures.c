@@ -7,7 +7,6 @@
 
 #include "check.h"
 
-#define PI    3.14159265358979323846
 #define ROUND 1e-6
 
 enum { SIDE = 24, PIXELS = SIDE * SIDE };
@@ -240,7 +239,7 @@ static void test_border(void) {
         memset(&rays, 0, sizeof rays);
         lamp.is_point = point;
         check_set3(lamp.direction, -1, -2, -3);
-        spsi_normalise(lamp.direction);
+        vec_normalise(lamp.direction);
         check_set3(lamp.position, 2, 4, 6);
         if (!CHECK(spsi_rays_fit(&lamp, &bounds, 0.05, 0, 4096, &rays))) return;
         for (int corner = 0; corner < 8; ++corner) {

@@ -4,7 +4,6 @@
 
 #include "check.h"
 
-#define PI            3.14159265358979323846
 #define RIPPLE        0.002 /* error of a constant grid's optical depth at high quality: test_ripple in test_transport.c */
 #define RIPPLE_MEDIUM 0.0037 /* the same at medium */
 #define RIPPLE_DRAFT  0.0152 /* the same at draft, whose depth maps are the smallest */
@@ -34,7 +33,7 @@ static void add_square(check_triangles *triangles, double half, double z) {
 }
 
 static double unit_cosine(const double a[3], const double b[3]) {
-    return spsi_dot(a, b) / spsi_length(a) / spsi_length(b);
+    return vec_dot(a, b) / vec_length(a) / vec_length(b);
 }
 
 /* World position of a pixel's centre on the plane z = 0, for the camera that looks down. */
@@ -53,11 +52,11 @@ static double largest_of(const float *image, size_t floats) {
 /* Whether two triangles on corners 012 and 230 of a patch of the unit sphere form a ridge, not a valley. */
 static int ridge(double corner[4][3]) {
     double u[3], v[3], normal[3], other[3];
-    spsi_along(corner[1], corner[0], -1, u);
-    spsi_along(corner[2], corner[0], -1, v);
-    spsi_cross(u, v, normal);
-    spsi_along(corner[3], corner[0], -1, other);
-    return spsi_dot(normal, other) * spsi_dot(normal, corner[0]) <= 0;
+    vec_along(corner[1], corner[0], -1, u);
+    vec_along(corner[2], corner[0], -1, v);
+    vec_cross(u, v, normal);
+    vec_along(corner[3], corner[0], -1, other);
+    return vec_dot(normal, other) * vec_dot(normal, corner[0]) <= 0;
 }
 
 /* A convex sphere of 12 * n * n facets, without degenerate poles: the faces of a cube, projected. */
@@ -70,7 +69,7 @@ static void add_sphere(check_triangles *triangles, const double centre[3], doubl
                 corner[k][side / 2] = side % 2 ? -1 : 1;
                 corner[k][(side / 2 + 1) % 3] = u;
                 corner[k][(side / 2 + 2) % 3] = v;
-                spsi_normalise(corner[k]);
+                vec_normalise(corner[k]);
             }
             const int turn = !ridge(corner);
             for (int half = 0; half < 2; ++half) {
@@ -108,7 +107,7 @@ static void test_flat_shading(void) {
                 pixel_on_plane(&s, i, &at[0], &at[1]);
                 at[2] = -at[0] * tan(a);
                 if (point) check_set3(toward, 0.3 - at[0], 0.7 - at[1], 3 - at[2]);
-                exact = 5 / PI * fmax(0, unit_cosine(toward, normal)) / (point ? spsi_dot(toward, toward) : 1);
+                exact = 5 / PI * fmax(0, unit_cosine(toward, normal)) / (point ? vec_dot(toward, toward) : 1);
                 if (!CHECK_CASE("Shadows", "face perpendicular to the light, and tilted by up to 78 degrees",
                                 "reflectance / pi * irradiance * cosine", fabs((double)image_a[4 * i] - 0.8 * exact),
                                 2 * EXACT, "a few roundings of floats") ||
@@ -153,7 +152,7 @@ static void test_interpolation(void) {
             const double *a = xy[(k + 1) % 3], *b = xy[(k + 2) % 3];
             const double weight = ((a[0] - p[0]) * (b[1] - p[1]) - (b[0] - p[0]) * (a[1] - p[1])) / area;
             for (int c = 0; c < 3; ++c) {
-                normal[c] += weight * normals[k][c] / spsi_length(normals[k]);
+                normal[c] += weight * normals[k][c] / vec_length(normals[k]);
                 color[c] += weight * colors[k][c];
             }
         }
@@ -508,9 +507,9 @@ static void test_fine_steps(void) {
         start(&s, 64, 64, 0.4);
         for (int i = 0; i < 40; ++i) {
             check_add_quad(&body, corner, tread, across);
-            spsi_along(corner, tread, 1, corner);
+            vec_along(corner, tread, 1, corner);
             check_add_quad(&body, corner, riser, across);
-            spsi_along(corner, riser, 1, corner);
+            vec_along(corner, riser, 1, corner);
         }
         check_add_mesh(&s, &body, 0.8);
         s.view.quality = n & 1 ? SPS_QUALITY_MEDIUM : SPS_QUALITY_DRAFT;
@@ -548,12 +547,12 @@ static void test_box_on_floor(void) {
         int dark = 0, light = 0;
         start(&s, 64, 64, 1);
         for (int side = 0; side < 4; ++side) {
-            spsi_along(corner[(side + 1) % 4], corner[side], -1, edge[0]);
+            vec_along(corner[(side + 1) % 4], corner[side], -1, edge[0]);
             check_add_quad(&body, corner[side], edge[0], up);
         }
-        spsi_along(corner[1], corner[0], -1, edge[0]);
-        spsi_along(corner[3], corner[0], -1, edge[1]);
-        spsi_along(corner[0], up, 1, top);
+        vec_along(corner[1], corner[0], -1, edge[0]);
+        vec_along(corner[3], corner[0], -1, edge[1]);
+        vec_along(corner[0], up, 1, top);
         check_add_quad(&body, top, edge[0], edge[1]);
         add_square(&ground, 2, 0);
         check_add_mesh(&s, &body, 0.7);
@@ -588,8 +587,8 @@ static void test_thin_roof(void) {
         for (int i = 0; i < pieces * pieces; ++i) {
             double corner[3], edge_u[3], edge_v[3];
             for (int k = 0; k < 3; ++k) edge_u[k] = u[k] / pieces, edge_v[k] = v[k] / pieces;
-            spsi_along(origin, edge_u, i % pieces, corner);
-            spsi_along(corner, edge_v, i / pieces, corner);
+            vec_along(origin, edge_u, i % pieces, corner);
+            vec_along(corner, edge_v, i / pieces, corner);
             check_add_quad(&body, corner, edge_u, edge_v);
         }
         add_square(&ground, 4, 0);
@@ -626,7 +625,7 @@ static void test_terminator(void) {
         p[2] = 1 - p[0] * p[0] - p[1] * p[1];
         if (p[2] < 0.1) continue; /* the outline is a polygon's */
         p[2] = sqrt(p[2]);
-        cosine = spsi_dot(p, toward);
+        cosine = vec_dot(p, toward);
         /* normals of facets deviate from the sphere's by their sag, (0.25 / 2)^2 / 2 / cos of the view */
         if (cosine > 0.3) CHECK_NEAR((double)image_a[4 * i], cosine, 0.008 / p[2]);
         if (cosine < -0.25) CHECK(image_a[4 * i] <= 0);
@@ -659,14 +658,14 @@ static double wall_point(const check_scene *s, int i, double at[3]) {
     const double x = (i % s->view.width - 0.5 * (s->view.width - 1)) * pitch;
     const double y = (0.5 * (s->view.height - 1) - i / s->view.width) * pitch;
     double forward[3], right[3], up[3], ray[3], t = 1e9;
-    spsi_along(s->view.camera.target, s->view.camera.position, -1, forward);
-    spsi_cross(forward, s->view.camera.up, right);
-    spsi_normalise(right);
-    spsi_cross(right, forward, up);
+    vec_along(s->view.camera.target, s->view.camera.position, -1, forward);
+    vec_cross(forward, s->view.camera.up, right);
+    vec_normalise(right);
+    vec_cross(right, forward, up);
     for (int c = 0; c < 3; ++c) ray[c] = forward[c] + x * right[c] + y * up[c];
     for (int c = 0; c < 3; ++c) t = fmin(t, ((ray[c] > 0 ? 1 : -1) - s->view.camera.position[c]) / ray[c]);
-    spsi_along(s->view.camera.position, ray, t, at);
-    return t * spsi_length(ray);
+    vec_along(s->view.camera.position, ray, t, at);
+    return t * vec_length(ray);
 }
 
 /* The distance from a point on a wall to the next wall. */
@@ -927,7 +926,7 @@ static void test_vectors_of_places(void) {
             spsi_ray_point(&eye, meetings.x[n], meetings.y[n], meetings.t[n], rasterised);
             spsi_surface_place(&face, plane, ray, rasterised, exact);
             for (int i = 0; i < 3; ++i) most = fmax(most, fabs(points.at[i][n] - exact[i]));
-            most = fmax(most, fabs(facing[n] - spsi_dot(plane, ray)));
+            most = fmax(most, fabs(facing[n] - vec_dot(plane, ray)));
         }
         if (!CHECK(most <= 1e-12)) printf("    round %d: off by %g\n", round, most);
     }
@@ -1064,7 +1063,7 @@ static void test_dense_stand_in(void) {
 static double blob(const void *user, const double p[3]) {
     const double q[3] = {p[0] + 0.2, p[1] - 0.1, p[2] - 0.1};
     (void)user;
-    return exp(-7 * spsi_dot(q, q));
+    return exp(-7 * vec_dot(q, q));
 }
 
 /* Gas, a ball half inside it, ground, sun and lamp. Edges of shadows on surfaces are steps: of the 40 pixels of an

@@ -3,8 +3,6 @@
 
 #include "check.h"
 
-#define PI 3.14159265358979323846
-
 enum { SIDE = 32, COUNT = 4 * SIDE * SIDE };
 static float image_a[COUNT], image_b[COUNT];
 static sps_context *context;

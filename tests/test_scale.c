@@ -6,7 +6,6 @@
 
 #include "check.h"
 
-#define PI        3.14159265358979323846
 #define ISOTROPIC (0.25 / PI)
 #define MEDIUM    0.01
 #define SHADED    0.06
@@ -825,8 +824,7 @@ static void test_shadow_in_slab(void) {
     static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
     static const double corner[3] = {-3, 0.8, -3}, along[3] = {6, 0, 0}, back[3] = {0, 0, 3.0 + 0.45 / 0.7 * 0.8};
     const double sigma = 1e-3, ripple = 0.004, light[3] = {-0.7, -0.7, -0.45};
-    const double steep =
-        sqrt(0.5 + 0.5 * 0.45 / spsi_length(light)); /* cosine between the view and the slabs' normal */
+    const double steep = sqrt(0.5 + 0.5 * 0.45 / vec_length(light)); /* cosine between the view and the slabs' normal */
     for (int classified = 0; classified < 2; ++classified) {
         const double part = (classified ? 0.7 : 2) / 12 / steep / 4, texels = 2 * 2.5 / 1024 / 0.84;
         check_scene s;

@@ -15,9 +15,7 @@ static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
 
 /* --- the series --- */
 
-static double henyey_greenstein(double g, double c) {
-    return (1 - g * g) / (4 * SPSI_PI * pow(1 + g * g - 2 * g * c, 1.5));
-}
+static double henyey_greenstein(double g, double c) { return (1 - g * g) / (4 * PI * pow(1 + g * g - 2 * g * c, 1.5)); }
 
 /* A phase function folded with itself until it stands for n events: lobes multiply their asymmetries. */
 static double folded(const sps_lobe pair[2], int n, double c) {
@@ -40,7 +38,7 @@ static double exact_pair(const sps_lobe pair[2], double albedo, double t, double
     for (int k = 1; k < 40 + 4 * t; ++k) {
         weight *= albedo * t / (k + 1);
         sum += weight * folded(pair, k + 1, c);
-        uniform += weight * 0.25 / SPSI_PI;
+        uniform += weight * 0.25 / PI;
     }
     return fmax(sum - uniform * lost / (1 + lost), -folded(pair, 1, c) * exp(-t));
 }
@@ -95,7 +93,7 @@ static void test_series(void) {
         CHECK(table.level_count == 1);
         for (int n = 0; n < 2000; ++n) {
             const int column = (int)(31 * check_next(&random)), row = (int)(32 * check_next(&random));
-            const double t = depth_of_column(column), c = cos(SPSI_PI * row * row / (31.0 * 31));
+            const double t = depth_of_column(column), c = cos(PI * row * row / (31.0 * 31));
             const double angle = 1 - 2 * check_next(&random) * check_next(&random), depth = 12 * check_next(&random);
             const double exact = exact_forward((double)(float)g, (double)(float)albedo, depth, angle);
             const double whole = exact + henyey_greenstein(g, angle) * exp(-depth);
@@ -136,7 +134,7 @@ static void test_lobes(void) {
     for (int i = 0; i < 31; i += 3)
         for (int k = 0; k < 32; k += 3) {
             const double t = depth_of_column(i);
-            const double exact = exact_pair(pair, 1, t, cos(SPSI_PI * k * k / (31.0 * 31)));
+            const double exact = exact_pair(pair, 1, t, cos(PI * k * k / (31.0 * 31)));
             CHECK_NEAR((double)table.level[0][32 * k + i], exact, 1e-3 * folded(pair, 1, 1) * (1 + t) * exp(-t) + 1e-6);
         }
 }

@@ -4,8 +4,6 @@
 
 #include "check.h"
 
-#define PI 3.14159265358979323846
-
 enum { SIDE = 48, GAS_SIDE = 28 };
 static float image_a[4 * SIDE * SIDE], image_b[4 * SIDE * SIDE];
 static sps_context *context;

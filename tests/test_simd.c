@@ -334,8 +334,8 @@ static void test_phase(void) {
             float out[SPSI_LANES];
             spsi_store(out, spsi_lobe_phase((float)g, spsi_set((float)c)));
             /* q is the difference of numbers up to 4, so it has 4 * 6e-8 * 2 of error, and at least (1 - |g|)^2 */
-            CHECK_NEAR((double)out[0], (1 - g * g) / (4 * SPSI_PI * q * sqrt(q)),
-                       (1e-6 + 7e-7 / q) * (1 - g * g) / (4 * SPSI_PI * q * sqrt(q)));
+            CHECK_NEAR((double)out[0], (1 - g * g) / (4 * PI * q * sqrt(q)),
+                       (1e-6 + 7e-7 / q) * (1 - g * g) / (4 * PI * q * sqrt(q)));
         }
 }
 

@@ -4,8 +4,6 @@
 
 #include "check.h"
 
-#define PI 3.14159265358979323846
-
 enum { SIDE = 24, COUNT = 4 * SIDE * SIDE };
 static float image[COUNT];
 static sps_context *context;

@@ -182,19 +182,19 @@ static int walk(double g, double depth, int count, double *radius) {
     for (int i = 0; i < count; ++i) {
         double p[3] = {0, 0, 0}, d[3] = {0, 0, 1};
         for (int turns = 0; p[2] >= 0; ++turns) {
-            const double way = -log(1 - check_next(&random)), u = check_next(&random), turn = 2 * SPSI_PI * u;
+            const double way = -log(1 - check_next(&random)), u = check_next(&random), turn = 2 * PI * u;
             const double s = (1 - g * g) / (1 - g + 2 * g * check_next(&random)), c = (1 + g * g - s * s) / (2 * g);
             double across[2][3];
             if (p[2] + way * d[2] >= depth) {
-                spsi_along(p, d, (depth - p[2]) / d[2], p);
+                vec_along(p, d, (depth - p[2]) / d[2], p);
                 if (turns > 0 && hypot(p[0], p[1]) < depth) radius[found++] = hypot(p[0], p[1]);
                 break;
             }
-            spsi_along(p, d, way, p);
-            spsi_basis(d, across[0], across[1]);
+            vec_along(p, d, way, p);
+            vec_basis(d, across[0], across[1]);
             for (int k = 0; k < 3; ++k)
                 d[k] = c * d[k] + sqrt(fmax(1 - c * c, 0)) * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
-            spsi_normalise(d);
+            vec_normalise(d);
         }
     }
     qsort(radius, (size_t)found, sizeof *radius, by_size);
@@ -530,7 +530,7 @@ static void test_lamp_within(void) {
     for (int i = 0; i < 400; ++i) {
         double d[3] = {check_next(&random) - 0.5, check_next(&random) - 0.5, check_next(&random) - 0.5}, flux;
         if (i < 20) d[i % 3] = d[(i + 1) % 3]; /* on an edge */
-        spsi_normalise(d);
+        vec_normalise(d);
         flux = flux_at(context, 0, 0.6 * d[0], 0.6 * d[1], 0.6 * d[2], NULL);
         least = fmin(least, flux);
         most = fmax(most, flux);
@@ -659,7 +659,7 @@ static void test_behind_slab(void) {
         check_set3(s.view.camera.position, 0, 0, 2.2), check_set3(s.view.camera.target, 0, 0, 3);
         check_orthographic(&s.view.camera, 0.6);
         check_render(context, &s, image_a);
-        for (int i = 0; i < COUNT; i += 4) sum += (double)image_a[i] * SPSI_PI / PIXELS;
+        for (int i = 0; i < COUNT; i += 4) sum += (double)image_a[i] * PI / PIXELS;
         off = (sum - exp(-depth[n % 3])) / exact[n / 3][n % 3] - 1;
         if (figures()) printf("behind g %g, depth %g: %+.1f %%\n", g[n / 3], depth[n % 3], 100 * off);
         CHECK_CASE("Scattering", "a wall behind a slab of depth 1 to 6, sideways", "random paths, relative", fabs(off),
@@ -689,12 +689,12 @@ static void test_narrow_cones(void) {
             const double x = i % rays->width, y = i / rays->width;
             double ray[3];
             spsi_ray_direction(rays, x, y, ray);
-            sum += spsi_spread_cone(spread_of(context, 0)->lamp, rays, x, y, 1) / pow(spsi_length(ray), 3);
+            sum += spsi_spread_cone(spread_of(context, 0)->lamp, rays, x, y, 1) / pow(vec_length(ray), 3);
         }
-        spsi_cross(rays->a, rays->b, normal);
-        sum *= fabs(spsi_dot(normal, rays->c));
-        exact = 4 * SPSI_PI * pow(sin(0.35 * outer[n % 5]), 2);
-        exact += 4 * SPSI_PI / 3 * (pow(sin(0.5 * outer[n % 5]), 2) - pow(sin(0.35 * outer[n % 5]), 2));
+        vec_cross(rays->a, rays->b, normal);
+        sum *= fabs(vec_dot(normal, rays->c));
+        exact = 4 * PI * pow(sin(0.35 * outer[n % 5]), 2);
+        exact += 4 * PI / 3 * (pow(sin(0.5 * outer[n % 5]), 2) - pow(sin(0.35 * outer[n % 5]), 2));
         if (figures()) printf("cone %g: %.5f of its flux\n", outer[n % 5], sum / exact);
         CHECK_CASE("Scattering", "a spotlight's cone of 1e-7 to 0.06 on texels", "its flux, relative",
                    fabs(sum / exact - 1), 0.02, "parts of a tenth of the cone, squared; texels' size by their middle");

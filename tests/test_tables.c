@@ -3,8 +3,6 @@
 
 #include "check.h"
 
-#define PI 3.14159265358979323846
-
 enum { SIDE = 32, COUNT = 4 * SIDE * SIDE, PARTICLES = 60 };
 static float image_a[COUNT], image_b[COUNT];
 static sps_context *context;
@@ -23,7 +21,7 @@ static int read_blob(void *user, const int low[3], const int size[3], float *out
                 const double p[3] = {2 * (low[0] + x + 0.5) / n - 1, 2 * (low[1] + y + 0.5) / n - 1,
                                      2 * (low[2] + z + 0.5) / n - 1};
                 const double ripples = 0.15 * sin(9 * p[0]) * cos(8 * p[1]) * sin(7 * p[2] + 1);
-                *out++ = (float)fmin(fmax(2 * (0.75 + ripples - spsi_length(p)), 0), 1);
+                *out++ = (float)fmin(fmax(2 * (0.75 + ripples - vec_length(p)), 0), 1);
             }
     return 0;
 }
@@ -331,7 +329,7 @@ static int read_lumpy(void *user, const int low[3], const int size[3], float *ou
             for (int x = 0; x < size[0]; ++x) {
                 const double p = 2 * (low[0] + x + 0.5) / l->n - 1;
                 const double from[3] = {p - l->at[0], q[0] - l->at[1], q[1] - l->at[2]};
-                *out++ = (float)(0.3 + wave * sin(9 * p) + 0.5 * fmax(0, 1 - spsi_length(from) / 0.12));
+                *out++ = (float)(0.3 + wave * sin(9 * p) + 0.5 * fmax(0, 1 - vec_length(from) / 0.12));
             }
         }
     return l->fails;

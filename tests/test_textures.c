@@ -5,8 +5,6 @@
 #include "check.h"
 #include "splatshadow.h"
 
-#define PI 3.14159265358979323846
-
 enum { WIDTH = 97, HEIGHT = 75, PIXELS = WIDTH * HEIGHT };
 static float image_a[4 * PIXELS], image_b[4 * PIXELS];
 static sps_context *context;
@@ -144,15 +142,15 @@ static void quad_at(const check_scene *s, double pitch, double x, double y, doub
     const int wide = s->view.camera.field_of_view > 0;
     const double from[3] = {wide ? 0 : right, wide ? 0 : up, 10}, ray[3] = {wide ? right : 0, wide ? up : 0, -1};
     double normal[3], offset[3], cross[3], square, share[2];
-    spsi_cross(quad[1], quad[2], normal);
-    square = spsi_dot(normal, normal);
-    spsi_along(quad[0], from, -1, offset);
-    spsi_along(from, ray, spsi_dot(normal, offset) / spsi_dot(normal, ray), point);
-    spsi_along(point, quad[0], -1, offset);
-    spsi_cross(offset, quad[2], cross);
-    share[0] = spsi_dot(cross, normal) / square;
-    spsi_cross(quad[1], offset, cross);
-    share[1] = spsi_dot(cross, normal) / square;
+    vec_cross(quad[1], quad[2], normal);
+    square = vec_dot(normal, normal);
+    vec_along(quad[0], from, -1, offset);
+    vec_along(from, ray, vec_dot(normal, offset) / vec_dot(normal, ray), point);
+    vec_along(point, quad[0], -1, offset);
+    vec_cross(offset, quad[2], cross);
+    share[0] = vec_dot(cross, normal) / square;
+    vec_cross(quad[1], offset, cross);
+    share[1] = vec_dot(cross, normal) / square;
     for (int i = 0; i < 2; ++i) uv[i] = quad_uv[0][i] + share[0] * quad_uv[1][i] + share[1] * quad_uv[2][i];
 }
 
@@ -166,9 +164,9 @@ static int check_quad_point(const check_scene *s, double pitch, const sps_surfac
     double point[3], uv[2], normal[3], before[2], after[2], unused[3];
     int good = 1;
     quad_at(s, pitch, p->x, p->y, point, uv);
-    spsi_cross(quad[1], quad[2], normal);
-    spsi_normalise(normal);
-    if (normal[2] < 0) spsi_along(normal, normal, -2, normal);
+    vec_cross(quad[1], quad[2], normal);
+    vec_normalise(normal);
+    if (normal[2] < 0) vec_along(normal, normal, -2, normal);
     for (int i = 0; i < 3; ++i) {
         good &= CHECK_NEAR(p->position[i], point[i], 1e-12);
         good &= CHECK_NEAR((double)p->normal[i], normal[i], 1e-7);
@@ -260,8 +258,8 @@ static void test_normals(void) {
         const sps_surface_point *p = &seen.points[i];
         const double n[3] = {(double)p->normal[0], (double)p->normal[1], (double)p->normal[2]};
         CHECK(n[2] > 0);
-        CHECK_NEAR(spsi_length(n), 1, 2e-7);
-        CHECK_NEAR((double)image_a[4 * (p->y * 31 + p->x)], 0.5 / PI * 2 * fmax(0, spsi_dot(n, toward)), 1e-6);
+        CHECK_NEAR(vec_length(n), 1, 2e-7);
+        CHECK_NEAR((double)image_a[4 * (p->y * 31 + p->x)], 0.5 / PI * 2 * fmax(0, vec_dot(n, toward)), 1e-6);
     }
 }
 

@@ -12,7 +12,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define PI     3.14159265358979323846
 #define CHORD  1e-6
 #define U      2e-7
 #define RIPPLE 0.0024
@@ -180,26 +179,26 @@ static void ray_to(const fixture *f, const double point[3], ray *r) {
         forward[i] = f->light.camera.target[i] - f->light.camera.position[i];
         offset[i] = point[i] - f->light.camera.position[i];
     }
-    spsi_normalise(forward);
+    vec_normalise(forward);
     if (f->light.omnidirectional) {
         for (int i = 0; i < 3; ++i) forward[i] = 0;
         r->t = 0;
         for (int i = 0; i < 3; ++i) r->t = fmax(r->t, fabs(offset[i]));
-        r->length = spsi_length(offset) / r->t;
+        r->length = vec_length(offset) / r->t;
     }
     r->from = 0;
     memcpy(r->origin, f->light.camera.position, sizeof r->origin);
     memcpy(r->direction, offset, sizeof offset);
     if (f->light.omnidirectional) {
-        spsi_normalise(r->direction);
+        vec_normalise(r->direction);
     } else if (f->light.camera.field_of_view > 0 ||
                (f->light.camera.world_to_clip && f->light.camera.world_to_clip[14] < 0)) {
-        spsi_normalise(r->direction);
-        r->t = spsi_dot(offset, forward);
-        r->length = spsi_length(offset) / r->t;
+        vec_normalise(r->direction);
+        r->t = vec_dot(offset, forward);
+        r->length = vec_length(offset) / r->t;
     } else {
         r->from = -HUGE_VAL;
-        r->t = spsi_dot(offset, forward);
+        r->t = vec_dot(offset, forward);
         r->length = 1;
         memcpy(r->direction, forward, sizeof forward);
         for (int i = 0; i < 3; ++i) r->origin[i] = point[i] - r->t * forward[i];
@@ -218,12 +217,12 @@ static void add_particle_answer(const fixture *f, const ray *r, const sps_partic
     const double range = (f->settings.far_depth - f->settings.near_depth) * r->length;
     double offset[3], along, square, half, depth = (double)p->optical_depth;
     for (int i = 0; i < 3; ++i) offset[i] = (double)p->position[i] - r->origin[i];
-    along = spsi_dot(offset, r->direction);
-    square = spsi_dot(offset, offset) - along * along;
+    along = vec_dot(offset, r->direction);
+    square = vec_dot(offset, offset) - along * along;
     half = square < radius * radius ? sqrt(radius * radius - square) : 0;
     if (set->is_extinction) depth *= radius * (set->soft ? 4.0 / 3 : 2);
     {
-        const double share = half / radius, blur = CHORD * (1 + spsi_length(offset) / (20 * radius));
+        const double share = half / radius, blur = CHORD * (1 + vec_length(offset) / (20 * radius));
         if (square > radius * radius * (1 + 2 * blur)) return;
         sum->slack += depth * fmin(blur / fmax(share, 1e-9), sqrt(2 * blur));
         if (!(half > 0)) return;
@@ -369,8 +368,8 @@ static void test_small_particles(void) {
             see(&f, i % 2 ? ORTHO : ORTHO_TURNED, SIDE);
             map = build(&f, context);
             on_ray(map, 0, 4, 4, 10, point);
-            spsi_along(point, map->rays[0].a, px, point);
-            spsi_along(point, map->rays[0].b, py, point);
+            vec_along(point, map->rays[0].a, px, point);
+            vec_along(point, map->rays[0].b, py, point);
             sps_tmap_destroy(map);
             add(&f, soft, point[0], point[1], point[2], r,
                 depth / (f.sets[soft].is_extinction ? r * (soft ? 4.0 / 3 : 2) : 1));
@@ -414,7 +413,7 @@ static void test_small_particles_around(void) {
             const double part = (x % (FACE - 1) ? 1 : 0.5) * (y % (FACE - 1) ? 1 : 0.5);
             sum += (double)sps_tmap_texels(map)[i] * part * pitch * pitch * pow(1 + u * u + v * v, -1.5);
         }
-        exact = depth * PI * radius * radius * (soft ? 2.0 / 5 : 2.0 / 3) / spsi_dot(offset, offset);
+        exact = depth * PI * radius * radius * (soft ? 2.0 / 5 : 2.0 / 3) / vec_dot(offset, offset);
         if (!CHECK_NEAR(sum, exact, 0.007 * exact)) printf("    at %g %g\n", side[0], side[1]);
         sps_tmap_destroy(map);
     }
@@ -469,10 +468,10 @@ static double boxes_at(const fixture *f, const double point[3]) {
     for (int i = 0; i < f->s.scene.volume_count; ++i) {
         const sps_volume *volume = &f->s.volume[i];
         double value = 1, offset[3];
-        spsi_along(point, volume->placement.origin, -1, offset);
+        vec_along(point, volume->placement.origin, -1, offset);
         for (int k = 0; k < 3; ++k) {
             const double *axis = volume->placement.axis[k], n = volume->size[k];
-            const double at = spsi_dot(offset, axis) / spsi_dot(axis, axis) * n;
+            const double at = vec_dot(offset, axis) / vec_dot(axis, axis) * n;
             value *= face_at(fmin(at, n - at));
         }
         sum += volume->transfer ? transfer_at(volume->transfer, value) : value * (double)volume->extinction;
@@ -482,13 +481,13 @@ static double boxes_at(const fixture *f, const double point[3]) {
 
 /* Along a ray to a point by the midpoint rule, in steps of 0.02; all gas is within 5 of the origin. */
 static double exact_boxes(const fixture *f, const ray *r, double end) {
-    const double middle = -spsi_dot(r->origin, r->direction), low = fmax(middle - 5, r->from);
+    const double middle = -vec_dot(r->origin, r->direction), low = fmax(middle - 5, r->from);
     const double high = fmin(middle + 5, end);
     const int steps = (int)ceil((high - low) / 0.02);
     double sum = 0;
     for (int i = 0; i < steps; ++i) {
         double point[3];
-        spsi_along(r->origin, r->direction, low + (i + 0.5) * (high - low) / steps, point);
+        vec_along(r->origin, r->direction, low + (i + 0.5) * (high - low) / steps, point);
         sum += boxes_at(f, point) * (high - low) / steps;
     }
     return sum;
@@ -594,7 +593,7 @@ static void test_fine_voxels(void) {
     sps_destroy(context);
 }
 
-static double blob(const void *user, const double p[3]) { return exp(-0.5 * spsi_dot(p, p)) + 0 * !user; }
+static double blob(const void *user, const double p[3]) { return exp(-0.5 * vec_dot(p, p)) + 0 * !user; }
 
 /* The maximum sum of kernels from beyond a cut, in standard deviations, at any position between voxels. */
 static double beyond_cut(double cut) {
@@ -719,8 +718,8 @@ static void test_blob(void) {
             on_ray(map, 0, (int)(54 * check_next(&random)), (int)(54 * check_next(&random)),
                    5 + 10 * check_next(&random), point);
             ray_to(&f, point, &r);
-            along = -spsi_dot(r.origin, r.direction);
-            square = spsi_dot(r.origin, r.origin) - along * along;
+            along = -vec_dot(r.origin, r.direction);
+            square = vec_dot(r.origin, r.origin) - along * along;
             exact = sqrt(2 * PI) / variance * exp(-0.5 * square / variance);
             CHECK_NEAR(query_at(map, point), exact * normal_share((r.t * r.length - along) / deviation),
                        RIPPLE * exact + 4e-4 + slab * slab / 8 * exp(-0.5) * r.length);
@@ -1002,14 +1001,14 @@ static void test_across_the_light(void) {
 static void add_net(fixture *f, const double origin[3], const double u[3], const double v[3], int n, double jitter) {
     check_random random = {77};
     double point[20][20][3], normal[3];
-    spsi_cross(u, v, normal);
+    vec_cross(u, v, normal);
     for (int j = 0; j <= n; ++j)
         for (int i = 0; i <= n; ++i) {
             const int inner = i > 0 && j > 0 && i < n && j < n;
             const double rise = inner ? jitter * check_next(&random) : 0, slide = inner && (i + j) % 2 ? jitter : 0;
             for (int k = 0; k < 3; ++k)
                 point[j][i][k] = origin[k] + (i + slide * 0.7) / n * u[k] + (j - slide * 0.3) / n * v[k] +
-                                 rise * normal[k] / spsi_length(normal);
+                                 rise * normal[k] / vec_length(normal);
         }
     for (int j = 0; j < n; ++j)
         for (int i = 0; i < n; ++i) {
@@ -1496,8 +1495,8 @@ static void check_seams(const fixture *f, const sps_tmap *map, double slack, int
         double one_side[3], other[3];
         one_side[a] = sign[0] * t, one_side[b] = sign[1] * t * (1 - 1e-9), one_side[c] = along * t * (1 - 1e-9);
         other[a] = sign[0] * t * (1 - 1e-9), other[b] = sign[1] * t, other[c] = along * t * (1 - 1e-9);
-        spsi_along(f->light.camera.position, one_side, 1, one_side);
-        spsi_along(f->light.camera.position, other, 1, other);
+        vec_along(f->light.camera.position, one_side, 1, one_side);
+        vec_along(f->light.camera.position, other, 1, other);
         CHECK_NEAR(query_at(map, one_side), query_at(map, other), slack);
         if (exact_is_known) {
             const answer exact = exact_particles(f, one_side);
@@ -2191,7 +2190,7 @@ static void check_lookup(const sps_tmap *map, const double (*points)[3]) {
     spsi_v q[3];
     for (int i = 0; i < SPSI_LANES; ++i) {
         double offset[3], rays[3];
-        spsi_along(points[i], map->rays[0].origin, -1, offset);
+        vec_along(points[i], map->rays[0].origin, -1, offset);
         spsi_to_rays(&map->rays[0], offset, rays);
         rays[2] -= map->settings.near_depth;
         for (int k = 0; k < 3; ++k) lanes[k][i] = (float)(map->face_count > 1 ? offset[k] : rays[k]);
@@ -2645,12 +2644,12 @@ static void test_projection_round(void) {
 static void spot_matrix(const double from[3], int by_columns, double matrix[16]) {
     double axes[3][3], rows[4][4];
     for (int i = 0; i < 3; ++i) axes[2][i] = -from[i];
-    spsi_normalise(axes[2]);
-    spsi_basis(axes[2], axes[0], axes[1]);
+    vec_normalise(axes[2]);
+    vec_basis(axes[2], axes[0], axes[1]);
     for (int i = 0; i < 4; ++i) {
         const double *axis = axes[i < 3 ? i : 2], scale = i < 2 ? 2.5 : 1;
         for (int k = 0; k < 3; ++k) rows[i][k] = scale * axis[k];
-        rows[i][3] = -scale * spsi_dot(axis, from) - (i == 2 ? 1 : 0);
+        rows[i][3] = -scale * vec_dot(axis, from) - (i == 2 ? 1 : 0);
     }
     for (int i = 0; i < 16; ++i) matrix[i] = by_columns ? rows[i % 4][i / 4] : rows[i / 4][i % 4];
 }
@@ -3201,7 +3200,7 @@ enum { WIDE = 32, HIGH = 24, PIXELS = WIDE * HIGH };
 
 static float image_a[4 * PIXELS], image_b[4 * PIXELS], image_c[4 * PIXELS];
 
-static double small_blob(const void *user, const double p[3]) { return exp(-8 * spsi_dot(p, p)) + 0 * !user; }
+static double small_blob(const void *user, const double p[3]) { return exp(-8 * vec_dot(p, p)) + 0 * !user; }
 
 /* A blob over a plane, seen from the side and above. */
 typedef struct picture {

@@ -12,7 +12,6 @@
 
 #include "check.h"
 
-#define PI        3.14159265358979323846
 #define RIPPLE    0.002
 #define ROUNDING  6e-8
 #define ISOTROPIC (0.25 / PI)
@@ -877,12 +876,12 @@ static void test_orthographic_limit(void) {
 static void view_rows(const sps_view *view, double rows[3][4]) {
     double length = 0;
     for (int i = 0; i < 3; ++i) rows[2][i] = view->camera.position[i] - view->camera.target[i];
-    spsi_normalise(rows[2]);
-    spsi_cross(view->camera.up, rows[2], rows[0]);
-    length = spsi_length(rows[0]);
+    vec_normalise(rows[2]);
+    vec_cross(view->camera.up, rows[2], rows[0]);
+    length = vec_length(rows[0]);
     for (int i = 0; i < 3; ++i) rows[0][i] /= length;
-    spsi_cross(rows[2], rows[0], rows[1]);
-    for (int k = 0; k < 3; ++k) rows[k][3] = -spsi_dot(rows[k], view->camera.position);
+    vec_cross(rows[2], rows[0], rows[1]);
+    for (int k = 0; k < 3; ++k) rows[k][3] = -vec_dot(rows[k], view->camera.position);
 }
 
 /* Clip matrices as engines make them: 0 GL perspective, 1 D3D reversed and infinite, 2 GL orthographic,
@@ -931,7 +930,7 @@ static void test_engine_matrices(void) {
         for (int i = 0; i < 400; ++i)
             if (image_a[4 * i + 3] > 0.01f && !CHECK_NEAR((double)depth_a[i], (double)depth_b[i] + start, 1e-3))
                 printf("    style %d, pixel %d\n", style, i);
-        s.view.near_distance = spsi_length(s.view.camera.position) - start; /* through the middle of the volume */
+        s.view.near_distance = vec_length(s.view.camera.position) - start; /* through the middle of the volume */
         if (!check_render(context, &s, image_b)) return;
         s.view.camera = plain;
         s.view.near_distance += start;
@@ -1458,7 +1457,7 @@ static void test_long_voxels(void) {
         volume->extinction = 2;
         check_color(volume->albedo, 1, 1, 1);
         check_add_directional(&s, sun[0], sun[1], sun[2], 4 * PI);
-        spsi_normalise(sun);
+        vec_normalise(sun);
         check_set3(s.view.camera.position, 0.1, 0.1, 0.2);
         check_set3(s.view.camera.target, -0.5, -0.3, -1);
         check_perspective(&s.view.camera, 0.9);
@@ -1472,7 +1471,7 @@ static void test_long_voxels(void) {
             spsi_rays_from_camera(&rays, &s.view.camera);
             spsi_ray_point(&rays, i % 16, i / 16, 0, from);
             spsi_ray_direction(&rays, i % 16, i / 16, way);
-            spsi_normalise(way);
+            vec_normalise(way);
             for (int n = 0; n < 400; ++n) { /* steps of 0.01 to 0.02, an eighth of the thinnest blob at most */
                 double p[3], q[3], between;
                 for (int k = 0; k < 3; ++k) {

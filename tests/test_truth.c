@@ -8,8 +8,6 @@
 
 #include "check.h"
 
-#define PI 3.14159265358979323846
-
 enum { SIDE = 3, PIXELS = SIDE * SIDE, MIDDLE = PIXELS / 2 };
 
 static float image[4 * PIXELS];

@@ -101,13 +101,13 @@ typedef struct plane {
 
 /* Whether a plane lies between two centres, neither of which may be in it. */
 static int is_between(const plane *wall, const double a[3], const double b[3]) {
-    return (spsi_dot(wall->normal, a) > wall->offset) != (spsi_dot(wall->normal, b) > wall->offset);
+    return (vec_dot(wall->normal, a) > wall->offset) != (vec_dot(wall->normal, b) > wall->offset);
 }
 
 /* Adds a quadrangle in a plane, wide enough to cut all of the gas. */
 static void add_plane(const plane *wall) {
     double u[3], v[3], origin[3];
-    spsi_basis(wall->normal, u, v);
+    vec_basis(wall->normal, u, v);
     for (int k = 0; k < 3; ++k) origin[k] = wall->offset * wall->normal[k] - 5 * u[k] - 5 * v[k];
     add_quad(origin[0], origin[1], origin[2], 10 * u[0], 10 * u[1], 10 * u[2], 10 * v[0], 10 * v[1], 10 * v[2]);
 }
@@ -216,8 +216,8 @@ static void test_rays(void) {
             wrong += spsi_cell_view_outside(&view, &directions[i], i, &ray, &hit) || (ray.high > 0) != leaves;
             if (!leaves) continue;
             for (int k = 0; k < 3; ++k) ray.direction[k] /= grid.edge, mean[k] += ray.direction[k];
-            spsi_along(ray.direction, way, -1, off);
-            square += spsi_dot(off, off);
+            vec_along(ray.direction, way, -1, off);
+            square += vec_dot(off, off);
             ++count;
         }
         CHECK(count >= CELLS * CELLS && wrong == 0);
@@ -257,7 +257,7 @@ static void test_dark_side(void) {
                 for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
                     double centre[3], side;
                     spsi_cell_centre(grid, 1, at[0], at[1], at[2], centre);
-                    side = spsi_dot(walls[n].normal, centre) - walls[n].offset;
+                    side = vec_dot(walls[n].normal, centre) - walls[n].offset;
                     if (side > 0) lit = fmax(lit, (double)grid->moments[cell_at(grid, at)]);
                     if (side < -1.8 * grid->edge) dark = fmax(dark, (double)grid->moments[cell_at(grid, at)]);
                 }
@@ -287,9 +287,9 @@ static double box_irradiance(const spsi_cell_grid *grid, const double point[3], 
             from[u] = grid->corner[u] + (i % POINTS + 0.5) / POINTS * grid->edge * grid->size[u];
             from[v] = grid->corner[v] + (i / POINTS + 0.5) / POINTS * grid->edge * grid->size[v];
             for (int k = 0; k < 3; ++k) way[k] = from[k] - point[k];
-            facing = spsi_dot(way, normal), square = spsi_dot(way, way);
+            facing = vec_dot(way, normal), square = vec_dot(way, way);
             leaving = side % 2 ? -way[axis] : way[axis];
-            if (facing > 0 && leaving > 0) sum += facing * leaving / (square * square) * area / SPSI_PI;
+            if (facing > 0 && leaving > 0) sum += facing * leaving / (square * square) * area / PI;
         }
     }
     return sum;
@@ -310,7 +310,7 @@ static void test_cones(void) {
         spsi_harmonics(axis, harmonic);
         for (int t = 0; t < 4; ++t) flux[t] = (float)(t ? 0.25 * (1 - c * c) : 0.5 * (1 - c)) * harmonic[t];
         spsi_harmonics(normal, harmonic);
-        const double found = spsi_cell_irradiance(&grid, flux, harmonic), exact = SPSI_PI * (1 - c * c) * b;
+        const double found = spsi_cell_irradiance(&grid, flux, harmonic), exact = PI * (1 - c * c) * b;
         if (figures()) printf("cone %g, %g: %+.1f %%\n", c, b, 100 * (found / exact - 1));
         CHECK_NEAR(found, exact, (i ? 0.0626 : 1e-6) * exact);
     }
@@ -355,7 +355,7 @@ static void test_outside(void) {
                    0.5 * irradiance_of(&grid, 1, 0, before, normal, NULL), 1e-6);
         for (int i = 0; i < 64 * 12 * 5; ++i) flux[i] = 1;
         grid.flux_terms = 1, grid.pitch = spsi_cell_pitch(16);
-        CHECK(irradiance_of(&grid, 0, 0, before, normal, NULL) > 0.4 * SPSI_PI);
+        CHECK(irradiance_of(&grid, 0, 0, before, normal, NULL) > 0.4 * PI);
         CHECK(irradiance_of(&grid, 0, 0, before, normal, shut) == 0); /* what hides all patches hides all cells */
     }
 }
@@ -389,7 +389,7 @@ static void test_within(void) {
     }
     for (int n = 0; n < 4; ++n) {
         const double point[3] = {1, 1, 1};
-        CHECK_NEAR(irradiance_of(&grid, 0, 0, point, normals[n], NULL), SPSI_PI * shares[n], 1e-5);
+        CHECK_NEAR(irradiance_of(&grid, 0, 0, point, normals[n], NULL), PI * shares[n], 1e-5);
     }
 }
 
@@ -406,7 +406,7 @@ static void test_before(void) {
             for (int y = 2; y < 4; ++y) flux[(z * 4 + y) * grid.pitch + x] = 1;
     for (double y = 1.55; y < 2.5; y += 0.1) {
         const double up[3] = {0, 1, 0}, point[3] = {2.2, y, 1.7};
-        CHECK_NEAR(irradiance_of(&grid, 0, 0, point, up, NULL), SPSI_PI, 1e-5);
+        CHECK_NEAR(irradiance_of(&grid, 0, 0, point, up, NULL), PI, 1e-5);
     }
 }
 
@@ -429,7 +429,7 @@ static void test_leaving(void) {
             out += (double)(grid->patches[3 * SPSI_CELL_SHEET + i] *
                             grid->patches[SPSI_CELL_PLACES * SPSI_CELL_SHEET + i]);
         for (size_t i = 0; i < grid->count; ++i) /* E / 4 pi, weighted by optical depth; four samples of half an edge */
-            in += (double)job_of(context)->incoming[i] / 4 * 4 * SPSI_PI * grid->edge * grid->edge;
+            in += (double)job_of(context)->incoming[i] / 4 * 4 * PI * grid->edge * grid->edge;
         if (figures()) printf("%d cells: out %.4f of %.4f\n", sides[n], out, in);
         CHECK_NEAR(out, in, 2 * SPSI_CELL_BALANCE * in);
     }
@@ -681,7 +681,7 @@ static void test_floor_sends(void) {
     static const int sides[] = {16, 24};
     for (int n = 0; n < 4; ++n) {
         double least = HUGE_VAL, most = 0;
-        const double reflectance = 0.3, sent = reflectance / SPSI_PI;
+        const double reflectance = 0.3, sent = reflectance / PI;
         const spsi_cell_grid *grid;
         int at[3];
         check_scene s;
@@ -727,7 +727,7 @@ static void test_floor_receives(void) {
         for (int c = 0; c < 3; ++c) {
             const size_t at = 4 * (size_t)((SIDE - 1) * SIDE + x) + (size_t)c;
             const double exact =
-                (double)s.mesh[0].color[c] / SPSI_PI * irradiance_of(grid_of(context), 0, c, point, normal, NULL);
+                (double)s.mesh[0].color[c] / PI * irradiance_of(grid_of(context), 0, c, point, normal, NULL);
             off = fmax(off, fabs((double)image_a[at] - (double)image_b[at] - exact)), more = fmax(more, exact);
         }
     }
@@ -904,7 +904,7 @@ static const double turned_sides[3] = {1.5, 0.7, 0.45};
 static double turned_gas(const void *user, const double p[3]) {
     const int by = *(const int *)user;
     double value = 1;
-    for (int k = 0; k < 3; ++k) value *= fmax(cos(0.5 * SPSI_PI * p[(k + by) % 3] / turned_sides[k]), 0);
+    for (int k = 0; k < 3; ++k) value *= fmax(cos(0.5 * PI * p[(k + by) % 3] / turned_sides[k]), 0);
     value = fmin(2 * value, 1);
     return value * value;
 }
@@ -1059,7 +1059,7 @@ static void test_behind_slab(void) {
         start_slab(&s, depth, z, &wall);
         check_set3(s.view.camera.position, 0, 0, 2 + 0.6 * distance[n % 4]), check_set3(s.view.camera.target, 0, 0, z);
         check_render(context, &s, image_a);
-        for (int i = 0; i < 64; i += 4) sum += (double)image_a[i] * 1e4 * SPSI_PI / 16;
+        for (int i = 0; i < 64; i += 4) sum += (double)image_a[i] * 1e4 * PI / 16;
         off = (sum - exp(-depth)) / exact[n / 4][n % 4] - 1;
         if (figures()) printf("depth %g, %g behind: %+.1f %%\n", depth, distance[n % 4], 100 * off);
         CHECK_CASE("Scattering", "a wall 0.5 to 3 behind a slab of depth 0.3 to 6", "random paths, relative", fabs(off),
@@ -1125,12 +1125,12 @@ static double single_irradiance(double g, double extinction, const double light[
         const double at[3] = {(i % 36 + 0.5) / 6 - 3, (i / 36 % 36 + 0.5) / 6 - 3, (i / (36 * 36) + 0.5) / 6};
         double way[3], back[3], distance, square, sent = 1;
         for (int k = 0; k < 3; ++k) way[k] = place[k] - at[k], back[k] = light[3] > 0 ? light[k] - at[k] : -light[k];
-        distance = spsi_length(way);
-        if (light[3] > 0) sent = 1 / spsi_dot(back, back);
-        spsi_normalise(way), spsi_normalise(back);
-        square = lobe[0] + 2 * g * spsi_dot(way, back);
+        distance = vec_length(way);
+        if (light[3] > 0) sent = 1 / vec_dot(back, back);
+        vec_normalise(way), vec_normalise(back);
+        square = lobe[0] + 2 * g * vec_dot(way, back);
         sum += sent * exp(-extinction * (slab_way(at, back) + slab_way(at, way))) * lobe[1] /
-               (4 * SPSI_PI * square * sqrt(square)) * fmax(-spsi_dot(way, place + 3), 0) / (distance * distance);
+               (4 * PI * square * sqrt(square)) * fmax(-vec_dot(way, place + 3), 0) / (distance * distance);
     }
     return 0.1 * extinction * sum / (6 * 6 * 6);
 }
@@ -1160,7 +1160,7 @@ static void test_lobes_beside_slab(void) {
         if (n == 3) s.scene.light_count = 0, check_add_point(&s, -5.5, -5, -3.5, 1);
         check_set3(s.view.camera.position, 0, 0, 2.6), check_set3(s.view.camera.target, 0, 0, 3);
         check_render(context, &s, image_a);
-        found = (double)image_a[20] * 1e4 * SPSI_PI - exp(-0.1);
+        found = (double)image_a[20] * 1e4 * PI - exp(-0.1);
         exact = n < 2 ? single_irradiance(g, 0.05, sun, place) : 0;
         if (figures()) printf("g %.1f, case %d, behind: %.5f, exact %.5f\n", g, n, found, exact);
         if (n < 2) CHECK_NEAR(found, exact, 0.09 * exact);
@@ -1291,16 +1291,16 @@ static void lamp_photons(const double lamp[3], double (*places)[3], int count, d
     for (int i = 0; i < PHOTONS; ++i) {
         double at[3] = {lamp[0], lamp[1], lamp[2]};
         for (;;) {
-            const double z = 2 * check_next(&random) - 1, turn = 2 * SPSI_PI * check_next(&random);
+            const double z = 2 * check_next(&random) - 1, turn = 2 * PI * check_next(&random);
             const double way[3] = {sqrt(1 - z * z) * cos(turn), sqrt(1 - z * z) * sin(turn), z};
             const double free_length = -2 * log1p(-check_next(&random));
             if (free_length > way_out(at, way)) break;
-            spsi_along(at, way, free_length, at);
+            vec_along(at, way, free_length, at);
             for (int n = 0; n < count; ++n) {
                 double toward[3], distance;
-                spsi_along(places[n], at, -1, toward);
-                distance = spsi_length(toward);
-                spsi_normalise(toward);
+                vec_along(places[n], at, -1, toward);
+                distance = vec_length(toward);
+                vec_normalise(toward);
                 irradiance[n] += exp(-0.5 * way_out(at, toward)) * -toward[1] / (distance * distance) / PHOTONS;
             }
         }
@@ -1335,14 +1335,14 @@ static void test_star(void) {
     lamp_photons(lamp, at, PLACES_ON, exact);
     for (int i = 0; i < PLACES_ON; ++i) {
         double way[3], distance, straight;
-        spsi_along(at[i], lamp, -1, way);
-        distance = spsi_length(way);
-        spsi_normalise(way);
+        vec_along(at[i], lamp, -1, way);
+        distance = vec_length(way);
+        vec_normalise(way);
         straight = exp(-0.5 * way_out(lamp, way)) * -way[1] / (distance * distance);
-        worst = fmax(worst, fabs(((double)image_a[4 * i] * 1e4 * SPSI_PI - straight) / exact[i] - 1));
+        worst = fmax(worst, fabs(((double)image_a[4 * i] * 1e4 * PI - straight) / exact[i] - 1));
         if (figures())
-            printf("%.2f aside: %.4f, exact %.4f\n", at[i][0] - lamp[0],
-                   (double)image_a[4 * i] * 1e4 * SPSI_PI - straight, exact[i]);
+            printf("%.2f aside: %.4f, exact %.4f\n", at[i][0] - lamp[0], (double)image_a[4 * i] * 1e4 * PI - straight,
+                   exact[i]);
     }
     CHECK_CASE("Scattering", "a floor below gas about a lamp, what the gas sends", "photons, relative", worst, 0.125,
                "gas next to a lamp, 5 %; between rays, 6 %; photons, 1.5 %");

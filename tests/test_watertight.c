@@ -85,7 +85,7 @@ static void test_fans(void) {
         }
         rays = look(eye, middle, orthographic ? 0 : 0.3 + check_next(&random), 1 + check_next(&random));
         for (int i = 0; i < blades; ++i) {
-            const double turn = 2 * SPSI_PI * (i + 0.4 * check_next(&random)) / blades;
+            const double turn = 2 * PI * (i + 0.4 * check_next(&random)) / blades;
             const double away = (check_next(&random) - 0.5) * 6 + (behind && i % 2 ? 12 : 0);
             for (int k = 0; k < 3; ++k)
                 rim[i][k] = middle[k] + SIDE * 4 * (cos(turn) * rays.a[k] + sin(turn) * rays.b[k]) * (behind ? 9 : 1) +
@@ -188,17 +188,17 @@ static void test_any_triangle(void) {
             CHECK(here == count_hits(&rays, &turned, 1, x, y));
             hits += here;
             spsi_ray_direction(&rays, x, y, d);
-            spsi_cross(p[1], p[2], u);
-            spsi_cross(p[2], p[0], v);
-            spsi_cross(p[0], p[1], w);
-            side[0] = spsi_dot(u, d);
-            side[1] = spsi_dot(v, d);
-            side[2] = spsi_dot(w, d);
+            vec_cross(p[1], p[2], u);
+            vec_cross(p[2], p[0], v);
+            vec_cross(p[0], p[1], w);
+            side[0] = vec_dot(u, d);
+            side[1] = vec_dot(v, d);
+            side[2] = vec_dot(w, d);
             if (fabs(side[0]) < 1e-9 * size * size || fabs(side[1]) < 1e-9 * size * size ||
                 fabs(side[2]) < 1e-9 * size * size || n % 7 == 0)
                 continue;
             { /* all of the sign of the determinant: the ray meets the triangle, and does so before the eye */
-                const double whole = spsi_dot(p[0], u);
+                const double whole = vec_dot(p[0], u);
                 CHECK(here == (side[0] * whole > 0 && side[1] * whole > 0 && side[2] * whole > 0));
             }
         }
@@ -223,7 +223,7 @@ static void test_edge_on(void) {
         for (int i = 0; i < 3; ++i) {
             double d[3];
             spsi_ray_direction(&rays, SIDE * check_next(&random), y + off * (check_next(&random) - 0.5), d);
-            spsi_along(origin, d, pow(10, 6 * check_next(&random) - 3), p[i]);
+            vec_along(origin, d, pow(10, 6 * check_next(&random) - 3), p[i]);
         }
         add_face(&face, p[0], p[1], p[2]);
         faces.list = &face;
@@ -340,8 +340,8 @@ static void test_closed_body(void) {
         net.count = 0;
         check_clear(&s, SIDE, SIDE);
         for (int k = 0; k < 3; ++k) turn[0][k] = check_next(&random) - 0.5;
-        spsi_normalise(turn[0]);
-        spsi_basis(turn[0], turn[1], turn[2]);
+        vec_normalise(turn[0]);
+        vec_basis(turn[0], turn[1], turn[2]);
         for (int i = 0; i < 6; ++i)
             for (int k = 0; k < 3; ++k) corner[i][k] = (double)(float)((i % 2 ? -2 : 2) * turn[i / 2][k]);
         for (int i = 0; i < 8; ++i)

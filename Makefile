@@ -39,6 +39,7 @@ LIBRARIES = -pthread -lm
 HEADERS = splatshadow.h $(wildcard examples/*.h)
 EXAMPLES = $(patsubst examples/%.c,build/%,$(wildcard examples/*.c))
 STEPS = $(patsubst examples/tutorial/%.c,%,$(wildcard examples/tutorial/*.c))
+MEASURES = $(patsubst tests/measure/%.c,%,$(wildcard tests/measure/*.c))
 
 .PHONY: all demo gallery scans test test-long fuzz fuzz-scenes mutants format clean
 .DELETE_ON_ERROR:
@@ -49,11 +50,15 @@ all: $(EXAMPLES) $(STEPS:%=build/tutorial/%)
 build/hello: examples/hello.c splatshadow.h | build
 	$(CC) $(STANDARD) $(OPTIMIZE) -Wall -I. $< -o $@ $(LIBRARIES)
 
+# All other programs are linked with one object of the implementation.
+build/splatshadow.o: splatshadow.h | build
+	$(CC) $(STANDARD) $(OPTIMIZE) $(ONLY) -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
+
 build/tutorial/6_shadow_map: $(wildcard examples/shaders/*)
 
-build/%: examples/%.c $(HEADERS) | build build/tutorial
+build/%: examples/%.c $(HEADERS) build/splatshadow.o | build build/tutorial
 	@test -f $(STB)/stb_image_write.h || { echo "stb_image_write.h is missing: install libstb-dev, or say make STB=dir"; exit 1; }
-	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) $< -o $@ $(LIBRARIES)
+	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) $< build/splatshadow.o -o $@ $(LIBRARIES)
 
 build build/gallery build/tests build/tutorial:
 	mkdir -p $@
@@ -115,23 +120,29 @@ build/gallery/scan_%.png: build/render examples/looks/%.txt examples/looks/floor
 
 # --------------------------------------------------------------------------------------------------- measuring
 
-# See the top of examples/bench.c for its parts. bench_plain is plain C, bench_avx2 has vectors of 8 floats at most.
+build/measure:
+	mkdir -p $@
+
+build/measure/%: tests/measure/%.c $(HEADERS) $(wildcard tests/measure/*.h) tests/flames.h build/splatshadow.o | build/measure
+	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) -Iexamples -Itests $< build/splatshadow.o -o $@ $(LIBRARIES)
+
+# See the top of tests/measure/bench.c for its parts. bench_plain is plain C, bench_avx2 has vectors of 8 floats at most.
 .PHONY: bench speed accuracy accuracy-quick accuracy-tables
 X86 = $(filter x86_64 amd64 i%86,$(shell uname -m))
-BENCHES = build/bench $(if $(X86),build/bench_avx2) build/bench_plain
+BENCHES = build/measure/bench $(if $(X86),build/measure/bench_avx2) build/measure/bench_plain
 
 bench: $(BENCHES)
-	build/bench
+	build/measure/bench
 	@$(COMPARE_BUILDS)
-	build/bench_plain maps
+	build/measure/bench_plain maps
 
-build/bench_plain: ONLY = -DSPS_NO_SIMD
-build/bench_avx2: ONLY = -mno-avx512f
-build/bench_plain build/bench_avx2: examples/bench.c $(HEADERS) | build
-	$(CC) $(STANDARD) $(OPTIMIZE) $(ONLY) $(WARNINGS_C) $(INCLUDES) $< -o $@ $(LIBRARIES)
+build/measure/bench_plain: ONLY = -DSPS_NO_SIMD
+build/measure/bench_avx2: ONLY = -mno-avx512f
+build/measure/bench_plain build/measure/bench_avx2: tests/measure/bench.c $(HEADERS) $(wildcard tests/measure/*.h) | build/measure
+	$(CC) $(STANDARD) $(OPTIMIZE) $(ONLY) -DSPLATSHADOW_IMPLEMENTATION $(WARNINGS_C) $(INCLUDES) -Iexamples $< -o $@ $(LIBRARIES)
 
-# Rows of the table of goals: time of each build's frames, with 1 worker, over that of build/bench; the least of turns.
-COMPARE_BUILDS = for turn in 1 2 3; do for build in $(notdir $(BENCHES)); do build/$$build frames | sed "s/^/$$build /"; done; done | awk ' \
+# Rows of the table of goals: time of each build's frames, with 1 worker, over that of bench; the least of turns.
+COMPARE_BUILDS = for turn in 1 2 3; do for build in $(notdir $(BENCHES)); do build/measure/$$build frames | sed "s/^/$$build /"; done; done | awk ' \
 	NF == 3 && (!(($$1, $$2) in least) || $$3 < least[$$1, $$2]) { least[$$1, $$2] = $$3 } \
 	NF == 3 && !seen[$$1, $$2]++ && $$1 != "bench" { builds[++rows] = $$1; frames[rows] = $$2 } \
 	END { for (i = 1; i <= rows; ++i) printf "| %s, medium, 1 worker: %s / bench, time | %.2f | | | |\n", \
@@ -139,74 +150,67 @@ COMPARE_BUILDS = for turn in 1 2 3; do for build in $(notdir $(BENCHES)); do bui
 
 # Of the page, what stands before the first printed line and from the next heading of its own on is kept.
 speed: $(BENCHES)
-	{ build/bench goals; $(COMPARE_BUILDS); build/bench curves docs; } | tee build/speed.txt
+	{ build/measure/bench goals; $(COMPARE_BUILDS); build/measure/bench curves docs; } | tee build/speed.txt
 	@{ sed '/^[0-9]* processors/,$$d' docs/speed.md; cat build/speed.txt; echo; sed -n '/^## What it means/,$$p' docs/speed.md; } > build/speed.md
 	cp build/speed.md docs/speed.md
 
 # Twelve scenes, every knob: docs/accuracy.md, of which the first lines and the sections of single effects are kept, its
 # pictures, and all figures as build/price_list/prices.csv. Under 20 minutes, on a machine that does nothing else.
-accuracy: build/prices
+accuracy: build/measure/prices
 	@mkdir -p build/price_list
-	build/prices build/price_list > build/price_list/prices.md
+	build/measure/prices build/price_list > build/price_list/prices.md
 	@{ sed '/^## Which error at which price/,$$d' docs/accuracy.md; sed '/^## All figures/,$$d' build/price_list/prices.md; \
 		sed -n '/^## Penumbrae/,/^## All figures/p' docs/accuracy.md | sed '$$d'; \
 		sed -n '/^## All figures/,$$p' build/price_list/prices.md; } > build/accuracy.md
 	cp build/price_list/accuracy_*.png docs && cp build/accuracy.md docs/accuracy.md
 
 SCENE = quick
-accuracy-quick: build/prices
+accuracy-quick: build/measure/prices
 	@mkdir -p build/price_list/$(SCENE)
-	build/prices build/price_list/$(SCENE) $(SCENE)
+	build/measure/prices build/price_list/$(SCENE) $(SCENE)
 
 .PHONY: headline
-headline: build/prices
-	build/prices docs headline
+headline: build/measure/prices
+	build/measure/prices docs headline
 
 # The page's tables of single effects that take time.
-accuracy-tables: build/bench
-	build/bench cheapest | tee build/cheapest.md
-	build/bench accuracy | tee build/accuracy.txt
+accuracy-tables: build/measure/bench
+	build/measure/bench cheapest | tee build/cheapest.md
+	build/measure/bench accuracy | tee build/accuracy.txt
 	@{ sed '/^## Cheapest settings/,$$d' docs/accuracy.md; cat build/cheapest.md; printf '\n## Volumes\n\n```\n'; \
 		cat build/accuracy.txt; printf '```\n\n'; sed -n '/^## All figures/,$$p' docs/accuracy.md; } > build/accuracy.md
 	cp build/accuracy.md docs/accuracy.md
 
 # What stands before the first printed line is kept. make budget-fit prints the tables of the header's section budget.
 .PHONY: budget budget-fit
-build/budget: tests/budget.c $(HEADERS) | build
+# It reads what the library keeps about its own speed, so that it holds the implementation.
+build/measure/budget: tests/measure/budget.c $(HEADERS) $(wildcard tests/measure/*.h) | build/measure
 	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) -Iexamples $< -o $@ $(LIBRARIES)
 
-budget: build/budget
-	build/budget check > build/budget.txt
+budget: build/measure/budget
+	build/measure/budget check > build/budget.txt
 	@{ sed '/^## Kept/,$$d' docs/budget.md; sed -n '/^## Kept/,$$p' build/budget.txt; echo; sed '/^## Kept/,$$d' build/budget.txt; } > build/budget.md
 	cp build/budget.md docs/budget.md
 
-budget-fit: build/budget
-	build/budget fit
+budget-fit: build/measure/budget
+	build/measure/budget fit
 
-# Programs that measure are linked with one object of the header.
 .PHONY: first-flights
-build/measure/splatshadow.o: splatshadow.h
-	@mkdir -p $(@D)
-	$(CC) $(STANDARD) $(OPTIMIZE) -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
-
-build/measure/%: tests/measure/%.c tests/flames.h build/measure/splatshadow.o
-	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) -Itests $< build/measure/splatshadow.o -o $@ $(LIBRARIES)
-
 first-flights: build/measure/fire
 	build/measure/fire $(FIRE)
 
-# The program prints Markdown. Its pictures are in build/maps_pictures/, since build/maps is the program itself.
+# The program prints Markdown, and draws pictures into build/maps/.
 .PHONY: maps
-maps: build/maps
-	@mkdir -p build/maps_pictures && rm -f build/maps.failed
-	{ build/maps docs build/maps_pictures || touch build/maps.failed; } | tee build/maps.txt
+maps: build/measure/maps
+	@mkdir -p build/maps && rm -f build/maps.failed
+	{ build/measure/maps docs build/maps || touch build/maps.failed; } | tee build/maps.txt
 	@test ! -e build/maps.failed && cp build/maps.txt docs/maps.md
 
 # Of the page, what stands before the first printed line is kept. Fails if something is spent that need not be.
 .PHONY: effects
-effects: build/effects
+effects: build/measure/effects
 	@rm -f build/effects.failed
-	{ build/effects || touch build/effects.failed; } | tee build/effects.txt
+	{ build/measure/effects || touch build/effects.failed; } | tee build/effects.txt
 	@{ sed '/^## With and without/,$$d' docs/effects.md; cat build/effects.txt; } > build/effects.md
 	@test ! -e build/effects.failed && cp build/effects.md docs/effects.md
 
@@ -311,7 +315,7 @@ ENGINE_CHECKS = gcc_c11_godot gcc_c++17_godot clang_c11_godotclang clang_c++17_g
 	clang_c++20_unreal clang_c11_chromium clang_c++20_chromium
 CHECKS = $(foreach c,$(CHECK_COMPILERS),$(foreach s,$(CHECK_STANDARDS),$(foreach v,$(CHECK_VARIANTS),$(c)_$(s)_$(v)))) \
 	$(STATIC_CHECKS) $(ENGINE_CHECKS)
-EXAMPLE_CHECKS = $(foreach c,gcc $(if $(SPLATSHADOW_LONG),clang),$(foreach e,$(EXAMPLES:build/%=%),$(c)_$(e))) $(if $(SPLATSHADOW_LONG),,clang_hello)
+EXAMPLE_CHECKS = $(foreach c,gcc $(if $(SPLATSHADOW_LONG),clang),$(foreach e,$(EXAMPLES:build/%=%) $(MEASURES),$(c)_$(e))) $(if $(SPLATSHADOW_LONG),,clang_hello)
 HELLO_RUNS = $(if $(SPLATSHADOW_LONG),gcc clang)
 
 part = $(word $(1),$(subst _, ,$(2)))
@@ -364,12 +368,9 @@ ports:
 # The same scenes by this library, Cycles, POV-Ray and vdb_render. Of the page, what stands before the results and from
 # the next heading of its own on is kept.
 .PHONY: rivals
-build/rivals/rivals: tests/rivals.c $(HEADERS)
-	@mkdir -p $(@D)
-	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) -Iexamples $< -o $@ $(LIBRARIES)
-
-rivals: build/rivals/rivals
-	sh tests/rivals.sh > build/rivals/results.md
+rivals: build/measure/rivals
+	@mkdir -p build/rivals
+	sh tests/measure/rivals.sh > build/rivals/results.md
 	@{ sed '/^## Results/,$$d' docs/rivals.md; cat build/rivals/results.md; echo; sed -n '/^## What is unfair/,$$p' docs/rivals.md; } > build/rivals/page.md
 	cp build/rivals/page.md docs/rivals.md
 
@@ -493,30 +494,27 @@ build/tests/header.fast_math.log: splatshadow.h
 		$(UNIT) | gcc -x c $$option -DSPLATSHADOW_IMPLEMENTATION -DSPS_ALLOW_FAST_MATH -I. -E - -o /dev/null || exit 1; \
 		done) && $(ONE_PASSED))
 
-# Examples are checked for syntax and warnings, against the header's declarations. The long tests build them with all of
-# it, and run the quick start: its picture must have 256 * 256 * 3 numbers, not all of them 0. The short tests run it by
-# the README's command, in tests/install.sh.
-EXAMPLE_HEADER = $(if $(SPLATSHADOW_LONG),,-Ibuild/tests/faces)
-EXAMPLE_OUTPUT = $(if $(SPLATSHADOW_LONG),-O0 -o build/tests/example.$(1) $(LIBRARIES),-fsyntax-only)
-
-build/tests/example.%.log: $(HEADERS) build/tests/faces/splatshadow.h
+# Examples and programs that measure are checked for syntax and warnings, against the header's declarations. The long
+# tests also run the quick start: its picture must have 256 * 256 * 3 numbers, not all of them 0. The short tests run it
+# by the README's command, in tests/install.sh.
+build/tests/example.%.log: $(HEADERS) $(wildcard tests/measure/*.h)
 	@$(call run,example.$*,$(call part,1,$*) $(if $(filter %_hello,$*),-std=c99 -Wall -Werror,$(call language,c99)) \
-		-D_POSIX_C_SOURCE=200809L $(EXAMPLE_HEADER) $(INCLUDES) \
-		examples/$(patsubst $(call part,1,$*)_%,%,$*).c $(call EXAMPLE_OUTPUT,$*) && $(ONE_PASSED))
+		-D_POSIX_C_SOURCE=200809L $(INCLUDES) -Iexamples -Itests \
+		$(firstword $(wildcard $(foreach folder,examples tests/measure,$(folder)/$(patsubst $(call part,1,$*)_%,%,$*).c))) -fsyntax-only && $(ONE_PASSED))
 
 $(HELLO_RUNS:%=build/tests/example.%_hello.log): build/tests/example.%_hello.log: examples/hello.c splatshadow.h
 	@$(call run,example.$*_hello,$* $(STANDARD) -O1 -Wall -Werror -I. $< -o build/tests/example.$*_hello $(LIBRARIES) && \
 		build/tests/example.$*_hello | awk 'NR > 1 { for (i = 1; i <= NF; ++i) { ++numbers; bright += $$i > 99 } } \
 		END { exit numbers != 256 * 256 * 3 || bright < 256 }' && $(ONE_PASSED))
 
-# Steps of the tutorial, with the header's compiled code; tests/test_tutorial.c runs them.
-build/tests/step.%.log: examples/tutorial/%.c $(HEADERS) $(wildcard examples/shaders/*) build/tests/native.code.o build/tests/faces/splatshadow.h
+# Steps of the tutorial, linked with the tests' object of the implementation; tests/test_tutorial.c runs them.
+build/tests/step.%.log: examples/tutorial/%.c $(HEADERS) $(wildcard examples/shaders/*) build/tests/native.code.o
 	@mkdir -p build/tests/tutorial
-	@$(call run,step.$*,$(COMPILE_native) $(WARNINGS_C) -Werror -Ibuild/tests/faces $(INCLUDES) $< build/tests/native.code.o \
+	@$(call run,step.$*,$(COMPILE_native) $(WARNINGS_C) -Werror $(INCLUDES) $< build/tests/native.code.o \
 		-o build/tests/tutorial/$* $(LIBRARIES) && $(ONE_PASSED))
 
-build/tests/render: examples/render.c $(HEADERS) build/tests/native.code.o build/tests/faces/splatshadow.h
-	@$(COMPILE_native) -Ibuild/tests/faces $(INCLUDES) $< build/tests/native.code.o -o $@ $(LIBRARIES)
+build/tests/render: examples/render.c $(HEADERS) build/tests/native.code.o
+	@$(COMPILE_native) $(INCLUDES) $< build/tests/native.code.o -o $@ $(LIBRARIES)
 
 build/tests/simd_plain: tests/test_simd.c tests/check.h $(call code,sanitized) build/tests/faces/splatshadow.h
 	@$(COMPILE_sanitized) -ffp-contract=off -w -Ibuild/tests/faces -I. $< $(call code,sanitized) -o $@ $(LIBRARIES)
@@ -593,7 +591,7 @@ uninstall:
 
 # hello.c keeps its form in the header; the header's tables are formatted by hand.
 format:
-	clang-format -i $(filter-out examples/hello.c,$(wildcard examples/*.[ch] examples/shaders/* examples/tutorial/* tests/*.[ch] tests/measure/*.c))
+	clang-format -i $(filter-out examples/hello.c,$(wildcard examples/*.[ch] examples/shaders/* examples/tutorial/* tests/*.[ch] tests/measure/*.[ch]))
 
 clean:
 	rm -rf build

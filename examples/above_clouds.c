@@ -1,9 +1,7 @@
 /* An aeroplane above a layer of cumulus and its shadow on it, with light scattered once, forward, in every direction
    (SPS_SCATTERING_FULL), and by random paths (sps_reference), from left to right, with the time of each. The side of
-   the aeroplane that the sun does not reach is lit by the clouds.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/above_clouds.c -o above_clouds -lm */
+   the aeroplane that the sun does not reach is lit by the clouds. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "shapes.h"
 #include "ways.h"

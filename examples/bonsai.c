@@ -1,8 +1,6 @@
 /* A scanned bonsai above polygon mushrooms on a floor, with the shadows of all of them. The scan is read from the
-   folder that SPLATSHADOW_DATA names. cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/bonsai.c
-   -o bonsai -lm */
+   folder that SPLATSHADOW_DATA names. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scans.h"
 #include "scene.h"
 #include "scene_program.h"

@@ -1,9 +1,7 @@
 /* A cloud, with light scattered once, forward any number of times, with and without spreading sideways, in every
    direction (SPS_SCATTERING_FULL), and by random paths (sps_reference), from left to right, with the time of each. Above, the sun is behind the cloud and
-   aside; below, it sets, and the sky is the greater part of the light.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/cloud_light.c -o cloud_light -lm */
+   aside; below, it sets, and the sky is the greater part of the light. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "densities.h"
 #include "scene.h"
 #include "ways.h"

@@ -1,8 +1,6 @@
 /* A cloud made of polygons: marching cubes around metaballs, roughened by noise. The cloud and the trees cast their
-   shadows on rolling country.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/cloud_mesh.c -o cloud_mesh -lm */
+   shadows on rolling country. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "metaballs.h"
 #include "scene.h"
 #include "scene_program.h"

@@ -1,8 +1,6 @@
 /* A polygon dart in a target of three volumetric rings on pegs, before a volumetric plate. The dart's shadow runs over
-   the rings, and all of them cast shadows on the plate.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/dart.c -o dart -lm */
+   the rings, and all of them cast shadows on the plate. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "scene_program.h"
 #include "shapes.h"

@@ -1,9 +1,7 @@
 /* A stone circle in ground fog. The fog is a closed polygon mesh with a color and an extinction: for each pixel, the
    distances of back faces minus those of front faces are the length of the ray inside it, up to the stones, the ground
-   or the sky. The library renders what is behind the fog, and its distance (sps_image.depth).
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/fog.c -o fog -lm */
+   or the sky. The library renders what is behind the fog, and its distance (sps_image.depth). */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "metaballs.h"
 #include "scene.h"
 #include "scene_program.h"

@@ -1,9 +1,7 @@
 /* A lamp under a shade, in a room full of fog, with light scattered once, forward, in every direction
    (SPS_SCATTERING_FULL), and by random paths (sps_reference), from left to right, with the time of each. The shade
-   keeps the lamp from the ceiling and the upper walls: only fog lights these, and what stands in a shadow.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/fog_room.c -o fog_room -lm */
+   keeps the lamp from the ceiling and the upper walls: only fog lights these, and what stands in a shadow. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "shapes.h"
 #include "ways.h"

@@ -1,9 +1,7 @@
 /* A lamp in the midst of a cloud on the ground, within a ring of standing stones: stones and denser lumps of the cloud
    cast shafts of shadow outwards, through the cloud and over the ground. The lamp has a shadow table of six faces: no
-   slicing direction suits a light that gas surrounds.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/lamp.c -o lamp -lm */
+   slicing direction suits a light that gas surrounds. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "particles.h"
 #include "scene.h"
 #include "scene_program.h"

@@ -1,7 +1,5 @@
-/* Metaballs: drops of gas that rise from a pool, separate and merge, and their shadows on a checkered floor.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/metaballs.c -o metaballs -lm */
+/* Metaballs: drops of gas that rise from a pool, separate and merge, and their shadows on a checkered floor. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "metaballs.h"
 #include "scene.h"
 #include "scene_program.h"

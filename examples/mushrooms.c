@@ -1,7 +1,5 @@
-/* Three polygon mushrooms cast their shadows on a volumetric plate.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/mushrooms.c -o mushrooms -lm */
+/* Three polygon mushrooms cast their shadows on a volumetric plate. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "scene_program.h"
 #include "shapes.h"

@@ -1,8 +1,6 @@
 /* Three panes of colored glass that stand in thin fog, with a spotlight behind them: colored shafts of light through
-   the fog, and colored shadows on the ground, which mix where panes overlap. cc -std=c99 -O3 -march=native -pthread -I.
-   -I/usr/include/stb examples/panes.c -o panes -lm */
+   the fog, and colored shadows on the ground, which mix where panes overlap. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "scene_program.h"
 #include "shapes.h"

@@ -1,8 +1,6 @@
 /* Hard and soft shadows: a gate and a ball of smoke under a low sun and a lamp. On the left both are points; on the
-   right the sun has an angular diameter of 10 degrees, and the lamp is a disc.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/penumbra.c -o penumbra -lm */
+   right the sun has an angular diameter of 10 degrees, and the lamp is a disc. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "scene_program.h"
 #include "shapes.h"

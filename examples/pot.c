@@ -1,8 +1,6 @@
 /* A polygon pot inside a translucent volumetric cube. The pot casts shadows on itself, through the haze of the cube,
-   and on the table; the cube dims everything behind it.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/pot.c -o pot -lm */
+   and on the table; the cube dims everything behind it. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "scene_program.h"
 #include "shapes.h"

@@ -1,8 +1,6 @@
 /* Two puffs of smoke over level ground, 2500 particles each: one fresh, one carried away by the wind. They shade each
-   other and the ground by a Fourier opacity map of 15 components.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/puff.c -o puff -lm */
+   other and the ground by a Fourier opacity map of 15 components. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "puff.h"
 #include "scene.h"
 #include "scene_program.h"

@@ -1,9 +1,7 @@
 /* render: the library from the command line. Volumes (raw, NRRD, MetaImage, NIfTI-1, NPY), particles and OBJ meshes in;
    PNG, PFM and statistics out.
-   cc -O3 -march=native -pthread -I. -isystem /usr/include/stb examples/render.c -o render -lm
    Exit status: 0 done; 1 the render failed; 2 an option or a file was wrong. The last two with one line on stderr. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "picture.h"
 #include "render_options.h"
 #include "session.h"

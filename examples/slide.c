@@ -1,8 +1,6 @@
 /* A slide thrown through smoke onto a wall: on the left by a point, sharp everywhere; on the right through a lens, a
-   disc that is in focus on the wall, so that beams are soft near it.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/slide.c -o slide -lm */
+   disc that is in focus on the wall, so that beams are soft near it. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "scene_program.h"
 #include "shapes.h"

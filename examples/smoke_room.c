@@ -1,8 +1,6 @@
 /* A polygon desk in a room full of turbulent smoke. The light comes through the windows behind it, towards the eye, so
-   the sheets are composited back to front. Window bars, desk and lamp cast shafts of shadow through the smoke.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/smoke_room.c -o smoke_room -lm */
+   the sheets are composited back to front. Window bars, desk and lamp cast shafts of shadow through the smoke. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "scene_program.h"
 #include "shapes.h"

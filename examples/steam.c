@@ -1,10 +1,8 @@
 /* Steam over a glass of tea on a table before a wall, as in figure 8 of Ebert and Parent, who give times for four ways
    to shade it. Above: without shadows; with shadows on surfaces only, not in the steam; with all shadows, by a shadow
    table; with all shadows, by rays (sps_reference). Below: the steam as it rises, 30 frames from picture to picture.
-   Prints the times of the four ways, and what they are in proportion to each other.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/steam.c -o steam -lm */
+   Prints the times of the four ways, and what they are in proportion to each other. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "scene_program.h"
 #include "shapes.h"

@@ -1,8 +1,6 @@
 /* Textures: a globe with an image on it over a checkered ground, behind a trail of smoke that shades both. The ground
-   is a formula, which is filtered over the pixel; the image is an array, as an engine would have it.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/textured.c -o textured -lm */
+   is a formula, which is filtered over the pixel; the image is an array, as an engine would have it. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "scene_program.h"
 #include "shapes.h"

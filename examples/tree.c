@@ -1,8 +1,6 @@
 /* A volumetric tree above polygon mushrooms on a volumetric plate. A transfer function separates bark from leaves;
-   volumes and polygons cast shadows on each other.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/tree.c -o tree -lm */
+   volumes and polygons cast shadows on each other. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "scene_program.h"
 #include "shapes.h"

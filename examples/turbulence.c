@@ -1,7 +1,5 @@
-/* A cloud in the sun: a procedural gas, merged from puffs and eroded by turbulence. The simplest of the scene programs.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/turbulence.c -o turbulence -lm */
+/* A cloud in the sun: a procedural gas, merged from puffs and eroded by turbulence. The simplest of the scene programs. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "densities.h"
 #include "scene.h"
 #include "scene_program.h"

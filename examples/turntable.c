@@ -1,9 +1,7 @@
 /* A walk around a cloud above the ground, lit by the sun and by a lamp in its midst. Both lights shade by shadow
    tables, which show what the lights see: the camera may move, and the tables are held from frame to frame. Renders 36
-   frames, prints how long the first took and how long the others, and writes six of them side by side.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/turntable.c -o turntable -lm */
+   frames, prints how long the first took and how long the others, and writes six of them side by side. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "densities.h"
 #include "scene.h"
 #include "scene_program.h"

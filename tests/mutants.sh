@@ -200,7 +200,7 @@ report() {
 
 run() {
     BEGIN=$(date +%s)
-    STATE=$({ echo "$COMPILE"; cat splatshadow.h tests/*.[ch] examples/*.h examples/shaders/*; } | checksum)
+    STATE=$({ echo "$COMPILE"; cat splatshadow.h tests/*.[ch] tests/measure/*.h examples/*.h examples/shaders/*; } | checksum)
     mkdir -p $OUT/results $OUT/last && rm -rf $OUT/taken $OUT/noticed && mkdir $OUT/taken
     build_common || exit 1
     for test in $(cat $OUT/common/failing); do

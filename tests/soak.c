@@ -7,7 +7,7 @@
 
 #include "random_scene.h"
 
-#include "measuring.h"
+#include "measure/measuring.h"
 #include "photons.h"
 
 enum { WORST = 10, QUICK = 8 };

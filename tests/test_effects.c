@@ -1,8 +1,8 @@
-/* Effects that a scene does not call for cost it nothing: the lists of examples/effects_scenes.h at a small size. What
+/* Effects that a scene does not call for cost it nothing: the lists of tests/measure/effects_scenes.h at a small size. What
    is compared is counted, never timed. */
 
 #include "check.h"
-#include "effects_scenes.h"
+#include "measure/effects_scenes.h"
 
 enum {
     SMALL_VOXELS = 20,

@@ -1,7 +1,5 @@
-/* Step 1 of docs/tutorial.md: a blob of gas above a ground, what a plan says of it, and what was done.
-   cc -O3 -march=native -I. -I/usr/include/stb examples/tutorial/1_blob.c -o 1_blob -pthread -lm */
+/* Step 1 of docs/tutorial.md: a blob of gas above a ground, what a plan says of it, and what was done. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "splatshadow.h"
 #include "../picture.h"
 

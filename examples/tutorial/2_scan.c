@@ -1,7 +1,5 @@
-/* Step 2 of docs/tutorial.md: bytes in memory, as a scanner writes them, through sps_grid and a transfer function.
-   cc -O3 -march=native -I. -I/usr/include/stb examples/tutorial/2_scan.c -o 2_scan -pthread -lm */
+/* Step 2 of docs/tutorial.md: bytes in memory, as a scanner writes them, through sps_grid and a transfer function. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "splatshadow.h"
 #include "../picture.h"
 

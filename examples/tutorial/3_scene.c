@@ -1,7 +1,5 @@
-/* Step 3 of docs/tutorial.md: polygons over vertices in memory, particles, and two lights, one of them among the gas.
-   cc -O3 -march=native -I. -I/usr/include/stb examples/tutorial/3_scene.c -o 3_scene -pthread -lm */
+/* Step 3 of docs/tutorial.md: polygons over vertices in memory, particles, and two lights, one of them among the gas. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "splatshadow.h"
 #include "../picture.h"
 

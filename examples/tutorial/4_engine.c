@@ -1,7 +1,5 @@
-/* Step 4 of docs/tutorial.md: an engine's own data, memory, threads and clock; cancelling; errors as data.
-   cc -O3 -march=native -I. -I/usr/include/stb examples/tutorial/4_engine.c -o 4_engine -pthread -lm */
+/* Step 4 of docs/tutorial.md: an engine's own data, memory, threads and clock; cancelling; errors as data. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "splatshadow.h"
 #include "../picture.h"
 #include <pthread.h>

@@ -1,7 +1,5 @@
-/* Step 5 of docs/tutorial.md: a draft at once, then one tile after the other at a higher quality.
-   cc -O3 -march=native -I. -I/usr/include/stb examples/tutorial/5_progressive.c -o 5_progressive -pthread -lm */
+/* Step 5 of docs/tutorial.md: a draft at once, then one tile after the other at a higher quality. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "splatshadow.h"
 #include "../picture.h"
 

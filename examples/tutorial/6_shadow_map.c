@@ -1,7 +1,5 @@
-/* Step 6 of docs/tutorial.md: a transmittance map for a renderer of its own, and its upload to where a shader reads it.
-   cc -O3 -march=native -I. -I/usr/include/stb examples/tutorial/6_shadow_map.c -o 6_shadow_map -pthread -lm */
+/* Step 6 of docs/tutorial.md: a transmittance map for a renderer of its own, and its upload to where a shader reads it. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "splatshadow.h"
 #include "../picture.h"
 #include "../shaders/transmittance_map.h" /* the shader's code, in C */

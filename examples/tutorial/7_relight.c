@@ -1,7 +1,5 @@
-/* Step 7 of docs/tutorial.md: tables that are held while the camera moves, and lights that are mixed without rendering.
-   cc -O3 -march=native -I. -I/usr/include/stb examples/tutorial/7_relight.c -o 7_relight -pthread -lm */
+/* Step 7 of docs/tutorial.md: tables that are held while the camera moves, and lights that are mixed without rendering. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "splatshadow.h"
 #include "../picture.h"
 #include <time.h>

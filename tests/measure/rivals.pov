@@ -1,4 +1,4 @@
-// rivals.pov: the scenes of `make rivals` for POV-Ray: povray +Itests/rivals.pov +Lbuild/rivals/SCENE Declare=Samples=100
+// rivals.pov: the scenes of `make rivals` for POV-Ray: povray +Itests/measure/rivals.pov +Lbuild/rivals/SCENE Declare=Samples=100
 // `Samples`: per ray through the gas; `Suns`: along each side of the sun's grid of lights; `Method`: 2 or 3, of media.
 #version 3.7;
 #include "scene.inc" // from `rivals prepare`, as are mesh.inc and density.df3

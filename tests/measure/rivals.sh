@@ -1,12 +1,12 @@
 #!/bin/sh
-# make rivals: renders the scenes of tests/rivals.c by this library and by others that can be installed as packages:
+# make rivals: renders the scenes of tests/measure/rivals.c by this library and by others that can be installed as packages:
 # Blender's Cycles, POV-Ray, and vdb_render of OpenVDB's tools. Prints Markdown, and draws docs/rivals_curves.png and
 # docs/rivals_pictures.png. CONTESTS="name name" renders only these. Fetches what is missing where that is possible; a
 # rival that is not there, and a scene without its data, are left out, with a message. Truths are kept in build/rivals;
 # `make clean` makes them new.
 
 set -u
-cd "$(dirname "$0")/.." || exit 1
+cd "$(dirname "$0")/../.." || exit 1
 BUILD=$PWD/build/rivals
 RIVALS=$BUILD/rivals
 RESULTS=$BUILD/results.txt
@@ -63,7 +63,7 @@ run_ours() {
 pov() {
     pixels=$1 out=$2
     shift 2
-    echo povray +Itests/rivals.pov "+L$folder" "+W$pixels" "+H$pixels" -A -D "+WT$THREADS" File_Gamma=1 +FP16 "+O$out" "$@"
+    echo povray +Itests/measure/rivals.pov "+L$folder" "+W$pixels" "+H$pixels" -A -D "+WT$THREADS" File_Gamma=1 +FP16 "+O$out" "$@"
 }
 
 # run_pov SETTINGS...: samples, or samples,suns
@@ -80,7 +80,7 @@ run_pov() {
 
 # run_cycles SETTINGS...: samples,step in voxels of the finer grid
 run_cycles() {
-    render="blender -b --factory-startup -P tests/rivals.py -- $folder"
+    render="blender -b --factory-startup -P tests/measure/rivals.py -- $folder"
     # shellcheck disable=SC2086
     start=$(empty $render 1 4 8 "$folder/empty.exr")
     for setting in "$@"; do
@@ -122,7 +122,7 @@ begin() {
     "$RIVALS" ours "$scene" 0 8 "$folder/empty.pfm" >&2 || { echo "skipped: $scene" >&2; return 1; }
     [ -f "$folder/density.raw" ] || "$RIVALS" prepare "$scene" "$folder" || return 1
     [ -f "$folder/truth.txt" ] || "$RIVALS" truth "$scene" "$folder" || return 1
-    [ -f "$folder/density.vdb" ] || [ -z "$PYTHON" ] || "$PYTHON" tests/rivals.py "$folder"
+    [ -f "$folder/density.vdb" ] || [ -z "$PYTHON" ] || "$PYTHON" tests/measure/rivals.py "$folder"
 }
 
 # with RIVAL SETTINGS...: if it is there

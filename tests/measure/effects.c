@@ -1,8 +1,6 @@
 /* effects: what each effect costs, that a scene without it costs nothing of it, that an effect which is set although
-   nothing needs it leaves the picture as it is, and what skips by a bound leave out. Prints Markdown.
-   cc -std=c99 -O3 -march=native -pthread -I. examples/effects.c -o effects -lm */
+   nothing needs it leaves the picture as it is, and what skips by a bound leave out. Prints Markdown. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "measuring.h"
 #include "effects_scenes.h"
 #include <time.h>

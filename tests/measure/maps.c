@@ -1,11 +1,9 @@
 /* maps: transmittance maps against each other, in the setting of Giulietti's thesis (DigiPen 2013, chapter 4): 2500
    particles of smoke, one spot light, a map of 512 x 512, a picture of 1024 x 768, 6, 8, 16 and 24 numbers a texel.
    There the truth was each technique's own run with 24; here it is the exact deep map.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/maps.c -o maps -lm
    maps CHARTS PICTURES     Markdown to stdout; curves and a sheet of differences into the folder CHARTS, all pictures
                             into the folder PICTURES; both folders must be there */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "measuring.h"
 #include "picture.h"
 #include "puff.h"
@@ -802,7 +800,7 @@ static void print_charts(void) {
         "\n## Charts\n\n"
         "%d particles, one spot light, maps of %d x %d texels (%d x %d except for puff and wind), pictures of %d x %d. "
         "Times are\n"
-        "those of the machine it ran on (%d processors, vectors of %d floats); errors are the same anywhere, up to "
+        "those of the machine it ran on (%d processors); errors are the same anywhere, up to "
         "rounding.\n\n"
         "![Error over time](maps_time.png)\n![Error over bytes](maps_bytes.png)\n![Error over "
         "bytes](maps_bytes_hard.png)\n\n"
@@ -811,7 +809,7 @@ static void print_charts(void) {
         "next\n"
         "lower number available:\n\n"
         "![Differences](maps_differences.png)\n",
-        PARTICLES, MAP_SIZE, MAP_SIZE, SMALL_MAP_SIZE, SMALL_MAP_SIZE, WIDTH, HEIGHT, ex_processor_count(), SPSI_LANES);
+        PARTICLES, MAP_SIZE, MAP_SIZE, SMALL_MAP_SIZE, SMALL_MAP_SIZE, WIDTH, HEIGHT, ex_processor_count());
 }
 
 static void time_scene(ex_session *session, set_up *s) {

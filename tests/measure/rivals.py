@@ -1,6 +1,6 @@
 """rivals.py: the scenes of `make rivals` for OpenVDB and for Blender's Cycles, from what `rivals prepare` wrote.
-python3 tests/rivals.py FOLDER writes FOLDER/density.vdb, for vdb_render and for Cycles.
-blender -b --factory-startup -P tests/rivals.py -- FOLDER SAMPLES STEP SIZE FILE renders FOLDER's scene by Cycles into an
+python3 tests/measure/rivals.py FOLDER writes FOLDER/density.vdb, for vdb_render and for Cycles.
+blender -b --factory-startup -P tests/measure/rivals.py -- FOLDER SAMPLES STEP SIZE FILE renders FOLDER's scene by Cycles into an
 OpenEXR file: SAMPLES per pixel at most, rays in steps of STEP voxels, SIZE pixels along both sides."""
 
 import math

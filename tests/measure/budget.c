@@ -1,4 +1,4 @@
-/* budget: what budgets promise and what they keep, in the twelve scenes of examples/price_scenes.h.
+/* budget: what budgets promise and what they keep, in the twelve scenes of price_scenes.h.
    budget fit     prints, rung by rung, the error and the rates from which the tables of >>budget are made, and these
    budget check   from four cameras that the tables do not know: seconds and errors, expected and measured
    A scene's name after that, or `balls` after fit: that one alone. With SPLATSHADOW_DATA=folder, where the scans lie,

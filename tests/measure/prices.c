@@ -1,6 +1,5 @@
 /* prices: what accuracy costs. Twelve scenes, in each of which every knob is turned by itself, and then the one that
    pays most, again and again: error against the truth, and time beside that of the same scene at `medium`.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/prices.c -o prices -lm
    prices FOLDER          prints Markdown, and writes prices.csv and pictures into the folder
    prices FOLDER SCENE    that scene alone, by its name there: slab, blob, ball, ... See price_scenes.h
    prices FOLDER quick    the scenes that have a closed form; of the knobs, quality and slab
@@ -8,7 +7,6 @@
    prices FOLDER headline one picture at three grades, with the error and the time of each, as price.png
    With SPLATSHADOW_DATA=folder, where the scans lie, these too. */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #define BENCH_PROGRAM "prices"
 #include "measuring.h"
 #include "particles.h"
@@ -658,7 +656,7 @@ static void print_all_bounds(price *prices, int count) {
         "what it is outside of them by, and at most its distance to the farther one: the two\nfigures for each "
         "quality, "
         "root mean squares. Pixels are every 9th in either direction, or those that the truth has; of\nmany, every "
-        "third for fine steps. `build/prices FOLDER bounds` prints this table alone.\n\n"
+        "third for fine steps. `build/measure/prices FOLDER bounds` prints this table alone.\n\n"
         "| scene | step | pixels | apart | 99 %% within | time per pixel | truth outside by | error of `medium` | "
         "`high` | `ultra` |\n|---|---|---|---|---|---|---|---|---|---|\n");
     for (int i = 0; i < count; ++i) {

@@ -1,6 +1,5 @@
 /* bench: how fast, and how exact for the time. Times are medians of frames that take turns, within one run, so that
    ratios hold on a machine of any speed; each figure stands on its own line with the project's target beside it.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/bench.c -o bench -lm
    bench            everything; with SPLATSHADOW_DATA=folder, where the scans of bonsai and smoke lie, those too
    bench speed      without the tables of error against time
    bench goals      the project's goals of speed, as a table in Markdown
@@ -17,7 +16,6 @@
    bench cheapest   for each of some errors the cheapest setting that has no more, in Markdown
    bench accuracy   the tables of error against time alone */
 
-#define SPLATSHADOW_IMPLEMENTATION
 #include "measuring.h"
 #include "particles.h"
 #include "scans.h"
@@ -355,9 +353,9 @@ static void bench_maps(void) {
     for (int i = 0; i < 2; ++i) ex_session_measure(&sessions[i], program, i == 0 ? 1 : WORKERS);
     map_trial_begin(&trial, &sessions[1]);
     printf("\nTransmittance maps, %d x %d: %zu particles a few texels wide, %.2f M intervals to insert,\n"
-           "vectors of %d floats, 1 and %d workers\n"
+           "1 and %d workers\n"
            "    %-26s %7s %16s %6s %17s %17s\n    %-26s %7s %8s %7s %6s %8s %8s %8s %8s\n",
-           MAP_SIZE, MAP_SIZE, trial.particles.count, 1e-6 * trial.inserts, SPSI_LANES, WORKERS, "", "", "build, s", "",
+           MAP_SIZE, MAP_SIZE, trial.particles.count, 1e-6 * trial.inserts, WORKERS, "", "", "build, s", "",
            "M inserts/s", "M queries/s", "", "MB", "1", "2", "ratio", "1", "2", "1", "2");
     for (size_t i = 0; i < sizeof map_rows / sizeof *map_rows; ++i) bench_map(&map_rows[i], &trial, sessions);
     map_trial_end(&trial);
@@ -1570,7 +1568,7 @@ int main(int argc, char **argv) {
     for (int i = 0; i < PARTS && argc <= 2; ++i) {
         const int in_speed = parts[i].run != bench_errors && strcmp(wanted, "speed") == 0;
         if (argc > 1 && !in_speed && strcmp(wanted, parts[i].name) != 0) continue;
-        if (!done++) printf("%d processors, vectors of %d floats\n", ex_processor_count(), SPSI_LANES);
+        if (!done++) printf("%d processors\n", ex_processor_count());
         parts[i].run();
     }
     if (done) return 0;

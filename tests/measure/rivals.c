@@ -1,5 +1,5 @@
 /* rivals: renders the scenes of `make rivals`, finds their true pictures by brute force, and compares pictures of other
-   renderers with these. tests/rivals.sh calls it.
+   renderers with these. tests/measure/rivals.sh calls it.
    rivals prepare SCENE FOLDER        writes what other renderers read: voxels, polygons, numbers
    rivals truth SCENE FOLDER          writes the true pixels, truth.txt
    rivals ours SCENE GRADE SIZE FILE  renders by the library at a grade 0..2, writes a PFM
@@ -8,8 +8,7 @@
    With SPLATSHADOW_DATA=folder, where the scans lie; a scene that needs one exits with 3 without it. */
 
 #define _DEFAULT_SOURCE /* getrusage */
-#define SPLATSHADOW_IMPLEMENTATION
-#define BENCH_PROGRAM "rivals"
+#define BENCH_PROGRAM   "rivals"
 #include "measuring.h"
 #include "particles.h"
 #include "scans.h"

@@ -253,7 +253,8 @@ COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
 # kinds of memory access, the slow ones with vectors; elsewhere the most sensitive ones.
 TESTS_native    = $(if $(SPLATSHADOW_LONG),$(TESTS),$(filter-out test_seeds,$(TESTS))) fuzz soak
 TESTS_sanitized = test_extremes test_transmittance test_arrays
-TESTS_wide_sanitized = test_engineering test_files test_polygons test_seeds test_tmaps test_watertight
+MAP_TESTS = test_map_answers test_map_memory test_map_pictures test_map_states
+TESTS_wide_sanitized = test_hooks test_workers test_interface test_files test_polygons test_seeds $(MAP_TESTS) test_watertight
 TESTS_cpp       = test_pictures test_arrays test_throwing
 TESTS_baseline  = test_simd
 TESTS_readme    = test_watertight
@@ -266,8 +267,8 @@ ifdef SPLATSHADOW_LONG
 # of compiling, the tests that depend most on how floats are rounded; and those that have threads.
 $(foreach configuration,sanitized wide_sanitized memory cpp,$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
 $(foreach configuration,plain baseline readme fused clang,\
-	$(eval TESTS_$(configuration) = test_watertight test_polygons test_pictures test_filling test_shadows test_tmaps test_simd))
-TESTS_threads = test_engineering test_reading
+	$(eval TESTS_$(configuration) = test_watertight test_polygons test_pictures test_filling test_shadows $(MAP_TESTS) test_simd))
+TESTS_threads = test_workers test_interface test_reading
 endif
 
 # Where many tests run in one configuration, the header is compiled once, with every function visible, and each test
@@ -404,7 +405,7 @@ INSTALL_CHECKS_THERE := $(foreach c,$(INSTALL_CHECKS),$(shell command -v $(c) >/
 $(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(call skipped,the quick start by $(c): install it))
 
 # Tests that run the command line, which is linked with the native configuration's header
-$(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.log build/tests/$(c).test_files.log: build/tests/render))))
+$(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval build/tests/$(c).test_command_line.log build/tests/$(c).test_files.log: build/tests/render))))
 
 # The program in plain C that test_simd compares itself with, linked once for several configurations
 SIMD_PLAIN_THERE = $(if $(SPLATSHADOW_LONG),,$(if $(filter sanitized,$(READY)),build/tests/simd_plain))

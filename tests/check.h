@@ -109,6 +109,9 @@ static inline int check_error_info(const sps_context *context, sps_result result
             strncmp(info.sentence + strlen(start), " is SPS_", 8) == 0);
 }
 
+/* CHECK_FIGURES in the environment: tests print what they measure. */
+static inline int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
+
 /* Runs one test, and names it if it failed. The environment may have CHECK_TIMES, which prints the time of each;
    CHECK_ONLY, the name of the only one to run; and CHECK_STOP, which prints each name as it begins, so that a crash can
    be attributed. */
@@ -734,8 +737,7 @@ static inline long check_failing(const check_scene *s, int cancels, int sparse, 
         sps_destroy(by);
         CHECK(hooks.live == 0);
     } while (result != SPS_OK && at < 100000);
-    if (getenv("CHECK_FIGURES"))
-        printf("%s: up to %ld\n", cancels ? "calls that cancel" : "allocations that fail", at - 1);
+    if (figures()) printf("%s: up to %ld\n", cancels ? "calls that cancel" : "allocations that fail", at - 1);
     return at - 1;
 }
 
@@ -777,6 +779,35 @@ static inline double check_largest(const float *a, const float *b, size_t count)
     return largest;
 }
 
+static inline double check_mean(const float *values, size_t count) {
+    double sum = 0;
+    for (size_t i = 0; i < count; ++i) sum += (double)values[i];
+    return sum / (double)count;
+}
+
+/* The mean of red, green and blue of RGBA pixels. */
+static inline double mean_of(const float *image, size_t pixels) {
+    double sum = 0;
+    for (size_t i = 0; i < 4 * pixels; ++i) sum += i % 4 < 3 ? (double)image[i] : 0;
+    return sum / (3 * (double)pixels);
+}
+
+/* Root mean square of a - b in red, green and blue, relative to b's mean. */
+static inline double error_of(const float *a, const float *b, size_t pixels) {
+    double square = 0;
+    for (size_t i = 0; i < 4 * pixels; ++i)
+        if (i % 4 < 3) square += pow((double)a[i] - (double)b[i], 2);
+    return sqrt(square / (3 * (double)pixels)) / mean_of(b, pixels);
+}
+
+/* The largest red, green or blue. */
+static inline double brightest_of(const float *image, size_t pixels) {
+    double most = 0;
+    for (size_t i = 0; i < 4 * pixels; ++i)
+        if (i % 4 < 3) most = fmax(most, (double)image[i]);
+    return most;
+}
+
 /* Pixels of the picture, or of its region. */
 static inline size_t check_pixel_count(const sps_view *view) {
     return view->region[2] ? (size_t)view->region[2] * (size_t)view->region[3]
@@ -802,7 +833,7 @@ static inline double check_paths_of(sps_context *context, const check_scene *s, 
     for (size_t i = 0; i < 3 * pixels && good; ++i) square += (double)errors[i] * (double)errors[i];
     square = sqrt(3 * square); /* colors share their paths */
     allowed = 5 * square + share * sums[1];
-    if (getenv("CHECK_FIGURES"))
+    if (figures())
         printf("%s: %.5f, paths %.5f +- %.5f: %+.2f %%\n", name, sums[0] / count, sums[1] / count, square / count,
                100 * (sums[0] / sums[1] - 1));
     if (good &&

@@ -9,8 +9,6 @@ static float image_a[COUNT], image_b[COUNT];
 static sps_context *context;
 static check_triangles triangles;
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
 /* --- scenes: 11 particles and 16 triangles, with the eye among them --- */
 
 typedef struct solids {

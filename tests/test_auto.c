@@ -8,8 +8,6 @@ static float image_a[COUNT], image_b[COUNT];
 static sps_context *context;
 static const float one = 1;
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
 enum { PUFF, TURNED, SHEARED, SWARM, HARD_SWARM, EXTINCTIONS, DUST, CLASSIFIED, TWO, KINDS };
 static const char *const kinds[] = {"puff",        "turned box", "sheared box", "soft balls",    "balls",
                                     "extinctions", "dust",       "classified",  "puff and balls"};

@@ -11,8 +11,6 @@ static float smooth[VALUES], noise[VALUES];
 static check_array arrays[2];
 static check_triangles faces;
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
 /* --- scenes --- */
 
 static void fill_values(void) {

@@ -12,23 +12,6 @@ static check_triangles plate;
 
 static const float one = 1;
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
-static double mean_of(const float *image) {
-    double sum = 0;
-    for (int i = 0; i < PIXELS; ++i)
-        for (int c = 0; c < 3; ++c) sum += (double)image[4 * i + c] / (3 * PIXELS);
-    return sum;
-}
-
-/* Root of the mean square difference of radiance, relative to b's mean. */
-static double error_of(const float *a, const float *b) {
-    double square = 0;
-    for (int i = 0; i < COUNT; ++i)
-        if (i % 4 < 3) square += pow((double)a[i] - (double)b[i], 2) / (3 * PIXELS);
-    return sqrt(square) / mean_of(b);
-}
-
 static int same(const float *a, const float *b) { return memcmp(a, b, sizeof image_a) == 0; }
 
 static uint64_t cells_made(const sps_context *by) {
@@ -1089,15 +1072,16 @@ static void test_nothing_for_surfaces(void) {
         CHECK(cells_made(context) > 0);
         s.view.scattering = SPS_SCATTERING_OFF;
         check_render(context, &s, image_b);
-        without = mean_of(image_b);
-        if (figures()) printf("surfaces amid cells: %.5f, without %.5f\n", mean_of(image_a), without);
-        CHECK(mean_of(image_a) <= 1.02 * without);
+        without = mean_of(image_b, PIXELS);
+        if (figures()) printf("surfaces amid cells: %.5f, without %.5f\n", mean_of(image_a, PIXELS), without);
+        CHECK(mean_of(image_a, PIXELS) <= 1.02 * without);
         s.volume[0].shading = SPS_SHADING_GAS, s.view.scattering = SPS_SCATTERING_FULL;
         check_render(context, &s, image_a);
         s.view.scattering = SPS_SCATTERING_OFF;
         check_render(context, &s, image_b);
-        if (figures()) printf("gas amid cells: %.5f, without %.5f\n", mean_of(image_a), mean_of(image_b));
-        CHECK(mean_of(image_a) > 1.2 * mean_of(image_b)); /* it is there to be added */
+        if (figures())
+            printf("gas amid cells: %.5f, without %.5f\n", mean_of(image_a, PIXELS), mean_of(image_b, PIXELS));
+        CHECK(mean_of(image_a, PIXELS) > 1.2 * mean_of(image_b, PIXELS)); /* it is there to be added */
     }
 }
 
@@ -1124,8 +1108,8 @@ static void test_little(void) {
                 CHECK_CASE("Scattering", "albedo 0, from cell to cell", "that of scattering off",
                            !same(image_a, image_b), 0, "same bits");
             if (kind == 0) continue;
-            if (figures()) printf("thin: %.2g of the light is other\n", error_of(image_a, image_b));
-            CHECK(!same(image_a, image_b) && error_of(image_a, image_b) < (kind == 2 ? 0.01 : 2e-3));
+            if (figures()) printf("thin: %.2g of the light is other\n", error_of(image_a, image_b, PIXELS));
+            CHECK(!same(image_a, image_b) && error_of(image_a, image_b, PIXELS) < (kind == 2 ? 0.01 : 2e-3));
             for (int c = 0; c < 3 && kind == 3; ++c) {
                 double sum[2] = {0, 0};
                 for (int i = c; i < COUNT; i += 4) sum[0] += (double)image_a[i], sum[1] += (double)image_b[i];
@@ -1159,8 +1143,8 @@ static void test_linear(void) {
     s.light[0] = s.light[1];
     check_render(context, &s, image_b);
     add_images(image_a, image_b);
-    if (figures()) printf("two lights: off by %.2g\n", error_of(image_a, image_c));
-    CHECK(error_of(image_a, image_c) < 2e-4);
+    if (figures()) printf("two lights: off by %.2g\n", error_of(image_a, image_c, PIXELS));
+    CHECK(error_of(image_a, image_c, PIXELS) < 2e-4);
 }
 
 /* A light without shadows scatters once in gas. Alone, it needs no cells, unless there are polygons, and none but those
@@ -1192,15 +1176,15 @@ static void test_unshadowed(void) {
             CHECK(strcmp(report.pass[SPS_PASS_CELLS].reason, "no light casts shadows") == 0);
             CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
         }
-        if (ground == BLACK) CHECK(error_of(image_a, image_b) < 2e-6);
-        if (ground == GREY) CHECK(error_of(image_a, image_b) > 0.01);
+        if (ground == BLACK) CHECK(error_of(image_a, image_b, PIXELS) < 2e-6);
+        if (ground == GREY) CHECK(error_of(image_a, image_b, PIXELS) > 0.01);
         add_light(&s, BEHIND);
         check_render(context, &s, image_c);
         if (ground != OPEN) CHECK(grid_of(context)->light_count == 1 && grid_of(context)->lights[0].index == 1);
         s.light[0] = s.light[1], s.scene.light_count = 1;
         check_render(context, &s, image_b);
         add_images(image_a, image_b);
-        off = error_of(image_a, image_c);
+        off = error_of(image_a, image_c, PIXELS);
         if (figures())
             printf("%s, unshadowed, floor %d, beside a sun: off by %.2g\n", lights[of[n / FLOORS]], ground, off);
         CHECK(off < (ground == GREY ? 1e-3 : 2e-6));
@@ -1242,7 +1226,7 @@ static void test_turned(void) {
                 image_c[i] = image_a[i / (4 * SIDE) * 4 * SIDE + 4 * (SIDE - 1 - i / 4 % SIDE) + i % 4];
             memcpy(image_a, image_c, sizeof image_a);
         }
-        off = error_of(image_a, image_b);
+        off = error_of(image_a, image_b, PIXELS);
         if (figures()) printf("turned by way %d, %s: off by %.2g\n", n % 4, n < 4 ? "sun" : "lamp", off);
         if (!CHECK(off < (n < 6 ? 2e-3 : 0.2))) printf("    way %d, light %d: %g\n", n % 4, n / 4, off);
     }
@@ -1267,8 +1251,8 @@ static void test_scaled(void) {
             }
             s.volume[0].extinction /= (float)scale;
             check_render(context, &s, image_a);
-            if (!CHECK(error_of(image_a, image_b) < 1e-3))
-                printf("    %s, scale %g: %g\n", lights[light], scale, error_of(image_a, image_b));
+            if (!CHECK(error_of(image_a, image_b, PIXELS) < 1e-3))
+                printf("    %s, scale %g: %g\n", lights[light], scale, error_of(image_a, image_b, PIXELS));
         }
 }
 
@@ -1383,11 +1367,11 @@ static void test_straight_back(void) {
         check_add_point(&s, 0, 0, 0.1, 1);
         s.view.scatter_size = 24;
         check_render(context, &s, image_a);
-        mean = mean_of(image_a);
+        mean = mean_of(image_a, PIXELS);
         s.volume[1] = s.volume[0], s.scene.volume_count = 2; /* the trace */
         s.volume[1].extinction = 1e-6f, s.volume[1].lobes = &forward;
         check_render(context, &s, image_a);
-        exact = mean_of(image_a);
+        exact = mean_of(image_a, PIXELS);
         if (figures()) printf("straight back, g %g: %+.2f %%\n", (double)all[n].asymmetry, 100 * (mean / exact - 1));
         CHECK_NEAR(mean, exact, 0.03 * exact);
     }
@@ -1516,10 +1500,10 @@ static void test_sources(void) {
                     s.light[0].shadow_source = source ? SPS_SHADOW_TABLE : SPS_SHADOW_AUTO;
                     if (!source) s.light[0].shadow_map = &deep;
                     check_render(context, &s, image_a);
-                    off[full] = error_of(image_a, image_b);
+                    off[full] = error_of(image_a, image_b, PIXELS);
                     if (full || !source) continue;
                     check_march(context, &s, 0.75, image_c, NULL);
-                    CHECK(error_of(image_a, image_c) < 0.05 && error_of(image_b, image_c) < 0.05);
+                    CHECK(error_of(image_a, image_c, PIXELS) < 0.05 && error_of(image_b, image_c, PIXELS) < 0.05);
                 }
                 if (figures())
                     printf("%s, g %d, source %d: once %.4f, full %.4f\n", lights[light], g, source, off[0], off[1]);
@@ -1554,7 +1538,7 @@ static double scattered_again(check_scene *s) {
     for (int full = 0; full < 2; ++full) {
         s->view.scattering = full ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
         check_render(context, s, image_a);
-        mean[full] = mean_of(image_a);
+        mean[full] = mean_of(image_a, PIXELS);
     }
     return mean[1] - mean[0];
 }
@@ -1606,7 +1590,7 @@ static void test_polygons(void) {
         for (int i = 0; i < COUNT; ++i) dark = fmax(dark, i % 4 < 3 ? (double)image_a[i] : 0);
         s.scene.mesh_count = 0;
         check_render(context, &s, image_b);
-        open = mean_of(image_b);
+        open = mean_of(image_b, PIXELS);
         if (figures()) printf("below a plate: %.2g\n", dark / open);
         CHECK(dark < 2e-4 * open); /* as much as of light that scatters once, where the plate's triangles meet */
         start_below(&s, 2, 0.5);
@@ -1614,14 +1598,15 @@ static void test_polygons(void) {
         s.mesh[0].transmittance[1] = 0.25f;
         check_render(context, &s, image_a);
         for (int i = 0; i < COUNT; ++i) image_b[i] *= i % 4 == 1 ? 0.25f : i % 4 == 3 ? 1.0f : 0.5f;
-        if (figures()) printf("pane: off by %.2g\n", error_of(image_a, image_b));
-        CHECK(error_of(image_a, image_b) < (n ? 0.01 : 2e-3)); /* from below, the eye sees the pane behind the gas */
+        if (figures()) printf("pane: off by %.2g\n", error_of(image_a, image_b, PIXELS));
+        CHECK(error_of(image_a, image_b, PIXELS) <
+              (n ? 0.01 : 2e-3)); /* from below, the eye sees the pane behind the gas */
         start_below(&s, 2, 0);
         if (n) check_set3(s.view.camera.position, 0, -5, 1);
         plate.list[0].position[0][0] = 0; /* of x -2 .. 2, what is beyond a slanted edge */
         s.light[0].shadow_source = SPS_SHADOW_TABLE;
         check_render(context, &s, image_a);
-        half = mean_of(image_a);
+        half = mean_of(image_a, PIXELS);
         if (figures()) printf("part of a plate: %.3f of the light\n", half / open);
         CHECK(half > 0.2 * open && half < 0.8 * open);
     }
@@ -1847,19 +1832,19 @@ static void test_finite(void) {
     check_set3(s.view.camera.target, -1, 0.5, -1);
     s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
     check_finite(&s, "eye within");
-    CHECK(mean_of(image_a) > 0);
+    CHECK(mean_of(image_a, PIXELS) > 0);
     start_plain(&s, SUN); /* no gas */
     s.volume[0].eval_fn = NULL, s.volume[0].read_fn = check_read_constant;
     held_value = 0, s.volume[0].user = &held_value;
     check_finite(&s, "empty");
-    CHECK_NEAR(mean_of(image_a), 0, 0);
+    CHECK_NEAR(mean_of(image_a, PIXELS), 0, 0);
     start(&s, TWO_GASES, SUN); /* one emits and has no extinction */
     s.volume[1].extinction = 0;
     check_color(s.volume[1].emission, 1, 1, 1);
     check_finite(&s, "emission alone");
     start(&s, GAS, LIGHTS); /* no light */
     check_finite(&s, "dark");
-    CHECK_NEAR(mean_of(image_a), 0, 0);
+    CHECK_NEAR(mean_of(image_a, PIXELS), 0, 0);
 }
 
 /* Gas without extinction that emits lights gas around it, and gas beside it. */
@@ -1876,11 +1861,11 @@ static void test_emitter(void) {
         s.view.scatter_size = 20;
         check_paths(context, &s, beside ? "emitter beside gas" : "emitter in gas", 40, 0.05);
         check_render(context, &s, image_a);
-        lit = mean_of(image_a);
+        lit = mean_of(image_a, PIXELS);
         s.view.scattering = SPS_SCATTERING_OFF;
         check_render(context, &s, image_a);
-        if (figures()) printf("emitter: %.3f times as bright\n", lit / mean_of(image_a));
-        CHECK(lit > (beside ? 1.01 : 1.5) * mean_of(image_a));
+        if (figures()) printf("emitter: %.3f times as bright\n", lit / mean_of(image_a, PIXELS));
+        CHECK(lit > (beside ? 1.01 : 1.5) * mean_of(image_a, PIXELS));
     }
 }
 
@@ -2071,9 +2056,11 @@ static void test_apart(void) {
         s.volume[0] = s.volume[1], s.scene.volume_count = 1;
         check_render(context, &s, image_b);
         CHECK((made == 2 * cells_made(context)) == (n > 0));
-        if (figures()) printf("apart %g: %.5f of %.5f\n", apart, mean_of(image_a), mean_of(image_b));
-        if (n == 1) open = mean_of(image_b);
-        if (n > 0) CHECK_NEAR(mean_of(image_a), mean_of(image_b), n == 4 ? 0.015 * open : 0.004 * mean_of(image_b));
+        if (figures()) printf("apart %g: %.5f of %.5f\n", apart, mean_of(image_a, PIXELS), mean_of(image_b, PIXELS));
+        if (n == 1) open = mean_of(image_b, PIXELS);
+        if (n > 0)
+            CHECK_NEAR(mean_of(image_a, PIXELS), mean_of(image_b, PIXELS),
+                       n == 4 ? 0.015 * open : 0.004 * mean_of(image_b, PIXELS));
     }
     check_free_triangles(&plate);
 }
@@ -2093,7 +2080,7 @@ static void test_apart_sizes(void) {
         CHECK(grid_count(context) == 2);
         s.volume[0] = s.volume[!last], s.scene.volume_count = 1;
         check_render(context, &s, image_b);
-        CHECK_NEAR(mean_of(image_a), mean_of(image_b), 0.004 * mean_of(image_b));
+        CHECK_NEAR(mean_of(image_a, PIXELS), mean_of(image_b, PIXELS), 0.004 * mean_of(image_b, PIXELS));
     }
 }
 
@@ -2136,7 +2123,7 @@ static void test_many_groups(void) {
         if (!CHECK(grid_count(context) == (n == 0 ? 3 : n == 1 ? 4 : 1)))
             printf("    %d: %d grids\n", n, grid_count(context));
         for (int i = 0; i < COUNT; ++i) CHECK(image_a[i] >= 0 && image_a[i] < 1e6f);
-        CHECK(mean_of(image_a) > 0);
+        CHECK(mean_of(image_a, PIXELS) > 0);
     }
 }
 

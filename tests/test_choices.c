@@ -33,12 +33,6 @@ static void start(check_scene *s, int kind) {
     if (kind == TISSUE) s->volume[0].transfer = &tissue, s->volume[0].shading = SPS_SHADING_SURFACE;
 }
 
-static double mean_of(const float *image) {
-    double sum = 0;
-    for (int i = 0; i < COUNT; ++i) sum += (double)image[i] / COUNT;
-    return sum;
-}
-
 /* --- plan and render --- */
 
 typedef struct outcome {
@@ -116,7 +110,7 @@ static void test_lamp_within(void) {
         check_chosen(&s, 0, 1, kind == SWARM ? "a table, if particles turn out to call for one" : in_gas, image_a);
         s.light[0].shadow_map = &table;
         check_chosen(&s, 0, 1, "lights have a shadow_map or SPS_SHADOW_TABLE", image_b);
-        CHECK(memcmp(image_a, image_b, sizeof image_a) == 0 && mean_of(image_a) > 0.01);
+        CHECK(memcmp(image_a, image_b, sizeof image_a) == 0 && check_mean(image_a, COUNT) > 0.01);
         s.light[0].shadow_map = NULL;
         s.light[0].shadow_source = SPS_SHADOW_TABLE;
         check_chosen(&s, 0, 1, "lights have a shadow_map or SPS_SHADOW_TABLE", image_b);
@@ -139,7 +133,7 @@ static void test_empty_corner(void) {
     check_chosen(&s, 0, 1, in_gas, image_a);
     s.light[0].shadow_source = SPS_SHADOW_SHEETS;
     check_render(context, &s, image_b);
-    CHECK(check_rms(image_a, image_b, COUNT) < 0.01 * mean_of(image_b));
+    CHECK(check_rms(image_a, image_b, COUNT) < 0.01 * check_mean(image_b, COUNT));
 }
 
 /* From close by, with 120 degrees, slabs half-way to a light from the side graze rays at the image's edge. */
@@ -199,8 +193,10 @@ static void test_other_directions(void) {
         if (views[n].kind == 0) check_color(s.scene.ambient, 1, 1, 1);
         check_chosen(&s, views[n].kind > 0, 0, NULL, image_a);
         check_march(context, &s, 0.5, image_b, NULL);
-        if (!CHECK(check_rms(image_a, image_b, COUNT) < 0.03 * mean_of(image_b)) || !CHECK(mean_of(image_b) > 1e-3))
-            printf("    view %d: off by %g of %g\n", (int)n, check_rms(image_a, image_b, COUNT), mean_of(image_b));
+        if (!CHECK(check_rms(image_a, image_b, COUNT) < 0.03 * check_mean(image_b, COUNT)) ||
+            !CHECK(check_mean(image_b, COUNT) > 1e-3))
+            printf("    view %d: off by %g of %g\n", (int)n, check_rms(image_a, image_b, COUNT),
+                   check_mean(image_b, COUNT));
     }
 }
 
@@ -222,7 +218,8 @@ static void test_wall(void) {
         check_color(s.scene.ambient, 1, 1, 1);
         check_chosen(&s, sun, 0, NULL, image_a);
         check_march(context, &s, 0.25, image_b, NULL);
-        CHECK(check_rms(image_a, image_b, COUNT) < 0.01 * mean_of(image_b) && mean_of(image_b) > 0.01);
+        CHECK(check_rms(image_a, image_b, COUNT) < 0.01 * check_mean(image_b, COUNT) &&
+              check_mean(image_b, COUNT) > 0.01);
     }
 }
 
@@ -281,7 +278,7 @@ static void test_two_lights(void) {
         check_chosen(&s, 2, 0, NULL, image_b);
         off = off_reference(&s, image_b);
         if (!CHECK(off < room[kind])) printf("    kind %d: %g of the largest beside the reference\n", kind, off);
-        off = check_rms(image_a, image_b, COUNT) / mean_of(image_b);
+        off = check_rms(image_a, image_b, COUNT) / check_mean(image_b, COUNT);
         if (!CHECK(kind == TISSUE ? off <= 0 : off > 0 && off < 0.005)) printf("    kind %d: off by %g\n", kind, off);
         s.light[1].shadow_source = SPS_SHADOW_TABLE;
         check_chosen(&s, 1, 1, NULL, image_b);

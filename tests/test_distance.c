@@ -7,8 +7,6 @@ enum { SIDE = 24, GRID = 16 };
 static float image[4 * SIDE * SIDE];
 static sps_context *context;
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
 static const float one_value = 1;
 
 /* --- layers --- */

@@ -51,7 +51,7 @@ static double optical_depth(const float *pixel) { return -log1p(-(double)pixel[3
 
 /* The largest difference from the reference, divided by the reference's largest radiance. Under sanitizers, of some
    rows in the middle. */
-static double error_of(const check_scene *s, const float *pixels) {
+static double reference_error(const check_scene *s, const float *pixels) {
     const int first = check_memory_only() ? SIDE / 2 : 0, rows = check_memory_only() ? SIDE / 8 : SIDE;
     const size_t count = (size_t)(4 * SIDE * rows);
     sps_context *context = check_context(NULL);
@@ -961,7 +961,7 @@ static void test_one_voxel(void) {
     check_color(volume->albedo, 0.9, 0.9, 0.9);
     check_add_directional(&s, 0.5, 0.3, -1, 3);
     RENDERS(&s, rgba);
-    CHECK_CASE("Extremes", "a volume of one voxel", "brute force", error_of(&s, rgba), 0.01,
+    CHECK_CASE("Extremes", "a volume of one voxel", "brute force", reference_error(&s, rgba), 0.01,
                "the kernel's cut leaves 6e-4 of its peak out");
     CHECK(middle(rgba)[3] > 0.3f);
 }
@@ -1284,8 +1284,8 @@ static void test_caps(void) {
             printf("    case %d\n", n);
         /* As the reference, within 2 % of the largest, as all pictures here. Gas 0.2 beside the lamp curves by 6 /
            0.2^2 of itself, of which a pixel's mean is off by a 24th of the square of its width, 0.14. */
-        if (n < 3 && !CHECK(error_of(&m.s, rgba) < (n == 2 ? 0.12 : 0.02)))
-            printf("    case %d, error %g\n", n, error_of(&m.s, rgba));
+        if (n < 3 && !CHECK(reference_error(&m.s, rgba) < (n == 2 ? 0.12 : 0.02)))
+            printf("    case %d, error %g\n", n, reference_error(&m.s, rgba));
         if (n == 3) { /* the reference has 1e44 in doubles */
             sps_context *by = check_context(NULL);
             static float marched[4 * PIXELS];
@@ -1328,7 +1328,8 @@ static void test_camera_inside(void) {
         check_add_directional(&s, 0.1, 0.2, -1, 2);
         check_color(s.volume[0].albedo, 1, 1, 1);
         RENDERS(&s, rgba);
-        if (!CHECK(error_of(&s, rgba) < 0.02)) printf("    camera %d, lit, error %g\n", i, error_of(&s, rgba));
+        if (!CHECK(reference_error(&s, rgba) < 0.02))
+            printf("    camera %d, lit, error %g\n", i, reference_error(&s, rgba));
     }
 }
 
@@ -1341,14 +1342,14 @@ static void test_wide_camera(void) {
     CHECK(sane(rgba, PIXELS, 0));
     CHECK_CASE("Extremes", "field of view of 120 degrees", "optical depth in the middle",
                fabs(optical_depth(middle(rgba)) - 1), 0.01, "ripple of medium quality, 0.4 %, of eye and faces");
-    CHECK(error_of(&s, rgba) < 0.02);
+    CHECK(reference_error(&s, rgba) < 0.02);
     check_color(s.volume[0].albedo, 1, 1, 1);
     check_add_directional(&s, 1, 0, 0.2, 2)->no_shadow = 1;
     RENDERS(&s, rgba);
-    CHECK(error_of(&s, rgba) < 0.02);
+    CHECK(reference_error(&s, rgba) < 0.02);
     s.light[0].no_shadow = 0;
     RENDERS(&s, rgba);
-    CHECK(error_of(&s, rgba) < 0.02);
+    CHECK(reference_error(&s, rgba) < 0.02);
     check_force_sheets(&s);
     CHECK(render_fresh(&s, rgba) == SPS_ERROR_UNSUPPORTED);
     CHECK(strstr(sentence, "view.camera.field_of_view is 2.0944:") && strstr(sentence, "no_shadow on light[0]"));
@@ -1376,8 +1377,9 @@ static void test_widest_camera(void) {
                 check_perspective(&s.view.camera, angle);
             s.view.no_shadows = lit;
             RENDERS(&s, rgba);
-            CHECK_CASE("Extremes", "168 degrees from corner to corner, and more", "brute force", error_of(&s, rgba),
-                       0.02, "ripple of medium quality, 0.4 %, for eye and light, a depth of up to 2");
+            CHECK_CASE("Extremes", "168 degrees from corner to corner, and more", "brute force",
+                       reference_error(&s, rgba), 0.02,
+                       "ripple of medium quality, 0.4 %, for eye and light, a depth of up to 2");
             s.view.no_shadows = 0;
             if (!lit) continue;
             CHECK(render_fresh(&s, rgba) == SPS_ERROR_UNSUPPORTED);
@@ -1462,8 +1464,8 @@ static void test_light_and_eye(void) {
         else
             check_add_directional(&s, -p[0], -p[1], -p[2], 2);
         RENDERS(&s, rgba);
-        if (!CHECK_CASE("Extremes", "light at the eye, opposite, at an angle", "brute force", error_of(&s, rgba), 0.01,
-                        "ultra quality: ripple of eye and light on the whole depth"))
+        if (!CHECK_CASE("Extremes", "light at the eye, opposite, at an angle", "brute force", reference_error(&s, rgba),
+                        0.01, "ultra quality: ripple of eye and light on the whole depth"))
             printf("    light %d\n", i);
     }
 }
@@ -1484,7 +1486,8 @@ static void test_square_light(void) {
         check_add_directional(&s, -1, -0.5, -cosines[i], 2); /* the eye's rays travel along -z */
         RENDERS(&s, images[i]);
         if (!CHECK_CASE("Extremes", "light perpendicular to the view: l.v = +0, -0, 1e-7, -1e-7", "brute force",
-                        error_of(&s, images[i]), 0.01, "ultra quality: ripple of eye and light on the whole depth"))
+                        reference_error(&s, images[i]), 0.01,
+                        "ultra quality: ripple of eye and light on the whole depth"))
             printf("    cosine %g\n", cosines[i]);
     }
     CHECK_CASE("Extremes", "l.v = +0 and -0", "the same picture", memcmp(images[0], images[1], sizeof images[0]) != 0,

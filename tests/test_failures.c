@@ -175,7 +175,7 @@ static void test_kept(void) {
             for (; n < 10000 && fails_between((kept)kind, (cause)why, n); ++tried)
                 n += why == ALLOCATION || check_long() ? 1 : 1 + n / 2 * (kind == CELLS ? 2 : 1);
             CHECK(n < 10000 && (tried > 0) == (why != PROVIDER || kind != VOXELS)); /* voxels are not read again */
-            if (getenv("CHECK_FIGURES")) printf("%s: %ld %s\n", names[kind], tried, causes[why]);
+            if (figures()) printf("%s: %ld %s\n", names[kind], tried, causes[why]);
         }
     }
 }

@@ -495,7 +495,7 @@ static void check_element(sps_context *held, const row *r, size_t element) {
             seen[n] = shows(held, r, 0, element, n) ? 'x' : '-';
             shown |= seen[n] == 'x';
         }
-    if (getenv("CHECK_FIGURES")) printf("%-20s %-16s %2d  %s\n", r->type + 4, r->name, (int)element, seen);
+    if (figures()) printf("%-20s %-16s %2d  %s\n", r->type + 4, r->name, (int)element, seen);
     if (!CHECK(shown == (r->also != HIDDEN))) complain(r, element, 0, shown ? "shows" : "shows nowhere");
 }
 

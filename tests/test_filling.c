@@ -95,7 +95,7 @@ static void test_samples(void) {
             worst = fmax(worst, fabs(sample_at(fields, field, at) - sum_of_kernels(noise, at)));
         }
         if (!CHECK(worst <= allowed)) printf("    quality %d: %g, allowed %g\n", quality, worst, allowed);
-        if (getenv("CHECK_FIGURES")) printf("%d taps: off by up to %.5f\n", fields->taps, worst);
+        if (figures()) printf("%d taps: off by up to %.5f\n", fields->taps, worst);
     }
 }
 
@@ -153,7 +153,7 @@ static void test_gradients(void) {
             for (int k = 0; k < 3; ++k) worst = fmax(worst, fabs(gradient[k] - exact[k]));
         }
         if (!CHECK(worst <= allowed)) printf("    quality %d: %g, allowed %g\n", quality, worst, allowed);
-        if (getenv("CHECK_FIGURES")) printf("gradients at quality %d: off by up to %.5f\n", quality, worst);
+        if (figures()) printf("gradients at quality %d: off by up to %.5f\n", quality, worst);
     }
 }
 
@@ -316,7 +316,7 @@ static void test_pictures_alike(void) {
         CHECK(samples_of(context) == 0);
         if (check_memory_only()) continue;
         if (!compare_ways(&s, check_long() || is_surface(kind), &gathered, &splatted, &apart)) return;
-        if (getenv("CHECK_FIGURES"))
+        if (figures())
             printf("kind %2d: gathered off by %.3f %%, splatted by %.3f %%, %.3f %% apart\n", kind, 100 * gathered,
                    100 * splatted, 100 * apart);
         wave = 2 * (s.view.quality == SPS_QUALITY_HIGH ? 0.0003 : 0.0039) * (s.volume[0].transfer ? 1.5 : 1);
@@ -441,7 +441,7 @@ static void check_small_picture(int size, sps_quality quality) {
         !CHECK(check_largest(image_a, image_b, COUNT) <= 0.16 / w * peak + 0.005 * peak))
         printf("    %d: sums %g and %g, %g of %g apart, w %g\n", size, sums[0], sums[1],
                check_largest(image_a, image_b, COUNT), peak, w);
-    if (getenv("CHECK_FIGURES"))
+    if (figures())
         printf("voxels of %.3f pixels: %.3f %% apart\n", SIDE * 2.0 / GRID / (0.1 * size),
                100 * check_largest(image_a, image_b, COUNT) / peak);
 }
@@ -480,7 +480,7 @@ static void check_flat_picture(int size, sps_quality quality) {
         peak = fmax(peak, mean);
         worst = fmax(worst, fabs(mean + log1p(-(double)image_a[4 * i + 3])));
     }
-    if (getenv("CHECK_FIGURES"))
+    if (figures())
         printf("flat voxels of %.3f pixels: %.3f %% off, allowed %.3f\n", SIDE * 0.0125 / (0.1 * size),
                100 * worst / peak, 100 * allowed);
     if (!CHECK_CASE("Found in review", "gas of voxels 10 times as long as wide, the narrow side smaller than pixels",
@@ -582,7 +582,7 @@ static void test_small_surfaces(void) {
         if (!compare_ways(&s, 1, &gathered, &splatted, &apart)) return;
         if (!CHECK(gathered <= splatted + allowed) || !CHECK(apart <= allowed) || !CHECK(splatted <= allowed))
             printf("    %d: %g, splatted %g, apart %g, allowed %g\n", size, gathered, splatted, apart, allowed);
-        if (getenv("CHECK_FIGURES"))
+        if (figures())
             printf("surface of voxels of %.3f pixels: gathered off by %.3f %%, splatted by %.3f %%, %.3f %% apart\n",
                    SIDE * 2.0 / GRID / size, 100 * gathered, 100 * splatted, 100 * apart);
     }
@@ -882,7 +882,7 @@ static void test_even_surface(void) {
                 CHECK((samples_of(context) > 0) == !splat);
                 if (!CHECK(even_error() <= allowed))
                     printf("    quality %d, %g: %g, allowed %g\n", high, full[n], even_error(), allowed);
-                if (getenv("CHECK_FIGURES"))
+                if (figures())
                     printf("even values, %s, %s, gradient_full %.2f: off by %.2f %%\n", high ? "high" : "medium",
                            splat ? "splatted" : "gathered", full[n], 100 * even_error());
             }
@@ -1061,7 +1061,7 @@ static void test_tolerance_inside(void) {
         s.view.slab = slab;
         CHECK(spent(&s, 0, image_a, &all) == 0);
         bound = spent(&s, 0.01f, image_b, &some);
-        if (getenv("CHECK_FIGURES"))
+        if (figures())
             printf("even gas in a box, slabs of %d: %.3f of the samples, bound %.5f, off by %.6f\n", slab, some / all,
                    bound, depths_apart(image_a, image_b));
         CHECK(bound <= 0.01 * (1 + 1e-6) && some < 0.7 * all);
@@ -1090,7 +1090,7 @@ static void test_tolerance(void) {
                 !CHECK(depths_apart(image_a, image_b) <= bound + UNEVEN))
                 printf("    patches of %g voxels, slabs of %d: %g of %g samples, bound %g, off by %g\n", widths[n],
                        slab, all, none, bound, depths_apart(image_a, image_b));
-            if (getenv("CHECK_FIGURES"))
+            if (figures())
                 printf("patches of %g voxels, slabs of %d: %.3f of the samples, bound %.5f, off by %.6f\n", widths[n],
                        slab, all / none, bound, depths_apart(image_a, image_b));
             if (slab == 4) CHECK(bound > 0.05); /* what one sample in 5 voxels may be off by */
@@ -1120,7 +1120,7 @@ static void test_tolerance_before_polygon(void) {
         CHECK(spent(&s, 0, image_a, &none) == 0);
         bound = spent(&s, 1, image_b, &some);
         off = depths_apart_in(0, image_a, image_b);
-        if (getenv("CHECK_FIGURES"))
+        if (figures())
             printf("slabs of %d before a polygon: %g of %g samples, bound %g, off by %g\n", slab, some, none, bound,
                    off);
         CHECK(bound > 0 && bound <= 1 && some < none);
@@ -1146,7 +1146,7 @@ static void test_tolerance_of_small_voxels(void) {
             !CHECK(depths_apart(image_a, image_b) <= bound + UNEVEN * thinner))
             printf("    patches of %g voxels: %g of %g samples, bound %g, off by %g\n", widths[n], some, all, bound,
                    depths_apart(image_a, image_b));
-        if (getenv("CHECK_FIGURES"))
+        if (figures())
             printf("patches of %g voxels, %d rays a pixel: %.3f of the samples, bound %.5f, off by %.6f\n", widths[n],
                    rays[n], some / all, bound, depths_apart(image_a, image_b));
     }
@@ -1374,7 +1374,7 @@ static void test_samples_alike(void) {
         }
         for (size_t i = 0; i < count; ++i) all += (double)(splatted[i] * splatted[i]) / (double)count;
         off = check_rms(gathered, splatted, count) / sqrt(all);
-        if (getenv("CHECK_FIGURES")) printf("samples %d: %.3f %% apart\n", kind, 100 * off);
+        if (figures()) printf("samples %d: %.3f %% apart\n", kind, 100 * off);
         if (!CHECK(count > 0 && off <= 0.0003 + 0.002)) printf("    kind %d: %g\n", kind, off);
         s.volume[0].transfer = NULL;
         s.view.filling = SPS_FILLING_GATHER;

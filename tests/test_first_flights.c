@@ -8,8 +8,6 @@ enum { RINGS = 64, FLOOR = 40 };
 static sps_context *context;
 static float picture[4 * RINGS * RINGS];
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
 static int render(const flames *f) {
     sps_image image;
     memset(&image, 0, sizeof image);

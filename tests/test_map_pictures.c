@@ -62,13 +62,6 @@ static sps_light *lit_by_map(picture *p, sps_light *light) {
     return light;
 }
 
-static double brightest(const float *image, int pixels) {
-    double most = 0;
-    for (int i = 0; i < 4 * pixels; ++i)
-        if (i % 4 < 3) most = fmax(most, (double)image[i]);
-    return most;
-}
-
 /* A deep map agrees with the sheets, from slabs in other positions. The error of both is that of linear interpolation
    between the planes of slabs: for a slab of 0.5 voxels, 0.042, an eighth of its square times the steepest slope of
    extinction, 12: at most 0.26 % of the light in a pixel. Slopes rise as much as they fall along a ray, so that it
@@ -92,7 +85,7 @@ static void test_map_against_sheets(void) {
             lit_by_map(&p, light);
             check_render(context, &p.s, image_b);
             difference[fine] = check_rms(image_a, image_b, 4 * PIXELS);
-            most = brightest(image_a, PIXELS);
+            most = brightest_of(image_a, PIXELS);
             CHECK(check_largest(image_a, image_b, 4 * PIXELS) < (n == 3 ? 0.01 : 0.0026) * most);
             CHECK(memcmp(image_a, image_b, sizeof image_a) != 0);
             check_free_triangles(&p.floor);
@@ -126,7 +119,7 @@ static void test_pictures(void) {
         if (technique != SPS_TMAP_DEEP) {
             const double rms = check_rms(image_a, image_b, 4 * PIXELS);
             if (!CHECK_CASE("Found in review", "pictures by every kind of map",
-                            "that by a deep map, rms of the brightest", rms / brightest(image_a, PIXELS),
+                            "that by a deep map, rms of the brightest", rms / brightest_of(image_a, PIXELS),
                             error[technique], "by kind"))
                 printf("    technique %d: %g\n", technique, rms);
         }
@@ -195,7 +188,7 @@ static void test_default_size(void) {
         check_free_triangles(&p.floor);
     }
     CHECK_CASE("Found in review", "six faces of default size", "those of 128 texels, rms of the brightest",
-               check_rms(image_a, image_b, 4 * PIXELS) / brightest(image_b, PIXELS), 0.01,
+               check_rms(image_a, image_b, 4 * PIXELS) / brightest_of(image_b, PIXELS), 0.01,
                "64 planes resolve a blob as wide as a voxel to 1 %");
     sps_destroy(context);
 }
@@ -221,7 +214,7 @@ static void test_light_inside(void) {
     lit_by_map(&p, light);
     check_render(context, &p.s, image_a);
     check_march(context, &p.s, 0.25, image_b, NULL);
-    most = brightest(image_b, 24 * 18);
+    most = brightest_of(image_b, 24 * 18);
     for (int i = 0; i < 4 * 24 * 18; ++i) {
         const double off = fabs((double)image_a[i] - (double)image_b[i]);
         worst = fmax(worst, off), sum += off * off, count += 1;
@@ -272,25 +265,25 @@ static void test_lights_together(void) {
     p.s.light[3].shadow_source = SPS_SHADOW_SHEETS;
     CHECK(render_lights(context, &p, 1, image_a) == 1 && render_lights(context, &p, 2, image_b) == 1);
     CHECK(render_lights(context, &p, 3, image_c) == 1);
-    CHECK(brightest(image_a, PIXELS) > 0.05 && brightest(image_b, PIXELS) > 0.05);
+    CHECK(brightest_of(image_a, PIXELS) > 0.05 && brightest_of(image_b, PIXELS) > 0.05);
     off_sum(image_c, image_a, image_b, off);
-    CHECK_NEAR(off[0], 0, 1e-6 * brightest(image_c, PIXELS));
+    CHECK_NEAR(off[0], 0, 1e-6 * brightest_of(image_c, PIXELS));
     CHECK(render_lights(context, &p, 4, image_a) == 1 && render_lights(context, &p, 7, image_b) == 1);
     off_sum(image_b, image_c, image_a, off);
-    CHECK_NEAR(off[0], 0, 0.01 * brightest(image_b, PIXELS));
-    CHECK_NEAR(off[1], 0, 2e-4 * brightest(image_b, PIXELS));
+    CHECK_NEAR(off[0], 0, 0.01 * brightest_of(image_b, PIXELS));
+    CHECK_NEAR(off[1], 0, 2e-4 * brightest_of(image_b, PIXELS));
     CHECK(render_lights(context, &p, 8, image_a) == 1 && render_lights(context, &p, 15, image_c) == 2);
     off_sum(image_c, image_b, image_a, off);
-    CHECK_NEAR(off[0], 0, 1e-6 * brightest(image_c, PIXELS)); /* the last light's own sweep is the same as alone */
+    CHECK_NEAR(off[0], 0, 1e-6 * brightest_of(image_c, PIXELS)); /* the last light's own sweep is the same as alone */
     CHECK(render_lights(context, &p, 1, image_b) == 1 && render_lights(context, &p, 9, image_c) == 1);
     off_sum(image_c, image_a, image_b, off);
-    CHECK_NEAR(off[0], 0, 0.01 * brightest(image_c, PIXELS));
-    CHECK_NEAR(off[1], 0, 2e-4 * brightest(image_c, PIXELS));
+    CHECK_NEAR(off[0], 0, 0.01 * brightest_of(image_c, PIXELS));
+    CHECK_NEAR(off[1], 0, 2e-4 * brightest_of(image_c, PIXELS));
     add_picture_particles(&p, 30);
     CHECK(render_lights(context, &p, 1, image_a) == 1 && render_lights(context, &p, 2, image_b) == 1);
     CHECK(render_lights(context, &p, 3, image_c) == 1);
     off_sum(image_c, image_a, image_b, off);
-    CHECK_NEAR(off[0], 0, 1e-6 * brightest(image_c, PIXELS));
+    CHECK_NEAR(off[0], 0, 1e-6 * brightest_of(image_c, PIXELS));
     check_free_triangles(&p.floor);
     sps_destroy(context);
 }
@@ -313,7 +306,7 @@ static void test_omnidirectional_light(void) {
     }
     CHECK(stats[3].bytes_peak > stats[2].bytes_peak + 4 * 256 * 256 * 8 * sizeof(float)); /* and not 5: bands differ */
     CHECK(memcmp(image_a, image_b, sizeof image_a) != 0);
-    CHECK_NEAR(check_largest(image_a, image_b, 4 * PIXELS), 0, (2 * 0.0026 + 0.008) * brightest(image_a, PIXELS));
+    CHECK_NEAR(check_largest(image_a, image_b, 4 * PIXELS), 0, (2 * 0.0026 + 0.008) * brightest_of(image_a, PIXELS));
     check_free_triangles(&p.floor);
 }
 
@@ -330,7 +323,7 @@ static void test_default_picture(void) {
         CHECK_OK(context, sps_plan(context, &p.s.scene, &p.s.view, &plans[i]));
         check_render(context, &p.s, i ? image_b : image_a);
     }
-    CHECK(memcmp(image_a, image_b, sizeof image_a) == 0 && brightest(image_a, PIXELS) > 0.05);
+    CHECK(memcmp(image_a, image_b, sizeof image_a) == 0 && brightest_of(image_a, PIXELS) > 0.05);
     CHECK(plans[0].pass[SPS_PASS_LIGHT_MAPS].bytes == plans[1].pass[SPS_PASS_LIGHT_MAPS].bytes);
     check_free_triangles(&p.floor);
     sps_destroy(context);
@@ -354,8 +347,8 @@ static void test_lights_on_polygons(void) {
         CHECK(sps_plan(context, &p.s.scene, &p.s.view, &plan[i]) == SPS_OK);
     CHECK(plan[0].bytes == plan[1].bytes);
     off_sum(image_c, image_a, image_b, off);
-    CHECK(brightest(image_a, PIXELS) > 0.05);
-    CHECK_NEAR(off[0], 0, 1e-6 * brightest(image_c, PIXELS));
+    CHECK(brightest_of(image_a, PIXELS) > 0.05);
+    CHECK_NEAR(off[0], 0, 1e-6 * brightest_of(image_c, PIXELS));
     check_free_triangles(&p.floor);
     sps_destroy(context);
 }
@@ -466,7 +459,7 @@ static void test_picture_settings_are_copied(void) {
         check_render(context, &p.s, spoilt ? image_b : image_a);
         check_free_triangles(&p.floor);
     }
-    CHECK(lent_matrix[0] <= 0 && brightest(image_a, 16 * 16) > 0.1);
+    CHECK(lent_matrix[0] <= 0 && brightest_of(image_a, 16 * 16) > 0.1);
     CHECK(memcmp(image_a, image_b, 16 * 16 * 4 * sizeof(float)) == 0);
     sps_destroy(context);
 }

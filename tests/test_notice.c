@@ -1016,7 +1016,7 @@ static void test_progress_pace(void) {
                    p.most, (workers ? 0.02 : 0.01) + 3.5 * TASK_SECONDS,
                    "10 ms, the task and two looks for statistics");
         CHECK(p.least > 0.01 - 1e-9 && p.least < 1);
-        if (getenv("CHECK_FIGURES")) printf("%d: %ld calls in %g, %g to %g\n", which, p.calls, p.now, p.least, p.most);
+        if (figures()) printf("%d: %ld calls in %g, %g to %g\n", which, p.calls, p.now, p.least, p.most);
     }
 }
 
@@ -1116,7 +1116,7 @@ static void test_progress_amid_tasks(void) {
                                     : stats.particles / 128);
         CHECK_CASE("Engineering", "work between two calls of progress_fn within a task", "calls that are missing",
                    (double)(calls < asked ? asked - calls : 0), 0, "exact");
-        if (getenv("CHECK_FIGURES")) printf("task %d: %ld calls, %ld asked for\n", which, calls, asked);
+        if (figures()) printf("task %d: %ld calls, %ld asked for\n", which, calls, asked);
         sps_destroy(own);
     }
 }

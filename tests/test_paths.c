@@ -12,8 +12,6 @@ static check_triangles ground, pane;
 
 static const float one = 1;
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
 /* Number of paths: four times as many in long tests. */
 static int many(int samples) { return check_long() ? 4 * samples : samples; }
 
@@ -40,7 +38,7 @@ static sps_result follow_coarsely(sps_context *by, const check_scene *s, int sam
 }
 
 /* Mean of a color over the image, and the standard error of that. */
-static double mean_of(const check_scene *s, const float *rgba, const float *error, int c, double *deviation) {
+static double mean_channel(const check_scene *s, const float *rgba, const float *error, int c, double *deviation) {
     const int count = s->view.width * s->view.height;
     double sum = 0, square = 0;
     for (int i = 0; i < count; ++i) {
@@ -52,9 +50,9 @@ static double mean_of(const check_scene *s, const float *rgba, const float *erro
 }
 
 /* Compares the mean of a color over image_a with the exact one. `systematic`: what may be off besides noise. */
-static void check_mean(const check_scene *s, const char *name, int c, double exact, double systematic) {
+static void check_truth(const check_scene *s, const char *name, int c, double exact, double systematic) {
     double deviation;
-    const double mean = mean_of(s, image_a, error_a, c, &deviation);
+    const double mean = mean_channel(s, image_a, error_a, c, &deviation);
     if (figures()) printf("%s: %.5f +- %.5f, exact %.5f\n", name, mean, deviation, exact);
     if (!CHECK_CASE("Scattering", "Monte Carlo: layers, a half-space, a furnace, a floor",
                     "tables, Chandrasekhar's H, closed forms", fabs(mean - exact), 5 * deviation + systematic,
@@ -91,13 +89,13 @@ static void test_layers(void) {
     check_color(s.volume[0].albedo, 1, 1, 1);
     check_color(s.scene.ambient, 1, 1, 1);
     if (!CHECK_OK(context, follow(context, &s, many(100), 1, image_a, error_a))) return;
-    check_mean(&s, "reflected by depth 10", 0, 0.853, 0.0005);
+    check_truth(&s, "reflected by depth 10", 0, 0.853, 0.0005);
     CHECK(fabsf(image_a[0] - image_a[4]) > 0 && fabsf(image_a[0] - image_a[4 * 8]) > 0); /* paths of their own */
     start_layer(&s, 2, &lobe, 1);
     check_color(s.volume[0].albedo, 0.9, 0.9, 0.9);
     check_color(s.scene.ambient, 1, 1, 1);
     if (!CHECK_OK(context, follow(context, &s, many(1000), 1, image_a, error_a))) return;
-    check_mean(&s, "reflected by depth 2", 0, 0.0974, 0.00005);
+    check_truth(&s, "reflected by depth 2", 0, 0.0974, 0.00005);
 }
 
 /* Chandrasekhar's H function at 1, of isotropic scattering: H(m) = 1 / (sqrt(1 - w) + w / 2 int x H(x) / (x + m) dx),
@@ -134,12 +132,12 @@ static void test_half_space(void) {
     if (!CHECK_OK(context, follow(context, &s, many(200), 1, image_a, error_a))) return;
     for (int c = 0; c < 3; ++c) {
         const double h = h_function(albedos[c]), exact = albedos[c] / (8 * 3.14159265358979) * h * h;
-        const double mean = mean_of(&s, image_a, error_a, c, &deviation);
+        const double mean = mean_channel(&s, image_a, error_a, c, &deviation);
         CHECK_CASE("Scattering", "semi-infinite layer under a sun, by random paths", "albedo / 8 pi H(1)^2",
                    fabs(mean - exact), 5 * deviation + 1e-3 * exact,
                    "five standard errors; steps of a quarter voxel, 1e-3");
     }
-    CHECK(!(mean_of(&s, image_a, error_a, 2, &deviation) > 0));
+    CHECK(!(mean_channel(&s, image_a, error_a, 2, &deviation) > 0));
 }
 
 /* The same, seen from below a layer of depth 4 that only absorbs: shadow rays of little transmittance. */
@@ -157,7 +155,7 @@ static void test_dim(void) {
     s.view.camera.position[2] = 2.5, s.view.near_distance = 0.5;
     check_add_directional(&s, 0, 0, -1, 1);
     if (!CHECK_OK(context, follow_by(step, context, &s, many(200), 1, image_a, error_a))) return;
-    check_mean(&s, "half-space below an absorber", 0, exact, 1e-3 * pow(step / 0.25, 2) * exact);
+    check_truth(&s, "half-space below an absorber", 0, exact, 1e-3 * pow(step / 0.25, 2) * exact);
 }
 
 /* A floor of reflectance r under thin gas that scatters evenly, in a sun that shines square to both, seen from between
@@ -187,7 +185,7 @@ static void test_floor(void) {
     check_march(context, &s, 0.25, image_b, NULL);
     if (!CHECK_OK(context, follow(context, &s, many(1000), 1, image_a, error_a))) return;
     for (int i = 0; i < 4 * 64; ++i) image_a[i] -= image_b[i];
-    check_mean(&s, "floor lit by gas", 0, exact, 3 * t * exact);
+    check_truth(&s, "floor lit by gas", 0, exact, 3 * t * exact);
 }
 
 /* Cosines that a sum of lobes draws: their mean is that of g, and that of 1.5 c^2 - 0.5 is that of g^2. */
@@ -298,7 +296,7 @@ static void check_furnace_by(check_scene *s, int paths, const char *name) {
     for (int c = 0; c < 3; ++c) s->scene.ambient[c] = s->scene.background[c] = 1;
     s->view.width = s->view.height = side;
     if (!CHECK_OK(context, follow(context, s, paths, 1, image_a, error_a))) return;
-    for (int c = 0; c < 3; ++c) check_mean(s, name, c, 1, 2e-5);
+    for (int c = 0; c < 3; ++c) check_truth(s, name, c, 1, 2e-5);
     for (int i = 0; i < side * side; ++i) {
         squares += pow((double)image_a[4 * i + 2] - 1, 2);
         errors += pow((double)error_a[3 * i + 2], 2);
@@ -452,7 +450,7 @@ static double sent(int kind, int swapped, double *deviation) {
         check_add_mesh(&s, &ground, 0.8);
     }
     if (!CHECK_OK(context, follow_by(check_long() ? 0.25 : 0.5, context, &s, many(80), 1, image_a, error_a))) return 0;
-    return mean_of(&s, image_a, error_a, 1, deviation);
+    return mean_channel(&s, image_a, error_a, 1, deviation);
 }
 
 /* Helmholtz: they may be exchanged. The picture is much larger than what is seen, so pixels at edges average out to
@@ -612,7 +610,7 @@ static void test_shared(void) {
         }
         for (int i = 0; i < PARTICLES; ++i) swarm[i].optical_depth = both ? 0.7f : 1.4f;
         if (!CHECK_OK(context, follow(context, &s, many(32), 1, image_a, error_a))) return;
-        means[both] = mean_of(&s, image_a, error_a, 0, &deviations[both]);
+        means[both] = mean_channel(&s, image_a, error_a, 0, &deviations[both]);
     }
     if (figures()) printf("grey: %.5f, white and black: %.5f\n", means[0], means[1]);
     CHECK(fabs(means[0] - means[1]) < 5 * hypot(deviations[0], deviations[1]));
@@ -685,7 +683,7 @@ static void test_all_samples(void) {
         s.view.coverage_samples = 3;
         s.view.scattering = SPS_SCATTERING_FULL;
         if (!CHECK_OK(context, follow_coarsely(context, &s, many(400), 3, image_a, error_a))) return;
-        light[n] = mean_of(&s, image_a, error_a, 0, &deviation[n]);
+        light[n] = mean_channel(&s, image_a, error_a, 0, &deviation[n]);
         CHECK(light[n] > 0.01);
         if (figures()) printf("gas in a third of a pixel: %.4f +- %.4f\n", light[n], deviation[n]);
         for (int m = 0; m < n; ++m)
@@ -798,20 +796,20 @@ static void test_extremes(void) {
         s.view.camera.position[i] += 1e6, s.view.camera.target[i] += 1e6;
     }
     finite_image(&s, 64);
-    far_away = mean_of(&s, image_a, error_a, 0, &deviations[1]);
+    far_away = mean_channel(&s, image_a, error_a, 0, &deviations[1]);
     for (int i = 0; i < 3; ++i) {
         s.volume[0].placement.origin[i] -= 1e6;
         s.view.camera.position[i] -= 1e6, s.view.camera.target[i] -= 1e6;
     }
     finite_image(&s, 64);
-    near_by = mean_of(&s, image_a, error_a, 0, &deviations[0]);
+    near_by = mean_channel(&s, image_a, error_a, 0, &deviations[0]);
     CHECK(fabs(near_by - far_away) < 5 * hypot(deviations[0], deviations[1]));
     check_orthographic(&s.view.camera, 4);
     finite_image(&s, 64);
-    near_by = mean_of(&s, image_a, error_a, 0, &deviations[0]);
+    near_by = mean_channel(&s, image_a, error_a, 0, &deviations[0]);
     for (int i = 0; i < 3; ++i) s.view.camera.position[i] *= 1e12;
     finite_image(&s, 64);
-    far_away = mean_of(&s, image_a, error_a, 0, &deviations[1]);
+    far_away = mean_channel(&s, image_a, error_a, 0, &deviations[1]);
     CHECK(fabs(near_by - far_away) < 5 * hypot(deviations[0], deviations[1]) + 0.01 * near_by);
 }
 
@@ -838,7 +836,7 @@ static void test_embers(void) {
         for (int c = 0; c < 3; ++c) {
             const double power = (double)set.emission[c] * 1e-3 * 3.14159265358979 * 0.09 * (soft ? 0.4 : 2.0 / 3);
             const double exact = (double)s.mesh[0].color[c] / 3.14159265358979 * power * 2 / pow(square, 1.5);
-            check_mean(&s, soft ? "below a soft ember" : "below an even ember", c, exact, 2e-3 * exact);
+            check_truth(&s, soft ? "below a soft ember" : "below an even ember", c, exact, 2e-3 * exact);
         }
     }
 }

@@ -8,8 +8,6 @@ static float image_a[4 * SIDE * SIDE], image_b[4 * SIDE * SIDE], image_c[4 * SID
 static sps_context *context;
 static check_triangles ground, blocker;
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
 /* --- a ground at y = 0, seen from above over 4 world units; what stands above y = 4 is behind the camera --- */
 
 static void start(check_scene *s) {
@@ -492,12 +490,6 @@ static void start_field(check_scene *s, int fog) {
     check_set3(s->view.camera.up, 0, 1, 0);
 }
 
-static double mean_of(const float *image) {
-    double sum = 0;
-    for (int i = 0; i < SIDE * SIDE; ++i) sum += (double)image[4 * i] / (SIDE * SIDE);
-    return sum;
-}
-
 /* A sun of 0.01 has penumbrae of up to 0.03 in a field of 3, half a voxel: soft light, but nearly the picture of the
    sharp sun. Edges of blobs are blurred by 0.65 voxels, which becomes hypot(0.65, 0.25): 7 % wider. Light in gas and on
    the ground comes by another path (planes and beams; planes and chunks), whose texels lie elsewhere. */
@@ -514,7 +506,7 @@ static void test_nearly_sharp(void) {
         check_render(context, &s, image_b);
         sps_get_stats(context, &stats);
         CHECK(stats.soft_texels > 0);
-        error = check_rms(image_a, image_b, 4 * SIDE * SIDE) / mean_of(image_a);
+        error = error_of(image_a, image_b, SIDE * SIDE);
         if (figures()) printf("nearly sharp, %s: rms %.5f of the mean\n", fog ? "fog" : "blobs", error);
         CHECK_CASE("Shadows", "sun of 0.01 radians", "nearly the sharp sun's picture, rms of the mean", error,
                    fog ? 0.004 : 0.03, "edges of blobs are 7 % wider; fog has none");
@@ -536,7 +528,7 @@ static void test_distant_disc(void) {
         add_disc(&s, 0, distance, 0, radius)->samples = 64;
         check_color(s.light[0].color, 2 * distance * distance, 2 * distance * distance, 2 * distance * distance);
         check_render(context, &s, image_b);
-        error = check_rms(image_a, image_b, 4 * SIDE * SIDE) / mean_of(image_a);
+        error = error_of(image_a, image_b, SIDE * SIDE);
         if (figures()) printf("distant disc, %s: rms %.5f of the mean\n", fog ? "fog" : "blobs", error);
         CHECK(error < 0.015);
     }

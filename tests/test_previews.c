@@ -157,7 +157,7 @@ static void start_lumps(check_scene *s, int size, int kind) {
 }
 
 /* Root mean square difference from the means of the large picture's pixels. */
-static double error_of(const float *image, int size) {
+static double preview_error(const float *image, int size) {
     const int times = LARGE / size;
     double sum = 0;
     for (int i = 0; i < size * size; ++i)
@@ -200,11 +200,11 @@ static void test_errors(void) {
             s.view.slab = high ? 0.5 : draft ? 2 : kind > 0 ? 0.7 : 1;
             s.view.shadow_size = spsi_most(plan.shadow_width, plan.shadow_height);
             if (!check_render(context, &s, image_b)) return;
-            error = error_of(image_a, sizes[i]);
-            exact = error_of(image_b, sizes[i]);
+            error = preview_error(image_a, sizes[i]);
+            exact = preview_error(image_b, sizes[i]);
             if (!CHECK(error <= allowed * exact) || !CHECK(voxels > (draft ? 2 : 2.7) || error <= 1.1 * exact))
                 printf("    kind %d, %d pixels: %g, with texels of voxels %g\n", n, sizes[i], error, exact);
-            if (getenv("CHECK_FIGURES"))
+            if (figures())
                 printf("kind %d, %2d pixels of %.2f voxels: error %.5f, with texels and slabs of voxels %.5f\n", n,
                        sizes[i], voxels, error, exact);
         }

@@ -8,8 +8,6 @@ static float image_a[COUNT], image_b[COUNT];
 static sps_context *context;
 static check_triangles ground;
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
 /* --- images --- */
 
 typedef struct slide {

@@ -133,7 +133,7 @@ static void check_relation(int r, int n) {
         most = fmax(most, fabs((double)before.data[i]));
         worst = fmax(worst, fabs((double)after.data[i] / by - (double)before.data[i]));
     }
-    if (getenv("CHECK_FIGURES")) printf("%s, way %d: %.3g of %.3g\n", relations[r].name, n, worst, most);
+    if (figures()) printf("%s, way %d: %.3g of %.3g\n", relations[r].name, n, worst, most);
     if (!CHECK_CASE("Engineering", "everything brighter, larger, in exchanged colors, or in other order",
                     "the same picture or map; relative to its largest float", worst / most, relations[r].tolerance,
                     "exact; sums in another order"))

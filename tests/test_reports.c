@@ -118,7 +118,7 @@ static const struct {
     size_t at;
     int size; /* in bytes; negative: of a float */
     relation is;
-} figures[] = {
+} counted[] = {
     FIGURE(plan, sweep_count, SWEPT),
     FIGURE(plan, color_channels, SAME),
     FIGURE(plan, slab_count, MOST),
@@ -159,22 +159,22 @@ static const struct {
 
 static void test_two_lights(void) {
     static outcome o[4];
-    static int seen[sizeof figures / sizeof *figures];
+    static int seen[sizeof counted / sizeof *counted];
     for (int kind = 0; kind < KINDS; ++kind) {
         for (int order = 0; order < 4; ++order)
             if (!measure(kind, order, &o[order])) return;
-        for (size_t i = 0; i < sizeof figures / sizeof *figures; ++i) {
-            const int sums = figures[i].is == SUM || (figures[i].is == SWEPT && kind != BY_TABLES);
+        for (size_t i = 0; i < sizeof counted / sizeof *counted; ++i) {
+            const int sums = counted[i].is == SUM || (counted[i].is == SWEPT && kind != BY_TABLES);
             double of[4], right;
-            for (int order = 0; order < 4; ++order) of[order] = figure(&o[order], figures[i].at, figures[i].size);
-            right = sums ? of[0] + of[1] : figures[i].is == MOST ? fmax(of[0], of[1]) : of[0];
+            for (int order = 0; order < 4; ++order) of[order] = figure(&o[order], counted[i].at, counted[i].size);
+            right = sums ? of[0] + of[1] : counted[i].is == MOST ? fmax(of[0], of[1]) : of[0];
             seen[i] |= right > 0;
-            if (!CHECK(of[2] == right) || !CHECK(of[3] == right) || !CHECK(figures[i].is != SAME || of[1] == right))
-                printf("    %s, %s: %g, %g, both %g, %g\n", kinds[kind], figures[i].name, of[0], of[1], of[2], of[3]);
+            if (!CHECK(of[2] == right) || !CHECK(of[3] == right) || !CHECK(counted[i].is != SAME || of[1] == right))
+                printf("    %s, %s: %g, %g, both %g, %g\n", kinds[kind], counted[i].name, of[0], of[1], of[2], of[3]);
         }
     }
-    for (size_t i = 0; i < sizeof figures / sizeof *figures; ++i)
-        if (!CHECK(seen[i])) printf("    %s is 0 everywhere\n", figures[i].name);
+    for (size_t i = 0; i < sizeof counted / sizeof *counted; ++i)
+        if (!CHECK(seen[i])) printf("    %s is 0 everywhere\n", counted[i].name);
     check_free_triangles(&floor_faces), check_free_triangles(&pane_faces);
 }
 

@@ -650,7 +650,7 @@ static void test_half(void) {
                                              : CHECK_CASE("Found in review", "maps in halves, optical depths up to 50",
                                                           "change of transmittance", change, rows[row].most[i],
                                                           "the bounds that docs/shadow_maps.md has");
-            if (!good || getenv("CHECK_FIGURES"))
+            if (!good || figures())
                 printf("    in halves, optical depth %g: %s %.2g\n", reach[i], rows[row].name, change);
             sps_tmap_destroy(map);
         }

@@ -53,7 +53,7 @@ static difference against_reference(const check_scene *s, double step) {
         &(difference), what)
 
 static void check_within(int good, const difference *d, const char *what) {
-    if (!good || getenv("CHECK_FIGURES"))
+    if (!good || figures())
         printf("    %s: rms %.2f %%, bias %+.2f %% of the mean\n", what, 100 * d->rms, 100 * d->bias);
 }
 
@@ -188,7 +188,7 @@ static void test_grazing_rays(void) {
         if (!check_render(context, &s, image_a) || !check_march(context, &s, 0.3, image_b, NULL)) return;
         for (int k = 3; k < 4 * 33 * 33; k += 4)
             sum += (double)(image_a[k] - image_b[k]) * (double)(image_a[k] - image_b[k]);
-        if (!CHECK(sqrt(sum / (33 * 33)) <= 0.01) || getenv("CHECK_FIGURES"))
+        if (!CHECK(sqrt(sum / (33 * 33)) <= 0.01) || figures())
             printf("    cosine %g: coverage off by %.4f\n", cosine, sqrt(sum / (33 * 33)));
     }
 }
@@ -320,7 +320,7 @@ static void test_turning_light(void) {
              !CHECK_CASE("Found in review", "light that turns through a right angle to the view, classified gas",
                          "the error's change / the picture's change, rms", sqrt(error / change), 1,
                          "a bound: errors jump by less than the picture moves")) ||
-            getenv("CHECK_FIGURES"))
+            figures())
             printf("    frame %d: the error's change is %.2f of the reference's\n", frame, sqrt(error / change));
     }
 }

@@ -11,8 +11,6 @@ static check_triangles ground, pane;
 
 static const float one = 1;
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
 /* --- the series --- */
 
 static double henyey_greenstein(double g, double c) { return (1 - g * g) / (4 * PI * pow(1 + g * g - 2 * g * c, 1.5)); }
@@ -353,28 +351,13 @@ static void start(check_scene *s, int kind, int light) {
     s->view.scattering = SPS_SCATTERING_FORWARD;
 }
 
-static double mean_of(const float *image) {
-    double sum = 0;
-    for (int i = 0; i < SIDE * SIDE; ++i)
-        for (int c = 0; c < 3; ++c) sum += (double)image[4 * i + c] / (3.0 * SIDE * SIDE);
-    return sum;
-}
-
-/* Root of the mean square difference of radiance from image_b, relative to its mean. */
-static double error_of(const float *image) {
-    double square = 0;
-    for (int i = 0; i < COUNT; ++i)
-        if (i % 4 < 3) square += pow((double)image[i] - (double)image_b[i], 2) / (3 * SIDE * SIDE);
-    return sqrt(square) / mean_of(image_b);
-}
-
 /* What 1 % of the brightest value, test_series' limit of what tables leave between nodes, makes of such an error. It
    counts where one pixel sees a lamp amid surfaces, 144 times as bright as the mean. */
 static double error_at_peak(const float *image) {
     double most = 0;
     for (int i = 0; i < COUNT; ++i)
         if (i % 4 < 3) most = fmax(most, (double)image[i]);
-    return 0.01 * most / (sqrt(3.0) * SIDE * mean_of(image));
+    return 0.01 * most / (sqrt(3.0) * SIDE * mean_of(image, SIDE * SIDE));
 }
 
 /* The reference marches with the series itself. Errors may be those of light that scatters once, and what tables leave,
@@ -388,13 +371,13 @@ static double compare_with_reference(int kind, int light, double extinction) {
     s.view.scattering = SPS_SCATTERING_OFF;
     check_render(context, &s, image_a);
     check_march(context, &s, step, image_b, NULL);
-    once = error_of(image_a);
-    more = mean_of(image_b);
+    once = error_of(image_a, image_b, SIDE * SIDE);
+    more = mean_of(image_b, SIDE * SIDE);
     s.view.scattering = SPS_SCATTERING_FORWARD;
     check_render(context, &s, image_a);
     check_march(context, &s, step, image_b, NULL);
-    again = error_of(image_a);
-    more = mean_of(image_b) / more;
+    again = error_of(image_a, image_b, SIDE * SIDE);
+    more = mean_of(image_b, SIDE * SIDE) / more;
     if (figures())
         printf("%s, %s: %.2f times as bright, error %.4f, scattered once %.4f\n", kinds[kind], lights[light], more,
                again, once);
@@ -429,11 +412,11 @@ static void test_shadows(void) {
     check_render(context, &s, image_b);
     s.light[0].shadow_source = SPS_SHADOW_TABLE;
     check_render(context, &s, image_a);
-    CHECK(error_of(image_a) < 0.01);
+    CHECK(error_of(image_a, image_b, SIDE * SIDE) < 0.01);
     s.light[0].shadow_source = SPS_SHADOW_AUTO;
     s.light[0].shadow_map = &deep;
     check_render(context, &s, image_a);
-    CHECK(error_of(image_a) < 0.01);
+    CHECK(error_of(image_a, image_b, SIDE * SIDE) < 0.01);
 }
 
 /* --- against random paths --- */
@@ -447,7 +430,7 @@ static double error_of_paths(const float *image) {
     for (int i = 0; i < SIDE * SIDE; ++i) {
         square += pow((double)image[4 * i] - (double)image_b[4 * i], 2) - pow((double)errors[3 * i], 2);
     }
-    return sqrt(fmax(square, 0) / (SIDE * SIDE)) / mean_of(image_b);
+    return sqrt(fmax(square, 0) / (SIDE * SIDE)) / mean_of(image_b, SIDE * SIDE);
 }
 
 /* A cloud of albedo 1 from behind, aside and in front: not exact, but far closer than light that scatters once. */
@@ -478,10 +461,10 @@ static void test_cloud(void) {
         s.view.scattering = SPS_SCATTERING_FORWARD;
         check_render(context, &s, image_c);
         once = error_of_paths(image_a), again = error_of_paths(image_c);
-        mean = mean_of(image_c) / mean_of(image_b);
+        mean = mean_of(image_c, SIDE * SIDE) / mean_of(image_b, SIDE * SIDE);
         if (figures())
             printf("cloud, light %d: once %.3f, forward %.3f of the mean; mean %.3f and %.3f of random paths\n", i,
-                   once, again, mean_of(image_a) / mean_of(image_b), mean);
+                   once, again, mean_of(image_a, SIDE * SIDE) / mean_of(image_b, SIDE * SIDE), mean);
         CHECK(again < 0.55 * once);
         CHECK(mean > 0.7 && mean < 1.15);
     }
@@ -553,7 +536,7 @@ static void test_thin(void) {
         check_render(context, &s, image_a);
         s.view.scattering = SPS_SCATTERING_OFF;
         check_render(context, &s, image_b);
-        CHECK(check_largest(image_a, image_b, COUNT) < 2e-4 * mean_of(image_b) * 10);
+        CHECK(check_largest(image_a, image_b, COUNT) < 2e-4 * mean_of(image_b, SIDE * SIDE) * 10);
         CHECK(!same(image_a, image_b));
     }
 }
@@ -589,7 +572,7 @@ static void test_two_lights(void) {
     for (int i = 0; i < COUNT; ++i)
         if (i % 4 < 3) image_a[i] += image_b[i];
     memcpy(image_b, image_c, sizeof image_b);
-    CHECK(error_of(image_a) < 0.01); /* slabs and shadow buffers differ */
+    CHECK(error_of(image_a, image_b, SIDE * SIDE) < 0.01); /* slabs and shadow buffers differ */
 }
 
 /* A gas of colored albedo shows in each channel what a grey gas of that albedo shows. */
@@ -602,8 +585,8 @@ static void test_colors(void) {
         check_color(s.volume[0].albedo, s.volume[0].albedo[c], s.volume[0].albedo[c], s.volume[0].albedo[c]);
         check_render(context, &s, image_b);
         for (int i = c; i < COUNT; i += 4) largest = fmax(largest, fabs((double)(image_a[i] - image_b[i])));
-        if (!CHECK(largest <= 1e-5 * mean_of(image_b)))
-            printf("    color %d: %g of %g\n", c, largest, mean_of(image_b));
+        if (!CHECK(largest <= 1e-5 * mean_of(image_b, SIDE * SIDE)))
+            printf("    color %d: %g of %g\n", c, largest, mean_of(image_b, SIDE * SIDE));
     }
 }
 

@@ -375,12 +375,6 @@ static int differing(const check_scene *s) {
     return count;
 }
 
-static double mean_of(const float *image, int side) {
-    double sum = 0;
-    for (int i = 0; i < side * side; ++i) sum += (double)image[4 * i];
-    return sum / (side * side);
-}
-
 /* A ball over a ground of any width: no pixel differs from the reference, whose shadow rays share only the rule by
    which faces block them; and none from the smallest ground's picture, where only that is seen. */
 static void test_ground_of_any_width(void) {
@@ -411,7 +405,7 @@ static void test_ground_of_any_width(void) {
                 printf("    ground of %g: %d pixels differ from the reference\n", half, wrong);
             /* the ground's own float corners put the plane where it is exactly: y = 0 */
             CHECK(check_largest(image_a, smallest, 4 * SIDE * SIDE) <= 1e-5);
-            CHECK(mean_of(image_a, SIDE) > 0.1);
+            CHECK(mean_of(image_a, (size_t)(SIDE * SIDE)) > 0.1);
         }
 }
 
@@ -428,7 +422,7 @@ static double relative_error(const check_scene *s, const float *reference) {
         const double off = (double)image_a[4 * i] - (double)reference[4 * i];
         sum += off * off;
     }
-    return sqrt(sum) / GAS_SIDE / mean_of(reference, GAS_SIDE);
+    return sqrt(sum) / GAS_SIDE / mean_of(reference, (size_t)(GAS_SIDE * GAS_SIDE));
 }
 
 /* Gas over a ground of any width: a puff above it, or fog that it cuts, under a low sun. */
@@ -524,7 +518,7 @@ static void test_smooth_terminator(void) {
         for (int i = 0; i < 4 * SIDE * SIDE; ++i) dark += image_a[i] < image_b[i];
         if (!CHECK_CASE("Found in review", "coarse smooth globes, 4 to 32 facets about",
                         "shade nothing that their normals light", dark, 0, "exact") ||
-            !CHECK(mean_of(image_b, SIDE) > 0.05))
+            !CHECK(mean_of(image_b, (size_t)(SIDE * SIDE)) > 0.05))
             printf("    globe of %d: %d values too dark\n", n, dark);
     }
 }
@@ -566,7 +560,7 @@ static void test_gas_under_ground(void) {
         check_orthographic(&s.view.camera, 1);
         if (!check_render(context, &s, image_a) || !check_march(context, &s, 1, image_b, NULL)) return;
         CHECK(image_a[3] > 0.5f && image_b[3] > 0.5f);
-        CHECK(mean_of(image_a, SIDE) <= 0 && mean_of(image_b, SIDE) <= 0);
+        CHECK(mean_of(image_a, (size_t)(SIDE * SIDE)) <= 0 && mean_of(image_b, (size_t)(SIDE * SIDE)) <= 0);
     }
 }
 
@@ -600,7 +594,7 @@ static void test_twins(void) {
         for (int i = 0; i < 4 * SIDE * SIDE; ++i) wrong += image_a[i] < image_b[i];
         if (!CHECK_CASE("Extremes", "repeated triangles in one plane, as far out as 3e8", "shade each other nowhere",
                         wrong, 0, "exact") ||
-            !CHECK(mean_of(image_b, SIDE) > 0.01))
+            !CHECK(mean_of(image_b, (size_t)(SIDE * SIDE)) > 0.01))
             printf("    twins at %g: %d values too dark\n", at, wrong);
     }
 }

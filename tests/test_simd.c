@@ -303,7 +303,7 @@ static void test_kernel_share(void) {
     CHECK_NEAR(worst, 0, 2.1e-4);
 }
 
-static double mean_of(double a, double b) {
+static double mean_between(double a, double b) {
     float out[SPSI_LANES];
     spsi_store(out, spsi_mean_transmittance(spsi_set((float)a), spsi_set((float)b)));
     return (double)out[0];
@@ -318,12 +318,12 @@ static void test_mean_transmittance(void) {
             const double real = (double)b - (double)a;
             double exact = exp(-(double)a) * (real > 0 ? -expm1(-real) / real : 1);
             if (a > 86) exact = 0;
-            CHECK_NEAR(mean_of((double)a, (double)b), exact, 1.2e-6 * exact + 1e-37);
-            CHECK(same_bits((float)mean_of((double)a, (double)b), (float)mean_of((double)b, (double)a)));
+            CHECK_NEAR(mean_between((double)a, (double)b), exact, 1.2e-6 * exact + 1e-37);
+            CHECK(same_bits((float)mean_between((double)a, (double)b), (float)mean_between((double)b, (double)a)));
         }
     for (int i = 0; i < 1000; ++i) { /* around the change from series to quotient */
         const double d = 0.2 + 1e-4 * i, real = (double)(float)d;
-        CHECK_NEAR(mean_of(0, d), -expm1(-real) / real, 1.2e-6);
+        CHECK_NEAR(mean_between(0, d), -expm1(-real) / real, 1.2e-6);
     }
 }
 

@@ -11,8 +11,6 @@ static check_triangles faces;
 static const float one = 1;
 static sps_lobe lobe = {0.85f, 1};
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
 static double sum_of(const float *image) {
     double sum = 0;
     for (int i = 0; i < COUNT; ++i) sum += i % 4 < 3 ? (double)image[i] : 0;

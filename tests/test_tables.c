@@ -9,8 +9,6 @@ static sps_context *context;
 static check_triangles ground;
 static sps_tmap_settings table; /* of all lights */
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
 /* --- scenes --- */
 
 static int read_blob(void *user, const int low[3], const int size[3], float *out) {
@@ -77,12 +75,6 @@ static sps_light *start(check_scene *s, int kind, sps_light_kind light) {
     return check_add_point(s, -1.5, 3, 1.2, 40);
 }
 
-static double mean_of(const float *image) {
-    double sum = 0;
-    for (int i = 0; i < COUNT; ++i) sum += (double)image[i] / COUNT;
-    return sum;
-}
-
 /* --- how right they are --- */
 
 static int read_full(void *user, const int low[3], const int size[3], float *out) {
@@ -133,7 +125,7 @@ static void test_against_sheets(void) {
             check_render(context, &s, image_a);
             s.light[0].shadow_map = &table;
             check_render(context, &s, image_b);
-            error = check_rms(image_a, image_b, COUNT) / mean_of(image_a);
+            error = check_rms(image_a, image_b, COUNT) / check_mean(image_a, COUNT);
             if (figures())
                 printf("%s, %s: rms difference to sheets %.5f of the mean\n", names[kind], light ? "point" : "sun",
                        error);
@@ -153,7 +145,7 @@ static void test_sizes(void) {
     for (int i = 0; i < 4; ++i) {
         s.light[0].shadow_map_size = sizes[i];
         check_render(context, &s, image_b);
-        errors[i] = check_rms(image_a, image_b, COUNT) / mean_of(image_a);
+        errors[i] = check_rms(image_a, image_b, COUNT) / check_mean(image_a, COUNT);
         if (figures()) printf("table of %d: %.5f of the mean\n", sizes[i], errors[i]);
         if (i > 0) CHECK(errors[i] < 0.5 * errors[i - 1] || errors[i] < 0.002);
     }
@@ -711,7 +703,8 @@ static void test_large(void) {
     check_render(fresh, &s, image_a);
     s.light[0].shadow_map_size = 64;
     check_render(fresh, &s, image_b);
-    CHECK(check_rms(image_a, image_b, COUNT) < 0.01 * mean_of(image_b)); /* 64: 0.0006, test_sizes; planes: the same */
+    CHECK(check_rms(image_a, image_b, COUNT) <
+          0.01 * check_mean(image_b, COUNT)); /* 64: 0.0006, test_sizes; planes: the same */
     sps_destroy(fresh);
 }
 
@@ -802,7 +795,8 @@ static void test_settings(void) {
     s.light[0].shadow_map_size = 20;
     stats = render_stats(&s, image_b);
     CHECK(stats.tables_made == 1 && memcmp(image_a, image_b, sizeof image_a) != 0);
-    CHECK(check_rms(image_a, image_b, COUNT) < 0.1 * mean_of(image_a)); /* between tables of 8 and 16, test_sizes */
+    CHECK(check_rms(image_a, image_b, COUNT) <
+          0.1 * check_mean(image_a, COUNT)); /* between tables of 8 and 16, test_sizes */
 }
 
 static void test_refused(void) {

@@ -434,7 +434,7 @@ static void check_truth(sps_context *context, const truth *t, int marched, int n
     for (int c = 0; c < 3; ++c) {
         const double exact = t->radiance(&p, c);
         const double found = (double)image[4 * (t->pixel ? t->pixel - 1 : MIDDLE) + c];
-        if (getenv("CHECK_FIGURES"))
+        if (figures())
             printf("%s, %s, palette %d, channel %d: %+.5f %%\n", t->name, marched ? "marched" : "rendered", n, c,
                    100 * (found / exact - 1));
         if (!CHECK_CASE("Transport",

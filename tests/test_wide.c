@@ -14,8 +14,6 @@ static int side;
 /* Rows from the top that are compared: some of all four parts of an image. */
 static int rows(void) { return check_long() ? side : (7 * side + 5) / 10; }
 
-static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
-
 /* --- scenes around the eye --- */
 
 static double waves(const void *user, const double p[3]) {
@@ -78,12 +76,6 @@ static void start(check_scene *s, int kind, double angle) {
     check_add_mesh(s, &ground, 0.5);
 }
 
-static double mean_of(const float *image, int count) {
-    double sum = 0;
-    for (int i = 0; i < count; ++i) sum += (double)image[i] / count;
-    return sum;
-}
-
 static sps_plan_report plan_of(const check_scene *s) {
     sps_plan_report plan;
     CHECK_OK(context, sps_plan(context, &s->scene, &s->view, &plan));
@@ -127,7 +119,7 @@ static void test_against_reference(void) {
             s.view.region[2] = side, s.view.region[3] = rows();
             if (!check_render_depth(context, &s, image_a, depth_a)) continue;
             check_march(context, &s, kind == TISSUE ? 0.35 : 0.5, image_b, depth_b);
-            mean = mean_of(image_b, count), off = check_rms(image_a, image_b, (size_t)count) / mean;
+            mean = check_mean(image_b, (size_t)count), off = check_rms(image_a, image_b, (size_t)count) / mean;
             elsewhere = error_step(0) / mean, seam = error_step(1) / mean;
             if (figures())
                 printf("%s, %.0f degrees: rms %.5f of the mean, error's step %.5f, at the seam %.5f\n", names[kind],
@@ -160,7 +152,7 @@ static void test_any_angle(void) {
             if (!check_render(context, &s, image_a)) continue;
             check_march(context, &s, 0.5, image_b, NULL);
             CHECK_CASE("Extremes", "cameras of 132 to 166 degrees from corner to corner", "the reference",
-                       check_rms(image_a, image_b, (size_t)count) / mean_of(image_b, count), 0.005,
+                       check_rms(image_a, image_b, (size_t)count) / check_mean(image_b, (size_t)count), 0.005,
                        "slabs are crossed at a cosine of 0.35 or more");
         }
 }
@@ -216,7 +208,7 @@ static void test_matrices(void) {
         CHECK(plan_of(&s).sweep_count == sweeps[n]);
         check_render(context, &s, image_a);
         check_march(context, &s, 0.5, image_b, NULL);
-        off = check_rms(image_a, image_b, (size_t)count), mean = mean_of(image_b, count);
+        off = check_rms(image_a, image_b, (size_t)count), mean = check_mean(image_b, (size_t)count);
         if (!CHECK(off < 0.002 * mean)) printf("    camera %d: off by %g of %g\n", n, off, mean);
     }
 }

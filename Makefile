@@ -425,7 +425,7 @@ objects: $(foreach c,$(filter $(SPLIT),$(READY)),$(call code,$(c))) $(SIMD_PLAIN
 run-tests: $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log) $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) $(READY_STEPS) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log build/tests/cases.log \
-	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log) build/tests/header.empty.log $(if $(TCC_THERE),build/tests/header.tcc.log) \
+	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log build/tests/header.no_reference.log) build/tests/header.empty.log $(if $(TCC_THERE),build/tests/header.tcc.log) \
 	$(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log)
 endif
 
@@ -475,6 +475,11 @@ build/tests/header.tcc.log: splatshadow.h
 # The shaders, by shader compilers
 build/tests/shaders.%.log: tests/shaders.sh docs/shadow_maps.md $(wildcard examples/shaders/*)
 	@$(call run,shaders.$*,sh $< $* build/tests)
+
+# The implementation without sps_reference, and without a warning
+build/tests/header.no_reference.log: tests/no_reference.c tests/check.h splatshadow.h
+	@$(call run,header.no_reference,gcc $(STANDARD) -O0 -Wall -Wextra -Werror -DSPLATSHADOW_NO_REFERENCE -I. $< \
+		-o build/tests/no_reference $(LIBRARIES) && build/tests/no_reference)
 
 # Every public struct is initialised empty, in the manner of C++ and of C, without a warning.
 EMPTY = printf '\#include "splatshadow.h"\n'; awk '/^typedef struct sps_[a-z_]* [{]/ { \

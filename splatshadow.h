@@ -89,7 +89,10 @@ CONVENTIONS
 BUILD OPTIONS (define before the implementation is included; none changes a public type)
 
     SPLATSHADOW_IMPLEMENTATION   compiles the implementation; define it in exactly one source file
-    SPS_API                      default extern; may be `static` or an export attribute
+    SPLATSHADOW_NO_REFERENCE     leaves out sps_reference, which then returns SPS_ERROR_UNSUPPORTED: a fifth of the time
+                                 to compile
+    SPS_API                      default extern; may be an export attribute; or `static`, which leaves out what the
+                                 source file does not call
     SPS_ASSERT(c)                default assert(c); catches bugs in the library and in parallel_for_fn. Bad input
                                  returns an sps_result instead
     SPS_MALLOC(n), SPS_FREE(p)   default malloc, free; used if the config has no allocator (define both or neither)
@@ -1292,6 +1295,14 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPS_CLOCK() ((double)clock() / CLOCKS_PER_SEC)
 #endif
 
+/* A function that does not run for every pixel, texel, voxel, cell or particle: compilers make it small, not fast, which
+   takes a quarter less time to compile. */
+#ifdef __GNUC__
+#define SPSI_COLD static __attribute__((cold))
+#else
+#define SPSI_COLD static
+#endif
+
 #define SPSI_PI       3.14159265358979323846
 #define SPSI_INFINITY ((float)HUGE_VAL)
 
@@ -2121,21 +2132,21 @@ struct sps_context {
 };
 
 /* The member at the beginning of a phrase: "count" of "count, with those before it,". */
-static void spsi_leading_member(const char *phrase, char member[SPSI_FIELD_SIZE]) {
+SPSI_COLD void spsi_leading_member(const char *phrase, char member[SPSI_FIELD_SIZE]) {
     size_t length = 0;
     while (length < SPSI_FIELD_SIZE - 1 && phrase[length] && !strchr(" ,'(", phrase[length])) ++length;
     memcpy(member, phrase, length);
     member[length] = 0;
 }
 
-static void spsi_clear_error(sps_error_info *info) {
+SPSI_COLD void spsi_clear_error(sps_error_info *info) {
     memset(info, 0, sizeof *info);
     info->index = -1;
 }
 
 /* Describes a failure, in data and as the sentence "OBJECT[index].PHRASE REST"; index < 0 omits the brackets. */
-static void spsi_describe(sps_error_info *info, sps_object object, int index, const char *phrase, double value,
-                          const char *rest) {
+SPSI_COLD void spsi_describe(sps_error_info *info, sps_object object, int index, const char *phrase, double value,
+                             const char *rest) {
     static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",    "volume",
                                         "mesh", "light", "particles", "tmap",  "light", "settings", "settings"};
     char brackets[24] = "";
@@ -2154,8 +2165,8 @@ static void spsi_tell(const sps_context *context, const char *sentence) {
 
 /* The one way to fail: records the description, tells the caller unless it has cancelled, and returns the result. The
    first failure stands. */
-static sps_result spsi_fail_that(sps_context *context, sps_result result, sps_object object, int index,
-                                 const char *phrase, double value, const char *rest) {
+SPSI_COLD sps_result spsi_fail_that(sps_context *context, sps_result result, sps_object object, int index,
+                                    const char *phrase, double value, const char *rest) {
     if (context->result == SPS_OK) {
         context->result = context->error.result = result;
         spsi_describe(&context->error, object, index, phrase, value, rest);
@@ -2165,7 +2176,7 @@ static sps_result spsi_fail_that(sps_context *context, sps_result result, sps_ob
 }
 
 /* As spsi_fail_that, for a failure without an object. */
-static sps_result spsi_fail(sps_context *context, sps_result result, const char *sentence) {
+SPSI_COLD sps_result spsi_fail(sps_context *context, sps_result result, const char *sentence) {
     return spsi_fail_that(context, result, SPS_OBJECT_NONE, -1, "", 0, sentence);
 }
 
@@ -2174,8 +2185,8 @@ static sps_result spsi_fail(sps_context *context, sps_result result, const char 
 
 /* As spsi_fail_that, for "OBJECT[index].FIELD is VALUE; RULE", or for a callback, whose result is SPS_ERROR_CALLBACK
    and which has no rule, "OBJECT[index].FIELD failed: it returned VALUE". */
-static sps_result spsi_fail_field(sps_context *context, sps_result result, sps_object object, int index,
-                                  const char *field, double value, const char *rule) {
+SPSI_COLD sps_result spsi_fail_field(sps_context *context, sps_result result, sps_object object, int index,
+                                     const char *field, double value, const char *rule) {
     char rest[SPSI_SENTENCE_SIZE];
     if (!(value <= 0) && !(value > 0)) value = fabs(value); /* NaN may print its sign, which is meaningless */
     if (result == SPS_ERROR_CALLBACK)
@@ -2183,6 +2194,11 @@ static sps_result spsi_fail_field(sps_context *context, sps_result result, sps_o
     else
         SPS_SNPRINTF(rest, sizeof rest, "is %g; %s", value, rule);
     return spsi_fail_that(context, result, object, index, field, value, rest);
+}
+
+/* Fails if an argument of a public function is NULL. */
+SPSI_COLD sps_result spsi_require(sps_context *context, const void *argument, const char *name) {
+    return argument ? SPS_OK : spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, name, 0, SPSI_IS_NULL);
 }
 
 /* Fails if a callback has returned non-zero. */
@@ -2207,7 +2223,7 @@ static void spsi_free(sps_context *context, void *block, size_t bytes) {
 
 #define SPSI_LINK_BYTES ((sizeof(spsi_link) + 15) / 16 * 16) /* keeps the alignment of what follows */
 
-static void spsi_release(sps_context *context, void *data) {
+SPSI_COLD void spsi_release(sps_context *context, void *data) {
     spsi_link *link = data ? (spsi_link *)(void *)((char *)data - SPSI_LINK_BYTES) : NULL;
     if (!link) return;
     SPS_ASSERT(context->stats.bytes >= link->bytes);
@@ -2219,7 +2235,7 @@ static void spsi_release(sps_context *context, void *data) {
 
 /* Every allocation except for the context's own comes from here: overflow, limit and failure are one error, with NULL
    returned. */
-static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
+SPSI_COLD void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     const size_t limit = context->config.memory_limit, bytes = count * size + SPSI_LINK_BYTES;
     spsi_link *link = NULL;
     char sentence[256];
@@ -2288,14 +2304,14 @@ static uint64_t spsi_running_sums(uint32_t *counts, size_t count) {
     return sum;
 }
 
-static void spsi_buffer_release(sps_context *context, spsi_buffer *buffer) {
+SPSI_COLD void spsi_buffer_release(sps_context *context, spsi_buffer *buffer) {
     spsi_release(context, buffer->data);
     buffer->data = NULL;
     buffer->size = 0;
 }
 
 /* Makes a buffer hold at least count * size bytes; its contents are lost if it has to grow. Returns NULL on failure. */
-static void *spsi_buffer_reserve(sps_context *context, spsi_buffer *buffer, size_t count, size_t size) {
+SPSI_COLD void *spsi_buffer_reserve(sps_context *context, spsi_buffer *buffer, size_t count, size_t size) {
     const size_t wanted = count > 0 ? count : 1;
     if (buffer->data && buffer->size / size >= wanted) return buffer->data;
     spsi_buffer_release(context, buffer);
@@ -2305,7 +2321,7 @@ static void *spsi_buffer_reserve(sps_context *context, spsi_buffer *buffer, size
 }
 
 /* As spsi_buffer_reserve, but keeps the first `kept` items and grows by at least half. */
-static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_t kept, size_t count, size_t size) {
+SPSI_COLD void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_t kept, size_t count, size_t size) {
     const size_t held = buffer->size / size, grown = held + held / 2;
     const size_t wanted = grown > count ? grown : count > 0 ? count : 1;
     if (buffer->data && held >= count) return buffer->data;
@@ -2325,7 +2341,7 @@ static void spsi_bytes_add(size_t *bytes, size_t count, size_t size) {
 
 /* As spsi_buffer_reserve, for the context's numbered buffers. A plan runs functions that reserve memory and stop at
    NULL: while the context only counts, that is no failure. */
-static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
+SPSI_COLD void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
     if (!context->counts_only) return spsi_buffer_reserve(context, &context->buffers[id], count, size);
     spsi_bytes_add(&context->counted, count, size);
     return NULL;
@@ -2343,7 +2359,7 @@ static float *spsi_floats_reserve(sps_context *context, spsi_buffer_id id, uint6
     return (float *)spsi_reserve(context, id, (size_t)(floats < SIZE_MAX ? floats : SIZE_MAX), sizeof(float));
 }
 
-static int spsi_worker_count(const sps_context *context) {
+SPSI_COLD int spsi_worker_count(const sps_context *context) {
     return context->config.parallel_for_fn && context->config.worker_count > 0 ? context->config.worker_count : 1;
 }
 
@@ -2435,7 +2451,7 @@ static void spsi_turns_begin(spsi_turns *turns, int count, void *memory) {
 }
 
 /* The power of two that work is below. */
-static int spsi_turn_octave(uint32_t work) {
+SPSI_COLD int spsi_turn_octave(uint32_t work) {
     int octave = 0;
     while (octave < 32 && work >> octave) ++octave;
     return octave;
@@ -2469,7 +2485,7 @@ typedef struct spsi_part_of_call {
 } spsi_part_of_call;
 
 /* The call's progress when a fraction of the part is done. */
-static double spsi_part_done(const spsi_part_of_call *part, double fraction) {
+SPSI_COLD double spsi_part_done(const spsi_part_of_call *part, double fraction) {
     return part->progress + part->share * fraction;
 }
 
@@ -2513,7 +2529,7 @@ static void spsi_parallel_batches(sps_context *context, int count, spsi_item_fn 
 }
 
 /* Reports progress; SPS_ERROR_CANCELLED if the caller wants to stop. */
-static sps_result spsi_progress(sps_context *context, double fraction) {
+SPSI_COLD sps_result spsi_progress(sps_context *context, double fraction) {
     const float now = (float)spsi_fmin(1.0, spsi_fmax((double)context->progress, fraction));
     context->progress = now;
     spsi_tick(context, now >= 1);
@@ -2629,7 +2645,7 @@ static int spsi_tile_columns(const spsi_rays *rays) { return (rays->width + SPSI
 static int spsi_tile_rows(const spsi_rays *rays) { return (rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT; }
 
 /* Returns 0 if the rays do not span space, or if a nearly singular matrix puts them too far away. */
-static int spsi_rays_complete(spsi_rays *rays) {
+SPSI_COLD int spsi_rays_complete(spsi_rays *rays) {
     if (!spsi_invert(rays->a, rays->b, rays->c, rays->inverse)) return 0;
     rays->pixel = spsi_fmax(spsi_length(rays->a), spsi_length(rays->b));
     rays->per_length = spsi_length(rays->inverse[2]);
@@ -2679,8 +2695,8 @@ static void spsi_ray_point(const spsi_rays *rays, double x, double y, double t, 
 
 /* Rays from a basis: the centre of the image plane lies along `forward`; pixels step along `right` and `down`, by
    `pitch` at t = 1 (perspective) or everywhere (orthographic). */
-static void spsi_rays_aim(spsi_rays *rays, const double eye[3], const double right[3], const double down[3],
-                          const double forward[3], double pitch_x, double pitch_y) {
+SPSI_COLD void spsi_rays_aim(spsi_rays *rays, const double eye[3], const double right[3], const double down[3],
+                             const double forward[3], double pitch_x, double pitch_y) {
     const double x = -0.5 * (rays->width - 1) * pitch_x, y = -0.5 * (rays->height - 1) * pitch_y;
     double *corner = rays->perspective ? rays->c : rays->origin;
     for (int i = 0; i < 3; ++i) {
@@ -2694,7 +2710,7 @@ static void spsi_rays_aim(spsi_rays *rays, const double eye[3], const double rig
 }
 
 /* Unit vectors to the right of and below a unit vector, seen along it; `up` zero or along it: some such vectors. */
-static void spsi_axes_across(const double forward[3], const double up[3], double right[3], double down[3]) {
+SPSI_COLD void spsi_axes_across(const double forward[3], const double up[3], double right[3], double down[3]) {
     spsi_cross(forward, up, right);
     if (!(spsi_length(right) > 1e-6 * spsi_length(up)) || !spsi_normalise(right)) spsi_basis(forward, right, down);
     spsi_cross(forward, right, down);
@@ -2702,7 +2718,7 @@ static void spsi_axes_across(const double forward[3], const double up[3], double
 
 /* Rays through the pixels of a camera without a matrix; width and height are already set. Returns 0 if it has no
    direction, or if its pixels coincide. */
-static int spsi_rays_from_camera(spsi_rays *rays, const sps_camera *camera) {
+SPSI_COLD int spsi_rays_from_camera(spsi_rays *rays, const sps_camera *camera) {
     double forward[3], right[3], down[3], pitch;
     spsi_along(camera->target, camera->position, -1, forward);
     if (!spsi_normalise(forward)) return 0;
@@ -2720,7 +2736,7 @@ static double spsi_pixel_size_at(const spsi_rays *rays, double t) {
 }
 
 /* Rays shifted by parts of a pixel. Depths stay the same. */
-static void spsi_rays_shift(const spsi_rays *rays, double x, double y, spsi_rays *shifted) {
+SPSI_COLD void spsi_rays_shift(const spsi_rays *rays, double x, double y, spsi_rays *shifted) {
     double *from = rays->perspective ? shifted->c : shifted->origin;
     *shifted = *rays;
     spsi_along(from, rays->a, x, from);
@@ -2731,7 +2747,7 @@ static void spsi_rays_shift(const spsi_rays *rays, double x, double y, spsi_rays
 }
 
 /* The rays of n x n points of each pixel, in even steps. */
-static int spsi_rays_split(const spsi_rays *rays, int n, spsi_rays *fine) {
+SPSI_COLD int spsi_rays_split(const spsi_rays *rays, int n, spsi_rays *fine) {
     spsi_rays_shift(rays, 0.5 / n - 0.5, 0.5 / n - 0.5, fine);
     fine->width *= n;
     fine->height *= n;
@@ -2743,7 +2759,7 @@ static int spsi_rays_split(const spsi_rays *rays, int n, spsi_rays *fine) {
 }
 
 /* The row-major matrix from world points to texels: (X, Y, t, W), where the texel is (X / W, Y / W). */
-static void spsi_rays_matrix(const spsi_rays *rays, double matrix[16]) {
+SPSI_COLD void spsi_rays_matrix(const spsi_rays *rays, double matrix[16]) {
     for (int i = 0; i < 4; ++i) {
         const double *row = rays->inverse[spsi_least(i, 2)];
         const int flat = i == 3 && !rays->perspective;
@@ -2763,7 +2779,7 @@ static int spsi_cube_face_of(const double offset[3]) {
 
 /* Rays through one face of a cube around a point. The centres of the outermost texels lie on the cube's edges, or
    `border` texels beyond them. */
-static int spsi_rays_of_cube_face(const double position[3], int face, int size, int border, spsi_rays *rays) {
+SPSI_COLD int spsi_rays_of_cube_face(const double position[3], int face, int size, int border, spsi_rays *rays) {
     static const double axes[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     const double pitch = 2.0 / spsi_most(size - 1 - 2 * border, 1);
     double forward[3] = {0, 0, 0};
@@ -2780,7 +2796,7 @@ static int spsi_rays_of_cube_face(const double position[3], int face, int size, 
    X and Y. An orthographic matrix's rays begin where clip depth is -1, unless that is farther than 1e12 pixels, where
    positions would lose precision. A near plane at -1 cannot be told from one at 0; from there, distances are positive
    with either. */
-static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
+SPSI_COLD int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     const double *r0 = m, *r1 = m + 4, *r3 = m + 12;
     const double dx = 2.0 / rays->width, dy = -2.0 / rays->height, x0 = -1 + 0.5 * dx, y0 = 1 + 0.5 * dy;
     double rows[3][3], base[3], ax[3], ay[3], scale;
@@ -2844,8 +2860,8 @@ typedef struct spsi_linear {
 } spsi_linear;
 
 /* The linear quantity row . (p - origin) + offset. */
-static void spsi_linear_build(const spsi_rays *rays, const double row[3], const double origin[3], double offset,
-                              spsi_linear *linear) {
+SPSI_COLD void spsi_linear_build(const spsi_rays *rays, const double row[3], const double origin[3], double offset,
+                                 spsi_linear *linear) {
     const double a = spsi_dot(row, rays->a), b = spsi_dot(row, rays->b), c = spsi_dot(row, rays->c);
     const double t = rays->depth_reference;
     double from[3];
@@ -2977,7 +2993,7 @@ static double spsi_phase_moment(const spsi_material *material, int l) {
    evenly, 2 for weak lobes, 4. Two orders leave 1 + cosine of a lobe of asymmetry 0.5, which sends nothing straight
    back: to a ceiling above a lamp, or to an eye in gas with a lamp behind itself. At the rim of gas, such an eye would
    miss 17 % of what it sees at 0.49, and misses 2 % at 0.2. */
-static int spsi_phase_orders(const spsi_material *material) {
+SPSI_COLD int spsi_phase_orders(const spsi_material *material) {
     const double second = spsi_phase_moment(material, 2);
     if (!material->scatters || (second == 0 && spsi_phase_moment(material, 1) == 0)) return 1;
     return second > 0.05 ? 4 : 2;
@@ -2986,7 +3002,7 @@ static int spsi_phase_orders(const spsi_material *material) {
 /* The share of what a material scatters that its peak passes straight on, if this many orders are followed: the first
    moment that is not. The others, scaled to what is left, must not exceed 1 in magnitude, or light would grow from
    event to event: phase functions with a sharp lobe backwards have next to no peak forwards. */
-static double spsi_phase_peak(const spsi_material *material, int orders) {
+SPSI_COLD double spsi_phase_peak(const spsi_material *material, int orders) {
     double peak = orders > 1 ? spsi_phase_moment(material, orders) : 0;
     for (int l = 1; l < orders; ++l) peak = spsi_fmin(peak, 0.5 * (1 + spsi_phase_moment(material, l)));
     return peak;
@@ -3037,8 +3053,8 @@ static inline void spsi_classify(const spsi_material *material, spsi_v value, sp
 }
 
 /* Checks color and extinction of points[i], or, if i < 0, those that eval_fn wrote for a value. */
-static sps_result spsi_transfer_check_point(sps_context *context, int volume, const sps_transfer_point *point, int i,
-                                            float value) {
+SPSI_COLD sps_result spsi_transfer_check_point(sps_context *context, int volume, const sps_transfer_point *point, int i,
+                                               float value) {
     const float *bad = spsi_bad_color(point->color, 1);
     char field[64];
     if (!bad && point->extinction >= 0 && point->extinction <= SPSI_VALUE_MAX) return SPS_OK;
@@ -3052,7 +3068,7 @@ static sps_result spsi_transfer_check_point(sps_context *context, int volume, co
 }
 
 /* The transfer function at `value`, linear between its points. */
-static void spsi_transfer_at_points(const sps_transfer *transfer, float value, float out[4]) {
+SPSI_COLD void spsi_transfer_at_points(const sps_transfer *transfer, float value, float out[4]) {
     const sps_transfer_point *points = transfer->points;
     int high = 0;
     float t = 0;
@@ -3065,8 +3081,8 @@ static void spsi_transfer_at_points(const sps_transfer *transfer, float value, f
     out[3] = points[low].extinction + t * (points[high].extinction - points[low].extinction);
 }
 
-static sps_result spsi_transfer_from_callback(sps_context *context, const sps_transfer *transfer, int volume,
-                                              float last, spsi_table *table) {
+SPSI_COLD sps_result spsi_transfer_from_callback(sps_context *context, const sps_transfer *transfer, int volume,
+                                                 float last, spsi_table *table) {
     enum { BATCH = 64 };
     float values[BATCH];
     sps_transfer_point points[BATCH];
@@ -3086,7 +3102,7 @@ static sps_result spsi_transfer_from_callback(sps_context *context, const sps_tr
     return SPS_OK;
 }
 
-static sps_result spsi_transfer_check(sps_context *context, const sps_transfer *transfer, int volume) {
+SPSI_COLD sps_result spsi_transfer_check(sps_context *context, const sps_transfer *transfer, int volume) {
     char text[96];
     if (!transfer->points == !transfer->eval_fn) {
         SPS_SNPRINTF(text, sizeof text, "and eval_fn are both %s; exactly one must be set",
@@ -3113,8 +3129,8 @@ static sps_result spsi_transfer_check(sps_context *context, const sps_transfer *
 }
 
 /* Fills a material's table and the members that depend on it. */
-static sps_result spsi_transfer_tabulate(sps_context *context, const sps_transfer *transfer, int volume,
-                                         spsi_material *material) {
+SPSI_COLD sps_result spsi_transfer_tabulate(sps_context *context, const sps_transfer *transfer, int volume,
+                                            spsi_material *material) {
     float last = transfer->value_max;
     if (spsi_transfer_check(context, transfer, volume)) return context->result;
     if (!(last > 0) && transfer->points) last = transfer->points[transfer->point_count - 1].value;
@@ -3791,7 +3807,7 @@ static double spsi_compress_step(float epsilon) { return sqrt(0.25 * (double)sps
 
 /* Maximum number of nodes that a curve of `count` nodes is compressed to: two for each cut. There are fewer than
    1 / step steps of sqrt(T), each of which rounding may turn into two cuts. */
-static int spsi_compressed_most(int count, float epsilon) {
+SPSI_COLD int spsi_compressed_most(int count, float epsilon) {
     return 2 + 2 * count + (int)(4 / spsi_compress_step(epsilon));
 }
 
@@ -3892,7 +3908,7 @@ typedef struct spsi_hankel {
 } spsi_hankel;
 
 /* Cholesky factorisation. Returns 0 if b are not the moments of at least `size` points. */
-static int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
+SPSI_COLD int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
     for (int i = 0; i < hankel->size; ++i)
         for (int j = 0; j <= i; ++j) {
             double sum = b[i + j];
@@ -3906,7 +3922,7 @@ static int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
 /* A texel's moments, biased by a share of those of a wide distribution, so that round-off cannot make them invalid, or
    those of too few points; by a larger share if that is not enough. The distributions are those of [Muenstermann et al.
    2018], for the same reason: their matrices are far from singular. Returns the share. */
-static double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int components, double share) {
+SPSI_COLD double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int components, double share) {
     static const double wide[2][SPSI_MOMENTS_MAX / 2] = {{0.375, 0.375}, {0.48, 0.451, 0.45}};
     double b[SPSI_MOMENTS_MAX + 1];
     hankel->size = (components + 1) / 2;
@@ -3922,7 +3938,7 @@ static double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int com
 
 /* The orthonormal polynomials at x: factor^-1 (1, x, x^2 ..). Returns the sum of their squares, whose reciprocal is the
    maximum mass at x. */
-static double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *values) {
+SPSI_COLD double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *values) {
     double power = 1, squares = 0;
     for (int i = 0; i < hankel->size; ++i, power *= x) {
         values[i] = power;
@@ -3937,7 +3953,7 @@ static double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *val
 
 /* The roots of a parabola within SPSI_ROOT_REACH, without cancellation: the larger one first, the other from their
    product. A double root has even order and does not count. Returns their number. */
-static int spsi_parabola_roots(double a, double b, double c, double *roots) {
+SPSI_COLD int spsi_parabola_roots(double a, double b, double c, double *roots) {
     const double square = b * b - 4 * a * c, q = -0.5 * (b + (b < 0 ? -1 : 1) * sqrt(spsi_fmax(square, 0)));
     const double both[2] = {fabs(a) > 0 ? q / a : HUGE_VAL, fabs(q) > 0 ? c / q : HUGE_VAL};
     int count = 0;
@@ -3949,7 +3965,7 @@ static int spsi_parabola_roots(double a, double b, double c, double *roots) {
 /* Finds the roots of a parabola, or of a cubic all of whose roots are real. A cubic's root farthest out on the side of
    their mean has a closed form without cancellation [Viete]; no other is more than twice as large, so dividing by it is
    stable. If all three are 0, `turn` and `rest` are not numbers, and 0 is found once. */
-static int spsi_polynomial_roots(const double *c, int degree, double *roots) {
+SPSI_COLD int spsi_polynomial_roots(const double *c, int degree, double *roots) {
     double side, a, b, q, turn, root, rest;
     if (degree == 2 || !(fabs(c[3]) > 1e-12 * fabs(c[2]))) return spsi_parabola_roots(c[2], c[1], c[0], roots);
     side = c[2] / c[3] < 0 ? 1 : -1;
@@ -3965,7 +3981,7 @@ static int spsi_polynomial_roots(const double *c, int degree, double *roots) {
 /* The minimum and maximum share before z of all distributions with these moments: those of the only one that consists
    of `size` points, of which z is one. With the orthonormal polynomials p_k, the others are the roots of sum p_k(z)
    p_k(x), and the mass at each is 1 / sum p_k^2 [Akhiezer 1965; Peters & Klein 2015]. */
-static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bounds[2]) {
+SPSI_COLD void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bounds[2]) {
     double at[SPSI_MOMENTS_MAX / 2 + 1], c[SPSI_MOMENTS_MAX / 2 + 1], roots[SPSI_MOMENTS_MAX / 2 + 1], before = 0;
     const double here = 1 / spsi_hankel_solve(hankel, z, at);
     double whole = here;
@@ -3986,7 +4002,7 @@ static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bound
 
 /* Biases for 4 and 6 moments in floats [Muenstermann et al. 2018]. Cost: a matrix of 3 or 4 rows, and the roots of a
    polynomial of degree 2 or 3. At u = 1 the result is exactly the total. */
-static float spsi_moment_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+SPSI_COLD float spsi_moment_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
     static const double biases[2] = {5e-7, 5e-6};
     spsi_hankel hankel;
     double bounds[2];
@@ -4035,7 +4051,7 @@ static const spsi_technique spsi_techniques[] = {
 
 /* Settings with SPS_TMAP_DEFAULT replaced by the technique that it stands for, and without planes that are not meant
    for theirs. */
-static sps_tmap_settings spsi_settings_resolve(const sps_tmap_settings *settings, int of_light) {
+SPSI_COLD sps_tmap_settings spsi_settings_resolve(const sps_tmap_settings *settings, int of_light) {
     sps_tmap_settings resolved = *settings;
     if (settings->technique == SPS_TMAP_DEFAULT) {
         resolved.technique = of_light ? SPS_TMAP_TABLE : SPS_TMAP_DEEP_OPACITY;
@@ -4046,24 +4062,24 @@ static sps_tmap_settings spsi_settings_resolve(const sps_tmap_settings *settings
 }
 
 /* 1: texels begin with the u of their first and their last occluder. */
-static int spsi_settings_have_range(const sps_tmap_settings *settings) {
+SPSI_COLD int spsi_settings_have_range(const sps_tmap_settings *settings) {
     const int range = spsi_techniques[settings->technique].range;
     return range > 0 || (range < 0 && settings->texel_range);
 }
 
 /* The minimum number of components that settings allow, including the range. */
-static int spsi_components_least(const sps_tmap_settings *settings) {
+SPSI_COLD int spsi_components_least(const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     return technique->least + (technique->range < 0 ? 2 * spsi_settings_have_range(settings) : 0);
 }
 
 /* The number of planes that the caller has set, which come with a number of components. */
-static int spsi_settings_planes(const sps_tmap_settings *settings) {
+SPSI_COLD int spsi_settings_planes(const sps_tmap_settings *settings) {
     return settings->planes ? settings->components - 2 * spsi_settings_have_range(settings) : 0;
 }
 
 /* The number of components: that of the settings, or the technique's default. */
-static int spsi_components_of(const sps_tmap_settings *settings) {
+SPSI_COLD int spsi_components_of(const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     if (settings->components > 0) return settings->components;
     return spsi_components_least(settings) + technique->usual - technique->least;
@@ -4410,12 +4426,12 @@ static void spsi_bounds_add(spsi_bounds *bounds, const double point[3]) {
     }
 }
 
-static void spsi_bounds_join(spsi_bounds *bounds, const spsi_bounds *other) {
+SPSI_COLD void spsi_bounds_join(spsi_bounds *bounds, const spsi_bounds *other) {
     spsi_bounds_add(bounds, other->low);
     spsi_bounds_add(bounds, other->high);
 }
 
-static void spsi_bounds_corner(const spsi_bounds *bounds, int corner, double point[3]) {
+SPSI_COLD void spsi_bounds_corner(const spsi_bounds *bounds, int corner, double point[3]) {
     for (int i = 0; i < 3; ++i) point[i] = corner >> i & 1 ? bounds->high[i] : bounds->low[i];
 }
 
@@ -4423,7 +4439,7 @@ static void spsi_bounds_centre(const spsi_bounds *bounds, double point[3]) {
     for (int i = 0; i < 3; ++i) point[i] = bounds->low[i] + 0.5 * (bounds->high[i] - bounds->low[i]);
 }
 
-static double spsi_bounds_longest(const spsi_bounds *bounds) {
+SPSI_COLD double spsi_bounds_longest(const spsi_bounds *bounds) {
     double longest = 0;
     for (int k = 0; k < 3; ++k) longest = spsi_fmax(longest, bounds->high[k] - bounds->low[k]);
     return longest;
@@ -4437,7 +4453,7 @@ static void spsi_voxel_position(const spsi_lattice *lattice, const double at[3],
 }
 
 /* The extent of a voxel's kernel along a unit direction, sqrt(s' V V' s): the edge length for cubes. */
-static double spsi_voxel_extent(const spsi_lattice *lattice, const double s[3]) {
+SPSI_COLD double spsi_voxel_extent(const spsi_lattice *lattice, const double s[3]) {
     double sum = 0;
     for (int i = 0; i < 3; ++i) sum += spsi_dot(lattice->step[i], s) * spsi_dot(lattice->step[i], s);
     return sqrt(sum);
@@ -4445,7 +4461,7 @@ static double spsi_voxel_extent(const spsi_lattice *lattice, const double s[3]) 
 
 /* The minimum extent of a voxel's kernel along any direction in the plane of two perpendicular unit vectors: the root
    of the smaller eigenvalue of (x, y)' V V' (x, y). */
-static double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[3], const double y[3]) {
+SPSI_COLD double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[3], const double y[3]) {
     double xx = 0, xy = 0, yy = 0;
     for (int i = 0; i < 3; ++i) {
         const double along_x = spsi_dot(lattice->step[i], x), along_y = spsi_dot(lattice->step[i], y);
@@ -4458,7 +4474,7 @@ static double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[3],
 }
 
 /* Copies a placement, with the identity in place of all-zero axes. */
-static void spsi_placement_resolve(const sps_placement *from, sps_placement *to) {
+SPSI_COLD void spsi_placement_resolve(const sps_placement *from, sps_placement *to) {
     const double *axes = &from->axis[0][0];
     int zero = 1;
     *to = *from;
@@ -4508,7 +4524,7 @@ static sps_result spsi_check_bounded(const spsi_subject *at, const spsi_bounded 
 }
 
 /* Fails if a vector of an object is not usable as coordinates. */
-static sps_result spsi_check_vector(const spsi_subject *at, const char *field, const double v[3]) {
+SPSI_COLD sps_result spsi_check_vector(const spsi_subject *at, const char *field, const double v[3]) {
     const double *bad = spsi_bad_coordinate(v, 3);
     return bad ? spsi_wrong(at, field, *bad, "it must be within 1e15") : SPS_OK;
 }
@@ -4528,7 +4544,7 @@ static sps_result spsi_check_color(const spsi_subject *at, const char *field, co
 }
 
 /* Checks that a resolved placement is finite, and not flat. */
-static sps_result spsi_check_placement(const spsi_subject *at, const sps_placement *placement) {
+SPSI_COLD sps_result spsi_check_placement(const spsi_subject *at, const sps_placement *placement) {
     const double determinant = spsi_determinant(placement->axis[0], placement->axis[1], placement->axis[2]);
     double room = 1e-14;
     if (spsi_check_list(at, "placement.origin", placement->origin, 3) ||
@@ -4542,17 +4558,17 @@ static sps_result spsi_check_placement(const spsi_subject *at, const sps_placeme
     return SPS_OK;
 }
 
-static int spsi_volume_present(const sps_volume *volume) {
+SPSI_COLD int spsi_volume_present(const sps_volume *volume) {
     return volume->size[0] > 0 && volume->size[1] > 0 && volume->size[2] > 0;
 }
 
 /* Fails if a struct was not zeroed. */
-static sps_result spsi_check_canaries(const spsi_subject *at, uint32_t start, uint32_t end) {
+SPSI_COLD sps_result spsi_check_canaries(const spsi_subject *at, uint32_t start, uint32_t end) {
     if (!start && !end) return SPS_OK;
     return spsi_wrong(at, start ? "start_canary" : "end_canary", (double)(start ? start : end), SPSI_NOT_ZEROED);
 }
 
-static sps_result spsi_check_lobes(const spsi_subject *at, const sps_lobe *lobes, int count) {
+SPSI_COLD sps_result spsi_check_lobes(const spsi_subject *at, const sps_lobe *lobes, int count) {
     if (count < 0 || count > SPSI_LOBES_MAX || (count > 0 && !lobes))
         return spsi_wrong(at, "lobe_count", count, "it must be 0..8, with lobes set");
     for (int k = 0; k < count; ++k) {
@@ -4566,13 +4582,13 @@ static sps_result spsi_check_lobes(const spsi_subject *at, const sps_lobe *lobes
     return SPS_OK;
 }
 
-static sps_result spsi_check_gas_colors(const spsi_subject *at, const float albedo[3], const float emission[3]) {
+SPSI_COLD sps_result spsi_check_gas_colors(const spsi_subject *at, const float albedo[3], const float emission[3]) {
     if (spsi_check_color(at, "albedo", albedo, 1)) return at->context->result;
     return spsi_check_color(at, "emission", emission, SPSI_VALUE_MAX);
 }
 
 /* Checks the array behind a volume that is read by sps_grid_read, whose own errors have no names. */
-static sps_result spsi_check_array(const spsi_subject *at, const sps_volume *volume) {
+SPSI_COLD sps_result spsi_check_array(const spsi_subject *at, const sps_volume *volume) {
     const spsi_subject part = {at->context, at->object, at->index, "grid."};
     const sps_grid *grid = (const sps_grid *)volume->user;
     const char *field = NULL, *rule = "it must be finite";
@@ -4591,7 +4607,7 @@ static sps_result spsi_check_array(const spsi_subject *at, const sps_volume *vol
     return field ? spsi_wrong(&part, field, value, rule) : SPS_OK;
 }
 
-static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
+SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
     const spsi_subject at = {context, SPS_OBJECT_VOLUME, i, ""};
     const spsi_bounded looks[] = {
         {"extinction", volume->transfer ? 0 : (double)volume->extinction, 0, (double)SPSI_VALUE_MAX,
@@ -4619,7 +4635,7 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
 }
 
 /* Checks the arrays behind a mesh that is read by sps_indexed_mesh_read, whose own errors have no names. */
-static sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *mesh) {
+SPSI_COLD sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *mesh) {
     const spsi_subject part = {at->context, at->object, at->index, "arrays."};
     const sps_indexed_mesh *arrays = (const sps_indexed_mesh *)mesh->user;
     const char *field = NULL, *rest = SPSI_IS_NULL;
@@ -4639,7 +4655,7 @@ static sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *mes
     return field ? spsi_wrong_that(at, field, 0, rest) : SPS_OK;
 }
 
-static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, int i) {
+SPSI_COLD sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, int i) {
     const spsi_subject at = {context, SPS_OBJECT_MESH, i, ""};
     if (spsi_check_canaries(&at, mesh->start_canary, mesh->end_canary)) return context->result;
     if (mesh->triangle_count > SPSI_FACES_MAX)
@@ -4650,7 +4666,7 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
     return spsi_check_color(&at, "transmittance", mesh->transmittance, 1);
 }
 
-static sps_result spsi_check_set(sps_context *context, const sps_particles *set, int i) {
+SPSI_COLD sps_result spsi_check_set(sps_context *context, const sps_particles *set, int i) {
     const spsi_subject at = {context, SPS_OBJECT_PARTICLES, i, ""};
     if (spsi_check_canaries(&at, set->start_canary, set->end_canary)) return context->result;
     if (set->count > SPSI_PARTICLES_MAX) return spsi_wrong(&at, "count", (double)set->count, "it must be 0..2^29");
@@ -4670,7 +4686,7 @@ static spsi_subject spsi_settings_of(sps_context *context, int light) {
 }
 
 /* Checks the number of components, including the range, unless it is left to the technique. */
-static sps_result spsi_check_components(const spsi_subject *at, const sps_tmap_settings *settings) {
+SPSI_COLD sps_result spsi_check_components(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     const int least = spsi_components_least(settings), n = settings->components;
     const char *with = technique->range < 0 && settings->texel_range ? " with texel_range" : "";
@@ -4687,7 +4703,7 @@ static sps_result spsi_check_components(const spsi_subject *at, const sps_tmap_s
 }
 
 /* Checks the planes of an opacity map. */
-static sps_result spsi_check_planes(const spsi_subject *at, const sps_tmap_settings *settings) {
+SPSI_COLD sps_result spsi_check_planes(const spsi_subject *at, const sps_tmap_settings *settings) {
     const float *planes = settings->planes;
     const int count = spsi_settings_planes(settings);
     if (planes && settings->components == 0)
@@ -4703,7 +4719,7 @@ static sps_result spsi_check_planes(const spsi_subject *at, const sps_tmap_setti
 }
 
 /* Checks all settings of a map except for its depth range. */
-static sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_settings *settings) {
+SPSI_COLD sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_bounded numbers[] = {
         {"technique", (double)(int)settings->technique, 0, SPS_TMAP_DEPTH, "it must be an sps_tmap_technique"},
         {"epsilon", (double)settings->epsilon, 0, 0.5, "it must be 0..0.5"},
@@ -4723,7 +4739,7 @@ static sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_set
 
 /* Checks the map by which a light shades gas: neither sheets nor a table can be meant beside a map of another kind. Its
    depth range is that of the gas, and surfaces have a depth map of their own. */
-static sps_result spsi_check_shadow_map(const spsi_subject *at, const sps_light *light) {
+SPSI_COLD sps_result spsi_check_shadow_map(const spsi_subject *at, const sps_light *light) {
     const sps_tmap_settings *settings = light->shadow_map;
     const spsi_subject part = spsi_settings_of(at->context, at->index);
     const spsi_bounded own[] = {
@@ -4742,13 +4758,13 @@ static sps_result spsi_check_shadow_map(const spsi_subject *at, const sps_light 
 }
 
 /* Whether a light has an extent. */
-static int spsi_light_extended(const sps_light *light) {
+SPSI_COLD int spsi_light_extended(const sps_light *light) {
     if (light->kind == SPS_LIGHT_DIRECTIONAL) return light->angular_diameter > 0;
     if (light->kind == SPS_LIGHT_POINT) return 0;
     return spsi_length(light->axes[0]) > 0 || spsi_length(light->axes[1]) > 0;
 }
 
-static sps_result spsi_check_projector(const spsi_subject *at, const sps_light *light) {
+SPSI_COLD sps_result spsi_check_projector(const spsi_subject *at, const sps_light *light) {
     const spsi_subject part = {at->context, at->object, at->index, "projector."};
     const sps_projector *projector = light->projector;
     double direction[3], along[2] = {0, 0}, reach;
@@ -4777,7 +4793,7 @@ static sps_result spsi_check_projector(const spsi_subject *at, const sps_light *
     return spsi_check_vector(at, "projector.up", projector->up);
 }
 
-static sps_result spsi_check_extent(const spsi_subject *at, const sps_light *light) {
+SPSI_COLD sps_result spsi_check_extent(const spsi_subject *at, const sps_light *light) {
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
         if (spsi_check_vector(at, axis ? "axes[1]" : "axes[0]", light->axes[axis])) return at->context->result;
     if (light->shadow_map && spsi_light_extended(light))
@@ -4786,7 +4802,7 @@ static sps_result spsi_check_extent(const spsi_subject *at, const sps_light *lig
     return SPS_OK;
 }
 
-static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
+SPSI_COLD sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
     const spsi_subject at = {context, SPS_OBJECT_LIGHT, i, ""};
     static const char none[] = "it must be 0: a directional light has no cone";
     const int directional = light->kind == SPS_LIGHT_DIRECTIONAL;
@@ -4822,7 +4838,7 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
     return light->shadow_map ? spsi_check_shadow_map(&at, light) : SPS_OK;
 }
 
-static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene) {
+SPSI_COLD sps_result spsi_check_scene(sps_context *context, const sps_scene *scene) {
     const spsi_subject at = {context, SPS_OBJECT_SCENE, -1, ""};
     const spsi_bounded counts[] = {{"volume_count", (double)scene->volume_count, 0, scene->volumes ? HUGE_VAL : 0,
                                     "it must be 0, or positive with volumes set"},
@@ -4849,7 +4865,7 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
 }
 
 /* Checks that a camera has exactly one kind of projection. */
-static sps_result spsi_check_projection(const spsi_subject *at, const sps_camera *camera) {
+SPSI_COLD sps_result spsi_check_projection(const spsi_subject *at, const sps_camera *camera) {
     static const char *const names[3] = {"field_of_view", "ortho_height", "world_to_clip"};
     const int set[3] = {!(fabs(camera->field_of_view) <= 0), !(fabs(camera->ortho_height) <= 0),
                         camera->world_to_clip != NULL};
@@ -4863,7 +4879,7 @@ static sps_result spsi_check_projection(const spsi_subject *at, const sps_camera
 }
 
 /* Checks the camera of a view, or of a map's light. */
-static sps_result spsi_check_camera(const spsi_subject *at, const sps_camera *camera) {
+SPSI_COLD sps_result spsi_check_camera(const spsi_subject *at, const sps_camera *camera) {
     const spsi_bounded heights[] = {
         {"field_of_view", camera->field_of_view, 0, 3.1, "it must be above 0, up to 3.1 radians"},
         {"ortho_height", camera->ortho_height, 0, DBL_MAX, "it must be above 0"}};
@@ -4877,7 +4893,7 @@ static sps_result spsi_check_camera(const spsi_subject *at, const sps_camera *ca
 }
 
 /* Checks the fields common to a view and a map's light, apart from their cameras. */
-static sps_result spsi_check_sampling(const spsi_subject *at, const int size[2], sps_quality quality, double slab) {
+SPSI_COLD sps_result spsi_check_sampling(const spsi_subject *at, const int size[2], sps_quality quality, double slab) {
     const spsi_bounded numbers[] = {
         {"width", (double)size[0], 1, SPSI_SIZE_MAX, "it must be 1..16384"},
         {"height", (double)size[1], 1, SPSI_SIZE_MAX, "it must be 1..16384"},
@@ -4891,12 +4907,12 @@ static sps_result spsi_check_sampling(const spsi_subject *at, const int size[2],
 #define SPSI_CELL_SIDE_MOST 256 /* cells along the longest side of a grid */
 #define SPSI_CELL_GRIDS     4   /* grids of cells, at most, >>lighting */
 
-static int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]; }
+SPSI_COLD int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]; }
 
 /* Whether time or error decide a view's settings. */
-static int spsi_has_budget(const sps_view *view) { return view->budget_seconds > 0 || view->budget_error > 0; }
+SPSI_COLD int spsi_has_budget(const sps_view *view) { return view->budget_seconds > 0 || view->budget_error > 0; }
 
-static sps_result spsi_check_budget(const spsi_subject *at, const sps_view *view) {
+SPSI_COLD sps_result spsi_check_budget(const spsi_subject *at, const sps_view *view) {
     static const char rule[] = "the budget chooses it: leave it 0";
     const double spare = spsi_has_budget(view) ? 0 : HUGE_VAL;
     const spsi_bounded numbers[] = {
@@ -4911,7 +4927,7 @@ static sps_result spsi_check_budget(const spsi_subject *at, const sps_view *view
     return spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers);
 }
 
-static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
+SPSI_COLD sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     const spsi_subject at = {context, SPS_OBJECT_VIEW, -1, ""};
     const int *r = view->region, size[2] = {view->width, view->height};
     const spsi_bounded numbers[] = {
@@ -4938,7 +4954,7 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     return spsi_check_budget(&at, view);
 }
 
-static void spsi_resolve_quality(spsi_frame *frame) {
+SPSI_COLD void spsi_resolve_quality(spsi_frame *frame) {
     static const double slab[2][5] = {{1, 2, 1, 0.5, 0.25}, {0.7, 1.4, 0.7, 0.4, 0.2}};
     static const double texels[2][5] = {{1, 0.75, 1, 2, 4}, {1.25, 1, 1.25, 2, 4}};
     static const double texel_pixels[2][5] = {{0.6, 0.9, 0.6, 0.3, 0.3}, {0.5, 0.5, 0.5, 0, 0}};
@@ -4963,7 +4979,8 @@ static void spsi_resolve_quality(spsi_frame *frame) {
 }
 
 /* The rays of a checked camera; their width and height are already set. */
-static sps_result spsi_rays_build(sps_context *context, sps_object object, const sps_camera *camera, spsi_rays *rays) {
+SPSI_COLD sps_result spsi_rays_build(sps_context *context, sps_object object, const sps_camera *camera,
+                                     spsi_rays *rays) {
     const spsi_subject at = {context, object, -1, "camera."};
     double forward[3];
     if (camera->world_to_clip) {
@@ -4983,7 +5000,7 @@ static sps_result spsi_rays_build(sps_context *context, sps_object object, const
                       "pixels of that size cannot be told apart, or do not fit into the world");
 }
 
-static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
+SPSI_COLD sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
     sps_view *view = &frame->view;
     spsi_rays *eye = &frame->eye;
     if (!spsi_has_region(view->region)) {
@@ -5001,8 +5018,8 @@ static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
     return SPS_OK;
 }
 
-static void spsi_material_gas(float extinction, const float albedo[3], const float emission[3],
-                              spsi_material *material) {
+SPSI_COLD void spsi_material_gas(float extinction, const float albedo[3], const float emission[3],
+                                 spsi_material *material) {
     material->extinction = extinction;
     memcpy(material->albedo, albedo, sizeof material->albedo);
     memcpy(material->emission, emission, sizeof material->emission);
@@ -5011,7 +5028,7 @@ static void spsi_material_gas(float extinction, const float albedo[3], const flo
     material->emits = !spsi_black(emission);
 }
 
-static void spsi_material_lobes(const sps_lobe *lobes, int count, spsi_material *material) {
+SPSI_COLD void spsi_material_lobes(const sps_lobe *lobes, int count, spsi_material *material) {
     double sum = 0;
     material->lobe_count = count > 0 ? count : 1;
     material->lobes[0].weight = 1;
@@ -5023,13 +5040,13 @@ static void spsi_material_lobes(const sps_lobe *lobes, int count, spsi_material 
 }
 
 /* Sets what a gas receives besides the scene's ambient light, where that stands for light that scatters again. */
-static void spsi_material_ambient(const spsi_frame *frame, const float ambient[3], spsi_material *material) {
+SPSI_COLD void spsi_material_ambient(const spsi_frame *frame, const float ambient[3], spsi_material *material) {
     if (material->scatters && frame->view.scattering == SPS_SCATTERING_AMBIENT)
         memcpy(material->ambient, ambient, sizeof material->ambient);
 }
 
 /* The channel of a material: that of an equal gas, or a new one. What glows has its own. */
-static int spsi_take_material(spsi_frame *frame, const spsi_material *material) {
+SPSI_COLD int spsi_take_material(spsi_frame *frame, const spsi_material *material) {
     spsi_matter *matter = &frame->matter;
     int channel = material->emits || material->table ? matter->material_count : 0;
     while (channel < matter->material_count && memcmp(material, &matter->materials[channel], sizeof *material))
@@ -5042,7 +5059,8 @@ static int spsi_take_material(spsi_frame *frame, const spsi_material *material) 
     return channel;
 }
 
-static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, spsi_medium *medium, spsi_table *table) {
+SPSI_COLD sps_result spsi_add_material(sps_context *context, spsi_frame *frame, spsi_medium *medium,
+                                       spsi_table *table) {
     const sps_volume *volume = &medium->given;
     spsi_material material;
     memset(&material, 0, sizeof material);
@@ -5067,7 +5085,7 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
     return SPS_OK;
 }
 
-static sps_result spsi_medium_place(sps_context *context, const sps_volume *volume, const spsi_medium *medium) {
+SPSI_COLD sps_result spsi_medium_place(sps_context *context, const sps_volume *volume, const spsi_medium *medium) {
     spsi_lattice *lattice = medium->lattice;
     const spsi_subject at = {context, SPS_OBJECT_VOLUME, medium->index, ""};
     sps_placement placement;
@@ -5082,7 +5100,7 @@ static sps_result spsi_medium_place(sps_context *context, const sps_volume *volu
                       "it is too small for the numbers in use");
 }
 
-static void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice *lattice, spsi_medium *medium) {
+SPSI_COLD void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice *lattice, spsi_medium *medium) {
     medium->given = *volume;
     medium->index = index;
     medium->lattice = lattice;
@@ -5100,7 +5118,7 @@ static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bo
     }
 }
 
-static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
+SPSI_COLD sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     int classified = 0;
     for (int i = 0; i < scene->volume_count; ++i) {
         const sps_volume *volume = &scene->volumes[i];
@@ -5129,7 +5147,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, 
 }
 
 /* Sets of particles are gases whose value is extinction. */
-static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
+SPSI_COLD sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     for (int i = 0; i < scene->particle_set_count; ++i) {
         const sps_particles *particles = &scene->particles[i];
         spsi_particle_set *set = &frame->particles.sets[frame->particles.set_count];
@@ -5159,7 +5177,7 @@ static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame
 }
 
 /* Lists the meshes that have triangles. */
-static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
+SPSI_COLD sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     spsi_meshes *meshes = &frame->meshes;
     size_t count = 0;
     for (int i = 0; i < scene->mesh_count; ++i) count += scene->meshes[i].triangle_count > 0;
@@ -5187,12 +5205,12 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, c
 }
 
 /* The longer half axis of an ellipse with two conjugate half axes: the larger singular value of the matrix (u v). */
-static double spsi_ellipse_radius(const double u[3], const double v[3]) {
+SPSI_COLD double spsi_ellipse_radius(const double u[3], const double v[3]) {
     const double a = spsi_dot(u, u), b = spsi_dot(v, v), c = spsi_dot(u, v);
     return sqrt(0.5 * (a + b + sqrt((a - b) * (a - b) + 4 * c * c)));
 }
 
-static void spsi_extent_build(const sps_light *light, const double direction[3], spsi_light_extent *extent) {
+SPSI_COLD void spsi_extent_build(const sps_light *light, const double direction[3], spsi_light_extent *extent) {
     extent->exists = 1;
     extent->is_disc = light->kind != SPS_LIGHT_RECTANGLE;
     if (light->kind == SPS_LIGHT_DIRECTIONAL) {
@@ -5205,7 +5223,7 @@ static void spsi_extent_build(const sps_light *light, const double direction[3],
                                      : spsi_length(light->axes[0]) + spsi_length(light->axes[1]);
 }
 
-static void spsi_projection_build(const sps_light *light, const double direction[3], spsi_projection *projection) {
+SPSI_COLD void spsi_projection_build(const sps_light *light, const double direction[3], spsi_projection *projection) {
     const sps_projector *projector = light->projector;
     const double across = projector->width / (projector->right - projector->left);
     const double down = projector->height / (projector->top - projector->bottom);
@@ -5266,7 +5284,7 @@ static void spsi_lamp_place(const spsi_lamp *lamp, double x, double y, spsi_lamp
 /* Places `count` points evenly over an extended light: a disc's on a spiral of equal areas and golden angles [Vogel
    1979], a rectangle's on a lattice of one point per column whose rows advance by the golden ratio. They are moved so
    that their mean is the centre, which a few points would miss. */
-static void spsi_extent_points(const spsi_lamp *lamp, int count, spsi_lamp *points) {
+SPSI_COLD void spsi_extent_points(const spsi_lamp *lamp, int count, spsi_lamp *points) {
     double places[SPSI_POINTS_MAX][2], mean[2] = {0, 0};
     for (int i = 0; i < count; ++i) {
         const double share = (i + 0.5) / count, turn = 2.39996322972865332 * i, row = 0.61803398874989485 * (i + 0.5);
@@ -5277,7 +5295,7 @@ static void spsi_extent_points(const spsi_lamp *lamp, int count, spsi_lamp *poin
     for (int i = 0; i < count; ++i) spsi_lamp_place(lamp, places[i][0] - mean[0], places[i][1] - mean[1], &points[i]);
 }
 
-static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int index, spsi_lamp *lamp) {
+SPSI_COLD void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int index, spsi_lamp *lamp) {
     const double inner = light->inner_cone, outer = light->outer_cone;
     sps_tmap_settings table;
     memset(lamp, 0, sizeof *lamp);
@@ -5312,7 +5330,7 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
 
 /* Places the points of all extended lights. A mean over few points is as good for what varies slowly over a light: its
    squared distance. A cone and an image need all points. */
-static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
+SPSI_COLD sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
     size_t count = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         spsi_lamp *lamp = &frame->lamps.list[i];
@@ -5341,7 +5359,7 @@ static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
 }
 
 /* Copies the planes of lights' maps. */
-static sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame) {
+SPSI_COLD sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame) {
     size_t count = 0;
     for (int i = 0; i < frame->lamps.count; ++i) count += (size_t)spsi_settings_planes(&frame->lamps.list[i].map);
     if (count == 0) return SPS_OK;
@@ -5370,7 +5388,7 @@ static void spsi_lamps_list(spsi_lamps *lamps, spsi_lamp *list, int count) {
 }
 
 /* Lists the lights that are not black; none if nothing in the scene could reflect or scatter them. */
-static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
+SPSI_COLD sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
     size_t lit = 0;
     spsi_lamps *lamps = &frame->lamps;
@@ -5397,7 +5415,7 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
 }
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
-static int spsi_count_channels(const spsi_frame *frame) {
+SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
     int grey = spsi_grey(frame->given.ambient) && spsi_grey(frame->given.background) && !frame->given.background_fn;
     for (int i = 0; i < frame->lamps.count; ++i)
         grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
@@ -5413,7 +5431,7 @@ static int spsi_count_channels(const spsi_frame *frame) {
 }
 
 /* Resolves the scene's own fields, after its objects. */
-static void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
+SPSI_COLD void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
     frame->has_ambient = !spsi_black(scene->ambient);
     for (int m = 0; m < frame->matter.material_count; ++m) {
         spsi_material *material = &frame->matter.materials[m];
@@ -5425,8 +5443,8 @@ static void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
 
 /* Checks everything and fills a frame, without reading voxels, triangles or particles. view may be NULL if there is
    none yet. Returns NULL on failure. */
-static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene, const sps_view *view,
-                                    int wants_depth) {
+SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene, const sps_view *view,
+                                       int wants_depth) {
     spsi_frame *frame = (spsi_frame *)spsi_reserve(context, SPSI_BUFFER_FRAME, 1, sizeof(spsi_frame));
     spsi_content *content = (spsi_content *)spsi_reserve(context, SPSI_BUFFER_CONTENT, 1, sizeof(spsi_content));
     if (!frame || !content) return NULL;
@@ -5502,8 +5520,8 @@ typedef struct spsi_voxels {
     float values[SPSI_BLOCK_ROWS * SPSI_BLOCK_EDGE];
 } spsi_voxels;
 
-static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const spsi_material *material,
-                             int64_t index) {
+SPSI_COLD void spsi_block_place(spsi_block *block, const spsi_medium *medium, const spsi_material *material,
+                                int64_t index) {
     const int margin = material->table ? SPSI_MARGIN : 0;
     memset(block, 0, sizeof *block);
     block->medium = medium;
@@ -5518,7 +5536,7 @@ static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const
     }
 }
 
-static int64_t spsi_block_count(const spsi_medium *medium) {
+SPSI_COLD int64_t spsi_block_count(const spsi_medium *medium) {
     int64_t count = 1;
     for (int i = 0; i < 3; ++i) count *= (medium->given.size[i] + SPSI_BLOCK - 1) / SPSI_BLOCK;
     return count;
@@ -5618,7 +5636,7 @@ static void spsi_block_validate(spsi_voxels *voxels, int replace) {
 }
 
 /* Fails if anything is wrong with a block. */
-static sps_result spsi_block_check(sps_context *context, const spsi_block *block) {
+SPSI_COLD sps_result spsi_block_check(sps_context *context, const spsi_block *block) {
     char rule[96];
     if (block->result == SPS_OK) return SPS_OK;
     SPS_SNPRINTF(rule, sizeof rule, "values must be 0..1e18 (voxel %d,%d,%d)", block->voxel[0], block->voxel[1],
@@ -5628,7 +5646,7 @@ static sps_result spsi_block_check(sps_context *context, const spsi_block *block
 }
 
 /* Adds what was done for a block to the statistics. */
-static void spsi_block_count_up(sps_stats_report *stats, const spsi_block *block) {
+SPSI_COLD void spsi_block_count_up(sps_stats_report *stats, const spsi_block *block) {
     uint64_t *calls = block->medium->given.eval_fn ? &stats->eval_calls : &stats->read_calls;
     *calls += (uint64_t)block->calls;
     stats->range_calls += (uint64_t)block->range_calls;
@@ -5653,14 +5671,14 @@ typedef struct spsi_reader {
 } spsi_reader;
 
 /* Several per worker: some take long, others are skipped, and workers wait for each other at the end. */
-static int spsi_blocks_at_once(const sps_context *context, const spsi_medium *medium) {
+SPSI_COLD int spsi_blocks_at_once(const sps_context *context, const spsi_medium *medium) {
     const int workers = spsi_worker_count(context), most = workers > 1 ? 4 * workers : 1;
     const int64_t count = spsi_block_count(medium);
     return count < most ? (int)count : most;
 }
 
 /* Reserves memory for a reader, whose medium is set. */
-static sps_result spsi_reader_open(sps_context *context, spsi_reader *reader) {
+SPSI_COLD sps_result spsi_reader_open(sps_context *context, spsi_reader *reader) {
     reader->context = context;
     reader->block_count = spsi_block_count(reader->medium);
     reader->at_once = spsi_blocks_at_once(context, reader->medium);
@@ -5678,7 +5696,7 @@ static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
 }
 
 /* Reads the blocks of the list, if workers may not: none after one that fails. */
-static sps_result spsi_reader_read(sps_context *context, spsi_reader *reader, int64_t first) {
+SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader, int64_t first) {
     for (int i = 0; i < reader->count; ++i) {
         const double done = (double)(first + i) / (double)reader->block_count;
         if (spsi_progress(context, spsi_part_done(&reader->part, done))) return context->result;
@@ -5691,8 +5709,8 @@ static sps_result spsi_reader_read(sps_context *context, spsi_reader *reader, in
 
 /* Reads blocks from number `first` on, and runs a task for each, which gets it from spsi_reader_values. What fails is
    the first block that does, and only blocks up to it count, so that neither depends on the number of workers. */
-static sps_result spsi_reader_next(sps_context *context, spsi_reader *reader, int64_t first, sps_task_fn task,
-                                   void *data) {
+SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader, int64_t first, sps_task_fn task,
+                                      void *data) {
     const int64_t left = reader->block_count - first;
     reader->count = left < reader->at_once ? (int)left : reader->at_once;
     for (int i = 0; i < reader->count; ++i)
@@ -5800,7 +5818,7 @@ static spsi_segment *spsi_segment_at(const sps_context *context, int index) {
 }
 
 /* The segment with room for a whole brick; `current`, its index, advances when it is full. Returns NULL on failure. */
-static spsi_segment *spsi_segment_with_room(sps_context *context, int *current) {
+SPSI_COLD spsi_segment *spsi_segment_with_room(sps_context *context, int *current) {
     const int whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     spsi_segment *segment = *current < 0 ? NULL : spsi_segment_at(context, *current);
     if (segment && segment->used + whole <= SPSI_SEGMENT) return segment;
@@ -5819,7 +5837,7 @@ static spsi_segment *spsi_segment_with_room(sps_context *context, int *current) 
 }
 
 /* Adds a block's bricks to the list, with places for their voxels, so that workers can fill them. */
-static sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *voxels, int lattice, int *current) {
+SPSI_COLD sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *voxels, int lattice, int *current) {
     voxels->first_brick = context->brick_count;
     for (int i = 0; i < SPSI_BLOCK_BRICKS; ++i) {
         const int count = voxels->brick_voxels[i], number = context->brick_count;
@@ -5892,7 +5910,7 @@ static void spsi_bricks_fill_task(void *data, int index) {
         spsi_brick_fill(voxels, spsi_segment_at(reader->context, bricks[i].segment), &bricks[i]);
 }
 
-static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *frame, int medium, int *current) {
+SPSI_COLD sps_result spsi_gather_medium(sps_context *context, const spsi_frame *frame, int medium, int *current) {
     const spsi_medium *read = &frame->media[medium];
     const spsi_material *material = &frame->matter.materials[read->channel];
     const double share = SPSI_PROGRESS_GATHER / frame->medium_count;
@@ -5951,7 +5969,7 @@ static void spsi_brick_prints_task(void *data, int index) {
 }
 
 /* Computes the fingerprints of all bricks, unless they are held with them. */
-static sps_result spsi_brick_prints(sps_context *context) {
+SPSI_COLD sps_result spsi_brick_prints(sps_context *context) {
     if (context->bricks_printed) return SPS_OK;
     if (!spsi_reserve(context, SPSI_BUFFER_BRICK_PRINTS, (size_t)context->brick_count, sizeof(uint64_t)))
         return context->result;
@@ -5961,7 +5979,7 @@ static sps_result spsi_brick_prints(sps_context *context) {
 }
 
 /* The world bounds of a brick's voxels and their kernels. */
-static void spsi_brick_bounds(const spsi_frame *frame, const spsi_brick *brick, spsi_bounds *bounds) {
+SPSI_COLD void spsi_brick_bounds(const spsi_frame *frame, const spsi_brick *brick, spsi_bounds *bounds) {
     *bounds = spsi_nowhere;
     for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3];
@@ -5973,7 +5991,7 @@ static void spsi_brick_bounds(const spsi_frame *frame, const spsi_brick *brick, 
 }
 
 /* The world bounds of the relevant voxels and their kernels; empty if there are none. */
-static void spsi_bricks_bounds(const sps_context *context, const spsi_frame *frame, spsi_bounds *bounds) {
+SPSI_COLD void spsi_bricks_bounds(const sps_context *context, const spsi_frame *frame, spsi_bounds *bounds) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     *bounds = spsi_nowhere;
     for (int i = 0; i < context->brick_count; ++i) {
@@ -5984,7 +6002,7 @@ static void spsi_bricks_bounds(const sps_context *context, const spsi_frame *fra
 }
 
 /* Tells the caller how many of what it gave were replaced. */
-static void spsi_tell_replaced(const sps_context *context, uint64_t before, const char *what) {
+SPSI_COLD void spsi_tell_replaced(const sps_context *context, uint64_t before, const char *what) {
     const double replaced = (double)(context->stats.values_replaced - before);
     char text[96];
     SPS_SNPRINTF(text, sizeof text, "%.0f %s", replaced, what);
@@ -5999,7 +6017,7 @@ static int spsi_volumes_held(const sps_context *context, const spsi_frame *frame
 }
 
 /* Reads the relevant voxels of all volumes, unless they are held. */
-static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
     const uint64_t replaced = context->stats.values_replaced;
     if (!spsi_volumes_held(context, frame)) {
         int current = -1;
@@ -6025,7 +6043,7 @@ static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
 
 /* Returns the name of an invalid field of a particle, with the rule that it breaks and its value; NULL if all are
    valid. */
-static const char *spsi_particle_wrong(const sps_particle *particle, const char **rule, double *value) {
+SPSI_COLD const char *spsi_particle_wrong(const sps_particle *particle, const char **rule, double *value) {
     for (int i = 0; i < 3; ++i) {
         *value = (double)particle->position[i];
         *rule = "it must be within 1e15";
@@ -6040,8 +6058,8 @@ static const char *spsi_particle_wrong(const sps_particle *particle, const char 
 }
 
 /* Fails on invalid particles, or replaces them by empty ones. */
-static sps_result spsi_particles_validate(sps_context *context, const spsi_particle_set *set, sps_particle *list,
-                                          size_t first, size_t count, int replace) {
+SPSI_COLD sps_result spsi_particles_validate(sps_context *context, const spsi_particle_set *set, sps_particle *list,
+                                             size_t first, size_t count, int replace) {
     for (size_t i = 0; i < count; ++i) {
         const char *rule;
         double value;
@@ -6060,8 +6078,8 @@ static sps_result spsi_particles_validate(sps_context *context, const spsi_parti
 }
 
 /* Reads a set of particles. Those that are empty are not kept. */
-static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
-                                  size_t *read, sps_particle *list) {
+SPSI_COLD sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
+                                     size_t *read, sps_particle *list) {
     for (size_t first = 0; first < set->given.count; first += SPSI_PARTICLE_BATCH) {
         const size_t left = set->given.count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
         sps_particle *batch = list + frame->content->particle_count; /* there is room: no more were kept than read */
@@ -6088,7 +6106,7 @@ static double spsi_particle_depth(const sps_particle *particle, const spsi_parti
     return (double)particle->optical_depth * (set->given.is_extinction ? shape * (double)particle->radius : 1);
 }
 
-static void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *bounds) {
+SPSI_COLD void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *bounds) {
     for (int k = 0; k < 3; ++k) {
         const double at = (double)particle->position[k];
         const double reach = spsi_fmax((double)particle->radius, 1e-12 * fabs(at)); /* so that low and high differ */
@@ -6122,7 +6140,7 @@ static double spsi_measure_extinction(const spsi_frame *frame) {
 
 /* Bounds, mean radius, spread and extinction of the particles. They are means, so that a stray particle among many
    hardly changes them. */
-static void spsi_measure_particles(const spsi_frame *frame) {
+SPSI_COLD void spsi_measure_particles(const spsi_frame *frame) {
     double logs = 0, sum[3] = {0, 0, 0}, squares = 0, origin[3];
     if (frame->content->particle_count == 0) return;
     for (int i = 0; i < 3; ++i) origin[i] = (double)frame->content->particles[0].position[i];
@@ -6145,7 +6163,7 @@ static void spsi_measure_particles(const spsi_frame *frame) {
 }
 
 /* Reads every set of particles once, and keeps 20 bytes per particle. */
-static sps_result spsi_gather_particles(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD sps_result spsi_gather_particles(sps_context *context, const spsi_frame *frame) {
     const uint64_t replaced = context->stats.values_replaced;
     size_t read = 0;
     sps_particle *list;
@@ -6210,7 +6228,7 @@ typedef struct spsi_bound_grid {
 #define SPSI_BOUND_BYTES  (2 * SPSI_BOUND_CELLS * sizeof(float))
 
 /* The cells that a box touches. */
-static void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *box, int low[3], int high[3]) {
+SPSI_COLD void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *box, int low[3], int high[3]) {
     for (int k = 0; k < 3; ++k) {
         const double a = (box->low[k] - grid->bounds.low[k]) / grid->edge[k];
         const double b = (box->high[k] - grid->bounds.low[k]) / grid->edge[k];
@@ -6220,7 +6238,7 @@ static void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *box
 }
 
 /* Raises the bound of one volume in all cells that a box touches. */
-static void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *box, float extinction) {
+SPSI_COLD void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *box, float extinction) {
     int low[3], high[3];
     spsi_bound_range(grid, box, low, high);
     for (int z = low[2]; z <= high[2]; ++z)
@@ -6232,7 +6250,7 @@ static void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *box
 }
 
 /* The largest extinction of any value up to the largest in a brick, whose kernels stay below it. */
-static float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick) {
+SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick) {
     float extinction = 0;
     if (!material->table) return brick->most * material->extinction;
     for (int i = 0; i <= SPSI_TABLE_SIZE && (float)(i - 1) <= brick->most * material->table_scale; ++i)
@@ -6242,8 +6260,8 @@ static float spsi_brick_extinction(const spsi_material *material, const spsi_bri
 
 /* Adds a particle to the cells that it touches, unless they are more than `touched`, each as dense as where it comes
    nearest to the centre, but not deeper than the whole particle. Returns whether it was added. */
-static int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
-                                   const spsi_particle_set *set, int touched) {
+SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
+                                      const spsi_particle_set *set, int touched) {
     const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
     const double depth = spsi_particle_depth(particle, set);
     const double most = depth / spsi_fmin(grid->edge[0], spsi_fmin(grid->edge[1], grid->edge[2]));
@@ -6271,7 +6289,7 @@ static int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_partic
 }
 
 /* Upper bound of the optical depth on a straight way through the grid. */
-static double spsi_bound_depth(const spsi_bound_grid *grid) {
+SPSI_COLD double spsi_bound_depth(const spsi_bound_grid *grid) {
     double most = 0;
     for (int axis = 0; axis < 3; ++axis) {
         float planes[SPSI_BOUND_SIDE] = {0};
@@ -6287,7 +6305,8 @@ static double spsi_bound_depth(const spsi_bound_grid *grid) {
 }
 
 /* Adds the bricks of all volumes. */
-static void spsi_bound_add_volumes(const sps_context *context, const spsi_frame *frame, const spsi_bound_grid *grid) {
+SPSI_COLD void spsi_bound_add_volumes(const sps_context *context, const spsi_frame *frame,
+                                      const spsi_bound_grid *grid) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     for (int i = 0; i < context->brick_count;) {
         const int medium = bricks[i].lattice;
@@ -6303,7 +6322,7 @@ static void spsi_bound_add_volumes(const sps_context *context, const spsi_frame 
 }
 
 /* Adds all particles: where there are many, large ones to a coarse grid. Returns a bound for both grids. */
-static double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound_grid *grid) {
+SPSI_COLD double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound_grid *grid) {
     const int most = frame->content->particle_count <= SPSI_BOUND_FEW ? SPSI_BOUND_CELLS : SPSI_BOUND_MOST;
     spsi_bound_grid coarse = *grid;
     coarse.side = SPSI_BOUND_SIDE / SPSI_BOUND_COARSE;
@@ -6320,7 +6339,7 @@ static double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound
 }
 
 /* Upper bound of the optical depth on any straight way through what was read; -1 on failure. */
-static double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
     float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_BOUND_GRID, 1, SPSI_BOUND_BYTES);
     if (!memory) return -1;
     memset(memory, 0, SPSI_BOUND_BYTES);
@@ -6333,7 +6352,7 @@ static double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
 }
 
 /* The largest albedo of all gas; 1 if ambient light is there to be shadowed. */
-static double spsi_largest_albedo(const spsi_frame *frame) {
+SPSI_COLD double spsi_largest_albedo(const spsi_frame *frame) {
     float most = frame->has_ambient ? 1 : 0;
     for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
@@ -6347,14 +6366,14 @@ static double spsi_largest_albedo(const spsi_frame *frame) {
 }
 
 /* Whether polygons and gas send each other light, for which there is no bound. */
-static int spsi_polygons_scatter(const spsi_frame *frame) {
+SPSI_COLD int spsi_polygons_scatter(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->matter.scatters || frame->matter.emits);
 }
 
 /* Decides what SPS_SCATTERING_AUTO is. What scatters a second time is at most x of what scatters once, and so on: x is
    the largest share that meets gas again, 1 - exp(-t), times the largest albedo. Sets the bound, x / (1 - x). There is
    none beside polygons, which may send gas as much as lights do. */
-static sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame, double *bound) {
+SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame, double *bound) {
     *bound = 0;
     if (frame->view.scattering != SPS_SCATTERING_AUTO) return SPS_OK;
     if (spsi_light_meets_gas(frame) && spsi_polygons_scatter(frame)) {
@@ -6831,8 +6850,8 @@ static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const 
     lists->textures[lists->texture_count++].number = (uint32_t)number;
 }
 
-static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame, const spsi_mesh *mesh,
-                                   spsi_face_lists *lists) {
+SPSI_COLD sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame, const spsi_mesh *mesh,
+                                      spsi_face_lists *lists) {
     sps_triangle *triangles =
         (sps_triangle *)spsi_reserve(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
     if (!triangles) return context->result;
@@ -6875,7 +6894,7 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
 }
 
 /* Whether the faces of all meshes are still held from an earlier call. */
-static int spsi_faces_held(const sps_context *context, const spsi_frame *frame) {
+SPSI_COLD int spsi_faces_held(const sps_context *context, const spsi_frame *frame) {
     const uint64_t fingerprint = spsi_meshes_fingerprint(frame);
     return fingerprint != 0 && fingerprint == context->faces_held;
 }
@@ -6892,7 +6911,7 @@ static sps_result spsi_face_textures_begin(sps_context *context, const spsi_fram
 }
 
 /* Reads every mesh, once. */
-static sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame) {
     spsi_face_lists lists;
     memset(&lists, 0, sizeof lists);
     lists.faces =
@@ -6911,7 +6930,7 @@ static sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame)
 }
 
 /* Provides the triangles of all meshes, reading them unless they are still held from an earlier call. */
-static sps_result spsi_gather_faces(sps_context *context, const spsi_frame *frame, spsi_faces *faces) {
+SPSI_COLD sps_result spsi_gather_faces(sps_context *context, const spsi_frame *frame, spsi_faces *faces) {
     memset(faces, 0, sizeof *faces);
     if (frame->meshes.triangle_count == 0) return SPS_OK;
     if (!spsi_faces_held(context, frame)) {
@@ -7178,8 +7197,8 @@ static void spsi_raster_band_task(void *data, int index) {
 }
 
 /* Prepares to rasterise faces. */
-static spsi_raster spsi_raster_begin(sps_context *context, const spsi_faces *faces, const spsi_rays *rays,
-                                     spsi_hit *hits, float *depths, int *numbers) {
+SPSI_COLD spsi_raster spsi_raster_begin(sps_context *context, const spsi_faces *faces, const spsi_rays *rays,
+                                        spsi_hit *hits, float *depths, int *numbers) {
     int *boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
     spsi_raster raster = {faces, rays, boxes, hits, depths, numbers, rays->width, 0};
     spsi_parallel_batches(context, faces->count, spsi_raster_box_task, &raster);
@@ -7187,8 +7206,8 @@ static spsi_raster spsi_raster_begin(sps_context *context, const spsi_faces *fac
 }
 
 /* Rasterises all opaque faces: for the eye into `hits`, for a light into `depths` and `numbers`. */
-static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const spsi_rays *rays, spsi_hit *hits,
-                           float *depths, int *numbers) {
+SPSI_COLD void spsi_rasterise(sps_context *context, const spsi_faces *faces, const spsi_rays *rays, spsi_hit *hits,
+                              float *depths, int *numbers) {
     spsi_raster raster = spsi_raster_begin(context, faces, rays, hits, depths, numbers);
     spsi_parallel_items(context, spsi_tile_rows(rays), spsi_raster_band_task, &raster);
 }
@@ -7816,7 +7835,7 @@ static void spsi_layers_resolve_task(void *data, int pixel) {
 }
 
 /* Whether pixels may show more than one polygon. */
-static int spsi_has_layers(const spsi_frame *frame) {
+SPSI_COLD int spsi_has_layers(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->meshes.translucent || frame->view.coverage_samples > 1);
 }
 
@@ -7830,7 +7849,7 @@ static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int 
 }
 
 /* Counts the fragments of all pixels. Their number may be SIZE_MAX, which cannot be reserved. */
-static size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job) {
+SPSI_COLD size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job) {
     spsi_fragments_pass(context, job, 0);
     const uint64_t sum = spsi_running_sums(job->first + 2, spsi_ray_count(job->rays));
     return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
@@ -7838,8 +7857,8 @@ static size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job) {
 
 /* Finds the layers of all pixels. Where edges are sampled, hits of pixels that show several polygons become ends of
    gas. */
-static sps_result spsi_layers_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                    spsi_hit *hits, spsi_layers *layers) {
+SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                       spsi_hit *hits, spsi_layers *layers) {
     const spsi_rays *eye = &frame->content->eye;
     spsi_layers_job job;
     memset(layers, 0, sizeof *layers);
@@ -7917,7 +7936,7 @@ static void spsi_place_of_layer(const spsi_frame *frame, const spsi_visible *vis
 }
 
 /* Number of places that a frame may have. */
-static size_t spsi_place_count(const spsi_frame *frame, const spsi_visible *visible) {
+SPSI_COLD size_t spsi_place_count(const spsi_frame *frame, const spsi_visible *visible) {
     return spsi_ray_count(&frame->content->eye) + visible->layers.count;
 }
 
@@ -8041,7 +8060,7 @@ static void spsi_surface_point_task(void *data, int i) {
 }
 
 /* The next place of the current pixel; returns 0 if there are no more. */
-static int spsi_surface_batch_place(spsi_surface_batch *batch, spsi_place *place) {
+SPSI_COLD int spsi_surface_batch_place(spsi_surface_batch *batch, spsi_place *place) {
     const spsi_layers *layers = &batch->visible->layers;
     const size_t pixel = (size_t)batch->y * (size_t)batch->frame->content->eye.width + (size_t)batch->x;
     const int count = layers->first ? (int)(layers->first[pixel + 1] - layers->first[pixel]) : 0;
@@ -8055,7 +8074,7 @@ static int spsi_surface_batch_place(spsi_surface_batch *batch, spsi_place *place
 }
 
 /* Collects the next places. Returns 0 if there are none. */
-static int spsi_surface_batch_fill(spsi_surface_batch *batch) {
+SPSI_COLD int spsi_surface_batch_fill(spsi_surface_batch *batch) {
     const int *region = batch->frame->view.region, right = region[0] + region[2], bottom = region[1] + region[3];
     spsi_place place;
     batch->shown_count = 0;
@@ -8072,7 +8091,7 @@ static int spsi_surface_batch_fill(spsi_surface_batch *batch) {
 }
 
 /* Picks the places of one mesh. Returns the next mesh that has any, or -1. */
-static int spsi_surface_batch_pick(spsi_surface_batch *batch, int mesh) {
+SPSI_COLD int spsi_surface_batch_pick(spsi_surface_batch *batch, int mesh) {
     int next = -1;
     batch->count = 0;
     for (int i = 0; i < batch->shown_count; ++i) {
@@ -8084,7 +8103,7 @@ static int spsi_surface_batch_pick(spsi_surface_batch *batch, int mesh) {
 }
 
 /* Calls a mesh's shade_fn for the points that were picked, and checks what it has set. */
-static sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_batch *batch, const spsi_mesh *mesh) {
+SPSI_COLD sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_batch *batch, const spsi_mesh *mesh) {
     spsi_parallel_batches(context, batch->count, spsi_surface_point_task, batch);
     context->stats.shade_calls += 1;
     context->stats.surface_points += (uint64_t)batch->count;
@@ -8101,7 +8120,7 @@ static sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_ba
 }
 
 /* Shades the places that were collected, mesh by mesh. */
-static sps_result spsi_surface_batch_run(sps_context *context, spsi_surface_batch *batch, sps_surface *set) {
+SPSI_COLD sps_result spsi_surface_batch_run(sps_context *context, spsi_surface_batch *batch, sps_surface *set) {
     int next;
     for (int mesh = spsi_surface_batch_pick(batch, -1); mesh >= 0; mesh = next) {
         next = spsi_surface_batch_pick(batch, mesh);
@@ -8113,8 +8132,8 @@ static sps_result spsi_surface_batch_run(sps_context *context, spsi_surface_batc
 }
 
 /* Calls shade_fn for the points that the region's pixels show, once each. Sets visible->set. */
-static sps_result spsi_textures(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                spsi_visible *visible) {
+SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                   spsi_visible *visible) {
     const size_t places = (size_t)frame->view.region[2] * (size_t)frame->view.region[3] + visible->layers.count;
     spsi_surface_batch *batch;
     visible->set = NULL;
@@ -8641,7 +8660,7 @@ static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, doubl
 }
 
 /* Maximum number of texels on the longer side of a light's sheets where shadow_size does not set it. */
-static int spsi_light_texels_most(const spsi_frame *frame) {
+SPSI_COLD int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
 
@@ -8675,23 +8694,23 @@ static int spsi_scatters_again(const spsi_frame *frame) {
 }
 
 /* Optical depth at which lights are no longer followed. */
-static float spsi_light_end(const spsi_frame *frame) {
+SPSI_COLD float spsi_light_end(const spsi_frame *frame) {
     return spsi_scatters_forward(frame) ? SPSI_FORWARD_END : SPSI_LIGHT_END;
 }
 
-static int spsi_has_shadow_table(const spsi_lamp *lamp) {
+SPSI_COLD int spsi_has_shadow_table(const spsi_lamp *lamp) {
     return lamp->has_map && lamp->map.technique == SPS_TMAP_TABLE;
 }
 
 #define SPSI_SHADOW_TABLE_TEXELS_MOST 256 /* on a side of a shadow table whose size is not set */
 
 /* The same of a light's map. */
-static int spsi_map_texels_most(const spsi_frame *frame, const spsi_lamp *lamp) {
+SPSI_COLD int spsi_map_texels_most(const spsi_frame *frame, const spsi_lamp *lamp) {
     const double share = cbrt((double)spsi_most(1, lamp->tables)); /* together they take the memory of one */
     return spsi_has_shadow_table(lamp) ? (int)(SPSI_SHADOW_TABLE_TEXELS_MOST / share) : spsi_light_texels_most(frame);
 }
 
-static int spsi_has_shadow_tables(const spsi_frame *frame) {
+SPSI_COLD int spsi_has_shadow_tables(const spsi_frame *frame) {
     for (int i = 0; i < frame->lamps.count; ++i)
         if (spsi_has_shadow_table(&frame->lamps.list[i])) return 1;
     return 0;
@@ -8700,7 +8719,7 @@ static int spsi_has_shadow_tables(const spsi_frame *frame) {
 /* Desired size of a light's texels: that of a voxel, or half of the voxel edge that stands for a particle, whose rim is
    sharper, divided by the quality's texels per voxel. Particles alone do not call for more texels than a depth map
    has. For a light in the very centre, where no direction is that of the gas, voxels are measured across z. */
-static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
+SPSI_COLD double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
     double centre[3], forward[3], right[3], down[3], across[3], size = HUGE_VAL, own;
     spsi_bounds_centre(&frame->content->bounds, centre);
     spsi_lamp_direction(lamp, centre, forward);
@@ -8727,7 +8746,7 @@ static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
 
 /* How far eight points, in ray coordinates (x t, y t, t) that change at constant rates, can go until all of them have
    left the image by the same side; infinity if they don't. */
-static double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
+SPSI_COLD double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
     double end = HUGE_VAL;
     for (int side = 0; side < 4; ++side) {
         const int k = side / 2, size = k ? eye->height : eye->width;
@@ -8745,7 +8764,7 @@ static double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rat
 /* The least breadth of a pixel where the eye sees gas; with a light, also where it may see the shadow of gas on
    polygons, wherever they are; without what levels reach beyond it, which may set in at once. 0 if these reach beside
    or behind the eye. */
-static double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *shading) {
+SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *shading) {
     const spsi_rays *eye = &frame->content->eye;
     const int falls = shading && frame->meshes.triangle_count > 0 && eye->perspective;
     double q[8][3], rates[8][3] = {{0}}, nearest = HUGE_VAL, end = 0;
@@ -8768,20 +8787,20 @@ static double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *shadin
 
 /* The least size of a texel of a depth map by which polygons shade gas: half of what the gas's may be, since their
    edges have no filter; 0: they are as fine as quality says. */
-static double spsi_depth_map_texel(const spsi_frame *frame) {
+SPSI_COLD double spsi_depth_map_texel(const spsi_frame *frame) {
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
     return 0.5 * frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, NULL);
 }
 
 /* Bounds of the gas that a light's map serves. */
-static const spsi_bounds *spsi_lamp_bounds(const spsi_frame *frame, const spsi_lamp *lamp) {
+SPSI_COLD const spsi_bounds *spsi_lamp_bounds(const spsi_frame *frame, const spsi_lamp *lamp) {
     return lamp->map_bounds ? lamp->map_bounds : &frame->content->bounds;
 }
 
 /* Aims a light's transmittance map at the gas: one grid of rays if the light sees all of it within a cone, otherwise
    six, whose texels have the desired size where the gas is farthest. Returns the number of grids; 0: the light is too
    far from the world's origin to tell its rays apart. */
-static int spsi_lamp_rays(const spsi_frame *frame, const spsi_lamp *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
+SPSI_COLD int spsi_lamp_rays(const spsi_frame *frame, const spsi_lamp *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
     const spsi_bounds *bounds = spsi_lamp_bounds(frame, lamp);
     const double texel = spsi_lamp_texel(frame, lamp);
     const int most = spsi_map_texels_most(frame, lamp);
@@ -8849,7 +8868,7 @@ static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], doubl
 
 /* Sets the sizes of an image's levels, and lays them out in memory, or counts only. From one to the next, the sides
    whose texels are the shorter ones are halved, or both if texels are about square. */
-static void spsi_image_lay_out(const spsi_projection *projection, float *memory, uint64_t *laid, spsi_image *image) {
+SPSI_COLD void spsi_image_lay_out(const spsi_projection *projection, float *memory, uint64_t *laid, spsi_image *image) {
     int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = spsi_fmin(edge[0], edge[1]);
     const double unit = shortest;
@@ -8885,8 +8904,8 @@ static uint64_t spsi_images_lay_out(const spsi_frame *frame, float *memory) {
 }
 
 /* Fails on an invalid color of a texel, or makes it black. */
-static sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
-                                      float *rgb) {
+SPSI_COLD sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+                                         float *rgb) {
     if (!frame->given.replace_invalid)
         return spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn's color",
                               rgb, SPSI_VALUE_MAX);
@@ -8897,8 +8916,8 @@ static sps_result spsi_texel_validate(sps_context *context, const spsi_frame *fr
 }
 
 /* Reads an image row by row. */
-static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
-                                  const spsi_image *image) {
+SPSI_COLD sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+                                     const spsi_image *image) {
     const spsi_projection *projection = &lamp->projection;
     const size_t width = (size_t)projection->given.width, pitch = (size_t)image->width[0];
     const size_t plane = pitch * (size_t)image->height[0];
@@ -8924,7 +8943,7 @@ static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame,
 }
 
 /* The texels of a row of `fine` that texel i of a row of `coarse` covers, and the share of each: three at most. */
-static int spsi_halving(int fine, int coarse, int i, float shares[3]) {
+SPSI_COLD int spsi_halving(int fine, int coarse, int i, float shares[3]) {
     const double per = (double)fine / coarse, low = i * per, high = low + per;
     const int first = (int)low;
     for (int k = 0; k < 3; ++k)
@@ -8953,7 +8972,7 @@ static void spsi_image_halve_texel(const spsi_image *image, int level, int x, in
 }
 
 /* Reads the images of all lights. */
-static sps_result spsi_gather_images(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD sps_result spsi_gather_images(sps_context *context, const spsi_frame *frame) {
     const uint64_t floats = spsi_images_lay_out(frame, NULL);
     if (frame->lamps.image_count == 0) return SPS_OK;
     float *memory = spsi_floats_reserve(context, SPSI_BUFFER_IMAGES, floats);
@@ -9067,7 +9086,7 @@ typedef struct spsi_depth_map {
 
 /* Texels on a side of a light's depth map: finer than the light's sheets where the quality says so, since it is
    cheap. */
-static int spsi_depth_map_size(const spsi_frame *frame) {
+SPSI_COLD int spsi_depth_map_size(const spsi_frame *frame) {
     return spsi_most(8, spsi_most(frame->view.shadow_size, frame->accuracy.depth_map_texels));
 }
 
@@ -9075,14 +9094,14 @@ static int spsi_depth_map_size(const spsi_frame *frame) {
 static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
 /* Its maximum for a map of `size` texels on a side, or six of half that size. */
-static size_t spsi_depth_map_floats_most(size_t size) {
+SPSI_COLD size_t spsi_depth_map_floats_most(size_t size) {
     const size_t cells = size / SPSI_CELL + 2, texels = size * size / 2 * 3 + SPSI_CUBE_FACES * 64;
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
 }
 
 /* Lays out a depth map in memory, or counts only, and returns its floats. `first`: where a map of panes lists what
    begins where; NULL: it is none. */
-static size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
+SPSI_COLD size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
     uint64_t laid = 0;
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
@@ -9098,8 +9117,8 @@ static size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, floa
 
 /* Aims a light's depth map: a single face fitted to the gas, however far the polygons reach, whose texels need not be
    finer than `texel`, or six where a point light does not see all gas within a cone. */
-static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, int size, double texel,
-                               spsi_depth_map *map) {
+SPSI_COLD void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, int size, double texel,
+                                  spsi_depth_map *map) {
     map->face_count = 1;
     if (spsi_rays_fit(lamp, &frame->content->bounds, texel, texel > 0 ? 0 : size, size, &map->rays[0])) return;
     map->face_count = SPSI_CUBE_FACES;
@@ -9226,7 +9245,7 @@ static void spsi_planes_fill(sps_context *context, spsi_planes_job *job) {
 }
 
 /* Whether an opaque polygon may reach into the map: most do, so that the first one mostly tells. */
-static int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *map) {
+SPSI_COLD int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *map) {
     for (int i = 0; i < faces->count; ++i)
         for (int face = 0; face < map->face_count && !spsi_face_is_translucent(&faces->list[i]); ++face) {
             int box[4];
@@ -9239,7 +9258,7 @@ static int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *map
 /* --- looking up a depth map --- */
 
 /* Prepares lookups along the eye's rays. */
-static void spsi_depth_map_follow(const spsi_rays *eye, spsi_depth_map *map) {
+SPSI_COLD void spsi_depth_map_follow(const spsi_rays *eye, spsi_depth_map *map) {
     for (int face = 0; face < map->face_count; ++face)
         for (int i = 0; i < 3; ++i)
             spsi_linear_build(eye, map->rays[face].inverse[i], map->rays[face].origin,
@@ -9377,8 +9396,8 @@ static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, 
 /* --- translucent polygons --- */
 
 /* The panes of one face of a map: counts them (listing 0) or lists them. */
-static void spsi_panes_raster(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                              spsi_pane_map *map, int face, int listing) {
+SPSI_COLD void spsi_panes_raster(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                 spsi_pane_map *map, int face, int listing) {
     spsi_layers_job job;
     memset(&job, 0, sizeof job);
     job.frame = frame;
@@ -9396,8 +9415,8 @@ static void spsi_panes_raster(sps_context *context, const spsi_frame *frame, con
 }
 
 /* Lists the panes of a map, whose fragments have been counted. */
-static void spsi_pane_map_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                               spsi_pane_map *map) {
+SPSI_COLD void spsi_pane_map_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                  spsi_pane_map *map) {
     spsi_planes_job job = {faces, &map->grid, 0, map, NULL};
     job.fragments = (const spsi_fragment *)context->buffers[SPSI_BUFFER_FRAGMENTS].data;
     for (; job.face < map->grid.face_count; ++job.face) {
@@ -9860,7 +9879,7 @@ static double spsi_slab_at(const spsi_slabs *slabs, const double point[3]) {
 static int spsi_chunk_count(const spsi_slabs *slabs) { return (slabs->count + SPSI_CHUNK - 1) / SPSI_CHUNK; }
 
 /* Slab coordinate along rays. */
-static void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *slabs, spsi_linear *linear) {
+SPSI_COLD void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *slabs, spsi_linear *linear) {
     static const double zero[3] = {0, 0, 0};
     double row[3];
     for (int i = 0; i < 3; ++i) row[i] = slabs->normal[i] / slabs->thickness;
@@ -9880,7 +9899,7 @@ typedef struct spsi_sweep {
 } spsi_sweep;
 
 /* Minimum cosine between s and the rays through a grid's corners. */
-static double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
+SPSI_COLD double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
     double least = 1;
     for (int corner = 0; corner < 4; ++corner) {
         double ray[3];
@@ -9891,14 +9910,14 @@ static double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
     return least;
 }
 
-static int spsi_bounds_hold(const spsi_bounds *bounds, const double point[3]) {
+SPSI_COLD int spsi_bounds_hold(const spsi_bounds *bounds, const double point[3]) {
     int inside = 1;
     for (int i = 0; i < 3; ++i) inside &= point[i] >= bounds->low[i] && point[i] <= bounds->high[i];
     return inside;
 }
 
 /* Minimum cosine between s and the rays from `from` to the corners of `bounds`; -1 if `from` is inside. */
-static double spsi_cosine_to_bounds(const double s[3], const double from[3], const spsi_bounds *bounds) {
+SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], const spsi_bounds *bounds) {
     const int inside = spsi_bounds_hold(bounds, from);
     double least = 1;
     for (int corner = 0; corner < 8 && !inside; ++corner) {
@@ -9917,12 +9936,12 @@ static double spsi_cosine_to_bounds(const double s[3], const double from[3], con
    lie within an octant, and cross slabs perpendicular to their middle at a cosine of 0.25 or more. */
 
 /* Number of parts of the image. Sweeps with a light's sheets serve all of it. */
-static int spsi_part_count(const spsi_frame *frame) {
+SPSI_COLD int spsi_part_count(const spsi_frame *frame) {
     return frame->lamps.sliced_count > 0 ? 1 : frame->content->parts[0] * frame->content->parts[1];
 }
 
 /* The n-th part: its first column and row, and those beyond its last. */
-static void spsi_part_place(const spsi_frame *frame, int n, int part[4]) {
+SPSI_COLD void spsi_part_place(const spsi_frame *frame, int n, int part[4]) {
     const spsi_content *content = frame->content;
     const int at[2] = {n % content->parts[0], n / content->parts[0]};
     const int size[2] = {content->eye.width, content->eye.height};
@@ -9933,13 +9952,13 @@ static void spsi_part_place(const spsi_frame *frame, int n, int part[4]) {
 }
 
 /* Whether a part has pixels in the region. */
-static int spsi_part_meets(const int part[4], const int region[4]) {
+SPSI_COLD int spsi_part_meets(const int part[4], const int region[4]) {
     return part[0] < region[0] + region[2] && part[2] > region[0] && part[1] < region[1] + region[3] &&
            part[3] > region[1];
 }
 
 /* Middle direction of a part's rays: the mean of those through its corners. */
-static void spsi_part_direction(const spsi_rays *eye, double direction[3]) {
+SPSI_COLD void spsi_part_direction(const spsi_rays *eye, double direction[3]) {
     memset(direction, 0, 3 * sizeof *direction);
     for (int corner = 0; corner < 4; ++corner) {
         double ray[3];
@@ -9951,7 +9970,7 @@ static void spsi_part_direction(const spsi_rays *eye, double direction[3]) {
 }
 
 /* Clears a sweep with the sheets of a light, or without (NULL), for the n-th part of the image. */
-static void spsi_sweep_clear(const spsi_frame *frame, const spsi_lamp *lamp, int part, spsi_sweep *sweep) {
+SPSI_COLD void spsi_sweep_clear(const spsi_frame *frame, const spsi_lamp *lamp, int part, spsi_sweep *sweep) {
     double *corner = frame->content->eye.perspective ? sweep->eye.c : sweep->eye.origin;
     memset(sweep, 0, sizeof *sweep);
     sweep->lamp = lamp;
@@ -9968,7 +9987,7 @@ static void spsi_sweep_clear(const spsi_frame *frame, const spsi_lamp *lamp, int
 /* --- their direction --- */
 
 /* The direction of a camera's middle ray. */
-static void spsi_eye_axis(const spsi_rays *eye, double axis[3]) {
+SPSI_COLD void spsi_eye_axis(const spsi_rays *eye, double axis[3]) {
     spsi_ray_direction(eye, 0.5 * (eye->width - 1), 0.5 * (eye->height - 1), axis);
     spsi_normalise(axis);
 }
@@ -9982,7 +10001,7 @@ static int spsi_eye_is_wide(const spsi_frame *frame) {
 
 /* Middle direction of the eye's rays: towards the middle of the gas if all of it lies in front of the eye, otherwise
    along the camera's axis. */
-static void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
+SPSI_COLD void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
     const spsi_rays *eye = &frame->content->eye;
     double axis[3], centre[3], to_centre[3];
     spsi_eye_axis(eye, axis);
@@ -9995,13 +10014,13 @@ static void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
 }
 
 /* The word for the frame's gas in messages. */
-static const char *spsi_gases(const spsi_frame *frame) {
+SPSI_COLD const char *spsi_gases(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
 /* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy; or that the light does not
    see the gas within a cone, or cannot tell its texels apart. */
-static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
+SPSI_COLD sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
     const double cosine = sweep->cosine_of_light < SPSI_COSINE_MIN ? sweep->cosine_of_light : 0;
     char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
     if (sweep->cosine_of_light < SPSI_COSINE_MIN)
@@ -10018,7 +10037,7 @@ static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame
 }
 
 /* The same for the camera's rays. */
-static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
+SPSI_COLD sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
     const sps_camera *seen = &frame->view.camera;
     const double value = seen->field_of_view > 0 ? seen->field_of_view : seen->ortho_height;
     char rest[SPSI_SENTENCE_SIZE], camera[64] = "is too wide";
@@ -10038,7 +10057,7 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
 }
 
 /* Minimum cosine between s and a light's rays through the gas. */
-static double spsi_cosine_of_light(const spsi_frame *frame, const spsi_lamp *lamp, const double s[3]) {
+SPSI_COLD double spsi_cosine_of_light(const spsi_frame *frame, const spsi_lamp *lamp, const double s[3]) {
     double least = HUGE_VAL;
     for (int i = 0; i < lamp->point_count; ++i) {
         const spsi_lamp *point = &lamp->points[i];
@@ -10050,7 +10069,7 @@ static double spsi_cosine_of_light(const spsi_frame *frame, const spsi_lamp *lam
 
 /* Turns the slabs of a sweep to suit its light, if it has one, and a middle direction of the eye's rays. Returns
    whether they serve all rays. */
-static int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi_sweep *sweep) {
+SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi_sweep *sweep) {
     double toward[3], centre[3];
     memcpy(sweep->slabs.normal, eye, sizeof sweep->slabs.normal);
     sweep->back_to_front = 0;
@@ -10073,7 +10092,7 @@ static int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi_sw
 
 /* Chooses s: towards the gas, or, where that does not serve, about the camera's axis; for a part of the image, about
    its middle. Returns whether it serves. */
-static int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
+SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     double eye[3], axis[3];
     if (!sweep->lamp && spsi_part_count(frame) > 1) {
         spsi_part_direction(&sweep->eye, eye);
@@ -10089,7 +10108,7 @@ static int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
    of that where the ray grazes the slabs and is long in each of them. Powers of 1/2 keep all slabs in place as a light
    turns: errors that jump would be visible. The chord through a voxel's centre, 1 / sqrt(d' (V V')^-1 d), is the edge
    of a cube; in flat and slanted voxels it is much shorter than the kernel's extent. */
-static double spsi_slab_chord(const spsi_lattice *lattice, const double s[3], const double ray[3]) {
+SPSI_COLD double spsi_slab_chord(const spsi_lattice *lattice, const double s[3], const double ray[3]) {
     const double cosine = fabs(spsi_dot(s, ray));
     const double share = cosine >= SPSI_COSINE_EVEN ? 1 : cosine >= SPSI_COSINE_EVEN / 2 ? 0.5 : 0.25;
     double rows[3][3], sum = 0;
@@ -10100,8 +10119,8 @@ static double spsi_slab_chord(const spsi_lattice *lattice, const double s[3], co
 }
 
 /* Minimum of these lengths for rays from a point to the corners and the middle of `bounds`. */
-static double spsi_chord_to_bounds(const spsi_lattice *lattice, const double s[3], const double from[3],
-                                   const spsi_bounds *bounds) {
+SPSI_COLD double spsi_chord_to_bounds(const spsi_lattice *lattice, const double s[3], const double from[3],
+                                      const spsi_bounds *bounds) {
     double least = HUGE_VAL;
     for (int corner = 0; corner <= 8; ++corner) {
         double ray[3];
@@ -10117,8 +10136,8 @@ static double spsi_chord_to_bounds(const spsi_lattice *lattice, const double s[3
 
 /* The same for a grid's rays: those through its corners and its middle, or those that can meet gas, whichever set has
    the larger minimum. */
-static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice *lattice, const double s[3],
-                                 const spsi_rays *rays) {
+SPSI_COLD double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice *lattice, const double s[3],
+                                    const spsi_rays *rays) {
     double least = HUGE_VAL;
     for (int i = 0; i < 5; ++i) {
         const double x = i < 4 ? i & 1 : 0.5, y = i < 4 ? i >> 1 : 0.5;
@@ -10133,8 +10152,8 @@ static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice *la
 /* The voxel length by which slabs are sized. What is classified must not change much from slab to slab along any ray,
    so for it the length is what the eye's and the light's rays cross of a voxel, if that is less than the voxel's extent
    along s. A sixteenth of the extent is the minimum, since voxels as flat as paper would need slabs without end. */
-static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
-                              const spsi_lamp *lamp, const double s[3]) {
+SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
+                                 const spsi_lamp *lamp, const double s[3]) {
     const double extent = spsi_voxel_extent(lattice, s), flattest = 1.0 / 16;
     double chord, travel[3];
     if (!frame->matter.materials[frame->media[lattice->medium].channel].table) return extent;
@@ -10168,8 +10187,8 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
 /* Places slabs over the bounds of volumes and particles, along their normal, that serve the rays of a target and those
    of a light (NULL: none). `edge` is the voxel edge that stands for particles, or infinite. Slabs need not be thinner
    than `least`, or than what makes a chunk of them. Returns their number. */
-static double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_lamp *lamp, double edge,
-                               double least, spsi_slabs *slabs) {
+SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_lamp *lamp, double edge,
+                                  double least, spsi_slabs *slabs) {
     double low = HUGE_VAL, high = -HUGE_VAL, beyond = 0, particles;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
@@ -10192,8 +10211,8 @@ static double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, c
 }
 
 /* Cuts the same slabs, and refuses them if they are too many. */
-static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                 const spsi_lamp *lamp, double edge, double least, spsi_slabs *slabs) {
+SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
+                                    const spsi_lamp *lamp, double edge, double least, spsi_slabs *slabs) {
     const double count = spsi_slabs_place(frame, rays, lamp, edge, least, slabs);
     if (!(count <= SPSI_SLABS_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, frame->viewer, -1, "slab", frame->view.slab,
@@ -10204,7 +10223,7 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
 
 /* Width, in texels, of the widest penumbra that gas can cast on gas or polygons, or polygons on gas: that of an edge at
    one end of everything, at the other end. What is beside or behind a lamp counts as touching it. */
-static double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sweep) {
+SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sweep) {
     const spsi_lamp *lamp = sweep->lamp;
     const double texel = spsi_fmin(spsi_length(sweep->rays.a), spsi_length(sweep->rays.b));
     spsi_bounds all = frame->content->mesh_bounds;
@@ -10237,7 +10256,7 @@ static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
 }
 
 /* Aims a sweep's slabs and its light's rays at the content's bounds. Returns whether they serve. */
-static int spsi_sweep_aim(const spsi_frame *frame, spsi_sweep *sweep) {
+SPSI_COLD int spsi_sweep_aim(const spsi_frame *frame, spsi_sweep *sweep) {
     return spsi_sweep_direction(frame, sweep) && (!sweep->lamp || spsi_sweep_fit(frame, sweep));
 }
 
@@ -10245,20 +10264,20 @@ static int spsi_sweep_aim(const spsi_frame *frame, spsi_sweep *sweep) {
 static int spsi_sweep_count(const spsi_frame *frame) { return spsi_most(1, frame->lamps.sliced_count); }
 
 /* The n-th lamp that shades by sheets; NULL if there is none. */
-static const spsi_lamp *spsi_sliced_lamp(const spsi_frame *frame, int n) {
+SPSI_COLD const spsi_lamp *spsi_sliced_lamp(const spsi_frame *frame, int n) {
     for (int i = 0; i < frame->lamps.count; ++i)
         if (frame->lamps.list[i].sliced && n-- == 0) return &frame->lamps.list[i];
     return NULL;
 }
 
 /* Number of lights whose shadows the n-th sweep carries; no sweep has more than the first. */
-static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
+SPSI_COLD int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lamps.sliced_count) + (n == 0 ? frame->lamps.shadow_count - frame->lamps.sliced_count : 0);
 }
 
 /* Aims a sweep at the gas or, where that does not serve, at the bounds by which shadows were chosen: what serves these
    serves all that lies within. Returns whether one of both does. */
-static int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
+SPSI_COLD int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_bounds tight = frame->content->bounds;
     spsi_sweep wider = *sweep;
     if (spsi_sweep_aim(frame, sweep)) return 1;
@@ -10271,7 +10290,7 @@ static int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
 
 /* The thickness that a sweep's slabs may have, whatever the size of voxels: a share of the least pixel in gas, but not
    so much that rays through the light's texels would need many samples in a slab. */
-static double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) {
+SPSI_COLD double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) {
     const double least = frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame, NULL);
     if (!sweep->lamp) return least;
     return spsi_fmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
@@ -10280,7 +10299,7 @@ static double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) 
 /* Begins the n-th sweep for a part of the image. Returns the voxel edge that stands for particles, infinite without: a
    ball has the variance of the kernel of a voxel of 0.7 radii (r^2 / 5 if it is homogeneous). Particles much smaller
    than their cloud need not be told apart in depth: a cloud is at most about 500 of these edges deep. */
-static double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
+SPSI_COLD double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     spsi_sweep_clear(frame, spsi_sliced_lamp(frame, n), part, sweep);
     sweep->first = n == 0;
     if (frame->content->particle_count == 0) return HUGE_VAL;
@@ -10288,7 +10307,8 @@ static double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sw
 }
 
 /* Sets up the n-th sweep for a part of the image. Without gas there are no slabs, and nothing can prevent slicing. */
-static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
+SPSI_COLD sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, int part,
+                                      spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, part, sweep);
     if (spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     if (!spsi_sweep_place(frame, sweep))
@@ -10300,7 +10320,7 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
 
 /* Cuts the image into as few parts as slabs serve well, or else can serve, for sweeps without a light's sheets. If even
    quarters cannot be served, it stays whole, and is refused. */
-static void spsi_image_divide(const spsi_frame *frame) {
+SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
     static const double cosines[] = {SPSI_COSINE_EVEN, 0.25, SPSI_COSINE_MIN};
     spsi_content *content = frame->content;
     const spsi_rays *eye = &content->eye;
@@ -10447,8 +10467,8 @@ static uint64_t spsi_patches_open(const float *depth, size_t pitch, int width, i
 }
 
 /* Returns 0 if footprints would exceed the range of floats. */
-static int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *rays, const spsi_slabs *slabs, float scale,
-                               double cut, spsi_splatter *splatter) {
+SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *rays, const spsi_slabs *slabs,
+                                  float scale, double cut, spsi_splatter *splatter) {
     double e[3][3], covariance[3][3], rows[3][3], reach = 0, unit, root, mass, weight;
     memset(splatter, 0, sizeof *splatter);
     memset(covariance, 0, sizeof covariance);
@@ -11098,7 +11118,7 @@ static void spsi_voxel_breadths(const spsi_splatter *s, const float q[3], float 
 
 /* For gas within these bounds: it is deposited if its voxels are small everywhere. What is deposited reaches the slabs
    beside the nearest. */
-static void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *rays, const spsi_bounds *bounds) {
+SPSI_COLD void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *rays, const spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
         double point[3], q[3];
         float at[3], breadth[3];
@@ -11250,8 +11270,8 @@ typedef struct spsi_seen {
     int channel;          /* of the sheets */
 } spsi_seen;
 
-static void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slabs, int backwards,
-                                spsi_crossing *crossing) {
+SPSI_COLD void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slabs, int backwards,
+                                   spsi_crossing *crossing) {
     memset(crossing, 0, sizeof *crossing);
     crossing->rays = rays;
     crossing->sign = backwards ? -1.0f : 1.0f;
@@ -11464,7 +11484,7 @@ static inline double spsi_tap_step(const spsi_fields *fields) {
     return fields->taps > 4 ? SPSI_TAP_STEP_6 : SPSI_TAP_STEP;
 }
 
-static void spsi_fields_weigh(spsi_fields *fields, int taps) {
+SPSI_COLD void spsi_fields_weigh(spsi_fields *fields, int taps) {
     fields->taps = taps;
     memset(fields->weights, 0, sizeof fields->weights);
     memset(fields->changes, 0, sizeof fields->changes);
@@ -11486,7 +11506,7 @@ static void spsi_fields_weigh(spsi_fields *fields, int taps) {
 
 /* The eighths of bricks, cubes of 4^3 voxels, in which points have a brick's voxels within reach: `range` holds the
    first and the last along each axis, counted from the whole volume's first voxel. */
-static void spsi_field_reach(const spsi_brick *brick, int taps, int range[2][3]) {
+SPSI_COLD void spsi_field_reach(const spsi_brick *brick, int taps, int range[2][3]) {
     enum { HALF = SPSI_BRICK / 2 };
     for (int k = 0; k < 3; ++k) {
         const int low = brick->base[k] + brick->low[k] - taps / 2,
@@ -11500,7 +11520,7 @@ static void spsi_field_reach(const spsi_brick *brick, int taps, int range[2][3])
 static inline int spsi_field_half(int at) { return (at + 2 * SPSI_SIZE_MAX) / 2 - SPSI_SIZE_MAX; }
 
 /* Number of bricks in a field's grid. */
-static size_t spsi_field_cells(const spsi_voxel_field *field) {
+SPSI_COLD size_t spsi_field_cells(const spsi_voxel_field *field) {
     return (size_t)field->size[0] * (size_t)field->size[1] * (size_t)field->size[2];
 }
 
@@ -11524,7 +11544,7 @@ static int spsi_field_has(const spsi_voxel_field *field, const int at[3]) {
 }
 
 /* Places the grid about a volume's bricks. */
-static void spsi_field_place(const spsi_brick *bricks, int taps, spsi_voxel_field *field) {
+SPSI_COLD void spsi_field_place(const spsi_brick *bricks, int taps, spsi_voxel_field *field) {
     int high[3] = {-1, -1, -1};
     for (int k = 0; k < 3; ++k) field->low[k] = SPSI_SIZE_MAX * SPSI_SIZE_MAX;
     for (int i = field->first; i < field->end; ++i) {
@@ -11557,7 +11577,7 @@ static void spsi_field_mark(const spsi_brick *brick, int taps, spsi_voxel_field 
 }
 
 /* Notes where sources are, and numbers the bricks that have them within reach. */
-static void spsi_field_number(const spsi_brick *bricks, int taps, spsi_voxel_field *field) {
+SPSI_COLD void spsi_field_number(const spsi_brick *bricks, int taps, spsi_voxel_field *field) {
     const size_t cells = spsi_field_cells(field);
     for (size_t i = 0; i < cells; ++i) field->sources[i] = -1, field->grid[i] = 0;
     for (int i = field->first; i < field->end; ++i) {
@@ -11776,7 +11796,7 @@ static void spsi_field_bend(int taps, const float *values, float bends[8]) {
 /* ---- coarser levels ---- */
 
 /* The box of the next level: of bricks that have a voxel of the finer one's bricks within reach. */
-static void spsi_level_place(const spsi_voxel_field *fine, spsi_voxel_field *level) {
+SPSI_COLD void spsi_level_place(const spsi_voxel_field *fine, spsi_voxel_field *level) {
     for (int k = 0; k < 3; ++k) {
         level->low[k] = spsi_field_half(fine->low[k] - 1);
         level->size[k] = spsi_field_half(fine->low[k] + fine->size[k]) + 1 - level->low[k];
@@ -11784,7 +11804,7 @@ static void spsi_level_place(const spsi_voxel_field *fine, spsi_voxel_field *lev
 }
 
 /* Numbers the bricks of a level about those that the finer one holds. Each may have voxels of its own. */
-static void spsi_level_number(const spsi_voxel_field *fine, spsi_voxel_field *level) {
+SPSI_COLD void spsi_level_number(const spsi_voxel_field *fine, spsi_voxel_field *level) {
     const size_t cells = spsi_field_cells(level);
     for (size_t i = 0; i < cells; ++i) level->grid[i] = 0;
     for (int held = 0; held < fine->count; ++held) {
@@ -12516,8 +12536,8 @@ static int spsi_tap_steps(const spsi_tapper *t, float way) {
     return t->lone ? 1 : spsi_most(1, (int)steps);
 }
 
-static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
-                              const spsi_slabs *slabs, int level, int count, spsi_tapper *tapper) {
+SPSI_COLD void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
+                                 const spsi_slabs *slabs, int level, int count, spsi_tapper *tapper) {
     const int medium = lattice->medium;
     const double edge = cbrt(lattice->voxel_volume);
     double rows[3][3];
@@ -12579,7 +12599,7 @@ typedef enum spsi_verdict {
 static inline int spsi_gathers(spsi_verdict verdict) { return verdict >= SPSI_GATHER_ASKED; }
 
 /* The way through a slab, in voxels of the field along each axis, of the ray through a point in ray coordinates. */
-static void spsi_tapper_way(const spsi_tapper *tapper, const spsi_rays *rays, const double q[3], double way[3]) {
+SPSI_COLD void spsi_tapper_way(const spsi_tapper *tapper, const spsi_rays *rays, const double q[3], double way[3]) {
     const double x = rays->perspective ? q[0] / q[2] : q[0], y = rays->perspective ? q[1] / q[2] : q[1];
     const float *slab = tapper->slab.slope;
     const double slope = fabs((double)slab[0] + x * (double)slab[1] + y * (double)slab[2]);
@@ -12591,7 +12611,7 @@ static void spsi_tapper_way(const spsi_tapper *tapper, const spsi_rays *rays, co
 
 /* Samples per voxel's volume at a point in ray coordinates: rays to its cross-section times steps to its length. More
    than four rays count as four: otherwise gas in perspective would be splatted instead, and look wider. */
-static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *rays, const double q[3]) {
+SPSI_COLD double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *rays, const double q[3]) {
     const double depth = q[2] - rays->depth_reference;
     double across[2][3], way[3], steps;
     spsi_tapper_way(tapper, rays, q, way);
@@ -12603,8 +12623,8 @@ static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *ra
 }
 
 /* Whether a field serves the rays at a point in ray coordinates. */
-static spsi_verdict spsi_tapper_serves_at(spsi_tapper *tapper, const spsi_rays *rays,
-                                          const spsi_splatter *splatter, const double q[3]) {
+SPSI_COLD spsi_verdict spsi_tapper_serves_at(spsi_tapper *tapper, const spsi_rays *rays, const spsi_splatter *splatter,
+                                             const double q[3]) {
     const double pitch = spsi_fmin(spsi_length(rays->a), spsi_length(rays->b));
     const double finer = (double)(tapper->side << tapper->level);
     const int many = tapper->level > 0 && tapper->side > 2; /* a lone voxel's mass depends less on its place */
@@ -12625,8 +12645,8 @@ static spsi_verdict spsi_tapper_serves_at(spsi_tapper *tapper, const spsi_rays *
 }
 
 /* The ray coordinates of a corner of the box of the bricks that were read, or, of number 8, of its middle. */
-static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays, int corner,
-                              double q[3]) {
+SPSI_COLD void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+                                 int corner, double q[3]) {
     const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
     double at[3], point[3];
     for (int k = 0; k < 3; ++k) {
@@ -12639,8 +12659,8 @@ static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lat
 
 /* Whether a field serves these rays: voxels are no smaller than texels may be and not near the origin of rays, and
    slabs are not too thick. */
-static spsi_verdict spsi_tapper_serves(spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
-                                       const spsi_splatter *splatter) {
+SPSI_COLD spsi_verdict spsi_tapper_serves(spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+                                          const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
         double q[3];
         spsi_tapper_point(tapper, lattice, rays, corner, q);
@@ -12652,8 +12672,8 @@ static spsi_verdict spsi_tapper_serves(spsi_tapper *tapper, const spsi_lattice *
 
 /* Whether samples of a field that serves cost less than footprints of its voxels, from their numbers and sizes in its
    middle. */
-static int spsi_tapper_pays(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
-                            const spsi_splatter *splatter) {
+SPSI_COLD int spsi_tapper_pays(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+                               const spsi_splatter *splatter) {
     const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
     const double cut = (double)splatter->cut, size = (double)(1 << tapper->level);
     double q[3], area, least, fragments, samples;
@@ -12669,7 +12689,7 @@ static int spsi_tapper_pays(const spsi_tapper *tapper, const spsi_lattice *latti
 /* Number of coarser levels that a volume has: none if it is classified, since what a mean looks like is not the mean of
    looks; at high quality and beyond, none if its voxels are more than twice as long as wide, since a level is wider
    along all of their edges. */
-static int spsi_levels_wanted(const spsi_frame *frame, int medium) {
+SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     const spsi_lattice *lattice = &frame->lattices[medium];
     double shortest = HUGE_VAL, longest = 0;
     if (frame->matter.materials[frame->media[medium].channel].table) return 0;
@@ -12681,7 +12701,7 @@ static int spsi_levels_wanted(const spsi_frame *frame, int medium) {
 }
 
 /* Optical depth of a gas's densest voxel; 0 if it is classified, or not read. */
-static double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *lattice) {
+SPSI_COLD double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *lattice) {
     const spsi_material *material = &frame->matter.materials[frame->media[lattice->medium].channel];
     const double extinction = (double)material->extinction * (double)frame->content->fields->list[lattice->medium].most;
     return material->table ? 0 : extinction * cbrt(lattice->voxel_volume);
@@ -12694,7 +12714,7 @@ typedef enum spsi_tapping {
 } spsi_tapping;
 
 /* Whether rays cross no more of a volume in any slab than may lie between two samples. */
-static int spsi_tapper_is_fine(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays) {
+SPSI_COLD int spsi_tapper_is_fine(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays) {
     for (int corner = 0; corner < 8; ++corner) {
         double q[3], way[3];
         spsi_tapper_point(tapper, lattice, rays, corner, q);
@@ -12721,9 +12741,9 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
    samples is as exact as one through means, and needs none beyond the slabs beside. Where slabs are as thick as pixels
    call for, it also has one: the mean of several is classified as none of them is. Where four rays serve a level, nine
    are taken if they are few for a lone voxel's mass, or if 4 taps cut its edge off. */
-static spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
-                                    const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
-                                    spsi_tapper *tapper) {
+SPSI_COLD spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
+                                       const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
+                                       spsi_tapper *tapper) {
     spsi_tapper_build(frame->content->fields, lattice, rays, slabs, level, count, tapper);
     tapper->wanted = (int)frame->content->levels[lattice->medium];
     tapper->least = FLT_MAX;
@@ -12739,9 +12759,9 @@ static spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_lattice 
 /* How a volume fills sheets, whose splatter is ready. Builds the tapper of one that is gathered: of the frame's level
    with the fewest rays that serve, or, where none has been chosen, of the finest level that two or four rays serve, or
    else of the coarsest with the fewest rays, which costs least. */
-static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
-                                      const spsi_slabs *slabs, const spsi_splatter *splatter, spsi_tapping tapping,
-                                      spsi_tapper *tapper) {
+SPSI_COLD spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
+                                         const spsi_slabs *slabs, const spsi_splatter *splatter, spsi_tapping tapping,
+                                         spsi_tapper *tapper) {
     const spsi_fields *fields = frame->content->fields;
     const float chosen = frame->content->levels[lattice->medium];
     const int levels = spsi_levels_wanted(frame, lattice->medium), wanted = (int)chosen;
@@ -12816,7 +12836,7 @@ static void spsi_levels_choose(const spsi_frame *frame) {
 /* --- making fields --- */
 
 /* Number of taps along an axis: what 4 leave of a kernel is below the error of slabs at medium quality. */
-static int spsi_taps_wanted(const spsi_frame *frame) { return frame->view.quality > SPS_QUALITY_MEDIUM ? 6 : 4; }
+SPSI_COLD int spsi_taps_wanted(const spsi_frame *frame) { return frame->view.quality > SPS_QUALITY_MEDIUM ? 6 : 4; }
 
 /* Which fields a frame needs, to gather volumes or for the gradients of surfaces; 0: none. */
 static int spsi_fields_wanted(const spsi_frame *frame) {
@@ -12826,7 +12846,7 @@ static int spsi_fields_wanted(const spsi_frame *frame) {
 
 /* Maximum of the bricks in a field's grid: floats cannot count more, or volumes without surfaces are scattered too
    thinly. */
-static size_t spsi_field_cells_most(const spsi_frame *frame, size_t bricks) {
+SPSI_COLD size_t spsi_field_cells_most(const spsi_frame *frame, size_t bricks) {
     const size_t most = frame->has_gradients ? SPSI_FIELD_CELLS : 64 * bricks + 65536;
     return bricks < (SPSI_FIELD_CELLS - 65536) / 64 ? most : SPSI_FIELD_CELLS;
 }
@@ -12834,19 +12854,19 @@ static size_t spsi_field_cells_most(const spsi_frame *frame, size_t bricks) {
 #define SPSI_FIELD_GRID_BYTES (3 * sizeof(int) + SPSI_FIELD_REACHES * sizeof(uint32_t[2])) /* per brick of a grid */
 
 /* Bytes of a brick that is held. */
-static size_t spsi_field_brick_bytes(int taps) {
+SPSI_COLD size_t spsi_field_brick_bytes(int taps) {
     return spsi_field_floats(taps) * sizeof(float) + SPSI_BRICK * sizeof(uint64_t);
 }
 
 /* Places the boxes of a volume's coarser levels. */
-static void spsi_levels_place(spsi_fields *fields, int medium) {
+SPSI_COLD void spsi_levels_place(spsi_fields *fields, int medium) {
     memset(fields->levels[medium], 0, sizeof fields->levels[medium]);
     for (int n = 0; n < SPSI_LEVELS; ++n)
         spsi_level_place(n ? &fields->levels[medium][n - 1] : &fields->list[medium], &fields->levels[medium][n]);
 }
 
 /* A field that has all of a volume within reach. */
-static void spsi_field_whole(const spsi_medium *medium, spsi_voxel_field *field) {
+SPSI_COLD void spsi_field_whole(const spsi_medium *medium, spsi_voxel_field *field) {
     for (int k = 0; k < 3; ++k) {
         field->low[k] = -1;
         field->size[k] = (medium->given.size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
@@ -12854,7 +12874,7 @@ static void spsi_field_whole(const spsi_medium *medium, spsi_voxel_field *field)
 }
 
 /* Whether a volume may use a tolerance: neither what is classified nor what emits does. */
-static int spsi_may_interpolate(const spsi_frame *frame) {
+SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
     for (int m = 0; m < frame->medium_count && frame->view.tolerance > 0; ++m) {
         const spsi_material *material = &frame->matter.materials[frame->media[m].channel];
         if (!material->table && !material->emits) return 1;
@@ -12885,7 +12905,7 @@ static void spsi_fields_count(sps_context *context, const spsi_frame *frame, con
 }
 
 /* Places a field for each volume. Returns the number of bricks in all grids. */
-static size_t spsi_fields_begin(const sps_context *context, const spsi_frame *frame, spsi_fields *fields) {
+SPSI_COLD size_t spsi_fields_begin(const sps_context *context, const spsi_frame *frame, spsi_fields *fields) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     size_t all = 0;
     memset(fields->list, 0, sizeof fields->list);
@@ -12903,7 +12923,7 @@ static size_t spsi_fields_begin(const sps_context *context, const spsi_frame *fr
 }
 
 /* Lays a field's grid out. Returns the end of its memory. */
-static int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
+SPSI_COLD int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
     const size_t cells = spsi_field_cells(field);
     field->grid = memory;
     field->sources = memory + cells;
@@ -12914,7 +12934,7 @@ static int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
 }
 
 /* Makes grids of the bricks of all fields, unless they are held with their voxels or none are needed. */
-static sps_result spsi_fields_place(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD sps_result spsi_fields_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
     if (!spsi_fields_wanted(frame)) return SPS_OK;
     spsi_fields *fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
@@ -12946,8 +12966,8 @@ typedef struct spsi_field_stock {
 } spsi_field_stock;
 
 /* Fills a field of a medium, from its relevant voxels or, if there is a `fine` one, as the next level of that. */
-static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int medium, spsi_field_stock *stock,
-                            const spsi_voxel_field *fine, spsi_voxel_field *field) {
+SPSI_COLD void spsi_field_fill(sps_context *context, const spsi_frame *frame, int medium, spsi_field_stock *stock,
+                               const spsi_voxel_field *fine, spsi_voxel_field *field) {
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     const spsi_material *classifies = material->table ? material : NULL;
@@ -12963,7 +12983,7 @@ static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int m
 }
 
 /* Fills the bricks of all fields, unless they are; when the first volume is to be gathered. */
-static sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame) {
     spsi_fields *fields = frame->content->fields;
     const size_t bytes = spsi_field_brick_bytes(fields->taps);
     spsi_field_stock stock = {NULL, 0, 0};
@@ -12982,7 +13002,7 @@ static int spsi_levels_held(const spsi_frame *frame, int medium, int most) {
 }
 
 /* Makes grids of coarser levels. Returns the number of bricks that they hold. */
-static size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memory, spsi_fields *fields) {
+SPSI_COLD size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memory, spsi_fields *fields) {
     size_t count = 0;
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n) {
@@ -12996,7 +13016,7 @@ static size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memor
 
 /* Fills so many coarser levels of all fields, which are filled themselves, unless they are; when a volume is to be
    gathered from one. */
-static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame, int levels) {
+SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame, int levels) {
     spsi_fields *fields = frame->content->fields;
     spsi_field_stock stock = {NULL, 0, 0};
     size_t cells = 0;
@@ -13036,7 +13056,7 @@ static void spsi_bend_task(void *data, int held) {
 }
 
 /* Finds how much all fields bend, which are filled, unless it is known. */
-static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame) {
     spsi_fields *fields = frame->content->fields;
     size_t cells = 0;
     if (fields->bent) return SPS_OK;
@@ -13134,7 +13154,7 @@ static void spsi_queue_advance(spsi_queue *queue, int chunk) {
 }
 
 /* Whether any voxel or particle was read. */
-static int spsi_holds_gas(const sps_context *context, const spsi_frame *frame) {
+SPSI_COLD int spsi_holds_gas(const sps_context *context, const spsi_frame *frame) {
     return context->brick_count > 0 || frame->content->particle_count > 0;
 }
 
@@ -13204,12 +13224,12 @@ static int spsi_target_interpolates(const spsi_target *target, int medium) {
            !material->table && !material->emits;
 }
 
-static size_t spsi_spent_bytes(const spsi_rays *rays) {
+SPSI_COLD size_t spsi_spent_bytes(const spsi_rays *rays) {
     return 64 * sizeof(float) * (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays);
 }
 
 /* Begins to count what is used of a target's tolerance, if a volume may use any. */
-static sps_result spsi_target_begin_spending(sps_context *context, spsi_buffer_id id, spsi_target *target) {
+SPSI_COLD sps_result spsi_target_begin_spending(sps_context *context, spsi_buffer_id id, spsi_target *target) {
     int spends = 0;
     target->spent = NULL;
     for (int i = 0; i < target->frame->medium_count; ++i) spends |= spsi_target_interpolates(target, i);
@@ -13221,7 +13241,7 @@ static sps_result spsi_target_begin_spending(sps_context *context, spsi_buffer_i
 }
 
 /* The most that any patch has used of it. */
-static float spsi_target_spent(const spsi_target *target) {
+SPSI_COLD float spsi_target_spent(const spsi_target *target) {
     const size_t count = target->spent ? spsi_spent_bytes(target->rays) / sizeof(float) : 0;
     float most = 0;
     for (size_t i = 0; i < count; ++i) most = spsi_higher(most, target->spent[i]);
@@ -13241,7 +13261,7 @@ typedef struct spsi_contents {
     int first_slab; /* of the current chunk */
 } spsi_contents;
 
-static void spsi_contents_advance(spsi_contents *contents, int chunk) {
+SPSI_COLD void spsi_contents_advance(spsi_contents *contents, int chunk) {
     contents->first_slab = chunk * SPSI_CHUNK;
     spsi_queue_advance(&contents->bricks, chunk);
     spsi_queue_advance(&contents->particles, chunk);
@@ -13262,8 +13282,8 @@ static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
 }
 
 /* `backwards`: rays cross the slabs against their order. */
-static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
-                              spsi_target_kind kind, int backwards, spsi_target *target) {
+SPSI_COLD void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
+                                 spsi_target_kind kind, int backwards, spsi_target *target) {
     target->frame = frame;
     target->rays = rays;
     target->slabs = slabs;
@@ -13344,7 +13364,7 @@ static sps_result spsi_target_build(sps_context *context, const spsi_frame *fram
 static size_t spsi_sheet_tiles(const spsi_frame *frame) { return frame->particles.count > SPSI_SUMMED_MOST ? 2 : 1; }
 
 /* Allocates the workers' scratch: a tile of sheets, shared by the targets, and counters for each target. */
-static sps_result spsi_targets_reserve(const spsi_contents *contents) {
+SPSI_COLD sps_result spsi_targets_reserve(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const int count = contents->target_count;
     const size_t workers = (size_t)spsi_worker_count(context), tiles = spsi_sheet_tiles(contents->frame);
@@ -13471,13 +13491,13 @@ static void spsi_particles_task(void *data, int i) {
 }
 
 /* Number of list starts: one per tile, one for wide particles, and the end. */
-static size_t spsi_list_starts(const spsi_rays *rays) {
+SPSI_COLD size_t spsi_list_starts(const spsi_rays *rays) {
     return (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays) + 2;
 }
 
 /* Reserves a target's lists for a number of particles in a chunk. */
-static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, const spsi_rays *rays, size_t most,
-                                     spsi_lists *lists) {
+SPSI_COLD sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, const spsi_rays *rays, size_t most,
+                                        spsi_lists *lists) {
     size_t bytes = spsi_list_starts(rays) * sizeof(int);
     spsi_bytes_add(&bytes, most, sizeof(spsi_seen) + 2 * sizeof(int));
     lists->seen = (spsi_seen *)spsi_reserve(context, id, 1, bytes);
@@ -13489,7 +13509,7 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, co
 }
 
 /* Fills the volumes' fields if a target gathers any, or surfaces have gradients, and their levels likewise. */
-static sps_result spsi_contents_fields(const spsi_contents *contents) {
+SPSI_COLD sps_result spsi_contents_fields(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
     int gathers = contents->frame->has_gradients, level = 0, interpolates = 0;
@@ -13509,8 +13529,8 @@ static sps_result spsi_contents_fields(const spsi_contents *contents) {
 }
 
 /* Finds the chunks and boxes of all bricks, and allocates the targets' sheets. `second` may be NULL. */
-static sps_result spsi_contents_build(sps_context *context, spsi_target *first, spsi_target *second,
-                                      spsi_contents *contents) {
+SPSI_COLD sps_result spsi_contents_build(sps_context *context, spsi_target *first, spsi_target *second,
+                                         spsi_contents *contents) {
     static const spsi_buffer_id boxes[2] = {SPSI_BUFFER_BRICK_BOXES, SPSI_BUFFER_BRICK_LIGHT_BOXES};
     static const spsi_buffer_id spent[2] = {SPSI_BUFFER_EYE_SPENT, SPSI_BUFFER_LIGHT_SPENT};
     const int chunks = spsi_chunk_count(first->slabs), count = context->brick_count;
@@ -13535,7 +13555,7 @@ static sps_result spsi_contents_build(sps_context *context, spsi_target *first, 
 }
 
 /* The same for particles. */
-static sps_result spsi_contents_add_particles(spsi_contents *contents) {
+SPSI_COLD sps_result spsi_contents_add_particles(spsi_contents *contents) {
     static const spsi_buffer_id lists[2] = {SPSI_BUFFER_EYE_BALLS, SPSI_BUFFER_LIGHT_BALLS};
     sps_context *context = contents->context;
     const int chunks = spsi_chunk_count(contents->slabs), count = contents->frame->content->particle_count;
@@ -13595,7 +13615,7 @@ static void spsi_lists_task(void *data, int index) {
 }
 
 /* Projects and bins the chunk's particles for all targets. */
-static void spsi_contents_bin_particles(spsi_contents *contents) {
+SPSI_COLD void spsi_contents_bin_particles(spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
     if (contents->particles.current == 0) return;
@@ -14015,7 +14035,7 @@ typedef struct spsi_light_shader {
     int has_means[SPSI_VOLUMES_MAX + 1];           /* of classified volumes, by channel */
 } spsi_light_shader;
 
-static void spsi_light_shader_build(const spsi_target *target, spsi_light_shader *shader) {
+SPSI_COLD void spsi_light_shader_build(const spsi_target *target, spsi_light_shader *shader) {
     const spsi_frame *frame = target->frame;
     shader->frame = frame;
     shader->rays = target->rays;
@@ -14139,7 +14159,7 @@ struct sps_tmap {
     spsi_tmap_data data;
 };
 
-static size_t spsi_tmap_texel_count(const sps_tmap *map) {
+SPSI_COLD size_t spsi_tmap_texel_count(const sps_tmap *map) {
     return spsi_ray_count(&map->rays[0]) * (size_t)map->face_count;
 }
 
@@ -14157,7 +14177,7 @@ static uint64_t spsi_tmap_patches(const sps_tmap *map, int row, int column) {
 }
 
 /* The number of items of a map made from lists. */
-static size_t spsi_tmap_item_count(const sps_tmap *map) {
+SPSI_COLD size_t spsi_tmap_item_count(const sps_tmap *map) {
     return ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
 }
 
@@ -14296,7 +14316,7 @@ static int spsi_shadow_table_columns(const sps_tmap *map) {
     return (map->rays[0].width + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
 }
 
-static double spsi_shadow_table_blocks(const sps_tmap *map) {
+SPSI_COLD double spsi_shadow_table_blocks(const sps_tmap *map) {
     const int rows = (map->rays[0].height * map->face_count + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
     return (double)spsi_shadow_table_columns(map) * rows;
 }
@@ -14499,7 +14519,7 @@ static int spsi_filling_height(const spsi_filling *filling) {
 }
 
 /* Number of floats of a band with `components` components. */
-static size_t spsi_band_floats(const sps_tmap *map, int components) {
+SPSI_COLD size_t spsi_band_floats(const sps_tmap *map, int components) {
     const size_t tiles = (size_t)spsi_tile_columns(&map->rays[0]);
     const size_t height = (size_t)spsi_least(SPSI_TILE_HEIGHT, map->rays[0].height);
     return (size_t)components * ((size_t)map->rays[0].width * height + tiles * SPSI_LANES);
@@ -14811,7 +14831,7 @@ static void spsi_fill_volumes_task(void *data, int index, int worker) {
         spsi_insert_slabs(&into, &tile);
 }
 
-static sps_result spsi_fill_volumes(spsi_filling *filling) {
+SPSI_COLD sps_result spsi_fill_volumes(spsi_filling *filling) {
     spsi_map_volumes *volumes = filling->occluders->volumes;
     const int chunks = volumes ? spsi_chunk_count(&volumes->slabs) : 0;
     for (int chunk = 0; chunk < chunks; ++chunk) {
@@ -14880,7 +14900,7 @@ static void spsi_store_task(void *data, int index) {
 }
 
 /* One parallel visit of all occluders to a band. */
-static sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
+SPSI_COLD sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
     filling->visit = visit;
     if (spsi_progress(filling->context, filling->progress)) return filling->context->result;
     spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_clear_task, filling);
@@ -14889,7 +14909,7 @@ static sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
     return SPS_OK;
 }
 
-static sps_result spsi_fill_sums(spsi_filling *filling) {
+SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {
     const sps_tmap *map = filling->map;
     const size_t floats = spsi_band_floats(map, map->inner.components + 2 * map->has_range);
     filling->band.ranges = (float *)spsi_reserve(filling->context, SPSI_BUFFER_BAND, floats, sizeof(float));
@@ -14905,7 +14925,7 @@ static sps_result spsi_fill_sums(spsi_filling *filling) {
 /* --- lists --- */
 
 /* Counts the band's intervals, lists them, and finds the maximum number in a texel. */
-static sps_result spsi_fill_lists(spsi_filling *filling) {
+SPSI_COLD sps_result spsi_fill_lists(spsi_filling *filling) {
     sps_context *context = filling->context;
     const size_t texels = (size_t)filling->map->rays[0].width * (size_t)spsi_filling_height(filling);
     filling->band.starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_CURSORS, 2 * texels + 1, sizeof(uint32_t));
@@ -15012,7 +15032,7 @@ static void spsi_fit_task(void *data, int index, int worker) {
     }
 }
 
-static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
+SPSI_COLD sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
     const spsi_subject at = spsi_settings_of(map->context, map->light);
     char rule[96];
     SPS_SNPRINTF(rule, sizeof rule, "the map takes %.0f bytes", bytes);
@@ -15020,7 +15040,7 @@ static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
 }
 
 /* Makes room for the items of a band, whose numbers are in `cursors`. */
-static sps_result spsi_append_band(spsi_filling *filling) {
+SPSI_COLD sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
     const size_t item = map->technique->lists;
@@ -15036,7 +15056,7 @@ static sps_result spsi_append_band(spsi_filling *filling) {
     return filling->context->result;
 }
 
-static sps_result spsi_fill_fits(spsi_filling *filling) {
+SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
     sps_context *context = filling->context;
     const sps_tmap *map = filling->map;
     const int has_soft = filling->occluders->frame->particles.has_soft;
@@ -15087,13 +15107,13 @@ static void spsi_ball_steps_task(void *data, int i) {
     job->steps[i] = (uint16_t)spsi_fmin(spsi_fmax(front * job->steps_per_depth, 0), SPSI_DEPTH_STEPS - 1);
 }
 
-static size_t spsi_balls_order_bytes(size_t particles) {
+SPSI_COLD size_t spsi_balls_order_bytes(size_t particles) {
     return (SPSI_DEPTH_STEPS + 1) * sizeof(uint32_t) + particles * (sizeof(uint32_t) + sizeof(uint16_t));
 }
 
 /* Sorts particles into the order in which light meets them (a counting sort), so that the lists of all texels are
    nearly sorted already. */
-static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
+SPSI_COLD sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     const int count = job->frame->content->particle_count;
     job->order = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_ORDER, 1, spsi_balls_order_bytes((size_t)count));
     if (!job->order) return context->result;
@@ -15123,7 +15143,8 @@ static void spsi_balls_task(void *data, int i) {
 #define SPSI_BALL_TILES 8
 
 /* Counts the balls of each tile in `starts`; or, if there is a list, stores them at `starts`, which are advanced. */
-static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tiles_x, uint32_t *starts, uint32_t *list) {
+SPSI_COLD void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tiles_x, uint32_t *starts,
+                                     uint32_t *list) {
     for (size_t i = 0; i < count; ++i) {
         const spsi_ball *ball = &balls[i];
         if (ball->x1 < ball->x0 || ball->y1 < ball->y0) continue;
@@ -15138,7 +15159,7 @@ static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tile
 
 /* Counts the balls that reach beyond the map's depth range; with six faces, on the face through which the centre is
    seen. */
-static void spsi_balls_outside(sps_tmap *map, const spsi_rays *rays, const spsi_ball *balls, size_t count) {
+SPSI_COLD void spsi_balls_outside(sps_tmap *map, const spsi_rays *rays, const spsi_ball *balls, size_t count) {
     const double per_length = rays->per_length;
     const double light = rays->perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
     for (size_t i = 0; i < count; ++i) {
@@ -15190,8 +15211,8 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
 /* --- a face of a map, and its slabs --- */
 
 /* Slabs perpendicular to a face's axis, for the volumes of a frame; here particles are not part of sheets. */
-static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                  spsi_slabs *slabs) {
+SPSI_COLD sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
+                                     spsi_slabs *slabs) {
     const spsi_bounds own = frame->content->bounds;
     memcpy(slabs->normal, rays->inverse[2], sizeof slabs->normal);
     spsi_normalise(slabs->normal);
@@ -15208,7 +15229,8 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
 }
 
 /* Prepares the splatting of volumes into a face. */
-static sps_result spsi_map_volumes_build(sps_context *context, const spsi_occluders *occluders, const spsi_rays *rays) {
+SPSI_COLD sps_result spsi_map_volumes_build(sps_context *context, const spsi_occluders *occluders,
+                                            const spsi_rays *rays) {
     const spsi_frame *frame = occluders->frame;
     const spsi_target_kind kind = occluders->coarse ? SPSI_TARGET_COARSE : SPSI_TARGET_MAP;
     spsi_map_volumes *volumes = occluders->volumes;
@@ -15301,7 +15323,7 @@ static void spsi_print_task(void *data, int index) {
 }
 
 /* Fingerprints of all tiles of a face whose bricks and balls are binned. */
-static void spsi_print_face(const spsi_filling *filling) {
+SPSI_COLD void spsi_print_face(const spsi_filling *filling) {
     const spsi_frame *frame = filling->occluders->frame;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
     spsi_print_job job;
@@ -15322,7 +15344,7 @@ static void spsi_print_face(const spsi_filling *filling) {
 }
 
 /* Counts a shadow table's patches, those that were filled and those that were kept; `held`: 1 if all were. */
-static void spsi_shadow_table_count(const sps_tmap *map, int held) {
+SPSI_COLD void spsi_shadow_table_count(const sps_tmap *map, int held) {
     sps_stats_report *stats = &map->context->stats;
     const int columns = spsi_tile_columns(&map->rays[0]), rows = spsi_tile_rows(&map->rays[0]);
     for (int tile = 0; tile < map->face_count * rows * columns; ++tile) {
@@ -15338,7 +15360,7 @@ static void spsi_shadow_table_count(const sps_tmap *map, int held) {
 /* --- filling a face, and the whole map --- */
 
 /* Whether no texel of a band is filled. */
-static int spsi_band_is_closed(const spsi_filling *filling) {
+SPSI_COLD int spsi_band_is_closed(const spsi_filling *filling) {
     for (int column = 0; column < filling->band.tiles_x; ++column) {
         spsi_map_tile into;
         spsi_map_tile_place(filling, column, &into);
@@ -15347,7 +15369,7 @@ static int spsi_band_is_closed(const spsi_filling *filling) {
     return 1;
 }
 
-static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluders) {
+SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluders) {
     sps_tmap *map = filling->map;
     const spsi_rays *rays = &map->rays[filling->band.face];
     const int rows = spsi_tile_rows(rays);
@@ -15384,14 +15406,14 @@ static size_t spsi_tmap_known_items(const sps_tmap *map) {
 }
 
 /* Bytes that the map holds; before it is finished, what it will hold, as far as that is known. */
-static size_t spsi_tmap_bytes(const sps_tmap *map) {
+SPSI_COLD size_t spsi_tmap_bytes(const sps_tmap *map) {
     const size_t fixed = sizeof *map + map->planes.size;
     if (map->finished) return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size;
     return fixed + spsi_tmap_known_items(map) * sizeof(float);
 }
 
 /* Reserves what the map will hold, as far as that is known. */
-static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
+SPSI_COLD sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     const size_t texels = spsi_tmap_texel_count(map);
     spsi_buffer *known = map->technique->lists ? &map->data.starts : &map->data.texels;
     float *surfaces = NULL;
@@ -15406,7 +15428,7 @@ static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
 
 /* Prepares the fingerprints of a shadow table that can be held: those of a table that is brought up to date are there.
  */
-static sps_result spsi_tmap_reserve_prints(sps_tmap *map) {
+SPSI_COLD sps_result spsi_tmap_reserve_prints(sps_tmap *map) {
     const size_t tiles = (size_t)spsi_tile_columns(&map->rays[0]) * (size_t)spsi_tile_rows(&map->rays[0]);
     if (!map->key || spsi_brick_prints(map->context)) return map->context->result;
     spsi_buffer_reserve(map->context, &map->data.prints, (size_t)map->face_count * tiles, sizeof(spsi_tile_prints));
@@ -15414,7 +15436,7 @@ static sps_result spsi_tmap_reserve_prints(sps_tmap *map) {
 }
 
 /* Releases the memory that a list has grown to beyond what it holds. */
-static sps_result spsi_tmap_trim(sps_tmap *map) {
+SPSI_COLD sps_result spsi_tmap_trim(sps_tmap *map) {
     const size_t item = map->technique->lists, count = spsi_tmap_item_count(map);
     spsi_buffer exact = {NULL, 0};
     if (map->data.texels.size <= (count > 0 ? count : 1) * item) return SPS_OK;
@@ -15426,7 +15448,7 @@ static sps_result spsi_tmap_trim(sps_tmap *map) {
 }
 
 /* Fills a map with the triangles, and with the frame's voxels and particles, which must have been gathered. */
-static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
+SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     sps_context *context = map->context;
     spsi_filling filling;
     int has_surfaces = 0;
@@ -15459,7 +15481,7 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
 /* --- making a map --- */
 
 /* Checks the camera of a map's light, or only its position if the light is omnidirectional. */
-static sps_result spsi_check_tmap_camera(const spsi_subject *at, const sps_tmap_light *light) {
+SPSI_COLD sps_result spsi_check_tmap_camera(const spsi_subject *at, const sps_tmap_light *light) {
     const sps_camera *camera = &light->camera;
     double forward[3];
     if (light->omnidirectional) return spsi_check_vector(at, "camera.position", camera->position);
@@ -15471,8 +15493,8 @@ static sps_result spsi_check_tmap_camera(const spsi_subject *at, const sps_tmap_
                            "light.omnidirectional is 1, all round");
 }
 
-static sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light *light,
-                                  const sps_tmap_settings *settings) {
+SPSI_COLD sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light *light,
+                                     const sps_tmap_settings *settings) {
     const spsi_subject at = {context, SPS_OBJECT_TMAP_LIGHT, -1, ""}, own = spsi_settings_of(context, -1);
     const int size[2] = {light->width, light->height};
     if (spsi_check_settings(&own, settings)) return context->result;
@@ -15490,7 +15512,7 @@ static sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light *li
 
 /* Number of planes that make a table's entries as long as they are wide, in the middle of its depths, unless these are
    too many. */
-static int spsi_shadow_table_planes(const sps_tmap *map) {
+SPSI_COLD int spsi_shadow_table_planes(const sps_tmap *map) {
     const spsi_rays *rays = &map->rays[0];
     const double low = map->settings.near_depth, high = map->settings.far_depth;
     const double pitch = spsi_pixel_size_at(rays, 0.5 * (low + high));
@@ -15502,7 +15524,7 @@ static int spsi_shadow_table_planes(const sps_tmap *map) {
 
 /* Fills in the number of components; if it is left to the technique, the largest that fits into the budget, up to the
    default. */
-static sps_result spsi_tmap_resolve(sps_tmap *map) {
+SPSI_COLD sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
     const size_t budget = settings->byte_budget; /* a light's map has no surfaces */
@@ -15525,7 +15547,7 @@ static sps_result spsi_tmap_resolve(sps_tmap *map) {
 }
 
 /* Copies the caller's planes, which are checked, into a map. */
-static sps_result spsi_tmap_take_planes(sps_tmap *map) {
+SPSI_COLD sps_result spsi_tmap_take_planes(sps_tmap *map) {
     const size_t count = (size_t)spsi_settings_planes(&map->settings);
     if (count == 0) return SPS_OK;
     float *planes = (float *)spsi_buffer_reserve(map->context, &map->planes, count, sizeof(float));
@@ -15536,7 +15558,7 @@ static sps_result spsi_tmap_take_planes(sps_tmap *map) {
 }
 
 /* Builds the rays of a map's faces. */
-static sps_result spsi_tmap_aim(sps_tmap *map) {
+SPSI_COLD sps_result spsi_tmap_aim(sps_tmap *map) {
     map->rays[0].width = map->view.width;
     map->rays[0].height = map->view.height;
     if (map->face_count == 1 && spsi_rays_build(map->context, SPS_OBJECT_TMAP_LIGHT, &map->view.camera, &map->rays[0]))
@@ -15558,7 +15580,7 @@ static sps_result spsi_tmap_aim(sps_tmap *map) {
 }
 
 /* Sets up a map that is zeroed except for its context. */
-static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, const sps_tmap_settings *settings) {
+SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, const sps_tmap_settings *settings) {
     map->light = -1;
     map->settings = spsi_settings_resolve(settings, 0);
     map->technique = &spsi_techniques[map->settings.technique];
@@ -15579,7 +15601,7 @@ static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, co
 }
 
 /* Adds all of a scene or nothing, so that a failed call can be repeated: first room is made for all. */
-static sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
+SPSI_COLD sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
     const void *more[3] = {scene->volumes, scene->meshes, scene->particles};
     const size_t count[3] = {(size_t)scene->volume_count, (size_t)scene->mesh_count, (size_t)scene->particle_set_count};
     static const size_t sizes[3] = {sizeof(sps_volume), sizeof(sps_mesh), sizeof(sps_particles)};
@@ -15603,7 +15625,7 @@ static sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
 }
 
 /* Releases what a map holds. */
-static void spsi_tmap_release(sps_tmap *map) {
+SPSI_COLD void spsi_tmap_release(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->planes);
     spsi_buffer_release(map->context, &map->data.texels);
     spsi_buffer_release(map->context, &map->data.starts);
@@ -15612,13 +15634,13 @@ static void spsi_tmap_release(sps_tmap *map) {
 }
 
 /* Releases the occluders that were added, once they have been read. */
-static void spsi_tmap_forget(sps_tmap *map) {
+SPSI_COLD void spsi_tmap_forget(sps_tmap *map) {
     for (int k = 0; k < 3; ++k) spsi_buffer_release(map->context, &map->added.lists[k]);
     memset(map->added.counts, 0, sizeof map->added.counts);
 }
 
 /* Builds the frame of all that was added, as the light's first face sees it; NULL if that fails. */
-static spsi_frame *spsi_tmap_frame(sps_tmap *map) {
+SPSI_COLD spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     sps_scene scene;
     memset(&scene, 0, sizeof scene);
     scene.volumes = (const sps_volume *)map->added.lists[0].data;
@@ -15648,7 +15670,7 @@ static double spsi_tmap_corner_depth(const sps_tmap *map, const spsi_bounds *bou
 }
 
 /* Whether the box around all voxels reaches beyond a map's depth range. */
-static int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds) {
+SPSI_COLD int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds) {
     const double near_depth = map->settings.near_depth, room = SPSI_OUTSIDE / map->per_depth;
     for (int corner = 0; corner < 8 && !spsi_bounds_empty(bounds); ++corner) {
         const double t = spsi_tmap_corner_depth(map, bounds, corner);
@@ -15659,7 +15681,7 @@ static int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds) {
 }
 
 /* Tells message_fn of gas that lies beyond the map's depth range and so counts at its ends. */
-static void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame) {
+SPSI_COLD void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame) {
     const sps_context *context = map->context;
     const double particles = (double)context->stats.particles_outside;
     const int voxels = frame->medium_count > 0 && spsi_voxels_outside(map, &frame->content->bounds);
@@ -15672,7 +15694,7 @@ static void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame)
 }
 
 /* Tells message_fn if the light is inside the gas, since its single view covers only what lies in front of it. */
-static void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
+SPSI_COLD void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
     const sps_config *config = &map->context->config;
     const spsi_rays *rays = &map->rays[0];
     if (!config->message_fn || map->face_count > 1 || !rays->perspective) return;
@@ -15704,7 +15726,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 /* --- a light's own map --- */
 
 /* Fits the depth range, along a face's axis, to all gas. */
-static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
+SPSI_COLD void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     sps_tmap_settings *settings = &map->settings;
     double low = map->face_count > 1 ? 0 : HUGE_VAL, high = -HUGE_VAL, room;
     for (int corner = 0; corner < 8; ++corner) {
@@ -15738,7 +15760,7 @@ static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
 }
 
 /* A hash of a table's rays and planes. */
-static uint64_t spsi_shadow_table_aim(const sps_tmap *map) {
+SPSI_COLD uint64_t spsi_shadow_table_aim(const sps_tmap *map) {
     const double range[] = {map->settings.near_depth, map->settings.far_depth, (double)map->table_end};
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, range, sizeof range);
     hash = spsi_fingerprint(hash, &map->settings.components, sizeof map->settings.components);
@@ -15753,14 +15775,14 @@ static uint64_t spsi_shadow_table_aim(const sps_tmap *map) {
 }
 
 /* A hash of all that a table is made from, given that of the gas; 0 if the gas has none. */
-static uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uint64_t gas) {
+SPSI_COLD uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uint64_t gas) {
     const double knobs[] = {frame->view.slab, frame->accuracy.cut, (double)frame->view.filling};
     return gas ? spsi_fingerprint_word(spsi_fingerprint(gas, knobs, sizeof knobs), aim) | 1 : 0;
 }
 
 /* Moves a table that is held and has the map's rays into the map: as its own or, if the gas is another, to be brought
    up to date. All tables that are held show the same gas. */
-static void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
+SPSI_COLD void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
     sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     int i = 0;
     while (i < context->shadow_table_count && !(held[i].data.texels.data && held[i].aim == map->aim)) ++i;
@@ -15784,8 +15806,8 @@ static void spsi_tmaps_drop(sps_context *context, spsi_buffer_id id, int *count)
 }
 
 /* Aims the map by which gas casts a light's shadow. */
-static sps_result spsi_lamp_tmap_aim(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
-                                     sps_tmap *map) {
+SPSI_COLD sps_result spsi_lamp_tmap_aim(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+                                        sps_tmap *map) {
     memset(map, 0, sizeof *map);
     map->context = context;
     map->light = lamp->index;
@@ -15802,8 +15824,8 @@ static sps_result spsi_lamp_tmap_aim(sps_context *context, const spsi_frame *fra
 }
 
 /* Begins that map: takes its table, or one to start from, if it is held. `gas` is the fingerprint of the gas. */
-static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
-                                       uint64_t gas, sps_tmap *map) {
+SPSI_COLD sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+                                          uint64_t gas, sps_tmap *map) {
     const spsi_subject at = spsi_settings_of(context, lamp->index);
     if (spsi_lamp_tmap_aim(context, frame, lamp, map)) return context->result;
     if (!spsi_has_shadow_table(lamp)) return SPS_OK;
@@ -15817,8 +15839,8 @@ static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *f
 }
 
 /* Fills it, unless it was held. */
-static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
-                                      const spsi_part_of_call *part, sps_tmap *map) {
+SPSI_COLD sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+                                         const spsi_part_of_call *part, sps_tmap *map) {
     spsi_occluders occluders;
     memset(&occluders, 0, sizeof occluders);
     occluders.frame = frame;
@@ -15835,7 +15857,7 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
 /* Maximum size of a light's transmittance map: texels of all faces, and of the longer side. Particles have not been
    read. A light amid the volumes' boxes may turn out to be in front of what they hold: a single face then, of up to
    2 tan 78 degrees times its distance, which is up to sqrt(3) times as long as along an axis. */
-static size_t spsi_lamp_tmap_texels(const spsi_frame *frame, const spsi_lamp *lamp, size_t *side) {
+SPSI_COLD size_t spsi_lamp_tmap_texels(const spsi_frame *frame, const spsi_lamp *lamp, size_t *side) {
     spsi_rays rays[SPSI_CUBE_FACES];
     const size_t most = (size_t)(lamp->map_size > 0 ? lamp->map_size : spsi_map_texels_most(frame, lamp));
     const int known = frame->particles.set_count == 0;
@@ -15856,7 +15878,7 @@ static size_t spsi_lamp_tmap_texels(const spsi_frame *frame, const spsi_lamp *la
 }
 
 /* Maximum number of components. A table's planes are a texel apart in the middle of its depths. */
-static size_t spsi_lamp_tmap_components(const spsi_frame *frame, const spsi_lamp *lamp) {
+SPSI_COLD size_t spsi_lamp_tmap_components(const spsi_frame *frame, const spsi_lamp *lamp) {
     const int most = spsi_techniques[SPS_TMAP_TABLE].usual;
     double across[3], planes;
     if (!spsi_has_shadow_table(lamp) || lamp->map.components > 0) return (size_t)spsi_components_of(&lamp->map);
@@ -15868,7 +15890,7 @@ static size_t spsi_lamp_tmap_components(const spsi_frame *frame, const spsi_lamp
 
 /* Bytes of a light's transmittance map, and those needed to fill it, except for lists of intervals, whose length is not
    known, and what is fitted to them. A light's map holds no surfaces. */
-static void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp, size_t *held, size_t *filling) {
+SPSI_COLD void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp, size_t *held, size_t *filling) {
     size_t side;
     const size_t texels = spsi_lamp_tmap_texels(frame, lamp, &side);
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
@@ -16161,7 +16183,7 @@ static inline spsi_v spsi_minus_log(spsi_v x, float end) {
 
 /* Aims the rays of one point at the gas. They have the axes of the centre's; those of a directional light have the
    centre's texels where the slabs begin. Returns 0 if gas is beside or behind the point, or too far away. */
-static int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, const spsi_lamp *point, spsi_beam *beam) {
+SPSI_COLD int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, const spsi_lamp *point, spsi_beam *beam) {
     const spsi_rays *rays = &sweep->rays;
     const spsi_slabs *slabs = &sweep->slabs;
     /* where the gas looks far wider from a point of the light than from its centre */
@@ -16238,8 +16260,8 @@ static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *fra
 }
 
 /* Aims all beams of a sweep's light. */
-static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                    spsi_penumbra *penumbra) {
+SPSI_COLD sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                       spsi_penumbra *penumbra) {
     const spsi_lamp *lamp = sweep->lamp;
     if (spsi_penumbra_open(context, frame, sweep, &sweep->rays, penumbra)) return context->result;
     for (int i = 0; i < lamp->point_count; ++i)
@@ -16276,8 +16298,8 @@ static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra 
     return laid;
 }
 
-static sps_result spsi_penumbra_begin(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                      const spsi_faces *faces, spsi_penumbra *penumbra) {
+SPSI_COLD sps_result spsi_penumbra_begin(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                         const spsi_faces *faces, spsi_penumbra *penumbra) {
     const int has_polygons = faces->count > 0;
     if (spsi_penumbra_aim(context, frame, sweep, penumbra)) return context->result;
     float *memory = spsi_floats_reserve(context, SPSI_BUFFER_PENUMBRA,
@@ -16646,7 +16668,7 @@ static void spsi_beam_task(void *data, int index) {
 }
 
 /* Lets the beams cross the sheets that are kept, if they have not yet. */
-static void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra) {
+SPSI_COLD void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra) {
     const double first = penumbra->first_slab;
     spsi_area held = spsi_area_none(); /* texels of the tiles whose sheets hold something */
     int most = 0;                      /* rows of the tallest beam */
@@ -16761,7 +16783,7 @@ static double spsi_spread_thickness(const spsi_spread *spread) {
     return (spread->map.settings.far_depth - spread->map.settings.near_depth) / spread->sheet_count;
 }
 
-static size_t spsi_spread_floats(const spsi_spread *spread) {
+SPSI_COLD size_t spsi_spread_floats(const spsi_spread *spread) {
     return 3 * (size_t)spread->channels * (size_t)(spread->sheet_count + 1) * spread->plane;
 }
 
@@ -17051,7 +17073,7 @@ static void spsi_spread_step(const spsi_spread_light *light, const spsi_spread_s
 }
 
 /* Floats of a light: parts of both sides, depth, what texels are like, and memory for a column. */
-static size_t spsi_spread_light_floats(const spsi_spread_light *light) {
+SPSI_COLD size_t spsi_spread_light_floats(const spsi_spread_light *light) {
     const size_t sheet = (size_t)light->pitch[0] * (size_t)light->pitch[1];
     const size_t lines = (size_t)spsi_most(light->size[0], light->size[1]);
     return (2 * SPSI_SPREAD_BEAMS * SPSI_SPREAD_PARTS + 6) * sheet + (size_t)light->pitch[0] + (size_t)light->pitch[1] +
@@ -17064,7 +17086,7 @@ static size_t spsi_spread_light_floats(const spsi_spread_light *light) {
    variance, q (1
    + x^2) times q^0 to q^1/2 for the way through a sheet that is longer at a slant. Light about a lamp in even gas is
    then even to 5 %, with 48 texels across each face. */
-static void spsi_spread_texels(spsi_spread_light *light, const spsi_rays *rays) {
+SPSI_COLD void spsi_spread_texels(spsi_spread_light *light, const spsi_rays *rays) {
     double normal[3];
     memcpy(normal, rays->inverse[2], sizeof normal);
     for (int y = 0; y < light->size[1]; ++y)
@@ -17090,7 +17112,7 @@ static void spsi_spread_texels(spsi_spread_light *light, const spsi_rays *rays) 
         }
 }
 
-static void spsi_spread_light_begin(spsi_spread_light *light, const spsi_rays *rays, float *memory) {
+SPSI_COLD void spsi_spread_light_begin(spsi_spread_light *light, const spsi_rays *rays, float *memory) {
     const size_t sheet = (size_t)light->pitch[0] * (size_t)light->pitch[1];
     memset(memory, 0, spsi_spread_light_floats(light) * sizeof *memory);
     for (int beam = 0; beam < SPSI_SPREAD_BEAMS; ++beam)
@@ -17283,8 +17305,8 @@ typedef struct spsi_shadow {
 
 /* --- sheets --- */
 
-static sps_result spsi_planes_build(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                    spsi_planes *planes) {
+SPSI_COLD sps_result spsi_planes_build(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
+                                       spsi_planes *planes) {
     const size_t texels = spsi_ray_count(rays);
     planes->tiles_x = spsi_tile_columns(rays);
     planes->tiles_y = spsi_tile_rows(rays);
@@ -17307,8 +17329,8 @@ static sps_result spsi_planes_build(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                    const spsi_faces *faces, const spsi_contents *contents, spsi_sliced *sliced) {
+SPSI_COLD sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                       const spsi_faces *faces, const spsi_contents *contents, spsi_sliced *sliced) {
     sliced->contents = contents;
     sliced->is_soft = sweep->soft;
     if (sweep->soft && spsi_penumbra_begin(context, frame, sweep, faces, &sliced->penumbra)) return context->result;
@@ -17364,7 +17386,7 @@ static void spsi_soft_planes_task(void *data, int index, int worker) {
 
 /* Advances to the contents' current chunk. Hard light propagates tile by tile, since it never leaves its ray; a
    penumbra needs all sheets of the chunk. */
-static void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
+SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     const double start = spsi_clock(context);
     const int tiles = sliced->planes.tiles_x * sliced->planes.tiles_y;
     if (sliced->is_soft) {
@@ -17384,7 +17406,7 @@ static void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
 /* --- lookup --- */
 
 /* The coordinates that spsi_quads_build expects, along the eye's rays. */
-static void spsi_tmap_follow(const spsi_rays *eye, const sps_tmap *map, spsi_linear along[3]) {
+SPSI_COLD void spsi_tmap_follow(const spsi_rays *eye, const sps_tmap *map, spsi_linear along[3]) {
     const spsi_rays *rays = &map->rays[0];
     for (int i = 0; i < 3; ++i) {
         const double axis[3] = {(double)(i == 0), (double)(i == 1), (double)(i == 2)};
@@ -17395,7 +17417,7 @@ static void spsi_tmap_follow(const spsi_rays *eye, const sps_tmap *map, spsi_lin
 }
 
 /* Prepares lookups along the eye's rays. */
-static void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
+SPSI_COLD void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
     spsi_depth_map_follow(eye, &shadow->depth_map);
     for (int i = 0; i < shadow->pane_map_count; ++i) spsi_depth_map_follow(eye, &shadow->pane_maps[i].grid);
     if (shadow->spread) spsi_tmap_follow(eye, &shadow->spread->map, shadow->spread_along);
@@ -17531,7 +17553,7 @@ static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, cons
 
 /* Whether a light's table has entries as fine as the texels of its sheets in a large picture, along the light too: as a
    small one is enlarged, the choice stays. */
-static int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp) {
+SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp) {
     sps_tmap map;
     const double *near_depth = &map.settings.near_depth, *far_depth = &map.settings.far_depth;
     const spsi_rays *rays = &map.rays[0];
@@ -17548,7 +17570,8 @@ static int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, con
 /* Upper bound of the bytes that a frame may need without tables, by the figures at the top of this file, had all voxels
    to be kept: a table that is not needed must not be what exceeds the memory limit. It does not depend on what the
    context holds, nor on the region, so that the same scene always looks the same. */
-static double spsi_bytes_without_tables(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sheets) {
+SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const spsi_frame *frame,
+                                           const spsi_sweep *sheets) {
     const double pixels = (double)(frame->eye.width + SPSI_TILE_WIDTH) * (frame->eye.height + SPSI_TILE_HEIGHT);
     const double map = spsi_depth_map_size(frame), lights = frame->lamps.shadow_count;
     const double triangles = (double)frame->meshes.triangle_count;
@@ -17561,7 +17584,7 @@ static double spsi_bytes_without_tables(const sps_context *context, const spsi_f
 }
 
 /* Makes a light shade gas by a table (1), or by sheets (0). */
-static void spsi_lamp_take(spsi_lamp *lamp, int table, spsi_choice choice) {
+SPSI_COLD void spsi_lamp_take(spsi_lamp *lamp, int table, spsi_choice choice) {
     lamp->has_map = table;
     lamp->sliced = !table;
     lamp->choice = choice;
@@ -17605,8 +17628,8 @@ static void spsi_lamp_share(const sps_context *context, const spsi_frame *frame,
 }
 
 /* A table for a light that no slabs serve, or several, which the points of an area light share. */
-static void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                     double *room, spsi_lamp *lamp) {
+SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                        double *room, spsi_lamp *lamp) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
     spsi_rays rays[SPSI_CUBE_FACES];
     spsi_lamp_take(lamp, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
@@ -17618,8 +17641,8 @@ static void spsi_choose_for_unserved(const sps_context *context, const spsi_fram
 /* Chooses between sheets and a table for a light for which the caller has not. `others`: 1 if an earlier light has
    sheets; `room`: bytes that tables may take, less those that they take already. `plain`: the gas, by which a table's
    detail is judged, or shadows would jump where a level fades in. */
-static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, const spsi_bounds *plain, int others,
-                                 double *room, spsi_lamp *lamp) {
+SPSI_COLD void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, const spsi_bounds *plain, int others,
+                                    double *room, spsi_lamp *lamp) {
     const spsi_bounds all = frame->content->bounds;
     spsi_sweep sweep;
     size_t held, filling;
@@ -17714,7 +17737,7 @@ static void spsi_lamps_split(spsi_lamps *lamps) {
 /* Chooses how gas is shaded by each light that leaves it open, and how the image is cut, from the volumes' boxes and
    from the particles, if they have been read. So, without particles, the choice is the same before reading and after.
  */
-static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
+SPSI_COLD void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     spsi_content *content = frame->content;
     const spsi_bounds tight = content->bounds;
     spsi_bounds plain = content->outer, gas = tight;
@@ -17747,8 +17770,8 @@ static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
 
 /* Builds the depth maps by which polygons shade gas, whose texels need not be finer than `texel`. Surfaces do not use
    them. */
-static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                        double texel, spsi_shadow *shadows, int count) {
+SPSI_COLD sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                           double texel, spsi_shadow *shadows, int count) {
     uint64_t floats = 0;
     if (faces->count == 0 || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     for (int i = 0; i < count; ++i) {
@@ -17773,8 +17796,8 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
 
 /* Lays out the pane maps of a sweep's lights: one for each point of a light that is soft, which share the texels of
    one. */
-static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
-                                         spsi_pane_map *maps) {
+SPSI_COLD sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows,
+                                            int count, spsi_pane_map *maps) {
     size_t floats = 0;
     spsi_pane_map *next = maps;
     for (int i = 0; i < count; ++i) {
@@ -17796,8 +17819,8 @@ static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame 
 }
 
 /* Counts the panes of all maps, and lists them. */
-static sps_result spsi_pane_maps_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                      spsi_pane_map *maps, size_t map_count) {
+SPSI_COLD sps_result spsi_pane_maps_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                         spsi_pane_map *maps, size_t map_count) {
     size_t sum = 0, most = 0;
     for (size_t i = 0; i < map_count; ++i)
         for (int face = 0; face < maps[i].grid.face_count; ++face) {
@@ -17818,8 +17841,8 @@ static sps_result spsi_pane_maps_fill(sps_context *context, const spsi_frame *fr
 }
 
 /* Builds the maps by which translucent polygons filter the light of gas. */
-static sps_result spsi_pane_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                       spsi_shadow *shadows, int count) {
+SPSI_COLD sps_result spsi_pane_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                          spsi_shadow *shadows, int count) {
     size_t map_count = 0;
     int widest = 0;
     if (!frame->meshes.translucent || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
@@ -17837,7 +17860,7 @@ static sps_result spsi_pane_maps_build(sps_context *context, const spsi_frame *f
 }
 
 /* Moves a light's own map, if the light in the cells has needed it already. Returns 0 if it has not. */
-static int spsi_lamp_tmap_take(sps_context *context, const spsi_lamp *lamp, sps_tmap *map) {
+SPSI_COLD int spsi_lamp_tmap_take(sps_context *context, const spsi_lamp *lamp, sps_tmap *map) {
     sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
     for (int i = 0; i < context->cell_tmap_count; ++i) {
         if (maps[i].light != lamp->index || !maps[i].waits) continue;
@@ -17852,8 +17875,8 @@ static int spsi_lamp_tmap_take(sps_context *context, const spsi_lamp *lamp, sps_
 
 /* Builds the transmittance maps of a sweep's lamps, and leaves the rest of the call's part to the sweep. Even after a
    failure, spsi_shadow_maps_release frees them. */
-static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
-                                         spsi_part_of_call *sweep) {
+SPSI_COLD sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows,
+                                            int count, spsi_part_of_call *sweep) {
     spsi_part_of_call part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
     int mapped = 0;
     for (int i = 0; i < count; ++i) mapped += shadows[i].lamp->has_map;
@@ -17885,7 +17908,7 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
     return SPS_OK;
 }
 
-static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *shadows, int count) {
+SPSI_COLD void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *shadows, int count) {
     sps_tmap *map = (sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
     sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     for (int i = 0; i < count; ++i) {
@@ -17928,7 +17951,7 @@ typedef struct spsi_legendre {
 } spsi_legendre;
 
 /* Moments until their square is below 1e-4. */
-static void spsi_legendre_moments(const spsi_material *material, int followed, spsi_legendre *series) {
+SPSI_COLD void spsi_legendre_moments(const spsi_material *material, int followed, spsi_legendre *series) {
     double power[SPSI_LOBES_MAX], most = 0;
     series->followed = followed;
     series->stays = followed > 0;
@@ -17948,7 +17971,7 @@ static void spsi_legendre_moments(const spsi_material *material, int followed, s
 }
 
 /* A lobe at one cosine. */
-static double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
+SPSI_COLD double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
     const double g = (double)lobe->asymmetry;
     const double square = spsi_fmax(1 + g * g - 2 * g * spsi_fmin(spsi_fmax(cosine, -1), 1), DBL_MIN);
     return (double)lobe->weight * (1 - g * g) / (4 * SPSI_PI * square * sqrt(square));
@@ -17961,14 +17984,14 @@ static double spsi_phase_at(const spsi_material *material, double cosine) {
 }
 
 /* exp(-t) r(x), for x <= t. */
-static double spsi_forward_rest(double x, double t) {
+SPSI_COLD double spsi_forward_rest(double x, double t) {
     if (fabs(x) < 1e-3) return exp(-t) * x * (0.5 + x / 6);
     return (exp(x - t) - exp(-t)) / x - exp(-t);
 }
 
 /* The factors d[l] at one depth. Of an order that is followed, they are those of the peak f, and what the scale of
    extinction there, 1 - w f, has let pass too much of what scatters once. */
-static void spsi_legendre_orders(spsi_legendre *series, double albedo, double t) {
+SPSI_COLD void spsi_legendre_orders(spsi_legendre *series, double albedo, double t) {
     const double peak = series->peak, more = exp(-t) * expm1(spsi_fmin(albedo * peak * t, t));
     for (int l = 0; l < series->count; ++l)
         if (l < series->followed)
@@ -17978,7 +18001,7 @@ static void spsi_legendre_orders(spsi_legendre *series, double albedo, double t)
 }
 
 /* The sum over these: X. */
-static double spsi_legendre_sum(const spsi_legendre *series, double t, double c) {
+SPSI_COLD double spsi_legendre_sum(const spsi_legendre *series, double t, double c) {
     const double mean = series->count > 1 ? series->moments[1] : 0;
     const double leaves = series->stays ? 1 : 1 + 0.06 * (1 + c) * (1 + c) * (1 - mean) * t;
     double sum = series->orders[0] / leaves, before = 1, now = c;
@@ -17991,17 +18014,9 @@ static double spsi_legendre_sum(const spsi_legendre *series, double t, double c)
 }
 
 /* The depth of a column of a table. */
-static double spsi_forward_depth(int column) {
+SPSI_COLD double spsi_forward_depth(int column) {
     const double end = (double)SPSI_FORWARD_END, u = column * end / ((end + 4) * (SPSI_FORWARD_SIZE - 1));
     return 4 * u / (1 - u);
-}
-
-/* The share of X that is shown at depth t, and the depth at which X is taken for it. */
-static double spsi_forward_fade(double t, double *taken) {
-    const double from = spsi_forward_depth(SPSI_FORWARD_SIZE - 2), end = (double)SPSI_FORWARD_END;
-    *taken = spsi_fmin(t, from);
-    if (!(t < end)) return 0;
-    return spsi_fmin((4 / (t + 4) - 4 / (end + 4)) / (4 / (from + 4) - 4 / (end + 4)), 1); /* 1 - u = 4 / (t + 4) */
 }
 
 /* X at one depth and angle, by the factors there. */
@@ -18010,8 +18025,8 @@ static double spsi_forward_at(const spsi_material *material, const spsi_legendre
 }
 
 /* X at one depth for all angles: a column of a table. */
-static void spsi_forward_column(const spsi_material *material, spsi_legendre *series, double albedo, double t,
-                                float *column) {
+SPSI_COLD void spsi_forward_column(const spsi_material *material, spsi_legendre *series, double albedo, double t,
+                                   float *column) {
     spsi_legendre_orders(series, albedo, t);
     for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
         const double s = (double)i / (SPSI_FORWARD_SIZE - 1);
@@ -18020,7 +18035,7 @@ static void spsi_forward_column(const spsi_material *material, spsi_legendre *se
 }
 
 /* Fills the tables. Levels of classified volumes are closer towards an albedo of 1, where few are lost. */
-static void spsi_forward_build(const spsi_material *material, int followed, int stays, spsi_forward *forward) {
+SPSI_COLD void spsi_forward_build(const spsi_material *material, int followed, int stays, spsi_forward *forward) {
     const int grey = material->albedo[0] == material->albedo[1] && material->albedo[0] == material->albedo[2];
     spsi_legendre series;
     spsi_legendre_moments(material, followed, &series);
@@ -18037,12 +18052,12 @@ static void spsi_forward_build(const spsi_material *material, int followed, int 
 }
 
 /* Whether a sweep has a first pass, which measures gas: spsi_again. */
-static int spsi_sweep_measures(const spsi_frame *frame, const spsi_sweep *sweep) {
+SPSI_COLD int spsi_sweep_measures(const spsi_frame *frame, const spsi_sweep *sweep) {
     return sweep->back_to_front && spsi_scatters_again(frame);
 }
 
 /* Makes the tables of all gases, which materials refer to from then on. */
-static sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame) {
+SPSI_COLD sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame) {
     const int orders = spsi_scatters_fully(frame) ? frame->matter.orders : 0;
     const int stays = spsi_scatters_aside(frame);
     spsi_forward *forward;
@@ -18183,7 +18198,7 @@ static int spsi_cell_pitch(int cells) { return spsi_most(2, (cells + SPSI_LANES 
 
 /* Floats from one array of cells to the next. If these were a multiple of 4096 bytes, a cell's entries in all arrays
    would share one set of a cache, which has fewer places than a level has arrays: five lines more keep them apart. */
-static size_t spsi_cell_stride(size_t cells) {
+SPSI_COLD size_t spsi_cell_stride(size_t cells) {
     return cells < 4096 ? cells : cells + (1024 + 80 - cells % 1024) % 1024;
 }
 
@@ -18247,7 +18262,7 @@ static void spsi_harmonics(const double v[3], float out[SPSI_CELL_TERMS]) {
 /* The degree of a term. */
 static int spsi_term_degree(int term) { return term == 0 ? 0 : term < 4 ? 1 : term < 9 ? 2 : 3; }
 
-static void spsi_cell_direction_build(int x, int y, int z, int axis, spsi_cell_direction *direction) {
+SPSI_COLD void spsi_cell_direction_build(int x, int y, int z, int axis, spsi_cell_direction *direction) {
     static const double weight[SPSI_CELL_LENGTHS] = {4.0 / 315, 64.0 / 2835, 27.0 / 1280, 14641.0 / 725760};
     const int step[3] = {x, y, z};
     double unit[3];
@@ -18264,7 +18279,7 @@ static void spsi_cell_direction_build(int x, int y, int z, int axis, spsi_cell_d
 
 /* All directions: those to neighbours, by step along z, then y, then x; then those at a slant that fall along z, and
    those that rise: four along z, four that rise along y, four that fall. */
-static void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIRECTIONS]) {
+SPSI_COLD void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIRECTIONS]) {
     spsi_cell_direction *next = directions;
     for (int i = 0; i < 27; ++i)
         if (i != 13)
@@ -18344,7 +18359,7 @@ static size_t spsi_cell_along_floats(const spsi_cell_level *level) {
 #define SPSI_CELL_ROWS 16 /* of radiance per plane of cells, for directions within it */
 
 /* Floats of a solver's scratch: for sweeps both ways along z, or for rows within each plane of cells. */
-static size_t spsi_cell_scratch_floats(const spsi_cell_level *finest) {
+SPSI_COLD size_t spsi_cell_scratch_floats(const spsi_cell_level *finest) {
     const size_t along = 2 * spsi_cell_along_floats(finest);
     const size_t rows = SPSI_CELL_ROWS * spsi_cell_row_floats(finest) * (size_t)finest->size[2];
     return along > rows ? along : rows;
@@ -18641,7 +18656,7 @@ static void spsi_cells_plane_task(void *data, int z) {
 }
 
 /* Carries what cells send through all of the grid. */
-static void spsi_cells_sweep(spsi_cell_level *level) {
+SPSI_COLD void spsi_cells_sweep(spsi_cell_level *level) {
     spsi_parallel_items(level->solver->context, 2, spsi_cells_along_task, level);
     spsi_parallel_items(level->solver->context, level->size[2], spsi_cells_plane_task, level);
 }
@@ -18801,7 +18816,7 @@ static void spsi_cells_ways_task(void *data, int z) {
 #define SPSI_CELL_REPEATS 4    /* sweeps of the coarsest level, which has at most 4 cells along its longest side */
 
 /* The share of what a level's cells send that was missing after its last sweep. */
-static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_cell_level *level) {
+SPSI_COLD double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     double missing = 0, sent = 0;
     for (int z = 0; z < level->size[2]; ++z) {
         missing += solver->balance[2 * z];
@@ -18819,7 +18834,7 @@ static void spsi_cells_check(spsi_cell_level *level, spsi_item_fn task) {
 /* Corrects what a level sends, given what it misses, by two cycles of the next coarser one; the coarsest is mended as
    often as it takes. Coarse levels are mended before they are corrected, which halves the number of cycles; the finest
    converges as fast without. Recursion is as deep as there are levels. */
-static void spsi_cells_cycle(spsi_cell_solver *solver, int n) {
+SPSI_COLD void spsi_cells_cycle(spsi_cell_solver *solver, int n) {
     spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
     if (n == solver->level_count - 1) {
         for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_check(level, spsi_cells_mend_task);
@@ -18836,7 +18851,7 @@ static void spsi_cells_cycle(spsi_cell_solver *solver, int n) {
 }
 
 /* Sets up all levels from the finest one's depth and albedo. */
-static void spsi_cells_levels(spsi_cell_solver *solver) {
+SPSI_COLD void spsi_cells_levels(spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
         spsi_cell_level *level = &solver->levels[n];
         if (n > 0) {
@@ -18851,7 +18866,7 @@ static void spsi_cells_levels(spsi_cell_solver *solver) {
 /* Solves for what cells of the finest level send, whose depth, keep and given are set; moments, and what leaves, are
    those of what is sent. Before anything is sent, all that is given is missing: coarse levels begin. `started`: 1:
    cells send what they did before more was given. */
-static sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, const spsi_part_of_call *part) {
     spsi_cell_level *finest = &solver->levels[0];
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
     if (!started) {
@@ -18992,7 +19007,7 @@ static void spsi_cells_continue_task(void *data, int row) {
 
 /* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. Then
    follow as many for each light and phase function: single scattering over that. */
-static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
+SPSI_COLD size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
     const int sets = 1 + grid->light_count * grid->peak_count;
     return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * sets * grid->channels) * SPSI_CELL_SHEET);
 }
@@ -20767,7 +20782,7 @@ typedef struct spsi_shader {
 } spsi_shader;
 
 /* The linear quantities that shading evaluates along the eye's rays. */
-static void spsi_shader_linears(const spsi_slabs *slabs, spsi_shader *shader) {
+SPSI_COLD void spsi_shader_linears(const spsi_slabs *slabs, spsi_shader *shader) {
     const spsi_rays *eye = shader->eye;
     const spsi_content *content = shader->frame->content;
     spsi_linear_of_slabs(eye, slabs, &shader->slab);
@@ -20823,7 +20838,7 @@ typedef struct spsi_sample {
 
 /* Reserves `count` structs of vectors for each worker, which are too large for the stacks of some job systems. Returns
    NULL after a failure. */
-static void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, int count, size_t size) {
+SPSI_COLD void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, int count, size_t size) {
     size_t bytes = SPSI_VECTOR_ALIGNMENT;
     char *memory;
     uintptr_t beyond;
@@ -22061,9 +22076,9 @@ static void spsi_sight_task(void *data, int index, int worker) {
 /* Finds the share of a light that reaches each place: an exact ray for each point of the light that the polygon faces.
    All pixels have the same points: turning them from pixel to pixel would trade the steps of a penumbra
    for noise, which neither a filter nor the next frame of an animation could tell from the picture. */
-static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                       const spsi_visible *visible, const spsi_lamp *lamp, uint64_t *rays, float *lit,
-                       unsigned char *open) {
+SPSI_COLD void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                          const spsi_visible *visible, const spsi_lamp *lamp, uint64_t *rays, float *lit,
+                          unsigned char *open) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
     spsi_sight_job job = {frame, faces, visible, lamp, lit, open, rays};
@@ -23291,7 +23306,7 @@ typedef struct spsi_groups {
 } spsi_groups;
 
 /* How far two groups are apart, per longest side of the larger one. */
-static double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {
+SPSI_COLD double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {
     double square = 0;
     for (int k = 0; k < 3; ++k) {
         const double gap = spsi_fmax(spsi_fmax(a->low[k] - b->high[k], b->low[k] - a->high[k]), 0);
@@ -23301,7 +23316,7 @@ static double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {
 }
 
 /* Joins the two groups that are least far apart. Returns 0 if all are farther apart than `far_apart`. */
-static int spsi_groups_join(spsi_groups *groups, double far_apart) {
+SPSI_COLD int spsi_groups_join(spsi_groups *groups, double far_apart) {
     int pair[2] = {-1, -1};
     for (int i = 0; i < groups->count; ++i)
         for (int k = 0; k < i; ++k) {
@@ -23318,7 +23333,7 @@ static int spsi_groups_join(spsi_groups *groups, double far_apart) {
 }
 
 /* Adds a box: to the last group that took one, if that holds it, or to one near by. */
-static void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box, int *last) {
+SPSI_COLD void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box, int *last) {
     if (*last >= 0 && spsi_bounds_hold(&groups->list[*last], box->low) &&
         spsi_bounds_hold(&groups->list[*last], box->high))
         return;
@@ -23335,7 +23350,7 @@ static void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box, int *la
 /* Groups all gas. Light from one group to another, which is left out, is at most 1 / 36 of what leaves it by one side:
    seen from 2.5 sides away, a side covers 1 / 6 of a circle of the sky in width and height, and shines as its cosine.
  */
-static void spsi_groups_build(const sps_context *context, const spsi_frame *frame, spsi_groups *groups) {
+SPSI_COLD void spsi_groups_build(const sps_context *context, const spsi_frame *frame, spsi_groups *groups) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     int last = -1;
     groups->count = 0;
@@ -23353,7 +23368,7 @@ static void spsi_groups_build(const sps_context *context, const spsi_frame *fram
 }
 
 /* Places a grid about gas. Returns 0 if there is none. */
-static int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, spsi_cell_grid *grid) {
+SPSI_COLD int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, spsi_cell_grid *grid) {
     const double longest = spsi_bounds_longest(bounds);
     memset(grid, 0, sizeof *grid);
     if (!(longest > 0)) return 0;
@@ -23367,7 +23382,7 @@ static int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, 
 }
 
 /* Sets what follows from the size. */
-static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
+SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     grid->pitch = spsi_cell_pitch(grid->size[0]);
     grid->count = spsi_cell_stride((size_t)grid->pitch * (size_t)spsi_most(2, grid->size[1] * grid->size[2]));
     grid->orders = frame->meshes.count > 0 ? spsi_most(2, frame->matter.orders) : frame->matter.orders;
@@ -23416,7 +23431,7 @@ static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp, 
 }
 
 /* Floats per cell while it is filled and lit. */
-static size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid *grid) {
+SPSI_COLD size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid *grid) {
     const int each = frame->matter.material_count + 1 + grid->light_count + grid->terms;
     return (size_t)(8 + each * grid->channels);
 }
@@ -23425,7 +23440,7 @@ static size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid
 
 /* Sheets' samples along one of that length: one, or more if a classified volume's voxels are smaller than that, since
    its transfer function is not linear. Up to a voxel apart, footprints are wider than the pixel filter. */
-static int spsi_samples_fineness(const spsi_frame *frame, double sample) {
+SPSI_COLD int spsi_samples_fineness(const spsi_frame *frame, double sample) {
     double voxel = HUGE_VAL;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
@@ -23435,7 +23450,7 @@ static int spsi_samples_fineness(const spsi_frame *frame, double sample) {
 }
 
 /* Rays along z, through the samples, or, finer, through those of the sheets. */
-static int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays, spsi_slabs *slabs) {
+SPSI_COLD int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays, spsi_slabs *slabs) {
     const double pitch = 0.5 * grid->edge / fine;
     memset(rays, 0, sizeof *rays);
     memset(slabs, 0, sizeof *slabs);
@@ -23452,7 +23467,7 @@ static int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays,
 }
 
 /* Begins to sample, with a channel per material. Rays and slabs are set. */
-static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *frame, spsi_sampling *sheets) {
+SPSI_COLD sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *frame, spsi_sampling *sheets) {
     spsi_target *target = &sheets->target;
     spsi_target_place(frame, &sheets->rays, &sheets->slabs, SPSI_TARGET_SAMPLES, 0, target);
     target->shape.channels = frame->matter.material_count;
@@ -23560,7 +23575,7 @@ static void spsi_cells_add_sample(const void *data, const spsi_sample_place *pla
 }
 
 /* Fills samples and cells. */
-static sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call *part) {
     sps_context *context = job->context;
     spsi_sampling *sheets = &job->sheets;
     if (!spsi_cells_aim(job->grid, job->fine, &sheets->rays, &sheets->slabs))
@@ -23585,7 +23600,7 @@ static float spsi_cell_straight(const spsi_cell_job *job, int channel, size_t at
 }
 
 /* Sets the mean scale of extinction. */
-static void spsi_cells_mean_scale(const spsi_cell_job *job) {
+SPSI_COLD void spsi_cells_mean_scale(const spsi_cell_job *job) {
     const spsi_cell_grid *grid = job->grid;
     for (int c = 0; c < grid->channels; ++c) {
         double straight = 0, all = 0;
@@ -23604,13 +23619,13 @@ static void spsi_cells_mean_scale(const spsi_cell_job *job) {
 /* Texels on the longer side of a table for cells: four for a cell's edge. Optical depth is convex where gas begins, and
    linear between entries: in a dense cloud, two leave out 1 % of what scatters again, four a quarter of that, in the
    same time. */
-static int spsi_cell_texels(const spsi_frame *frame) {
+SPSI_COLD int spsi_cell_texels(const spsi_frame *frame) {
     const int cells = frame->view.scatter_size;
     return spsi_most(16, spsi_least(4 * cells, spsi_most(SPSI_CELL_TEXELS_MOST, 2 * cells)));
 }
 
 /* Turns a light into one that has a table, with `texels` on its longer side. `served`: the gas in it; NULL: all. */
-static void spsi_cells_lamp(int texels, const spsi_bounds *served, spsi_lamp *lamp) {
+SPSI_COLD void spsi_cells_lamp(int texels, const spsi_bounds *served, spsi_lamp *lamp) {
     lamp->map_bounds = served;
     memset(&lamp->map, 0, sizeof lamp->map);
     lamp->map.technique = SPS_TMAP_TABLE;
@@ -23620,8 +23635,8 @@ static void spsi_cells_lamp(int texels, const spsi_bounds *served, spsi_lamp *la
 }
 
 /* Makes that table, for a light that has none of its own. */
-static sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
-                                 sps_tmap *map) {
+SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
+                                    sps_tmap *map) {
     spsi_lamp coarse = *lamp;
     spsi_occluders occluders;
     spsi_cells_lamp(spsi_cell_texels(job->frame), &job->bounds, &coarse);
@@ -23634,8 +23649,8 @@ static sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp
 }
 
 /* Makes a light's table, unless it has its own from an earlier grid, which waits for the sweeps. */
-static sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
-                                   spsi_shadow *shadow, sps_tmap *map) {
+SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
+                                      spsi_shadow *shadow, sps_tmap *map) {
     shadow->lamp = lamp;
     shadow->kind = SPSI_SHADOW_MAP;
     shadow->tmap = map;
@@ -23648,7 +23663,7 @@ static sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_lamp *la
 
 /* Makes the maps of the lights that cast shadows. Tables are a grid's own, unless they are the light's; depth maps and
    pane maps serve all grids. */
-static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call *part, sps_tmap *maps) {
+SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call *part, sps_tmap *maps) {
     const spsi_frame *frame = job->frame;
     const int shadows = frame->lamps.shadow_count;
     spsi_part_of_call each = *part;
@@ -23668,8 +23683,8 @@ static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call
 }
 
 /* A shader whose eye looks through samples. */
-static void spsi_cells_shader(const spsi_frame *frame, const spsi_faces *faces, const spsi_rays *eye,
-                              const spsi_slabs *slabs, const spsi_sweep *sweep, spsi_shader *shader) {
+SPSI_COLD void spsi_cells_shader(const spsi_frame *frame, const spsi_faces *faces, const spsi_rays *eye,
+                                 const spsi_slabs *slabs, const spsi_sweep *sweep, spsi_shader *shader) {
     shader->frame = frame;
     shader->eye = eye;
     shader->sweep = sweep;
@@ -24031,14 +24046,14 @@ static void spsi_cells_walls_task(void *data, int row) {
 }
 
 /* Floats that hold a byte for each row of cells. */
-static size_t spsi_cell_rows_floats(const int size[3]) { return (size_t)(size[1] * size[2] / 4 + 1); }
+SPSI_COLD size_t spsi_cell_rows_floats(const int size[3]) { return (size_t)(size[1] * size[2] / 4 + 1); }
 
 /* Floats of all walls. */
-static size_t spsi_cell_walls_floats(const spsi_cell_grid *grid) {
+SPSI_COLD size_t spsi_cell_walls_floats(const spsi_cell_grid *grid) {
     return (size_t)(10 + 2 * grid->channels) * grid->count + spsi_cell_rows_floats(grid->size);
 }
 
-static sps_result spsi_cell_walls_begin(spsi_cell_job *job) {
+SPSI_COLD sps_result spsi_cell_walls_begin(spsi_cell_job *job) {
     const size_t floats = spsi_cell_walls_floats(job->grid), count = job->grid->count;
     const size_t channels = (size_t)job->grid->channels;
     spsi_cell_walls *walls = &job->walls;
@@ -24358,7 +24373,7 @@ static void spsi_cells_light_task(void *data, int row) {
 }
 
 /* Lights all cells, and the polygons about them. */
-static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *part) {
     sps_context *context = job->context;
     const int count = job->frame->lamps.shadow_count, rows = job->grid->size[1] * job->grid->size[2];
     sps_tmap *maps;
@@ -24427,7 +24442,7 @@ static void spsi_cells_equations_task(void *data, int row) {
 }
 
 /* Lays out a level of a solver in memory, or counts only, and returns its floats. */
-static size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
+SPSI_COLD size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
     const size_t terms = (size_t)(orders * orders) * level->count;
     uint64_t laid = 0;
     level->depth = spsi_lay(memory, &laid, level->count);
@@ -24443,7 +24458,7 @@ static size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float 
 }
 
 /* Floats for light of polygons: moments and a source of none, links and rows of coarse levels. */
-static size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
+SPSI_COLD size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
         floats += 2 * solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
@@ -24451,7 +24466,7 @@ static size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
 }
 
 /* Sizes of a solver's levels, each half as long as the one before, down to four cells. Returns the floats of all. */
-static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver *solver) {
+SPSI_COLD size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver *solver) {
     size_t floats = 0;
     solver->orders = grid->orders;
     solver->terms = grid->terms;
@@ -24473,7 +24488,8 @@ static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver
     return grid->flux_terms > 0 ? floats + spsi_cell_solver_wall_floats(solver) : floats;
 }
 
-static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_grid *grid, spsi_cell_solver *solver) {
+SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_grid *grid,
+                                            spsi_cell_solver *solver) {
     float *memory;
     memset(solver, 0, sizeof *solver);
     solver->context = context;
@@ -24512,7 +24528,7 @@ static void spsi_cells_close_task(void *data, int row) {
 }
 
 /* Closes links on all levels, and sets up `plain`, the finest one as it is when cells send nothing. */
-static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
+SPSI_COLD void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     spsi_cell_solver *solver = job->solver;
     const size_t floats = (size_t)solver->terms * solver->levels[0].count;
     float *memory = solver->scratch + spsi_cell_scratch_floats(&solver->levels[0]);
@@ -24805,7 +24821,7 @@ static void spsi_cells_single_task(void *data, int row) {
 
 /* Keeps what the last sweep found, by which polygons are lit, and what leaves the patches of a grid. If no polygons are
    within the grid, that is in all what cells send and do not take. */
-static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cell_grid *leaves) {
+SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cell_grid *leaves) {
     spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
@@ -24839,7 +24855,7 @@ static void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cel
 
 /* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly
    changed. Returns by how much. */
-static double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_level *plain) {
+SPSI_COLD double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_level *plain) {
     if (job->wall_light) spsi_cells_take_flux(job, channel, &job->coarse);
     double change = spsi_cell_walls_send(job, channel);
     if (change < SPSI_CELL_CHANGE && job->wall_light) return change;
@@ -24852,7 +24868,8 @@ static double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_leve
 }
 
 /* Solves for one channel; beside polygons, again with what they reflect. */
-static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_level *plain, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_level *plain,
+                                              const spsi_part_of_call *part) {
     spsi_cell_solver *solver = job->solver;
     const spsi_cell_grid *grid = job->grid;
     const size_t moments = (size_t)grid->terms * grid->count;
@@ -24886,7 +24903,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_level *
 }
 
 /* Solves for one channel after the other. */
-static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_call *part) {
     sps_context *context = job->context;
     const spsi_cell_grid *grid = job->grid;
     spsi_part_of_call each = *part;
@@ -24956,7 +24973,7 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
 }
 
 /* Upper bound of the bytes for all cells: those of cubes, one after the other. */
-static size_t spsi_cells_bytes(const spsi_frame *frame) {
+SPSI_COLD size_t spsi_cells_bytes(const spsi_frame *frame) {
     const int side = frame->view.scatter_size;
     size_t floats, bytes = sizeof(spsi_cell_job) + SPSI_CELL_GRIDS * sizeof(spsi_cell_grid);
     spsi_cell_grid grid;
@@ -25036,7 +25053,7 @@ static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_fr
 
 /* Whether light is held that was made from what `key` stands for. From here on none is, until its maker sets
    cells_held: a call that fails may leave any part of it in the buffers. */
-static int spsi_scattered_take(sps_context *context, uint64_t key) {
+SPSI_COLD int spsi_scattered_take(sps_context *context, uint64_t key) {
     const int held = key != 0 && key == context->cells_held;
     context->cells_held = 0;
     return held;
@@ -25098,7 +25115,8 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
 }
 
 /* Reserves the memory of all grids. */
-static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *frame, spsi_cell_grid *grids, int count) {
+SPSI_COLD sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *frame, spsi_cell_grid *grids,
+                                        int count) {
     size_t floats = 0;
     float *memory;
     for (int n = 0; n < count; ++n) floats += spsi_cell_grid_lay_out(frame, &grids[n], NULL);
@@ -25151,8 +25169,8 @@ static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *gr
 
 /* Places grids about all gas: one, or one about each of groups that are far apart, and sets the content's bounds to
    theirs. Returns their number. */
-static int spsi_cells_place_all(const sps_context *context, const spsi_frame *frame, spsi_groups *groups,
-                                spsi_cell_grid *grids) {
+SPSI_COLD int spsi_cells_place_all(const sps_context *context, const spsi_frame *frame, spsi_groups *groups,
+                                   spsi_cell_grid *grids) {
     int count = 0;
     spsi_groups_build(context, frame, groups);
     frame->content->bounds = spsi_nowhere;
@@ -25167,7 +25185,7 @@ static int spsi_cells_place_all(const sps_context *context, const spsi_frame *fr
 }
 
 /* Sets the scale of extinction, which surfaces use, to the mean of all grids. */
-static void spsi_cells_share_scale(spsi_cell_grid *grids, int count) {
+SPSI_COLD void spsi_cells_share_scale(spsi_cell_grid *grids, int count) {
     for (int c = 0; c < grids[0].channels && count > 1; ++c) {
         double sum = 0, weight = 0;
         for (int n = 0; n < count; ++n) {
@@ -25182,9 +25200,9 @@ static void spsi_cells_share_scale(spsi_cell_grid *grids, int count) {
 }
 
 /* Makes the light in all cells. What glows in one grid must know the gas in all others: these are filled beforehand. */
-static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                  const spsi_groups *groups, const spsi_part_of_call *part, spsi_cell_grid *grids,
-                                  int count, spsi_flights *flights) {
+SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                     const spsi_groups *groups, const spsi_part_of_call *part, spsi_cell_grid *grids,
+                                     int count, spsi_flights *flights) {
     const int flies = spsi_cells_fly(frame);
     spsi_part_of_call third = *part;
     spsi_glow glow = {0, 0, 0};
@@ -25265,8 +25283,8 @@ static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame,
 }
 
 /* The same on the finest levels of all volumes: what gas sends does not depend on how large the eye's pixels are. */
-static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                   const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                      const spsi_part_of_call *part) {
     spsi_content *content = frame->content;
     const spsi_bounds bounds = content->bounds;
     float levels[SPSI_VOLUMES_MAX];
@@ -25442,7 +25460,7 @@ static void spsi_spread_carry_task(void *data, int c) {
 
 /* Samples of a light's sheets along each side of a texel: more than one where a transfer function calls for them. A
    chunk is of whole texels. */
-static int spsi_spread_fineness(const spsi_frame *frame, const spsi_spread *spread) {
+SPSI_COLD int spsi_spread_fineness(const spsi_frame *frame, const spsi_spread *spread) {
     const sps_tmap_settings *range = &spread->map.settings;
     const double texel = spsi_pixel_size_at(&spread->map.rays[0], 0.5 * (range->near_depth + range->far_depth));
     int fine = 1;
@@ -25452,7 +25470,7 @@ static int spsi_spread_fineness(const spsi_frame *frame, const spsi_spread *spre
 
 /* Rays through the samples of a face, and their slabs: `fine` samples along each side of a texel. Returns 0 if texels
    are too much alike. */
-static int spsi_spread_aim_fine(const spsi_spread *spread, int face, int fine, spsi_rays *rays, spsi_slabs *slabs) {
+SPSI_COLD int spsi_spread_aim_fine(const spsi_spread *spread, int face, int fine, spsi_rays *rays, spsi_slabs *slabs) {
     const spsi_rays *texels = &spread->map.rays[face];
     const double per_length = spsi_length(texels->inverse[2]);
     memset(slabs, 0, sizeof *slabs);
@@ -25465,7 +25483,7 @@ static int spsi_spread_aim_fine(const spsi_spread *spread, int face, int fine, s
 }
 
 /* Sets up a face: its rays, and sheets of samples. */
-static sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory) {
+SPSI_COLD sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory) {
     const spsi_spread *spread = job->spread;
     const spsi_frame *frame = job->frame;
     const size_t all = SPSI_CHUNK * job->plane, channels = (size_t)spread->channels;
@@ -25498,7 +25516,7 @@ static sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory) {
 }
 
 /* Carries light through a face. */
-static sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const spsi_part_of_call *part) {
     sps_context *context = job->context;
     const spsi_spread *spread = job->spread;
     const int chunks = (spread->sheet_count * job->fine + SPSI_CHUNK - 1) / SPSI_CHUNK;
@@ -25516,11 +25534,11 @@ static sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const sp
 }
 
 /* Most sheets of a light with that many texels across. */
-static int spsi_spread_sheets_most(int texels) { return 2 * texels; }
+SPSI_COLD int spsi_spread_sheets_most(int texels) { return 2 * texels; }
 
 /* Aims a light's sheets at the gas. They are as thick as texels in the middle are wide. */
-static sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
-                                  spsi_spread *spread) {
+SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+                                     spsi_spread *spread) {
     const sps_tmap_settings *range = &spread->map.settings;
     spsi_lamp coarse = *lamp;
     spsi_cells_lamp(spsi_most(16, 2 * frame->view.scatter_size), NULL, &coarse);
@@ -25541,7 +25559,7 @@ static sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame,
 }
 
 /* Sets up a job for a light. Returns the floats of its memory. */
-static size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spread, spsi_spread_job *job) {
+SPSI_COLD size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spread, spsi_spread_job *job) {
     const spsi_rays *rays = &spread->map.rays[0];
     job->spread = spread;
     job->fine = spsi_spread_fineness(frame, spread);
@@ -25562,8 +25580,8 @@ static size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spread
 }
 
 /* Carries the light of all lamps. */
-static sps_result spsi_spreads_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                    const spsi_spreads *spreads, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_spreads_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                       const spsi_spreads *spreads, const spsi_part_of_call *part) {
     spsi_spread_job *job = (spsi_spread_job *)spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof *job);
     const size_t count = (size_t)spreads->count;
     spsi_shadow *shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, count, sizeof *shadows);
@@ -25599,8 +25617,8 @@ static sps_result spsi_spreads_make(sps_context *context, const spsi_frame *fram
 }
 
 /* Finds the light that spreads from each lamp which casts shadows, unless it is held from the last call. */
-static sps_result spsi_spreads_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                     const spsi_part_of_call *part, spsi_spreads *spreads) {
+SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                        const spsi_part_of_call *part, spsi_spreads *spreads) {
     const size_t count = (size_t)frame->lamps.shadow_count;
     const double start = spsi_clock(context);
     const uint64_t key = spsi_scattered_fingerprint(context, frame);
@@ -25635,7 +25653,7 @@ static sps_result spsi_spreads_build(sps_context *context, const spsi_frame *fra
 }
 
 /* Upper bound of the bytes for all that. */
-static size_t spsi_spreads_bytes(const spsi_frame *frame) {
+SPSI_COLD size_t spsi_spreads_bytes(const spsi_frame *frame) {
     size_t floats = 0, most = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const int side = spsi_most(16, 2 * frame->view.scatter_size);
@@ -25816,7 +25834,7 @@ static void spsi_polygon_range_task(void *data, int index) {
 /* --- setting up a sweep --- */
 
 /* Begins the shadow of the sweep's own lamp. */
-static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
+SPSI_COLD sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     const spsi_shader *shader = &run->shader;
     run->has_sliced = shader->sweep->lamp && !shader->again.measures && spsi_holds_gas(context, shader->frame);
     if (!run->has_sliced) return SPS_OK;
@@ -25829,7 +25847,7 @@ static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
 }
 
 /* Lays out gas and light of a sweep from back to front. What was measured of all gas stays from the pass before. */
-static void spsi_run_again(const spsi_frame *frame, size_t pixels, float *memory, spsi_again *again) {
+SPSI_COLD void spsi_run_again(const spsi_frame *frame, size_t pixels, float *memory, spsi_again *again) {
     const size_t channels = (size_t)frame->channels;
     again->whole = memory;
     again->gas = again->measures ? memory : memory + pixels;
@@ -25838,7 +25856,7 @@ static void spsi_run_again(const spsi_frame *frame, size_t pixels, float *memory
 }
 
 /* Lays out the region's tiles, and the planes of their pixels: optical depth, radiance, and distance if wanted. */
-static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
+SPSI_COLD sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     spsi_region *region = &run->region;
     spsi_shader *shader = &run->shader;
     const spsi_frame *frame = shader->frame;
@@ -25874,7 +25892,7 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
 }
 
 /* Reserves the workers' scratch memory and clears their counters. */
-static sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
+SPSI_COLD sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
     run->samples = (spsi_sample *)spsi_vectors_reserve(
         context, SPSI_BUFFER_SAMPLES, spsi_scratch_samples(run->shader.frame), sizeof *run->samples);
     run->arrivals = (spsi_arrival *)spsi_vectors_reserve(context, SPSI_BUFFER_ARRIVALS, run->shader.shadow_count,
@@ -25898,8 +25916,8 @@ static int spsi_region_ended(const spsi_region *region) {
 }
 
 /* Fills the run for one sweep. */
-static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                 const spsi_visible *visible, const spsi_sweep *sweep, spsi_run *run) {
+SPSI_COLD sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                    const spsi_visible *visible, const spsi_sweep *sweep, spsi_run *run) {
     spsi_shader *shader = &run->shader;
     run->context = context;
     shader->frame = frame;
@@ -25934,7 +25952,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
 /* --- running it --- */
 
 /* Composites the polygons in a range of slabs that holds neither voxels nor particles. */
-static void spsi_run_polygons(spsi_run *run, float low, float high) {
+SPSI_COLD void spsi_run_polygons(spsi_run *run, float low, float high) {
     if (!run->shader.hits || run->shader.again.measures || !(low < high)) return;
     run->slab_count = 0;
     run->low = low;
@@ -25948,7 +25966,7 @@ static void spsi_run_polygons(spsi_run *run, float low, float high) {
 }
 
 /* Splats and composites the current chunk. */
-static void spsi_run_chunk(spsi_run *run) {
+SPSI_COLD void spsi_run_chunk(spsi_run *run) {
     sps_context *context = run->context;
     run->shader.first_slab = run->contents.first_slab;
     run->slab_count = SPSI_CHUNK;
@@ -25960,7 +25978,7 @@ static void spsi_run_chunk(spsi_run *run) {
 }
 
 /* Adds the workers' counts and the tiles' flags to the statistics. */
-static void spsi_run_count(spsi_run *run) {
+SPSI_COLD void spsi_run_count(spsi_run *run) {
     sps_stats_report *stats = &run->context->stats;
     for (int i = 0; i < spsi_worker_count(run->context); ++i) {
         stats->eye_footprints += run->eye.counts[i][0];
@@ -25977,7 +25995,7 @@ static void spsi_run_count(spsi_run *run) {
     stats->tiles_finished += (uint64_t)(spsi_region_ended(&run->region) - run->region.outside);
 }
 
-static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
     sps_context *context = run->context;
     const int held = spsi_holds_gas(context, run->shader.frame), slabs = held ? run->shader.sweep->slabs.count : 0;
     const int chunks = held ? spsi_chunk_count(&run->shader.sweep->slabs) : 0;
@@ -26033,16 +26051,16 @@ static spsi_grade spsi_grade_of(const spsi_frame *frame, int rung) {
 }
 
 /* Whether a budget chooses the number of a light's points. */
-static int spsi_lamp_is_open(const spsi_lamp *lamp) { return lamp->extent.exists && lamp->samples == 0; }
+SPSI_COLD int spsi_lamp_is_open(const spsi_lamp *lamp) { return lamp->extent.exists && lamp->samples == 0; }
 
-static int spsi_lamps_are_open(const spsi_frame *frame) {
+SPSI_COLD int spsi_lamps_are_open(const spsi_frame *frame) {
     for (int i = 0; i < frame->lamps.count; ++i)
         if (spsi_lamp_is_open(&frame->lamps.list[i])) return 1;
     return 0;
 }
 
 /* Applies a setting to the frame. Lights' choices between sheets and tables are open then. */
-static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
+SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
     const spsi_grade grade = spsi_grade_of(frame, setting->gas);
     spsi_lamps *lamps = &frame->lamps;
     frame->view.quality = grade.quality;
@@ -26061,7 +26079,7 @@ static sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, co
 /* --- what a setting costs --- */
 
 /* Number of the region's pixels in the box of what gas looks like; all of them where gas is beside the eye. */
-static double spsi_covered_pixels(const spsi_frame *frame) {
+SPSI_COLD double spsi_covered_pixels(const spsi_frame *frame) {
     const int *region = frame->view.region;
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, area = 1;
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
@@ -26079,7 +26097,7 @@ static double spsi_covered_pixels(const spsi_frame *frame) {
 
 /* Places a sweep of a frame whose lights have chosen. Returns the number of its slabs; 0 if there is nothing to cut,
    infinity if rendering would refuse it. */
-static double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep) {
+SPSI_COLD double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, 0, sweep);
     double count;
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
@@ -26091,7 +26109,7 @@ static double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep)
 #define SPSI_POINT_TEXEL_UNITS 0.25 /* what a point of a penumbra adds to a texel of a slab */
 #define SPSI_POINT_PIXEL_UNITS 7    /* and to a pixel of polygons, in pixels of slabs */
 
-static void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
+SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3], covered = spsi_covered_pixels(frame);
     for (int n = 0; n < spsi_sweep_count(frame); ++n) {
         spsi_sweep sweep;
@@ -26108,7 +26126,7 @@ static void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
 }
 
 /* Whether a light's table is held from an earlier call; `gas` is the fingerprint of the gas. */
-static int spsi_table_is_held(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp, uint64_t gas) {
+SPSI_COLD int spsi_table_is_held(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp, uint64_t gas) {
     const sps_tmap *held = (const sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     sps_tmap map;
     if (!gas || !spsi_has_shadow_table(lamp) || context->shadow_table_count == 0) return 0;
@@ -26120,7 +26138,7 @@ static int spsi_table_is_held(sps_context *context, const spsi_frame *frame, con
 }
 
 /* Tables and maps, except for those by which cells are lit, which are made with these. */
-static void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, uint64_t gas, spsi_work *work) {
+SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, uint64_t gas, spsi_work *work) {
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const int is_empty = spsi_bounds_empty(spsi_lamp_bounds(frame, lamp)); /* volumes hold nothing */
@@ -26136,7 +26154,7 @@ static void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, ui
 }
 
 /* The cells of a grid about all gas, with what polygons add to each; 0 if light is not followed from cell to cell. */
-static double spsi_work_cells(const spsi_frame *frame) {
+SPSI_COLD double spsi_work_cells(const spsi_frame *frame) {
     spsi_cell_grid grid;
     if (!spsi_scatters_fully(frame) && !spsi_scatters_aside(frame)) return 0;
     if (!spsi_cells_place(frame, &frame->content->bounds, &grid)) return 0;
@@ -26149,7 +26167,7 @@ static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 10
 #define SPSI_DEPTH_TEXEL_UNITS 0.15 /* that a texel of a depth map takes of what a pixel does */
 
 /* Pixels, shadow rays from them and, if there is gas, the depth maps by which polygons shade it. */
-static void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) {
+SPSI_COLD void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     double *units = &work->units[SPSI_STAGE_SURFACES];
     const int shades_gas = frame->matter.scatters && !spsi_bounds_empty(&frame->content->bounds);
@@ -26168,7 +26186,7 @@ static void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) {
 
 /* Counts the work of a frame that has a setting, and whose voxels are read or planned: `voxels` of them. Cells, whose
    number is chosen apart, and reading are not counted. */
-static void spsi_work_count(sps_context *context, spsi_frame *frame, double voxels, uint64_t gas, spsi_work *work) {
+SPSI_COLD void spsi_work_count(sps_context *context, spsi_frame *frame, double voxels, uint64_t gas, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     memset(work, 0, sizeof *work);
     spsi_choose_shadows(context, frame);
@@ -26191,12 +26209,12 @@ static const double spsi_start_rates[SPSI_STAGE_COUNT][SPSI_GRADES] = {
     {5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9}};
 
 /* The rung on which a stage stands. */
-static int spsi_stage_grade(spsi_stage stage, const spsi_setting *setting) {
+SPSI_COLD int spsi_stage_grade(spsi_stage stage, const spsi_setting *setting) {
     return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD ? setting->cells : setting->gas;
 }
 
 /* The rate of a stage: the context's own or, from the nearest rung that has one, in the proportion of start values. */
-static double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
+SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
     const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
     const int grade = spsi_stage_grade(stage, setting), cells = stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD;
     for (int away = 0; away < SPSI_GRADES; ++away) /* of two that are as near, the coarser one */
@@ -26223,7 +26241,7 @@ static const double spsi_cell_errors[SPSI_CELL_GRADES] = {0.28, 0.13, 0.065, 0.0
 
 /* What the points of a light are off by: their number is on a rung, or above one. Below the lowest, error is as their
    distance. */
-static double spsi_lamp_error(const spsi_lamp *lamp, const spsi_setting *setting) {
+SPSI_COLD double spsi_lamp_error(const spsi_lamp *lamp, const spsi_setting *setting) {
     int at = 0;
     if (!lamp->extent.exists || !lamp->shadows) return 0;
     if (spsi_lamp_is_open(lamp)) return spsi_point_errors[setting->points];
@@ -26233,7 +26251,7 @@ static double spsi_lamp_error(const spsi_lamp *lamp, const spsi_setting *setting
 
 /* Mean optical depth along the diameters of the particles that scatter light, by the light that each takes: what meets
    its disc, or its depth's share of that. 0 before they are read. */
-static double spsi_balls_depth(const spsi_frame *frame) {
+SPSI_COLD double spsi_balls_depth(const spsi_frame *frame) {
     double sum = 0, weights = 0;
     for (int i = 0, n = 0; i < frame->particles.set_count && frame->content->particle_count > 0; ++i) {
         const spsi_particle_set *set = &frame->particles.sets[i];
@@ -26251,7 +26269,7 @@ static double spsi_balls_depth(const spsi_frame *frame) {
 /* Before black, gas that covers a share c of the pixels, and is off by e of its own mean, is off by e sqrt(c) in the
    picture, whose mean is c times as much: by e / sqrt(c). Gas that is out of sight may still shade polygons. `balls`:
    depth of particles that scatter light. */
-static double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double balls) {
+SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double balls) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     const double covered = spsi_fmin(spsi_covered_pixels(frame), pixels);
     const double shown = covered > 0 ? pixels / covered : frame->meshes.triangle_count > 0 ? 1 : 0;
@@ -26283,7 +26301,7 @@ typedef struct spsi_offer {
     double seconds, error;
 } spsi_offer;
 
-static spsi_setting spsi_offer_setting(int n) {
+SPSI_COLD spsi_setting spsi_offer_setting(int n) {
     const spsi_setting setting = {n / (SPSI_POINT_GRADES * SPSI_CELL_GRADES), n / SPSI_CELL_GRADES % SPSI_POINT_GRADES,
                                   n % SPSI_CELL_GRADES};
     return setting;
@@ -26291,7 +26309,7 @@ static spsi_setting spsi_offer_setting(int n) {
 
 /* Whether an offer is better than another: within the budget, by what the budget leaves open; else, the one that is
    nearer to it. */
-static int spsi_offer_beats(const sps_view *view, const spsi_offer *a, const spsi_offer *b) {
+SPSI_COLD int spsi_offer_beats(const sps_view *view, const spsi_offer *a, const spsi_offer *b) {
     const int timed = view->budget_seconds > 0;
     const double most = timed ? view->budget_seconds : view->budget_error;
     const double bound[2] = {timed ? a->seconds : a->error, timed ? b->seconds : b->error};
@@ -26304,8 +26322,8 @@ static int spsi_offer_beats(const sps_view *view, const spsi_offer *a, const sps
 
 /* Counts cells, as those to follow light in or as those that hold the light which a setting of the frame calls for:
    that of the frame which made it. */
-static void spsi_work_count_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting,
-                                  spsi_work *work) {
+SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting,
+                                     spsi_work *work) {
     const spsi_pace *pace = &context->pace;
     const double cells = spsi_work_cells(frame);
     const int are_held = cells > 0 && context->cells_held != 0 && pace->scattered != 0 &&
@@ -26330,8 +26348,8 @@ static void spsi_offer_time(const sps_context *context, const spsi_work *work, c
 }
 
 /* Offers of all numbers of cells of the frame's setting, from number `first` on. `work` has all but these. */
-static void spsi_cell_offers(sps_context *context, spsi_frame *frame, double spent, double balls, spsi_work *work,
-                             int first, spsi_offer *offers) {
+SPSI_COLD void spsi_cell_offers(sps_context *context, spsi_frame *frame, double spent, double balls, spsi_work *work,
+                                int first, spsi_offer *offers) {
     const spsi_setting *only = context->pace.only;
     const int cells = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_CELL_GRADES : 1;
     for (int n = 0; n < cells; ++n) {
@@ -26349,7 +26367,7 @@ static void spsi_cell_offers(sps_context *context, spsi_frame *frame, double spe
 }
 
 /* The largest bound of offers one rung below, if `sign` is 1, or the least of those one above, if it is -1. */
-static double spsi_offer_bound(const double *bounds, int n, int sign) {
+SPSI_COLD double spsi_offer_bound(const double *bounds, int n, int sign) {
     static const int strides[3] = {SPSI_POINT_GRADES * SPSI_CELL_GRADES, SPSI_CELL_GRADES, 1};
     static const int sizes[3] = {SPSI_GRADES, SPSI_POINT_GRADES, SPSI_CELL_GRADES};
     double bound = sign > 0 ? 0 : HUGE_VAL;
@@ -26365,7 +26383,7 @@ static double spsi_offer_bound(const double *bounds, int n, int sign) {
    two settings, the other's time is bounded by that, and where it knows neither, the coarser one's by the finer
    one's. Start values are of other scenes, in which work was shared out among stages otherwise. Thick slabs that were
    splatted bound nothing, since that may take longer than to gather thinner ones. */
-static void spsi_offers_order(const spsi_pace *pace, spsi_offer *offers) {
+SPSI_COLD void spsi_offers_order(const spsi_pace *pace, spsi_offer *offers) {
     double bounds[SPSI_OFFERS];
     for (int n = 0; n < SPSI_OFFERS; ++n) {
         spsi_offer *offer = &offers[n];
@@ -26383,8 +26401,8 @@ static void spsi_offers_order(const spsi_pace *pace, spsi_offer *offers) {
     }
 }
 
-static void spsi_budget_report(const spsi_frame *frame, const spsi_offer *best, const spsi_setting *setting,
-                               sps_budget_report *report) {
+SPSI_COLD void spsi_budget_report(const spsi_frame *frame, const spsi_offer *best, const spsi_setting *setting,
+                                  sps_budget_report *report) {
     const int timed = frame->view.budget_seconds > 0;
     report->is_met = best->exists && (timed ? best->seconds <= frame->view.budget_seconds
                                             : best->error <= frame->view.budget_error);
@@ -26399,8 +26417,8 @@ static void spsi_budget_report(const spsi_frame *frame, const spsi_offer *best, 
 
 /* Chooses a setting by the view's budget, and gives it to the frame. `spent`: seconds until now, or until all will have
    been read. Where none can be rendered, the cheapest rungs are taken, and refused later. */
-static sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, double spent, double voxels,
-                                     sps_budget_report *report) {
+SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, double spent, double voxels,
+                                        sps_budget_report *report) {
     const spsi_setting *only = context->pace.only;
     const uint64_t gas = spsi_gas_fingerprint(frame);
     const double balls = spsi_balls_depth(frame);
@@ -26434,7 +26452,7 @@ static sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, do
 }
 
 /* The same for a frame that is about to be rendered. What cannot be met is said before. */
-static sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
+SPSI_COLD sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
     const double spent = spsi_clock(context) - context->clock_start;
     sps_budget_report *report = &context->stats.budget;
     char text[SPSI_SENTENCE_SIZE / 2];
@@ -26454,7 +26472,7 @@ static sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
 /* --- what the context learns --- */
 
 /* Learns from a frame that had a budget and is finished. */
-static void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     static const spsi_stage makers[] = {SPSI_STAGE_CELLS, SPSI_STAGE_LIGHT, SPSI_STAGE_EYE};
     const sps_stats_report *stats = &context->stats;
     const double total = spsi_clock(context) - context->clock_start;
@@ -26500,7 +26518,7 @@ static size_t spsi_total_floats(const spsi_frame *frame) { return (size_t)(4 + f
 
 /* Fills `rgb` with the background's radiance for one row of the region, three floats per pixel. Directions are kept
    behind it. */
-static sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
+SPSI_COLD sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
     const sps_scene *scene = &frame->given;
     const int *region = frame->view.region;
     float *directions = rgb + 3 * (size_t)region[2];
@@ -26527,7 +26545,7 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
 static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
 
 /* Begins the sum of all sweeps with the background. Returns NULL on failure. */
-static float *spsi_begin_total(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD float *spsi_begin_total(sps_context *context, const spsi_frame *frame) {
     const size_t width = (size_t)frame->view.region[2], floats = spsi_total_floats(frame);
     float *total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, width * (size_t)frame->view.region[3],
                                          floats * sizeof(float));
@@ -26596,7 +26614,7 @@ static void spsi_write_image(const spsi_frame *frame, const float *total, const 
 
 /* Sets the depth that the eye's depths are relative to: that of the middle of the gas, whose lookups need it to be
    near, or, if there is no gas, that of the polygons, which may be far behind. */
-static void spsi_eye_reference(const spsi_frame *frame) {
+SPSI_COLD void spsi_eye_reference(const spsi_frame *frame) {
     spsi_bounds all = frame->content->bounds;
     double centre[3], q[3];
     if (spsi_bounds_empty(&all)) all = frame->content->mesh_bounds;
@@ -26607,8 +26625,8 @@ static void spsi_eye_reference(const spsi_frame *frame) {
 }
 
 /* Finds what the eye sees of polygons. */
-static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                    spsi_visible *visible) {
+SPSI_COLD sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                       spsi_visible *visible) {
     const size_t pixels = spsi_ray_count(&frame->content->eye);
     memset(visible, 0, sizeof *visible);
     if (faces->count == 0) return SPS_OK;
@@ -26636,8 +26654,8 @@ typedef struct spsi_picture {
 } spsi_picture;
 
 /* Runs one sweep whose depth maps and transmittance maps are ready, from set-up to total; or measures its gas. */
-static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
-                                  int measures, spsi_run *run, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
+                                     int measures, spsi_run *run, const spsi_part_of_call *part) {
     const double start = spsi_clock(context);
     memset(run, 0, sizeof *run);
     run->shadows = picture->shadows;
@@ -26666,7 +26684,7 @@ static uint64_t *spsi_sight_reserve(sps_context *context, size_t places, int sha
 
 /* Lists a sweep's lights, its own and, in the first sweep, all shadowing lamps without slabs of their own, and traces
    the shadow rays from surfaces to them. */
-static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
+SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
     const size_t places = spsi_place_count(frame, &picture->visible);
@@ -26703,8 +26721,8 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *swe
 }
 
 /* Renders the region's pixels in a part of the image, whose shadows are ready. */
-static sps_result spsi_render_part(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
-                                   spsi_run *run, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_render_part(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
+                                      spsi_run *run, const spsi_part_of_call *part) {
     spsi_part_of_call half = *part;
     if (!spsi_part_meets(sweep->part, picture->frame->view.region)) return SPS_OK;
     if (spsi_sweep_measures(picture->frame, sweep)) {
@@ -26715,7 +26733,7 @@ static sps_result spsi_render_part(sps_context *context, const spsi_picture *pic
     return spsi_sweep_once(context, picture, sweep, 0, run, &half);
 }
 
-static sps_result spsi_render_sweep(sps_context *context, spsi_picture *picture, spsi_run *run, int n) {
+SPSI_COLD sps_result spsi_render_sweep(sps_context *context, spsi_picture *picture, spsi_run *run, int n) {
     const spsi_frame *frame = picture->frame;
     const int parts = spsi_part_count(frame);
     const double begin =
@@ -26742,7 +26760,7 @@ static sps_result spsi_render_sweep(sps_context *context, spsi_picture *picture,
     return context->result;
 }
 
-static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
+SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
     const double start = spsi_clock(context);
     const spsi_part_of_call cells = {SPSI_PROGRESS_GATHER, SPSI_PROGRESS_CELLS};
     spsi_picture picture;
@@ -26804,8 +26822,8 @@ typedef struct spsi_reading {
     uint64_t bricks_of[SPSI_VOLUMES_MAX], voxels_of[SPSI_VOLUMES_MAX]; /* by medium */
 } spsi_reading;
 
-static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *frame, sps_plan_report *report,
-                                    spsi_reading *reading) {
+SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *frame, sps_plan_report *report,
+                                       spsi_reading *reading) {
     memset(reading, 0, sizeof *reading);
     reading->held = spsi_volumes_held(context, frame);
     if (reading->held) spsi_bricks_bounds(context, frame, &frame->content->bounds);
@@ -26844,7 +26862,7 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
 
 /* Places fields by which filling is judged: of what is held, or of all that will be read: as if its bricks lay side by
    side or, if that is less, each apart from the others. */
-static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
+SPSI_COLD sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     if (!spsi_fields_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_fields_place(context, frame);
     context->fields_held = 0; /* they are not what is held */
@@ -26874,7 +26892,7 @@ static void spsi_plan_take(sps_context *context, sps_plan_report *report, sps_pa
 }
 
 /* Counts what is read. Lists grow by half, old and new at once. */
-static void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
+SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     const uint64_t whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     const uint64_t segments = reading->voxels_kept / (SPSI_SEGMENT - whole + 1) + 1;
     int at_once = 0;
@@ -26891,7 +26909,7 @@ static void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *frame
 
 /* Maximum number of texels on the longer side of a sweep's light. Particles have not been read, so the bounds that were
    planned with are not those of the render. */
-static size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sweep) {
+SPSI_COLD size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sweep) {
     const int planned = spsi_most(sweep->rays.width, sweep->rays.height);
     if (frame->particles.set_count == 0) return (size_t)planned;
     return (size_t)spsi_most(2, frame->view.shadow_size > 0 ? frame->view.shadow_size : spsi_light_texels_most(frame));
@@ -26913,8 +26931,8 @@ static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *fra
    enough is not known then. While contents are not known, beams count as twice as wide as the light's sheets, which is
    their maximum if shadow_size does not set that of the sheets. Boxes of volumes may be wider than what is in them, and
    penumbrae narrower in their texels, so that the bytes count even if those are left sharp. */
-static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                           sps_plan_report *report) {
+SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                              sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
     spsi_penumbra penumbra;
     spsi_rays rays;
@@ -26937,7 +26955,7 @@ static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_fram
 /* --- the choice between sheets and tables --- */
 
 /* Whether slabs about the camera's axis serve a directional light, wherever the gas is. */
-static int spsi_axis_serves(const spsi_frame *frame, const spsi_lamp *lamp) {
+SPSI_COLD int spsi_axis_serves(const spsi_frame *frame, const spsi_lamp *lamp) {
     double axis[3], toward[3];
     spsi_sweep sweep;
     if (lamp->is_point) return 0;
@@ -26950,7 +26968,7 @@ static int spsi_axis_serves(const spsi_frame *frame, const spsi_lamp *lamp) {
 }
 
 /* Chooses as a render does, except that particles have not been read: what depends on them stays open. */
-static void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
+SPSI_COLD void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
     int open = 0, sliced = 0;
     spsi_choose_shadows(context, frame);
     if (frame->particles.set_count == 0) return;
@@ -26974,7 +26992,7 @@ static int spsi_plan_tables(const spsi_frame *frame, const spsi_lamp *lamp) {
 }
 
 /* Number of lights that have sheets, or may. */
-static int spsi_plan_sliced_count(const spsi_frame *frame) {
+SPSI_COLD int spsi_plan_sliced_count(const spsi_frame *frame) {
     int count = 0;
     for (int i = 0; i < frame->lamps.count; ++i)
         count += frame->lamps.list[i].sliced || frame->lamps.list[i].choice == SPSI_CHOICE_OPEN;
@@ -26983,7 +27001,7 @@ static int spsi_plan_sliced_count(const spsi_frame *frame) {
 
 /* Number of sweeps, at most: of parts of the image in the region, where no light needs sheets. Particles may turn out
    to call for all four where slabs about the camera's axis do not serve the whole image. */
-static int spsi_plan_sweep_count(const spsi_frame *frame) {
+SPSI_COLD int spsi_plan_sweep_count(const spsi_frame *frame) {
     const int sliced = spsi_plan_sliced_count(frame);
     int parts = 0, part[4], sheets = 0;
     for (int i = 0; i < frame->lamps.count; ++i)
@@ -26997,7 +27015,7 @@ static int spsi_plan_sweep_count(const spsi_frame *frame) {
 }
 
 /* Number of lights whose shadows the n-th sweep carries, at most. */
-static int spsi_plan_shadow_count(const spsi_frame *frame, int n) {
+SPSI_COLD int spsi_plan_shadow_count(const spsi_frame *frame, int n) {
     int open = 0;
     for (int i = 0; i < frame->lamps.count; ++i) open |= frame->lamps.list[i].choice == SPSI_CHOICE_OPEN;
     return open && n == 0 ? frame->lamps.shadow_count : spsi_sweep_shadow_count(frame, n);
@@ -27019,8 +27037,8 @@ static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks 
                                                    "gathered: samples cost less than footprints would"};
 
 /* How volumes fill sheets of the eye, of a light, or of cells' samples. `again`: other sheets of the kind are known. */
-static void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
-                              spsi_target_kind kind, int again, int *gathered, const char **why) {
+SPSI_COLD void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
+                                 spsi_target_kind kind, int again, int *gathered, const char **why) {
     const char *first = NULL;
     int count = 0;
     spsi_target target;
@@ -27036,7 +27054,7 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays, co
 
 /* Aims at the samples of cells about all gas, or at those of the first light that spreads. Returns 0 if there is
    neither, or on failure. */
-static int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_rays *rays, spsi_slabs *slabs) {
+SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_rays *rays, spsi_slabs *slabs) {
     spsi_cell_grid grid;
     spsi_spread spread;
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
@@ -27051,8 +27069,8 @@ static int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_ray
 }
 
 /* Bytes of the largest sweep's planes, sheets, queues and pixels. */
-static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int n,
-                                        uint64_t bricks, spsi_run *run, sps_plan_report *report) {
+SPSI_COLD sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                           int n, uint64_t bricks, spsi_run *run, sps_plan_report *report) {
     const size_t side = spsi_plan_light_side(frame, sweep), particles = frame->particles.count;
     const spsi_rays *eye = &frame->content->eye;
     const spsi_shape shape = spsi_shape_of(frame, 1); /* lights' sheets have no more channels */
@@ -27093,12 +27111,12 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-static void spsi_plan_pass(sps_plan_report *report, sps_pass pass, int runs, const char *why, const char *why_not) {
+SPSI_COLD void spsi_plan_pass(sps_plan_report *report, sps_pass pass, int runs, const char *why, const char *why_not) {
     report->pass[pass].runs = runs;
     report->pass[pass].reason = runs ? why : why_not;
 }
 
-static void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading *reading, sps_plan_report *report) {
+SPSI_COLD void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading *reading, sps_plan_report *report) {
     const int volumes = frame->medium_count > 0 && reading->blocks > 0, particles = frame->particles.set_count > 0;
     spsi_plan_pass(report, SPS_PASS_GATHER, volumes || particles,
                    !particles ? "volumes must be read"
@@ -27110,7 +27128,7 @@ static void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading *r
 }
 
 /* Why lights have maps: the first of the library's reasons, or the caller's. */
-static const char *spsi_plan_map_reason(const spsi_frame *frame) {
+SPSI_COLD const char *spsi_plan_map_reason(const spsi_frame *frame) {
     static const char *const reasons[] = {"lights have a shadow_map or SPS_SHADOW_TABLE",
                                           "a table, if particles turn out to call for one",
                                           "",
@@ -27125,7 +27143,7 @@ static const char *spsi_plan_map_reason(const spsi_frame *frame) {
     return reasons[SPSI_CHOICE_CALLER];
 }
 
-static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan_report *report) {
+SPSI_COLD void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan_report *report) {
     const int shade = frame->matter.extinguishes;
     const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
     int maps = 0, extended = 0;
@@ -27148,7 +27166,7 @@ static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan
                              : "all penumbrae in gas are narrower than half a texel: they are left sharp");
 }
 
-static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int held, sps_plan_report *report) {
+SPSI_COLD void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int held, sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0, shadows = polygons ? frame->lamps.shadow_count : 0;
     const int hard = shadows - (polygons ? report->pass[SPS_PASS_PENUMBRAE].runs : 0);
     const int tree = polygons && spsi_needs_tree(frame);
@@ -27170,8 +27188,8 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
     spsi_plan_pass(report, SPS_PASS_SHADOW_RAYS, shadows, "polygons cast shadows on polygons", nothing);
 }
 
-static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
-                             sps_plan_report *report) {
+SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
+                                sps_plan_report *report) {
     const int gases = frame->medium_count > 0 || frame->particles.set_count > 0; /* that may be visible */
     const int polygons = frame->meshes.triangle_count > 0, sweeps = report->sweep_count, lit = frame->lamps.count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
@@ -27262,8 +27280,8 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
 }
 
 /* Bytes of everything outside the sweeps, except for what is held already. */
-static void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_reading *reading,
-                            sps_plan_report *report) {
+SPSI_COLD void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_reading *reading,
+                               sps_plan_report *report) {
     spsi_plan_gather_bytes(context, frame, reading);
     spsi_plan_take(context, report, SPS_PASS_GATHER);
     spsi_gather_images(context, frame);
@@ -27280,7 +27298,7 @@ static void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_
 }
 
 /* Bytes of the lights' maps, which are held at the same time, and of filling them one after the other. */
-static void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_report *report) {
+SPSI_COLD void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_report *report) {
     size_t most = 0, prints = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
@@ -27295,8 +27313,8 @@ static void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_r
 }
 
 /* All sweeps, and those of lights that may turn out to need one. */
-static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame, uint64_t bricks,
-                                   sps_plan_report *report) {
+SPSI_COLD sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame, uint64_t bricks,
+                                      sps_plan_report *report) {
     spsi_run *run = spsi_run_reserve(context);
     spsi_sweep sweep;
     if (!run) return context->result;
@@ -27317,7 +27335,7 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
+SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
     const spsi_setting coarsest = {0, 0, 0};
     spsi_reading reading;
     spsi_rays rays;
@@ -27366,6 +27384,8 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
         if (report->pass[i].runs == 0) report->pass[i].bytes = 0; /* the rest is part of the sum only */
     return SPS_OK;
 }
+
+#ifndef SPLATSHADOW_NO_REFERENCE
 
 /* ============================================================================================ >>reference
    37 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
@@ -27445,19 +27465,19 @@ typedef struct spsi_marcher {
     spsi_between (*shade)(const struct spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]);
 } spsi_marcher;
 
-static spsi_between spsi_between_of(double low, double high) {
+SPSI_COLD spsi_between spsi_between_of(double low, double high) {
     const spsi_between interval = {low, high};
     return interval;
 }
 
 /* Adds low..high, neither of them negative. */
-static void spsi_between_add(spsi_between *sum, double low, double high) {
+SPSI_COLD void spsi_between_add(spsi_between *sum, double low, double high) {
     sum->low += low;
     sum->high += high;
 }
 
 /* exp(-depth). */
-static spsi_between spsi_between_passes(spsi_between depth) {
+SPSI_COLD spsi_between spsi_between_passes(spsi_between depth) {
     return spsi_between_of(exp(-depth.high), exp(-depth.low));
 }
 
@@ -27661,7 +27681,7 @@ static const spsi_material *spsi_part_material(const spsi_frame *frame, int part
 }
 
 /* Clips a ray to the bounds of all gas. Returns the number of steps in what is left. */
-static int spsi_march_range(const spsi_marcher *marcher, const spsi_ray *ray, double range[2]) {
+SPSI_COLD int spsi_march_range(const spsi_marcher *marcher, const spsi_ray *ray, double range[2]) {
     if (marcher->part_count == 0) return 0;
     if (!spsi_ray_meets_box(ray, marcher->bounds.low, marcher->bounds.high, range) || !(range[1] > range[0])) return 0;
     return (int)spsi_fmin(spsi_fmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
@@ -27745,7 +27765,7 @@ typedef struct spsi_point {
     spsi_sample *samples;                  /* one per part */
 } spsi_point;
 
-static void spsi_point_take(spsi_point *point, int part, double value, double extinction) {
+SPSI_COLD void spsi_point_take(spsi_point *point, int part, double value, double extinction) {
     point->value[part] = value;
     point->extinction[part] = extinction;
     point->value_sum += value;
@@ -27782,7 +27802,7 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
 }
 
 /* Number of points by which the reference samples a light at each place. */
-static int spsi_reference_points(const spsi_lamp *lamp) {
+SPSI_COLD int spsi_reference_points(const spsi_lamp *lamp) {
     if (!lamp->extent.exists) return 1;
     return lamp->samples > 0 ? lamp->samples : SPSI_REFERENCE_POINTS;
 }
@@ -27846,10 +27866,18 @@ typedef struct spsi_source {
     double again[3]; /* scattered forward more than once: gas on the way to the eye is counted already */
 } spsi_source;
 
+/* The share of X that is shown at depth t, and the depth at which X is taken for it. */
+SPSI_COLD double spsi_forward_fade(double t, double *taken) {
+    const double from = spsi_forward_depth(SPSI_FORWARD_SIZE - 2), end = (double)SPSI_FORWARD_END;
+    *taken = spsi_fmin(t, from);
+    if (!(t < end)) return 0;
+    return spsi_fmin((4 / (t + 4) - 4 / (end + 4)) / (4 / (from + 4) - 4 / (end + 4)), 1); /* 1 - u = 4 / (t + 4) */
+}
+
 /* Light scattered forward more than once, from the series itself, per unit of a sample's optical depth and of
    irradiance without gas. */
-static void spsi_march_forward(const spsi_material *material, const spsi_sample *sample, double cosine, double depth,
-                               double sent[3]) {
+SPSI_COLD void spsi_march_forward(const spsi_material *material, const spsi_sample *sample, double cosine, double depth,
+                                  double sent[3]) {
     float last = 0;
     double taken;
     const double shown = spsi_forward_fade(depth, &taken);
@@ -27869,8 +27897,8 @@ static void spsi_march_forward(const spsi_material *material, const spsi_sample 
 }
 
 /* Adds the radiance per unit of length that all gas at a point scatters from one point of a light. */
-static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
-                                double weight, spsi_source *source) {
+SPSI_COLD void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
+                                   double weight, spsi_source *source) {
     double travel[3], arrives[3], response[3], depth = 0;
     if (!spsi_point_arrival(marcher, point, lamp, travel, arrives)) return;
     if (lamp->shadows) depth = spsi_march_lamp(marcher, lamp, point->position).low;
@@ -27888,7 +27916,7 @@ static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *p
 }
 
 /* Radiance per unit of length that all gas at a point sends along the ray, before any attenuation. */
-static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, spsi_source *source) {
+SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, spsi_source *source) {
     const spsi_frame *frame = marcher->frame;
     memset(source, 0, sizeof *source);
     for (int m = 0; m < marcher->part_count; ++m) {
@@ -27909,8 +27937,8 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
 }
 
 /* Irradiance that reaches a surface from all points of a light, per unit of its color. */
-static void spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lamp, int face,
-                               const spsi_surface *surface, spsi_between arrives[3]) {
+SPSI_COLD void spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lamp, int face,
+                                  const spsi_surface *surface, spsi_between arrives[3]) {
     const int count = spsi_reference_points(lamp);
     memset(arrives, 0, 3 * sizeof *arrives);
     for (int n = 0; n < count; ++n) {
@@ -27929,8 +27957,8 @@ static void spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lam
 }
 
 /* Radiance of the polygon that a ray meets, from all lights and ambient light. */
-static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
-                               spsi_between radiance[3]) {
+SPSI_COLD void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
+                                  spsi_between radiance[3]) {
     const spsi_frame *frame = marcher->frame;
     const double ambient = marcher->settings->samples == 0 ? 1 : 0; /* otherwise paths find it */
     spsi_appearance look;
@@ -27983,7 +28011,7 @@ static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, in
 }
 
 /* Follows a pixel's ray up to its next face and through that. */
-static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
+SPSI_COLD void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
     spsi_between surface[3], passes;
     double range[2], before;
     spsi_ray ray;
@@ -28055,7 +28083,7 @@ static void spsi_march_meet_task(void *data, int index) {
 }
 
 /* Starts every pixel's ray, through the n-th of its samples. */
-static void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centre, int n) {
+SPSI_COLD void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centre, int n) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
     const int side = marcher->side;
     spsi_rays_shift(centre, (n % side + 0.5) / side - 0.5, (n / side + 0.5) / side - 0.5,
@@ -28071,7 +28099,7 @@ static void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centr
 
 /* Adds what has been marched to the pixels' sums, over the background that the image holds. Where gas has bounds, it
    sends no more than if it were opaque and all as bright as its brightest. */
-static void spsi_march_add(const spsi_marcher *marcher) {
+SPSI_COLD void spsi_march_add(const spsi_marcher *marcher) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
     for (size_t i = 0; i < pixels; ++i) {
         spsi_walker *walker = &marcher->walkers[i];
@@ -28117,7 +28145,7 @@ static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *imag
 }
 
 /* Marches every ray that has not ended up to its next face, and through that. *left: whether any goes on. */
-static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, int *left) {
+SPSI_COLD sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, int *left) {
     const spsi_frame *frame = marcher->frame;
     const int *region = frame->view.region;
     const size_t pixels = (size_t)region[2] * (size_t)region[3];
@@ -28210,7 +28238,7 @@ static size_t spsi_grids_lay_out(const spsi_frame *frame, float *memory, spsi_de
 }
 
 /* Reads all volumes. */
-static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame, spsi_marcher *marcher) {
+SPSI_COLD sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame, spsi_marcher *marcher) {
     const size_t floats = spsi_grids_lay_out(frame, NULL, marcher->grids);
     float *memory;
     if (floats > SIZE_MAX / 8)
@@ -28226,7 +28254,7 @@ static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame
 }
 
 /* Builds the tree of all particles. */
-static sps_result spsi_march_particles(sps_context *context, const spsi_frame *frame, spsi_tree *tree) {
+SPSI_COLD sps_result spsi_march_particles(sps_context *context, const spsi_frame *frame, spsi_tree *tree) {
     spsi_tree_item *items;
     if (frame->content->particle_count == 0) return SPS_OK;
     items = spsi_tree_reserve(context, SPSI_BUFFER_REFERENCE_PARTICLE_NODES, SPSI_BUFFER_REFERENCE_PARTICLES,
@@ -28242,8 +28270,8 @@ static sps_result spsi_march_particles(sps_context *context, const spsi_frame *f
     return spsi_tree_build(context, tree, items);
 }
 
-static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame, spsi_faces *faces,
-                                   spsi_marcher *marcher) {
+SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *frame, spsi_faces *faces,
+                                      spsi_marcher *marcher) {
     const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     double extent = HUGE_VAL;
     marcher->frame = frame;
@@ -28315,7 +28343,7 @@ typedef struct spsi_series {
 /* --- series --- */
 
 /* The product of two functions. */
-static spsi_series spsi_series_product(const spsi_series *a, const spsi_series *b) {
+SPSI_COLD spsi_series spsi_series_product(const spsi_series *a, const spsi_series *b) {
     spsi_series product;
     for (int n = 0; n <= SPSI_BRACKET_ORDER; ++n) {
         product.term[n] = 0;
@@ -28325,7 +28353,7 @@ static spsi_series spsi_series_product(const spsi_series *a, const spsi_series *
 }
 
 /* exp(-w), as a share of its maximum, from a series of w. */
-static spsi_series spsi_series_exponential(const spsi_series *w) {
+SPSI_COLD spsi_series spsi_series_exponential(const spsi_series *w) {
     spsi_series result;
     result.term[0] = 1;
     for (int n = 1; n <= SPSI_BRACKET_ORDER; ++n) {
@@ -28338,8 +28366,8 @@ static spsi_series spsi_series_exponential(const spsi_series *w) {
 /* Adds `scale` times the series of a field along a vector of `speed` voxels, whose voxels are `half` from `middle` at
    most, and nowhere above `most`. Also of an integral of such fields, given the integrals of the three. Term 0 is
    left alone. */
-static void spsi_series_add_field(double scale, double speed, double half, double middle, double most,
-                                  spsi_series *series) {
+SPSI_COLD void spsi_series_add_field(double scale, double speed, double half, double middle, double most,
+                                     spsi_series *series) {
     double factor = scale;
     for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) {
         factor *= speed / k;
@@ -28354,7 +28382,7 @@ static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h
 /* --- the field --- */
 
 /* A row of voxels, 0 beyond the volume; in `spare` if it lies on the volume's edge. */
-static const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int z, float *spare) {
+SPSI_COLD const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int z, float *spare) {
     const int inside = y >= 0 && z >= 0 && y < grid->size[1] && z < grid->size[2];
     const size_t number = inside ? (size_t)z * (size_t)grid->size[1] + (size_t)y : 0;
     const float *row = grid->values + number * (size_t)grid->size[0];
@@ -28373,7 +28401,7 @@ typedef struct spsi_step_gas {
 
 /* The field at a world point, and what voxels about it are, unless `gas` is NULL. Returns 0 if none about it is above
    0. */
-static int spsi_vicinity_at(const spsi_dense *grid, const double point[3], double *value, spsi_step_gas *gas) {
+SPSI_COLD int spsi_vicinity_at(const spsi_dense *grid, const double point[3], double *value, spsi_step_gas *gas) {
     double offset[3], at[3], w[3][SPSI_BRACKET_TAPS], sum[SPSI_BRACKET_TAPS] = {0};
     float low[SPSI_BRACKET_TAPS], high[SPSI_BRACKET_TAPS] = {0}, least, most = 0, spare[SPSI_BRACKET_TAPS];
     int first[3];
@@ -28410,7 +28438,7 @@ static int spsi_vicinity_at(const spsi_dense *grid, const double point[3], doubl
 }
 
 /* Length in voxels of a vector in the world. */
-static double spsi_vicinity_speed(const spsi_dense *grid, const double direction[3]) {
+SPSI_COLD double spsi_vicinity_speed(const spsi_dense *grid, const double direction[3]) {
     double along[3];
     for (int i = 0; i < 3; ++i) along[i] = spsi_dot(grid->inverse[i], direction);
     return spsi_length(along);
@@ -28419,7 +28447,7 @@ static double spsi_vicinity_speed(const spsi_dense *grid, const double direction
 /* --- a step through a volume --- */
 
 /* Samples a volume at a step's points. Returns 0 if nothing is about it. */
-static int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *step, spsi_step_gas *gas) {
+SPSI_COLD int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *step, spsi_step_gas *gas) {
     const spsi_dense *grid = &marcher->grids[m];
     const double h = step->high - step->low, most = grid->all_most, speed = spsi_vicinity_speed(grid, step->direction);
     spsi_series series;
@@ -28440,7 +28468,7 @@ static int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *
 }
 
 /* Upper bound of the field anywhere on a step. */
-static double spsi_step_most(const spsi_step_gas *gas, double most) {
+SPSI_COLD double spsi_step_most(const spsi_step_gas *gas, double most) {
     return (gas->middle + gas->half) * spsi_kernel_ripples[0] + most * spsi_kernel_tails[0];
 }
 
@@ -28454,8 +28482,8 @@ typedef struct spsi_shade {
 } spsi_shade;
 
 /* Gas between a point and a light, with what else bounds its derivatives. */
-static void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3],
-                               spsi_shade *shade) {
+SPSI_COLD void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3],
+                                  spsi_shade *shade) {
     const spsi_frame *frame = marcher->frame;
     double depths[SPSI_SETS_MAX], range[2];
     spsi_ray ray;
@@ -28511,7 +28539,7 @@ typedef struct spsi_coming {
 
 /* Optical depth from a step's beginning to its points, by the parabola through its values there, and what that misses:
    the third derivative / 6 times the integral of |(x - x1)(x - x2)(x - x3)|. */
-static void spsi_step_within(const spsi_marcher *marcher, double third, spsi_step *step) {
+SPSI_COLD void spsi_step_within(const spsi_marcher *marcher, double third, spsi_step *step) {
     static const double weights[3][3] = {{5.0 / 36, -0.035976667524938903, 0.0097894440153083},
                                          {0.30026319498086459, 2.0 / 9, -0.022485417203086815},
                                          {0.26798833376246945, 0.48042111196938335, 5.0 / 36}};
@@ -28530,7 +28558,7 @@ static void spsi_step_within(const spsi_marcher *marcher, double third, spsi_ste
 }
 
 /* Samples all gas on a step. */
-static void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_between before, spsi_step *step) {
+SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_between before, spsi_step *step) {
     const spsi_frame *frame = marcher->frame;
     const double h = ray->high - ray->low;
     spsi_series extinction;
@@ -28565,8 +28593,8 @@ static void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, sp
 
 /* Bounds of the integral over a step of a volume's value times what is left of it on the way to the eye, and times the
    light that is coming. */
-static spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_step *step, int m,
-                                        const spsi_coming *coming) {
+SPSI_COLD spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_step *step, int m,
+                                          const spsi_coming *coming) {
     const spsi_step_gas *gas = &step->gas[m];
     const double h = step->ray.high - step->ray.low;
     const double speed = spsi_vicinity_speed(&marcher->grids[m], step->ray.direction);
@@ -28604,7 +28632,7 @@ static spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_s
 }
 
 /* Light that comes from everywhere alike, as ambient light does, or from the gas itself. */
-static void spsi_coming_plain(spsi_coming *coming) {
+SPSI_COLD void spsi_coming_plain(spsi_coming *coming) {
     memset(coming, 0, sizeof *coming);
     coming->passes = coming->range = spsi_between_of(1, 1);
     for (int j = 0; j < 3; ++j) coming->falls[j] = 1;
@@ -28614,8 +28642,8 @@ static void spsi_coming_plain(spsi_coming *coming) {
 
 /* The falloff of a lamp along a step, 1 / r^2 as in >>reference. About a point at distance r, its series in the way t
    has terms of (k + 1) / r^(k + 2) at most [of 1 / (1 - x)^2]. */
-static void spsi_coming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
-                             spsi_coming *coming) {
+SPSI_COLD void spsi_coming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
+                                spsi_coming *coming) {
     const spsi_rays *eye = &marcher->frame->content->eye;
     const double h = step->ray.high - step->ray.low, middle = 0.5 * (step->ray.low + step->ray.high);
     double offset[3], foot[3], depth[3] = {0}, beside[2], along, nearest, farthest;
@@ -28650,8 +28678,8 @@ static double spsi_step_distance(const spsi_step *step, const spsi_lamp *lamp) {
 
 /* Gas before a light along a step: its optical depth at the points, and how that may change. Towards a lamp at distance
    r, places near it move less, and r itself has a series of terms of r^(1 - k) at most. */
-static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
-                              spsi_coming *coming) {
+SPSI_COLD void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
+                                 spsi_coming *coming) {
     const double h = step->ray.high - step->ray.low, distance = spsi_step_distance(step, lamp);
     spsi_shade middle;
     spsi_bracket_shade(marcher, lamp, step->points[1], &middle);
@@ -28679,14 +28707,14 @@ static void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step
 }
 
 /* Angle by which light that comes to a step turns at most, from its middle. */
-static double spsi_step_turn(const spsi_step *step, const spsi_lamp *lamp) {
+SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_lamp *lamp) {
     const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, lamp);
     return half < distance ? asin(half / distance) : 4;
 }
 
 /* Range of 1 - cos between light that comes to a step and the light's axis: at an angle a, its root is
    sqrt(2) sin(a / 2), and changes by at most 1 / sqrt(2) of what a does. */
-static spsi_between spsi_step_axis(const spsi_step *step, const spsi_lamp *lamp) {
+SPSI_COLD spsi_between spsi_step_axis(const spsi_step *step, const spsi_lamp *lamp) {
     const double turn = sqrt(0.5) * spsi_step_turn(step, lamp);
     double travel[3], root;
     spsi_lamp_direction(lamp, step->points[1], travel);
@@ -28695,15 +28723,15 @@ static spsi_between spsi_step_axis(const spsi_step *step, const spsi_lamp *lamp)
 }
 
 /* Whether a cone begins or ends in a range of 1 - cos. */
-static int spsi_cone_bends(const spsi_cone *cone, spsi_between range) {
+SPSI_COLD int spsi_cone_bends(const spsi_cone *cone, spsi_between range) {
     const double low = (cone->none - range.high) / cone->rim, high = (cone->none - range.low) / cone->rim;
     return cone->exists && ((low < 0 && high > 0) || (low < 1 && high > 1));
 }
 
 /* What a light's cone lets pass on a step, in which 1 - cos from its axis is within `range`. Where it begins and where
    it ends it has corners, and between them it is the square of a linear function. */
-static void spsi_coming_cone(const spsi_cone *cone, const double versines[3], spsi_between range,
-                             const spsi_series *turning, spsi_coming *coming) {
+SPSI_COLD void spsi_coming_cone(const spsi_cone *cone, const double versines[3], spsi_between range,
+                                const spsi_series *turning, spsi_coming *coming) {
     spsi_series share = *turning;
     for (int j = 0; j < 3; ++j) coming->falls[j] *= spsi_cone_at(cone, versines[j]);
     coming->range.low *= spsi_cone_at(cone, range.high);
@@ -28718,7 +28746,7 @@ static void spsi_coming_cone(const spsi_cone *cone, const double versines[3], sp
 
 /* The series of one lobe, (1 - g^2) / (4 pi) * (1 + g^2 - 2 g cosine)^(-3/2), of which the parenthesis is at least
    `least`: that of a power. */
-static spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const spsi_series *cosine) {
+SPSI_COLD spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const spsi_series *cosine) {
     const double g = fabs((double)lobe->asymmetry);
     spsi_series lobes;
     lobes.term[0] = (double)lobe->weight * (1 - g * g) / (4 * SPSI_PI * least * sqrt(least));
@@ -28733,8 +28761,8 @@ static spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const sp
 /* What a gas sends to the eye of the light that comes to a step, per unit of optical depth and of albedo. A lobe rises
    or falls with the cosine, so that it is between its values at the ends. A lamp's light turns by less than the step
    seen from it, and its direction has a series of 2 / r^k at most. */
-static void spsi_coming_phase(const spsi_step *step, const spsi_lamp *lamp, const spsi_material *material,
-                              spsi_coming *coming) {
+SPSI_COLD void spsi_coming_phase(const spsi_step *step, const spsi_lamp *lamp, const spsi_material *material,
+                                 spsi_coming *coming) {
     const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, lamp);
     const double distance = spsi_step_distance(step, lamp);
     double cosines[3], axis[3], phases[3] = {0, 0, 0};
@@ -28773,8 +28801,8 @@ typedef struct spsi_step_light {
 } spsi_step_light;
 
 /* Adds what all volumes on a step scatter from a light. */
-static void spsi_step_add_lamp(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
-                               const spsi_between passes[3], spsi_step_light *sum) {
+SPSI_COLD void spsi_step_add_lamp(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
+                                  const spsi_between passes[3], spsi_step_light *sum) {
     double source[3] = {0, 0, 0};
     spsi_coming coming;
     spsi_coming_plain(&coming);
@@ -28800,7 +28828,7 @@ static void spsi_step_add_lamp(const spsi_marcher *marcher, const spsi_step *ste
 }
 
 /* Adds what gas on a step emits, and what it scatters of ambient light. */
-static void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *step, spsi_step_light *sum) {
+SPSI_COLD void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *step, spsi_step_light *sum) {
     const spsi_frame *frame = marcher->frame;
     double source[3] = {0, 0, 0};
     spsi_coming coming;
@@ -28827,7 +28855,7 @@ static void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *step
 /* --- whether polygons are before a light --- */
 
 /* The side of a plane on which a point is: 1, -1, or 0 if it is too close to say. */
-static int spsi_plane_side(const double normal[3], const double on[3], const double point[3]) {
+SPSI_COLD int spsi_plane_side(const double normal[3], const double on[3], const double point[3]) {
     double offset[3], side, room;
     spsi_along(point, on, -1, offset);
     side = spsi_dot(normal, offset);
@@ -28836,7 +28864,7 @@ static int spsi_plane_side(const double normal[3], const double on[3], const dou
 }
 
 /* The normal of the plane in which light passes two points. */
-static void spsi_light_plane(const spsi_lamp *lamp, const double a[3], const double b[3], double normal[3]) {
+SPSI_COLD void spsi_light_plane(const spsi_lamp *lamp, const double a[3], const double b[3], double normal[3]) {
     double u[3], v[3];
     spsi_along(b, a, -1, u);
     if (lamp->is_point)
@@ -28850,7 +28878,7 @@ typedef enum spsi_cover { SPSI_COVER_CLEAR, SPSI_COVER_BEHIND, SPSI_COVER_PARTLY
 
 /* Whether a face is before a light, seen from all points between two. Planes tell: that of the face, which must be
    between them and the light, and those in which light passes its edges; or that through both points and the light. */
-static spsi_cover spsi_face_cover(const spsi_face *face, const spsi_lamp *lamp, const spsi_step *step) {
+SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_lamp *lamp, const spsi_step *step) {
     double normal[3], beyond[3];
     int side, sides[3], inside = 1;
     spsi_face_plane(face, normal);
@@ -28874,8 +28902,8 @@ static spsi_cover spsi_face_cover(const spsi_face *face, const spsi_lamp *lamp, 
 
 /* Bounds of the share of a light that polygons let pass to all points of a step. Returns 0 if a polygon is before the
    light for some of them only, so that a shorter step tells more. */
-static int spsi_step_cover(const spsi_faces *faces, const spsi_lamp *lamp, const spsi_step *step,
-                           spsi_between passes[3]) {
+SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_lamp *lamp, const spsi_step *step,
+                              spsi_between passes[3]) {
     int number, sure = 1;
     spsi_walk walk;
     spsi_ray ray;
@@ -28906,7 +28934,7 @@ static int spsi_step_cover(const spsi_faces *faces, const spsi_lamp *lamp, const
 
 /* Whether a step is too long before anything is known of its light: it is dense, or a polygon's shadow or a cone begins
    on it. */
-static int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step, int halvings) {
+SPSI_COLD int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step, int halvings) {
     const double dense = step->passes.term[1] * (step->ray.high - step->ray.low);
     if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
     if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
@@ -28921,8 +28949,8 @@ static int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step
 }
 
 /* Bounds of what a step sends to the eye. Returns 0 if its halves should be followed instead. */
-static int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_between before,
-                            spsi_step_light *sum) {
+SPSI_COLD int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_between before,
+                               spsi_step_light *sum) {
     const spsi_frame *frame = marcher->frame;
     spsi_step step;
     memset(sum, 0, sizeof *sum);
@@ -28941,8 +28969,8 @@ static int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, in
 }
 
 /* Follows the eye's ray through a step, or through its halves. */
-static int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_sample *samples,
-                             spsi_walker *walker) {
+SPSI_COLD int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_sample *samples,
+                                spsi_walker *walker) {
     const double range[2] = {ray->low, ray->high};
     spsi_step_light sum;
     if (!spsi_step_follow(marcher, ray, halvings, walker->gas, &sum)) {
@@ -28967,7 +28995,7 @@ static int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, i
 /* --- setting up --- */
 
 /* Refuses what has no bounds here. */
-static sps_result spsi_bracket_check(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *frame) {
     int scatters = 0;
     if (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) || spsi_scatters_forward(frame))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
@@ -28992,7 +29020,7 @@ static sps_result spsi_bracket_check(sps_context *context, const spsi_frame *fra
 }
 
 /* Prepares the marcher for bounds. */
-static sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher) {
+SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher) {
     const spsi_frame *frame = marcher->frame;
     double across[3];
     for (int m = 0; m < frame->medium_count; ++m)
@@ -29083,7 +29111,7 @@ static double spsi_random_phase(uint64_t *state, const spsi_material *material) 
 /* --- volumes: tentative collisions --- */
 
 /* Bounds the extinction of a volume, by brick. Kernels at the voxels' distance ripple by 0.1 %. */
-static void spsi_dense_bound(const spsi_material *material, const spsi_dense *grid) {
+SPSI_COLD void spsi_dense_bound(const spsi_material *material, const spsi_dense *grid) {
     const int count = grid->bricks[0] * grid->bricks[1] * grid->bricks[2];
     float up_to[SPSI_TABLE_SIZE + 1] = {0}, most = SPSI_PATH_BRICK;
     double plane = 0;
@@ -29563,7 +29591,7 @@ static void spsi_paths_pixel(const spsi_marcher *marcher, int x, int y, spsi_sam
 }
 
 /* Follows all paths. */
-static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher) {
+SPSI_COLD sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher) {
     const int samples = marcher->settings->samples;
     const double share = (1 - SPSI_MARCH_SHARE) / samples; /* of a path of each pixel */
     if (spsi_glow_build(context, marcher)) return context->result;
@@ -29581,9 +29609,32 @@ static sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher) {
 
 /* --- the image --- */
 
-static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *frame,
-                                       const sps_reference_settings *settings, const sps_image *image) {
+SPSI_COLD sps_result spsi_check_reference(sps_context *context, const sps_reference_settings *settings) {
+    const spsi_subject at = {context, SPS_OBJECT_REFERENCE_SETTINGS, -1, ""};
+    if (spsi_require(context, settings, "settings") ||
+        spsi_check_canaries(&at, settings->start_canary, settings->end_canary))
+        return context->result;
+    if (!(settings->step > 0 && settings->step <= DBL_MAX))
+        return spsi_wrong(&at, "step", settings->step, "it must be above 0");
+    if (settings->samples < 0 || settings->samples > SPSI_PATHS_MAX)
+        return spsi_wrong(&at, "samples", settings->samples, "it must be 0..1048576");
+    if (settings->error && settings->samples < 2)
+        return spsi_wrong(&at, "samples", settings->samples, "an estimate of the error needs at least 2");
+    if (!settings->lower != !settings->upper)
+        return spsi_wrong_that(&at, settings->lower ? "upper" : "lower", 0,
+                               "is NULL, and the other bound is not: set both or neither");
+    if (settings->lower && settings->lower == settings->upper)
+        return spsi_wrong_that(&at, "upper", 0, "is the memory of lower, too: each bound takes its own");
+    if (settings->lower && settings->samples > 0)
+        return spsi_fail_member(&at, SPS_ERROR_UNSUPPORTED, "samples", settings->samples,
+                                "it must be 0 beside lower and upper: random paths have no bounds");
+    return SPS_OK;
+}
+
+SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame *frame,
+                                          const sps_reference_settings *settings, const sps_image *image) {
     spsi_faces faces;
+    if (spsi_check_reference(context, settings)) return context->result;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
     if (!marcher) return context->result;
     memset(marcher, 0, sizeof *marcher);
@@ -29618,6 +29669,17 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
+#else
+
+SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame *frame,
+                                          const sps_reference_settings *settings, const sps_image *image) {
+    (void)frame, (void)settings, (void)image;
+    return spsi_fail(context, SPS_ERROR_UNSUPPORTED,
+                     "sps_reference was left out: the implementation was compiled with SPLATSHADOW_NO_REFERENCE");
+}
+
+#endif /* SPLATSHADOW_NO_REFERENCE */
+
 /* =============================================================================================== >>public
    40 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
    callbacks for grids and meshes. */
@@ -29632,7 +29694,7 @@ SPS_API int sps_version(void) { return SPS_VERSION; }
 #define SPSI_NO_CONTEXT "context " SPSI_IS_NULL
 
 /* Checks a config. `context` is only there to fail. */
-static sps_result spsi_check_config(sps_context *context, const sps_config *config) {
+SPSI_COLD sps_result spsi_check_config(sps_context *context, const sps_config *config) {
     const spsi_subject at = {context, SPS_OBJECT_CONFIG, -1, ""};
     if (spsi_check_canaries(&at, config->start_canary, config->end_canary)) return context->result;
     if (!config->alloc_fn != !config->free_fn)
@@ -29657,7 +29719,7 @@ static sps_result spsi_refuse(sps_context *context) {
 
 /* Begins a call that records errors: clears result and error, and restarts the statistics except for the bytes held.
    Returns an error if there can be no call. */
-static sps_result spsi_begin(sps_context *context) {
+SPSI_COLD sps_result spsi_begin(sps_context *context) {
     sps_stats_report fresh;
     if (!context) return SPS_ERROR_ARGUMENT;
     if (context->within) return spsi_refuse(context);
@@ -29677,7 +29739,7 @@ static sps_result spsi_begin(sps_context *context) {
 }
 
 /* Ends a call. Returns its result. */
-static sps_result spsi_end(sps_context *context) {
+SPSI_COLD sps_result spsi_end(sps_context *context) {
     context->within = 0;
     return context->result;
 }
@@ -29730,10 +29792,6 @@ SPS_API void sps_get_error(const sps_context *context, sps_error_info *info) {
     spsi_describe(info, SPS_OBJECT_CALL, -1, "context", 0, SPSI_IS_NULL);
 }
 
-static sps_result spsi_require(sps_context *context, const void *argument, const char *name) {
-    return argument ? SPS_OK : spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, name, 0, SPSI_IS_NULL);
-}
-
 /* Whether row_pixels leaves room for a row, and the size of such an image in bytes does not overflow. */
 static int spsi_rows_fit(const spsi_frame *frame, size_t row_pixels) {
     const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
@@ -29742,8 +29800,8 @@ static int spsi_rows_fit(const spsi_frame *frame, size_t row_pixels) {
 }
 
 /* Begins sps_render and sps_reference: checks their arguments, and returns the frame. NULL after a failure. */
-static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene, const sps_view *view,
-                                    const sps_image *image) {
+SPSI_COLD spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene, const sps_view *view,
+                                       const sps_image *image) {
     if (spsi_require(context, scene, "scene") || spsi_require(context, view, "view") ||
         spsi_require(context, image, "image"))
         return NULL;
@@ -29794,35 +29852,12 @@ SPS_API const char *sps_pass_name(sps_pass pass) {
     return (int)pass >= 0 && pass < SPS_PASS_COUNT ? spsi_pass_names[pass] : "unknown";
 }
 
-static sps_result spsi_check_reference(sps_context *context, const sps_reference_settings *settings) {
-    const spsi_subject at = {context, SPS_OBJECT_REFERENCE_SETTINGS, -1, ""};
-    if (spsi_require(context, settings, "settings") ||
-        spsi_check_canaries(&at, settings->start_canary, settings->end_canary))
-        return context->result;
-    if (!(settings->step > 0 && settings->step <= DBL_MAX))
-        return spsi_wrong(&at, "step", settings->step, "it must be above 0");
-    if (settings->samples < 0 || settings->samples > SPSI_PATHS_MAX)
-        return spsi_wrong(&at, "samples", settings->samples, "it must be 0..1048576");
-    if (settings->error && settings->samples < 2)
-        return spsi_wrong(&at, "samples", settings->samples, "an estimate of the error needs at least 2");
-    if (!settings->lower != !settings->upper)
-        return spsi_wrong_that(&at, settings->lower ? "upper" : "lower", 0,
-                               "is NULL, and the other bound is not: set both or neither");
-    if (settings->lower && settings->lower == settings->upper)
-        return spsi_wrong_that(&at, "upper", 0, "is the memory of lower, too: each bound takes its own");
-    if (settings->lower && settings->samples > 0)
-        return spsi_fail_member(&at, SPS_ERROR_UNSUPPORTED, "samples", settings->samples,
-                                "it must be 0 beside lower and upper: random paths have no bounds");
-    return SPS_OK;
-}
-
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
                                  const sps_reference_settings *settings, const sps_image *image) {
     const sps_result refused = spsi_begin(context);
     if (refused) return refused;
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
-    if (frame && spsi_check_reference(context, settings) == SPS_OK)
-        spsi_reference_frame(context, frame, settings, image);
+    if (frame) spsi_reference_frame(context, frame, settings, image);
     return spsi_end_timed(context);
 }
 
@@ -29988,7 +30023,7 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *l
 }
 
 /* Maps accept occluders until they are finished, or have failed to finish. */
-static sps_result spsi_require_unfinished(const sps_tmap *map) {
+SPSI_COLD sps_result spsi_require_unfinished(const sps_tmap *map) {
     const char *rest = map->failed ? "has failed to finish; destroy it" : "is finished already";
     if (!map->failed && !map->finished) return SPS_OK;
     return spsi_fail_that(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP, -1, "", 0, rest);

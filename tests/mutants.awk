@@ -68,7 +68,7 @@ function begin_owner(here) {
         sub(/^#define /, "", begun)
         sub(/[ (].*/, "", begun)
         ending = "[^\\\\]$"
-    } else if (here ~ /^(static|SPS_API) [^=;]*\(/ && here !~ /;$/) {
+    } else if (here ~ /^(static|SPSI_COLD|SPS_API) [^=;]*\(/ && here !~ /;$/) {
         begun = name_before(here, "\\(")
         plain = here !~ /^static inline /
         ending = here ~ /\{.*\}$/ ? "." : "^\\}"
@@ -136,9 +136,8 @@ function check(n, failed) {
 
 # The beginning of a function in the output: weak, or without its body and with external linkage.
 function opening(line, faces) {
-    if (!faces) return line ~ /^static/ ? "__attribute__((weak)) " substr(line, 8) : "__attribute__((weak)) " line
-    sub(/^static /, "", line)
-    return line
+    sub(/^(static|SPSI_COLD) /, "", line)
+    return faces ? line : "__attribute__((weak)) " line
 }
 
 function print_header(faces, whole, line, name) {

@@ -116,7 +116,7 @@ SCANS_HERE = $(if $(SPLATSHADOW_DATA),$(foreach scan,$(SCANS),$(if $(wildcard $(
 scans: $(SCANS_HERE:%=build/gallery/scan_%.png) $(if $(filter bonsai,$(SCANS_HERE)),build/gallery/soft_bonsai.png)
 
 build/gallery/scan_%.png: build/render examples/looks/%.txt examples/looks/floor.obj | build/gallery
-	build/render --look examples/looks/$*.txt --volume $(SPLATSHADOW_DATA)/$(FILE_$*) --scattering off --out $@ --stats build/gallery/scan_$*.json
+	build/render --look examples/looks/$*.txt --volume $(SPLATSHADOW_DATA)/$(FILE_$*) --scattering single --out $@ --stats build/gallery/scan_$*.json
 
 # --------------------------------------------------------------------------------------------------- measuring
 
@@ -425,7 +425,7 @@ objects: $(foreach c,$(filter $(SPLIT),$(READY)),$(call code,$(c))) $(SIMD_PLAIN
 run-tests: $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log) $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) $(READY_STEPS) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log build/tests/cases.log \
-	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log build/tests/header.no_reference.log) build/tests/header.empty.log $(if $(TCC_THERE),build/tests/header.tcc.log) \
+	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log build/tests/header.no_reference.log $(if $(STB_THERE),build/tests/header.migrate.log)) build/tests/header.empty.log $(if $(TCC_THERE),build/tests/header.tcc.log) \
 	$(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log)
 endif
 
@@ -480,6 +480,13 @@ build/tests/shaders.%.log: tests/shaders.sh docs/shadow_maps.md $(wildcard examp
 build/tests/header.no_reference.log: tests/no_reference.c tests/check.h splatshadow.h
 	@$(call run,header.no_reference,gcc $(STANDARD) -O0 -Wall -Wextra -Werror -DSPLATSHADOW_NO_REFERENCE -I. $< \
 		-o build/tests/no_reference $(LIBRARIES) && build/tests/no_reference)
+
+# The tutorial of 0.3 compiles after docs/migrate.awk has renamed what 0.4 has.
+build/tests/header.migrate.log: docs/migrate.awk docs/changelog.md splatshadow.h $(wildcard tests/tutorial_0_3/*.c examples/*.h)
+	@$(call run,header.migrate,(mkdir -p build/tests/migrated; for f in tests/tutorial_0_3/*.c; do \
+		awk -f docs/migrate.awk docs/changelog.md $$f | sed '/define SPLATSHADOW_IMPLEMENTATION/d' > build/tests/migrated/$${f##*/} && \
+		gcc $(STANDARD) $(WARNINGS_C) -Werror $(INCLUDES) -Iexamples -fsyntax-only build/tests/migrated/$${f##*/} || exit 1; \
+		done) && $(ONE_PASSED))
 
 # Every public struct is initialised empty, in the manner of C++ and of C, without a warning.
 EMPTY = printf '\#include "splatshadow.h"\n'; awk '/^typedef struct sps_[a-z_]* [{]/ { \

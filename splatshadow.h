@@ -22,7 +22,7 @@ QUICK START (examples/hello.c is this text)
         sps_volume gas = {.size = {64, 64, 64}, .placement = {{-1, -1, -1}, {{2, 0, 0}, {0, 2, 0}, {0, 0, 2}}},
                           .eval_fn = blob, .extinction = 6, .albedo = {0.7f, 0.8f, 0.9f}};
         sps_indexed_mesh net = {.vertex_count = 4, .positions = corners, .triangle_count = 2, .indices_u16 = indices};
-        sps_mesh mesh = {.triangle_count = 2, .read_fn = sps_indexed_mesh_read, .user = &net, .color = {.3f, .3f, .2f}};
+        sps_mesh mesh = {.triangle_count = 2, .read_fn = sps_indexed_mesh_read, .user = &net, .albedo = {.3, .3, .2}};
         sps_light sun = {.direction = {1, -1, -0.5}, .color = {9, 8, 7}};
         sps_scene scene = {.volumes = &gas, .volume_count = 1, .meshes = &mesh, .mesh_count = 1, .lights = &sun,
                            .light_count = 1, .background = {0.1f, 0.2f, 0.4f}};
@@ -64,12 +64,12 @@ CONTENTS (search for the tag)
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. Light scatters as often as the scene calls for
-    (SPS_SCATTERING_AUTO, the default): once in thin gas, otherwise fully (SPS_SCATTERING_FULL), in gas and between gas
-    and polygons; never from polygon to polygon. SPS_SCATTERING_OFF and AMBIENT, once, are fastest; FORWARD and
-    CONVOLUTION lie between. Ambient light has no shadows but those of gas under SPS_SCATTERING_FULL. No refraction, no
-    mirrors: light passes translucent polygons straight on. Edges of polygons are sampled if sps_view.coverage_samples
-    is set; edges of their shadows, and those of a classified volume whose voxels are smaller than pixels, are not:
-    render larger and downsample where they matter. Gas is filtered: a pixel shows its mean.
+    (SPS_SCATTERING_AUTO, the default): once in thin gas, otherwise fully (SPS_SCATTERING_MULTIPLE), in gas and between
+    gas and polygons; never from polygon to polygon. SPS_SCATTERING_SINGLE and AMBIENT, once, are fastest; FORWARD and
+    CONVOLUTION lie between. Ambient light has no shadows but those of gas under SPS_SCATTERING_MULTIPLE. No refraction,
+    no mirrors: light passes translucent polygons straight on. Edges of polygons are sampled if
+    sps_view.coverage_samples is set; edges of their shadows, and those of a classified volume whose voxels are smaller
+    than pixels, are not: render larger and downsample where they matter. Gas is filtered: a pixel shows its mean.
 
 CONVENTIONS
     World space is right-handed in the examples, but nothing depends on handedness. Lengths are in the caller's unit.
@@ -109,21 +109,21 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     gas, twice that at high and ultra), 32 per particle and 264 more for those in the fullest 16 slabs, 176 per triangle
     and 68 more if lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
     sheets (0.3 MB per kind of gas or classified volume), two with more than 8192 particles.
-    Each light that casts shadows adds 18 bytes per texel of its
-    depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its map or table; those of
-    lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, and
-    4 per entry of 64 rows while one is made or updated, by default up to 256^3 entries per face; if all volumes have a
-    revision, also 8 per patch of 8 x 8 texels, and 8 per brick of 8^3 voxels. A light with an extent adds 64 bytes per
-    texel of its shadow buffer (320 if there are polygons), 4 per texel and point (8 if there are polygons), 1 per point
-    and pixel of the image if there are polygons, and 12 per texel and worker. An image that a light throws
-    takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
-    per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
-    bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
-    which the default is where gas calls for it, adds 130 to 840 bytes per cell, by colors and phase functions, 200 to
-    360 more beside polygons or 60 where gas glows, up to 300 more if lamps light both, and a shadow table per light;
-    SPS_SCATTERING_CONVOLUTION adds 12 per texel and sheet of a light, by channel of color. Reading volumes takes 1.1 MB
-    per worker, 0.3 MB if there is only one. sps_plan returns an upper bound beforehand, without these layers and the
-    lists that maps are made from, which may be several times as much; memory_limit is never exceeded.
+    Each light that casts shadows adds 18 bytes per texel of its depth map if polygons shade gas, 4 per pixel of the
+    image if there are polygons, and its map or table; those of lights that share a sweep are held at the same time.
+    Shadow tables stay for the next call: 4 bytes per entry, and 4 per entry of 64 rows while one is made or updated, by
+    default up to 256^3 entries per face; if all volumes have a revision, also 8 per patch of 8 x 8 texels, and 8 per
+    brick of 8^3 voxels. A light with an extent adds 64 bytes per texel of its shadow buffer (320 if there are
+    polygons), 4 per texel and point (8 if there are polygons), 1 per point and pixel of the image if there are
+    polygons, and 12 per texel and worker. An image that a light throws takes 16 bytes per texel, and 8 per pixel more
+    if the light has an extent. Meshes that have a shade_fn add 28 bytes per triangle of theirs, 24 per pixel of the
+    region, and 0.9 MB. Translucent polygons and coverage_samples add 4 bytes per pixel, 80 per layer of a pixel and
+    more per light, and a band of samples per worker. SPS_SCATTERING_MULTIPLE, which the default is where gas calls for
+    it, adds 130 to 840 bytes per cell, by colors and phase functions, 200 to 360 more beside polygons or 60 where gas
+    glows, up to 300 more if lamps light both, and a shadow table per light; SPS_SCATTERING_CONVOLUTION adds 12 per
+    texel and sheet of a light, by channel of color. Reading volumes takes 1.1 MB per worker, 0.3 MB if there is only
+    one. sps_plan returns an upper bound beforehand, without these layers and the lists that maps are made from, which
+    may be several times as much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
@@ -182,7 +182,7 @@ PAPERS
 #include <stddef.h>
 #include <stdint.h>
 
-#define SPS_VERSION 300 /* major*10000 + minor*100 + patch; sps_version() returns the compiled one */
+#define SPS_VERSION 400 /* major*10000 + minor*100 + patch; sps_version() returns the compiled one */
 #ifndef SPS_API
 #define SPS_API extern
 #endif
@@ -288,7 +288,7 @@ typedef struct sps_lobe {
    (everything outside the data) is always empty. */
 typedef struct sps_transfer_point {
     float value;      /* strictly increasing from point to point, >= 0 */
-    float color[3];   /* albedo (gas) or reflectance (surface), 0..1 */
+    float albedo[3];  /* albedo (gas) or reflectance (surface), 0..1 */
     float extinction; /* per world unit, >= 0 */
 } sps_transfer_point;
 
@@ -373,7 +373,7 @@ typedef struct sps_grid {
 typedef struct sps_triangle {
     float position[3][3]; /* local to the mesh's placement */
     float normal[3][3];   /* read if has_normals; of any length; zero: the triangle's geometric normal */
-    float color[3][3];    /* read if has_colors; replaces the mesh's color; 0..1 */
+    float albedo[3][3];   /* read if has_albedos; replaces the mesh's albedo; 0..1 */
     float uv[3][2];       /* read if there is a shade_fn, which receives it; any finite numbers */
 } sps_triangle;
 
@@ -393,12 +393,12 @@ typedef struct sps_surface_point {
 
 /* Appearance of such a point. */
 typedef struct sps_surface {
-    float color[3];    /* reflectance, 0..1 */
+    float albedo[3];   /* reflectance, 0..1 */
     float emission[3]; /* the point's own radiance, 0..1e18; seen by the eye, lights nothing else */
 } sps_surface;
 
 /* Triangles, lit on both sides: what is seen of them is lit from the eye's side. Their shadows on each other are found
-   by exact rays to the light; the sharpness of their shadows in gas is set by sps_view.shadow_size. Degenerate
+   by exact rays to the light; the sharpness of their shadows in gas is set by sps_view.shadow_resolution. Degenerate
    triangles are skipped; non-finite ones are an error. */
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
@@ -408,8 +408,8 @@ typedef struct sps_mesh {
     int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);
     void *user;
     sps_placement placement;
-    float color[3]; /* reflectance, 0..1 */
-    int has_normals, has_colors;
+    float albedo[3]; /* reflectance, 0..1 */
+    int has_normals, has_albedos;
     /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096. Each pixel of the
        region that shows the mesh, even through gas, is passed once, in rows from the top, whatever the number of
        workers; where it shows several of its triangles (through translucent ones, or at sampled edges), once for each.
@@ -441,9 +441,9 @@ typedef struct sps_indexed_mesh {
     size_t vertex_count;    /* above 0 */
     const float *positions; /* x, y, z of each vertex, local to the mesh's placement */
     const float *normals;   /* three floats per vertex, or NULL: then mesh.has_normals must be 0 */
-    const float *colors;    /* three floats per vertex, or NULL: then mesh.has_colors must be 0 */
+    const float *albedos;   /* three floats per vertex, or NULL: then mesh.has_albedos must be 0 */
     const float *uvs;       /* two floats per vertex, or NULL: all 0 */
-    size_t position_stride, normal_stride, color_stride; /* bytes from one vertex to the next; 0: 12, packed */
+    size_t position_stride, normal_stride, albedo_stride; /* bytes from one vertex to the next; 0: 12, packed */
     size_t uv_stride;                                    /* 0: 8, packed */
     size_t triangle_count;
     /* Three indices per triangle, in one array or the other. Both NULL: vertices 0, 1, 2 are the first triangle,
@@ -463,8 +463,9 @@ typedef struct sps_particle {
 /* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, and such particles
    stop as much light as before. Up to 8/3 pixels (1 texel) a thin particle keeps its mass wherever it lies; from 4
    pixels (1.5 texels) on, optical depth along rays is exact, for slabs of any thickness. Light within a ball is
-   resolved by slabs (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium
-   quality. Both are up to 8 times finer where particles are dense. A particle that overlaps a polygon ends at it. */
+   resolved by slabs (sps_view.slab_thickness) and by the texels of the light's sheets, which are 0.35 radii wide at
+   medium quality. Both are up to 8 times finer where particles are dense. A particle that overlaps a polygon ends at
+   it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -493,7 +494,7 @@ typedef enum sps_tmap_technique {
     /* Every interval of every occluder: exact along the texels' own rays, as a reference for the others. (In all maps,
        particles with a radius up to one texel are weighted so that their mass is right wherever they lie between
        texels; from 1.5 texels on they are unchanged. Volumes are exact except for the cut of their kernels, which
-       `quality` sets: see sps_tmap_bracket.) 16 bytes per interval and 4 per texel; a query sums the intervals that
+       `quality` sets: see sps_tmap_bounds.) 16 bytes per interval and 4 per texel; a query sums the intervals that
        begin before it. No components. */
     SPS_TMAP_DEEP,
     /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance that is nowhere more than `epsilon` off along
@@ -584,13 +585,13 @@ typedef enum sps_falloff {
    their own; a table is looked up in any slab. */
 typedef enum sps_shadow_source {
     /* Sheets where slabs can serve light and camera, a table where none can. Further lights take a table too, and share
-       the first one's sweep, as does any light under SPS_SCATTERING_FULL, which needs tables, if that costs no detail:
-       nothing is classified, the table is as fine as the light's sheets (within its default size of 256 entries each
-       way), and it fits into memory_limit beside everything that the scene may need. Known before anything is read,
-       from the volumes' boxes; only with particles not until they are. */
+       the first one's sweep, as does any light under SPS_SCATTERING_MULTIPLE, which needs tables, if that costs no
+       detail: nothing is classified, the table is as fine as the light's sheets (within its default size of 256 entries
+       each way), and it fits into memory_limit beside everything that the scene may need. Known before anything is
+       read, from the volumes' boxes; only with particles not until they are. */
     SPS_SHADOW_AUTO = 0,
     SPS_SHADOW_SHEETS, /* refused where no slabs serve light and camera */
-    SPS_SHADOW_TABLE   /* a table with default settings, of shadow_map_size */
+    SPS_SHADOW_TABLE   /* a table with default settings, of shadow_map_resolution */
 } sps_shadow_source;
 
 /* An image that a light throws, like a slide: its light is multiplied by the image's color, and there is none beyond
@@ -673,8 +674,8 @@ typedef struct sps_light {
     /* How gas is shaded where shadow_map is NULL. SPS_SHADOW_SHEETS beside a shadow_map is an error, and so is
        SPS_SHADOW_TABLE beside one of another technique. */
     sps_shadow_source shadow_source;
-    /* Texels on the map's, or a face's, longer side, up to 16384; 0: shadow_size, or from quality. */
-    int shadow_map_size;
+    /* Texels on the map's, or a face's, longer side, up to 16384; 0: shadow_resolution, or from quality. */
+    int shadow_map_resolution;
     /* Point: 1: six faces wherever the light is; 0: only if it is amid what it lights. */
     int shadow_map_omnidirectional;
     uint32_t end_canary; /* leave 0 */
@@ -689,7 +690,7 @@ typedef struct sps_scene {
     int mesh_count;
     const sps_light *lights;
     int light_count;
-    float ambient[3];    /* radiance from all directions, >= 0, unshadowed, but by gas under SPS_SCATTERING_FULL */
+    float ambient[3];    /* radiance from all directions, >= 0, unshadowed, but by gas under SPS_SCATTERING_MULTIPLE */
     float background[3]; /* radiance behind everything, >= 0; not part of alpha */
     /* Instead of `background`: radiance along unit directions (packed triples), one row of pixels per call. Returns
        non-zero on failure. */
@@ -736,10 +737,10 @@ typedef struct sps_camera {
 /* How often light scatters in gas on its way to the eye. What scatters once keeps phase function and angle exactly,
    whatever is added to it. */
 typedef enum sps_scattering {
-    /* FULL if the gas calls for it, OFF if not: once gas is read, the densest way through it gives a bound on what
-       scatters again, see sps_view.scatter_tolerance. Costs a look at each voxel. */
+    /* MULTIPLE if the gas calls for it, SINGLE if not: once gas is read, the densest way through it gives a bound on
+       what scatters again, see sps_view.scattering_tolerance. Costs a look at each voxel. */
     SPS_SCATTERING_AUTO = 0,
-    SPS_SCATTERING_OFF, /* once */
+    SPS_SCATTERING_SINGLE, /* once */
     /* Once, and each volume and set of particles receives its own `ambient` besides the scene's, which stands for light
        that has scattered more often: by hand, at no cost. [Ebert & Parent] */
     SPS_SCATTERING_AMBIENT,
@@ -754,25 +755,25 @@ typedef enum sps_scattering {
     /* As FORWARD, but what scatters on its way from a light spreads sideways as it goes, from sheet to sheet across the
        light's rays, so that a beam has a halo, and light reaches what lies beside it. The kernels are Gaussian; their
        variance follows from the gas's phase function, whatever the number of sheets. Polygons receive this light, and
-       stop it. See sps_view.scatter_size; the light in the sheets is held for the next call like that of FULL. A light
-       with an extent spreads from its centre, and lights without shadows scatter once. Cost: sheets filled once more
-       per light, a pass over them per channel of color, and one more lookup per light beside those of FORWARD. [Zhang &
-       Crawfis; Eyges 1948] */
+       stop it. See sps_view.scattering_resolution; the light in the sheets is held for the next call like that of
+       MULTIPLE. A light with an extent spreads from its centre, and lights without shadows scatter once. Cost: sheets
+       filled once more per light, a pass over them per channel of color, and one more lookup per light beside those of
+       FORWARD. [Zhang & Crawfis; Eyges 1948] */
     SPS_SCATTERING_CONVOLUTION,
     /* Any number of times in every direction, on a grid of cubic cells about all gas, or up to four about gas that is
        far apart, for all lights at once: what comes back, what leaves by the sides, what goes from gas to gas, and
        emission and ambient light that is scattered. What keeps to the straight way is added as by FORWARD, and lights
-       without shadows scatter once in gas: every place has all of their light already. See sps_view.scatter_size. The
-       light in the cells does not depend on the camera. It is held, and the next call uses it if nothing that it was
-       made from has changed. That takes a revision of every volume and mesh; a light that throws an image prevents it.
-       Opaque polygons stop what goes from cell to cell and send it back in all directions, as they do with what lights
-       and ambient light send them; they reflect it in the picture, too, where ambient light is less by what gas keeps
-       off. All that by the mesh's own color, which shade_fn does not change, and not from polygon to polygon. Panes let
-       it pass as if they were not there. A light with an extent lights the cells from its centre. Cost: filling the
-       cells and a table per light, and some five sweeps over them per channel of color, twice as many and rays through
-       the polygons where there are any; then a lookup of them per gas and channel beside those of shadows, and one per
-       surface. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
-    SPS_SCATTERING_FULL
+       without shadows scatter once in gas: every place has all of their light already. See
+       sps_view.scattering_resolution. The light in the cells does not depend on the camera. It is held, and the next
+       call uses it if nothing that it was made from has changed. That takes a revision of every volume and mesh; a
+       light that throws an image prevents it. Opaque polygons stop what goes from cell to cell and send it back in all
+       directions, as they do with what lights and ambient light send them; they reflect it in the picture, too, where
+       ambient light is less by what gas keeps off. All that by the mesh's own color, which shade_fn does not change,
+       and not from polygon to polygon. Panes let it pass as if they were not there. A light with an extent lights the
+       cells from its centre. Cost: filling the cells and a table per light, and some five sweeps over them per channel
+       of color, twice as many and rays through the polygons where there are any; then a lookup of them per gas and
+       channel beside those of shadows, and one per surface. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
+    SPS_SCATTERING_MULTIPLE
 } sps_scattering;
 
 /* How voxels fill the sheets of the eye, of lights, and of maps' faces, and, of classified volumes, the samples from
@@ -818,14 +819,14 @@ typedef struct sps_view {
        quality, and more where pixels are wide (sps_quality). Particles count as voxels of 0.7 times their geometric
        mean radius, but no smaller than about 1/500 of their cloud; with voxels too, the smaller of the two counts.
        Where particles are dense or voxels of gas long, slabs are up to 8 times thinner, for values up to 2. */
-    double slab;
+    double slab_thickness;
     /* Texels on the longer side of a light's sheets, and of the depth map by which polygons shade gas, up to 16384; 0:
        from quality, and fewer where pixels are wide (sps_quality): a shadow need not be sharper than the picture. Where
        there are polygons, that counts pixels in which one of them could show the gas's shadow, even if nearer to the
        eye than the gas. The depth map, which is fitted to the gas, has at least 512, 1024, 2048 or 4096 by quality, or
        texels half as wide as those of sheets may be in gas; sheets of particles alone have at most that many. Shadows
        on polygons have no texels. */
-    int shadow_size;
+    int shadow_resolution;
     int no_shadows; /* 1: as no_shadow on every light */
     /* Samples of polygons' edges along each side of a pixel, up to 8; 0 or 1: one per pixel, at its centre. With N, a
        pixel shows the polygons that N x N points see, weighted by their number, before gas that is sampled once: a
@@ -844,26 +845,26 @@ typedef struct sps_view {
        operations per voxel. */
     float tolerance;
     sps_scattering scattering; /* 0, the default: SPS_SCATTERING_AUTO, as often as the scene calls for */
-    /* SPS_SCATTERING_FULL: cells along the longest side of the gas, up to 256. 0: from quality, 24, 48, 64 or 96. Error
-       is proportional to the optical depth of a cell where gas is dense. SPS_SCATTERING_CONVOLUTION: half the texels
-       across a light's rays. */
-    int scatter_size;
+    /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256. 0: from quality, 24, 48, 64 or 96.
+       Error is proportional to the optical depth of a cell where gas is dense. SPS_SCATTERING_CONVOLUTION: half the
+       texels across a light's rays. */
+    int scattering_resolution;
     /* SPS_SCATTERING_AUTO: light scatters once if what scatters again carries at most this share of its energy, 0..1.
        0: 0.01. The bound is x / (1 - x), x = a (1 - exp(-t)), with the largest albedo a, 1 if there is ambient light,
        and an upper bound t of the optical depth on any straight way through the gas, mostly 3 to 5 times the largest.
-       Beside polygons, which send light to gas and receive it, there is none: FULL. */
-    float scatter_tolerance;
+       Beside polygons, which send light to gas and receive it, there is none: MULTIPLE. */
+    float scattering_tolerance;
     sps_filling filling; /* 0, the default: SPS_FILLING_AUTO */
-    /* Instead of quality, slab, tolerance and scatter_size, which must be 0 then, and of the number of points of lights
-       whose `samples` is 0: what a picture may cost, or how far it may be off, one of both; 0: neither. See
+    /* Instead of quality, slab, tolerance and scattering_resolution, which must be 0 then, and of the number of points
+       of lights whose `samples` is 0: what a picture may cost, or how far it may be off, one of both; 0: neither. See
        sps_budget_report. Seconds are those of clock_fn, for the whole call. The setting with the least expected error
        that fits is chosen; if none fits, the one expected to take least, and message_fn is told. */
     double budget_seconds;
     /* Largest root mean square error of radiance, relative to the picture's mean radiance. The cheapest setting that is
        expected to keep it is chosen; UNSUPPORTED if none is. An estimate from a list of scenes (docs/budget.md), no
        guarantee: gas that is small in its box, or close to a lamp, and light scattered again in very dense gas may be
-       further off. Not part of it: edges of polygons, detail finer than voxels or pixels, shadow_size and shadow maps
-       as the caller sets them, and what AMBIENT, FORWARD and CONVOLUTION leave out. */
+       further off. Not part of it: edges of polygons, detail finer than voxels or pixels, shadow_resolution and shadow
+       maps as the caller sets them, and what AMBIENT, FORWARD and CONVOLUTION leave out. */
     double budget_error;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
@@ -886,15 +887,15 @@ typedef struct sps_reference_settings {
        that is less. The error is second order in it. */
     double step;
     /* Random paths per pixel, up to 2^20. 0: light scatters as sps_view.scattering says, in its closed form, and
-       ambient light is shadowed by nothing. AUTO, the default, FULL and CONVOLUTION have no such form. They are
-       SPS_ERROR_UNSUPPORTED: AUTO and FULL if gas scatters light, or emits or shades light on polygons, CONVOLUTION if
-       gas scatters light and a light casts shadows; say OFF. Otherwise, whatever that says, light scatters any number
-       of times, in gas and between gas and polygons, though not from polygon to polygon, and ambient light comes from
-       infinity, through the gas and past the polygons. What the eye sees of light that has scattered once is marched;
-       the rest is an unbiased estimate, whose error falls with the square root of their number. Small flames are no
-       harder than lights: paths look for what emits, too. Polygons that only
-       paths meet show the colors of their meshes, without shade_fn. Of translucent triangles in one plane, a path that
-       has passed one does not meet the others. */
+       ambient light is shadowed by nothing. AUTO, the default, MULTIPLE and CONVOLUTION have no such form. They are
+       SPS_ERROR_UNSUPPORTED: AUTO and MULTIPLE if gas scatters light, or emits or shades light on polygons, CONVOLUTION
+       if gas scatters light and a light casts shadows; say SINGLE. Otherwise, whatever that says, light scatters any
+       number of times, in gas and between gas and polygons, though not from polygon to polygon, and ambient light comes
+       from infinity, through the gas and past the polygons. What the eye sees of light that has scattered once is
+       marched; the rest is an unbiased estimate, whose error falls with the square root of their number. Small flames
+       are no harder than lights: paths look for what emits, too. Polygons that only paths meet show the colors of their
+       meshes, without shade_fn. Of translucent triangles in one plane, a path that has passed one does not meet the
+       others. */
     int samples;
     uint64_t seed; /* of the paths: the same one gives the same image, whatever the number of workers */
     /* Optional, with 2 samples or more: three floats per pixel, pixels laid out as in the image: the standard error of
@@ -923,9 +924,9 @@ typedef struct sps_budget_report {
     double seconds;      /* of the whole call; in sps_render, with the measured time until everything was read */
     double error;        /* expected upper limit, as in sps_view.budget_error */
     sps_quality quality; /* chosen, as in sps_view; slab 0: as quality has it */
-    double slab;
+    double slab_thickness;
     float tolerance;
-    int samples, scatter_size; /* 0: no light with an extent leaves them open; light does not scatter again */
+    int samples, scattering_resolution; /* 0: no light with an extent leaves them open; light does not scatter again */
 } sps_budget_report;
 
 typedef enum sps_pass {
@@ -986,15 +987,15 @@ typedef struct sps_plan_report {
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read;     /* exact, borders of blocks counted each time */
     /* Before anything is read. sps_render may choose otherwise, and meet an error that is not met here, as
-       SPS_SCATTERING_AUTO counts as FULL until gas is read; or not meet one that is: gas may be smaller than its
+       SPS_SCATTERING_AUTO counts as MULTIPLE until gas is read; or not meet one that is: gas may be smaller than its
        volume's box, and particles, of which only the number is known, count as nothing here. */
     sps_budget_report budget;
     /* Upper bound of all that the context will hold, with image.depth, but without layers (of pixels, and of texels of
        lights) and the lists that maps are made from, which may be several times as much. Often 2 or 3 times the actual
        size. With particles, whose extents are not known, lights' sheets and maps count with their maximum size, and the
-       bound is far higher, unless shadow_size or shadow_map_size sets it. For lights with an extent it holds if, from
-       none of their points, gas looks more than twice as wide as their sheets. With a budget, it is that of the setting
-       which `budget` names, and not of what sps_render may choose instead. */
+       bound is far higher, unless shadow_resolution or shadow_map_resolution sets it. For lights with an extent it
+       holds if, from none of their points, gas looks more than twice as wide as their sheets. With a budget, it is that
+       of the setting which `budget` names, and not of what sps_render may choose instead. */
     size_t bytes;
 } sps_plan_report;
 
@@ -1054,7 +1055,7 @@ typedef struct sps_tmap_light {
        lies amid voxels, those outside its view count as lit, and message_fn is told. */
     int omnidirectional;
     sps_quality quality; /* of volumes: cut of the kernels, and slabs; as in sps_view */
-    double slab;         /* of volumes: thickness in voxels, as in sps_view */
+    double slab_thickness; /* of volumes: thickness in voxels, as in sps_view */
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_light;
 
@@ -1136,14 +1137,13 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
 /* Renders the same scene by brute force, in double precision, as a reference to measure against. Marches f(p) along
    each pixel's ray with a shadow ray per light at every sample, and intersects polygons and particles exactly: a step
    has the optical depth of the balls along it, lit as at its middle. With settings->samples, light that has scattered
-   more than once is added by random paths, which SPS_SCATTERING_AUTO, FULL and CONVOLUTION need. No slicing limit: any
-   light, any camera. Quality, slab, tolerance and budgets have no effect. Holds all voxels, triangles and particles in
-   memory, 68 bytes per particle, 144 bytes per pixel of the region, 48 more with samples, and 192 more with lower and
-   upper; with samples, 8 per particle and row of voxels, too. Particles smaller than a
-   pixel are not widened. With coverage_samples, each of a pixel's rays is marched by itself, through gas as well; only
-   the background is that at the pixel's centre. shade_fn is called for the nearest polygons of all pixels, then for
-   those seen through these, and so on; all of it again for each sample. The image is written only if SPS_OK is
-   returned. Any sps_result can occur. */
+   more than once is added by random paths, which SPS_SCATTERING_AUTO, MULTIPLE and CONVOLUTION need. No slicing limit:
+   any light, any camera. Quality, slab, tolerance and budgets have no effect. Holds all voxels, triangles and particles
+   in memory, 68 bytes per particle, 144 bytes per pixel of the region, 48 more with samples, and 192 more with lower
+   and upper; with samples, 8 per particle and row of voxels, too. Particles smaller than a pixel are not widened. With
+   coverage_samples, each of a pixel's rays is marched by itself, through gas as well; only the background is that at
+   the pixel's centre. shade_fn is called for the nearest polygons of all pixels, then for those seen through these, and
+   so on; all of it again for each sample. The image is written only if SPS_OK is returned. Any sps_result can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
                                  const sps_reference_settings *settings, const sps_image *image);
 
@@ -1212,7 +1212,7 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
    from f(p) itself by what lies beyond the cut: at medium up to 0.9 % of the optical depth through the fullest voxels
    near the ray and 0.5 % of its own (draft 3 and 2 %, high and ultra 0.2 and 0.1 %). No bracket includes that: choose a
    higher quality. least or most may be NULL. Threads and errors as for sps_tmap_query. */
-SPS_API sps_result sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least,
+SPS_API sps_result sps_tmap_bounds(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most);
 
 /* Returns the texels for an engine to upload, rows from the top. `components` floats each; for a deep map intervals
@@ -1295,8 +1295,8 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPS_CLOCK() ((double)clock() / CLOCKS_PER_SEC)
 #endif
 
-/* A function that does not run for every pixel, texel, voxel, cell or particle: compilers make it small, not fast, which
-   takes a quarter less time to compile. */
+/* A function that does not run for every pixel, texel, voxel, cell or particle: compilers make it small, not fast,
+   which takes a quarter less time to compile. */
 #ifdef __GNUC__
 #define SPSI_COLD static __attribute__((cold))
 #else
@@ -3055,13 +3055,13 @@ static inline void spsi_classify(const spsi_material *material, spsi_v value, sp
 /* Checks color and extinction of points[i], or, if i < 0, those that eval_fn wrote for a value. */
 SPSI_COLD sps_result spsi_transfer_check_point(sps_context *context, int volume, const sps_transfer_point *point, int i,
                                                float value) {
-    const float *bad = spsi_bad_color(point->color, 1);
+    const float *bad = spsi_bad_color(point->albedo, 1);
     char field[64];
     if (!bad && point->extinction >= 0 && point->extinction <= SPSI_VALUE_MAX) return SPS_OK;
     if (i < 0)
-        SPS_SNPRINTF(field, sizeof field, "transfer.eval_fn(%g).%s", (double)value, bad ? "color" : "extinction");
+        SPS_SNPRINTF(field, sizeof field, "transfer.eval_fn(%g).%s", (double)value, bad ? "albedo" : "extinction");
     else
-        SPS_SNPRINTF(field, sizeof field, "transfer.points[%d].%s", i, bad ? "color" : "extinction");
+        SPS_SNPRINTF(field, sizeof field, "transfer.points[%d].%s", i, bad ? "albedo" : "extinction");
     return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, volume, field,
                            (double)(bad ? *bad : point->extinction),
                            bad ? "red, green and blue must be 0..1" : "it must be 0..1e18");
@@ -3077,7 +3077,7 @@ SPSI_COLD void spsi_transfer_at_points(const sps_transfer *transfer, float value
     if (points[high].value > points[low].value)
         t = (value - points[low].value) / (points[high].value - points[low].value);
     t = t < 0 ? 0 : t > 1 ? 1 : t;
-    for (int c = 0; c < 3; ++c) out[c] = points[low].color[c] + t * (points[high].color[c] - points[low].color[c]);
+    for (int c = 0; c < 3; ++c) out[c] = points[low].albedo[c] + t * (points[high].albedo[c] - points[low].albedo[c]);
     out[3] = points[low].extinction + t * (points[high].extinction - points[low].extinction);
 }
 
@@ -3095,7 +3095,7 @@ SPSI_COLD sps_result spsi_transfer_from_callback(sps_context *context, const sps
             return context->result;
         for (int i = 0; i < count; ++i) {
             if (spsi_transfer_check_point(context, volume, &points[i], -1, values[i])) return context->result;
-            memcpy(table->entry[first + i], points[i].color, 3 * sizeof(float));
+            memcpy(table->entry[first + i], points[i].albedo, 3 * sizeof(float));
             table->entry[first + i][3] = points[i].extinction;
         }
     }
@@ -4394,7 +4394,7 @@ typedef struct spsi_content {
 typedef struct spsi_frame {
     spsi_content *content;
     sps_scene given; /* its arrays are read while the frame is built */
-    sps_view view;     /* all fields resolved, including the region; a shadow_size of 0: fitted to the gas */
+    sps_view view;     /* all fields resolved, including the region; a shadow_resolution of 0: fitted to the gas */
     sps_object viewer; /* the struct that errors about the view name: a view, or a map's light */
     int has_matrix;    /* 1: its camera was given as a matrix, which only `eye` has now */
     spsi_accuracy accuracy;
@@ -4649,7 +4649,7 @@ SPSI_COLD sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *
     if (arrays->vertex_count == 0) field = "arrays.vertex_count", rest = "is 0; it must be positive";
     if (arrays->indices_u16 && arrays->indices_u32)
         field = "arrays.indices_u16", rest = "and indices_u32 are both set; at most one must be";
-    if (mesh->has_colors && !arrays->colors) field = "arrays.colors", rest = "is NULL; has_colors needs it";
+    if (mesh->has_albedos && !arrays->albedos) field = "arrays.albedos", rest = "is NULL; has_albedos needs it";
     if (mesh->has_normals && !arrays->normals) field = "arrays.normals", rest = "is NULL; has_normals needs it";
     if (!arrays->positions) field = "arrays.positions", rest = SPSI_IS_NULL;
     return field ? spsi_wrong_that(at, field, 0, rest) : SPS_OK;
@@ -4662,7 +4662,7 @@ SPSI_COLD sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh,
         return spsi_wrong(&at, "triangle_count", (double)mesh->triangle_count, "it must be 0..2^29");
     if (mesh->triangle_count > 0 && !mesh->read_fn)
         return spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where there are triangles");
-    if (spsi_check_indexed(&at, mesh) || spsi_check_color(&at, "color", mesh->color, 1)) return context->result;
+    if (spsi_check_indexed(&at, mesh) || spsi_check_color(&at, "albedo", mesh->albedo, 1)) return context->result;
     return spsi_check_color(&at, "transmittance", mesh->transmittance, 1);
 }
 
@@ -4817,7 +4817,7 @@ SPSI_COLD sps_result spsi_check_light(sps_context *context, const sps_light *lig
          directional ? none : "it must be 0..pi"},
         {"samples", (double)light->samples, 0, SPSI_POINTS_MAX, "it must be 0..256"},
         {"angular_diameter", directional ? light->angular_diameter : 0, 0, 2, "it must be 0..2 radians"},
-        {"shadow_map_size", (double)light->shadow_map_size, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
+        {"shadow_map_resolution", (double)light->shadow_map_resolution, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
         {"shadow_map_omnidirectional", (double)light->shadow_map_omnidirectional, -all_round, all_round,
          "a directional light has one direction"},
         {"shadow_source", (double)(int)light->shadow_source, 0, SPS_SHADOW_TABLE, "it must be an sps_shadow_source"}};
@@ -4898,7 +4898,7 @@ SPSI_COLD sps_result spsi_check_sampling(const spsi_subject *at, const int size[
         {"width", (double)size[0], 1, SPSI_SIZE_MAX, "it must be 1..16384"},
         {"height", (double)size[1], 1, SPSI_SIZE_MAX, "it must be 1..16384"},
         {"quality", (double)(int)quality, 0, SPS_QUALITY_ULTRA, "it must be an sps_quality"},
-        {"slab", slab, 0, DBL_MAX, "it must be 0 or positive"}};
+        {"slab_thickness", slab, 0, DBL_MAX, "it must be 0 or positive"}};
     return spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers);
 }
 
@@ -4921,9 +4921,9 @@ SPSI_COLD sps_result spsi_check_budget(const spsi_subject *at, const sps_view *v
         {"budget_error", view->budget_error, 0, view->budget_seconds > 0 ? 0 : DBL_MAX,
          "budget_seconds is set, too: set one of both"},
         {"quality", (double)(int)view->quality, 0, spare, rule},
-        {"slab", view->slab, 0, spare, rule},
+        {"slab_thickness", view->slab_thickness, 0, spare, rule},
         {"tolerance", (double)view->tolerance, 0, spare, rule},
-        {"scatter_size", (double)view->scatter_size, 0, spare, rule}};
+        {"scattering_resolution", (double)view->scattering_resolution, 0, spare, rule}};
     return spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers);
 }
 
@@ -4931,16 +4931,16 @@ SPSI_COLD sps_result spsi_check_view(sps_context *context, const sps_view *view)
     const spsi_subject at = {context, SPS_OBJECT_VIEW, -1, ""};
     const int *r = view->region, size[2] = {view->width, view->height};
     const spsi_bounded numbers[] = {
-        {"shadow_size", (double)view->shadow_size, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
+        {"shadow_resolution", (double)view->shadow_resolution, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
         {"coverage_samples", (double)view->coverage_samples, 0, SPSI_COVERAGE_MAX, "it must be 0..8"},
         {"tolerance", (double)view->tolerance, 0, 1, "it must be 0..1"},
         {"filling", (double)(int)view->filling, 0, SPS_FILLING_GATHER, "it must be an sps_filling"},
-        {"scattering", (double)(int)view->scattering, 0, SPS_SCATTERING_FULL, "it must be an sps_scattering"},
-        {"scatter_size", (double)view->scatter_size, 0, SPSI_CELL_SIDE_MOST, "it must be 0..256"},
-        {"scatter_tolerance", (double)view->scatter_tolerance, 0, 1, "it must be 0..1"},
+        {"scattering", (double)(int)view->scattering, 0, SPS_SCATTERING_MULTIPLE, "it must be an sps_scattering"},
+        {"scattering_resolution", (double)view->scattering_resolution, 0, SPSI_CELL_SIDE_MOST, "it must be 0..256"},
+        {"scattering_tolerance", (double)view->scattering_tolerance, 0, 1, "it must be 0..1"},
         {"near_distance", view->near_distance, 0, DBL_MAX, "it must be 0 or positive"}};
     if (spsi_check_canaries(&at, view->start_canary, view->end_canary) ||
-        spsi_check_sampling(&at, size, view->quality, view->slab))
+        spsi_check_sampling(&at, size, view->quality, view->slab_thickness))
         return context->result;
     if (spsi_has_region(r) && (r[0] < 0 || r[1] < 0 || r[2] < 1 || r[3] < 1 || r[0] >= size[0] || r[1] >= size[1] ||
                                r[2] > size[0] - r[0] || r[3] > size[1] - r[1])) {
@@ -4967,15 +4967,15 @@ SPSI_COLD void spsi_resolve_quality(spsi_frame *frame) {
     static const int cells[] = {48, 24, 48, 64, 96};
     static const double flight_angle[] = {0.3, 0.4, 0.3, 0.25, 0.2};
     const int looks = frame->matter.classifies, quality = (int)frame->view.quality;
-    const double least_texel = frame->view.shadow_size > 0 ? 0 : texel_pixels[looks][quality];
-    const double least_slab = frame->view.slab > 0 ? 0 : slab_pixels[looks][quality];
+    const double least_texel = frame->view.shadow_resolution > 0 ? 0 : texel_pixels[looks][quality];
+    const double least_slab = frame->view.slab_thickness > 0 ? 0 : slab_pixels[looks][quality];
     const spsi_accuracy accuracy = {threshold[quality], texels[looks][quality],    least_texel,
                                     least_slab,         depth_map_texels[quality], cut[quality],
                                     light_cut[quality], light_points[quality],     flight_angle[quality]};
     frame->accuracy = accuracy;
-    if (!(frame->view.slab > 0)) frame->view.slab = slab[looks][quality];
-    if (frame->view.scatter_size == 0) frame->view.scatter_size = cells[quality];
-    if (!(frame->view.scatter_tolerance > 0)) frame->view.scatter_tolerance = 0.01f;
+    if (!(frame->view.slab_thickness > 0)) frame->view.slab_thickness = slab[looks][quality];
+    if (frame->view.scattering_resolution == 0) frame->view.scattering_resolution = cells[quality];
+    if (!(frame->view.scattering_tolerance > 0)) frame->view.scattering_tolerance = 0.01f;
 }
 
 /* The rays of a checked camera; their width and height are already set. */
@@ -5323,7 +5323,7 @@ SPSI_COLD void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, 
     memset(&table, 0, sizeof table);
     lamp->map = spsi_settings_resolve(light->shadow_map ? light->shadow_map : &table, 1);
     lamp->map_omnidirectional = light->shadow_map_omnidirectional;
-    lamp->map_size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
+    lamp->map_size = light->shadow_map_resolution > 0 ? light->shadow_map_resolution : frame->view.shadow_resolution;
 }
 
 #define SPSI_TABLES_MOST 13 /* that the points of an area light share */
@@ -5420,8 +5420,8 @@ SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
     for (int i = 0; i < frame->lamps.count; ++i)
         grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
     for (int i = 0; i < frame->meshes.count; ++i)
-        grey &= !frame->meshes.list[i].given.has_colors && !frame->meshes.list[i].given.shade_fn &&
-                spsi_grey(frame->meshes.list[i].given.color) && spsi_grey(frame->meshes.list[i].given.transmittance);
+        grey &= !frame->meshes.list[i].given.has_albedos && !frame->meshes.list[i].given.shade_fn &&
+                spsi_grey(frame->meshes.list[i].given.albedo) && spsi_grey(frame->meshes.list[i].given.transmittance);
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         grey &= spsi_grey(material->albedo) && spsi_grey(material->emission) && spsi_grey(material->ambient);
@@ -6383,7 +6383,8 @@ SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *fr
         if (depth < 0) return context->result;
         *bound = x < 1 ? spsi_fmin(x / (1 - x), SPSI_BOUND_NONE) : SPSI_BOUND_NONE;
     }
-    frame->view.scattering = *bound > (double)frame->view.scatter_tolerance ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
+    frame->view.scattering =
+        *bound > (double)frame->view.scattering_tolerance ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
     return SPS_OK;
 }
 
@@ -6756,17 +6757,17 @@ typedef struct spsi_faces {
 /* Checks a triangle's colors, normals and texture coordinates, and its corners' positions in the world. */
 static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *t, const spsi_mesh *mesh, size_t number,
                                       double world[3][3]) {
-    const char *names[] = {"position", "normal", "color", "uv"};
+    const char *names[] = {"position", "normal", "albedo", "uv"};
     const char *rules[] = {"in the world it must be within 1e15", "it must be finite", "it must be 0..1",
                            "it must be finite"};
     char field[64];
     int wrong = -1;
     double value = 0;
     for (int i = 0; i < 9 && wrong < 0; ++i) {
-        const float local[3] = {t->position[i / 3][i % 3], t->normal[i / 3][i % 3], t->color[i / 3][i % 3]};
+        const float local[3] = {t->position[i / 3][i % 3], t->normal[i / 3][i % 3], t->albedo[i / 3][i % 3]};
         if (spsi_bad_coordinate(&world[i / 3][i % 3], 1)) wrong = 0;
         if (mesh->given.has_normals && !(fabsf(local[1]) <= FLT_MAX)) wrong = 1;
-        if (mesh->given.has_colors && !(local[2] >= 0 && local[2] <= 1)) wrong = 2;
+        if (mesh->given.has_albedos && !(local[2] >= 0 && local[2] <= 1)) wrong = 2;
         if (wrong >= 0) value = wrong == 0 ? world[i / 3][i % 3] : (double)local[wrong];
     }
     for (int i = 0; i < 6 && mesh->given.shade_fn && wrong < 0; ++i)
@@ -6837,7 +6838,7 @@ static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const 
     for (int corner = 0; corner < 3; ++corner) {
         spsi_bounds_add(&frame->content->mesh_bounds, world[corner]);
         for (int i = 0; i < 3; ++i) {
-            face->color[corner][i] = mesh->given.has_colors ? triangle->color[corner][i] : mesh->given.color[i];
+            face->color[corner][i] = mesh->given.has_albedos ? triangle->albedo[corner][i] : mesh->given.albedo[i];
             reach = spsi_fmax(reach, fabs(world[corner][i] - mesh->given.placement.origin[i]));
         }
     }
@@ -6879,13 +6880,13 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->meshes.count; ++i) {
         const spsi_mesh *mesh = &frame->meshes.list[i];
-        const int has[3] = {mesh->given.has_normals, mesh->given.has_colors, mesh->given.shade_fn != NULL};
+        const int has[3] = {mesh->given.has_normals, mesh->given.has_albedos, mesh->given.shade_fn != NULL};
         if (mesh->given.revision == 0) return 0;
         hash = spsi_fingerprint(hash, &mesh->given.triangle_count, sizeof mesh->given.triangle_count);
         hash = spsi_fingerprint(hash, &mesh->given.read_fn, sizeof mesh->given.read_fn);
         hash = spsi_fingerprint(hash, &mesh->given.user, sizeof mesh->given.user);
         hash = spsi_fingerprint(hash, &mesh->given.placement, sizeof mesh->given.placement);
-        hash = spsi_fingerprint(hash, mesh->given.color, sizeof mesh->given.color);
+        hash = spsi_fingerprint(hash, mesh->given.albedo, sizeof mesh->given.albedo);
         hash = spsi_fingerprint(hash, has, sizeof has);
         hash = spsi_fingerprint(hash, mesh->given.transmittance, sizeof mesh->given.transmittance);
         hash = spsi_fingerprint(hash, &mesh->given.revision, sizeof mesh->given.revision);
@@ -7957,14 +7958,14 @@ static size_t spsi_surface_index(const spsi_frame *frame, const spsi_place *plac
 /* What shade_fn has set at a place; NULL: nothing. */
 static const sps_surface *spsi_surface_set(const spsi_frame *frame, const sps_surface *set, const spsi_place *place) {
     const size_t at = set ? spsi_surface_index(frame, place) : SIZE_MAX;
-    return at != SIZE_MAX && set[at].color[0] >= 0 ? &set[at] : NULL;
+    return at != SIZE_MAX && set[at].albedo[0] >= 0 ? &set[at] : NULL;
 }
 
 static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, const sps_surface *set,
                                spsi_appearance *look) {
     if (!set) spsi_face_color(&faces->list[hit->face], hit, look->color);
     for (int c = 0; c < 3; ++c) {
-        if (set) look->color[c] = (double)set->color[c];
+        if (set) look->color[c] = (double)set->albedo[c];
         look->emission[c] = set ? set->emission[c] : 0;
     }
 }
@@ -8045,7 +8046,7 @@ static void spsi_surface_point(const spsi_surface_batch *batch, const spsi_shown
     for (int i = 0; i < 3; ++i) {
         point->normal[i] = (float)surface.normal[i];
         point->weights[i] = (float)w[i];
-        out->color[i] = (float)color[i];
+        out->albedo[i] = (float)color[i];
         out->emission[i] = 0;
     }
     point->triangle = texture->number;
@@ -8111,8 +8112,8 @@ SPSI_COLD sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface
                         mesh->given.shade_fn(mesh->given.shade_user, (size_t)batch->count, batch->points, batch->out)))
         return context->result;
     for (int i = 0; i < batch->count; ++i)
-        if (spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's color",
-                           batch->out[i].color, 1) ||
+        if (spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's albedo",
+                           batch->out[i].albedo, 1) ||
             spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's emission",
                            batch->out[i].emission, SPSI_VALUE_MAX))
             return context->result;
@@ -8141,7 +8142,7 @@ SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame
     sps_surface *out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, places, sizeof *out);
     batch = (spsi_surface_batch *)spsi_reserve(context, SPSI_BUFFER_SURFACE_BATCH, 1, sizeof *batch);
     if (!out || !batch) return context->result;
-    for (size_t i = 0; i < places; ++i) out[i].color[0] = -1; /* nothing is set there */
+    for (size_t i = 0; i < places; ++i) out[i].albedo[0] = -1; /* nothing is set there */
     batch->frame = frame;
     batch->faces = faces;
     batch->visible = visible;
@@ -8589,7 +8590,7 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 
 #define SPSI_PARTICLE_EDGE 0.7 /* in radii, >>slicing */
 #define SPSI_GROUP_MOST    8   /* slabs that are shaded at once */
-#define SPSI_GROUP_SLAB    2   /* sps_view.slab up to which there are groups: thicker ones are to be cheap */
+#define SPSI_GROUP_SLAB    2   /* sps_view.slab_thickness up to which there are groups: thicker ones are to be cheap */
 #define SPSI_FINE_PIXELS   1.7 /* times texel_pixels: least texels of dense particles */
 #define SPSI_FINE_SLABS    40  /* in the diagonal of all gas, times sps_view.slab, beyond which none are refined */
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
@@ -8659,14 +8660,14 @@ static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, doubl
     return spsi_rays_complete(rays);
 }
 
-/* Maximum number of texels on the longer side of a light's sheets where shadow_size does not set it. */
+/* Maximum number of texels on the longer side of a light's sheets where shadow_resolution does not set it. */
 SPSI_COLD int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
 
 /* Whether light is followed from cell to cell, >>cells; or may be, until SPS_SCATTERING_AUTO is decided. */
 static int spsi_scatters_fully(const spsi_frame *frame) {
-    return (frame->view.scattering == SPS_SCATTERING_FULL || frame->view.scattering == SPS_SCATTERING_AUTO) &&
+    return (frame->view.scattering == SPS_SCATTERING_MULTIPLE || frame->view.scattering == SPS_SCATTERING_AUTO) &&
            spsi_light_meets_gas(frame);
 }
 
@@ -9087,7 +9088,7 @@ typedef struct spsi_depth_map {
 /* Texels on a side of a light's depth map: finer than the light's sheets where the quality says so, since it is
    cheap. */
 SPSI_COLD int spsi_depth_map_size(const spsi_frame *frame) {
-    return spsi_most(8, spsi_most(frame->view.shadow_size, frame->accuracy.depth_map_texels));
+    return spsi_most(8, spsi_most(frame->view.shadow_resolution, frame->accuracy.depth_map_texels));
 }
 
 /* Number of cells on a side of a map of `size` texels. */
@@ -10169,15 +10170,15 @@ SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *la
 
 /* Cuts slabs finer, for groups of them, where light within changes in less than their thickness: down to `fine` for
    particles, and to the shortest edge of long voxels, or to where their gas has an optical depth of 0.05 at value 1,
-   times sps_view.slab. None is thinner than `least`. */
+   times sps_view.slab_thickness. None is thinner than `least`. */
 static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
     slabs->group = 1;
-    if (frame->matter.classifies || frame->view.slab > SPSI_GROUP_SLAB) return;
+    if (frame->matter.classifies || frame->view.slab_thickness > SPSI_GROUP_SLAB) return;
     for (int i = 0; i < frame->medium_count; ++i) {
         const double extinction = (double)frame->matter.materials[frame->media[i].channel].extinction;
         double shortest = HUGE_VAL;
         for (int k = 0; k < 3; ++k) shortest = spsi_fmin(shortest, spsi_length(frame->lattices[i].step[k]));
-        fine = spsi_fmin(fine, frame->view.slab * spsi_fmax(shortest, 0.05 / spsi_fmax(extinction, DBL_MIN)));
+        fine = spsi_fmin(fine, frame->view.slab_thickness * spsi_fmax(shortest, 0.05 / spsi_fmax(extinction, DBL_MIN)));
     }
     const double finer = spsi_fmin(slabs->thickness / spsi_fmax(fine, least), SPSI_GROUP_MOST);
     while (slabs->group < SPSI_GROUP_MOST && slabs->group < 0.71 * finer) slabs->group *= 2;
@@ -10203,10 +10204,10 @@ SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays
     slabs->start = low;
     for (int k = 0; k < 3; ++k) beyond += 2 * frame->content->beyond[k] * fabs(slabs->normal[k]);
     least = spsi_fmin(least, spsi_fmax(high - low - beyond, 0) / SPSI_CHUNK);
-    slabs->wide = least > frame->view.slab * edge;
+    slabs->wide = least > frame->view.slab_thickness * edge;
     /* never thicker than the whole extent */
-    slabs->thickness = spsi_fmin(spsi_fmax(frame->view.slab * edge, least), high - low);
-    spsi_slabs_group(frame, frame->view.slab * particles / spsi_particle_fineness(frame), least, slabs);
+    slabs->thickness = spsi_fmin(spsi_fmax(frame->view.slab_thickness * edge, least), high - low);
+    spsi_slabs_group(frame, frame->view.slab_thickness * particles / spsi_particle_fineness(frame), least, slabs);
     return ceil((high - low) / slabs->thickness);
 }
 
@@ -10215,8 +10216,8 @@ SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *fram
                                     const spsi_lamp *lamp, double edge, double least, spsi_slabs *slabs) {
     const double count = spsi_slabs_place(frame, rays, lamp, edge, least, slabs);
     if (!(count <= SPSI_SLABS_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, frame->viewer, -1, "slab", frame->view.slab,
-                               "it makes more than 2^20 slabs");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, frame->viewer, -1, "slab_thickness",
+                               frame->view.slab_thickness, "it makes more than 2^20 slabs");
     slabs->count = spsi_most(1, (int)count);
     return SPS_OK;
 }
@@ -10248,8 +10249,8 @@ static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, lamp);
     const double texel = spsi_fmax(spsi_lamp_texel(frame, lamp), pixels);
     const double fine = spsi_fmax(texel / spsi_particle_fineness(frame), spsi_fmin(texel, SPSI_FINE_PIXELS * pixels));
-    if (!spsi_rays_fit(lamp, &frame->content->bounds, fine, frame->view.shadow_size, spsi_light_texels_most(frame),
-                       &sweep->rays))
+    if (!spsi_rays_fit(lamp, &frame->content->bounds, fine, frame->view.shadow_resolution,
+                       spsi_light_texels_most(frame), &sweep->rays))
         return 0;
     sweep->soft = lamp->extent.exists && spsi_penumbra_texels(frame, sweep) >= 0.5;
     return 1;
@@ -15503,7 +15504,7 @@ SPSI_COLD sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light 
     if (!(settings->far_depth > settings->near_depth && settings->far_depth <= SPSI_COORDINATE_MAX))
         return spsi_wrong(&own, "far_depth", settings->far_depth, "it must be above near_depth, and within 1e15");
     if (spsi_check_canaries(&at, light->start_canary, light->end_canary) ||
-        spsi_check_sampling(&at, size, light->quality, light->slab))
+        spsi_check_sampling(&at, size, light->quality, light->slab_thickness))
         return context->result;
     if (light->omnidirectional && size[0] != size[1])
         return spsi_wrong(&at, "width", size[0], "it must equal the height of an omnidirectional light");
@@ -15589,8 +15590,8 @@ SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light,
     map->view.camera = light->camera;
     map->view.camera.world_to_clip = NULL;
     map->view.quality = light->quality;
-    map->view.slab = light->slab;
-    map->view.scattering = SPS_SCATTERING_OFF; /* light only passes */
+    map->view.slab_thickness = light->slab_thickness;
+    map->view.scattering = SPS_SCATTERING_SINGLE; /* light only passes */
     map->face_count = light->omnidirectional ? SPSI_CUBE_FACES : 1;
     if (light->camera.world_to_clip && map->face_count == 1) {
         memcpy(map->matrix, light->camera.world_to_clip, sizeof map->matrix);
@@ -15776,7 +15777,7 @@ SPSI_COLD uint64_t spsi_shadow_table_aim(const sps_tmap *map) {
 
 /* A hash of all that a table is made from, given that of the gas; 0 if the gas has none. */
 SPSI_COLD uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uint64_t gas) {
-    const double knobs[] = {frame->view.slab, frame->accuracy.cut, (double)frame->view.filling};
+    const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, (double)frame->view.filling};
     return gas ? spsi_fingerprint_word(spsi_fingerprint(gas, knobs, sizeof knobs), aim) | 1 : 0;
 }
 
@@ -17558,7 +17559,7 @@ SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, 
     const double *near_depth = &map.settings.near_depth, *far_depth = &map.settings.far_depth;
     const spsi_rays *rays = &map.rays[0];
     spsi_rays sheets;
-    if (!spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp), frame->view.shadow_size,
+    if (!spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp), frame->view.shadow_resolution,
                        spsi_light_texels_most(frame), &sheets) ||
         spsi_lamp_tmap_aim(context, frame, lamp, &map))
         return 0;
@@ -19504,7 +19505,7 @@ static int spsi_cells_fly(const spsi_frame *frame) {
 
 /* How many cells may be emitters at most: those near lamps or what glows are. */
 static size_t spsi_emitting_cells(const spsi_frame *frame) {
-    const size_t side = (size_t)frame->view.scatter_size;
+    const size_t side = (size_t)frame->view.scattering_resolution;
     int some = frame->matter.emits;
     for (int i = 0; i < frame->lamps.count; ++i) some |= frame->lamps.list[i].is_point;
     return some && spsi_cells_fly(frame) ? side * side * side / 8 : 0;
@@ -22446,8 +22447,8 @@ typedef struct spsi_facet {
     double corner[3], plane[3]; /* its first corner, and its normal */
     int flat;                   /* 1: light is reflected by the same normal everywhere */
     float normal[3], turn;      /* the last place's, of unit length; turn: 1: on the plane's side, -1: on the other */
-    int plain;                  /* 1: all corners have this color */
-    float color[3];
+    int plain;                  /* 1: all corners have this albedo */
+    float albedo[3];
 } spsi_facet;
 
 typedef struct spsi_surfaces {
@@ -22456,7 +22457,7 @@ typedef struct spsi_surfaces {
     spsi_meetings meetings;
     spsi_points points;
     float normal[3][SPSI_LANES], turn[SPSI_LANES]; /* of unit length; turn: as a facet's, before they face the eye */
-    float color[3][SPSI_LANES], emission[3][SPSI_LANES];
+    float albedo[3][SPSI_LANES], emission[3][SPSI_LANES];
     float radiance[3][SPSI_LANES]; /* that they send towards the eye; 0 in other lanes */
 } spsi_surfaces;
 
@@ -22481,7 +22482,7 @@ static void spsi_facet_build(const spsi_faces *faces, int number, spsi_facet *fa
     facet->plain = memcmp(face->color[0], face->color[1], sizeof face->color[0]) == 0 &&
                    memcmp(face->color[0], face->color[2], sizeof face->color[0]) == 0;
     memcpy(facet->corner, face->position[0], sizeof facet->corner);
-    memcpy(facet->color, face->color[0], sizeof facet->color);
+    memcpy(facet->albedo, face->color[0], sizeof facet->albedo);
     spsi_face_plane(face, facet->plane);
     for (int i = 0; i < 3; ++i) normal[i] = (double)face->normal[0][i];
     spsi_normal_set(normal, facet);
@@ -22509,13 +22510,13 @@ static void spsi_surfaces_add(const spsi_shader *shader, int n, spsi_surfaces *l
         meetings->corner[i][n] = facet->corner[i];
         meetings->plane[i][n] = facet->plane[i];
         list->normal[i][n] = facet->normal[i];
-        list->color[i][n] = facet->color[i];
+        list->albedo[i][n] = facet->albedo[i];
     }
     list->turn[n] = facet->turn;
     if (facet->plain && !set) return;
     spsi_appearance_at(shader->faces, place->hit, set, &look);
     for (int i = 0; i < 3; ++i) {
-        list->color[i][n] = (float)look.color[i];
+        list->albedo[i][n] = (float)look.color[i];
         list->emission[i][n] = look.emission[i];
     }
 }
@@ -22673,7 +22674,7 @@ static void spsi_surfaces_add_lamp(const spsi_shader *shader, const spsi_lamp *l
         spsi_surfaces_add_point(shader, &lamp->points[i], list, unit, irradiance);
     for (int c = 0; c < 3; ++c) {
         const double color = (double)lamp->color[c] * scale / (SPSI_PI * lamp->point_count);
-        const spsi_v share = spsi_mul(spsi_mul(irradiance[c], lit[c]), spsi_load(list->color[c]));
+        const spsi_v share = spsi_mul(spsi_mul(irradiance[c], lit[c]), spsi_load(list->albedo[c]));
         const spsi_v sent = spsi_mul(share, spsi_set((float)spsi_fmin(color, (double)FLT_MAX)));
         spsi_store(list->radiance[c],
                    spsi_add(spsi_load(list->radiance[c]), spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX))));
@@ -22688,7 +22689,7 @@ static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_sh
         double color[3];
         float radiance[3];
         if (!(list->points.lanes >> n & 1)) continue;
-        for (int c = 0; c < 3; ++c) color[c] = (double)list->color[c][n], radiance[c] = list->radiance[c][n];
+        for (int c = 0; c < 3; ++c) color[c] = (double)list->albedo[c][n], radiance[c] = list->radiance[c][n];
         if (shadow)
             spsi_add_spread_on(shader, shadow, place, color, radiance);
         else
@@ -22703,7 +22704,7 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
     if (!list->meetings.lanes) return;
     spsi_surfaces_place(shader, list);
     for (int c = 0; c < 3 && shader->sweep->first; ++c)
-        spsi_store(list->radiance[c], spsi_fma(spsi_load(list->color[c]), spsi_set(frame->given.ambient[c]),
+        spsi_store(list->radiance[c], spsi_fma(spsi_load(list->albedo[c]), spsi_set(frame->given.ambient[c]),
                                                spsi_load(list->emission[c])));
     if (shader->sweep->first && frame->content->cells) spsi_surfaces_add_scattered(shader, NULL, list);
     for (int i = 0; i < frame->lamps.count; ++i) {
@@ -23372,10 +23373,11 @@ SPSI_COLD int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bound
     const double longest = spsi_bounds_longest(bounds);
     memset(grid, 0, sizeof *grid);
     if (!(longest > 0)) return 0;
-    grid->edge = longest / frame->view.scatter_size;
+    grid->edge = longest / frame->view.scattering_resolution;
     for (int k = 0; k < 3; ++k) {
         const double extent = bounds->high[k] - bounds->low[k];
-        grid->size[k] = spsi_most(1, spsi_least(frame->view.scatter_size, (int)ceil(extent / grid->edge - 1e-6)));
+        grid->size[k] =
+            spsi_most(1, spsi_least(frame->view.scattering_resolution, (int)ceil(extent / grid->edge - 1e-6)));
         grid->corner[k] = 0.5 * (bounds->low[k] + bounds->high[k] - grid->edge * grid->size[k]);
     }
     return 1;
@@ -23418,7 +23420,7 @@ static void spsi_cone_ray(const spsi_lamp *lamp, double versine, double turn, sp
    followed. */
 static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp, int to_polygons) {
     const spsi_cell_grid *grid = job->grid;
-    const double versine = lamp->cone.none, longest = grid->edge * job->frame->view.scatter_size;
+    const double versine = lamp->cone.none, longest = grid->edge * job->frame->view.scattering_resolution;
     double to[3];
     spsi_ray ray;
     spsi_hit hit;
@@ -23579,8 +23581,9 @@ SPSI_COLD sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call
     sps_context *context = job->context;
     spsi_sampling *sheets = &job->sheets;
     if (!spsi_cells_aim(job->grid, job->fine, &sheets->rays, &sheets->slabs))
-        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scatter_size",
-                               job->frame->view.scatter_size, "cells of that size cannot be told apart in the world");
+        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering_resolution",
+                               job->frame->view.scattering_resolution,
+                               "cells of that size cannot be told apart in the world");
     if (spsi_sampling_begin(context, job->frame, sheets)) return context->result;
     for (int chunk = 0; chunk < spsi_chunk_count(&sheets->slabs); ++chunk) {
         if (spsi_progress(context, spsi_part_done(part, (double)chunk / spsi_chunk_count(&sheets->slabs))))
@@ -23620,7 +23623,7 @@ SPSI_COLD void spsi_cells_mean_scale(const spsi_cell_job *job) {
    linear between entries: in a dense cloud, two leave out 1 % of what scatters again, four a quarter of that, in the
    same time. */
 SPSI_COLD int spsi_cell_texels(const spsi_frame *frame) {
-    const int cells = frame->view.scatter_size;
+    const int cells = frame->view.scattering_resolution;
     return spsi_most(16, spsi_least(4 * cells, spsi_most(SPSI_CELL_TEXELS_MOST, 2 * cells)));
 }
 
@@ -24311,7 +24314,8 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     most[SPSI_FLIGHTS_SPOTS] *= SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
     most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid) +
                                (frame->matter.emits ? (size_t)frame->content->particle_count : 0) + SPSI_VOLUMES_MAX;
-    most[SPSI_FLIGHTS_SPOTS] += (size_t)(covered > 0 ? frame->view.scatter_size * frame->view.scatter_size : 0);
+    most[SPSI_FLIGHTS_SPOTS] +=
+        (size_t)(covered > 0 ? frame->view.scattering_resolution * frame->view.scattering_resolution : 0);
     most[SPSI_FLIGHTS_CELLS] = spsi_emitting_cells(frame);
     items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS,
                                               most[0] + most[1] + most[2] + most[3], sizeof **items);
@@ -24974,7 +24978,7 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
 
 /* Upper bound of the bytes for all cells: those of cubes, one after the other. */
 SPSI_COLD size_t spsi_cells_bytes(const spsi_frame *frame) {
-    const int side = frame->view.scatter_size;
+    const int side = frame->view.scattering_resolution;
     size_t floats, bytes = sizeof(spsi_cell_job) + SPSI_CELL_GRIDS * sizeof(spsi_cell_grid);
     spsi_cell_grid grid;
     spsi_cell_solver solver;
@@ -25015,10 +25019,10 @@ static uint64_t spsi_lamp_fingerprint(uint64_t hash, const spsi_lamp *lamp) {
 /* A hash of all that light scattered in gas depends on, except where it is kept; 0 if some of it may change without
    notice. */
 static uint64_t spsi_scattered_fingerprint(const sps_context *context, const spsi_frame *frame) {
-    const double knobs[] = {frame->view.slab, frame->accuracy.cut, frame->accuracy.shadow_texels,
+    const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, frame->accuracy.shadow_texels,
                             frame->accuracy.flight_angle};
-    const int sizes[] = {(int)frame->view.scattering,      frame->view.scatter_size, frame->channels,
-                         frame->accuracy.depth_map_texels, frame->view.shadow_size,  (int)frame->view.filling};
+    const int sizes[] = {(int)frame->view.scattering,      frame->view.scattering_resolution, frame->channels,
+                         frame->accuracy.depth_map_texels, frame->view.shadow_resolution,  (int)frame->view.filling};
     uint64_t hash = spsi_gas_fingerprint(frame);
     if (!hash || (frame->meshes.count > 0 && !context->faces_held)) return 0;
     hash = spsi_fingerprint(hash, knobs, sizeof knobs);
@@ -25144,7 +25148,7 @@ static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *gr
         if (!lamp->shadows || lamp->projection.exists) continue;
         light.index = lamp->index, light.places = 1 + lamp->is_point, light.brings = 0;
         for (int n = 0; n < count; ++n) {
-            const double longest = grids[n].edge * frame->view.scatter_size;
+            const double longest = grids[n].edge * frame->view.scattering_resolution;
             double apart = 0;
             for (int k = 0; k < 3; ++k) {
                 const double half = 0.5 * grids[n].edge * grids[n].size[k], centre = grids[n].corner[k] + half;
@@ -25541,7 +25545,7 @@ SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *fra
                                      spsi_spread *spread) {
     const sps_tmap_settings *range = &spread->map.settings;
     spsi_lamp coarse = *lamp;
-    spsi_cells_lamp(spsi_most(16, 2 * frame->view.scatter_size), NULL, &coarse);
+    spsi_cells_lamp(spsi_most(16, 2 * frame->view.scattering_resolution), NULL, &coarse);
     spread->lamp = lamp;
     spread->channels = frame->channels;
     if (spsi_lamp_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
@@ -25656,7 +25660,7 @@ SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *
 SPSI_COLD size_t spsi_spreads_bytes(const spsi_frame *frame) {
     size_t floats = 0, most = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        const int side = spsi_most(16, 2 * frame->view.scatter_size);
+        const int side = spsi_most(16, 2 * frame->view.scattering_resolution);
         spsi_spread_job job;
         spsi_spread spread;
         if (!frame->lamps.list[i].shadows) continue;
@@ -26032,7 +26036,7 @@ SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part
 /* A rung of gas: slabs in voxels, 0: as quality has them. */
 typedef struct spsi_grade {
     sps_quality quality;
-    double slab;
+    double slab_thickness;
     float tolerance;
 } spsi_grade;
 
@@ -26046,7 +26050,7 @@ static const int spsi_cell_grades[SPSI_CELL_GRADES] = {24, 48, 96, 192};
 /* Classified volumes have no use for thick slabs, nor tolerances: their lowest rungs are one. */
 static spsi_grade spsi_grade_of(const spsi_frame *frame, int rung) {
     spsi_grade grade = spsi_grades[rung];
-    if (frame->matter.classifies) grade.slab = 0, grade.tolerance = 0;
+    if (frame->matter.classifies) grade.slab_thickness = 0, grade.tolerance = 0;
     return grade;
 }
 
@@ -26064,11 +26068,11 @@ SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame,
     const spsi_grade grade = spsi_grade_of(frame, setting->gas);
     spsi_lamps *lamps = &frame->lamps;
     frame->view.quality = grade.quality;
-    frame->view.slab = 0;
+    frame->view.slab_thickness = 0;
     frame->view.tolerance = grade.tolerance;
-    frame->view.scatter_size = spsi_cell_grades[setting->cells];
+    frame->view.scattering_resolution = spsi_cell_grades[setting->cells];
     spsi_resolve_quality(frame);
-    if (grade.slab > 0) frame->view.slab = grade.slab, frame->accuracy.slab_pixels = 0;
+    if (grade.slab_thickness > 0) frame->view.slab_thickness = grade.slab_thickness, frame->accuracy.slab_pixels = 0;
     frame->accuracy.light_points = spsi_point_grades[setting->points];
     for (int i = 0; i < lamps->whole_count; ++i)
         if (lamps->whole[i].choice != SPSI_CHOICE_CALLER) spsi_lamp_take(&lamps->whole[i], 0, SPSI_CHOICE_OPEN);
@@ -26356,7 +26360,7 @@ SPSI_COLD void spsi_cell_offers(sps_context *context, spsi_frame *frame, double 
         const spsi_setting setting = spsi_offer_setting(first + n);
         spsi_offer *offer = &offers[first + n];
         if (only && n != only->cells) continue;
-        frame->view.scatter_size = spsi_cell_grades[n];
+        frame->view.scattering_resolution = spsi_cell_grades[n];
         spsi_work_count_cells(context, frame, &setting, work);
         spsi_offer_time(context, work, &setting, offer);
         offer->seconds += spent;
@@ -26409,10 +26413,11 @@ SPSI_COLD void spsi_budget_report(const spsi_frame *frame, const spsi_offer *bes
     report->seconds = best->seconds;
     report->error = best->error;
     report->quality = frame->view.quality;
-    report->slab = spsi_grade_of(frame, setting->gas).slab;
+    report->slab_thickness = spsi_grade_of(frame, setting->gas).slab_thickness;
     report->tolerance = frame->view.tolerance;
     report->samples = spsi_lamps_are_open(frame) ? frame->accuracy.light_points : 0;
-    report->scatter_size = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? frame->view.scatter_size : 0;
+    report->scattering_resolution =
+        spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? frame->view.scattering_resolution : 0;
 }
 
 /* Chooses a setting by the view's budget, and gives it to the frame. `spent`: seconds until now, or until all will have
@@ -26482,7 +26487,7 @@ SPSI_COLD void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
     pace->scattered_by = pace->setting;
     if (!pace->counts || !(total > 0)) return;
     pace->splats[pace->setting.gas] = /* all volumes, in thick slabs of the eye or of lights */
-        frame->medium_count > 0 && spsi_grade_of(frame, pace->setting.gas).slab > 0 &&
+        frame->medium_count > 0 && spsi_grade_of(frame, pace->setting.gas).slab_thickness > 0 &&
         ((stats->eye_footprints > 0 && stats->eye_samples == 0) ||
          (stats->light_footprints > 0 && stats->light_samples == 0));
     seconds[SPSI_STAGE_READ] = stats->seconds_gather;
@@ -26912,7 +26917,8 @@ SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *fr
 SPSI_COLD size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sweep) {
     const int planned = spsi_most(sweep->rays.width, sweep->rays.height);
     if (frame->particles.set_count == 0) return (size_t)planned;
-    return (size_t)spsi_most(2, frame->view.shadow_size > 0 ? frame->view.shadow_size : spsi_light_texels_most(frame));
+    return (size_t)spsi_most(2, frame->view.shadow_resolution > 0 ? frame->view.shadow_resolution
+                                                                  : spsi_light_texels_most(frame));
 }
 
 /* Counts what a sweep holds of bricks and particles. Once read, volumes may be cut into other slabs than their boxes,
@@ -26929,8 +26935,8 @@ static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *fra
 
 /* Bytes by which a sweep's light casts penumbrae. Particles and polygons have not been read: whether penumbrae are wide
    enough is not known then. While contents are not known, beams count as twice as wide as the light's sheets, which is
-   their maximum if shadow_size does not set that of the sheets. Boxes of volumes may be wider than what is in them, and
-   penumbrae narrower in their texels, so that the bytes count even if those are left sharp. */
+   their maximum if shadow_resolution does not set that of the sheets. Boxes of volumes may be wider than what is in
+   them, and penumbrae narrower in their texels, so that the bytes count even if those are left sharp. */
 SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                               sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
@@ -27214,7 +27220,7 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
                    frame->matter.scatters ? "no light" : "nothing scatters: albedo 0 or no extinction");
     spsi_plan_pass(report, SPS_PASS_FORWARD, spsi_scatters_forward(frame), "view.scattering asks for it",
                    !frame->matter.scatters                        ? "nothing scatters: albedo 0 or no extinction"
-                   : frame->view.scattering == SPS_SCATTERING_OFF ? once
+                   : frame->view.scattering == SPS_SCATTERING_SINGLE ? once
                    : !again                                       ? "view.scattering does not ask for it"
                    : !lit                                         ? "no light"
                    : frame->lamps.shadow_count == 0               ? "no light casts shadows"
@@ -28999,7 +29005,7 @@ SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *
     int scatters = 0;
     if (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) || spsi_scatters_forward(frame))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
-                              "must be SPS_SCATTERING_OFF: light has bounds as long as it scatters once");
+                              "must be SPS_SCATTERING_SINGLE: light has bounds as long as it scatters once");
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_material *material = spsi_part_material(frame, m);
         if (material->table)
@@ -29644,10 +29650,11 @@ SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame
     marcher->shade = spsi_march_lamp;
     if (settings->lower && spsi_bracket_check(context, frame)) return context->result;
     if ((spsi_scatters_fully(frame) || spsi_scatters_aside(frame)) && settings->samples == 0)
-        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
-                              "is SPS_SCATTERING_AUTO, the default, FULL or CONVOLUTION, which sps_reference finds by "
-                              "random paths: set settings.samples, or SPS_SCATTERING_OFF, with which light scatters "
-                              "once");
+        return spsi_fail_that(
+            context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
+            "is SPS_SCATTERING_AUTO, the default, MULTIPLE or CONVOLUTION, which sps_reference finds by "
+            "random paths: set settings.samples, or SPS_SCATTERING_SINGLE, with which light scatters "
+            "once");
     marcher->forward = spsi_scatters_forward(frame) && settings->samples == 0;
     if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
     if (settings->lower && spsi_bracket_begin(context, marcher)) return context->result;
@@ -29988,7 +29995,7 @@ SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps
         if (vertex >= mesh->vertex_count) return 3;
         spsi_mesh_vector(mesh->positions, mesh->position_stride, vertex, 3, triangle->position[i % 3]);
         spsi_mesh_vector(mesh->normals, mesh->normal_stride, vertex, 3, triangle->normal[i % 3]);
-        spsi_mesh_vector(mesh->colors, mesh->color_stride, vertex, 3, triangle->color[i % 3]);
+        spsi_mesh_vector(mesh->albedos, mesh->albedo_stride, vertex, 3, triangle->albedo[i % 3]);
         spsi_mesh_vector(mesh->uvs, mesh->uv_stride, vertex, 2, triangle->uv[i % 3]);
     }
     return 0;
@@ -30084,7 +30091,7 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
     return SPS_OK;
 }
 
-SPS_API sps_result sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least,
+SPS_API sps_result sps_tmap_bounds(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most) {
     if (!spsi_tmap_queryable(map, count, positions)) return SPS_ERROR_ARGUMENT;
     for (size_t i = 0; i < count; ++i) {

@@ -1,6 +1,6 @@
 /* An aeroplane above a layer of cumulus and its shadow on it, with light scattered once, forward, in every direction
-   (SPS_SCATTERING_FULL), and by random paths (sps_reference), from left to right, with the time of each. The side of
-   the aeroplane that the sun does not reach is lit by the clouds. */
+   (SPS_SCATTERING_MULTIPLE), and by random paths (sps_reference), from left to right, with the time of each. The side
+   of the aeroplane that the sun does not reach is lit by the clouds. */
 
 #include "scene.h"
 #include "shapes.h"
@@ -83,7 +83,7 @@ int main(int argc, char **argv) {
     sps_scene scene = ex_scene(&sun);
     sps_volume clouds = {0};
     ex_mesh aeroplane = {0};
-    view.width = 200, view.height = 150, view.scatter_size = 112;
+    view.width = 200, view.height = 150, view.scattering_resolution = 112;
     set_clouds(&clouds);
     build_aeroplane(&aeroplane);
     sps_mesh mesh = ex_shape_mesh(&aeroplane);

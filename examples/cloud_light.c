@@ -1,6 +1,6 @@
 /* A cloud, with light scattered once, forward any number of times, with and without spreading sideways, in every
-   direction (SPS_SCATTERING_FULL), and by random paths (sps_reference), from left to right, with the time of each. Above, the sun is behind the cloud and
-   aside; below, it sets, and the sky is the greater part of the light. */
+   direction (SPS_SCATTERING_MULTIPLE), and by random paths (sps_reference), from left to right, with the time of each.
+   Above, the sun is behind the cloud and aside; below, it sets, and the sky is the greater part of the light. */
 
 #include "densities.h"
 #include "scene.h"

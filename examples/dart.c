@@ -32,7 +32,7 @@ static int ring_value(void *user, size_t count, const double *positions, float *
 static void set_ring(sps_volume *volume, ring *r, double radius, double height, const float color[3]) {
     const double reach = radius + 0.15;
     r->radius = radius, r->height = height;
-    for (int i = 0; i < 2; ++i) memcpy(r->paint[i].color, color, sizeof r->paint[i].color);
+    for (int i = 0; i < 2; ++i) memcpy(r->paint[i].albedo, color, sizeof r->paint[i].albedo);
     r->paint[0].value = 0.15f, r->paint[1].value = 0.5f, r->paint[1].extinction = 120;
     r->look.points = r->paint, r->look.point_count = 2;
     ex_volume_box(volume, ex_vec_of(-reach, -reach, -0.05), ex_vec_of(reach, reach, height + 0.15), (int)(104 * reach));

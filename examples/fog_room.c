@@ -1,5 +1,5 @@
 /* A lamp under a shade, in a room full of fog, with light scattered once, forward, in every direction
-   (SPS_SCATTERING_FULL), and by random paths (sps_reference), from left to right, with the time of each. The shade
+   (SPS_SCATTERING_MULTIPLE), and by random paths (sps_reference), from left to right, with the time of each. The shade
    keeps the lamp from the ceiling and the upper walls: only fog lights these, and what stands in a shadow. */
 
 #include "scene.h"

@@ -14,7 +14,7 @@ int main(void) {
     sps_volume gas = {.size = {64, 64, 64}, .placement = {{-1, -1, -1}, {{2, 0, 0}, {0, 2, 0}, {0, 0, 2}}},
                       .eval_fn = blob, .extinction = 6, .albedo = {0.7f, 0.8f, 0.9f}};
     sps_indexed_mesh net = {.vertex_count = 4, .positions = corners, .triangle_count = 2, .indices_u16 = indices};
-    sps_mesh mesh = {.triangle_count = 2, .read_fn = sps_indexed_mesh_read, .user = &net, .color = {.3f, .3f, .2f}};
+    sps_mesh mesh = {.triangle_count = 2, .read_fn = sps_indexed_mesh_read, .user = &net, .albedo = {.3, .3, .2}};
     sps_light sun = {.direction = {1, -1, -0.5}, .color = {9, 8, 7}};
     sps_scene scene = {.volumes = &gas, .volume_count = 1, .meshes = &mesh, .mesh_count = 1, .lights = &sun,
                        .light_count = 1, .background = {0.1f, 0.2f, 0.4f}};

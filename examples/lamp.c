@@ -82,7 +82,7 @@ static void set_lamp(sps_light *lamp, const sps_tmap_settings *table) {
     lamp->kind = SPS_LIGHT_POINT;
     lamp->position[0] = lamp_place.x, lamp->position[1] = lamp_place.y, lamp->position[2] = lamp_place.z;
     ex_color(lamp->color, 20, 11.5, 5);
-    lamp->shadow_map = table, lamp->shadow_map_size = 96;
+    lamp->shadow_map = table, lamp->shadow_map_resolution = 96;
 }
 
 int main(int argc, char **argv) {
@@ -95,7 +95,7 @@ int main(int argc, char **argv) {
     sps_particle ball;
     sps_particles flame = {0};
     ex_mesh stones = {0};
-    view.width = 640, view.height = 480, view.quality = SPS_QUALITY_MEDIUM, view.slab = 3;
+    view.width = 640, view.height = 480, view.quality = SPS_QUALITY_MEDIUM, view.slab_thickness = 3;
     set_lamp(&lamp, &table);
     set_cloud(&cloud);
     set_flame(&flame, &ball);

@@ -185,7 +185,7 @@ static inline void ex_samples_cell(const ex_samples *samples, const int cell[3],
             memset(t.uv, 0, sizeof t.uv);
             for (int c = 0; c < 3; ++c) {
                 ex_samples_crossing(samples, cell, loop[fan[c] % count], t.position[c], t.normal[c]);
-                memcpy(t.color[c], color, sizeof t.color[c]);
+                memcpy(t.albedo[c], color, sizeof t.albedo[c]);
             }
             ex_shape_triangle(mesh, &t);
         }

@@ -41,7 +41,7 @@ int main(int argc, char **argv) {
                   earth);
     const sps_mesh mesh = ex_shape_mesh(&ground);
     map.technique = SPS_TMAP_FOURIER, map.components = 15;
-    sun.shadow_map = &map, sun.shadow_map_size = 512;
+    sun.shadow_map = &map, sun.shadow_map_resolution = 512;
     scene.particles = &smoke, scene.particle_set_count = 1;
     scene.meshes = &mesh, scene.mesh_count = 1;
     ex_color(scene.ambient, 0.16, 0.20, 0.27);

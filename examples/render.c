@@ -23,8 +23,8 @@ static void make_linear_transfer(volume_arguments *volume) {
     volume->points.points = (sps_transfer_point *)ex_allocate(2, sizeof(sps_transfer_point));
     volume->points.point_count = 2;
     sps_transfer_point *points = volume->points.points;
-    to_floats(volume->albedo, points[0].color);
-    to_floats(volume->albedo, points[1].color);
+    to_floats(volume->albedo, points[0].albedo);
+    to_floats(volume->albedo, points[1].albedo);
     points[1].value = range[1] > 0.0f ? range[1] : 1.0f;
     points[1].extinction = (float)fmin(volume->extinction * (double)points[1].value, LARGEST);
 }
@@ -84,7 +84,7 @@ static int load_mesh(mesh_arguments *from, sps_mesh *mesh, ex_error *error) {
     mesh->triangle_count = from->mesh.triangle_count;
     mesh->read_fn = ex_mesh_read, mesh->user = &from->mesh;
     mesh->has_normals = 1;
-    to_floats(from->color, mesh->color);
+    to_floats(from->color, mesh->albedo);
     to_floats(from->transmittance, mesh->transmittance);
     return 0;
 }
@@ -94,14 +94,14 @@ static void set_shadows(arguments *all, sps_light *lights) {
     for (int i = 0; i < all->light_count; ++i) {
         lights[i].no_shadow = shadow_is(all, "none");
         if (shadow_is(all, "sheets")) lights[i].shadow_source = SPS_SHADOW_SHEETS;
-        lights[i].shadow_map_size = all->table_size; /* of tables that the library chooses */
+        lights[i].shadow_map_resolution = all->table_size; /* of tables that the library chooses */
     }
     if (!has_maps(all)) return;
     all->map.technique = (sps_tmap_technique)all->shadow; /* the names are in their order */
     all->map.epsilon = (float)all->map_epsilon;
     for (int i = 0; i < all->light_count; ++i) {
         lights[i].shadow_map = &all->map;
-        lights[i].shadow_map_size = shadow_is(all, "table") ? all->table_size : all->map_size;
+        lights[i].shadow_map_resolution = shadow_is(all, "table") ? all->table_size : all->map_size;
     }
 }
 
@@ -242,13 +242,13 @@ static void make_view(const arguments *all, sps_view *view) {
     memcpy(view->region, all->region, sizeof view->region);
     view->quality = (sps_quality)all->quality;
     view->coverage_samples = all->coverage;
-    view->slab = all->slab;
-    view->shadow_size = all->shadow_size;
+    view->slab_thickness = all->slab;
+    view->shadow_resolution = all->shadow_resolution;
     view->no_shadows = all->no_shadows;
-    view->scattering = is_scattered_once(all) ? SPS_SCATTERING_OFF : (sps_scattering)all->scattering;
-    view->scatter_size = all->scatter_size;
+    view->scattering = is_scattered_once(all) ? SPS_SCATTERING_SINGLE : (sps_scattering)all->scattering;
+    view->scattering_resolution = all->scattering_resolution;
     view->filling = (sps_filling)all->filling;
-    view->scatter_tolerance = (float)all->scatter_tolerance;
+    view->scattering_tolerance = (float)all->scattering_tolerance;
     view->tolerance = (float)all->tolerance;
     view->budget_seconds = all->budget_seconds, view->budget_error = all->budget_error;
 }
@@ -268,10 +268,10 @@ static const char *find_field(const arguments *all, const sps_error_info *why) {
     static const struct {
         sps_object object;
         const char *field, *option;
-    } fields[] = {{SPS_OBJECT_VIEW, "slab", "--slab"},
+    } fields[] = {{SPS_OBJECT_VIEW, "slab_thickness", "--slab-thickness"},
                   {SPS_OBJECT_VIEW, "coverage_samples", "--coverage"},
                   {SPS_OBJECT_VIEW, "scattering", "--scattering"},
-                  {SPS_OBJECT_VIEW, "scatter_size", "--scatter-size"},
+                  {SPS_OBJECT_VIEW, "scattering_resolution", "--scattering-resolution"},
                   {SPS_OBJECT_VIEW, "quality", "--quality"},
                   {SPS_OBJECT_VIEW, "tolerance", "--tolerance"},
                   {SPS_OBJECT_VIEW, "budget_seconds", "--budget-seconds"},
@@ -324,8 +324,8 @@ static int explain(const arguments *all, const ex_session *session, sps_result r
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_LIGHT)
         way_out = " (--shadow auto, --no-shadows and --reference have no such limit)";
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_VIEW)
-        way_out = strcmp(why.field, "scattering") == 0     ? " (--samples N, or --scattering off)"
-                  : strcmp(why.field, "scatter_size") == 0 ? " (--scattering off has no such limit)"
+        way_out = strcmp(why.field, "scattering") == 0              ? " (--samples N, or --scattering single)"
+                  : strcmp(why.field, "scattering_resolution") == 0 ? " (--scattering single has no such limit)"
                   : strcmp(why.field, "budget_error") == 0 ? " (--quality promises nothing, and has no such limit)"
                                                            : " (--no-shadows and --reference have no such limit)";
     ex_fail(error, "%s%s%s", subject, why.sentence, way_out);
@@ -335,9 +335,9 @@ static int explain(const arguments *all, const ex_session *session, sps_result r
 /* What was chosen for a budget, in one line. */
 static void print_budget(FILE *file, const sps_budget_report *budget) {
     fprintf(file, "about %.3g s, error up to %.2g %%: quality %s, slab %.3g, tolerance %g", budget->seconds,
-            100 * budget->error, ex_quality_names[budget->quality], budget->slab, (double)budget->tolerance);
+            100 * budget->error, ex_quality_names[budget->quality], budget->slab_thickness, (double)budget->tolerance);
     if (budget->samples) fprintf(file, ", light-samples %d", budget->samples);
-    if (budget->scatter_size) fprintf(file, ", scatter-size %d", budget->scatter_size);
+    if (budget->scattering_resolution) fprintf(file, ", scattering-resolution %d", budget->scattering_resolution);
     fprintf(file, budget->is_met ? "\n" : "; the budget is not met\n");
 }
 
@@ -445,7 +445,7 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
         print_budget(stderr, &stats.budget);
     }
     if (result == SPS_OK && is_scattered_once(all) && all->volume_count + all->particle_set_count > 0)
-        fprintf(stderr, "render: %s without --samples: light scatters once (--scattering off)\n",
+        fprintf(stderr, "render: %s without --samples: light scatters once (--scattering single)\n",
                 all->reference ? "--reference" : "--shadow samples");
     free(image.rgba);
     return status;

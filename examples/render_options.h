@@ -104,10 +104,10 @@ typedef struct arguments {
     light_arguments *lights;
     int volume_count, particle_set_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
-    int width, height, region[4], coverage, shadow_size, quality, no_shadows, reference, samples, scattering,
-        scatter_size, filling, threads, plan, help;
+    int width, height, region[4], coverage, shadow_resolution, quality, no_shadows, reference, samples, scattering,
+        scattering_resolution, filling, threads, plan, help;
     int shadow, map_size, table_size;
-    double map_epsilon, scatter_tolerance, tolerance, budget_seconds, budget_error;
+    double map_epsilon, scattering_tolerance, tolerance, budget_seconds, budget_error;
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
     const char *out, *pfm, *alpha_pfm, *stats;
 } arguments;
@@ -128,10 +128,11 @@ static const char *const shading_names[] = {"gas", "surface", NULL};
 /* sps_filling */
 static const char *const filling_names[] = {"auto", "splat", "gather", NULL};
 /* sps_scattering */
-static const char *const scattering_names[] = {"auto", "off", "ambient", "forward", "convolution", "full", NULL};
+static const char *const scattering_names[] = {"auto", "single", "ambient", "forward", "convolution", "multiple", NULL};
 /* sps_tmap_technique, after sheets; and what is not one. */
-static const char *const shadow_names[] = {"sheets",  "deep", "compressed", "opacity", "deep-opacity", "fourier", "moment",
-                                           "beer",    "table", "auto", "samples", "none", NULL};
+static const char *const shadow_names[] = {"sheets",  "deep",   "compressed", "opacity", "deep-opacity",
+                                           "fourier", "moment", "beer",       "table",   "auto",
+                                           "samples", "none",   NULL};
 static const char *const falloff_names[] = {"inverse-square", "none", NULL}; /* in the order of sps_falloff */
 
 /* ================================================================================================ handlers */
@@ -260,7 +261,7 @@ static int add_point(const option_rule *rule, arguments *all, void *place, const
         return outside(rule, value, "value and extinction", 0, LARGEST, error);
     if (!within(numbers + 1, 3, 0, 1)) return outside(rule, value, "r,g,b", 0, 1, error);
     point.value = (float)numbers[0], point.extinction = (float)numbers[4];
-    for (int i = 0; i < 3; ++i) point.color[i] = (float)numbers[1 + i];
+    for (int i = 0; i < 3; ++i) point.albedo[i] = (float)numbers[1 + i];
     if (ex_transfer_add((ex_transfer *)place, &point)) return unfit(rule, value, "values must rise", error);
     return 0;
 }
@@ -444,11 +445,11 @@ static const option_rule options[] = {
     {"--ambient", "r,g,b", "radiance from everywhere, unshadowed; default 0,0,0", set_reals, OF_SCENE(ambient), 3, POSITIVE},
     {"--background", "r,g,b", "radiance behind everything; default 0,0,0", set_reals, OF_SCENE(background), 3, POSITIVE},
     {"--coverage", "N", "N x N samples of polygons' edges per pixel, up to 8; default 0: one, at its centre", set_integers, OF_SCENE(coverage), 1, 0, 8, NULL},
-    {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
-    {"--shadow-size", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
+    {"--slab-thickness", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
+    {"--shadow-resolution", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_resolution), 1, 1, 16384, NULL},
     {"--shadow", "auto|sheets|deep|compressed|opacity|deep-opacity|fourier|moment|beer|table|samples|none", "what gas shades by; auto, the default: sheets or a table; samples: as --reference", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
     {"--map-components", "N", "floats a texel of that map, planes of a table; default by --shadow", set_integers, OF_SCENE(map.components), 1, 1, 1024, NULL},
-    {"--map-size", "N", "texels along the map's longer side; default as --shadow-size, or by --quality", set_integers, OF_SCENE(map_size), 1, 1, 16384, NULL},
+    {"--map-resolution", "N", "texels along the map's longer side; default as --shadow-resolution, or by --quality", set_integers, OF_SCENE(map_size), 1, 1, 16384, NULL},
     {"--table-size", "N", "the same for tables (--shadow table, auto); default by --quality, up to 256", set_integers, OF_SCENE(table_size), 1, 1, 16384, NULL},
     {"--map-epsilon", "E", "largest error of transmittance, for compressed; default 0.01", set_reals, OF_SCENE(map_epsilon), 1, 1e-6, 0.5, NULL},
     {"--map-cubic", NULL, "monotone cubics between planes instead of straight lines, for opacity and deep-opacity", set_flag, OF_SCENE(map.cubic), NO_NUMBERS},
@@ -456,14 +457,14 @@ static const option_rule options[] = {
     {"--quality", "draft|medium|high|ultra", "default medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
     {"--no-shadows", NULL, "light shines through everything; the same as --shadow none", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
     {"--reference", NULL, "brute-force ray marching, shadows traced from every step: slow; heeds --shadow none only", set_flag, OF_SCENE(reference), NO_NUMBERS},
-    {"--samples", "N", "paths per pixel of --reference, for what scatters again; default 0, with --scattering off", set_integers, OF_SCENE(samples), 1, 0, 1 << 20, NULL},
+    {"--samples", "N", "paths per pixel of --reference; default 0: single scattering, exactly", set_integers, OF_SCENE(samples), 1, 0, 1 << 20, NULL},
     {"--filling", "auto|splat|gather", "how voxels fill sheets; auto, the default: as costs less", set_choice, OF_SCENE(filling), 1, 0, 0, filling_names},
     {"--tolerance", "T", "optical depth by which rays through smooth gas may be off, to follow fewer; default 0", set_reals, OF_SCENE(tolerance), 1, 0, 1, NULL},
-    {"--budget-seconds", "S", "as little error as S seconds buy; chooses --quality, --slab, --tolerance, --scatter-size", set_reals, OF_SCENE(budget_seconds), 1, 1e-9, 1e9, NULL},
+    {"--budget-seconds", "S", "as little error as S seconds buy; chooses quality, slab thickness, tolerance and cells", set_reals, OF_SCENE(budget_seconds), 1, 1e-9, 1e9, NULL},
     {"--budget-error", "E", "as little time as an error of E takes, of radiance, relative to its mean", set_reals, OF_SCENE(budget_error), 1, 1e-9, 1e9, NULL},
-    {"--scattering", "auto|off|ambient|forward|convolution|full", "light in gas; auto, the default: full, in all directions, if it is not thin, or off", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
-    {"--scatter-size", "N", "cells along the gas for --scattering full, half the texels for convolution", set_integers, OF_SCENE(scatter_size), 1, 1, 256, NULL},
-    {"--scatter-tolerance", "T", "share of light that may be left out by --scattering auto; default 0.01", set_reals, OF_SCENE(scatter_tolerance), 1, 0, 1, NULL},
+    {"--scattering", "auto|single|ambient|forward|convolution|multiple", "light in gas; auto, the default: single in thin gas, otherwise multiple", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
+    {"--scattering-resolution", "N", "cells along the gas for --scattering multiple, half the texels for convolution", set_integers, OF_SCENE(scattering_resolution), 1, 1, 256, NULL},
+    {"--scattering-tolerance", "T", "share of light that may be left out by --scattering auto; default 0.01", set_reals, OF_SCENE(scattering_tolerance), 1, 0, 1, NULL},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
@@ -502,7 +503,7 @@ static const char *const headings[][2] = {
      "  part of its name. --light-... applies to lights in the same way. A light with an extent casts penumbrae; a\n"
      "  disc or a rectangle faces the middle of the scene, but a projector's lies across its direction, like a\n"
      "  lens; W is its edge perpendicular to --up."},
-    {"--slab", "Rendering."},
+    {"--slab-thickness", "Rendering."},
     {"--out", "Results. At least one is required."},
     {"--help", "Help."},
 };
@@ -792,7 +793,7 @@ static int check_map(const arguments *all, ex_error *error) {
         const char *option, *kinds[3]; /* the techniques it applies to; none: all */
         const char *other;             /* but this one */
     } about[] = {
-        {"--map-components", {NULL, NULL, NULL}, ""},           {"--map-size", {NULL, NULL, NULL}, "table"},
+        {"--map-components", {NULL, NULL, NULL}, ""},           {"--map-resolution", {NULL, NULL, NULL}, "table"},
         {"--table-size", {"table", "auto", NULL}, ""},          {"--map-epsilon", {"compressed", NULL, NULL}, ""},
         {"--map-cubic", {"opacity", "deep-opacity", NULL}, ""}, {"--map-texel-range", {"fourier", NULL, NULL}, ""}};
     const char *kind = shadow_names[all->shadow];

@@ -56,7 +56,7 @@ static inline sps_view ex_view(ex_vec position, ex_vec target, double degrees) {
     view.camera = ex_camera_at(position, target, degrees);
     view.width = 480, view.height = 360;
     view.quality = SPS_QUALITY_HIGH;
-    view.scattering = SPS_SCATTERING_OFF;
+    view.scattering = SPS_SCATTERING_SINGLE;
     return view;
 }
 

@@ -21,7 +21,7 @@ static inline sps_mesh ex_shape_mesh(ex_mesh *mesh) {
     memset(&out, 0, sizeof out);
     out.triangle_count = mesh->triangle_count;
     out.read_fn = ex_mesh_read, out.user = mesh;
-    out.has_normals = out.has_colors = 1;
+    out.has_normals = out.has_albedos = 1;
     return out;
 }
 
@@ -58,9 +58,9 @@ static inline void ex_shape_surface(ex_mesh *mesh, ex_surface_fn surface, const 
             const double v = (double)(i / 2 % columns + corners[i & 1][c][1]) / columns;
             ex_surface_corner(&t, c, surface, shape, u, v);
             if (paint)
-                paint(color, u, v, t.color[c]);
+                paint(color, u, v, t.albedo[c]);
             else
-                memcpy(t.color[c], color, sizeof t.color[c]);
+                memcpy(t.albedo[c], color, sizeof t.albedo[c]);
         }
         ex_shape_triangle(mesh, &t);
     }
@@ -147,7 +147,7 @@ static inline void ex_shape_quad(ex_mesh *mesh, ex_vec a, ex_vec b, ex_vec c, ex
             const int corner = k > 0 ? k + i : 0;
             t.uv[k][0] = corner == 1 || corner == 2, t.uv[k][1] = corner > 1;
             ex_store(t.position[k], corners[i][k]);
-            memcpy(t.color[k], color, sizeof t.color[k]);
+            memcpy(t.albedo[k], color, sizeof t.albedo[k]);
         }
         ex_shape_triangle(mesh, &t);
     }

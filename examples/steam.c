@@ -108,8 +108,8 @@ static sps_result render_on_surfaces(sps_context *context, const sps_scene *scen
     part.background_fn = NULL; /* it has been added */
     for (int i = 0; i < MESHES; ++i) {
         meshes[i] = scene->meshes[i];
-        meshes[i].has_colors = 0;
-        memset(meshes[i].color, 0, sizeof meshes[i].color);
+        meshes[i].has_albedos = 0;
+        memset(meshes[i].albedo, 0, sizeof meshes[i].albedo);
     }
     unshadowed.no_shadows = 1;
     if (result == SPS_OK) result = sps_render(context, &part, &unshadowed, image);
@@ -130,7 +130,7 @@ static sps_result render_way(sps_context *context, const sps_scene *scene, const
     sps_view seen = *view;
     seen.no_shadows = way == UNSHADOWED;
     shaded.lights = &lamp;
-    if (way == BY_TABLE) lamp.shadow_map = &table, lamp.shadow_map_size = 64;
+    if (way == BY_TABLE) lamp.shadow_map = &table, lamp.shadow_map_resolution = 64;
     if (way == ON_SURFACES) return render_on_surfaces(context, scene, view, image);
     if (way == BY_RAYS) return sps_reference(context, scene, view, &traced, image);
     return sps_render(context, &shaded, &seen, image);

@@ -27,7 +27,7 @@ static int shade_ground(void *user, size_t count, const sps_surface_point *point
         for (int k = 0; k < 2; ++k)
             wave *= square_wave(p->uv[k], fabs((double)p->uv_dx[k]) + fabs((double)p->uv_dy[k]));
         for (int c = 0; c < 3; ++c)
-            out[i].color[c] = (float)ex_mix((double)tiles[0][c], (double)tiles[1][c], 0.5 + 0.5 * wave);
+            out[i].albedo[c] = (float)ex_mix((double)tiles[0][c], (double)tiles[1][c], 0.5 + 0.5 * wave);
     }
     return 0;
 }
@@ -82,7 +82,7 @@ static int shade_globe(void *user, size_t count, const sps_surface_point *points
     for (size_t i = 0; i < count; ++i) {
         double texel[4];
         look_up((const texture *)user, points[i].uv[0], points[i].uv[1], texel);
-        for (int c = 0; c < 3; ++c) out[i].color[c] = (float)texel[c];
+        for (int c = 0; c < 3; ++c) out[i].albedo[c] = (float)texel[c];
         ex_color(out[i].emission, 0.35 * texel[3], 0.24 * texel[3], 0.08 * texel[3]);
     }
     return 0;

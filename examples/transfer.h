@@ -27,7 +27,7 @@ static inline void ex_transfer_free(ex_transfer *transfer) {
 
 /* Parses `value r g b extinction`; a comment may follow. */
 static inline int ex_transfer_line(char *text, sps_transfer_point *point) {
-    float *fields[5] = {&point->value, &point->color[0], &point->color[1], &point->color[2], &point->extinction};
+    float *fields[5] = {&point->value, &point->albedo[0], &point->albedo[1], &point->albedo[2], &point->extinction};
     for (int i = 0; i < 5; ++i) {
         char *end;
         const double number = strtod(text, &end), most = i >= 1 && i <= 3 ? 1.0 : 1e18; /* r, g, b: 0..1 */

@@ -1,5 +1,5 @@
 /* ways.h: scenes with light scattered once, forward, forward and sideways (SPS_SCATTERING_CONVOLUTION), in every
-   direction (SPS_SCATTERING_FULL) and by random paths (sps_reference), side by side, with the time of each. */
+   direction (SPS_SCATTERING_MULTIPLE) and by random paths (sps_reference), side by side, with the time of each. */
 
 #ifndef EX_WAYS_H
 #define EX_WAYS_H
@@ -48,8 +48,8 @@ static inline sps_result ex_ways_render_paths(sps_context *context, const ex_way
 
 static inline sps_result ex_ways_render_way(sps_context *context, const ex_ways *ways, const sps_scene *scene,
                                             const sps_view *view, int way, const sps_image *image) {
-    static const sps_scattering kinds[EX_WAYS] = {SPS_SCATTERING_OFF, SPS_SCATTERING_FORWARD,
-                                                   SPS_SCATTERING_CONVOLUTION, SPS_SCATTERING_FULL};
+    static const sps_scattering kinds[EX_WAYS] = {SPS_SCATTERING_SINGLE, SPS_SCATTERING_FORWARD,
+                                                  SPS_SCATTERING_CONVOLUTION, SPS_SCATTERING_MULTIPLE};
     sps_view seen = *view;
     if (way == EX_WAY_PATHS) return ex_ways_render_paths(context, ways, scene, view, image);
     seen.scattering = kinds[way];
@@ -74,7 +74,8 @@ static inline int ex_ways_render_panels(ex_session *session, const ex_ways *ways
 
 static inline int ex_ways_render(const ex_ways *ways, const sps_view *view, const ex_scene_options *options,
                                  ex_error *error) {
-    static const char *const names[EX_WAYS] = {"once", "forward", "convolution", "full", "random paths (sps_reference)"};
+    static const char *const names[EX_WAYS] = {"once", "forward", "convolution", "full",
+                                               "random paths (sps_reference)"};
     const sps_view panel = ex_scene_view(view, EX_WAYS, options);
     const int width = EX_WAYS * panel.width, height = ways->rows * panel.height;
     double seconds[EX_WAYS_ROWS][EX_WAYS];

@@ -460,7 +460,7 @@ static inline void check_clear(check_scene *s, int width, int height) {
     s->view.camera.position[2] = 10;
     s->view.camera.up[1] = 1;
     s->view.camera.ortho_height = 1;
-    s->view.scattering = SPS_SCATTERING_OFF;
+    s->view.scattering = SPS_SCATTERING_SINGLE;
 }
 
 static inline void check_set3(double out[3], double x, double y, double z) {
@@ -518,7 +518,7 @@ static inline sps_tmap_light check_light_of(const sps_view *view) {
     light.height = view->height;
     light.camera = view->camera;
     light.quality = view->quality;
-    light.slab = view->slab;
+    light.slab_thickness = view->slab_thickness;
     return light;
 }
 
@@ -625,7 +625,7 @@ static inline sps_mesh *check_add_mesh(check_scene *s, check_triangles *triangle
     mesh->read_fn = check_read_triangles;
     mesh->user = triangles;
     mesh->triangle_count = triangles->count;
-    check_color(mesh->color, reflectance, reflectance, reflectance);
+    check_color(mesh->albedo, reflectance, reflectance, reflectance);
     return mesh;
 }
 

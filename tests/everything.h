@@ -58,7 +58,7 @@ static inline int eval_transfer(void *user, size_t count, const float *values, s
     const float *level = (const float *)user;
     for (size_t i = 0; i < count; ++i) {
         out[i].extinction = level[0] * 4 * values[i] * values[i];
-        for (int c = 0; c < 3; ++c) out[i].color[c] = fminf(1, values[i] * (0.5f + 0.2f * (float)c));
+        for (int c = 0; c < 3; ++c) out[i].albedo[c] = fminf(1, values[i] * (0.5f + 0.2f * (float)c));
     }
     return 0;
 }
@@ -67,7 +67,7 @@ static inline int shade(void *user, size_t count, const sps_surface_point *point
     const sps_surface *look = (const sps_surface *)user;
     for (size_t i = 0; i < count; ++i)
         for (int c = 0; c < 3; ++c) {
-            out[i].color[c] = look->color[c] * (0.8f + 0.1f * sinf((float)(3 * points[i].uv[0] + points[i].uv[1])));
+            out[i].albedo[c] = look->albedo[c] * (0.8f + 0.1f * sinf((float)(3 * points[i].uv[0] + points[i].uv[1])));
             out[i].emission[c] = look->emission[c];
         }
     return 0;
@@ -128,7 +128,7 @@ static inline void build_triangle(sps_triangle *triangle, const float corners[9]
     for (int i = 0; i < 9; ++i) {
         triangle->position[i / 3][i % 3] = corners[i];
         triangle->normal[i / 3][i % 3] = i % 3 == 2 ? 1 : 0.1f + 0.2f * (float)(i / 3);
-        triangle->color[i / 3][i % 3] = 0.4f + 0.05f * (float)i;
+        triangle->albedo[i / 3][i % 3] = 0.4f + 0.05f * (float)i;
         if (i < 6) triangle->uv[i / 2][i % 2] = 0.3f * (float)i;
     }
 }
@@ -151,17 +151,17 @@ static inline void build_meshes(void) {
     memcpy(it.indices, indices, sizeof indices), memcpy(it.other_indices, others, sizeof others);
     for (int i = 0; i < 9; ++i) it.long_indices[i] = others[i], it.other_long_indices[i] = indices[i];
     it.indexed.vertex_count = CORNERS, it.indexed.triangle_count = 3, it.indexed.indices_u16 = it.indices;
-    it.indexed.positions = it.positions, it.indexed.normals = it.normals, it.indexed.colors = it.colors;
+    it.indexed.positions = it.positions, it.indexed.normals = it.normals, it.indexed.albedos = it.colors;
     it.indexed.uvs = it.uvs;
-    it.indexed.position_stride = it.indexed.normal_stride = it.indexed.color_stride = 12, it.indexed.uv_stride = 8;
-    it.other_indexed = it.indexed, it.other_indexed.colors = it.other_floats;
-    check_color(it.look.color, 0.6, 0.6, 0.5), check_color(it.look.emission, 0.01, 0.03, 0.03);
-    it.other_look = it.look, it.other_look.color[2] = 0.9f;
+    it.indexed.position_stride = it.indexed.normal_stride = it.indexed.albedo_stride = 12, it.indexed.uv_stride = 8;
+    it.other_indexed = it.indexed, it.other_indexed.albedos = it.other_floats;
+    check_color(it.look.albedo, 0.6, 0.6, 0.5), check_color(it.look.emission, 0.01, 0.03, 0.03);
+    it.other_look = it.look, it.other_look.albedo[2] = 0.9f;
     for (int i = 0; i < 2; ++i) {
         sps_mesh *mesh = &it.mesh[i];
         mesh->read_fn = i ? sps_indexed_mesh_read : NULL, mesh->user = i ? (void *)&it.indexed : it.triangle;
         mesh->triangle_count = i ? 3 : 2, mesh->placement = check_box(0, 0, 0, 1, 1, 1), mesh->revision = 3;
-        check_color(mesh->color, 0.7, 0.5, 0.5), mesh->has_normals = 1, mesh->has_colors = i;
+        check_color(mesh->albedo, 0.7, 0.5, 0.5), mesh->has_normals = 1, mesh->has_albedos = i;
     }
     check_color(it.mesh[1].transmittance, 0.5, 0.5, 0.3);
     it.mesh[0].shade_fn = shade, it.mesh[0].shade_user = &it.look;
@@ -210,7 +210,7 @@ static inline void build_maps(void) {
     it.map_light.width = 11, it.map_light.height = 9;
     check_set3(it.map_light.camera.position, 1.3, 1.4, 2.6), check_set3(it.map_light.camera.target, 0, 0, 0);
     it.map_light.camera.up[0] = 0.2, it.map_light.camera.up[1] = 1, it.map_light.camera.field_of_view = 1.1,
-    it.map_light.slab = 0.7;
+    it.map_light.slab_thickness = 0.7;
     it.map_light.quality = SPS_QUALITY_HIGH;
     it.map_settings.near_depth = 1, it.map_settings.far_depth = 6, it.map_settings.surface_bias = 0.05;
     it.map_settings.technique = SPS_TMAP_OPACITY, it.map_settings.components = 6, it.map_settings.planes = it.planes;
@@ -221,7 +221,8 @@ static inline void build(void) {
     memset(&it, 0, sizeof it), it.unit = 1;
     build_volumes(), build_meshes(), build_particles(), build_lights(), build_maps();
     it.mesh[0].read_fn = read_triangles;
-    memcpy(it.other_mesh, it.mesh, sizeof it.mesh), it.other_mesh[0].color[1] = 0.2f, it.other_mesh[1].color[1] = 0.3f;
+    memcpy(it.other_mesh, it.mesh, sizeof it.mesh), it.other_mesh[0].albedo[1] = 0.2f,
+                                                    it.other_mesh[1].albedo[1] = 0.3f;
     it.other_mesh[1].transmittance[0] = 0.2f;
     it.scene.volumes = it.volume, it.scene.volume_count = 2, it.scene.meshes = it.mesh, it.scene.mesh_count = 2;
     it.scene.lights = it.light, it.scene.light_count = 3, it.scene.particles = &it.set;
@@ -231,8 +232,9 @@ static inline void build(void) {
     check_set3(camera->position, 0.4, 0.5, 5), check_set3(camera->target, 0.1, 0, 0), camera->up[1] = 1;
     camera->up[0] = 0.2, camera->field_of_view = 0.6, it.view.width = 9, it.view.height = 7,
     it.view.quality = SPS_QUALITY_DRAFT;
-    it.view.slab = 1.5, it.view.shadow_size = 14, it.view.coverage_samples = 2, it.view.scatter_size = 4;
-    it.view.scatter_tolerance = 0.01f, it.reference.step = 4;
+    it.view.slab_thickness = 1.5, it.view.shadow_resolution = 14, it.view.coverage_samples = 2,
+    it.view.scattering_resolution = 4;
+    it.view.scattering_tolerance = 0.01f, it.reference.step = 4;
 }
 
 /* What the fields of a row need besides. */
@@ -288,7 +290,7 @@ static inline void build_base(base b) {
     } else if (b == TABLES || b == MAPPED) {
         for (int i = 0; i < 2; ++i) {
             if (b == MAPPED) it.light[i].shadow_map = &it.shadow_map;
-            it.light[i].shadow_map_size = 12,
+            it.light[i].shadow_map_resolution = 12,
             it.light[i].shadow_source = b == TABLES ? SPS_SHADOW_TABLE : SPS_SHADOW_AUTO;
         }
         it.light[0].angular_diameter = 0, it.light[0].samples = 0;
@@ -312,7 +314,7 @@ static inline void build_base(base b) {
     } else if (b == RECTANGLE) {
         it.light[2].kind = SPS_LIGHT_RECTANGLE;
     } else if (b == COLORED) {
-        it.mesh[0].has_colors = 1;
+        it.mesh[0].has_albedos = 1;
     } else if (b == LONG_INDICES) {
         it.indexed.indices_u16 = NULL, it.indexed.indices_u32 = it.long_indices;
         it.mesh[1].shade_fn = shade, it.mesh[1].shade_user = &it.look;
@@ -330,16 +332,16 @@ typedef struct way {
 } way;
 
 static const way ways[] = {
-    {RENDER, SPS_SCATTERING_OFF, SPS_SHADOW_AUTO},      {MAP, SPS_SCATTERING_OFF, SPS_SHADOW_AUTO},
-    {RENDER, SPS_SCATTERING_AMBIENT, SPS_SHADOW_AUTO},  {RENDER, SPS_SCATTERING_OFF, SPS_SHADOW_SHEETS},
-    {RENDER, SPS_SCATTERING_OFF, SPS_SHADOW_TABLE},     {RENDER, SPS_SCATTERING_CONVOLUTION, SPS_SHADOW_AUTO},
-    {REFERENCE, SPS_SCATTERING_OFF, SPS_SHADOW_AUTO},   {RENDER, SPS_SCATTERING_FORWARD, SPS_SHADOW_SHEETS},
-    {RENDER, SPS_SCATTERING_FORWARD, SPS_SHADOW_AUTO},  {RENDER, SPS_SCATTERING_AMBIENT, SPS_SHADOW_SHEETS},
-    {RENDER, SPS_SCATTERING_AMBIENT, SPS_SHADOW_TABLE}, {RENDER, SPS_SCATTERING_FULL, SPS_SHADOW_AUTO},
-    {RENDER, SPS_SCATTERING_FORWARD, SPS_SHADOW_TABLE}, {RENDER, SPS_SCATTERING_CONVOLUTION, SPS_SHADOW_SHEETS},
-    {RENDER, SPS_SCATTERING_AUTO, SPS_SHADOW_SHEETS},   {RENDER, SPS_SCATTERING_CONVOLUTION, SPS_SHADOW_TABLE},
-    {RENDER, SPS_SCATTERING_FULL, SPS_SHADOW_TABLE},    {RENDER, SPS_SCATTERING_AUTO, SPS_SHADOW_AUTO},
-    {RENDER, SPS_SCATTERING_FULL, SPS_SHADOW_SHEETS},   {RENDER, SPS_SCATTERING_AUTO, SPS_SHADOW_TABLE}};
+    {RENDER, SPS_SCATTERING_SINGLE, SPS_SHADOW_AUTO},     {MAP, SPS_SCATTERING_SINGLE, SPS_SHADOW_AUTO},
+    {RENDER, SPS_SCATTERING_AMBIENT, SPS_SHADOW_AUTO},    {RENDER, SPS_SCATTERING_SINGLE, SPS_SHADOW_SHEETS},
+    {RENDER, SPS_SCATTERING_SINGLE, SPS_SHADOW_TABLE},    {RENDER, SPS_SCATTERING_CONVOLUTION, SPS_SHADOW_AUTO},
+    {REFERENCE, SPS_SCATTERING_SINGLE, SPS_SHADOW_AUTO},  {RENDER, SPS_SCATTERING_FORWARD, SPS_SHADOW_SHEETS},
+    {RENDER, SPS_SCATTERING_FORWARD, SPS_SHADOW_AUTO},    {RENDER, SPS_SCATTERING_AMBIENT, SPS_SHADOW_SHEETS},
+    {RENDER, SPS_SCATTERING_AMBIENT, SPS_SHADOW_TABLE},   {RENDER, SPS_SCATTERING_MULTIPLE, SPS_SHADOW_AUTO},
+    {RENDER, SPS_SCATTERING_FORWARD, SPS_SHADOW_TABLE},   {RENDER, SPS_SCATTERING_CONVOLUTION, SPS_SHADOW_SHEETS},
+    {RENDER, SPS_SCATTERING_AUTO, SPS_SHADOW_SHEETS},     {RENDER, SPS_SCATTERING_CONVOLUTION, SPS_SHADOW_TABLE},
+    {RENDER, SPS_SCATTERING_MULTIPLE, SPS_SHADOW_TABLE},  {RENDER, SPS_SCATTERING_AUTO, SPS_SHADOW_AUTO},
+    {RENDER, SPS_SCATTERING_MULTIPLE, SPS_SHADOW_SHEETS}, {RENDER, SPS_SCATTERING_AUTO, SPS_SHADOW_TABLE}};
 
 enum { WAYS = sizeof ways / sizeof *ways };
 
@@ -414,7 +416,7 @@ static inline void build_kept(base b) {
 /* What a way asks for, unless the base has it otherwise. */
 static inline void set_way(const way *w, base b) {
     const int paths = b == PATHS && w->by == REFERENCE;
-    it.view.scattering = paths ? SPS_SCATTERING_FULL : w->scattering;
+    it.view.scattering = paths ? SPS_SCATTERING_MULTIPLE : w->scattering;
     if (!paths) it.reference.samples = 0;
     for (int i = 0; i < 3; ++i)
         if (w->source != SPS_SHADOW_AUTO && b != TABLES && b != MAPPED) it.light[i].shadow_source = w->source;

@@ -137,7 +137,7 @@ static inline void flames_add_floor(flames *f, double below, double half, double
     f->mesh.triangle_count = 2, f->mesh.read_fn = sps_indexed_mesh_read, f->mesh.user = &f->net;
     f->scene.meshes = &f->mesh, f->scene.mesh_count = 1;
     f->has_floor = 1, f->floor = (double)y, f->floor_half = half;
-    for (int c = 0; c < 3; ++c) f->mesh.color[c] = color[c], f->color[c] = (double)color[c];
+    for (int c = 0; c < 3; ++c) f->mesh.albedo[c] = color[c], f->color[c] = (double)color[c];
     sps_camera *camera = &f->view.camera;
     camera->target[1] = (double)y;
     camera->position[1] = (double)y + 0.5 * (20 + 10 * shown), camera->position[2] = sqrt(0.75) * (20 + 10 * shown);

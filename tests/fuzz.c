@@ -44,7 +44,7 @@ static void fuzz(long number, sps_context *used) {
     if (one_in(6) && small_enough_to_march(&x)) {
         result = render_scenery(context, &x, 1);
         check_outcome(&x, number, "reference", result, context);
-        x.s.view.scattering = SPS_SCATTERING_OFF;
+        x.s.view.scattering = SPS_SCATTERING_SINGLE;
         result = bound_scenery(context, &x);
         check_outcome(&x, number, "bounds", result, context);
     }

@@ -137,7 +137,7 @@ static int transfer_curve(void *user, size_t count, const float *values, sps_tra
     provider *p = (provider *)user;
     for (size_t i = 0; i < count; ++i) {
         const double t = (double)values[i] / (p->scale > 0 ? p->scale : 1);
-        check_color(out[i].color, fmin(1, fabs(t)), 0.5, 0.2);
+        check_color(out[i].albedo, fmin(1, fabs(t)), 0.5, 0.2);
         out[i].extinction = (float)garbled(p, t > 0.3 ? 5 * t : 0, (uint64_t)i);
     }
     return fails_now(p);
@@ -156,12 +156,12 @@ static int shade_points(void *user, size_t count, const sps_surface_point *point
     for (size_t i = 0; i < count; ++i) {
         const sps_surface_point *at = &points[i];
         const uint64_t hash = ((uint64_t)at->x * 7919 + (uint64_t)at->y * 104729) * 0x9e3779b97f4a7c15u + p->seed;
-        for (int c = 0; c < 3; ++c) out[i].color[c] *= 0.5f + 0.5f * at->normal[c];
-        if (p->kind == 1) check_color(out[i].color, fmod(fabs(at->uv[0]), 1), fmod(fabs(at->uv[1]), 1), 0.5);
+        for (int c = 0; c < 3; ++c) out[i].albedo[c] *= 0.5f + 0.5f * at->normal[c];
+        if (p->kind == 1) check_color(out[i].albedo, fmod(fabs(at->uv[0]), 1), fmod(fabs(at->uv[1]), 1), 0.5);
         if (p->kind == 2) out[i].emission[at->triangle % 3] = fabsf(at->weights[1]);
-        if (p->kind == 3) out[i].color[0] = fminf(1, fabsf(at->uv_dx[0]) + fabsf(at->uv_dy[1]));
+        if (p->kind == 3) out[i].albedo[0] = fminf(1, fabsf(at->uv_dx[0]) + fabsf(at->uv_dy[1]));
         if (p->kind == 5 && (hash >> 32) % 4000 == 0) out[i].emission[1] = (float)(HUGE_VAL - HUGE_VAL);
-        if (p->lies == GARBAGE) out[i].color[at->x % 3] = (float)garbled(p, 0.5, hash);
+        if (p->lies == GARBAGE) out[i].albedo[at->x % 3] = (float)garbled(p, 0.5, hash);
     }
     return fails_now(p);
 }
@@ -262,7 +262,7 @@ static void random_transfer(scenery *x, int n, sps_volume *volume) {
     transfer->point_count = 1 + below(4);
     for (int i = 0; i < 4; ++i) {
         x->points[n][i].value = (float)((i + 0.9 * unit()) * 0.3 * x->providers[n].scale);
-        random_color(x->points[n][i].color, 1);
+        random_color(x->points[n][i].albedo, 1);
         x->points[n][i].extinction = one_in(3) ? 0 : (float)strange(0, 20);
     }
 }
@@ -347,10 +347,10 @@ static void random_indexed(scenery *x, int n) {
     indexed->triangle_count = mesh->triangle_count;
     indexed->positions = random_floats(x, 3 * indexed->vertex_count);
     if (mesh->has_normals || one_in(4)) indexed->normals = random_floats(x, 3 * indexed->vertex_count);
-    if (mesh->has_colors && !one_in(20)) {
+    if (mesh->has_albedos && !one_in(20)) {
         float *colors = random_floats(x, 3 * indexed->vertex_count);
         for (size_t i = 0; i < 3 * indexed->vertex_count; ++i) colors[i] = fabsf(colors[i]);
-        indexed->colors = colors;
+        indexed->albedos = colors;
     }
     if (one_in(2)) indexed->uvs = random_floats(x, 2 * indexed->vertex_count);
     if (indices == 1) {
@@ -376,7 +376,7 @@ static void random_mesh(scenery *x, int n) {
             for (int k = 0; k < 3; ++k) {
                 t->position[corner][k] = (float)(between(-1, 1) * size);
                 t->normal[corner][k] = (float)between(-1, 1);
-                t->color[corner][k] = (float)unit();
+                t->albedo[corner][k] = (float)unit();
                 if (k < 2) t->uv[corner][k] = (float)between(-2, 2);
             }
         if (one_in(400)) t->position[1][1] = (float)(HUGE_VAL - HUGE_VAL);
@@ -386,8 +386,8 @@ static void random_mesh(scenery *x, int n) {
     mesh->read_fn = check_read_triangles;
     mesh->user = &x->triangles[n];
     mesh->has_normals = one_in(2);
-    mesh->has_colors = one_in(2);
-    random_color(mesh->color, 1);
+    mesh->has_albedos = one_in(2);
+    random_color(mesh->albedo, 1);
     if (one_in(2)) random_placement(&mesh->placement);
     if (one_in(3)) random_color(mesh->transmittance, 1);
     if (from_bytes && one_in(3)) mesh->revision = 1 + (uint64_t)below(3);
@@ -487,7 +487,7 @@ static void random_light(scenery *x, int n) {
     if (one_in(3)) light->shadow_map = &x->maps[n];
     if (one_in(light->shadow_map ? 60 : 2)) put_int(&light->shadow_source, one_in(30) ? below(5) - 1 : below(3));
     light->shadow_map_omnidirectional = one_in(light->kind == SPS_LIGHT_DIRECTIONAL ? 100 : 5);
-    light->shadow_map_size = limited(1 + below(one_in(4) ? 100 : 20), 12);
+    light->shadow_map_resolution = limited(1 + below(one_in(4) ? 100 : 20), 12);
 }
 
 /* A perspective matrix that is unusable half of the time. */
@@ -502,21 +502,21 @@ static void random_matrix(scenery *x) {
 
 /* What a scene from bytes draws by itself, and what would take long otherwise. */
 static void random_tiny_view(sps_view *view) {
-    view->shadow_size = view->shadow_size == 0 ? 16 : limited(view->shadow_size, 24);
+    view->shadow_resolution = view->shadow_resolution == 0 ? 16 : limited(view->shadow_resolution, 24);
     view->scattering = (sps_scattering)below(6);
-    view->scatter_size = 1 + below(6);
-    view->scatter_tolerance = one_in(2) ? 0 : (float)strange(0, 1);
+    view->scattering_resolution = 1 + below(6);
+    view->scattering_tolerance = one_in(2) ? 0 : (float)strange(0, 1);
     view->filling = (sps_filling)below(3);
     view->tolerance = one_in(2) ? 0 : (float)strange(0, 1);
     if (one_in(40)) put_int(&view->scattering, 6);
     if (one_in(40)) put_int(&view->filling, 3);
-    if (one_in(40)) view->scatter_size = one_in(2) ? 257 : below(40) - 20;
+    if (one_in(40)) view->scattering_resolution = one_in(2) ? 257 : below(40) - 20;
 }
 
 /* Leaves a view's settings to a budget; it is drawn from nothing, too. */
 static void random_budget(sps_view *view) {
     view->quality = SPS_QUALITY_DEFAULT;
-    view->slab = 0, view->tolerance = view->height % 29 == 28 ? 0.1f : 0, view->scatter_size = 0;
+    view->slab_thickness = 0, view->tolerance = view->height % 29 == 28 ? 0.1f : 0, view->scattering_resolution = 0;
     view->budget_seconds = view->height % 2 ? 1e-4 * view->height : view->height % 34 == 32 ? -1 : 0;
     view->budget_error = view->height % 2 ? 0 : 0.1 * (view->height % 5);
 }
@@ -545,16 +545,16 @@ static void random_view(scenery *x) {
         view->region[3] = 1 + below(view->height - view->region[1] + one_in(20));
     }
     put_int(&view->quality, one_in(100) ? 7 : below(4));
-    if (one_in(4)) view->slab = one_in(6) ? 1e6 : strange(0.2, 5);
-    view->shadow_size = one_in(10) ? 0 : 1 + below(100);
+    if (one_in(4)) view->slab_thickness = one_in(6) ? 1e6 : strange(0.2, 5);
+    view->shadow_resolution = one_in(10) ? 0 : 1 + below(100);
     view->no_shadows = one_in(8);
-    view->scattering = one_in(3) ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_OFF;
-    if (view->scattering != SPS_SCATTERING_OFF && view->width % 2)
+    view->scattering = one_in(3) ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_SINGLE;
+    if (view->scattering != SPS_SCATTERING_SINGLE && view->width % 2)
         view->scattering = view->height % 4 == 0   ? SPS_SCATTERING_AUTO
                            : view->height % 4 == 1 ? SPS_SCATTERING_CONVOLUTION
-                                                   : SPS_SCATTERING_FULL;
-    view->scatter_tolerance = view->height % 8 ? 0 : 0.5f;
-    view->scatter_size = view->width % 13; /* drawn from nothing: scenes stay as they were */
+                                                   : SPS_SCATTERING_MULTIPLE;
+    view->scattering_tolerance = view->height % 8 ? 0 : 0.5f;
+    view->scattering_resolution = view->width % 13; /* drawn from nothing: scenes stay as they were */
     view->filling = (sps_filling)(view->width % 31 == 30 ? 3 : view->width % 3);
     view->tolerance = view->height % 37 == 36 ? 2 : 0.3f * (float)(view->height % 3);
     if (one_in(4)) view->coverage_samples = below(10) - (one_in(20) ? 1 : 0);
@@ -795,7 +795,7 @@ static int map_sane(const sps_tmap *map) {
     float depths[40], passes[40], least[40], most[40];
     for (int i = 0; i < 3 * 40; ++i) points[i] = one_in(10) ? strange(-1e6, 1e6) : strange(-3, 3);
     sps_tmap_query(map, 40, points, depths, passes);
-    sps_tmap_bracket(map, 40, points, least, most);
+    sps_tmap_bounds(map, 40, points, least, most);
     for (int i = 0; i < 40; ++i)
         if (!(depths[i] >= 0 && depths[i] <= 1e15f && passes[i] >= 0 && passes[i] <= 1 && least[i] >= 0 &&
               least[i] <= depths[i] * 1.0001f + 1e-4f && depths[i] <= most[i] * 1.0001f + 1e-4f)) {
@@ -841,7 +841,7 @@ static sps_result render_as_planned(sps_context *context, const check_hooks *hoo
     const sps_result result = render_scenery(context, x, 0);
     check_outcome(x, number, "render", result, context);
     /* the plan knows only the volumes' boxes, which may need more slabs than the voxels in them */
-    if (planned == SPS_ERROR_ARGUMENT && !strstr(sentence, "view.slab") && !CHECK(result != SPS_OK))
+    if (planned == SPS_ERROR_ARGUMENT && !strstr(sentence, "view.slab_thickness") && !CHECK(result != SPS_OK))
         printf("    scene %ld renders, but its plan fails: %s\n", number, sentence);
     /* and what fits a budget before voxels are read may be another setting than what does then */
     if (has_budget(x)) return result;

@@ -59,10 +59,11 @@ static void make_tiny(sps_view *view, sps_light *lights, const sps_scene *scene)
     memset(view->region, 0, sizeof view->region);
     view->width = view->width < 6 ? view->width : 6;
     view->height = view->height < 6 ? view->height : 6;
-    view->shadow_size = 16;
-    view->scatter_size = view->scatter_size > 0 && view->scatter_size < 4 ? view->scatter_size : 4;
+    view->shadow_resolution = 16;
+    view->scattering_resolution =
+        view->scattering_resolution > 0 && view->scattering_resolution < 4 ? view->scattering_resolution : 4;
     for (int i = 0; i < scene->light_count; ++i) {
-        lights[i].shadow_map_size = 8;
+        lights[i].shadow_map_resolution = 8;
         if (lights[i].samples == 0 || lights[i].samples > 8) lights[i].samples = 8;
     }
 }

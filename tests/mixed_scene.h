@@ -61,7 +61,7 @@ static inline int mixed_eval(void *user, size_t count, const double *p, float *o
 static inline int mixed_transfer(void *user, size_t count, const float *values, sps_transfer_point *out) {
     mixed *m = (mixed *)user;
     for (size_t i = 0; i < count; ++i) {
-        check_color(out[i].color, 0.9, 0.5 * (double)values[i], 0.3);
+        check_color(out[i].albedo, 0.9, 0.5 * (double)values[i], 0.3);
         out[i].extinction = (double)values[i] > m->threshold ? 9 : 0;
     }
     return called_now(m, TRANSFER);
@@ -130,7 +130,7 @@ static inline void mixed_add_mesh(mixed *m) {
 static inline int mixed_shade(void *user, size_t count, const sps_surface_point *points, sps_surface *out) {
     for (size_t i = 0; i < count; ++i) {
         const double wave = 0.5 + 0.4 * sin(20 * points[i].uv[0]) * sin(20 * points[i].uv[1]);
-        check_color(out[i].color, wave, 0.5, 1 - wave);
+        check_color(out[i].albedo, wave, 0.5, 1 - wave);
         check_color(out[i].emission, 0, 0.1 * wave, 0);
     }
     return called_now((mixed *)user, SHADE);
@@ -153,7 +153,7 @@ static inline void mixed_build(mixed *m) {
     check_clear(&m->s, WIDTH, HEIGHT);
     check_set3(m->s.view.camera.position, 0.4, 0.5, 4);
     check_perspective(&m->s.view.camera, 0.6);
-    m->s.view.shadow_size = 60;
+    m->s.view.shadow_resolution = 60;
     m->s.view.scattering = SPS_SCATTERING_FORWARD;
     m->threshold = 0.3;
     m->transfer.eval_fn = mixed_transfer;
@@ -239,8 +239,8 @@ static inline int vary(mixed *m, int variant) {
     case 4: m->s.scene.volume_count = 1; return 1;
     case 5: view->quality = SPS_QUALITY_ULTRA; return 1;
     case 6: view->quality = SPS_QUALITY_DRAFT; return 1;
-    case 7: view->shadow_size = 0; return 1;
-    case 8: view->shadow_size = 1; return 1;
+    case 7: view->shadow_resolution = 0; return 1;
+    case 8: view->shadow_resolution = 1; return 1;
     case 9: check_orthographic(&view->camera, 3); return 1;
     case 10: view->region[0] = 9, view->region[1] = 5, view->region[2] = 7, view->region[3] = 5; return 1;
     case 11: view->no_shadows = 1; return 1;
@@ -251,10 +251,10 @@ static inline int vary(mixed *m, int variant) {
         return 1;
     case 15: check_set3(m->s.light[1].position, 3, 0.2, 1.5); return 1;
     case 16: m->s.light[0].no_shadow = 1; return 1;
-    case 17: view->slab = 0.1; return 1;
+    case 17: view->slab_thickness = 0.1; return 1;
     case 18: m->s.volume[1].shading = SPS_SHADING_GAS; return 1;
-    case 19: m->s.scene.light_count = 1, m->s.scene.volume_count = 0, view->shadow_size = 9; return 1;
-    case 20: view->slab = 50; return 1;
+    case 19: m->s.scene.light_count = 1, m->s.scene.volume_count = 0, view->shadow_resolution = 9; return 1;
+    case 20: view->slab_thickness = 50; return 1;
     case 21: m->s.scene.volume_count = 0, m->s.light[1].position[2] = 0; return 1; /* six depth maps */
     case 22: view->width = WIDTH, view->height = HEIGHT; return 1;
     case 23: m->s.mesh[1].shade_fn = NULL; return 1;

@@ -198,7 +198,7 @@ static inline void photons_follow(photons_scene *p, double from[3], double way[3
         }
         if (!(nearest < HUGE_VAL)) return;
         for (int k = 0; k < 3; ++k) from[k] += nearest * way[k];
-        for (int c = 0; c < 3; ++c) power[c] *= m ? m->albedo[c] : (double)p->x->s.mesh[0].color[c];
+        for (int c = 0; c < 3; ++c) power[c] *= m ? m->albedo[c] : (double)p->x->s.mesh[0].albedo[c];
         share = m ? photons_phase(m->asymmetry, vec_dot(way, back)) : fmax(0, vec_dot(normal, back)) / PI;
         for (int c = 0; c < 3; ++c) sent[c] = share * power[c];
         if (share > 0) photons_see(p, from, sent, picture);

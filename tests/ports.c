@@ -48,7 +48,7 @@ static void build_picture(check_scene *s, int number) {
         check_add_directional(s, 0.4, -1, -0.2, 3)->angular_diameter = 0.2;
         s->view.coverage_samples = 3;
     }
-    if (number == 4) s->view.scattering = SPS_SCATTERING_FULL, s->view.scatter_size = 12;
+    if (number == 4) s->view.scattering = SPS_SCATTERING_MULTIPLE, s->view.scattering_resolution = 12;
     check_color(s->scene.ambient, 0.1, 0.12, 0.15);
 }
 

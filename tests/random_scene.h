@@ -254,7 +254,7 @@ static inline int smooth_curve(void *user, size_t count, const float *values, sp
     const float most = *(const float *)user;
     for (size_t i = 0; i < count; ++i) {
         const float t = fminf(1, fmaxf(0, (values[i] - 0.15f) / 0.6f));
-        check_color(out[i].color, 0.3 + 0.6 * (double)t, 0.8, 0.9 - 0.5 * (double)t);
+        check_color(out[i].albedo, 0.3 + 0.6 * (double)t, 0.8, 0.9 - 0.5 * (double)t);
         out[i].extinction = most * t * t * (3 - 2 * t);
     }
     return 0;
@@ -350,7 +350,7 @@ static inline void draw_transfer(random_scene *x, int n, int kind, double extinc
     for (int i = 0; i < 4; ++i) {
         x->points[n][i].value = 0.2f + 0.25f * (float)i;
         x->points[n][i].extinction = (float)(i == 0 ? 0 : i == 2 ? 0.6 * extinction : extinction);
-        draw_color(&x->random, 0.2, 1, x->points[n][i].color);
+        draw_color(&x->random, 0.2, 1, x->points[n][i].albedo);
     }
 }
 
@@ -449,7 +449,7 @@ static inline void set_ball_corner(sps_triangle *t, int corner, const double mid
     for (int i = 0; i < 3; ++i) {
         t->position[corner][i] = (float)(middle[i] + radius * n[i]);
         t->normal[corner][i] = (float)n[i];
-        t->color[corner][i] = (float)(0.5 + 0.3 * n[i]);
+        t->albedo[corner][i] = (float)(0.5 + 0.3 * n[i]);
     }
 }
 
@@ -491,7 +491,7 @@ static inline int shade_waves(void *user, size_t count, const sps_surface_point 
     (void)user;
     for (size_t i = 0; i < count; ++i) {
         const double u = points[i].uv[0], v = points[i].uv[1];
-        for (int c = 0; c < 3; ++c) out[i].color[c] *= (float)(0.6 + 0.4 * sin(7 * u + c) * cos(5 * v - c));
+        for (int c = 0; c < 3; ++c) out[i].albedo[c] *= (float)(0.6 + 0.4 * sin(7 * u + c) * cos(5 * v - c));
         out[i].emission[points[i].triangle % 3] = (float)(0.02 * u * v);
     }
     return 0;
@@ -520,12 +520,12 @@ static inline void add_mesh(random_scene *x) {
     if (kind == MESH_SOUP) add_soup(x, 12 + draw_below(&x->random, 40), 0);
     if (kind == MESH_SLIVERS) add_soup(x, 4 + draw_below(&x->random, 12), 1);
     check_add_mesh(&x->s, &x->triangles, 0.5);
-    draw_color(&x->random, 0.2, 0.9, mesh->color);
+    draw_color(&x->random, 0.2, 0.9, mesh->albedo);
     for (int a = 0; a < 3; ++a) mesh->placement.axis[a][a] = x->scale;
     memcpy(mesh->placement.origin, x->offset, sizeof x->offset);
     add_texture(x, x->random);
     if (kind != MESH_BALL) return;
-    mesh->has_normals = mesh->has_colors = 1;
+    mesh->has_normals = mesh->has_albedos = 1;
     axis = draw_below(&x->random, 3);
     mesh->placement.axis[axis][draw_below(&x->random, 3)] += 0.4 * x->scale;
 }
@@ -854,11 +854,11 @@ static inline void copy_channel(random_scene *x, int from, int to) {
     int count = 0;
     for (int i = 0; i < SCENE_VOLUMES; ++i) {
         colors[count++] = x->s.volume[i].albedo, colors[count++] = x->s.volume[i].emission;
-        for (int k = 0; k < 4; ++k) colors[count++] = x->points[i][k].color;
+        for (int k = 0; k < 4; ++k) colors[count++] = x->points[i][k].albedo;
     }
     for (int i = 0; i < SCENE_SETS; ++i) colors[count++] = x->sets[i].albedo, colors[count++] = x->sets[i].emission;
     for (int i = 0; i < SCENE_LIGHTS; ++i) colors[count++] = x->s.light[i].color;
-    for (int i = 0; i < 4; ++i) colors[count++] = x->s.mesh[i].color, colors[count++] = x->s.mesh[i].transmittance;
+    for (int i = 0; i < 4; ++i) colors[count++] = x->s.mesh[i].albedo, colors[count++] = x->s.mesh[i].transmittance;
     colors[count++] = x->s.scene.ambient, colors[count++] = x->s.scene.background;
     for (int i = 0; i < count; ++i) colors[i][to] = colors[i][from];
 }
@@ -967,7 +967,7 @@ static inline int read_numbered(void *user, size_t first, size_t count, sps_tria
     const int failed = mesh->read_fn(mesh->user, first, count, out);
     for (size_t i = 0; i < count; ++i)
         for (int corner = 0; corner < 3; ++corner)
-            check_color(out[i].color[corner], (double)(first + i + 1) / 1024, 0, 0);
+            check_color(out[i].albedo[corner], (double)(first + i + 1) / 1024, 0, 0);
     return failed;
 }
 
@@ -985,7 +985,7 @@ static inline sps_result scene_triangles(sps_context *context, const random_scen
     for (int i = 0; i < bare.s.scene.mesh_count; ++i) {
         bare.s.mesh[i].read_fn = read_numbered;
         bare.s.mesh[i].user = (void *)(uintptr_t)&x->s.mesh[i];
-        bare.s.mesh[i].has_colors = 1;
+        bare.s.mesh[i].has_albedos = 1;
         bare.s.mesh[i].shade_fn = NULL;
         memset(bare.s.mesh[i].transmittance, 0, sizeof bare.s.mesh[i].transmittance);
     }
@@ -1383,7 +1383,7 @@ static inline void prepare_cells(random_scene *x, int pixels) {
     }
     view->coverage_samples = 0;
     view->quality = SPS_QUALITY_HIGH;
-    view->scattering = SPS_SCATTERING_FULL, view->scatter_size = CELLS_SIDE;
+    view->scattering = SPS_SCATTERING_MULTIPLE, view->scattering_resolution = CELLS_SIDE;
 }
 
 /* ------------------------------------------------------------------------------------------------ why scenes fail */
@@ -1432,7 +1432,7 @@ static inline void take_away(const random_scene *from, int causes, random_scene 
     for (int i = 0; i < x->s.scene.volume_count && causes & NORMALS; ++i) x->s.volume[i].shading = SPS_SHADING_GAS;
     x->s.view.no_shadows |= (causes & SHADOWS) != 0;
     if (causes & BALLS) x->s.scene.particle_set_count = 0;
-    if (causes & TEXELS) x->s.view.shadow_size = 512;
+    if (causes & TEXELS) x->s.view.shadow_resolution = 512;
     for (int i = 0; i < x->s.scene.light_count && causes & LAMPS; ++i)
         if (x->s.light[i].kind != SPS_LIGHT_DIRECTIONAL) x->s.light[i].falloff = SPS_FALLOFF_NONE;
 }

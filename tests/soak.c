@@ -297,7 +297,7 @@ static void build_beside(random_scene *x, check_random random, int from) {
     draw_rotation(&random, frame);
     x->random = random;
     x->voxels = BESIDE_VOXELS;
-    x->s.view.scattering = one_in(&x->random, 2) ? SPS_SCATTERING_AUTO : SPS_SCATTERING_FULL;
+    x->s.view.scattering = one_in(&x->random, 2) ? SPS_SCATTERING_AUTO : SPS_SCATTERING_MULTIPLE;
     beside_place(frame, 0, 0, wall - gap, place);
     beside_place(frame, 0, 0, wall, target);
     scene_to_world(x, place, x->s.view.camera.position);
@@ -311,7 +311,7 @@ static void build_beside(random_scene *x, check_random random, int from) {
         beside_place(frame, 0, half, 0, v);
         add_rectangle(x, target[0], target[1], target[2], u, v);
         check_add_mesh(&x->s, &x->triangles, 0.5);
-        draw_color(&x->random, 0.3, 0.9, x->s.mesh[0].color);
+        draw_color(&x->random, 0.3, 0.9, x->s.mesh[0].albedo);
         for (int a = 0; a < 3; ++a) x->s.mesh[0].placement.axis[a][a] = x->scale;
     }
     const double across = draw(&x->random, -0.3, 0.3), back = draw(&x->random, 0.25, 0.7);
@@ -368,7 +368,7 @@ static double beside_rays(const random_scene *x) {
     if (x->s.scene.light_count == 0 || sun->kind != SPS_LIGHT_DIRECTIONAL) return 0;
     vec_along(x->s.view.camera.target, x->s.view.camera.position, -1, toward);
     if (fabs(vec_dot(toward, sun->direction)) > 1e-6 * vec_length(toward)) return 0;
-    for (int c = 0; c < 3; ++c) sum += (double)sun->color[c] * (double)x->s.mesh[0].color[c] / PI;
+    for (int c = 0; c < 3; ++c) sum += (double)sun->color[c] * (double)x->s.mesh[0].albedo[c] / PI;
     return BESIDE_RAYS * sum;
 }
 

@@ -105,7 +105,7 @@ static void start(check_scene *s, const solids *solid, double x, double y, doubl
     check_set3(s->view.camera.position, 0.25 * x, 0.25 * y, 0.25 * z);
     check_set3(s->view.camera.target, -x, -y, -z);
     check_perspective(&s->view.camera, 1.3);
-    s->view.scattering = SPS_SCATTERING_OFF;
+    s->view.scattering = SPS_SCATTERING_SINGLE;
 }
 
 static void start_disc(check_scene *s) {
@@ -261,7 +261,7 @@ static void brute_force(const check_scene *s, double step, double *out) {
             const vec a = corner(face, 0);
             vec normal = unit(cross(less(corner(face, 1), a), less(corner(face, 2), a)));
             if (dot(normal, way) > 0) normal = less(make(0, 0, 0), normal);
-            out[i] += (double)s->mesh[0].color[0] / PI * exp(-depth(eye, way, end)) *
+            out[i] += (double)s->mesh[0].albedo[0] / PI * exp(-depth(eye, way, end)) *
                       arrives(s, along(eye, way, end), face, &normal);
         }
     }

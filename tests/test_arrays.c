@@ -230,7 +230,7 @@ static void test_array_refusals(void) {
                                         "mesh[0].arrays.triangle_count is 0",
                                         "mesh[0].arrays.vertex_count is 0",
                                         "mesh[0].arrays.indices_u16 and indices_u32 are both set",
-                                        "mesh[0].arrays.colors is NULL",
+                                        "mesh[0].arrays.albedos is NULL",
                                         "mesh[0].arrays.normals is NULL",
                                         "mesh[0].arrays.positions is NULL"};
     static const float corners[9] = {-1, -1, 0, 1, -1, 0, 1, 1, 0};
@@ -263,7 +263,7 @@ static void test_array_refusals(void) {
         arrays.triangle_count = n == 11 ? 0 : 1;
         s.scene.mesh_count = 1;
         s.mesh[0].read_fn = sps_indexed_mesh_read, s.mesh[0].user = n == 8 ? NULL : &arrays;
-        s.mesh[0].triangle_count = 1, s.mesh[0].has_colors = n == 14, s.mesh[0].has_normals = n == 15;
+        s.mesh[0].triangle_count = 1, s.mesh[0].has_albedos = n == 14, s.mesh[0].has_normals = n == 15;
         CHECK(sps_render(context, &s.scene, &s.view, &image) == (n < 0 ? SPS_OK : SPS_ERROR_ARGUMENT));
         if (n >= 0 && !CHECK(strncmp(sps_error(context), texts[n], strlen(texts[n])) == 0))
             printf("    %d: %s\n", n, sps_error(context));
@@ -317,7 +317,7 @@ static void test_indexed(void) {
         mesh.positions = apart ? positions : vertices[0].position;
         if (!apart) mesh.position_stride = sizeof(vertex);
         if (!apart) mesh.normals = vertices[0].normal, mesh.normal_stride = sizeof(vertex);
-        if (!apart) mesh.colors = vertices[0].color, mesh.color_stride = sizeof(vertex);
+        if (!apart) mesh.albedos = vertices[0].color, mesh.albedo_stride = sizeof(vertex);
         if (kind == 1) mesh.indices_u16 = (const uint16_t *)(const void *)(narrow + 1);
         if (kind == 2) mesh.indices_u32 = (const uint32_t *)(const void *)(wide + 1);
         for (size_t first = 0; first < mesh.triangle_count; first += batch) {
@@ -331,7 +331,7 @@ static void test_indexed(void) {
                 const float zero[3] = {0, 0, 0};
                 CHECK(memcmp(t->position[i % 3], v->position, sizeof v->position) == 0);
                 CHECK(memcmp(t->normal[i % 3], apart ? zero : v->normal, sizeof zero) == 0);
-                CHECK(memcmp(t->color[i % 3], apart ? zero : v->color, sizeof zero) == 0);
+                CHECK(memcmp(t->albedo[i % 3], apart ? zero : v->color, sizeof zero) == 0);
             }
         }
     }
@@ -389,7 +389,7 @@ static void test_mesh_of_arrays(void) {
     s.scene.mesh_count = 1;
     s.mesh[0].read_fn = sps_indexed_mesh_read, s.mesh[0].user = &indexed;
     s.mesh[0].triangle_count = indexed.triangle_count;
-    check_color(s.mesh[0].color, 0.5, 0.5, 0.5);
+    check_color(s.mesh[0].albedo, 0.5, 0.5, 0.5);
     check_add_directional(&s, 0, 0, -1, 3);
     CHECK_OK(context, sps_render(context, &s.scene, &s.view, &target));
     /* reflectance, 1 / pi, irradiance and two products: five roundings of 6e-8 each */

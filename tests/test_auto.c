@@ -48,7 +48,7 @@ static void start(check_scene *s, int kind, double strength) {
     for (int i = 0; i < s->scene.volume_count; ++i) check_color(s->volume[i].albedo, 0.5, 0.5, 0.5);
     check_add_directional(s, 0.5, -0.8, -0.4, 2);
     s->view.scattering = SPS_SCATTERING_AUTO;
-    s->view.scatter_size = 8;
+    s->view.scattering_resolution = 8;
 }
 
 /* The optical depth that a bound stands for. */
@@ -66,7 +66,7 @@ static double deepest(const check_scene *s) {
     double most = 0;
     check_scene seen = *s;
     seen.scene.volumes = seen.volume, seen.scene.lights = seen.light;
-    seen.view.scattering = SPS_SCATTERING_OFF, seen.view.quality = SPS_QUALITY_HIGH;
+    seen.view.scattering = SPS_SCATTERING_SINGLE, seen.view.quality = SPS_QUALITY_HIGH;
     for (int n = 0; n < (check_long() ? 30 : 4); ++n) {
         check_set3(seen.view.camera.position, 5 * sin(0.7 * n), 5 * cos(1.1 * n) * (n % 3 - 1), 5 * cos(0.7 * n));
         check_render(context, &seen, image_b);
@@ -186,9 +186,9 @@ static void test_share(void) {
         check_scene s;
         start(&s, PUFF, strengths[n]);
         bound = bound_of(&s);
-        s.view.scattering = SPS_SCATTERING_OFF;
+        s.view.scattering = SPS_SCATTERING_SINGLE;
         check_render(context, &s, image_a);
-        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
         check_render(context, &s, image_b);
         for (int i = 0; i < COUNT; ++i)
             if (i % 4 < 3) sums[0] += (double)image_a[i], sums[1] += (double)image_b[i];
@@ -206,19 +206,19 @@ static void test_decisions(void) {
         double bound;
         check_scene s;
         start(&s, n < 4 || n == 6 ? PUFF : SWARM, strengths[n]);
-        if (n == 2 || n == 3) s.view.scatter_tolerance = (float)bound_of(&s) * (n == 2 ? 1.01f : 0.99f);
-        if (n == 4) check_color(s.scene.ambient, 1, 1, 1), s.view.scatter_tolerance = 1e-4f;
+        if (n == 2 || n == 3) s.view.scattering_tolerance = (float)bound_of(&s) * (n == 2 ? 1.01f : 0.99f);
+        if (n == 4) check_color(s.scene.ambient, 1, 1, 1), s.view.scattering_tolerance = 1e-4f;
         bound = bound_of(&s);
-        s.view.scattering = full ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
+        s.view.scattering = full ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
         check_render(context, &s, image_b);
         if (figures()) printf("decision %d: bound %.5f\n", n, bound);
         CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
-        CHECK((bound > (s.view.scatter_tolerance > 0 ? (double)s.view.scatter_tolerance : 0.01)) == full);
+        CHECK((bound > (s.view.scattering_tolerance > 0 ? (double)s.view.scattering_tolerance : 0.01)) == full);
     }
 }
 
-/* Nobody needs to ask for it: zeros have its picture, in gas that calls for FULL, that does not, and that scatters
-   nothing. There, OFF's, even if the gas is dense, above a floor. */
+/* Nobody needs to ask for it: zeros have its picture, in gas that calls for MULTIPLE, that does not, and that scatters
+   nothing. There, SINGLE's, even if the gas is dense, above a floor. */
 static void test_default(void) {
     static const double strengths[] = {0.3, 0.002, 0.3};
     const double origin[3] = {-2, -1.5, -2}, u[3] = {4, 0, 0}, v[3] = {0, 0, 4};
@@ -235,7 +235,7 @@ static void test_default(void) {
         check_render(context, &s, image_a);
         s.view.scattering = zeros.scattering;
         check_render(context, &s, image_b);
-        s.view.scattering = SPS_SCATTERING_OFF;
+        s.view.scattering = SPS_SCATTERING_SINGLE;
         check_render(context, &s, image_c);
         CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
         CHECK((memcmp(image_a, image_c, sizeof image_a) == 0) == (n > 0));
@@ -317,7 +317,7 @@ static void test_memory_of_bound(void) {
     start(&s, TURNED, 1);
     s.scene.light_count = 0;
     check_color(s.scene.ambient, 1, 1, 1);
-    s.view.scatter_size = 4, s.view.filling = SPS_FILLING_SPLAT;
+    s.view.scattering_resolution = 4, s.view.filling = SPS_FILLING_SPLAT;
     CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &plan));
     check_render(by, &s, image_a);
     if (!CHECK(hooks.peak <= plan.bytes)) printf("    %.0f of %.0f\n", (double)hooks.peak, (double)plan.bytes);
@@ -333,16 +333,16 @@ static void test_refused(void) {
     start(&s, PUFF, 0.1);
     image.rgba = image_a;
     for (int i = 0; i < 3; ++i) {
-        s.view.scatter_tolerance = bad[i];
+        s.view.scattering_tolerance = bad[i];
         CHECK(sps_render(context, &s.scene, &s.view, &image) == SPS_ERROR_ARGUMENT);
-        CHECK(strstr(sps_error(context), "scatter_tolerance") != NULL);
+        CHECK(strstr(sps_error(context), "scattering_tolerance") != NULL);
     }
-    s.view.scatter_tolerance = 0;
+    s.view.scattering_tolerance = 0;
     settings.step = 1;
     for (int n = 0; n < 2; ++n) { /* the sentence has both ways out */
-        s.view.scattering = n ? SPS_SCATTERING_FULL : SPS_SCATTERING_AUTO;
+        s.view.scattering = n ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_AUTO;
         CHECK(sps_reference(context, &s.scene, &s.view, &settings, &image) == SPS_ERROR_UNSUPPORTED);
-        CHECK(strstr(sps_error(context), "settings.samples") && strstr(sps_error(context), "SPS_SCATTERING_OFF"));
+        CHECK(strstr(sps_error(context), "settings.samples") && strstr(sps_error(context), "SPS_SCATTERING_SINGLE"));
     }
     settings.samples = 1;
     CHECK_OK(context, sps_reference(context, &s.scene, &s.view, &settings, &image));
@@ -350,7 +350,7 @@ static void test_refused(void) {
     image.rgba = image_b;
     CHECK_OK(context, sps_reference(context, &s.scene, &s.view, &settings, &image));
     CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
-    settings.samples = 0, s.view.scattering = SPS_SCATTERING_OFF;
+    settings.samples = 0, s.view.scattering = SPS_SCATTERING_SINGLE;
     CHECK_OK(context, sps_reference(context, &s.scene, &s.view, &settings, &image));
     check_color(s.volume[0].albedo, 0, 0, 0), s.view.scattering = SPS_SCATTERING_AUTO; /* there is nothing to follow */
     CHECK_OK(context, sps_reference(context, &s.scene, &s.view, &settings, &image));

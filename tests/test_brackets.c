@@ -646,11 +646,11 @@ static void test_refused(void) {
     check_scene s;
     start(&s, 0, 1);
     check_add_directional(&s, 0, 0, -1, 1);
-    s.view.scattering = SPS_SCATTERING_FULL;
-    check_refused(&s, "view.scattering must be SPS_SCATTERING_OFF");
+    s.view.scattering = SPS_SCATTERING_MULTIPLE;
+    check_refused(&s, "view.scattering must be SPS_SCATTERING_SINGLE");
     s.view.scattering = SPS_SCATTERING_FORWARD;
-    check_refused(&s, "view.scattering must be SPS_SCATTERING_OFF");
-    s.view.scattering = SPS_SCATTERING_OFF;
+    check_refused(&s, "view.scattering must be SPS_SCATTERING_SINGLE");
+    s.view.scattering = SPS_SCATTERING_SINGLE;
     s.volume[0].transfer = &transfer;
     check_refused(&s, "volume[0].transfer");
     s.volume[0].transfer = NULL;

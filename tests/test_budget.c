@@ -14,7 +14,7 @@ static void start(check_scene *s) {
     gas = check_add_puff(s, 3);
     check_color(gas->albedo, 0.9, 0.8, 0.7);
     check_add_directional(s, 0.4, -1, -0.5, 3);
-    s->view.scattering = SPS_SCATTERING_OFF;
+    s->view.scattering = SPS_SCATTERING_SINGLE;
 }
 
 static sps_budget_report budget_of(const sps_context *context) {
@@ -71,14 +71,15 @@ static void test_refused(void) {
     s.view.budget_seconds = s.view.budget_error = 1;
     check_fails(context, &s, image, SPS_ERROR_ARGUMENT, "set one of both");
     for (int i = 0; i < 4; ++i) {
-        static const char *const words[] = {"view.quality is 3; the budget", "view.slab is 2; the budget",
-                                            "view.tolerance is 0.5; the budget", "view.scatter_size is 32; the budget"};
+        static const char *const words[] = {"view.quality is 3; the budget", "view.slab_thickness is 2; the budget",
+                                            "view.tolerance is 0.5; the budget",
+                                            "view.scattering_resolution is 32; the budget"};
         start(&s);
         s.view.budget_error = 0.1;
         if (i == 0) s.view.quality = SPS_QUALITY_HIGH;
-        if (i == 1) s.view.slab = 2;
+        if (i == 1) s.view.slab_thickness = 2;
         if (i == 2) s.view.tolerance = 0.5f;
-        if (i == 3) s.view.scatter_size = 32;
+        if (i == 3) s.view.scattering_resolution = 32;
         check_fails(context, &s, image, SPS_ERROR_ARGUMENT, words[i]);
     }
     start(&s);
@@ -95,9 +96,9 @@ static void render_chosen(const check_scene *s, const sps_budget_report *chosen,
     by_hand.scene.volumes = by_hand.volume, by_hand.scene.lights = by_hand.light, by_hand.scene.meshes = by_hand.mesh;
     by_hand.view.budget_error = by_hand.view.budget_seconds = 0;
     by_hand.view.quality = chosen->quality;
-    by_hand.view.slab = chosen->slab;
+    by_hand.view.slab_thickness = chosen->slab_thickness;
     by_hand.view.tolerance = chosen->tolerance;
-    by_hand.view.scatter_size = chosen->scatter_size;
+    by_hand.view.scattering_resolution = chosen->scattering_resolution;
     for (int i = 0; i < by_hand.scene.light_count; ++i)
         if (by_hand.light[i].angular_diameter > 0) by_hand.light[i].samples = chosen->samples;
     check_render_plain(&by_hand, rgba);
@@ -119,8 +120,8 @@ static void check_errors(const check_scene *start_from, const double *errors, in
         last = chosen.seconds;
         render_chosen(&s, &chosen, exact);
         if (!CHECK(check_same(&s, image, exact)))
-            printf("    error %g: quality %d, slab %g, samples %d, scatter_size %d\n", errors[i], (int)chosen.quality,
-                   chosen.slab, chosen.samples, chosen.scatter_size);
+            printf("    error %g: quality %d, slab %g, samples %d, scattering_resolution %d\n", errors[i],
+                   (int)chosen.quality, chosen.slab_thickness, chosen.samples, chosen.scattering_resolution);
         sps_destroy(context);
     }
 }
@@ -139,10 +140,10 @@ static void test_rungs(void) {
     s.view.width = s.view.height = 512;
     s.view.budget_seconds = 1e-9;
     CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
-    CHECK(plan.budget.quality == SPS_QUALITY_DRAFT && plan.budget.slab == 8 && plan.budget.tolerance > 0);
+    CHECK(plan.budget.quality == SPS_QUALITY_DRAFT && plan.budget.slab_thickness == 8 && plan.budget.tolerance > 0);
     s.volume[0].transfer = &looks;
     CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
-    CHECK(plan.budget.quality == SPS_QUALITY_DRAFT && plan.budget.slab == 0 && !(plan.budget.tolerance > 0));
+    CHECK(plan.budget.quality == SPS_QUALITY_DRAFT && plan.budget.slab_thickness == 0 && !(plan.budget.tolerance > 0));
     s.volume[0].transfer = NULL;
     s.light[0].angular_diameter = 0.2;
     s.view.budget_seconds = 0;
@@ -168,10 +169,10 @@ static void test_choices(void) {
         s.view.budget_seconds = seconds[n];
         CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &chosen));
         s.view.budget_seconds = 0;
-        s.view.quality = chosen.budget.quality, s.view.slab = chosen.budget.slab;
+        s.view.quality = chosen.budget.quality, s.view.slab_thickness = chosen.budget.slab_thickness;
         s.view.tolerance = chosen.budget.tolerance;
         CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &by_hand));
-        s.view.quality = SPS_QUALITY_DEFAULT, s.view.slab = 0, s.view.tolerance = 0;
+        s.view.quality = SPS_QUALITY_DEFAULT, s.view.slab_thickness = 0, s.view.tolerance = 0;
         for (int pass = 0; pass < SPS_PASS_COUNT; ++pass) CHECK(chosen.pass[pass].runs == by_hand.pass[pass].runs);
         CHECK(chosen.sweep_count == by_hand.sweep_count && chosen.sweep_count == 1 + n);
     }
@@ -204,7 +205,7 @@ static void test_errors(void) {
     s.light[0].angular_diameter = 0.2;
     check_errors(&s, soft, check_memory_only() ? 2 : 3);
     s.light[0].angular_diameter = 0;
-    s.view.scattering = SPS_SCATTERING_FULL;
+    s.view.scattering = SPS_SCATTERING_MULTIPLE;
     check_errors(&s, again, check_memory_only() ? 1 : 2);
 }
 
@@ -291,7 +292,7 @@ static void test_depth_of_balls(void) {
         s.view.budget_seconds = 1e-9; /* the lowest rung */
         check_render(context, &s, image);
         expected[n] = budget_of(context).error;
-        CHECK(budget_of(context).slab == 8);
+        CHECK(budget_of(context).slab_thickness == 8);
     }
     /* with what gas of any kind is expected to be off by, as expected[3] is, by squares */
     for (int n = 0; n < 6; ++n)
@@ -372,7 +373,7 @@ static void test_seconds(void) {
         CHECK(!told[0]);
         last = plan.budget.error;
     }
-    CHECK(plan.budget.is_met && plan.budget.quality == SPS_QUALITY_ULTRA && plan.budget.slab <= 0.25);
+    CHECK(plan.budget.is_met && plan.budget.quality == SPS_QUALITY_ULTRA && plan.budget.slab_thickness <= 0.25);
     check_render(context, &s, image);
     chosen = budget_of(context);
     CHECK(chosen.quality == plan.budget.quality && chosen.is_met);
@@ -413,12 +414,12 @@ static void test_order(void) {
     start(&s);
     s.scene.volume_count = 0;
     check_color(check_add_swarm(&s, 0.3)->albedo, 0.9, 0.8, 0.7);
-    s.view.shadow_size = 64;
+    s.view.shadow_resolution = 64;
     s.view.budget_seconds = 1e-9;
     for (int n = 0; n < 2; ++n) {
         check_render(context, &s, image);
         CHECK(!budget_of(context).is_met);
-        CHECK(budget_of(context).quality == SPS_QUALITY_DRAFT && budget_of(context).slab == 8);
+        CHECK(budget_of(context).quality == SPS_QUALITY_DRAFT && budget_of(context).slab_thickness == 8);
     }
     sps_destroy(context);
 }
@@ -439,9 +440,9 @@ static void test_splatted(void) {
         check_render(context, &s, image);
         sps_get_stats(context, &stats);
         CHECK(stats.light_footprints > 0 && stats.light_samples == 0 && (stats.eye_samples == 0) == (n == 0));
-        CHECK(!budget_of(context).is_met && budget_of(context).slab == 8);
+        CHECK(!budget_of(context).is_met && budget_of(context).slab_thickness == 8);
         check_render(context, &s, image);
-        CHECK(!budget_of(context).is_met && budget_of(context).slab < 8);
+        CHECK(!budget_of(context).is_met && budget_of(context).slab_thickness < 8);
         CHECK(budget_of(context).seconds < 0.5 * stats.seconds_total); /* by start values, not by that frame's rates */
         sps_destroy(context);
     }
@@ -457,7 +458,7 @@ static void test_held_rates(void) {
     double rate = 0;
     check_scene s;
     start(&s);
-    s.view.scattering = SPS_SCATTERING_FULL;
+    s.view.scattering = SPS_SCATTERING_MULTIPLE;
     s.view.budget_error = 0.5;
     for (int n = 0; n < 4; ++n) {
         s.volume[0].revision = 1 + (uint64_t)(n / 3);
@@ -587,12 +588,12 @@ static void check_held(check_scene *s) {
 static void test_held(void) {
     check_scene s;
     start(&s);
-    s.view.scattering = SPS_SCATTERING_FULL;
+    s.view.scattering = SPS_SCATTERING_MULTIPLE;
     s.view.budget_error = 0.5;
     check_held(&s);
     start(&s);
     s.light[0].shadow_source = SPS_SHADOW_TABLE;
-    s.light[0].shadow_map_size = 128;
+    s.light[0].shadow_map_resolution = 128;
     s.view.budget_error = 0.5;
     check_held(&s);
 }
@@ -607,17 +608,18 @@ static void test_held_apart(void) {
     sps_plan_report plan;
     check_scene s;
     start(&s);
-    s.view.scattering = SPS_SCATTERING_FULL;
+    s.view.scattering = SPS_SCATTERING_MULTIPLE;
     s.view.filling = SPS_FILLING_SPLAT;
     s.volume[0].revision = 1;
     s.view.budget_error = 0.2;
     check_render(context, &s, image);
     chosen = budget_of(context);
-    CHECK(chosen.scatter_size > 24);
+    CHECK(chosen.scattering_resolution > 24);
     memcpy(pace->rates, spsi_start_rates, sizeof pace->rates);
     memset(pace->rates[SPSI_STAGE_HELD], 0, sizeof pace->rates[SPSI_STAGE_HELD]);
     CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
-    CHECK(plan.budget.scatter_size == chosen.scatter_size && plan.budget.seconds < 0.2 * chosen.seconds);
+    CHECK(plan.budget.scattering_resolution == chosen.scattering_resolution &&
+          plan.budget.seconds < 0.2 * chosen.seconds);
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage)
         for (int grade = 0; grade < SPSI_GRADES; ++grade)
             pace->rates[stage][grade] = grade != spsi_stage_grade((spsi_stage)stage, &pace->setting) ? 0
@@ -625,7 +627,7 @@ static void test_held_apart(void) {
                                                                                                      : 1e-9;
     s.view.budget_error = 0, s.view.budget_seconds = 1e-12;
     CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
-    CHECK(plan.budget.scatter_size == chosen.scatter_size && plan.budget.quality == chosen.quality);
+    CHECK(plan.budget.scattering_resolution == chosen.scattering_resolution && plan.budget.quality == chosen.quality);
     sps_destroy(context);
 }
 

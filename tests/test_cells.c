@@ -499,8 +499,8 @@ static void start(check_scene *s, int kind, int light) {
         check_color(other->albedo, 0.6, 0.9, 0.95);
     }
     add_light(s, light);
-    s->view.scattering = SPS_SCATTERING_FULL;
-    s->view.scatter_size = 12;
+    s->view.scattering = SPS_SCATTERING_MULTIPLE;
+    s->view.scattering_resolution = 12;
 }
 
 /* A grey scene that is quick to render: isotropic gas of albedo 1. */
@@ -556,7 +556,7 @@ static void test_filling(void) {
             exact_sum = 50 * 0.8 * PI * 0.25 * 0.25 * (2.0 / 3); /* chords of a ball: 2/3 of its diameter */
         }
         check_add_directional(&s, 0, 0, -1, 1);
-        s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = 9 + n % 3;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE, s.view.scattering_resolution = 9 + n % 3;
         check_render(context, &s, image_a);
         made = grid_of(context);
         CHECK(cells_made(context) == (uint64_t)(made->size[0] * made->size[1] * made->size[2]));
@@ -566,7 +566,7 @@ static void test_filling(void) {
             CHECK(made->corner[k] <= 1 + k + 1e-6 &&
                   made->corner[k] + made->size[k] * made->edge >= 1 + k + width[k] - 1e-6);
         }
-        CHECK(longest == s.view.scatter_size);
+        CHECK(longest == s.view.scattering_resolution);
         for (size_t i = 0; i < made->count; ++i) sum += (double)made->depth[i] * made->edge * made->edge;
         for (size_t i = 0; i < 8 * made->count; ++i)
             fine_sum += (double)job_of(context)->samples[i] * made->edge * made->edge / 4;
@@ -617,8 +617,8 @@ static void start_deposit(check_scene *s, int kind) {
     check_color(volume->albedo, 0.5, 0.5, 0.5);
     check_add_directional(s, 0, 0, -1, 1);
     if (kind == 3) s->scene.light_count = 0, check_add_point(s, 4, -5, 6, 80);
-    s->view.scattering = kind == 3 ? SPS_SCATTERING_CONVOLUTION : SPS_SCATTERING_FULL;
-    s->view.scatter_size = kind == 4 ? 9 : kind == 1 ? 24 : kind > 1 ? 18 + kind : 14;
+    s->view.scattering = kind == 3 ? SPS_SCATTERING_CONVOLUTION : SPS_SCATTERING_MULTIPLE;
+    s->view.scattering_resolution = kind == 4 ? 9 : kind == 1 ? 24 : kind > 1 ? 18 + kind : 14;
 }
 
 /* Samples gas with the rays and slabs of sheets that were filled before. */
@@ -792,7 +792,7 @@ static void test_lit(void) {
         if (n == 0) check_add_directional(&s, 1, 0, 0, 1e-6f); /* the first table is another light's */
         light = n < 2 ? check_add_directional(&s, 0, -1, 0, 2) : check_add_point(&s, 0, 9, 0, 200);
         if (n == 3) light->direction[1] = -1, light->inner_cone = 0.02, light->outer_cone = 0.05;
-        s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = 16;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE, s.view.scattering_resolution = 16;
         check_render(context, &s, image_a);
         made = grid_of(context), job = job_of(context);
         CHECK(made->terms == 16);
@@ -863,7 +863,7 @@ static void test_lit_behind_rods(void) {
         volume->read_fn = read_rods;
         volume->transfer = &rods;
         check_add_directional(&s, 0, -1, 0, 2);
-        s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = CELLS_ALONG;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE, s.view.scattering_resolution = CELLS_ALONG;
         s.view.filling = (sps_filling)filling;
         check_render(context, &s, image_a);
         for (int i = 0; i < CELLS_ALONG * CELLS_ALONG * CELLS_ALONG; ++i) {
@@ -1021,11 +1021,11 @@ static void test_white_sky_in_sheets(void) {
         s.view.width = s.view.height = 8;
         check_color(s.scene.ambient, 1, 1, 1);
         check_color(s.scene.background, 1, 1, 1);
-        s.view.slab = 1;
+        s.view.slab_thickness = 1;
         check_render(context, &s, image_a);
         sps_get_stats(context, &stats);
         whole = (double)stats.slabs;
-        s.view.slab = whole / sheets[n];
+        s.view.slab_thickness = whole / sheets[n];
         check_render(context, &s, image_a);
         sps_get_stats(context, &stats);
         CHECK_NEAR((double)stats.slabs, sheets[n], 1 + sheets[n] / whole);
@@ -1070,14 +1070,14 @@ static void test_nothing_for_surfaces(void) {
         if (light == BEHIND) s.light[0].direction[2] = 0.3;
         check_render(context, &s, image_a);
         CHECK(cells_made(context) > 0);
-        s.view.scattering = SPS_SCATTERING_OFF;
+        s.view.scattering = SPS_SCATTERING_SINGLE;
         check_render(context, &s, image_b);
         without = mean_of(image_b, PIXELS);
         if (figures()) printf("surfaces amid cells: %.5f, without %.5f\n", mean_of(image_a, PIXELS), without);
         CHECK(mean_of(image_a, PIXELS) <= 1.02 * without);
-        s.volume[0].shading = SPS_SHADING_GAS, s.view.scattering = SPS_SCATTERING_FULL;
+        s.volume[0].shading = SPS_SHADING_GAS, s.view.scattering = SPS_SCATTERING_MULTIPLE;
         check_render(context, &s, image_a);
-        s.view.scattering = SPS_SCATTERING_OFF;
+        s.view.scattering = SPS_SCATTERING_SINGLE;
         check_render(context, &s, image_b);
         if (figures())
             printf("gas amid cells: %.5f, without %.5f\n", mean_of(image_a, PIXELS), mean_of(image_b, PIXELS));
@@ -1102,7 +1102,7 @@ static void test_little(void) {
             if (kind == 3) s.volume[0].lobe_count = 0, s.light[0].shadow_source = SPS_SHADOW_SHEETS;
             check_render(context, &s, image_a);
             CHECK((cells_made(context) == 0) == (kind == 0));
-            s.view.scattering = SPS_SCATTERING_OFF;
+            s.view.scattering = SPS_SCATTERING_SINGLE;
             check_render(context, &s, image_b);
             if (kind == 0)
                 CHECK_CASE("Scattering", "albedo 0, from cell to cell", "that of scattering off",
@@ -1166,9 +1166,9 @@ static void test_unshadowed(void) {
         plate.count = 0;
         check_add_quad(&plate, corner, u, v);
         if (ground != OPEN) check_add_mesh(&s, &plate, ground == GREY ? 0.7 : 0);
-        s.view.scattering = SPS_SCATTERING_OFF;
+        s.view.scattering = SPS_SCATTERING_SINGLE;
         check_render(context, &s, image_b);
-        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
         check_render(context, &s, image_a);
         CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &report));
         CHECK(report.pass[SPS_PASS_CELLS].runs == (ground != OPEN) && report.pass[SPS_PASS_FORWARD].runs == 0);
@@ -1276,7 +1276,7 @@ static void start_cloud(check_scene *s, const sps_lobe *lobes, int lobe_count, i
     volume->lobes = lobes, volume->lobe_count = lobe_count;
     check_color(volume->albedo, 1, 1, 1);
     check_add_directional(s, directions[view][0], directions[view][1], directions[view][2], 1);
-    s->view.scattering = SPS_SCATTERING_FULL;
+    s->view.scattering = SPS_SCATTERING_MULTIPLE;
 }
 
 static const char *const cloud_views[] = {"from behind",       "aside",      "from the front",
@@ -1291,7 +1291,7 @@ static void test_clouds(void) {
         if (!check_long() && n % 4) continue; /* each direction and each lobe once */
         start_cloud(&s, all[n / 3], n / 3 > 0, n % 3);
         s.view.quality = SPS_QUALITY_HIGH;
-        s.view.scatter_size = check_long() ? 64 : 32;
+        s.view.scattering_resolution = check_long() ? 64 : 32;
         snprintf(name, sizeof name, "cloud, g %g, %s", n < 3 ? 0 : (double)all[n / 3]->asymmetry, cloud_views[n % 3]);
         check_paths(context, &s, name, 20, 0.05);
     }
@@ -1345,7 +1345,7 @@ static void test_paths(void) {
             check_scene s;
             if (!check_long() && kind != GAS && light != (kind % 2 ? SUN : WITHIN)) continue;
             start(&s, kind, light);
-            s.view.scatter_size = 20;
+            s.view.scattering_resolution = 20;
             snprintf(name, sizeof name, "%s, %s", kinds[kind], lights[light]);
             check_paths(context, &s, name, light == WITHIN ? 40 : 20, 0.06);
         }
@@ -1365,7 +1365,7 @@ static void test_straight_back(void) {
         check_set3(s.view.camera.target, 0, 0, -1);
         check_orthographic(&s.view.camera, 0.5);
         check_add_point(&s, 0, 0, 0.1, 1);
-        s.view.scatter_size = 24;
+        s.view.scattering_resolution = 24;
         check_render(context, &s, image_a);
         mean = mean_of(image_a, PIXELS);
         s.volume[1] = s.volume[0], s.scene.volume_count = 2; /* the trace */
@@ -1391,7 +1391,7 @@ static void test_eye_amid(void) {
         check_set3(s.view.camera.position, 0.1, -0.05, 0.08);
         for (int k = 0; k < 3; ++k) s.view.camera.target[k] = s.view.camera.position[k] + ways[n][k];
         check_perspective(&s.view.camera, n == 1 ? 1.5 : 0.4);
-        s.view.scatter_size = 16;
+        s.view.scattering_resolution = 16;
         check_paths(context, &s, names[n], 60, 0.05);
     }
 }
@@ -1406,7 +1406,7 @@ static void test_paths_unlit(void) {
         if (kind == 2 || kind == 4) s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
         if (kind > 0 && kind < 4) check_color(s.scene.ambient, 0.5, 0.6, 0.7);
         if (kind == 0 || kind > 2) check_color(s.volume[0].emission, 0.5, 0.6, 1);
-        s.view.scatter_size = 20;
+        s.view.scattering_resolution = 20;
         check_paths(context, &s, names[kind], 20, 0.03);
     }
 }
@@ -1432,7 +1432,7 @@ static void layer_sends(double depth, double g, double albedo, double share[2]) 
     volume->revision = 1;
     check_color(volume->albedo, albedo, albedo, albedo);
     check_add_directional(&s, 0, 0, -1, 1);
-    s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = check_long() ? 192 : 96;
+    s.view.scattering = SPS_SCATTERING_MULTIPLE, s.view.scattering_resolution = check_long() ? 192 : 96;
     s.view.camera.ortho_height = 0.1;
     s.view.camera.target[2] = 0.5;
     for (int through = 0; through < 2; ++through) {
@@ -1493,8 +1493,8 @@ static void test_sources(void) {
                     check_scene s;
                     start_plain(&s, light);
                     if (g) s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
-                    s.view.scattering = full ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
-                    s.view.scatter_size = 24;
+                    s.view.scattering = full ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
+                    s.view.scattering_resolution = 24;
                     s.light[0].shadow_source = SPS_SHADOW_SHEETS;
                     check_render(context, &s, image_b);
                     s.light[0].shadow_source = source ? SPS_SHADOW_TABLE : SPS_SHADOW_AUTO;
@@ -1522,8 +1522,8 @@ static void test_own_map(void) {
         by[n] = check_context(NULL);
         start_plain(&s, SUN);
         s.light[0].shadow_map = &deep;
-        s.view.scattering = SPS_SCATTERING_FULL;
-        s.view.scatter_size = 24;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
+        s.view.scattering_resolution = 24;
         check_render(by[n], &s, image_a);
     }
     const spsi_buffer *light[2] = {&by[0]->buffers[SPSI_BUFFER_CELL_MOMENTS],
@@ -1536,7 +1536,7 @@ static void test_own_map(void) {
 static double scattered_again(check_scene *s) {
     double mean[2];
     for (int full = 0; full < 2; ++full) {
-        s->view.scattering = full ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
+        s->view.scattering = full ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
         check_render(context, s, image_a);
         mean[full] = mean_of(image_a, PIXELS);
     }
@@ -1557,10 +1557,10 @@ static void test_table_of_sheets(void) {
     volume->extinction = 20;
     check_color(volume->albedo, 0.98, 0.98, 0.98);
     check_add_directional(&s, 0, 0, -1, 3);
-    s.view.scatter_size = 24;
+    s.view.scattering_resolution = 24;
     s.light[0].shadow_source = SPS_SHADOW_SHEETS;
     again[0] = scattered_again(&s);
-    s.light[0].shadow_source = SPS_SHADOW_TABLE, s.light[0].shadow_map_size = 4 * 24;
+    s.light[0].shadow_source = SPS_SHADOW_TABLE, s.light[0].shadow_map_resolution = 4 * 24;
     again[1] = scattered_again(&s);
     if (figures()) printf("again: by sheets %.6f, by the table %.6f\n", again[0], again[1]);
     CHECK_NEAR(again[0], again[1], 6e-4 * again[1]);
@@ -1623,7 +1623,7 @@ static void test_polygon_paths(void) {
         plate.count = 0;
         check_add_quad(&plate, origin, u, v);
         check_translucent(check_add_mesh(&s, &plate, 0), n ? 0.4 : 0);
-        s.view.scatter_size = 20;
+        s.view.scattering_resolution = 20;
         check_paths(context, &s, n ? "pane" : "plate", 20, 0.06);
     }
     check_free_triangles(&plate);
@@ -1676,7 +1676,7 @@ static void change(check_scene *s, int what) {
     if (what == PLACEMENT) s->volume[0].placement.axis[0][0] = 1.5;
     if (what == MESH_REVISION) s->mesh[0].revision = 2, plate.list[0].position[0][0] = 1;
     if (what == MESH_COLOR) check_translucent(&s->mesh[0], 0.5);
-    if (what == CELLS) s->view.scatter_size = 10;
+    if (what == CELLS) s->view.scattering_resolution = 10;
 }
 
 static void start_held(check_scene *s) {
@@ -1700,7 +1700,7 @@ static void test_held(void) {
         sps_context *by = check_context(NULL), *fresh = check_context(NULL);
         check_scene s;
         start_held(&s);
-        s.view.scatter_size = 8;
+        s.view.scattering_resolution = 8;
         check_render(by, &s, image_a);
         CHECK(cells_made(by) > 0);
         change(&s, what);
@@ -1746,9 +1746,9 @@ static void test_held_between(void) {
         check_render(by, &s, image_b);
         other = s;
         other.scene.volumes = other.volume, other.scene.lights = other.light, other.scene.meshes = other.mesh;
-        if (n == 0) other.view.scattering = SPS_SCATTERING_OFF;
+        if (n == 0) other.view.scattering = SPS_SCATTERING_SINGLE;
         if (n == 1) other.scene.volume_count = 0;
-        if (n == 2) other.view.scatter_size = 20;
+        if (n == 2) other.view.scattering_resolution = 20;
         if (n == 3) {
             cancel.at = cancel.calls * 3 / 5, cancel.calls = 0; /* while cells are solved for */
             other.light[0].color[0] = 5;
@@ -1771,7 +1771,7 @@ static void test_workers(void) {
         check_scene s;
         start(&s, n ? MIXED : GAS, SUN);
         add_light(&s, WITHIN);
-        if (n == 2) s.view.scatter_size = 8; /* voxels are deposited */
+        if (n == 2) s.view.scattering_resolution = 8; /* voxels are deposited */
         if (n) s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
         check_color(s.scene.ambient, 0.1, 0.2, 0.3);
         check_workers(&s, image_a, image_b);
@@ -1814,7 +1814,7 @@ static void test_finite(void) {
         for (int light = SUN; light <= WITHIN; light += WITHIN - SUN) {
             if (!check_long() && n % 4 == 1) continue;
             start_plain(&s, light);
-            s.view.scatter_size = 9;
+            s.view.scattering_resolution = 9;
             s.volume[0].extinction = extinctions[n / 4];
             s.volume[0].lobes = all[n % 4], s.volume[0].lobe_count = n % 4 > 0;
             if (n % 2) check_color(s.scene.ambient, 1, 1, 1);
@@ -1825,7 +1825,8 @@ static void test_finite(void) {
         check_set3(s.light[0].position, 0, 0, 0); /* a voxel's centre, if there are 1 or 3 */
         s.volume[0].size[0] = n, s.volume[0].size[1] = s.volume[0].size[2] = 1;
         s.volume[0].eval_fn = NULL, s.volume[0].read_fn = check_read_constant, s.volume[0].user = (void *)(size_t)&one;
-        for (s.view.scatter_size = 1; s.view.scatter_size < 40; s.view.scatter_size += 13) check_finite(&s, "voxels");
+        for (s.view.scattering_resolution = 1; s.view.scattering_resolution < 40; s.view.scattering_resolution += 13)
+            check_finite(&s, "voxels");
     }
     start_plain(&s, SUN); /* the eye within */
     check_set3(s.view.camera.position, 0.1, 0, 0.1);
@@ -1858,11 +1859,11 @@ static void test_emitter(void) {
         if (beside) volume->placement.origin[1] = 1.1;
         volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one;
         check_color(volume->emission, 2, 2, 2);
-        s.view.scatter_size = 20;
+        s.view.scattering_resolution = 20;
         check_paths(context, &s, beside ? "emitter beside gas" : "emitter in gas", 40, 0.05);
         check_render(context, &s, image_a);
         lit = mean_of(image_a, PIXELS);
-        s.view.scattering = SPS_SCATTERING_OFF;
+        s.view.scattering = SPS_SCATTERING_SINGLE;
         check_render(context, &s, image_a);
         if (figures()) printf("emitter: %.3f times as bright\n", lit / mean_of(image_a, PIXELS));
         CHECK(lit > (beside ? 1.01 : 1.5) * mean_of(image_a, PIXELS));
@@ -1876,13 +1877,13 @@ static void test_refused(void) {
     check_scene s;
     for (int i = 0; i < 2; ++i) {
         start_plain(&s, SUN);
-        s.view.scatter_size = wrong[i];
+        s.view.scattering_resolution = wrong[i];
         s.scene.volume_count = 0; /* refused before anything is looked at */
         check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT,
-                    i ? "view.scatter_size is 257" : "view.scatter_size is -1");
+                    i ? "view.scattering_resolution is 257" : "view.scattering_resolution is -1");
         CHECK(check_error_info(context, SPS_ERROR_ARGUMENT));
-        s.view.scattering = SPS_SCATTERING_OFF;
-        check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "view.scatter_size is");
+        s.view.scattering = SPS_SCATTERING_SINGLE;
+        check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "view.scattering_resolution is");
     }
     start_plain(&s, SUN);
     memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
@@ -1908,7 +1909,7 @@ static void start_small(check_scene *s) {
     check_color(swarm->albedo, 0.8, 0.9, 1);
     s->view.width = s->view.height = 8;
     s->view.quality = SPS_QUALITY_DRAFT;
-    s->view.scatter_size = 6;
+    s->view.scattering_resolution = 6;
     for (int k = 0; k < 3; ++k) s->volume[0].size[k] = 8;
     s->volume[0].lobes = &forward, s->volume[0].lobe_count = 1;
     s->volume[0].revision = 1;
@@ -1932,7 +1933,7 @@ static void test_failures_between(void) {
     check_scene held, other;
     start_small(&held);
     start_small(&other);
-    other.view.scatter_size = 9;
+    other.view.scattering_resolution = 9;
     check_color(other.volume[0].albedo, 0.9, 0.5, 0.2);
     memset(&hooks, 0, sizeof hooks);
     check_render(context, &held, image_b);
@@ -1963,8 +1964,8 @@ static void test_backward_lobes(void) {
         s.volume[0].lobes = &lobe, s.volume[0].lobe_count = 1;
         check_color(s.volume[0].albedo, 1, 1, 1);
         check_add_directional(&s, 1, 0, -0.2, 1);
-        s.view.scattering = SPS_SCATTERING_FULL;
-        s.view.scatter_size = 16;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
+        s.view.scattering_resolution = 16;
         check_render(context, &s, image_a);
         for (int i = 0; i < COUNT; ++i) most = i % 4 < 3 && image_a[i] > most ? image_a[i] : most;
         if (figures())
@@ -1989,8 +1990,8 @@ static void test_held_looks(void) {
             if (i == 2) check_color(s.volume[i].albedo, n == 1 ? 0.1 : 1, 0.5, n == 1 ? 0.9 : 0.1);
         }
         check_add_directional(&s, 0.3, -1, -0.4, 3);
-        s.view.scattering = SPS_SCATTERING_FULL;
-        s.view.scatter_size = 8;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
+        s.view.scattering_resolution = 8;
         check_render(by, &s, image_a);
         CHECK(cells_made(by) > 0);
         check_render(context, &s, image_b);
@@ -2024,8 +2025,8 @@ static void start_apart(check_scene *s, double apart, int n) {
     check_set3(s->view.camera.position, n == 1 ? (apart + 1) * 2 : 0, 0, 6);
     check_set3(s->view.camera.target, s->view.camera.position[0], 0, 0);
     check_orthographic(&s->view.camera, 2.4);
-    s->view.scattering = SPS_SCATTERING_FULL;
-    s->view.scatter_size = 12;
+    s->view.scattering = SPS_SCATTERING_MULTIPLE;
+    s->view.scattering_resolution = 12;
 }
 
 /* An opaque plate above the second half of the second box. */
@@ -2117,8 +2118,8 @@ static void test_many_groups(void) {
         check_set3(s.view.camera.position, n == 0 ? 20 : 60, 0, 100);
         check_set3(s.view.camera.target, n == 0 ? 20 : 60, 0, 0);
         check_orthographic(&s.view.camera, n == 2 ? 900 : 150);
-        s.view.scattering = SPS_SCATTERING_FULL;
-        s.view.scatter_size = 8;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
+        s.view.scattering_resolution = 8;
         check_render(context, &s, image_a);
         if (!CHECK(grid_count(context) == (n == 0 ? 3 : n == 1 ? 4 : 1)))
             printf("    %d: %d grids\n", n, grid_count(context));
@@ -2144,7 +2145,7 @@ static void test_plan(void) {
             check_add_quad(&plate, corner, u, v);
             check_add_mesh(&s, &plate, 0.5);
         }
-        if (n == 5) add_light(&s, POINT), s.view.scatter_size = 30;
+        if (n == 5) add_light(&s, POINT), s.view.scattering_resolution = 30;
         CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
         CHECK(report.pass[SPS_PASS_CELLS].runs == 1 && strstr(report.pass[SPS_PASS_CELLS].reason, "asks"));
         CHECK(report.pass[SPS_PASS_FORWARD].runs == (n != 4 && n != 6));
@@ -2169,7 +2170,7 @@ static void test_plan(void) {
         CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
         CHECK(report.pass[SPS_PASS_CELLS].runs == 0 && report.pass[SPS_PASS_CELLS].bytes == 0);
         CHECK(strstr(report.pass[SPS_PASS_CELLS].reason, "does not ask") != NULL);
-        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
         s.scene.particle_set_count = 0, check_color(s.volume[0].albedo, 0, 0, 0);
         CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
         CHECK(report.pass[SPS_PASS_CELLS].runs == 0 && strstr(report.pass[SPS_PASS_CELLS].reason, "nothing scatters"));
@@ -2187,7 +2188,7 @@ static void test_qualities(void) {
             sps_plan_report report;
             check_scene s;
             start(&s, GAS, SUN);
-            s.view.quality = qualities[i], s.view.scatter_size = own ? sides[i] : 0;
+            s.view.quality = qualities[i], s.view.scattering_resolution = own ? sides[i] : 0;
             CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &report));
             bytes[own] = report.pass[SPS_PASS_CELLS].bytes;
         }

@@ -325,8 +325,8 @@ static void test_capped(void) {
         for (int i = 0; i < 2; ++i) check_add_directional(&s, 0, -1, -1e-3 * i, 2);
         if (n < 3) memcpy(s.volume[0].size, sizes[along], sizeof sizes[along]);
         for (int k = 0; k < 3; ++k) s.volume[0].placement.axis[k][k] = n < 3 ? sizes[along][k] / 100.0 : 2;
-        if (n == 3) s.view.shadow_size = 100; /* 2 units in 100 texels, and as many planes */
-        if (n == 4) s.view.shadow_size = 100, s.light[1].shadow_map_size = 60;
+        if (n == 3) s.view.shadow_resolution = 100; /* 2 units in 100 texels, and as many planes */
+        if (n == 4) s.view.shadow_resolution = 100, s.light[1].shadow_map_resolution = 60;
         check_chosen(&s, n == 2 || n == 3 ? 1 : 2, n == 2 || n == 3, NULL, image_a);
     }
 }

@@ -6,8 +6,8 @@
 
 /* ------------------------------------------------------------------------------------------------- the command line */
 
-#define SMALL  "--width 5 --height 4 --scattering off " /* sufficient for most of these tests */
-#define VOLUME "--volume two.raw --size 2,2,2 " SMALL   /* the same with something visible */
+#define SMALL  "--width 5 --height 4 --scattering single " /* sufficient for most of these tests */
+#define VOLUME "--volume two.raw --size 2,2,2 " SMALL      /* the same with something visible */
 
 static void test_full_disk(void) {
     static const complaint full[] = {{VOLUME "--out /dev/full", 2, "/dev/full: "},
@@ -38,7 +38,7 @@ static void test_files_written(void) {
     CHECK(read_file("a.png", text, sizeof text) > 60 && memcmp(text, "\x89PNG\r\n\x1a\n", 8) == 0);
     CHECK(read_file("a.pfm", text, sizeof text) == 12 + 4 * 3 * 20 && memcmp(text, "PF\n5 4\n-1.0\n", 12) == 0);
     CHECK(read_file("b.pfm", text, sizeof text) == 12 + 4 * 20 && memcmp(text, "Pf\n5 4\n-1.0\n", 12) == 0);
-    CHECK(read_file("a.json", text, sizeof text) > 60 && text[0] == '{' && strstr(text, "\"version\": 300\n}\n"));
+    CHECK(read_file("a.json", text, sizeof text) > 60 && text[0] == '{' && strstr(text, "\"version\": 400\n}\n"));
 }
 
 /* Renders with the options in order from `first` on, or in reverse (step -1); returns whether this is that picture. */
@@ -79,10 +79,10 @@ static void test_any_order(void) {
                                        "--width 5",
                                        "--height 4",
                                        "--coverage 3",
-                                       "--slab 0.5",
-                                       "--shadow-size 9",
+                                       "--slab-thickness 0.5",
+                                       "--shadow-resolution 9",
                                        "--quality draft",
-                                       "--scattering off",
+                                       "--scattering single",
                                        "--threads 1",
                                        "--pfm order.pfm"};
     const int count = sizeof list / sizeof *list;
@@ -92,7 +92,8 @@ static void test_any_order(void) {
                      "--emission 0.1,0,0 --phase 0.5,-0.3,0.2 --mesh corner.obj --mesh-color 1,0.2,0 --width 5 "
                      "--height 4 --camera 1,2,5,0,0,0 --up 1,1,0 --fov 30 --light directional,-1,-1,-1,2,2,2 "
                      "--light point,9,9,9,50,40,30 --ambient 0.1,0.1,0.2 --background 0,0,0.1 --region 0,1,5,3 "
-                     "--coverage 3 --slab 0.5 --shadow-size 9 --quality draft --scattering off --pfm order.pfm")
+                     "--coverage 3 --slab-thickness 0.5 --shadow-resolution 9 --quality draft --scattering single "
+                     "--pfm order.pfm")
               .status == 0);
     CHECK(read_file("order.pfm", picture, sizeof picture) == 12 + 4 * 3 * 15);
     for (int first = 0; first < count; ++first) {
@@ -152,7 +153,7 @@ static void test_looks(void) {
          "--transfer-point: a line's value is 2, and there are lines beyond it; u8 voxels stand for 0..1"}};
     static const char corner[] = "v -1 0 0\nv 2 0 0\nv 0 2 -1\nf 1 2 3\n", dark[] = "P6 1 1 255 \0\0\0";
     static const char whole[] =
-        "# two voxels\r\nwidth 5 # pixels\n\n  height\t4\nscattering off\nsize 2,2,2\nmesh corner.obj\n"
+        "# two voxels\r\nwidth 5 # pixels\n\n  height\t4\nscattering single\nsize 2,2,2\nmesh corner.obj\n"
         "transfer-point 0.1,0.9,0.5,0.2,0\ntransfer-point 1,0.9,0.5,0.2,8\nshading surface\n"
         "light directional,-1,-1,-1,2,2,2\nlight point,9,9,9,50,40,30";
     static const char projector[] = "light projector,0,0,5,0,0,-1,30,1,1,1,dark, 1.ppm\n";
@@ -192,7 +193,8 @@ static void test_exclusions(void) {
         {VOLUME "--transfer look.txt --phase 0.3 --shading surface --out a.png", 0, NULL},
         {VOLUME "--albedo 1,1,1 --extinction 9 --shading surface --out a.png", 0, NULL},
         {VOLUME "--transfer look.txt --volume two.raw --size 2,2,2 --extinction 5 --out a.png", 0, NULL},
-        {VOLUME "--reference --quality high --shadow-size 9 --out a.png", 0, NULL}}; /* to compare one with the other */
+        {VOLUME "--reference --quality high --shadow-resolution 9 --out a.png", 0,
+         NULL}}; /* to compare one with the other */
     CHECK_COMPLAINTS(both);
 }
 
@@ -237,7 +239,7 @@ static void test_bad_values(void) {
         {"--width 0", 2, "--width: '0' is out of range: W must be within 1..16384"},
         {SMALL "--region 0,0,6,1 --out a.png", 2, "--region 0,0,6,1 is empty or not within the image of 5 x 4"},
         {SMALL "--region 0,0,0,0 --out a.png", 2, "--region 0,0,0,0 is empty"},
-        {"--slab 0", 2, "--slab: '0' is out of range"},
+        {"--slab-thickness 0", 2, "--slab-thickness: '0' is out of range"},
         {"--threads 0", 2, "--threads: '0' is out of range: N must be within 1..1024"},
         {"--out ''", 2, "--out: '' is not FILE.png"},
         {VOLUME, 2, "nothing to write"}};
@@ -280,7 +282,7 @@ static void test_shadow_option(void) {
     static const complaint all[] = {
         {VOLUME "--shadow fourier --map-components 4 " SMALL "--light directional,0,0,-1,1,1,1 --out a.png", 2,
          "--map-components: light[0].shadow_map.components is 4; a Fourier map has 3, 5 .. 65"},
-        {VOLUME "--map-size 8 --plan", 2, "--map-size says nothing about --shadow auto"},
+        {VOLUME "--map-resolution 8 --plan", 2, "--map-resolution says nothing about --shadow auto"},
         {VOLUME "--shadow deep --no-shadows --plan", 2, "--shadow deep says nothing with --no-shadows"},
         {VOLUME "--shadow deep --map-epsilon 0.1 --plan", 2, "--map-epsilon says nothing about --shadow deep"},
         {VOLUME "--shadow fourier --map-cubic --plan", 2, "--map-cubic says nothing about --shadow fourier"},
@@ -292,7 +294,7 @@ static void test_shadow_option(void) {
         {VOLUME "--shadow samples --plan", 2, "--plan and --shadow samples exclude each other"},
         {VOLUME "--shadow samples --light directional,0,0,1,1,1,1 --light-angle 1 --out a.png", 0, NULL},
         {VOLUME "--shadow deep --table-size 8 --plan", 2, "--table-size says nothing about --shadow deep"},
-        {VOLUME "--shadow table --map-size 8 --plan", 2, "--map-size says nothing about --shadow table"},
+        {VOLUME "--shadow table --map-resolution 8 --plan", 2, "--map-resolution says nothing about --shadow table"},
         {VOLUME "--shadow table --map-cubic --plan", 2, "--map-cubic says nothing about --shadow table"},
         {VOLUME "--shadow table --no-shadows --plan", 2, "--shadow table says nothing with --no-shadows"},
         {VOLUME "--shadow table --map-components 7 " SMALL "--light directional,0,0,-1,1,1,1 --out a.png", 2,
@@ -300,7 +302,7 @@ static void test_shadow_option(void) {
         {VOLUME "--shadow none --map-components 8 --plan", 2, "--map-components says nothing about --shadow none"},
         {VOLUME "--shadow none --light point,9,9,9,1,1,1 --light-size 1 --plan >plan", 0, NULL},
         {VOLUME "--shadow hairy --plan", 2, "--shadow: 'hairy' is not auto|sheets|deep"},
-        {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --shadow opacity --map-size 9 " SMALL "--out a.png", 0, NULL},
+        {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --shadow opacity --map-resolution 9 " SMALL "--out a.png", 0, NULL},
         {VOLUME "--shadow fourier --map-components 7 --light directional,0,0,-1,1,1,1 " SMALL "--out a.png", 0, NULL}};
     static char pictures[KINDS][400];
     for (int i = 0; i < KINDS; ++i) {
@@ -418,26 +420,28 @@ static void test_translucent_mesh(void) {
 }
 
 #define THICK "--volume two.raw --size 2,2,2 --width 5 --height 4 --extinction 9 --light directional,1,-1,-1,9,9,9 "
-#define FEW   "--scatter-size 8 --pfm shadow.pfm"
+#define FEW   "--scattering-resolution 8 --pfm shadow.pfm"
 
 /* By default light scatters as often as the scene calls for; in the reference once if it has no paths, which it says,
    unless another option says so. */
 static void test_scattering_option(void) {
     static const complaint all[] = {
-        {THICK "--reference --out a.png", 0, "--reference without --samples: light scatters once (--scattering off)"},
+        {THICK "--reference --out a.png", 0,
+         "--reference without --samples: light scatters once (--scattering single)"},
         {THICK "--shadow samples --out a.png", 0, "--shadow samples without --samples: light scatters once"},
-        {THICK "--reference --scattering off --out a.png", 0, NULL},
+        {THICK "--reference --scattering single --out a.png", 0, NULL},
         {THICK "--reference --scattering forward --out a.png", 0, NULL},
         {THICK "--reference --samples 1 --out a.png", 0, NULL},
         {"--mesh corner.obj --width 5 --height 4 --reference --out a.png", 0, NULL}, /* there is no gas */
         {THICK "--reference --scattering auto --out a.png", 1, "--scattering: view.scattering is SPS_SCATTERING_AUTO"},
-        {THICK "--reference --scattering full --out a.png", 1, "(--samples N, or --scattering off)"},
-        {THICK "--scattering once --plan", 2, "--scattering: 'once' is not auto|off|ambient|forward|convolution|full"}};
+        {THICK "--reference --scattering multiple --out a.png", 1, "(--samples N, or --scattering single)"},
+        {THICK "--scattering once --plan", 2,
+         "--scattering: 'once' is not auto|single|ambient|forward|convolution|multiple"}};
     CHECK_COMPLAINTS(all);
     CHECK(same_shadows(THICK FEW, THICK "--scattering auto " FEW));
-    CHECK(same_shadows(THICK FEW, THICK "--scattering full " FEW));
-    CHECK(!same_shadows(THICK FEW, THICK "--scattering off " FEW));
-    CHECK(same_shadows(THICK "--reference " FEW, THICK "--reference --scattering off " FEW));
+    CHECK(same_shadows(THICK FEW, THICK "--scattering multiple " FEW));
+    CHECK(!same_shadows(THICK FEW, THICK "--scattering single " FEW));
+    CHECK(same_shadows(THICK "--reference " FEW, THICK "--reference --scattering single " FEW));
     CHECK(!same_shadows(THICK "--reference " FEW, THICK "--reference --scattering forward " FEW));
 }
 
@@ -714,7 +718,7 @@ static void test_light_options(void) {
          "--light-size says nothing about --light directional,0,0,1,1,1,1"},
         {VOLUME "--light point,9,9,9,1,1,1 --light-size 1 --shadow deep --plan", 2,
          "--light-size of --light point,9,9,9,1,1,1 and --shadow deep exclude each other: a map holds the shadow"},
-        {VOLUME "--shadow beer --map-size 9 --light directional,0,0,1,1,1,1 --light-angle 1 --plan", 2,
+        {VOLUME "--shadow beer --map-resolution 9 --light directional,0,0,1,1,1,1 --light-angle 1 --plan", 2,
          "--light-angle of --light directional,0,0,1,1,1,1 and --shadow beer exclude each other"},
         {VOLUME "--light point,.5,.5,.5,1,1,1 --light-size 1 --out a.png", 0, NULL},
         {VOLUME "--light point,.5,.5,.5,1,1,1 --light-size 1 --shadow sheets --out a.png", 1,
@@ -749,8 +753,9 @@ static void test_light_options(void) {
 /* Errors that only the library detects name the option. */
 static void test_library_errors(void) {
     static const complaint library[] = {
-        {VOLUME "--slab 1e-6 --out a.png", 2, "--slab: view.slab is 1e-06; it makes more than 2^20 slabs"},
-        {VOLUME "--slab 1e-6 --plan", 2, "--slab: view.slab is 1e-06"},
+        {VOLUME "--slab-thickness 1e-6 --out a.png", 2,
+         "--slab-thickness: view.slab_thickness is 1e-06; it makes more than 2^20 slabs"},
+        {VOLUME "--slab-thickness 1e-6 --plan", 2, "--slab-thickness: view.slab_thickness is 1e-06"},
         {VOLUME "--box -1e15,0,0,1e15,1,1 --camera 1,2,3,0,0,0 --out a.png", 2, "--box of two.raw: "},
         {VOLUME "--box -1e15,0,0,1e15,1,1 --out a.png", 2, "--camera (not given, so that all of the scene is in view)"},
         {VOLUME "--ortho 1e-15 --camera 1e15,0,0,0,0,0 --out a.png", 1,
@@ -874,12 +879,12 @@ static void test_help(void) {
                                         "--height H",
                                         "--region x,y,w,h",
                                         "--coverage N",
-                                        "--slab VOXELS",
-                                        "--shadow-size N",
+                                        "--slab-thickness VOXELS",
+                                        "--shadow-resolution N",
                                         "--shadow auto|sheets|deep|compressed|opacity|deep-opacity|fourier|"
                                         "moment|beer|table|samples|none",
                                         "--map-components N",
-                                        "--map-size N",
+                                        "--map-resolution N",
                                         "--table-size N",
                                         "--map-epsilon E",
                                         "--map-cubic",
@@ -888,7 +893,7 @@ static void test_help(void) {
                                         "--no-shadows",
                                         "--reference",
                                         "--samples N",
-                                        "--scattering auto|off|ambient|forward|convolution|full",
+                                        "--scattering auto|single|ambient|forward|convolution|multiple",
                                         "--threads N",
                                         "--out FILE.png",
                                         "--pfm FILE.pfm",

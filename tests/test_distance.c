@@ -76,7 +76,7 @@ static void test_wide_texels(void) {
         check_orthographic(&s.view.camera, SIDE);
         add_layer(&s, 4, 1);
         check_add_directional(&s, 0, 0, behind ? 1 : -1, 3.14159265358979);
-        s.view.shadow_size = 8;
+        s.view.shadow_resolution = 8;
         if (!check_render(context, &s, image)) return;
         CHECK_NEAR((double)image[4 * (SIDE / 2 * SIDE + SIDE / 2)], lit, 0.01 * lit);
     }
@@ -243,7 +243,7 @@ static void start_cube(check_scene *s, int pixels, int voxels, int (*eval_fn)(vo
     s->volume[0].extinction = extinction;
     s->volume[0].revision = (uint64_t)voxels; /* the same gas in all frames */
     check_color(s->volume[0].albedo, 0.9, 0.9, 0.9);
-    s->view.scattering = SPS_SCATTERING_OFF;
+    s->view.scattering = SPS_SCATTERING_SINGLE;
 }
 
 /* A dense one, of 64^3 voxels and an optical depth of 3 in the middle, in frames 1/256 of an octave apart, about the
@@ -263,7 +263,7 @@ static void test_receding_dense(void) {
             check_set3(s.view.camera.position, 1.5 * high, high, 4.7 * high);
             check_set3(s.view.camera.target, 0.3 * high / SIDE, 0, 0);
             check_orthographic(&s.view.camera, high);
-            s.view.scatter_size = 16;
+            s.view.scattering_resolution = 16;
             if (n == 0) s.view.scattering = SPS_SCATTERING_AUTO;
             if (!check_render(context, &s, image)) return;
             for (int i = 0; i < SIDE * SIDE; ++i) {
@@ -369,7 +369,7 @@ static void test_cells(void) {
         check_clear(&s, SIDE, SIDE);
         check_set3(s.view.camera.position, 0, 0, 200);
         check_orthographic(&s.view.camera, SIDE);
-        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
         s.view.filling = splat ? SPS_FILLING_SPLAT : SPS_FILLING_AUTO;
         add_layer(&s, 1, 0.2);
         check_add_directional(&s, 0.3, 0.2, -1, 3);
@@ -400,7 +400,7 @@ static void test_far_flame(void) {
         check_set3(s.view.camera.up, 0, 0, 1);
         check_orthographic(&s.view.camera, 3 * 0.033 / pixels[n]);
         s.view.width = s.view.height = 3;
-        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
         if (check_render(context, &s, image)) light[n] = (double)image[4 * 4];
         check_free_triangles(&floor);
     }
@@ -426,7 +426,7 @@ static void test_kept(void) {
         check_orthographic(&s.view.camera, SIDE / pixels[n]);
         s.volume[0].extinction = 0.5f;
         s.volume[0].revision = 1;
-        s.view.scattering = n % 2 ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
+        s.view.scattering = n % 2 ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
         check_color(s.volume[0].albedo, 0.8, 0.8, 0.8);
         check_add_directional(&s, 0, 0, -1, 3)->shadow_source = SPS_SHADOW_TABLE;
         check_render(own, &s, again);

@@ -106,7 +106,7 @@ static void mixed_build(mixed *m) {
     check_clear(&m->s, SIDE, SIDE);
     check_set3(m->s.view.camera.position, 0.5, 1.1, 5);
     check_perspective(&m->s.view.camera, 0.45);
-    m->s.view.shadow_size = 60;
+    m->s.view.shadow_resolution = 60;
     m->bumps = 0.01;
     m->lobe.asymmetry = 0.5f, m->lobe.weight = 1;
     volume = check_add_volume(&m->s, 9, 8, 7, check_box(-0.9, -0.8, -0.7, 0.9, 0.8, 0.7));
@@ -123,7 +123,7 @@ static void mixed_build(mixed *m) {
     check_add_point(&m->s, 1, 4, 3, 20);
     check_color(m->s.scene.ambient, 0.1, 0.1, 0.2);
     m->points[0].value = 0.2f, m->points[1].value = 0.9f, m->points[1].extinction = 4;
-    check_color(m->points[1].color, 0.9, 0.6, 0.3);
+    check_color(m->points[1].albedo, 0.9, 0.6, 0.3);
     m->transfer.points = m->points;
     m->transfer.point_count = 2;
 }
@@ -182,7 +182,7 @@ static const char *spoil_volume(mixed *m, int *n) {
     SPOIL((v->transfer = &m->transfer, m->points[0].value = 0.9f), "volume[0].transfer.points[1].value is 0.9;")
     SPOIL((v->transfer = &m->transfer, m->points[0].value = -1), "volume[0].transfer.points[0].value is -1;")
     SPOIL((v->transfer = &m->transfer, m->points[1].value = nan_f), "volume[0].transfer.points[1].value is nan;")
-    SPOIL((v->transfer = &m->transfer, m->points[1].color[1] = 2), "volume[0].transfer.points[1].color is 2;")
+    SPOIL((v->transfer = &m->transfer, m->points[1].albedo[1] = 2), "volume[0].transfer.points[1].albedo is 2;")
     SPOIL((v->transfer = &m->transfer, m->points[1].extinction = -2), "volume[0].transfer.points[1].extinction is -2;")
     SPOIL((v->transfer = &m->transfer, m->points[0].extinction = nan_f),
           "volume[0].transfer.points[0].extinction is nan;")
@@ -200,8 +200,8 @@ static const char *spoil_mesh_and_lights(mixed *m, int *n) {
     SPOIL(mesh->end_canary = 7, "mesh[0].end_canary is 7;")
     SPOIL(mesh->triangle_count = (size_t)1 << 31, "mesh[0].triangle_count is 2.14748e+09;")
     SPOIL(mesh->read_fn = NULL, "mesh[0].read_fn is NULL;")
-    SPOIL(mesh->color[0] = 2, "mesh[0].color is 2;")
-    SPOIL(mesh->color[2] = -1, "mesh[0].color is -1;")
+    SPOIL(mesh->albedo[0] = 2, "mesh[0].albedo is 2;")
+    SPOIL(mesh->albedo[2] = -1, "mesh[0].albedo is -1;")
     SPOIL(mesh->placement.origin[0] = infinite, "mesh[0].placement.origin[0] is inf;")
     SPOIL(mesh->placement.axis[0][0] = 1, "mesh[0].placement's determinant is 0;") /* only one axis: flat */
     SPOIL(lamp->start_canary = 7, "light[1].start_canary is 7;")
@@ -269,11 +269,11 @@ static const char *spoil_scene_and_view(mixed *m, int *n) {
     SPOIL(view->region[3] = 5, "view.region is 0,0,0,5;")
     SPOIL(view->region[0] = 2, "view.region is 2,0,0,0;")
     SPOIL(put_int(&view->quality, 5), "view.quality is 5;")
-    SPOIL(view->slab = -1, "view.slab is -1;")
-    SPOIL(view->slab = nan, "view.slab is nan;")
-    SPOIL(view->slab = 1e-9, "view.slab is 1e-09;") /* more than 2^20 slabs */
-    SPOIL(view->shadow_size = -1, "view.shadow_size is -1;")
-    SPOIL(view->shadow_size = 16385, "view.shadow_size is 16385;")
+    SPOIL(view->slab_thickness = -1, "view.slab_thickness is -1;")
+    SPOIL(view->slab_thickness = nan, "view.slab_thickness is nan;")
+    SPOIL(view->slab_thickness = 1e-9, "view.slab_thickness is 1e-09;") /* more than 2^20 slabs */
+    SPOIL(view->shadow_resolution = -1, "view.shadow_resolution is -1;")
+    SPOIL(view->shadow_resolution = 16385, "view.shadow_resolution is 16385;")
     return NULL;
 }
 #undef SPOIL
@@ -295,7 +295,7 @@ static void check_refused(mixed *m, const char *text) {
     image.rgba = rgba;
     for (int i = 0; i < 4 * PIXELS; ++i) rgba[i] = (float)-i;
     for (int call = 0; call < 3; ++call) {
-        if (call == 1 && (strstr(text, "slab is 1e-09") || results[0] != SPS_ERROR_ARGUMENT))
+        if (call == 1 && (strstr(text, "slab_thickness is 1e-09") || results[0] != SPS_ERROR_ARGUMENT))
             continue; /* no marching to NaN */
         if (call == 0) results[call] = sps_render(context, &m->s.scene, &m->s.view, &image);
         if (call == 1) results[call] = check_reference(context, &m->s.scene, &m->s.view, 1, &image);
@@ -657,7 +657,7 @@ static void test_bad_range(void) {
 }
 
 static void test_bad_triangles(void) {
-    static const char *const names[3] = {"position", "normal", "color"};
+    static const char *const names[3] = {"position", "normal", "albedo"};
     static const char *const values[3][3] = {{"nan", "inf", "-inf"}, {"nan", "inf", "-inf"}, {"nan", "1.5", "-inf"}};
     const float bad[] = {(float)not_a_number(), (float)infinite, -(float)infinite};
     for (int i = 0; i < 9; ++i) {
@@ -666,10 +666,10 @@ static void test_bad_triangles(void) {
         sps_triangle *t;
         mixed_build(&m);
         t = &m.triangles.list[1];
-        m.s.mesh[0].has_normals = m.s.mesh[0].has_colors = 1;
+        m.s.mesh[0].has_normals = m.s.mesh[0].has_albedos = 1;
         if (i / 3 == 0) t->position[2][1] = bad[i % 3];
         if (i / 3 == 1) t->normal[1][0] = bad[i % 3];
-        if (i / 3 == 2) t->color[1][0] = i % 3 == 1 ? 1.5f : bad[i % 3];
+        if (i / 3 == 2) t->albedo[1][0] = i % 3 == 1 ? 1.5f : bad[i % 3];
         for (int n = 0; n < 4 * PIXELS; ++n) rgba[n] = -1;
         CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_DATA);
         snprintf(wanted, sizeof wanted, "mesh[0].triangle[1].%s is %s;", names[i / 3], values[i / 3][i % 3]);
@@ -677,7 +677,7 @@ static void test_bad_triangles(void) {
                         strstr(sentence, wanted) == NULL, 0, "exact"))
             printf("    wanted \"%s\", got %s\n", wanted, sentence);
         CHECK(rgba[0] == -1);
-        m.s.mesh[0].has_normals = m.s.mesh[0].has_colors = 0; /* not read then */
+        m.s.mesh[0].has_normals = m.s.mesh[0].has_albedos = 0; /* not read then */
         if (i / 3 > 0) RENDERS(&m.s, rgba);
         mixed_free(&m);
     }
@@ -872,13 +872,13 @@ static void test_largest_allowed(void) {
 static void test_many_thin_slabs(void) {
     check_scene s;
     uniform_build(&s, 16, 0.5);
-    s.view.slab = 16.0 / 2000;
+    s.view.slab_thickness = 16.0 / 2000;
     RENDERS(&s, rgba);
     CHECK_NEAR(optical_depth(middle(rgba)), 1, 0.003);
     s.view.filling = SPS_FILLING_SPLAT; /* as slabs of any thickness can be */
     RENDERS(&s, rgba);
     CHECK_NEAR(optical_depth(middle(rgba)), 1, 0.003);
-    s.view.slab = 1e3;
+    s.view.slab_thickness = 1e3;
     RENDERS(&s, other);
     CHECK_NEAR(optical_depth(middle(other)), 1, 0.003);
     CHECK_NEAR(optical_depth(middle(other)), optical_depth(middle(rgba)), 0.001);
@@ -1515,8 +1515,8 @@ static void test_slab_counts(void) {
         check_add_directional(&s, 0.2, 0.1, -1, 2);
         s.view.width = s.view.height = 3;
         check_orthographic(&s.view.camera, 0.3);
-        s.view.shadow_size = 16; /* only slabs matter; a light's sheets would take most of the time */
-        s.view.slab = slabs[i];
+        s.view.shadow_resolution = 16; /* only slabs matter; a light's sheets would take most of the time */
+        s.view.slab_thickness = slabs[i];
         check_render(context, &s, rgba);
         sps_get_stats(context, &stats);
         if (i == 0) CHECK(stats.slabs >= 100000 && stats.slabs < (1 << 20));
@@ -1539,7 +1539,7 @@ static void test_dense_sheet(void) {
         volume->placement = check_box(-1, -1, 0, 1, 1, 2 / 64.0);
         volume->placement.origin[2] = 0.0123 * i;
         check_orthographic(&s.view.camera, 0.3);
-        s.view.slab = slab;
+        s.view.slab_thickness = slab;
         check_set3(s.view.camera.position, 10 * sin(angle), 0, 10 * cos(angle));
         RENDERS(&s, rgba);
         if (!CHECK_CASE("Extremes", "sheet of depth 5, one voxel thick, anywhere between slabs",

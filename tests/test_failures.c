@@ -82,16 +82,16 @@ static void build(check_scene *s, kept kind, int state) {
     check_orthographic(&s->view.camera, kind != VOXELS ? 2.6 : state ? 16 : 0.8);
     s->view.filling = SPS_FILLING_GATHER;
     s->view.quality = kind == VOXELS ? SPS_QUALITY_MEDIUM : SPS_QUALITY_DRAFT;
-    s->view.shadow_size = kind == VOXELS && state ? 64 : 16;
+    s->view.shadow_resolution = kind == VOXELS && state ? 64 : 16;
     sun = check_add_directional(s, 0.3, -1, -0.4, 3);
     sun->shadow_source = kind == TABLE || kind == ALL ? SPS_SHADOW_TABLE : SPS_SHADOW_SHEETS;
-    sun->shadow_map_size = sun->shadow_source == SPS_SHADOW_TABLE ? 24 : 0;
+    sun->shadow_map_resolution = sun->shadow_source == SPS_SHADOW_TABLE ? 24 : 0;
     if (kind != TREE) add_puff(s, kind == VOXELS ? 0 : state);
     if (kind == TREE || kind == CELLS || kind == ALL) add_floors(s, state);
     if (kind == TREE) check_add_point(s, 0.4, 1.5, 0.3 * state, 3);
-    if (kind == CELLS || kind == ALL) s->view.scattering = SPS_SCATTERING_FULL;
+    if (kind == CELLS || kind == ALL) s->view.scattering = SPS_SCATTERING_MULTIPLE;
     if (kind == SPREAD) s->view.scattering = SPS_SCATTERING_CONVOLUTION;
-    if (s->view.scattering) s->view.scatter_size = 8;
+    if (s->view.scattering) s->view.scattering_resolution = 8;
 }
 
 /* --------------------------------------------------------------------------------------------------------- failures */

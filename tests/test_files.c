@@ -720,7 +720,7 @@ static void test_wrong_nifti(void) {
 
 /* ----------------------------------------------------------------------------------------------------- build/render */
 
-#define LOOK "--extinction 4 --light directional,1,-1,-1,9,9,9 --width 20 --height 15 --scattering off "
+#define LOOK "--extinction 4 --light directional,1,-1,-1,9,9,9 --width 20 --height 15 --scattering single "
 
 /* One scan, raw with everything in options, and with a header: the same bits. */
 static void test_pictures(void) {

@@ -275,8 +275,8 @@ static void start_kind(check_scene *s, int kind) {
     if (kind == NEAR_PLANE) s->view.near_distance = 12.7;
     if (kind == LONG_VOXELS) s->volume[0].placement = check_box(-0.4, -1, -1.2, 0.4, 1, 1.2);
     if (kind == LONG_VOXELS) check_orthographic(&s->view.camera, 1);
-    if (kind == DOT) s->view.slab = 0.2; /* its kernel lies in two chunks of slabs */
-    if (kind == THICK || kind == FLOOR || kind == FLOOR_BEHIND || kind == NEAR_PLANE) s->view.slab = 3;
+    if (kind == DOT) s->view.slab_thickness = 0.2; /* its kernel lies in two chunks of slabs */
+    if (kind == THICK || kind == FLOOR || kind == FLOOR_BEHIND || kind == NEAR_PLANE) s->view.slab_thickness = 3;
     if (kind == FLOOR || kind == FLOOR_BEHIND || kind == PANE || kind == CUT_CLASSIFIED) {
         check_add_quad(&faces, corner, u, v);
         check_add_mesh(s, &faces, 0.6);
@@ -732,7 +732,7 @@ static double samples_per_slab(double slab) {
     for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 48;
     s.volume[0].transfer = &thin;
     s.view.width = s.view.height = 1;
-    s.view.slab = slab;
+    s.view.slab_thickness = slab;
     check_set3(s.view.camera.position, 0, 0, 4);
     check_orthographic(&s.view.camera, 1);
     if (!check_render(context, &s, image_a)) return 0;
@@ -770,7 +770,7 @@ static void test_left_out(void) {
         for (int i = 0; i < GRID * GRID * GRID; ++i) dots[i] = check_next(&random) < (n & 4 ? 0.002 : 0.01) ? 1 : 0.58f;
         start_kind(&s, SURFACE);
         s.view.quality = n & 1 ? SPS_QUALITY_HIGH : SPS_QUALITY_MEDIUM;
-        s.view.slab = n & 4 ? 0.25 : 0;
+        s.view.slab_thickness = n & 4 ? 0.25 : 0;
         s.volume[0].user = dots;
         s.volume[0].transfer = &high_looks;
         s.volume[0].revision = 3 + (uint64_t)n;
@@ -828,7 +828,7 @@ static void test_ended_rays(void) {
         check_set3(s.view.camera.position, 0, 0, 4);
         check_orthographic(&s.view.camera, 0.9);
         s.view.no_shadows = 1;
-        s.view.slab = 0.2; /* 80 of them */
+        s.view.slab_thickness = 0.2; /* 80 of them */
         if (!check_render(context, &s, image_a)) return;
         samples[dense] = samples_of(context);
     }
@@ -1058,7 +1058,7 @@ static void test_tolerance_inside(void) {
         for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 96;
         s.volume[0].user = (void *)(size_t)&even;
         s.volume[0].extinction = 0.5f;
-        s.view.slab = slab;
+        s.view.slab_thickness = slab;
         CHECK(spent(&s, 0, image_a, &all) == 0);
         bound = spent(&s, 0.01f, image_b, &some);
         if (figures())
@@ -1083,7 +1083,7 @@ static void test_tolerance(void) {
             double none, all, some, bound, half;
             check_scene s;
             start_cloud(&s, widths[n]);
-            s.view.slab = slab;
+            s.view.slab_thickness = slab;
             CHECK(spent(&s, 0, image_a, &none) == 0);
             bound = spent(&s, 1, image_b, &all);
             if (!CHECK(bound > 0 && bound <= 1) || !CHECK(all < 0.5 * none) ||
@@ -1112,7 +1112,7 @@ static void test_tolerance_before_polygon(void) {
         double none, some, bound, off;
         check_scene s;
         start_cloud(&s, 3);
-        s.view.slab = slab;
+        s.view.slab_thickness = slab;
         check_color(s.volume[0].albedo, 1, 1, 1);
         check_add_directional(&s, 0, -1, -1, 4 * PI)->no_shadow = 1; /* gas of radiance 1 */
         check_add_quad(&faces, corner, u, v);
@@ -1162,7 +1162,7 @@ static void test_tolerance_of_light(void) {
     check_color(s.volume[0].albedo, 1, 1, 1);
     check_add_directional(&s, 1, -1, -0.6, 3);
     s.light[0].shadow_source = SPS_SHADOW_SHEETS;
-    s.view.shadow_size = 160;
+    s.view.shadow_resolution = 160;
     if (!check_render(context, &s, image_a)) return;
     sps_get_stats(context, &all);
     s.view.tolerance = 0.2f;
@@ -1187,7 +1187,7 @@ static void test_bound_of_lights(void) {
             const int second = n == 1 || (n == 2 && i == 1) || (n == 3 && i == 0);
             check_add_directional(&s, second ? 0.2 : 1, -1, -0.6, 3)->shadow_source = SPS_SHADOW_SHEETS;
         }
-        s.view.shadow_size = 160;
+        s.view.shadow_resolution = 160;
         s.view.tolerance = 0.2f;
         if (!check_render(context, &s, image_b)) return;
         sps_get_stats(context, &stats);
@@ -1245,7 +1245,7 @@ static void test_tolerance_beside_rods(void) {
             check_array array;
             sps_stats_report stats;
             start_rod(&s, &array, x, y, quality);
-            s.view.slab = n < 4 ? 1 : 0.5;
+            s.view.slab_thickness = n < 4 ? 1 : 0.5;
             check_set3(s.view.camera.position, at, at, -50);
             check_set3(s.view.camera.target, at, at, 0);
             check_orthographic(&s.view.camera, 32 >> place % 3);
@@ -1270,13 +1270,13 @@ static void test_tolerance_of_light_beside_rods(void) {
         check_add_mesh(&s, &faces, 1);
         check_add_directional(&s, 0, 0, 1, 3);
         s.light[0].shadow_source = SPS_SHADOW_SHEETS;
-        s.view.shadow_size = 20 + 3 * n;
+        s.view.shadow_resolution = 20 + 3 * n;
         check_set3(s.view.camera.position, 9, 9, 132);
         check_set3(s.view.camera.target, 9, 9, 140);
         check_orthographic(&s.view.camera, 12);
         const double apart = rods_apart(&s, 0, &stats);
         if (!CHECK(apart <= (double)stats.light_bound + 1e-5))
-            printf("    rod %d,%d, %d texels: bound %g, off by %g\n", x, y, s.view.shadow_size,
+            printf("    rod %d,%d, %d texels: bound %g, off by %g\n", x, y, s.view.shadow_resolution,
                    (double)stats.light_bound, apart);
     }
 }
@@ -1317,7 +1317,7 @@ enum { MOST_SAMPLES = 48 * 48 * 48 };
 /* The samples from which the last picture's cells were filled, or the last face of a light. */
 static const spsi_sampling *sampling_of(const check_scene *s) {
     const void *job = context->buffers[SPSI_BUFFER_CELL_JOB].data;
-    if (s->view.scattering == SPS_SCATTERING_FULL) return &((const spsi_cell_job *)job)->sheets;
+    if (s->view.scattering == SPS_SCATTERING_MULTIPLE) return &((const spsi_cell_job *)job)->sheets;
     return &((const spsi_spread_job *)job)->sheets;
 }
 
@@ -1361,8 +1361,8 @@ static void test_samples_alike(void) {
         size_t count = 0;
         start(&s, lumps);
         s.volume[0].transfer = &looks;
-        s.view.scattering = kind == 0 ? SPS_SCATTERING_FULL : SPS_SCATTERING_CONVOLUTION;
-        s.view.scatter_size = 12;
+        s.view.scattering = kind == 0 ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_CONVOLUTION;
+        s.view.scattering_resolution = 12;
         s.view.quality = SPS_QUALITY_HIGH;
         if (kind < 2) check_add_directional(&s, 1, -1, -0.6, 3);
         if (kind == 2) check_add_point(&s, 50, 60, 30, 12000);
@@ -1378,7 +1378,7 @@ static void test_samples_alike(void) {
         if (!CHECK(count > 0 && off <= 0.0003 + 0.002)) printf("    kind %d: %g\n", kind, off);
         s.volume[0].transfer = NULL;
         s.view.filling = SPS_FILLING_GATHER;
-        s.view.scatter_size = 20;
+        s.view.scattering_resolution = 20;
         check_render(context, &s, image_a);
         CHECK(sampling_of(&s)->target.verdicts[0] == SPSI_SPLAT_MASS);
     }
@@ -1390,7 +1390,7 @@ static void test_splatted(void) {
         start(&s, noise);
         if (n == 1) check_orthographic(&s.view.camera, 640000); /* the coarsest voxels have 0.016 pixels */
         if (n == 2) check_set3(s.view.camera.position, 0.2, 0.1, 0.4), check_perspective(&s.view.camera, 0.4);
-        if (n == 3) s.view.slab = 20;
+        if (n == 3) s.view.slab_thickness = 20;
         if (n == 4) s.view.filling = SPS_FILLING_SPLAT;
         if (n > 4) check_orthographic(&s.view.camera, 14); /* voxels of 0.18 pixels, some of them long */
         if (n > 4) s.view.quality = SPS_QUALITY_HIGH, s.volume[0].placement.axis[0][0] *= n == 5 ? 1.9 : 2.1;
@@ -1429,9 +1429,9 @@ static void test_reasons(void) {
             s.view.filling = n == 4 ? SPS_FILLING_SPLAT : n == 5 ? SPS_FILLING_GATHER : SPS_FILLING_AUTO;
             if (n == 1) check_orthographic(&s.view.camera, 640000);
             if (n == 2) check_set3(s.view.camera.position, 0.2, 0.1, 0.4), check_perspective(&s.view.camera, 0.4);
-            if (n == 3) s.view.slab = 20;
+            if (n == 3) s.view.slab_thickness = 20;
             if (n == 6) s.volume[0].user = dot;
-            if (n == 8) s.view.quality = SPS_QUALITY_HIGH, s.view.shadow_size = 4;
+            if (n == 8) s.view.quality = SPS_QUALITY_HIGH, s.view.shadow_resolution = 4;
             if (n == 7) {
                 s.volume[0].transfer = &looks, s.volume[0].shading = SPS_SHADING_SURFACE;
                 check_orthographic(&s.view.camera, 9);

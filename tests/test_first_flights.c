@@ -242,7 +242,7 @@ static sps_volume *patches_haze(check_scene *s, check_triangles *walls, double e
     gas->eval_fn = check_eval_constant, gas->user = (void *)(size_t)&one;
     gas->extinction = (float)extinction;
     for (int k = 0; k < 3; ++k) gas->albedo[k] = 1 - 0.4f * (float)k;
-    s->view.scattering = SPS_SCATTERING_FULL;
+    s->view.scattering = SPS_SCATTERING_MULTIPLE;
     check_set3(s->view.camera.position, 0, 8, 0);
     check_set3(s->view.camera.up, 0, 0, 1);
     check_orthographic(&s->view.camera, 3.4);
@@ -337,7 +337,7 @@ static void test_windows(void) {
         windowed_room(&walls, a);
         gas = patches_haze(&s, &walls, extinction);
         check_add_directional(&s, 0.15, 0, -1, sqrt(1.0225));
-        s.view.scatter_size = 32;
+        s.view.scattering_resolution = 32;
         if (!check_render(context, &s, picture)) return;
         for (int i = 0; i < 30 * 18; i += 7) {
             double at[3], exact = 0;
@@ -378,7 +378,7 @@ static void test_trace_between_patches(void) {
         sps_light *light = check_add_point(&s, 1.5, 0, -1.8, 0.002);
         light->direction[2] = -1, light->inner_cone = 0.5, light->outer_cone = 1;
         if (n > 0) check_add_directional(&s, 0.2, 0.1, -1, traces[n])->no_shadow = 1;
-        s.view.scatter_size = 32;
+        s.view.scattering_resolution = 32;
         if (!check_render(context, &s, picture)) return;
         check_free_triangles(&walls);
         if (n == 0) memcpy(first, picture, sizeof first);
@@ -410,9 +410,9 @@ static int render_specks(float radius) {
     s.view.camera.ortho_height = 0;
     s.view.camera.position[1] = 2, s.view.camera.position[2] = 6;
     s.view.camera.field_of_view = 0.8;
-    s.view.scattering = SPS_SCATTERING_FULL;
-    s.view.scatter_size = 12;
-    s.view.slab = 2;
+    s.view.scattering = SPS_SCATTERING_MULTIPLE;
+    s.view.scattering_resolution = 12;
+    s.view.slab_thickness = 2;
     s.scene.volume_count = s.scene.mesh_count = s.scene.particle_set_count = 1;
     s.volume[0].eval_fn = check_eval_constant, s.volume[0].user = &one;
     s.volume[0].extinction = 0.3f;
@@ -420,7 +420,7 @@ static int render_specks(float radius) {
         s.volume[0].size[k] = 8;
         s.volume[0].placement.axis[k][k] = 2, s.volume[0].placement.origin[k] = -1;
         s.volume[0].albedo[k] = 0.8f;
-        s.mesh[0].color[k] = set.albedo[k] = 0.5f, set.emission[k] = 10;
+        s.mesh[0].albedo[k] = set.albedo[k] = 0.5f, set.emission[k] = 10;
     }
     check_add_quad(&floor, origin, along, across);
     s.mesh[0].triangle_count = floor.count, s.mesh[0].read_fn = check_read_triangles, s.mesh[0].user = &floor;
@@ -492,15 +492,15 @@ static void ball_scene_build(ball_scene *b, int soft, double radius, double dept
     check_clear(s, 1, 1);
     add_ball(s, radius, depth, ball_at, &b->ball, &b->set);
     b->set.soft = soft;
-    s->view.scattering = SPS_SCATTERING_FULL;
-    s->view.scatter_size = 24;
+    s->view.scattering = SPS_SCATTERING_MULTIPLE;
+    s->view.scattering_resolution = 24;
     s->scene.volume_count = s->scene.mesh_count = 1;
     s->volume[0].eval_fn = check_eval_field, s->volume[0].user = (void *)(size_t)gas;
     s->volume[0].extinction = extinction;
     for (int k = 0; k < 3; ++k) {
         s->volume[0].size[k] = extinction < 1 ? 8 : 32;
         s->volume[0].placement.axis[k][k] = 1, s->volume[0].placement.origin[k] = -0.5;
-        s->volume[0].albedo[k] = extinction < 1 ? 0.5f : 0, s->mesh[0].color[k] = 0.01f;
+        s->volume[0].albedo[k] = extinction < 1 ? 0.5f : 0, s->mesh[0].albedo[k] = 0.01f;
     }
     check_add_quad(&b->floor, origin, along, side);
     s->mesh[0].triangle_count = b->floor.count, s->mesh[0].read_fn = check_read_triangles, s->mesh[0].user = &b->floor;
@@ -564,7 +564,7 @@ static void test_wide_ball(void) {
             ball_scene b;
             ball_scene_build(&b, 0, 0.1, depths[d], NULL, 0);
             b.s.scene.volume_count = 0;
-            b.s.view.scatter_size = 0;
+            b.s.view.scattering_resolution = 0;
             b.s.view.quality = d == 1 ? SPS_QUALITY_HIGH : SPS_QUALITY_MEDIUM;
             CHECK_CASE("Scattering", "a floor below a dense glowing ball that is as wide as its grid",
                        "closed form: that of a point; relative", fabs(ball_irradiance(&b, 0.1 * n, 0) / exact - 1),
@@ -601,7 +601,7 @@ static void test_pair(void) {
         double mean = 0;
         ball_scene b;
         ball_scene_build(&b, 0, 0.1, depth, NULL, 0);
-        b.s.scene.volume_count = 0, b.s.view.scatter_size = 0;
+        b.s.scene.volume_count = 0, b.s.view.scattering_resolution = 0;
         balls[0] = balls[1] = b.ball;
         for (int k = 0; k < 3; ++k) balls[0].position[k] = balls[1].position[k] = 0;
         balls[1].position[0] = (float)apart;
@@ -633,7 +633,7 @@ static void test_opaque(void) {
             b.s.volume[1].size[k] = 16, b.s.volume[1].albedo[k] = 0, b.s.volume[1].emission[k] = extinctions[n];
             b.s.volume[1].placement.axis[k][k] = 0.2, b.s.volume[1].placement.origin[k] = k == 1 ? -0.35 : -0.1;
         }
-        b.s.view.scatter_size = 0;
+        b.s.view.scattering_resolution = 0;
         b.s.view.width = b.s.view.height = 32;
         check_set3(b.s.view.camera.position, 0, 1, 6), check_set3(b.s.view.camera.target, 0, -0.2, 0);
         b.s.view.camera.ortho_height = 1.2;
@@ -754,7 +754,7 @@ static void test_small_volumes(void) {
             ball_scene b;
             ball_scene_build(&b, 0, radius, depth, &field, 1);
             ball_of_voxels(&b, &field, radius, depth, albedos[n / 6], wide);
-            if (wide > 1) b.s.view.scatter_size = 48, b.s.volume[1].emission[1] = 100;
+            if (wide > 1) b.s.view.scattering_resolution = 48, b.s.volume[1].emission[1] = 100;
             CHECK_CASE("Scattering", "a glowing ball of voxels, half a cell to 2.4 cells wide, of a depth of .3 to 6",
                        "a random walk; on a floor, relative",
                        fabs(ball_irradiance(&b, 0.3, c) * distance * distance * distance / way[1] / sent - 1), 0.035,
@@ -916,7 +916,7 @@ static void test_crowd(void) {
         check_clear(&s, FLOOR, FLOOR);
         check_set3(s.view.camera.position, 1, 2, 5);
         check_orthographic(&s.view.camera, 1.2);
-        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
         if (voxels) {
             sps_volume *gas = check_add_volume(&s, 48, 48, 48, check_box(-0.4, -0.4, -0.4, 0.4, 0.4, 0.4));
             gas->eval_fn = check_eval_field, gas->user = (void *)(size_t)&field, gas->extinction = 1;
@@ -976,7 +976,7 @@ static void test_many(void) {
         for (int k = 0; k < 3; ++k) list[n].position[k] = (float)at[k];
     }
     b.set.count = MANY, b.set.user = list;
-    b.s.view.scatter_size = 48;
+    b.s.view.scattering_resolution = 48;
     for (double across = 0; across < 1; across += 0.4) {
         const double place[3] = {across, -0.45, 0}, exact = many_irradiance(list, 0.43, place);
         CHECK_CASE("Scattering", "a floor below 5000 glowing particles", "rays through all, relative",
@@ -1063,10 +1063,10 @@ static void test_cut(void) {
             check_set3(s.view.camera.position, across * (double)radius, 9, 3);
             check_set3(s.view.camera.target, across * (double)radius, 0, 0);
             check_orthographic(&s.view.camera, 0.01);
-            s.view.scatter_size = 16;
-            s.view.scattering = SPS_SCATTERING_FULL;
+            s.view.scattering_resolution = 16;
+            s.view.scattering = SPS_SCATTERING_MULTIPLE;
             s.scene.particles = &set, s.scene.particle_set_count = 1, s.scene.mesh_count = 1;
-            for (int k = 0; k < 3; ++k) s.mesh[0].color[k] = (float)white;
+            for (int k = 0; k < 3; ++k) s.mesh[0].albedo[k] = (float)white;
             s.mesh[0].triangle_count = floor.count, s.mesh[0].read_fn = check_read_triangles, s.mesh[0].user = &floor;
             if (!check_render(context, &s, picture)) return;
             for (int i = 0; i < CUT_PIXELS * CUT_PIXELS; ++i)
@@ -1170,8 +1170,8 @@ static void test_cut_on_walls(void) {
         check_set3(s.view.camera.position, 0.8, 0.8, 20);
         check_set3(s.view.camera.target, 0.8, 0.8, 0);
         check_orthographic(&s.view.camera, 1);
-        s.view.scatter_size = 24;
-        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scattering_resolution = 24;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
         if (!check_render(context, &s, picture)) return;
         for (int i = 0; i < 64; i += 5) {
             double place[3] = {0.8 + (i % 8 - 3.5) / 8, 0.8 - (i / 8 - 3.5) / 8, -1.5}, exact = 0;
@@ -1298,7 +1298,7 @@ static int render_halo(double depth, double g, double albedo, double radius, con
     add_ball(&s, radius, 1e-4, at, &ball, &set);
     check_set3(s.view.camera.position, 0, 0, 5);
     check_orthographic(&s.view.camera, 2.4);
-    s.view.scattering = SPS_SCATTERING_FULL;
+    s.view.scattering = SPS_SCATTERING_MULTIPLE;
     s.scene.volume_count = 1;
     s.volume[0].eval_fn = check_eval_constant, s.volume[0].user = &thin;
     s.volume[0].extinction = (float)(depth / 2);
@@ -1358,7 +1358,7 @@ static void test_even_flame(void) {
         else
             b.s.scene.mesh_count = 0;
         b.s.volume[1].extinction = on_floor ? 3 : 0.3f;
-        b.s.view.scatter_size = 0;
+        b.s.view.scattering_resolution = 0;
         b.s.view.width = b.s.view.height = FLOOR;
         check_set3(b.s.view.camera.position, ball_at[0], 3, ball_at[2]);
         check_set3(b.s.view.camera.target, ball_at[0], 0, ball_at[2]);

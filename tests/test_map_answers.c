@@ -285,7 +285,7 @@ static void test_boxes(void) {
         see(&f, c->way, 54);
         f.settings.near_depth = 2;
         f.light.quality = SPS_QUALITY_HIGH;
-        f.light.slab = c->slab;
+        f.light.slab_thickness = c->slab;
         if (c->classified)
             add_box(&f, 20, 2.5, c->angle, 0)->transfer = &transfer;
         else
@@ -557,7 +557,7 @@ static void test_few_nodes(void) {
         for (int i = 0; i < 50 && map; ++i) {
             const double at[3] = {-2 + 0.08 * i, 0.5, -9};
             float least = 7, high = 7;
-            CHECK(sps_tmap_bracket(map, 1, at, &least, &high) == SPS_OK);
+            CHECK(sps_tmap_bounds(map, 1, at, &least, &high) == SPS_OK);
             CHECK_NEAR((double)least, 0, 0);
             CHECK_NEAR((double)high / DARK, 1, 1e-6);
         }
@@ -808,7 +808,7 @@ static void check_technique(const sps_tmap *map, const sps_tmap *deep, float eps
         on_ray(map, 0, i % 21, i / 21 % 17, 20 * ((i / 21 / 17) + 0.37) / 24, point);
         sps_tmap_query(map, 1, point, &depth, &passes);
         sps_tmap_query(deep, 1, point, &exact, &exact_passes);
-        sps_tmap_bracket(map, 1, point, &least, &most);
+        sps_tmap_bounds(map, 1, point, &least, &most);
         const double slack = 1e-5 * (1 + fabs((double)exact)) + 10 * U;
         if (!CHECK(depth >= 0 && depth <= 1e15f && passes >= 0 && passes <= 1)) printf("    technique %d\n", technique);
         CHECK_NEAR((double)passes, exp(-(double)depth), 2e-6 * (double)passes + 1e-37);
@@ -878,7 +878,7 @@ static void test_soft_compressed(void) {
             const double point[3] = {i % 7 - 3.0, i % 3 * 1.0, 9 - 18.0 * i / 700};
             const double exact = through(deep, point[0], point[1], point[2]);
             float least, most;
-            sps_tmap_bracket(map, 1, point, &least, &most);
+            sps_tmap_bounds(map, 1, point, &least, &most);
             if (!CHECK_NEAR(through(map, point[0], point[1], point[2]), exact, epsilon + 2e-7))
                 printf("    epsilon %g\n", epsilon);
             if (!CHECK(exact <= exp(-(double)least) + 2e-7 && exact >= exp(-(double)most) - 2e-7) ||
@@ -934,7 +934,7 @@ static void test_cut_particles(void) {
             on_ray(map, way == ROUND ? i % 6 : 0, i % SIDE, i / SIDE % SIDE,
                    0.5 + 16.5 * (i / (SIDE * SIDE) + 0.01) / 19, point);
             exact = query_at(deep, point);
-            sps_tmap_bracket(map, 1, point, &least, &most);
+            sps_tmap_bounds(map, 1, point, &least, &most);
             if (!CHECK_CASE("Found in review", "soft particles cut by near_depth, far_depth or the light",
                             "brackets contain the exact depth", fmax((double)least - exact, exact - (double)most),
                             slack, "sums of nine intervals in floats; u to its last place"))
@@ -1105,7 +1105,7 @@ static void test_gas_around(void) {
         if (n == 0) check_set3(f.light.camera.position, 0, 0, 0);
         f.settings.far_depth = 8;
         f.light.quality = SPS_QUALITY_HIGH;
-        f.light.slab = slab / 0.25;
+        f.light.slab_thickness = slab / 0.25;
         add_box(&f, 20, 2.5, n * 0.5, 0.8);
         map = must_build(&f, context);
         for (int i = 0; i < 400 && map; ++i) {

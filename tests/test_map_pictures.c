@@ -28,8 +28,8 @@ static void begin_picture(picture *p, int width, int height, int voxels) {
     check_set3(p->s.view.camera.position, 1, 3, 7);
     check_perspective(&p->s.view.camera, 0.45);
     p->s.view.quality = SPS_QUALITY_DRAFT; /* smaller depth maps; the settings for gas are explicit */
-    p->s.view.slab = 1;
-    p->s.view.shadow_size = 2 * voxels;
+    p->s.view.slab_thickness = 1;
+    p->s.view.shadow_resolution = 2 * voxels;
     volume = check_add_volume(&p->s, voxels, voxels, voxels, check_box(-1, -1, -1, 1, 1, 1));
     p->field.value_fn = small_blob;
     p->field.user = p;
@@ -77,7 +77,7 @@ static void test_map_against_sheets(void) {
             sps_light *light;
             begin_picture(&p, WIDE, HIGH, 24);
             if (n == 3) add_picture_particles(&p, 20), p.s.scene.volume_count = 0;
-            p.s.view.slab = fine ? 0.25 : 0.5;
+            p.s.view.slab_thickness = fine ? 0.25 : 0.5;
             p.s.view.filling = SPS_FILLING_SPLAT;
             light =
                 n == 1 ? check_add_point(&p.s, 2, 4, 1, 20) : check_add_directional(&p.s, -1, -2, n == 2 ? 2 : -0.5, 3);
@@ -170,11 +170,11 @@ static void test_default_size(void) {
         picture p;
         sps_light *light;
         begin_picture(&p, WIDE, HIGH, 16);
-        p.s.view.shadow_size = 0;
+        p.s.view.shadow_resolution = 0;
         p.s.view.quality = SPS_QUALITY_MEDIUM;
         p.settings.technique = SPS_TMAP_OPACITY, p.settings.components = 64;
         light = check_add_point(&p.s, 0.3, 0.45, -0.2, 0.5);
-        light->shadow_map_size = n * 128;
+        light->shadow_map_resolution = n * 128;
         lit_by_map(&p, light);
         check_render(context, &p.s, n ? image_b : image_a);
         {
@@ -204,9 +204,9 @@ static void test_light_inside(void) {
     image.rgba = image_a;
     p.s.scene.mesh_count = 0;
     light = check_add_point(&p.s, 0.3, 0.45, -0.2, 0.5);
-    p.s.view.slab = 0.5;
+    p.s.view.slab_thickness = 0.5;
     p.s.view.quality = SPS_QUALITY_HIGH;
-    light->shadow_map_size = 32;
+    light->shadow_map_resolution = 32;
     light->shadow_source = SPS_SHADOW_SHEETS;
     CHECK(sps_render(context, &p.s.scene, &p.s.view, &image) == SPS_ERROR_UNSUPPORTED);
     CHECK(strstr(sps_error(context), "shadow_source") != NULL);
@@ -295,7 +295,7 @@ static void test_omnidirectional_light(void) {
     sps_stats_report stats[4];
     picture p;
     begin_picture(&p, WIDE, HIGH, 16);
-    lit_by_map(&p, check_add_point(&p.s, 2, 4, 1, 20))->shadow_map_size = 256;
+    lit_by_map(&p, check_add_point(&p.s, 2, 4, 1, 20))->shadow_map_resolution = 256;
     for (int i = 3; i >= 0; --i) { /* with 8 numbers per texel, and with lists */
         sps_context *context = sps_create(NULL, NULL);
         p.settings.technique = i < 2 ? SPS_TMAP_DEEP : SPS_TMAP_OPACITY;
@@ -385,7 +385,7 @@ static void test_picture_bits(void) {
             add_picture_particles(&p, 6);
             p.settings.technique = (sps_tmap_technique)technique;
             lit_by_map(&p, check_add_directional(&p.s, -1, -2, -0.5, 3));
-            lit_by_map(&p, check_add_point(&p.s, 0.2, 0.4, 0.1, 0.4))->shadow_map_size = 20;
+            lit_by_map(&p, check_add_point(&p.s, 0.2, 0.4, 0.1, 0.4))->shadow_map_resolution = 20;
             check_render(context, &p.s, w ? image_b : image_a);
             CHECK(w == 0 || memcmp(image_a, image_b, 4 * 16 * 12 * sizeof(float)) == 0);
             p.s.view.region[0] = 5, p.s.view.region[1] = 3, p.s.view.region[2] = 7, p.s.view.region[3] = 6;
@@ -471,8 +471,8 @@ static void test_picture_refusals(void) {
                                         "light[0].shadow_map_omnidirectional is 1",
                                         "light[0].shadow_map.far_depth is 3",
                                         "light[0].shadow_map.surface_bias is 1",
-                                        "light[0].shadow_map_size is -1",
-                                        "light[0].shadow_map_size is 16385",
+                                        "light[0].shadow_map_resolution is -1",
+                                        "light[0].shadow_map_resolution is 16385",
                                         "light[0].shadow_map.byte_budget is 99",
                                         "light[0].shadow_map.planes[0] is 0",
                                         "light[0].shadow_map.end_canary",
@@ -492,7 +492,7 @@ static void test_picture_refusals(void) {
         if (i == 2) p.s.light[0].shadow_map_omnidirectional = 1;
         if (i == 3) p.settings.far_depth = 3;
         if (i == 4) p.settings.surface_bias = 1;
-        if (i == 5 || i == 6) p.s.light[0].shadow_map_size = i == 5 ? -1 : 16385;
+        if (i == 5 || i == 6) p.s.light[0].shadow_map_resolution = i == 5 ? -1 : 16385;
         if (i == 7) p.settings.byte_budget = 99;
         if (i == 8) p.settings.planes = planes, p.settings.components = 9;
         if (i == 9) p.settings.end_canary = 1;
@@ -536,7 +536,7 @@ static void test_planned_lists(void) {
         p.s.scene.mesh_count = 0;
         p.settings.technique = (sps_tmap_technique)technique;
         p.settings.components = n < 4 ? 0 : 8;
-        lit_by_map(&p, check_add_point(&p.s, 0.2, 0.4, 0.1, 0.4))->shadow_map_size = side;
+        lit_by_map(&p, check_add_point(&p.s, 0.2, 0.4, 0.1, 0.4))->shadow_map_resolution = side;
         CHECK_OK(context, sps_plan(context, &p.s.scene, &p.s.view, &plan));
         planned = plan.pass[SPS_PASS_LIGHT_MAPS].bytes;
         if (check_render(context, &p.s, image_c)) {
@@ -567,7 +567,7 @@ static void test_picture_allocations(void) {
             p.s.scene.mesh_count = 0;
             add_picture_particles(&p, 3);
             p.settings.technique = (sps_tmap_technique)technique;
-            lit_by_map(&p, check_add_point(&p.s, 0.2, 0.4, 0.1, 0.4))->shadow_map_size = 9;
+            lit_by_map(&p, check_add_point(&p.s, 0.2, 0.4, 0.1, 0.4))->shadow_map_resolution = 9;
             memset(&image, 0, sizeof image);
             image.rgba = image_c;
             hooks.fail_at = hooks.allocations + n;

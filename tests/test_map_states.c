@@ -148,7 +148,7 @@ static void test_planes(void) {
         } else { /* the particle's own range: planes are at 1/4, 1/2 and 1 of it */
             const double before[3] = {0, 0, 5};
             float bracket[2] = {7, 7};
-            sps_tmap_bracket(map, 1, before, &bracket[0], &bracket[1]);
+            sps_tmap_bounds(map, 1, before, &bracket[0], &bracket[1]);
             CHECK(bracket[0] <= 0 && bracket[1] <= 0);
             CHECK_NEAR(query(map, 0, 0, 2), 0.75, 1e-5);
             CHECK_NEAR(query(map, 0, 0, 1), 1.5, 1e-5);
@@ -170,7 +170,7 @@ static void test_scenes(void) {
                                         "light.width is 9; it must equal",
                                         "light.end_canary",
                                         "light.camera.position is nan",
-                                        "light.slab is -1",
+                                        "light.slab_thickness is -1",
                                         "position is nan",
                                         "radius is -1",
                                         "optical_depth is inf",
@@ -189,7 +189,7 @@ static void test_scenes(void) {
                                         "scene.end_canary",
                                         "light.start_canary is 3",
                                         "light.quality is 5",
-                                        "light.slab is 1e-09; it makes more than 2^20 slabs",
+                                        "light.slab_thickness is 1e-09; it makes more than 2^20 slabs",
                                         "light.camera has neither",
                                         "light.camera has field_of_view and ortho_height",
                                         "light.camera.up is inf"};
@@ -206,7 +206,7 @@ static void test_scenes(void) {
         if (i == 6) f.light.omnidirectional = 1, f.light.height = 8;
         if (i == 7) f.light.end_canary = 1;
         if (i == 8) f.light.camera.position[1] = (double)nan;
-        if (i == 9) f.light.slab = -1;
+        if (i == 9) f.light.slab_thickness = -1;
         if (i == 10) f.crowds[0].list[1].position[1] = nan;
         if (i == 11) f.crowds[0].list[2].radius = -1;
         if (i == 12) f.crowds[1].list[0].optical_depth = (float)HUGE_VAL;
@@ -223,7 +223,7 @@ static void test_scenes(void) {
         if (i == 25) f.s.scene.end_canary = 1;
         if (i == 26) f.light.start_canary = 3;
         if (i == 27) f.light.quality = (sps_quality)5;
-        if (i == 28) f.light.slab = 1e-9;
+        if (i == 28) f.light.slab_thickness = 1e-9;
         if (i == 29) f.light.camera.ortho_height = 0;
         if (i == 30) f.light.camera.field_of_view = 1;
         if (i == 31) f.light.camera.up[1] = HUGE_VAL;
@@ -438,7 +438,7 @@ static void test_no_numbers(void) {
                 for (int k = 0; k < 3; ++k)
                     if ((n % 7 + 1) >> k & 1) at[k] = bad[n / 7];
                 sps_tmap_query(map, 1, at, &depth, &through);
-                sps_tmap_bracket(map, 1, at, &least, &most);
+                sps_tmap_bounds(map, 1, at, &least, &most);
                 if (!CHECK(!(fabsf(depth) > 0) && through >= 1 && !(fabsf(least) > 0) && !(fabsf(most) > 0)))
                     printf("    technique %d at %g %g %g\n", technique, at[0], at[1], at[2]);
             }
@@ -460,7 +460,7 @@ static void check_unanswered(const sps_tmap *map, int face) {
         CHECK(sps_tmap_query(map, 1, at, numbers, numbers + 1) == SPS_ERROR_ARGUMENT);
         CHECK(sps_tmap_query(map, 0, NULL, NULL, NULL) == SPS_ERROR_ARGUMENT);
         CHECK(sps_tmap_query_floats(map, 1, at_floats, 0, numbers, numbers + 1) == SPS_ERROR_ARGUMENT);
-        CHECK(sps_tmap_bracket(map, 1, at, numbers, numbers + 1) == SPS_ERROR_ARGUMENT);
+        CHECK(sps_tmap_bounds(map, 1, at, numbers, numbers + 1) == SPS_ERROR_ARGUMENT);
     }
     CHECK(sps_tmap_get_projection(map, face, matrix, bias) == SPS_ERROR_ARGUMENT);
     CHECK(sps_tmap_get_constants(map, face, &constants) == SPS_ERROR_ARGUMENT);
@@ -945,16 +945,16 @@ static void test_states(void) {
     CHECK(sps_tmap_add(map, &f.s.scene) == SPS_ERROR_ARGUMENT && strstr(sps_error(context), "finished"));
     CHECK(sps_tmap_query(map, 2, points, depths, NULL) == SPS_OK);
     CHECK(sps_tmap_query(map, 2, points, NULL, passes) == SPS_OK);
-    CHECK(sps_tmap_bracket(map, 2, points, least, NULL) == SPS_OK);
-    CHECK(sps_tmap_bracket(map, 2, points, NULL, most) == SPS_OK);
+    CHECK(sps_tmap_bounds(map, 2, points, least, NULL) == SPS_OK);
+    CHECK(sps_tmap_bounds(map, 2, points, NULL, most) == SPS_OK);
     CHECK(depths[0] > 0 && passes[0] < 1 && least[0] <= depths[0] && most[0] >= depths[0]);
     CHECK(sps_tmap_starts(map) == NULL && sps_tmap_texels(map));
-    CHECK(sps_tmap_query(map, 0, NULL, NULL, NULL) == SPS_OK && sps_tmap_bracket(map, 0, NULL, NULL, NULL) == SPS_OK);
+    CHECK(sps_tmap_query(map, 0, NULL, NULL, NULL) == SPS_OK && sps_tmap_bounds(map, 0, NULL, NULL, NULL) == SPS_OK);
     CHECK(sps_tmap_query_floats(map, 0, NULL, 0, NULL, NULL) == SPS_OK);
     const float answers[4] = {depths[0], passes[0], least[0], most[0]};
     CHECK(sps_tmap_query(map, 1, NULL, depths, passes) == SPS_ERROR_ARGUMENT);
     CHECK(sps_tmap_query_floats(map, 1, NULL, 0, depths, passes) == SPS_ERROR_ARGUMENT);
-    CHECK(sps_tmap_bracket(map, 1, NULL, least, most) == SPS_ERROR_ARGUMENT);
+    CHECK(sps_tmap_bounds(map, 1, NULL, least, most) == SPS_ERROR_ARGUMENT);
     CHECK(depths[0] == answers[0] && passes[0] == answers[1] && least[0] == answers[2] && most[0] == answers[3]);
     CHECK(*sps_error(context) != 0); /* of sps_tmap_add: queries leave it alone */
     check_unanswered(NULL, 0);
@@ -1101,7 +1101,7 @@ static void check_sane(const sps_tmap *map, uint64_t seed) {
             point[k] = map->view.camera.position[k] +
                        (i % 5 ? 1.2 : 1e3) * map->settings.far_depth * (2 * check_next(&random) - 1);
         sps_tmap_query(map, 1, point, &depth, &passes);
-        sps_tmap_bracket(map, 1, point, &least, &most);
+        sps_tmap_bounds(map, 1, point, &least, &most);
         if (!CHECK(depth >= 0 && depth <= 1e15f && passes >= 0 && passes <= 1 && least >= 0 && most <= 1e15f))
             printf("    technique %d depth %g\n", (int)map->settings.technique, (double)depth);
         CHECK_NEAR((double)passes, exp(-(double)depth), 2e-6 * (double)passes + 1e-37);

@@ -439,9 +439,9 @@ static void test_eye_amid_surface(void) {
         check_set3(s.view.camera.position, 0.013 * (n % 6), n < 6 ? -0.02 : n < 12 ? 0.03 : 0.12, 0.03);
         for (int i = 0; i < 3; ++i) s.view.camera.target[i] = s.view.camera.position[i] + directions[way][i];
         check_perspective(&s.view.camera, 0.9);
-        s.view.slab = n < 6    ? 0
-                      : n < 12 ? 1
-                               : 2; /* thick ones need kernels, and bricks, that lie wholly behind the eye */
+        s.view.slab_thickness = n < 6    ? 0
+                                : n < 12 ? 1
+                                         : 2; /* thick ones need kernels, and bricks, that lie wholly behind the eye */
         memset(&transfer, 0, sizeof transfer);
         transfer.points = points;
         transfer.point_count = 2;
@@ -481,7 +481,7 @@ static void test_eye_amid_even(void) {
         check_set3(s.view.camera.position, 0.013 * n, -0.02, 0.03);
         for (int i = 0; i < 3; ++i) s.view.camera.target[i] = s.view.camera.position[i] + directions[n % 6][i];
         check_perspective(&s.view.camera, 0.9);
-        s.view.slab = 0.5 * (1 << n / 6);
+        s.view.slab_thickness = 0.5 * (1 << n / 6);
         memset(&transfer, 0, sizeof transfer);
         transfer.points = points;
         transfer.point_count = 4;
@@ -580,7 +580,7 @@ static void test_cut_slab_of_rising(void) {
         volume->eval_fn = check_eval_field;
         volume->user = &field;
         volume->transfer = &transfer;
-        s.view.slab = 0.5 * (1 << n);
+        s.view.slab_thickness = 0.5 * (1 << n);
         add_square(&body, 1.5, 0, 0.4);
         check_add_mesh(&s, &body, 0.5);
         check_color(s.scene.ambient, 1, 1, 1);
@@ -589,7 +589,7 @@ static void test_cut_slab_of_rising(void) {
             const double y = ((PIXELS / 3 - 1) / 2.0 - i / 3) * 2.4 / (PIXELS / 3), way = 1 - 0.4 * y;
             const double tau = k / 2 * (way * way + 0.01 * (0.65 * 0.65 + 1.0 / 12)) / 2;
             if (!CHECK_NEAR(-log(2 * (double)image_a[4 * i]), tau, tau * RIPPLE + 1e-5))
-                printf("    slab %g, y %g\n", s.view.slab, y);
+                printf("    slab %g, y %g\n", s.view.slab_thickness, y);
         }
     }
 }
@@ -604,12 +604,12 @@ static void test_depth_of_thick_gas(void) {
         start(&s, 3, 3, 0.1);
         add_gas(&s, 1.5, -2, 2, sigma);
         s.view.near_distance = 9.87;
-        s.view.slab = 0.5 * (1 << n % 4);
+        s.view.slab_thickness = 0.5 * (1 << n % 4);
         check_add_directional(&s, 0, 0, n < 4 ? -1 : 1, 1); /* from the front and from behind */
         if (!check_render_depth(context, &s, image_a, distance)) return;
         for (int i = 0; i < 9; ++i)
             if (!CHECK_NEAR((double)distance[i], 9.87 + 1 / sigma, RIPPLE / sigma + 2e-6))
-                printf("    slab %g, light %d\n", s.view.slab, n / 4);
+                printf("    slab %g, light %d\n", s.view.slab_thickness, n / 4);
     }
 }
 
@@ -660,7 +660,7 @@ static void test_shadow_edge_in_slabs(void) {
         check_scene s;
         start(&s, SIDE, SIDE, 1.2);
         s.view.quality = SPS_QUALITY_MEDIUM;
-        s.view.slab = 2;
+        s.view.slab_thickness = 2;
         add_gas(&s, 1.5, -1, 1, 0)->transfer = &transfer;
         check_add_quad(&body, corner, u, v);
         check_add_mesh(&s, &body, 0);
@@ -689,7 +689,7 @@ static void tabulate(const sps_transfer *transfer, spsi_table *table, spsi_mater
 static int rising_transfer(void *user, size_t count, const float *values, sps_transfer_point *out) {
     *(int *)user += (int)count;
     for (size_t i = 0; i < count; ++i) {
-        check_color(out[i].color, (double)values[i], 1 - (double)values[i], 0.25);
+        check_color(out[i].albedo, (double)values[i], 1 - (double)values[i], 0.25);
         out[i].extinction = 3 * values[i];
     }
     return 0;
@@ -883,7 +883,7 @@ static void colored_scene(check_scene *s, int place, int channel) {
     if (gas) add_gas(s, 1, -1, 1, place == 3 ? 1 : 0);
     check_add_directional(s, 0, 0, -1, 0.5)->no_shadow = 1;
     places[0] = s->scene.ambient;
-    places[1] = s->mesh[0].color;
+    places[1] = s->mesh[0].albedo;
     places[2] = s->light[0].color;
     places[3] = s->volume[0].albedo;
     places[4] = s->volume[0].emission;
@@ -952,7 +952,7 @@ static void test_progress_steps(void) {
     config.progress_user = &c;
     image.rgba = image_a;
     own = sps_create(&config, NULL);
-    s.view.slab = 0.02;
+    s.view.slab_thickness = 0.02;
     CHECK(sps_plan(own, &s.scene, &s.view, &plan) == SPS_OK && plan.slab_count > 160);
     memset(&c, 0, sizeof c);
     CHECK(sps_render(own, &s.scene, &s.view, &image) == SPS_OK && c.step > 0 && c.step < 0.21f);
@@ -996,7 +996,7 @@ static void test_progress_pace(void) {
         start(&s, SIDE, SIDE, 1);
         add_gas(&s, 1.5, -0.8, 0.8, 1);
         check_add_directional(&s, 0.3, 0, -1, 2);
-        s.view.slab = 0.02;
+        s.view.slab_thickness = 0.02;
         memset(&hooks, 0, sizeof hooks);
         hooks.worker_count = workers;
         config = check_config(&hooks);
@@ -1025,7 +1025,7 @@ static void test_progress_pace(void) {
 static void start_long_task(check_scene *s, int which, sps_particle *swarm, sps_particles *set) {
     static sps_light lights[LONG_LIGHTS];
     start(s, 64, 64, 2);
-    s->view.scattering = which == 2 ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
+    s->view.scattering = which == 2 ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
     s->view.quality = SPS_QUALITY_DRAFT;
     if (which < 3) {
         const int side = which == 1 ? 128 : 16;
@@ -1043,9 +1043,9 @@ static void start_long_task(check_scene *s, int which, sps_particle *swarm, sps_
             lights[i].no_shadow = 1;
         }
         s->scene.lights = lights, s->scene.light_count = LONG_LIGHTS;
-        s->view.slab = 0.05;
+        s->view.slab_thickness = 0.05;
     }
-    if (which == 1) s->view.slab = 8; /* few chunks of slabs, each a task */
+    if (which == 1) s->view.slab_thickness = 8; /* few chunks of slabs, each a task */
     if (which == 2) {
         add_square(&ground, 1, -1.2, 0);
         for (int k = 0; k < 9; ++k) ground.list[0].normal[k / 3][k % 3] = k % 3 == 2 ? 1.0f : 0.1f * (float)(k / 3);
@@ -1053,7 +1053,7 @@ static void start_long_task(check_scene *s, int which, sps_particle *swarm, sps_
         check_add_mesh(s, &ground, 0.5)->has_normals = 1;
         s->mesh[0].revision = 1;
         check_add_directional(s, 0.3, 0, -1, 2);
-        s->view.scatter_size = 4;
+        s->view.scattering_resolution = 4;
     }
     if (which < 3) return;
     for (int i = 0; i < LONG_SWARM; ++i) {

@@ -13,10 +13,10 @@
    the environment, every scene's errors and levels are printed. Each scene is also compared with itself: one channel
    with a grey scene, and colors and distances with those of other calls.
 
-   sps_reference has light from cell to cell, SPS_SCATTERING_FULL, only as random paths, which are noisy. So it is not a
-   feature of the table, but is paired with each level of every feature by scenes of its own: their mean is that of
-   paths, as in soak. A scene whose mean would pass with light scattered once does not count. Levels that cells do not
-   know are in cells_exclusions. CHECK_FIGURES prints both means of every scene. */
+   sps_reference has light from cell to cell, SPS_SCATTERING_MULTIPLE, only as random paths, which are noisy. So it is
+   not a feature of the table, but is paired with each level of every feature by scenes of its own: their mean is that
+   of paths, as in soak. A scene whose mean would pass with light scattered once does not count. Levels that cells do
+   not know are in cells_exclusions. CHECK_FIGURES prints both means of every scene. */
 
 #include "random_scene.h"
 
@@ -195,7 +195,7 @@ static void check_distances(sps_context *context, const random_scene *x, const s
     other = *x;
     other.levels[OUTPUT] = OUTPUT_DEPTH;
     for (int once = 0; once < 2; ++once) {
-        if (once) other.s.view.scattering = SPS_SCATTERING_OFF;
+        if (once) other.s.view.scattering = SPS_SCATTERING_SINGLE;
         if (!CHECK_OK(context, scene_render(context, &other, 0, &twice[once]))) return;
     }
     for (size_t i = 0; i < count; ++i)
@@ -213,8 +213,8 @@ static void check_distances(sps_context *context, const random_scene *x, const s
    no such samples, and no check under such lights. A channel that panes keep off is left out: grey, they would be
    opaque, and shade by other maps. */
 static void check_channel(const pairs *p, sps_context *context, const int levels[ALL_FEATURES]) {
-    static const sps_scattering modes[4] = {SPS_SCATTERING_OFF, SPS_SCATTERING_FORWARD, SPS_SCATTERING_CONVOLUTION,
-                                            SPS_SCATTERING_FULL};
+    static const sps_scattering modes[4] = {SPS_SCATTERING_SINGLE, SPS_SCATTERING_FORWARD, SPS_SCATTERING_CONVOLUTION,
+                                            SPS_SCATTERING_MULTIPLE};
     static random_scene x;
     static scene_picture pictures[2];
     const int weighed = levels[PANES] && levels[LIGHT] >= LIGHT_WIDE_SUN;
@@ -226,10 +226,10 @@ static void check_channel(const pairs *p, sps_context *context, const int levels
             build_scene(&x, levels, p->random.state, VOXELS, pixels(levels));
             add_extras(&x, levels);
             x.s.view.quality = SPS_QUALITY_MEDIUM, x.s.view.scattering = modes[n];
-            if (n == 3) x.s.view.scatter_size = 16;
+            if (n == 3) x.s.view.scattering_resolution = 16;
             if (n == 3 && x.s.scene.light_count > 2) x.s.scene.light_count = 2;
             if (levels[PANES]) x.s.view.coverage_samples = 0;
-            for (int i = 0; i < x.s.scene.mesh_count; ++i) x.s.mesh[i].has_colors = 0;
+            for (int i = 0; i < x.s.scene.mesh_count; ++i) x.s.mesh[i].has_albedos = 0;
             if (levels[PANES] && !(x.s.mesh[0].transmittance[channel] > 0)) channel = (channel + 1) % 3;
             for (int c = 0; c < 3 && grey; ++c) copy_channel(&x, channel, c);
             const sps_result result = scene_render(context, &x, 0, &pictures[grey]);
@@ -414,9 +414,9 @@ static int look_at_cells(cells_cover *p, sps_context *context, const int levels[
     build_scene(&x, levels, p->random.state, VOXELS, pixels(levels));
     prepare_cells(&x, CELLS_PIXELS);
     if (!check_long()) x.s.view.quality = SPS_QUALITY_MEDIUM;
-    x.s.view.scattering = SPS_SCATTERING_OFF;
+    x.s.view.scattering = SPS_SCATTERING_SINGLE;
     result = cells_render(context, &x.s, &once, &single);
-    x.s.view.scattering = SPS_SCATTERING_FULL;
+    x.s.view.scattering = SPS_SCATTERING_MULTIPLE;
     if (result == SPS_OK) result = cells_render(context, &x.s, &all, &mean);
     if (result == SPS_ERROR_UNSUPPORTED)
         ++p->refused;

@@ -76,7 +76,7 @@ static sps_mesh *add_pane(check_scene *s, double z, double r, double g, double b
 
 /* An opaque ground of this reflectance at z = 0, which the eye sees from z = 1, below the panes. */
 static void add_ground(check_scene *s, double reflectance) {
-    check_color(add_pane(s, 0, 0, 0, 0)->color, reflectance, reflectance, reflectance);
+    check_color(add_pane(s, 0, 0, 0, 0)->albedo, reflectance, reflectance, reflectance);
     s->view.camera.position[2] = 1;
 }
 
@@ -114,7 +114,7 @@ static void background_through(const renderer *r) {
             check_scene s;
             start(&s, 5, 4);
             check_perspective(&s.view.camera, perspective ? 0.8 : 0);
-            check_color(add_pane(&s, 3, T[n][0], T[n][1], T[n][2])->color, 0.1, 0.2, 0.3);
+            check_color(add_pane(&s, 3, T[n][0], T[n][1], T[n][2])->albedo, 0.1, 0.2, 0.3);
             check_color(s.scene.ambient, 0.5, 0.25, 0.125);
             check_color(s.scene.background, 1, 2, 4);
             if (!render_into(r, &s, image)) return;
@@ -160,7 +160,7 @@ static void panes_in_order(const renderer *r) {
             check_color(s.scene.ambient, 1, 1, 1);
             for (int k = 0; k < 3; ++k) {
                 sps_mesh *mesh = add_pane(&s, orders[n][k], T[k][0], T[k][1], T[k][2]);
-                for (int c = 0; c < 3; ++c) mesh->color[c] = (float)(reflects * 0.1 * (k + c + 1));
+                for (int c = 0; c < 3; ++c) mesh->albedo[c] = (float)(reflects * 0.1 * (k + c + 1));
             }
             for (int place = 2; place >= 0; --place) /* from the eye on */
                 for (int k = 0; k < 3; ++k) {
@@ -168,7 +168,7 @@ static void panes_in_order(const renderer *r) {
                     if (orders[n][k] != place) continue;
                     for (int c = 0; c < 3; ++c) {
                         before += through[c] * (1 - T[k][c]) / 3;
-                        exact[c] += through[c] * (double)s.mesh[k].color[c];
+                        exact[c] += through[c] * (double)s.mesh[k].albedo[c];
                         through[c] *= T[k][c];
                     }
                     taken += before;
@@ -192,7 +192,7 @@ static void many_panes(const renderer *r) {
     check_scene s;
     start(&s, 2, 2);
     for (int i = 0; i < 200; ++i) add_square(&lists[0], 50, 5 - (i * 37 % 200) / 20.0); /* unordered */
-    check_color(add_mesh(&s, T, T, T)->color, 0.01, 0.01, 0.01);
+    check_color(add_mesh(&s, T, T, T)->albedo, 0.01, 0.01, 0.01);
     check_color(s.scene.ambient, 1, 1, 1);
     check_color(s.scene.background, 1, 1, 1);
     if (!render_into(r, &s, image)) return;
@@ -208,11 +208,11 @@ static void hidden_panes(const renderer *r) {
     check_scene s;
     start(&s, 3, 3);
     add_pane(&s, 2, 0.5, 0.5, 0.5);
-    check_color(add_pane(&s, 1, 0, 0, 0)->color, 0.25, 0.5, 0.125);
-    check_color(add_pane(&s, 0, 0.5, 0.5, 0.5)->color, 1, 1, 1);
+    check_color(add_pane(&s, 1, 0, 0, 0)->albedo, 0.25, 0.5, 0.125);
+    check_color(add_pane(&s, 0, 0.5, 0.5, 0.5)->albedo, 1, 1, 1);
     add_square(&lists[3], 50, 9.5);
     add_square(&lists[3], 50, 11);
-    check_color(add_mesh(&s, 0.1, 0.1, 0.1)->color, 1, 1, 1);
+    check_color(add_mesh(&s, 0.1, 0.1, 0.1)->albedo, 1, 1, 1);
     s.view.near_distance = 0.75;
     check_color(s.scene.ambient, 1, 1, 1);
     if (!render_into(r, &s, image)) return;
@@ -226,7 +226,7 @@ static int shade_by_height(void *user, size_t count, const sps_surface_point *po
     *(size_t *)user += count;
     for (size_t i = 0; i < count; ++i)
         for (int c = 0; c < 3; ++c) {
-            out[i].color[c] = (float)(0.1 * points[i].position[2]);
+            out[i].albedo[c] = (float)(0.1 * points[i].position[2]);
             out[i].emission[c] = (float)(c * points[i].position[2]);
         }
     return 0;
@@ -306,13 +306,13 @@ static void sides_of_a_pane(const renderer *r) {
             double exact[3];
             check_scene s;
             start(&s, 3, 3);
-            check_color(add_pane(&s, 1, T[0], T[1], T[2])->color, 0.25, 0.5, 0.125);
-            check_color(add_pane(&s, -1, 0, 0, 0)->color, 0.5, 0.5, 0.5);
+            check_color(add_pane(&s, 1, T[0], T[1], T[2])->albedo, 0.25, 0.5, 0.125);
+            check_color(add_pane(&s, -1, 0, 0, 0)->albedo, 0.5, 0.5, 0.5);
             if (blocked) add_pane(&s, 11, 0, 0, 0); /* behind the camera */
             check_add_directional(&s, 1, 0, side ? -2 : 2, 4);
             for (int c = 0; c < 3; ++c) {
                 const double light = side && !blocked ? 4 / PI * cosine : 0;
-                exact[c] = light * ((double)s.mesh[0].color[c] + T[c] * 0.5 * T[c]);
+                exact[c] = light * ((double)s.mesh[0].albedo[c] + T[c] * 0.5 * T[c]);
             }
             if (!render_into(r, &s, image)) return;
             check_exact(r, &s, exact);
@@ -374,7 +374,7 @@ static void shared_edges(const renderer *r) {
         check_set3(s.view.camera.position, 1.0 / 32, 1.0 / 32, 1);
         check_set3(s.view.camera.target, 1.0 / 32, 1.0 / 32, 0);
         add_square(&lists[0], 8, 0);
-        check_color(add_mesh(&s, 0, 0, 0)->color, 0.5, 0.5, 0.5);
+        check_color(add_mesh(&s, 0, 0, 0)->albedo, 0.5, 0.5, 0.5);
         add_net(&lists[1], 16, -2 * way[0], -2 * way[1], 2);
         add_mesh(&s, 0.5, 0.25, 0.75);
         add_net(&lists[2], 24, 0, 0, 0.5);
@@ -452,7 +452,7 @@ static void closed_net(const renderer *r) {
         check_set3(s.view.camera.position, 0, 0, 0.5);
         check_perspective(&s.view.camera, 2.2);
         add_square(&lists[1], 0.875, 0);
-        check_color(add_mesh(&s, 0, 0, 0)->color, 0.5, 0.5, 0.5);
+        check_color(add_mesh(&s, 0, 0, 0)->albedo, 0.5, 0.5, 0.5);
         check_color(s.scene.background, 0.5, 0.25, 0.5);
         if (kind)
             check_add_directional(&s, 0.3, 0.2, -1, PI * sqrt(1.13));
@@ -504,12 +504,12 @@ static void glowing_fog(const renderer *r) {
         sps_volume *fog = add_fog(&s, 1.5);
         check_color(fog->albedo, 0.5, 0.25, 1);
         check_color(fog->emission, 0.1, 0.3, 0.2);
-        check_color(add_pane(&s, 0, T[0], T[1], T[2])->color, 0.5, 0.25, 0.125);
+        check_color(add_pane(&s, 0, T[0], T[1], T[2])->albedo, 0.5, 0.25, 0.125);
         check_color(s.scene.ambient, 0.5, 0.25, 0.5);
         check_color(s.scene.background, 1, 2, 3);
         for (int c = 0; c < 3; ++c) {
             const double S = (double)(fog->albedo[c] * s.scene.ambient[c] + fog->emission[c] / fog->extinction);
-            const double surface = (double)(s.mesh[0].color[c] * s.scene.ambient[c]);
+            const double surface = (double)(s.mesh[0].albedo[c] * s.scene.ambient[c]);
             exact[c] = glow_of_halves(0.75, S, surface, T[c], c + 1);
             slack[c] = fabs(glow_of_halves(0.75 * (1 + r->ripple), S, surface, T[c], c + 1) - exact[c]) + EXACT;
         }
@@ -561,7 +561,7 @@ static void lit_before_a_pane(const renderer *r) {
     check_scene s;
     for (int n = 0; n < 2; ++n) {
         start(&s, 8, 1);
-        s.view.slab = 4, s.view.camera.ortho_height = 0.2;
+        s.view.slab_thickness = 4, s.view.camera.ortho_height = 0.2;
         check_color(add_fog(&s, 0.05)->albedo, 1, 1, 1);
         check_add_directional(&s, 1, 0, 0, 10);
         check_add_quad(&lists[0], corner, u, v);
@@ -665,15 +665,15 @@ static void eye_in_fog(const renderer *r) {
         sps_volume *fog = add_fog(&s, 2);
         check_color(fog->albedo, 0, 0, 0);
         check_color(fog->emission, 0.5, 0.25, 1);
-        s.view.slab = 0.5; /* that of high quality, however wide pixels are */
+        s.view.slab_thickness = 0.5; /* that of high quality, however wide pixels are */
         check_set3(s.view.camera.position, 0, 0, 1);
         for (int k = 0; k < 3; ++k)
-            check_color(add_pane(&s, 1 - away[k], T[k][0], T[k][1], T[k][2])->color, 0.25, 0.125 * k, 0.5);
+            check_color(add_pane(&s, 1 - away[k], T[k][0], T[k][1], T[k][2])->albedo, 0.25, 0.125 * k, 0.5);
         check_color(s.scene.ambient, 2, 1, 1);
         for (int c = 0; c < 3; ++c) {
             const double S = (double)(fog->emission[c] / fog->extinction), t[3] = {T[0][c], T[1][c], T[2][c]};
             double surface[3], distance, change;
-            for (int k = 0; k < 3; ++k) surface[k] = (double)(s.mesh[k].color[c] * s.scene.ambient[c]);
+            for (int k = 0; k < 3; ++k) surface[k] = (double)(s.mesh[k].albedo[c] * s.scene.ambient[c]);
             exact[c] = fog_and_polygons(0.5, away, t, surface, S, &distance);
             mean[0] += distance / 3;
             change = fog_and_polygons(0.5 * (1 + r->ripple), away, t, surface, S, &distance) - exact[c];
@@ -711,7 +711,7 @@ static void gas_between_panes(const renderer *r) {
     }
     for (int k = 0; k < 3; ++k) {
         sps_mesh *mesh = add_pane(&s, 3 - 1.5 * k, k < 2 ? T[k][0] : 0, k < 2 ? T[k][1] : 0, k < 2 ? T[k][2] : 0);
-        check_color(mesh->color, reflectance[k][0], reflectance[k][1], reflectance[k][2]);
+        check_color(mesh->albedo, reflectance[k][0], reflectance[k][1], reflectance[k][2]);
     }
     check_color(s.scene.ambient, 1, 1, 1);
     for (int c = 0; c < 3; ++c) {
@@ -766,7 +766,7 @@ static void straight_edge(const renderer *r) {
             s.view.coverage_samples = sides[n];
             vec_along(middle, u, -0.5, origin);
             check_add_quad(&lists[0], origin, u, v);
-            check_color(add_mesh(&s, T, T, T)->color, 0.75, 0.5, 0.25);
+            check_color(add_mesh(&s, T, T, T)->albedo, 0.75, 0.5, 0.25);
             check_color(s.scene.ambient, 1, 1, 1);
             check_color(s.scene.background, 1, 2, 3);
             if (!render_into(r, &s, image)) return;
@@ -801,12 +801,12 @@ static void colored_edge(const renderer *r) {
             const double v[3] = {half * 20 * c, half * 20 * s_, 0};
             check_add_quad(&lists[0], origin, u, v);
             for (int i = 0; i < 6; ++i) {
-                float *color = lists[0].list[lists[0].count - 1 - (size_t)(i / 3)].color[i % 3];
+                float *color = lists[0].list[lists[0].count - 1 - (size_t)(i / 3)].albedo[i % 3];
                 check_color(color, 0.5, 0.5, 0.5);
                 color[channel] = half < 0 ? 0.9f : 0.3f;
             }
         }
-        add_mesh(&s, 0, 0, 0)->has_colors = 1;
+        add_mesh(&s, 0, 0, 0)->has_albedos = 1;
         check_color(s.scene.ambient, 1, 1, 1);
         if (!render_into(r, &s, image)) return;
         for (int i = 0; i < 144; ++i) {
@@ -846,7 +846,7 @@ static void finer_image(const renderer *r) {
             }
             for (int k = 0; k < 3; ++k) {
                 sps_mesh *mesh = add_mesh(&s, 0.4 * k, 0.3 * k, 0.45 * k);
-                check_color(mesh->color, 0.2 * k, 0.5, 0.8 - 0.3 * k);
+                check_color(mesh->albedo, 0.2 * k, 0.5, 0.8 - 0.3 * k);
             }
             if (lit) check_color(add_fog(&s, 1)->albedo, 1, 1, 1);
             if (lit) s.volume[0].size[0] = s.volume[0].size[1] = s.volume[0].size[2] = 6;
@@ -885,7 +885,7 @@ static void number_of_samples(const renderer *r) {
     sps_image into;
     start(&s, 12, 10);
     add_square(&lists[0], 0.37, 0);
-    check_color(add_mesh(&s, 0.5, 0.25, 0)->color, 0.5, 0.25, 0.125);
+    check_color(add_mesh(&s, 0.5, 0.25, 0)->albedo, 0.5, 0.25, 0.125);
     check_color(s.scene.ambient, 1, 1, 1);
     if (!render_into(r, &s, plain)) return;
     s.view.coverage_samples = 1;
@@ -962,7 +962,7 @@ static void dense_stand_in(const renderer *r) {
             check_set3(s.view.camera.target, 0, 0, 0.7);
             check_set3(s.view.camera.up, 0, 0, 1);
             add_square(&lists[0], 4, 0);
-            check_color(add_mesh(&s, 0, 0, 0)->color, 0.5, 0.5, 0.5);
+            check_color(add_mesh(&s, 0, 0, 0)->albedo, 0.5, 0.5, 0.5);
             check_add_directional(&s, 0, 0, -1, 4);
             if (foggy) {
                 sps_volume *fog = check_add_volume(&s, 12, 12, 12, check_box(-0.6, -0.6, 0.2, 0.6, 0.6, 1.4));
@@ -1075,7 +1075,7 @@ static void many_steep_panes(const renderer *r) {
         for (int k = 0; k < 2; ++k) {
             const double origin[3] = {k - 1, -1, 4 * (k - 1)}, u[3] = {1, 0, 4}, v[3] = {0, 2, 0};
             check_add_quad(&lists[1 + k], origin, u, v);
-            check_color(add_mesh(&s, 0, 0, 0)->color, 1 - 0.5 * k, 1 - 0.5 * k, 1 - 0.5 * k);
+            check_color(add_mesh(&s, 0, 0, 0)->albedo, 1 - 0.5 * k, 1 - 0.5 * k, 1 - 0.5 * k);
         }
         check_color(s.scene.ambient, 1, 1, 1);
         if (!render_into(r, &s, image)) return;
@@ -1099,7 +1099,7 @@ static void gas_behind_an_edge(const renderer *r) {
         const double origin[3] = {-5, -5, 3}, u[3] = {5, 0, 0}, v[3] = {0, 10, 0};
         check_add_quad(&lists[0], origin, u, v);
     }
-    check_color(add_mesh(&s, 0, 0, 0)->color, 0.5, 0.5, 0.5);
+    check_color(add_mesh(&s, 0, 0, 0)->albedo, 0.5, 0.5, 0.5);
     check_color(s.scene.ambient, 1, 1, 1);
     if (!render_into(r, &s, image)) return;
     for (int c = 0; c < 3; ++c)

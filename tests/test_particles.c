@@ -204,7 +204,7 @@ static void test_one_ball(void) {
                 set->soft = form & 1;
                 set->is_extinction = form / 2;
                 cloud_add(&x.clouds[0], 0.1, -0.05, 0.2, 1.01, 1.5);
-                x.s.view.slab = 2 / 0.7 / slabs[n];
+                x.s.view.slab_thickness = 2 / 0.7 / slabs[n];
                 if (!stage_render(&x, image_a)) return;
                 sps_get_stats(context, &stats);
                 CHECK(stats.slabs >= (uint64_t)slabs[n] && stats.particles == 1 && stats.particle_calls == 1);
@@ -244,7 +244,7 @@ static void test_near_plane(void) {
         stage_add(&x, 0)->soft = form / 2 & 1;
         cloud_add(&x.clouds[0], 0, 0, 0, 1, 1.5);
         x.s.view.near_distance = sqrt(38.0) + (form & 4 ? 0.35 : -0.4);
-        x.s.view.slab = form & 4 ? 1.3 : 0.2;
+        x.s.view.slab_thickness = form & 4 ? 1.3 : 0.2;
         if (!stage_render(&x, image_a)) return;
         check_coverage(&x, image_a, 40, "near plane");
         stage_free(&x);
@@ -268,7 +268,7 @@ static void test_cut_by_polygon(void) {
         check_add_mesh(&x.s, &x.triangles, 1);
         check_color(x.s.scene.ambient, 1, 1, 1);
         if (backwards) check_add_directional(&x.s, 3, 2, 5, 2);
-        if (form & 4) x.s.view.slab = 3;
+        if (form & 4) x.s.view.slab_thickness = 3;
         if (!stage_render(&x, image_a)) return;
         for (int i = 0; i < 41 * 39; ++i) {
             double from[3], way[3], normal[3], offset[3], length, t, tau, slack;
@@ -431,7 +431,7 @@ static void test_shadow_on_ball(void) {
 }
 
 /* Overlapping balls, lit: against the reference at a step of 0.125, halving slabs and texels together. */
-static double lit_error(const sps_lobe *lobe, int from_behind, double slab, int shadow_size, float *reference) {
+static double lit_error(const sps_lobe *lobe, int from_behind, double slab, int shadow_resolution, float *reference) {
     stage x;
     double error = -1, most = 0;
     stage_clear(&x, 61, 59);
@@ -448,8 +448,8 @@ static double lit_error(const sps_lobe *lobe, int from_behind, double slab, int 
     else
         check_add_point(&x.s, 4, 9, 6, 400);
     if (slab > 0) {
-        x.s.view.slab = slab;
-        x.s.view.shadow_size = shadow_size;
+        x.s.view.slab_thickness = slab;
+        x.s.view.shadow_resolution = shadow_resolution;
         if (stage_render(&x, image_a)) {
             for (int i = 0; i < 61 * 59; ++i) most = fmax(most, (double)reference[4 * i]);
             error = check_rms(image_a, reference, 4 * 61 * 59) / most;
@@ -617,8 +617,8 @@ static void test_voxel_stand_in(void) {
     stage_add(&x, 0.8)->soft = 1;
     cloud_add(&x.clouds[0], 0, 0, 0, 1, 2);
     check_add_directional(&x.s, -1, -0.8, 0.2, 3);
-    x.s.view.slab = 0.1;
-    x.s.view.shadow_size = 200;
+    x.s.view.slab_thickness = 0.1;
+    x.s.view.shadow_resolution = 200;
     if (!stage_render(&x, image_a)) return;
     x.s.scene.particle_set_count = 0;
     memset(&field, 0, sizeof field);
@@ -628,7 +628,7 @@ static void test_voxel_stand_in(void) {
     volume->user = &field;
     volume->extinction = 1.5f; /* a depth of 2 is 4/3 of it */
     check_color(volume->albedo, 0.8, 0.8, 0.8);
-    x.s.view.slab = 2;
+    x.s.view.slab_thickness = 2;
     if (!check_render(context, &x.s, image_b)) return;
     for (int i = 0; i < 127 * 121; ++i) most = fmax(most, (double)image_b[4 * i]);
     for (int i = 0; i < 127 * 121; ++i)
@@ -663,8 +663,8 @@ static void build_mixed(stage *x) {
     x->s.view.quality = SPS_QUALITY_MEDIUM;
     check_set3(x->s.view.camera.position, 1, 1, 4);
     check_perspective(&x->s.view.camera, 0.8);
-    x->s.view.shadow_size = 150;
-    x->s.view.slab = 4;
+    x->s.view.shadow_resolution = 150;
+    x->s.view.slab_thickness = 4;
     stage_add(x, 0.8);
     stage_add(x, 0.3)->soft = 1;
     check_color(x->set[1].emission, 0.1, 0.05, 0.2);
@@ -834,7 +834,7 @@ static void test_margins(void) {
     volume->transfer = &transfer;
     volume->shading = SPS_SHADING_SURFACE;
     check_add_directional(&x.s, 0.2, 0.1, -1, 1);
-    x.s.view.slab = 4;
+    x.s.view.slab_thickness = 4;
     if (!stage_render(&x, image_a)) return;
     for (int y = 0; y < 77; ++y) /* the volume is on the right, the ball on the left */
         memmove(image_a + (size_t)y * 4 * 109, image_a + (size_t)y * 4 * 141, 109 * 4 * sizeof(float));
@@ -921,7 +921,7 @@ static void test_mixed(void) {
     double most = 0, error;
     build_mixed(&x);
     x.s.view.quality = SPS_QUALITY_HIGH;
-    x.s.view.slab = x.s.view.shadow_size = 0;
+    x.s.view.slab_thickness = x.s.view.shadow_resolution = 0;
     x.s.view.width = width, x.s.view.height = height;
     x.s.volume[0] = x.s.volume[1];
     x.s.scene.volume_count = 1;
@@ -1207,7 +1207,7 @@ static void test_plan(void) {
         build_mixed(&x);
         if (form & 1) x.s.scene.volume_count = 0;
         if (form & 2) x.s.scene.light_count = 0;
-        if (form & 4) x.s.scene.mesh_count = 0, x.s.view.shadow_size = 90, x.set[0].count = 0;
+        if (form & 4) x.s.scene.mesh_count = 0, x.s.view.shadow_resolution = 90, x.set[0].count = 0;
         memset(&hooks, 0, sizeof hooks);
         own = check_context(&hooks);
         CHECK_OK(own, sps_plan(own, &x.s.scene, &x.s.view, &plan));
@@ -1241,7 +1241,7 @@ static void test_plan_bounds(void) {
         x.s.view.width = x.s.view.height = 4096; /* pixels are smaller than particles */
         x.s.view.region[2] = x.s.view.region[3] = 3;
         x.s.view.quality = SPS_QUALITY_DRAFT;
-        x.s.view.slab = 1000;
+        x.s.view.slab_thickness = 1000;
         stage_ready(&x);
         memset(&hooks, 0, sizeof hooks);
         own = check_context(&hooks);
@@ -1266,7 +1266,7 @@ static void test_stats(void) {
     stage_add(&x, 0.5);
     cloud_add(&x.clouds[0], 0, 0, 0, 0.5, 1);
     check_add_directional(&x.s, 0, 0, -1, 1)->no_shadow = 1;
-    x.s.view.slab = 1000;
+    x.s.view.slab_thickness = 1000;
     if (!stage_render(&x, image_a)) return;
     sps_get_stats(context, &stats);
     CHECK(stats.slabs == 1 && stats.eye_footprints == 1 && stats.eye_fragments == 400 && stats.light_footprints == 0);

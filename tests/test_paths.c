@@ -275,7 +275,7 @@ static void start(check_scene *s, int kind) {
         check_add_quad(&pane, corner, across, up);
         check_add_mesh(s, &pane, 0);
         check_color(s->mesh[0].transmittance, 0.4, 0.7, 0.2);
-        check_color(s->mesh[0].color, 0.6, 0.3, 0.8);
+        check_color(s->mesh[0].albedo, 0.6, 0.3, 0.8);
     }
     for (int c = 0; c < 3 && (kind == GLOWING || kind == EMBERS); ++c) { /* what it does not scatter it emits */
         s->volume[0].albedo[c] = 0.3f * (float)c, s->volume[0].emission[c] = 2 - 0.6f * (float)c;
@@ -341,7 +341,7 @@ static void test_furnace(void) {
     s.mesh[0].triangle_count = 2;
     s.mesh[1].read_fn = read_second;
     s.mesh[1].triangle_count = 2;
-    check_color(s.mesh[1].color, 0, 0, 0);
+    check_color(s.mesh[1].albedo, 0, 0, 0);
     s.scene.mesh_count = 2;
     check_furnace(&s, "a black floor below the white one");
 }
@@ -498,10 +498,10 @@ static void test_corners(void) {
     double mean[2][3] = {{0, 0, 0}, {0, 0, 0}};
     check_scene s;
     start(&s, FLOOR);
-    s.mesh[0].has_colors = 1;
+    s.mesh[0].has_albedos = 1;
     check_add_directional(&s, -0.3, -1, -0.6, 3);
     for (size_t i = 0; i < ground.count; ++i)
-        for (int k = 0; k < 9; ++k) ground.list[i].color[k / 3][k % 3] = (float)((4 * k + 3 * i) % 9) / 8;
+        for (int k = 0; k < 9; ++k) ground.list[i].albedo[k / 3][k % 3] = (float)((4 * k + 3 * i) % 9) / 8;
     for (int turned = 0; turned < 2; ++turned) {
         CHECK_OK(context, follow_coarsely(context, &s, 16, 1, image_a, NULL));
         for (int i = 0; i < 4 * PIXELS; ++i)
@@ -510,7 +510,7 @@ static void test_corners(void) {
             const sps_triangle as_before = ground.list[i];
             for (int k = 0; k < 3; ++k) {
                 memcpy(ground.list[i].position[k], as_before.position[(k + 1) % 3], sizeof as_before.position[0]);
-                memcpy(ground.list[i].color[k], as_before.color[(k + 1) % 3], sizeof as_before.color[0]);
+                memcpy(ground.list[i].albedo[k], as_before.albedo[(k + 1) % 3], sizeof as_before.albedo[0]);
             }
         }
         s.mesh[0].revision += 1;
@@ -681,7 +681,7 @@ static void test_all_samples(void) {
         check_color(volume->albedo, 1, 1, 1);
         check_add_directional(&s, 0, 0, -1, 3);
         s.view.coverage_samples = 3;
-        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
         if (!CHECK_OK(context, follow_coarsely(context, &s, many(400), 3, image_a, error_a))) return;
         light[n] = mean_channel(&s, image_a, error_a, 0, &deviation[n]);
         CHECK(light[n] > 0.01);
@@ -831,11 +831,11 @@ static void test_embers(void) {
         s.scene.particles = &set, s.scene.particle_set_count = 1;
         ground.count = 0;
         check_add_quad(&ground, origin, u, v);
-        check_color(check_add_mesh(&s, &ground, 0.5)->color, 0.3, 0.5, 0.9);
+        check_color(check_add_mesh(&s, &ground, 0.5)->albedo, 0.3, 0.5, 0.9);
         if (!CHECK_OK(context, follow(context, &s, many(200), 1, image_a, error_a))) return;
         for (int c = 0; c < 3; ++c) {
             const double power = (double)set.emission[c] * 1e-3 * 3.14159265358979 * 0.09 * (soft ? 0.4 : 2.0 / 3);
-            const double exact = (double)s.mesh[0].color[c] / 3.14159265358979 * power * 2 / pow(square, 1.5);
+            const double exact = (double)s.mesh[0].albedo[c] / 3.14159265358979 * power * 2 / pow(square, 1.5);
             check_truth(&s, soft ? "below a soft ember" : "below an even ember", c, exact, 2e-3 * exact);
         }
     }

@@ -251,7 +251,7 @@ static void test_ground_amid(void) {
     check_add_quad(&ground, origin, u, v);
     s.mesh[0].triangle_count = ground.count;
     add_disc(&s, 0, 20, 0, 14)->samples = 64;
-    s.view.shadow_size = 300;         /* light crosses tens of texels within a chunk */
+    s.view.shadow_resolution = 300;   /* light crosses tens of texels within a chunk */
     s.view.camera.position[1] = 0.25; /* below what is above the ground */
     memcpy(s.view.region, region, sizeof region);
     check_render(context, &s, image_c);
@@ -279,12 +279,12 @@ static void test_gas_sheets(void) {
             start(&s);
             add_gas_plate(&s, 10, 4, 0.7);
             add_wide(&s, kind);
-            s.view.slab = 1;
+            s.view.slab_thickness = 1;
             look_at_rows(&s);
             check_render(context, &s, image_a);
             sps_get_stats(context, &stats);
             whole = (double)stats.slabs;
-            s.view.slab = whole / sheets[i];
+            s.view.slab_thickness = whole / sheets[i];
             check_gas_edge(&s, kind, "sheets", sheets[i]);
             sps_get_stats(context, &stats);
             CHECK_NEAR((double)stats.slabs, sheets[i], 1 + sheets[i] / whole);
@@ -502,7 +502,7 @@ static void test_nearly_sharp(void) {
         check_add_directional(&s, -0.3, -1, -0.2, 2);
         check_render(context, &s, image_a);
         s.light[0].angular_diameter = 0.01;
-        s.view.shadow_size = 160; /* texels of a third of a voxel */
+        s.view.shadow_resolution = 160; /* texels of a third of a voxel */
         check_render(context, &s, image_b);
         sps_get_stats(context, &stats);
         CHECK(stats.soft_texels > 0);

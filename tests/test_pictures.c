@@ -384,7 +384,7 @@ static void test_lit_in_part(void) {
     check_set3(s.view.camera.target, 0.7 + first + 2 * quarter, 0, 0);
     check_orthographic(&s.view.camera, 4 * quarter / 64);
     s.view.quality = SPS_QUALITY_HIGH;
-    s.view.slab = 2;
+    s.view.slab_thickness = 2;
     gas = add_slab(&s, 0.6 * extinction);
     check_color(gas->albedo, 1, 1, 1);
     check_add_quad(&triangles, origin, u, v);
@@ -410,7 +410,7 @@ static void test_light_below_a_block(void) {
     check_scene s;
     sps_volume *volume;
     start(&s, -0.5, 0.2);
-    s.view.slab = 3;
+    s.view.slab_thickness = 3;
     s.view.quality = SPS_QUALITY_HIGH;
     check_color(add_slab(&s, tau)->albedo, 1, 1, 1);
     volume = check_add_volume(&s, 20, 20, 6, check_box(-2, -1, 1.4, 0, 1, 2));
@@ -432,7 +432,7 @@ static void test_distance_of_dense_gas(void) {
     check_scene s;
     start(&s, 0, 0.2);
     s.view.quality = SPS_QUALITY_DRAFT;
-    s.view.slab = 0.25;
+    s.view.slab_thickness = 0.25;
     add_slab(&s, 8);
     if (!check_render_depth(context, &s, image_a, depths[0])) return;
     if (!check_march(context, &s, 0.1, image_b, depths[1])) return;
@@ -462,7 +462,7 @@ static void test_shadow_of_an_earlier_chunk(void) {
     check_triangles triangles = {NULL, 0, 0, 0, 0};
     check_scene s;
     start(&s, -1.5, 0.2);
-    s.view.shadow_size = 256;
+    s.view.shadow_resolution = 256;
     for (int i = 0; i < 2; ++i) {
         const double x = i == 0 ? -2 : 1, z = i == 0 ? 1 : -2;
         sps_volume *volume = check_add_volume(&s, 10, 10, 10, check_box(x, -0.5, z, x + 1, 0.5, z + 1));
@@ -743,7 +743,7 @@ static void test_defaults(void) {
         if (change == 1) volume->gradient_full = 0.05f;
         if (change == 2) s.view.quality = SPS_QUALITY_MEDIUM;
         if (change == 3) volume->lobes = &lobe, volume->lobe_count = 1;
-        if (change == 4) s.view.slab = 0.7;
+        if (change == 4) s.view.slab_thickness = 0.7;
         if (change == 5) s.view.region[2] = s.view.region[3] = SIDE;
         if (!check_render(context, &s, image_b)) return;
         if (!CHECK(memcmp(image_a, image_b, sizeof image_a) == 0)) printf("    change %d\n", change);

@@ -94,7 +94,7 @@ static void setup_build(setup *t) {
     check_set3(t->s.view.camera.position, 1, 0.7, 5);
     check_perspective(&t->s.view.camera, 0.7);
     t->s.view.quality = SPS_QUALITY_DRAFT;
-    t->s.view.shadow_size = 50;
+    t->s.view.shadow_resolution = 50;
     t->disc.size = 21;
     t->disc.radius = 0.5;
     t->disc.centre[0] = 0.1;
@@ -415,7 +415,7 @@ static void test_grey(const outcome *full) {
         if (i == 0) t.s.volume[0].albedo[1] = 0.7f;
         if (i == 1) t.s.volume[0].emission[2] = 0.7f;
         if (i == 2) t.s.light[0].color[0] = 3;
-        if (i == 3) t.s.mesh[0].color[1] = 0.1f;
+        if (i == 3) t.s.mesh[0].albedo[1] = 0.1f;
         if (i == 4) t.s.scene.ambient[2] = 0.3f;
         if (i == 5) t.s.scene.background[0] = 0.3f;
         if (i == 6) t.s.scene.background_fn = count_background, t.s.scene.background_user = &t.background_calls;
@@ -546,19 +546,19 @@ static void test_cells_filling(void) {
         sps_filling filling;
         const char *reason;
     } cases[] = {
-        {SPS_SCATTERING_OFF, 1, 10, SPS_FILLING_AUTO, "no volume, or its light"},
-        {SPS_SCATTERING_FULL, 1, 10, SPS_FILLING_AUTO, "gathered: samples cost less"},
-        {SPS_SCATTERING_FULL, 1, 10, SPS_FILLING_SPLAT, "splatted: view.filling asks"},
-        {SPS_SCATTERING_FULL, 1, 10, SPS_FILLING_GATHER, "gathered: view.filling asks"},
-        {SPS_SCATTERING_FULL, 0, 20, SPS_FILLING_GATHER, "splatted: gas keeps"},
-        {SPS_SCATTERING_FULL, 0, 5, SPS_FILLING_GATHER, "deposited: gas keeps"},
+        {SPS_SCATTERING_SINGLE, 1, 10, SPS_FILLING_AUTO, "no volume, or its light"},
+        {SPS_SCATTERING_MULTIPLE, 1, 10, SPS_FILLING_AUTO, "gathered: samples cost less"},
+        {SPS_SCATTERING_MULTIPLE, 1, 10, SPS_FILLING_SPLAT, "splatted: view.filling asks"},
+        {SPS_SCATTERING_MULTIPLE, 1, 10, SPS_FILLING_GATHER, "gathered: view.filling asks"},
+        {SPS_SCATTERING_MULTIPLE, 0, 20, SPS_FILLING_GATHER, "splatted: gas keeps"},
+        {SPS_SCATTERING_MULTIPLE, 0, 5, SPS_FILLING_GATHER, "deposited: gas keeps"},
         {SPS_SCATTERING_CONVOLUTION, 1, 10, SPS_FILLING_AUTO, "gathered: samples cost less"},
         {SPS_SCATTERING_CONVOLUTION, 1, 10, SPS_FILLING_SPLAT, "splatted: view.filling asks"},
         {SPS_SCATTERING_CONVOLUTION, 0, 30, SPS_FILLING_GATHER, "splatted: gas keeps"},
     };
     static float rgba[4 * WIDTH * HEIGHT];
     for (int n = 0; n < 9; ++n) {
-        const int cells = cases[n].scattering == SPS_SCATTERING_FULL;
+        const int cells = cases[n].scattering == SPS_SCATTERING_MULTIPLE;
         sps_context *context = check_context(NULL);
         setup t;
         setup_build(&t);
@@ -567,7 +567,7 @@ static void test_cells_filling(void) {
         if (cases[n].classified) t.s.volume[0].transfer = &grey_transfer;
         t.s.volume[0].revision = 1;
         t.s.view.scattering = cases[n].scattering;
-        t.s.view.scatter_size = cases[n].cells;
+        t.s.view.scattering_resolution = cases[n].cells;
         t.s.view.filling = cases[n].filling;
         for (int held = 0; held < 2; ++held) {
             sps_plan_report plan;
@@ -625,7 +625,7 @@ static void test_particles(void) {
         check_scene s;
         check_clear(&s, WIDTH, HEIGHT);
         check_orthographic(&s.view.camera, 1);
-        s.view.slab = 1000;
+        s.view.slab_thickness = 1000;
         memset(&particles, 0, sizeof particles);
         particles.count = count, particles.read_fn = read_flat, particles.user = &calls;
         check_color(particles.albedo, 0.5, 0.5, 0.5);
@@ -693,7 +693,7 @@ static void add_many(setup *t, uint64_t *rows, uint64_t *records) {
     set_slide(light, &slides[1], 6, 5, rows);
     settings.technique = SPS_TMAP_OPACITY, settings.components = 9;
     light = check_add_point(&t->s, 0.1, 0.2, 0.1, 1);
-    light->shadow_map = &settings, light->shadow_map_size = 8, light->shadow_map_omnidirectional = 1;
+    light->shadow_map = &settings, light->shadow_map_resolution = 8, light->shadow_map_omnidirectional = 1;
     check_add_point(&t->s, -3, 5, 5, 9)->no_shadow = 1;
     light = check_add_point(&t->s, -3, 5, 5, 0);
     light->direction[1] = -1;
@@ -732,7 +732,7 @@ static void test_many(void) {
     CHECK(o.plan.read_calls == 1 && o.plan.eval_calls == 2 * 2 * 5 &&
           o.plan.range_calls == 0); /* blocks of 32 voxels */
     CHECK(o.plan.voxels_read == 21 * 21 * 21 + 40 * 33 * 5);
-    CHECK(o.plan.shadow_width == 50 && o.plan.shadow_height == 50); /* view.shadow_size */
+    CHECK(o.plan.shadow_width == 50 && o.plan.shadow_height == 50); /* view.shadow_resolution */
     CHECK(o.stats.slabs > (uint64_t)o.plan.slab_count && o.stats.slabs <= 2 * (uint64_t)o.plan.slab_count);
     check_free_triangles(&t.triangles);
 }
@@ -786,7 +786,7 @@ static void test_bytes_of_points(void) {
     check_add_mesh(&s, &floor, 0.5);
     volume = check_add_volume(&s, 4, 4, 4, check_box(-0.15, -0.15, -0.15, 0.15, 0.15, 0.15));
     volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one, volume->extinction = 1;
-    s.view.slab = 4, s.view.shadow_size = 16, s.view.filling = SPS_FILLING_SPLAT;
+    s.view.slab_thickness = 4, s.view.shadow_resolution = 16, s.view.filling = SPS_FILLING_SPLAT;
     light = check_add_point(&s, 0.3, 3, 0.2, 5);
     light->kind = SPS_LIGHT_DISC, light->axes[0][0] = light->axes[1][2] = 0.8, light->samples = 256;
     image.rgba = picture;
@@ -800,9 +800,9 @@ static void test_bytes_of_points(void) {
     sps_destroy(own);
 }
 
-/* Nobody has seen the particles: the bound is that of the largest sheets and maps. Where shadow_size sets these, texels
-   count as a square of that size, less than twice those of a round cloud, and the texels of beams, which count as twice
-   as wide, 4 times. With the rest, which is known to a factor of 1.5, no more than 3 times what is held. */
+/* Nobody has seen the particles: the bound is that of the largest sheets and maps. Where shadow_resolution sets these,
+   texels count as a square of that size, less than twice those of a round cloud, and the texels of beams, which count
+   as twice as wide, 4 times. With the rest, which is known to a factor of 1.5, no more than 3 times what is held. */
 static void test_bytes_with_particles(void) {
     static float rgba[4 * 256 * 256], depth[256 * 256];
     for (int n = 0; n < 4 * CLOUDS; ++n) {
@@ -817,7 +817,7 @@ static void test_bytes_with_particles(void) {
         check_clear(&s, 256, 256);
         check_set3(s.view.camera.position, 0, 0, 6);
         check_perspective(&s.view.camera, 0.5);
-        s.view.shadow_size = sized ? 200 : 0;
+        s.view.shadow_resolution = sized ? 200 : 0;
         memset(&particles, 0, sizeof particles);
         particles.count = 5000, particles.read_fn = read_cloud;
         check_color(particles.albedo, 0.5, 0.5, 0.5);
@@ -935,7 +935,7 @@ static void test_light_map_sizes(void) {
     settings.technique = SPS_TMAP_DEEP_OPACITY;
     settings.components = 4;
     setup_build(&t);
-    t.s.view.shadow_size = 0;
+    t.s.view.shadow_resolution = 0;
     t.s.light[0].shadow_map = &settings;
     o = measure(&t);
     CHECK(o.plan.pass[SPS_PASS_LIGHT_MAPS].bytes <= side * side * texel + 100000);

@@ -96,7 +96,7 @@ static void test_flat_shading(void) {
             check_scene s;
             start(&s, 9, 7, 1);
             check_add_quad(&ground, origin, u, v);
-            check_color(check_add_mesh(&s, &ground, 1)->color, 0.8, 0.5, 0);
+            check_color(check_add_mesh(&s, &ground, 1)->albedo, 0.8, 0.5, 0);
             if (point)
                 check_add_point(&s, 0.3, 0.7, 3, 5);
             else
@@ -133,12 +133,12 @@ static void test_interpolation(void) {
     for (int k = 0; k < 3; ++k)
         for (int c = 0; c < 3; ++c) {
             t->position[k][c] = (float)(c < 2 ? xy[k][c] : -0.3 * xy[k][0] - 0.4 * xy[k][1] - 0.7);
-            t->color[k][c] = (float)colors[k][c];
+            t->albedo[k][c] = (float)colors[k][c];
             t->normal[k][c] = (float)normals[k][c];
         }
     {
         sps_mesh *mesh = check_add_mesh(&s, &ground, 0);
-        mesh->has_colors = mesh->has_normals = 1;
+        mesh->has_albedos = mesh->has_normals = 1;
     }
     check_set3(s.view.camera.position, 0, 0, 2);
     check_perspective(&s.view.camera, 0.7);
@@ -363,7 +363,7 @@ static double half_way(const float *row, int width, double full) {
 }
 
 /* A roof at height 1 whose edge runs through (0,0) at an angle; its shadow on z = 0 ends where similar triangles say.
-   The depth map covers the meshes with shadow_size - 4 texels across the longer side; the edge is known to half a
+   The depth map covers the meshes with shadow_resolution - 4 texels across the longer side; the edge is known to half a
    texel, and linear interpolation of brightness in the image adds at most half a pixel. */
 static void check_shadow_edge(int point, double angle) {
     const double edge[3] = {sin(angle), cos(angle), 0}, origin[3] = {-edge[0] * 3, -edge[1] * 3, 1};
@@ -376,7 +376,7 @@ static void check_shadow_edge(int point, double angle) {
     check_add_mesh(&s, &ground, 1);
     check_add_mesh(&s, &body, 1);
     s.view.quality = SPS_QUALITY_DRAFT; /* of maps no larger than requested */
-    s.view.shadow_size = 512;
+    s.view.shadow_resolution = 512;
     if (point)
         check_add_point(&s, -1, 0.5, 3, 9);
     else
@@ -419,7 +419,7 @@ static void test_no_acne_on_plane(void) {
             add_square(&ground, 2, 0);
             check_add_mesh(&s, &ground, 1);
             s.view.quality = SPS_QUALITY_DRAFT;
-            s.view.shadow_size = size;
+            s.view.shadow_resolution = size;
             if (n < 5)
                 check_add_directional(&s, 1, 0.37, -height, 3);
             else
@@ -767,9 +767,9 @@ static int render_slab_with_polygon(double z, double sigma, double angle, double
     check_color(volume->albedo, 1, 1, 1);
     check_color(volume->emission, 0.2, 0.2, 0.2);
     if (lit) check_add_directional(&s, sin(angle), 0, -lit * cos(angle), 3);
-    s.view.slab = slab;
+    s.view.slab_thickness = slab;
     s.view.quality = quality;
-    s.view.shadow_size = 3 * side;
+    s.view.shadow_resolution = 3 * side;
     check_color(s.scene.background, 5, 5, 5);
     return check_render(context, &s, image);
 }
@@ -853,7 +853,7 @@ static void test_volume_shadow_on_plane(void) {
         check_add_mesh(&s, &ground, 0.6);
         add_slab(&s, n & 1 ? 41 : 15, 6, 0.9 / 0.75);
         check_add_directional(&s, sin(angle), 0, -cos(angle), 3);
-        s.view.shadow_size = 100;
+        s.view.shadow_resolution = 100;
         if (te <= 0) s.view.near_distance = 10.8; /* the rays begin below the slab */
         if (!check_render(context, &s, image_a)) return;
         for (int i = 0; i < 35; ++i)
@@ -876,7 +876,7 @@ static void test_slope_in_slab(void) {
     check_add_mesh(&s, &ground, 0.7);
     add_slab(&s, 25, 20, sigma);
     check_add_directional(&s, 0, 0, -1, 3)->shadow_source = SPS_SHADOW_SHEETS;
-    s.view.slab = 1;
+    s.view.slab_thickness = 1;
     if (!check_render(context, &s, image_a)) return;
     for (int i = 0; i < 32; ++i) {
         double x, y, depth, exact;
@@ -981,7 +981,7 @@ static void test_polygon_shadow_in_medium(void) {
     check_add_mesh(&s, &body, 0.5);
     check_color(add_slab(&s, 45, 8, sigma)->albedo, 1, 1, 1);
     check_add_directional(&s, 1, 0, -1, 3);
-    s.view.shadow_size = 400;
+    s.view.shadow_resolution = 400;
     s.view.camera.position[0] = s.view.camera.target[0] = 1.5;
     if (!check_render(context, &s, image_a)) return;
     for (int i = 63; i < 126; ++i) {
@@ -1086,7 +1086,7 @@ static void test_mixed_scene(void) {
         check_add_quad(&ground, origin, u, v);
     }
     check_add_mesh(&s, &body, 0.7)->has_normals = 1;
-    check_color(check_add_mesh(&s, &ground, 0.5)->color, 0.5, 0.6, 0.4);
+    check_color(check_add_mesh(&s, &ground, 0.5)->albedo, 0.5, 0.6, 0.4);
     gas = check_add_volume(&s, 20, 20, 20, check_box(-1, -1, -1, 1, 1, 1));
     gas->eval_fn = check_eval_field;
     gas->user = &field;
@@ -1097,7 +1097,7 @@ static void test_mixed_scene(void) {
     check_set3(s.view.camera.position, 0.7, 1.2, 4);
     check_perspective(&s.view.camera, 0.6);
     s.view.quality = SPS_QUALITY_HIGH;
-    s.view.shadow_size = 100;
+    s.view.shadow_resolution = 100;
     check_color(s.scene.ambient, 0.1, 0.1, 0.2);
     check_color(s.scene.background, 0.3, 0.4, 0.5);
     if (!check_render(context, &s, image_a) || !check_march(context, &s, 0.5, image_b, NULL)) return;

@@ -65,10 +65,10 @@ static void test_pixels(void) {
             if (classified) volume->transfer = &skin;
             s.view.quality = (sps_quality)quality;
             check_plan(&s, texel, slab);
-            s.view.slab = 1.5;
+            s.view.slab_thickness = 1.5;
             check_plan(&s, texel, 1.5 * voxel);
-            s.view.slab = 0;
-            s.view.shadow_size = 504;
+            s.view.slab_thickness = 0;
+            s.view.shadow_resolution = 504;
             check_plan(&s, extent / 499, fmax(own, fmin(slab, 8 * extent / 500)));
         }
 }
@@ -195,10 +195,10 @@ static void test_errors(void) {
             const double voxels = 1.8 / sizes[i] * GRID / 2; /* in a pixel */
             double error, exact;
             s.view.width = s.view.height = sizes[i];
-            s.view.slab = 0, s.view.shadow_size = 0;
+            s.view.slab_thickness = 0, s.view.shadow_resolution = 0;
             if (!check_render(context, &s, image_a)) return;
-            s.view.slab = high ? 0.5 : draft ? 2 : kind > 0 ? 0.7 : 1;
-            s.view.shadow_size = spsi_most(plan.shadow_width, plan.shadow_height);
+            s.view.slab_thickness = high ? 0.5 : draft ? 2 : kind > 0 ? 0.7 : 1;
+            s.view.shadow_resolution = spsi_most(plan.shadow_width, plan.shadow_height);
             if (!check_render(context, &s, image_b)) return;
             error = preview_error(image_a, sizes[i]);
             exact = preview_error(image_b, sizes[i]);
@@ -283,7 +283,7 @@ static void test_tables(void) {
         check_scene s;
         start_lumps(&s, 60, 0);
         s.light[0].shadow_source = scattering ? SPS_SHADOW_AUTO : SPS_SHADOW_TABLE;
-        if (scattering) s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = 8;
+        if (scattering) s.view.scattering = SPS_SCATTERING_MULTIPLE, s.view.scattering_resolution = 8;
         s.view.quality = SPS_QUALITY_DRAFT;
         s.view.filling = SPS_FILLING_SPLAT;
         check_render(own, &s, image_a);
@@ -305,7 +305,7 @@ static void test_choice(void) {
         sps_volume *volume = start_cube(&s, size);
         for (int k = 0; k < 3; ++k) volume->size[k] = 300; /* a table has 256 texels at most */
         s.light[0].shadow_source = SPS_SHADOW_AUTO;
-        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
         CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
         CHECK(plan.pass[SPS_PASS_LIGHT_SHEETS].runs == 1 && plan.pass[SPS_PASS_LIGHT_MAPS].runs == 0);
     }

@@ -56,13 +56,13 @@ static void turn(float color[3]) {
 }
 
 static void turn_colors(void) {
-    for (int i = 0; i < 3; ++i) turn(it.light[i].color), turn(it.point[i].color);
+    for (int i = 0; i < 3; ++i) turn(it.light[i].color), turn(it.point[i].albedo);
     for (int i = 0; i < 2; ++i) {
         turn(it.volume[i].albedo), turn(it.volume[i].emission), turn(it.volume[i].ambient);
-        turn(it.mesh[i].color), turn(it.mesh[i].transmittance);
+        turn(it.mesh[i].albedo), turn(it.mesh[i].transmittance);
     }
     for (int i = 0; i < CORNERS; ++i) turn(it.colors + 3 * i);
-    turn(it.set.albedo), turn(it.set.emission), turn(it.set.ambient), turn(it.look.color), turn(it.look.emission);
+    turn(it.set.albedo), turn(it.set.emission), turn(it.set.ambient), turn(it.look.albedo), turn(it.look.emission);
     turn(it.scene.ambient), turn(it.scene.background);
     slide_turn = 2;
 }

@@ -72,8 +72,8 @@ static void start(check_scene *s, int kind) {
     check_add_mesh(s, &floor_faces, 0.5);
     if (kind == BY_SHEETS || kind == WIDE)
         check_color(check_add_mesh(s, &pane_faces, 0.2)->transmittance, 0.5, 0.7, 0.9);
-    s->view.scattering = kind == SPREADING ? SPS_SCATTERING_CONVOLUTION : SPS_SCATTERING_OFF;
-    s->view.scatter_size = 12;
+    s->view.scattering = kind == SPREADING ? SPS_SCATTERING_CONVOLUTION : SPS_SCATTERING_SINGLE;
+    s->view.scattering_resolution = 12;
     s->view.tolerance = 0.2f;
     if (kind == WIDE) s->view.filling = SPS_FILLING_SPLAT;
     if (kind == BY_SHEETS) check_perspective(&s->view.camera, 0.1);

@@ -181,10 +181,10 @@ static void test_grazing_rays(void) {
         check_set3(s.view.camera.target, 0.05, 0.02, -1);
         check_perspective(&s.view.camera, 2 * atan(tangent * 33 / 32));
         add_field(&s, &field, bumps, n, unit_box)->transfer = &layers;
-        s.view.slab = 1;
+        s.view.slab_thickness = 1;
         if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
         CHECK(i ? plan.sweep_count == 4 : abs(plan.slab_count - 15) <= 1);
-        s.view.slab = 0;
+        s.view.slab_thickness = 0;
         if (!check_render(context, &s, image_a) || !check_march(context, &s, 0.3, image_b, NULL)) return;
         for (int k = 3; k < 4 * 33 * 33; k += 4)
             sum += (double)(image_a[k] - image_b[k]) * (double)(image_a[k] - image_b[k]);
@@ -213,7 +213,7 @@ static void test_grazing_corners(void) {
         add_field(&s, &field, bumps, n, unit_box)->transfer = &layers;
         check_add_directional(&s, sin(angle), 0, -cos(angle), 1);
         s.light[0].shadow_source = SPS_SHADOW_SHEETS;
-        s.view.slab = 1;
+        s.view.slab_thickness = 1;
         if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
         for (int side = -1; side <= 1; side += 2)
             cosine = fmin(cosine, (side * tangent * normal[0] + normal[1]) / sqrt(1 + 2 * tangent * tangent));
@@ -389,7 +389,7 @@ static void test_finest_counts(void) {
         sps_plan_report plan;
         check_scene s;
         check_clear(&s, 32, 32);
-        s.view.slab = 1;
+        s.view.slab_thickness = 1;
         for (int n = 0; n < 2; ++n) {
             const int is_fine = (n == 0) == (i != 1);
             sps_volume *gas =
@@ -476,7 +476,7 @@ static void test_two_tables(void) {
     memset(points, 0, sizeof points);
     memset(transfer, 0, sizeof transfer);
     for (int i = 0; i < 2; ++i) {
-        for (int k = 0; k < 2; ++k) check_color(points[i][k].color, 0.9, 0.9, 0.9);
+        for (int k = 0; k < 2; ++k) check_color(points[i][k].albedo, 0.9, 0.9, 0.9);
         points[i][1].value = 2, points[i][1].extinction = (float)(2 * sigmas[i]);
         transfer[i].points = points[i], transfer[i].point_count = 2;
     }
@@ -649,7 +649,7 @@ static int render_shifted(int kind, int shift, float *image) {
     check_add_mesh(&s, &triangles, 0.6);
     check_add_directional(&s, -0.8, -0.1, -0.2, 3)->no_shadow = 1;
     s.view.quality = SPS_QUALITY_HIGH;
-    s.view.slab = 0.5;
+    s.view.slab_thickness = 0.5;
     good = check_render(context, &s, image);
     check_free_triangles(&triangles);
     return good;
@@ -691,7 +691,7 @@ static int render_padded(int from, int surface, int pad, sps_filling filling, fl
         check_perspective(&s.view.camera, 1.2);
     }
     s.view.quality = SPS_QUALITY_HIGH;
-    s.view.slab = from < 2 ? 0.5 : 4;
+    s.view.slab_thickness = from < 2 ? 0.5 : 4;
     s.view.filling = filling;
     return check_render(context, &s, image);
 }
@@ -780,7 +780,7 @@ static void test_near_plane(void) {
         check_perspective(&s.view.camera, angle);
         s.view.near_distance = eye - 0.2;
         s.view.quality = SPS_QUALITY_HIGH;
-        s.view.slab = 12 * slab;
+        s.view.slab_thickness = 12 * slab;
         gas = check_add_volume(&s, 24, 24, 12, check_box(-1, -1, -0.5, 1, 1, 0.5));
         gas->read_fn = check_read_constant, gas->user = &one;
         gas->extinction = (float)sigma;
@@ -841,7 +841,7 @@ static void test_shadow_in_slab(void) {
         check_add_quad(&triangles, corner, along, back);
         check_add_mesh(&s, &triangles, 0.5);
         check_add_directional(&s, light[0], light[1], light[2], 1);
-        s.view.slab = classified ? 0 : 2;
+        s.view.slab_thickness = classified ? 0 : 2;
         if (check_render(context, &s, image_a))
             for (int i = 0; i < 8 * 24; ++i) {
                 const double y = (11.5 - i / 8) * 0.5 / 24, lit = 0.5 - 0.45 / 0.7 * y;

@@ -216,7 +216,7 @@ static void test_layers(void) {
                 double exact = 0;
                 check_scene s;
                 start_layer(&s, t, &lobe, back ? -1 : 1);
-                s.view.slab = slabs[k];
+                s.view.slab_thickness = slabs[k];
                 check_render(context, &s, image_a);
                 if (back)
                     for (int n = 0; n < 400; ++n) {
@@ -285,7 +285,7 @@ static void test_dense(void) {
             if (!check_long() && n / 4 == 1) continue; /* the depth between the others */
             start_layer(&s, t, &lobe, back ? -1 : 1);
             shade_layer(&s, source, back ? -1 : 1);
-            s.view.slab = slab;
+            s.view.slab_thickness = slab;
             check_render(context, &s, image_a);
             sps_get_stats(context, &stats);
             CHECK((stats.soft_texels > 0) == (source == BY_SAMPLES || source == BY_DISC));
@@ -368,7 +368,7 @@ static double compare_with_reference(int kind, int light, double extinction) {
     check_scene s;
     start(&s, kind, light);
     s.volume[0].extinction = (float)extinction;
-    s.view.scattering = SPS_SCATTERING_OFF;
+    s.view.scattering = SPS_SCATTERING_SINGLE;
     check_render(context, &s, image_a);
     check_march(context, &s, step, image_b, NULL);
     once = error_of(image_a, image_b, SIDE * SIDE);
@@ -491,7 +491,7 @@ static void test_left_out(void) {
         if (kind == 2) s.scene.light_count = 0;
         CHECK(forward_runs(&s) == 0);
         check_render(context, &s, image_a);
-        s.view.scattering = SPS_SCATTERING_OFF;
+        s.view.scattering = SPS_SCATTERING_SINGLE;
         CHECK(forward_runs(&s) == 0);
         check_render(context, &s, image_b);
         CHECK_CASE("Scattering", "albedo 0, lights without shadow or no light, forward scattering",
@@ -517,7 +517,7 @@ static void test_passes(void) {
         check_render(context, &s, image_a);
         sps_get_stats(context, &stats);
         slabs = (double)stats.slabs;
-        s.view.scattering = SPS_SCATTERING_OFF;
+        s.view.scattering = SPS_SCATTERING_SINGLE;
         if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &once))) return;
         bytes = (double)report.pass[SPS_PASS_EYE_SHEETS].bytes - (double)once.pass[SPS_PASS_EYE_SHEETS].bytes;
         CHECK_NEAR(bytes, kind == 0 ? 4 * (2 + 3) * 64 * 64 : 0, 0); /* one tile */
@@ -534,7 +534,7 @@ static void test_thin(void) {
         start(&s, GAS, light);
         s.volume[0].extinction = 1e-4f, s.volume[0].lobe_count = 0;
         check_render(context, &s, image_a);
-        s.view.scattering = SPS_SCATTERING_OFF;
+        s.view.scattering = SPS_SCATTERING_SINGLE;
         check_render(context, &s, image_b);
         CHECK(check_largest(image_a, image_b, COUNT) < 2e-4 * mean_of(image_b, SIDE * SIDE) * 10);
         CHECK(!same(image_a, image_b));
@@ -551,7 +551,7 @@ static void test_held(void) {
     check_render(other, &s, image_b);
     for (int i = 0; i < 3; ++i) {
         sps_stats_report stats;
-        s.view.scattering = i == 0 ? SPS_SCATTERING_OFF : SPS_SCATTERING_FORWARD;
+        s.view.scattering = i == 0 ? SPS_SCATTERING_SINGLE : SPS_SCATTERING_FORWARD;
         check_render(context, &s, image_a);
         sps_get_stats(context, &stats);
         CHECK(stats.tables_held == (i == 2));
@@ -610,7 +610,7 @@ static void test_finite(void) {
 }
 
 static void test_refused(void) {
-    static const int wrong[] = {-1, SPS_SCATTERING_FULL + 1};
+    static const int wrong[] = {-1, SPS_SCATTERING_MULTIPLE + 1};
     check_scene s;
     for (int i = 0; i < 2; ++i) {
         start(&s, GAS, SUN);
@@ -653,7 +653,9 @@ static void test_ambient(void) {
     CHECK(check_largest(image_a, image_b, COUNT) < 1e-6);
     check_color(s.volume[0].ambient, 5, 5, 5);
     for (int n = 0; n < 3; ++n) {
-        s.view.scattering = n == 0 ? SPS_SCATTERING_OFF : n == 1 ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_CONVOLUTION;
+        s.view.scattering = n == 0   ? SPS_SCATTERING_SINGLE
+                            : n == 1 ? SPS_SCATTERING_FORWARD
+                                     : SPS_SCATTERING_CONVOLUTION;
         check_render(context, &s, image_a);
         CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
     }
@@ -679,7 +681,7 @@ static void test_ambient_of_each(void) {
     CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &report));
     CHECK(report.pass[SPS_PASS_AMBIENT].runs == 1 && report.color_channels == 3);
     CHECK(strstr(report.pass[SPS_PASS_FORWARD].reason, "does not ask") != NULL);
-    s.view.scattering = SPS_SCATTERING_OFF;
+    s.view.scattering = SPS_SCATTERING_SINGLE;
     CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &report));
     CHECK(report.pass[SPS_PASS_AMBIENT].runs == 0);
     swarm->ambient[1] = -1;
@@ -708,7 +710,7 @@ static void test_failures(void) {
         check_add_directional(&s, 0.2, 0.1, 1, 1); /* from behind: by sheets, after a first pass */
         s.light[0].shadow_source = SPS_SHADOW_SHEETS;
         check_add_directional(&s, 1, -1, 0, 1);
-        s.light[1].shadow_map = &settings, s.light[1].shadow_map_size = 16;
+        s.light[1].shadow_map = &settings, s.light[1].shadow_map_resolution = 16;
         memset(&image, 0, sizeof image);
         image.rgba = image_a;
         hooks.fail_at = hooks.allocations + ++n;

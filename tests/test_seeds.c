@@ -106,7 +106,7 @@ static void render_good(sps_context *context, float *pixels) {
     check_add_corners(&triangles, corners[0], corners[1], corners[2]);
     check_add_mesh(&s, &triangles, 0.5);
     check_add_directional(&s, 0.5, -0.3, -1, 2);
-    s.view.shadow_size = 16;
+    s.view.shadow_resolution = 16;
     check_render(context, &s, pixels);
     check_free_triangles(&triangles);
 }

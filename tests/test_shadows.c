@@ -617,7 +617,7 @@ static void test_revision(void) {
     for (int n = 0; n < 6; ++n) {
         const int read = n == 0 || n >= 3; /* then: another color; another placement; another revision */
         const long calls = ground.calls + body.calls;
-        if (n == 3) s.mesh[1].color[0] = 0.25f;
+        if (n == 3) s.mesh[1].albedo[0] = 0.25f;
         if (n == 4) s.mesh[1].placement = check_box(0.1, 0, 0, 1.1, 1, 1);
         if (n == 5) s.mesh[0].revision = 2;
         s.view.camera.position[0] = 0.1 * n; /* the camera may move */

@@ -418,8 +418,8 @@ static void scene_build(check_scene *s, check_triangles *triangles, sps_transfer
     check_orthographic(&s->view.camera, 2.7);
     check_perspective(&s->view.camera, n >= 5 ? 0 : 0.5);
     s->view.quality = SPS_QUALITY_HIGH;
-    s->view.shadow_size = 50;
-    if (n >= 5) s->view.slab = 0.2;
+    s->view.shadow_resolution = 50;
+    if (n >= 5) s->view.slab_thickness = 0.2;
     if (n == 6) s->view.filling = SPS_FILLING_SPLAT;
     volume = check_add_volume(s, n == 6 ? 26 : 13, n == 6 ? 24 : 12, n == 6 ? 22 : 11,
                               check_box(-0.9, -0.8, -0.7, 0.9, 0.8, 0.7));

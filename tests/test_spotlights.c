@@ -129,7 +129,7 @@ static double gas_error(check_scene *s, double extinction) {
     volume->eval_fn = check_eval_field, volume->user = (void *)(size_t)&even;
     volume->extinction = (float)extinction;
     check_color(volume->albedo, 1, 1, 1);
-    s->view.scattering = SPS_SCATTERING_OFF;
+    s->view.scattering = SPS_SCATTERING_SINGLE;
     if (!check_render(context, s, image)) return HUGE_VAL;
     for (int i = 0; i < SIDE * SIDE; i += 7) {
         double thrown[3];

@@ -289,7 +289,7 @@ static void start(check_scene *s, double extinction) {
     s->volume[0].revision = 1;
     check_color(s->volume[0].albedo, 1, 1, 1);
     s->view.scattering = SPS_SCATTERING_CONVOLUTION;
-    s->view.scatter_size = 24;
+    s->view.scattering_resolution = 24;
     faces.count = 0;
 }
 
@@ -350,7 +350,7 @@ static void test_sun(void) {
         }
 }
 
-/* Where light keeps to its rays, pictures are those of FORWARD; where nothing scatters again, those of OFF. */
+/* Where light keeps to its rays, pictures are those of FORWARD; where nothing scatters again, those of SINGLE. */
 static void test_agreement(void) {
     for (int n = 0; n < 6; ++n) {
         check_scene s;
@@ -365,7 +365,7 @@ static void test_agreement(void) {
         else
             check_add_directional(&s, 1, -1, -0.7, 3);
         check_render(context, &s, image_a);
-        s.view.scattering = n < 2 ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_OFF;
+        s.view.scattering = n < 2 ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_SINGLE;
         check_render(context, &s, image_b);
         most = 0;
         for (int i = 0; i < COUNT; ++i) most = fmax(most, i % 4 < 3 ? (double)image_b[i] : 0);
@@ -521,7 +521,7 @@ static void test_lamp_within(void) {
     check_random random = {9};
     check_scene s;
     start(&s, 2);
-    s.view.scatter_size = 48; /* texels across a face */
+    s.view.scattering_resolution = 48; /* texels across a face */
     check_add_point(&s, 0, 0, 0, 1);
     check_render(context, &s, image_a);
     CHECK(spread_of(context, 0)->map.face_count == SPSI_CUBE_FACES);
@@ -550,7 +550,7 @@ static void check_thin(check_scene *s) {
     double sum[2] = {0, 0};
     s->volume[0].extinction = 0.03f;
     check_render(context, s, image_a);
-    s->view.scattering = SPS_SCATTERING_OFF;
+    s->view.scattering = SPS_SCATTERING_SINGLE;
     s->view.region[1] = FROM / (4 * SIDE), s->view.region[2] = SIDE, s->view.region[3] = (END - FROM) / (4 * SIDE);
     check_march(context, s, 0.75, image_b, NULL);
     for (int i = FROM; i < END; ++i)
@@ -603,8 +603,8 @@ static void start_classified(check_scene *s, int size) {
     s->volume[0].transfer = &transfer;
     for (int k = 0; k < 3; ++k) s->volume[0].size[k] = size;
     check_add_directional(s, 1, 0, 0, 3);
-    s->view.scatter_size = 12;
-    s->view.slab = 0.7;
+    s->view.scattering_resolution = 12;
+    s->view.slab_thickness = 0.7;
 }
 
 /* A layer of voxels smaller than texels passes the same light. */
@@ -677,7 +677,7 @@ static void test_narrow_cones(void) {
         check_scene s;
         sps_light *spot;
         start(&s, 1);
-        s.view.scatter_size = n < 5 ? 12 : 48;
+        s.view.scattering_resolution = n < 5 ? 12 : 48;
         spot = add_spot(&s);
         spot->position[1] = 0.013, spot->position[2] = -0.017;
         spot->outer_cone = outer[n % 5], spot->inner_cone = 0.7 * outer[n % 5];
@@ -712,7 +712,7 @@ static void start_mixed(check_scene *s) {
     check_color(swarm->albedo, 0.8, 0.9, 1);
     check_add_directional(s, 1, -1, -0.5, 2);
     add_spot(s);
-    s->view.scatter_size = 8;
+    s->view.scattering_resolution = 8;
 }
 
 static void test_workers(void) {
@@ -735,9 +735,9 @@ static void test_held(void) {
         if (n == 1) s.view.width = 12;
         if (n == 2) s.light[1].color[1] = 3;
         if (n == 3) s.volume[0].revision = 2, s.volume[0].extinction = 2;
-        if (n == 4) s.view.scatter_size = 9;
+        if (n == 4) s.view.scattering_resolution = 9;
         if (n == 5) lobe.asymmetry = 0.5f;
-        if (n == 6) s.view.scattering = SPS_SCATTERING_FULL;
+        if (n == 6) s.view.scattering = SPS_SCATTERING_MULTIPLE;
         memset(image_a, 0, sizeof image_a), memset(image_b, 0, sizeof image_b);
         check_render(by, &s, image_a);
         CHECK((stats->cells == 0) == (n < 2));
@@ -769,7 +769,7 @@ static void test_finite(void) {
         if (n == 1) s.scene.volume_count = s.scene.particle_set_count = 0;
         if (n == 2) s.view.no_shadows = 1;
         if (n == 3) s.volume[0].extinction = 1e6f;
-        if (n == 4) s.view.scatter_size = 1;
+        if (n == 4) s.view.scattering_resolution = 1;
         if (n == 5) s.light[1].outer_cone = s.light[1].inner_cone = 0, s.light[1].position[0] = -1;
         if (n == 6) s.light[0].angular_diameter = 0.5;
         if (n == 7) lobe.asymmetry = -0.9f;

@@ -143,7 +143,7 @@ static void test_sizes(void) {
     check_render(context, &s, image_a);
     s.light[0].shadow_map = &table;
     for (int i = 0; i < 4; ++i) {
-        s.light[0].shadow_map_size = sizes[i];
+        s.light[0].shadow_map_resolution = sizes[i];
         check_render(context, &s, image_b);
         errors[i] = check_rms(image_a, image_b, COUNT) / check_mean(image_a, COUNT);
         if (figures()) printf("table of %d: %.5f of the mean\n", sizes[i], errors[i]);
@@ -235,13 +235,13 @@ static void test_held(void) {
     check_change(&s, 0, "extinction");
     s.light[0].direction[0] += 0.01;
     check_change(&s, 0, "direction");
-    s.light[0].shadow_map_size = 30;
+    s.light[0].shadow_map_resolution = 30;
     check_change(&s, 0, "size");
     s.light[0].shadow_map = &fewer;
     check_change(&s, 0, "planes");
     s.view.quality = SPS_QUALITY_HIGH;
     check_change(&s, 0, "quality");
-    s.view.slab = 0.8;
+    s.view.slab_thickness = 0.8;
     check_change(&s, 0, "slab");
     s.light[0].kind = SPS_LIGHT_POINT;
     check_set3(s.light[0].position, 1, 3, 0);
@@ -338,7 +338,7 @@ static sps_light *start_lumpy(check_scene *s, int kind, sps_light_kind kind_of_l
     if (within) check_set3(light->position, 0.9, 0.9, -0.9);
     s->view.quality = SPS_QUALITY_DRAFT;
     light->shadow_map = &table;
-    light->shadow_map_size = within ? 64 : 100; /* no multiple of a patch or of a tile */
+    light->shadow_map_resolution = within ? 64 : 100; /* no multiple of a patch or of a tile */
     return light;
 }
 
@@ -428,7 +428,7 @@ static void test_updated_changes(void) {
     sps_volume *volume, *within;
     check_scene s;
     start_lumpy(&s, GAS, SPS_LIGHT_DIRECTIONAL, 0);
-    s.light[0].shadow_map_size = 52;
+    s.light[0].shadow_map_resolution = 52;
     volume = &s.volume[0];
     for (int k = 0; k < 3; ++k) volume->size[k] = cloud.n = 36; /* still finer than the second volume */
     check_render(holder, &s, image_a);
@@ -453,11 +453,11 @@ static void test_updated_changes(void) {
     check_part(holder, &s, ALL, "no transfer function");
     s.light[0].direction[0] += 0.02;
     check_part(holder, &s, ALL, "the light");
-    s.view.slab = 0.9;
+    s.view.slab_thickness = 0.9;
     check_part(holder, &s, ALL, "slabs");
     s.view.quality = SPS_QUALITY_HIGH;
     check_part(holder, &s, ALL, "kernels");
-    s.light[0].shadow_map_size = 70;
+    s.light[0].shadow_map_resolution = 70;
     check_part(holder, &s, ALL, "the grid");
     within->placement.origin[0] = 0.9;
     check_part(holder, &s, ALL, "wider bounds");
@@ -585,7 +585,7 @@ static void test_updated_several(void) {
     settings.byte_budget = 100 * 100 * 40 * 4 + 100000;
     s.light[0].shadow_map = &settings;
     other = check_add_point(&s, -2, 3, 2, 30);
-    other->shadow_map = &table, other->shadow_map_size = 70;
+    other->shadow_map = &table, other->shadow_map_resolution = 70;
     check_render(holder, &s, image_a);
     move_lump(&s, GAS);
     check_part(holder, &s, PART, "two lights");
@@ -678,7 +678,7 @@ static void test_default_size(void) {
     s.volume[0].size[1] = 4;
     CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
     CHECK(plan.pass[SPS_PASS_LIGHT_MAPS].bytes < bytes + bytes / 4);
-    s.light[0].shadow_map_size = 600;
+    s.light[0].shadow_map_resolution = 600;
     CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
     CHECK(plan.pass[SPS_PASS_LIGHT_MAPS].bytes > bytes + bytes / 4);
 }
@@ -691,7 +691,7 @@ static void test_large(void) {
     check_scene s;
     start(&s, GAS, SPS_LIGHT_DIRECTIONAL);
     s.light[0].shadow_map = &table;
-    s.light[0].shadow_map_size = 2048;
+    s.light[0].shadow_map_resolution = 2048;
     s.view.quality = SPS_QUALITY_DRAFT;
     memset(&hooks, 0, sizeof hooks);
     hooks.memory_limit = 100000000; /* a tenth of its bytes */
@@ -701,7 +701,7 @@ static void test_large(void) {
     if (!check_long()) return;
     fresh = check_context(NULL);
     check_render(fresh, &s, image_a);
-    s.light[0].shadow_map_size = 64;
+    s.light[0].shadow_map_resolution = 64;
     check_render(fresh, &s, image_b);
     CHECK(check_rms(image_a, image_b, COUNT) <
           0.01 * check_mean(image_b, COUNT)); /* 64: 0.0006, test_sizes; planes: the same */
@@ -736,7 +736,7 @@ static void test_allocations(void) {
     image.rgba = image_a;
     start(&s, GAS, SPS_LIGHT_DIRECTIONAL);
     s.light[0].shadow_map = &table;
-    s.light[0].shadow_map_size = 50;
+    s.light[0].shadow_map_resolution = 50;
     s.view.quality = SPS_QUALITY_DRAFT;
     s.light[0].direction[0] = direction[1];
     check_render(context, &s, image_b);
@@ -785,14 +785,14 @@ static void test_settings(void) {
     CHECK(stats.tables_held == 1 && memcmp(image_a, image_b, sizeof image_a) == 0);
     for (int size = 17; size < 30; size += 4) { /* which are not multiples of a block's 4 texels */
         settings.byte_budget = (size_t)(60 * size * size) + 4000;
-        s.light[0].shadow_map_size = size;
+        s.light[0].shadow_map_resolution = size;
         stats = render_stats(&s, image_b);
         CHECK(context->shadow_table_count == 1);
         CHECK(((const sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data)->data.texels.size <
               settings.byte_budget);
     }
     settings.byte_budget = 60000;
-    s.light[0].shadow_map_size = 20;
+    s.light[0].shadow_map_resolution = 20;
     stats = render_stats(&s, image_b);
     CHECK(stats.tables_made == 1 && memcmp(image_a, image_b, sizeof image_a) != 0);
     CHECK(check_rms(image_a, image_b, COUNT) <
@@ -815,7 +815,7 @@ static void test_refused(void) {
     check_refused(&s, SPS_ERROR_UNSUPPORTED, "light[0].shadow_map holds the shadow of a single point");
     s.light[0].angular_diameter = 0;
     settings.components = 1024;
-    s.light[0].shadow_map_size = 640; /* 1.6 times as many */
+    s.light[0].shadow_map_resolution = 640; /* 1.6 times as many */
     check_refused(&s, SPS_ERROR_MEMORY,
                   "light[0].shadow_map.components is 1024; a table of this size would have more than 2^28 entries");
     light = check_light_of(&s.view);

@@ -33,12 +33,12 @@ static int record_points(void *user, size_t count, const sps_surface_point *poin
         if (l->count < PIXELS) l->points[l->count] = points[i];
         l->count += 1;
         if (!l->keeps) {
-            memcpy(out[i].color, l->color, sizeof l->color);
+            memcpy(out[i].albedo, l->color, sizeof l->color);
             memcpy(out[i].emission, l->emission, sizeof l->emission);
         }
         if (l->count != l->spoil_point) continue;
         if (l->spoil < 3)
-            out[i].color[l->spoil] = l->value;
+            out[i].albedo[l->spoil] = l->value;
         else
             out[i].emission[l->spoil - 3] = l->value;
     }
@@ -90,7 +90,7 @@ static int checker(void *user, size_t count, const sps_surface_point *points, sp
     (void)user;
     for (size_t i = 0; i < count; ++i) {
         const int cell = ((int)floor(points[i].uv[0]) + (int)floor(points[i].uv[1])) & 1;
-        check_color(out[i].color, cell ? 0.8 : 0.1, cell ? 0.7 : 0.2, 0.3);
+        check_color(out[i].albedo, cell ? 0.8 : 0.1, cell ? 0.7 : 0.2, 0.3);
         out[i].emission[2] = cell ? 0.05f : 0;
     }
     return 0;
@@ -111,7 +111,7 @@ static void add_gas_and_lights(check_scene *s) {
     check_color(s->scene.background, 0.3, 0.4, 0.5);
     check_set3(s->view.camera.position, 0.7, 1.2, 4);
     check_perspective(&s->view.camera, 0.6);
-    s->view.shadow_size = 60;
+    s->view.shadow_resolution = 60;
 }
 
 /* The ground has 4 by 4 cells of the checker. */
@@ -298,11 +298,11 @@ static void test_own_color(void) {
         add_gas_and_lights(&s);
         add_ground();
         add_wall();
-        for (int i = 0; i < 9; ++i) body.list[1].color[i / 3][i % 3] = 0.1f * (float)(i + 1);
-        check_color(check_add_mesh(&s, &ground, 0.5)->color, 0.3, 0.6, 0.7);
-        check_add_mesh(&s, &body, 0.3)->has_colors = colors;
+        for (int i = 0; i < 9; ++i) body.list[1].albedo[i / 3][i % 3] = 0.1f * (float)(i + 1);
+        check_color(check_add_mesh(&s, &ground, 0.5)->albedo, 0.3, 0.6, 0.7);
+        check_add_mesh(&s, &body, 0.3)->has_albedos = colors;
         if (grey) {
-            check_color(s.mesh[0].color, 0.3, 0.3, 0.3);
+            check_color(s.mesh[0].albedo, 0.3, 0.3, 0.3);
             check_color(s.volume[0].albedo, 0.3, 0.3, 0.3);
             check_color(s.scene.ambient, 0.3, 0.3, 0.3);
             check_color(s.scene.background, 0.3, 0.3, 0.3);
@@ -390,7 +390,7 @@ static void test_checker_against_reference(void) {
     check_add_mesh(&s, &ground, 0.5)->shade_fn = checker;
     check_add_mesh(&s, &body, 0.5)->shade_fn = checker;
     s.view.quality = SPS_QUALITY_HIGH;
-    s.view.shadow_size = 100;
+    s.view.shadow_resolution = 100;
     if (!check_render(context, &s, image_a) || !check_march(context, &s, 0.5, image_b, NULL)) return;
     for (int i = 0; i < 4 * 768; ++i) most = fmax(most, (double)image_b[i]);
     for (int i = 0; i < 768; ++i) far += check_largest(image_a + 4 * i, image_b + 4 * i, 4) > 0.004 * most;
@@ -651,9 +651,9 @@ static void test_bad_values(void) {
         int spoil;
         float value;
         const char *sentence;
-    } cases[] = {{0, -1, "mesh[1].shade_fn's color is -1; red, green and blue must be 0..1"},
-                 {1, 1.5f, "mesh[1].shade_fn's color is 1.5; red, green and blue must be 0..1"},
-                 {2, NAN, "mesh[1].shade_fn's color is nan; red, green and blue must be 0..1"},
+    } cases[] = {{0, -1, "mesh[1].shade_fn's albedo is -1; red, green and blue must be 0..1"},
+                 {1, 1.5f, "mesh[1].shade_fn's albedo is 1.5; red, green and blue must be 0..1"},
+                 {2, NAN, "mesh[1].shade_fn's albedo is nan; red, green and blue must be 0..1"},
                  {3, -2, "mesh[1].shade_fn's emission is -2; red, green and blue must be 0..1e18"},
                  {4, INFINITY, "mesh[1].shade_fn's emission is inf; red, green and blue must be 0..1e18"},
                  {5, NAN, "mesh[1].shade_fn's emission is nan; red, green and blue must be 0..1e18"}};

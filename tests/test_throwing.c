@@ -102,7 +102,7 @@ static int eval_voxels(void *user, size_t count, const double *positions, float 
 static int eval_transfer(void *user, size_t count, const float *values, sps_transfer_point *out) {
     (void)user;
     called(TRANSFER);
-    for (size_t i = 0; i < count; ++i) out[i].color[0] = 0.5f, out[i].extinction = values[i];
+    for (size_t i = 0; i < count; ++i) out[i].albedo[0] = 0.5f, out[i].extinction = values[i];
     return 0;
 }
 
@@ -147,8 +147,8 @@ static void build(check_scene *s, call which) {
     check_clear(s, which == RENDER_AGAIN ? 40 : 16, 16);
     check_orthographic(&s->view.camera, 2.6);
     s->view.quality = SPS_QUALITY_DRAFT;
-    s->view.scattering = which == REFERENCE ? SPS_SCATTERING_OFF : SPS_SCATTERING_FULL;
-    s->view.scatter_size = 6;
+    s->view.scattering = which == REFERENCE ? SPS_SCATTERING_SINGLE : SPS_SCATTERING_MULTIPLE;
+    s->view.scattering_resolution = 6;
     check_add_puff(s, 3)->eval_fn = eval_voxels;
     s->volume[0].user = &puff;
     s->volume[0].revision = which == RENDER_AGAIN ? 2 : 1;
@@ -170,7 +170,7 @@ static void build(check_scene *s, call which) {
     s->mesh[1].placement = check_box(0, 1, 0, 0.3, 2, 0.3);
     check_translucent(&s->mesh[1], 0.5);
     check_add_directional(s, 0.3, -1, -0.4, 3)->shadow_source = SPS_SHADOW_TABLE;
-    s->light[0].shadow_map_size = 24;
+    s->light[0].shadow_map_resolution = 24;
     check_add_directional(s, 0.2, -0.5, -1, 2)->shadow_source = SPS_SHADOW_SHEETS;
     if (which != REFERENCE) s->light[1].angular_diameter = 0.1, s->light[1].samples = 8;
     memset(&slide, 0, sizeof slide);
@@ -180,7 +180,7 @@ static void build(check_scene *s, call which) {
     check_set3(s->light[2].direction, 0, -1, -1);
     check_add_directional(s, -0.3, -1, -0.2, 1)->shadow_map = &list;
     s->scene.background_fn = background;
-    s->view.shadow_size = 16;
+    s->view.shadow_resolution = 16;
 }
 
 /* Makes the call, and returns its result; the map, if it is one, is left in *map. */

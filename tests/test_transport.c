@@ -129,7 +129,7 @@ static void test_slab_transmittance(void) {
             check_clear(&s, 5, 3);
             aim(&s, way, 0.23);
             add_slab(&s, sheets[n] > 64 ? 19 : 35, 6, 1.3);
-            s.view.slab = 6.0 / sheets[n];
+            s.view.slab_thickness = 6.0 / sheets[n];
             check_color(s.scene.background, 2, 1, 0.5);
             if (!check_render(context, &s, image_a)) return;
             if (!CHECK_NEAR(farthest(image_a, 15, 0, 2 * exp(-tau)), 2 * exp(-tau),
@@ -205,7 +205,7 @@ static void check_slab_case(const slab_case *c) {
     slab = add_slab(&s, wide_enough(eye, light), 6, c->tau);
     check_color(slab->albedo, c->albedo, c->albedo, c->albedo);
     check_add_directional(&s, light[0], light[1], light[2], 3);
-    s.view.slab = 6.0 / c->sheets;
+    s.view.slab_thickness = 6.0 / c->sheets;
     te = c->tau / fabs(eye[2]);
     tl = c->tau / fabs(light[2]);
     unit = c->albedo * 3 * ISOTROPIC;
@@ -213,7 +213,7 @@ static void check_slab_case(const slab_case *c) {
     tolerance = unit * slab_slack(te, tl, eye[2] * light[2] > 0, RIPPLE + c->sheets * ROUNDING) + 1e-4 * exact;
     /* the texels' straight lines: a voxel is a sixth of tl; nothing bends where light and eye are upright */
     if (upright)
-        s.view.shadow_size = 24;
+        s.view.shadow_resolution = 24;
     else
         tolerance += exact * tl / 6 / 1.6 / 128;
     if (!check_render(context, &s, image_a)) return;
@@ -266,7 +266,7 @@ static void test_slab_energy(void) {
         aim(&s, way, 0.17);
         check_color(add_slab(&s, 11, 6, 1e8)->albedo, 1, 1, 1);
         check_add_directional(&s, 0, 0, -1, 3);
-        s.view.slab = 6.0 / sheets[n];
+        s.view.slab_thickness = 6.0 / sheets[n];
         if (!check_render(context, &s, image_a)) return;
         CHECK_CASE("Extremes", "optical depth 1e8, albedo 1", "coverage is 1", 1 - farthest(image_a, 49, 3, 1), 0,
                    "a float's 1 exactly");
@@ -285,7 +285,7 @@ static void test_thin_sheets(void) {
     check_clear(&s, 3, 3);
     aim(&s, way, 0.1);
     add_slab(&s, 13, 10, tau);
-    s.view.slab = 10.0 / 2000;
+    s.view.slab_thickness = 10.0 / 2000;
     check_render(context, &s, image_a);
     CHECK_CASE("Extremes", "2000 sheets of optical depth 1e-8", "coverage 2e-5, relative",
                fabs(farthest(image_a, 9, 3, tau) / tau - 1), RIPPLE + 2000 * ROUNDING,
@@ -303,7 +303,7 @@ static void test_dark_below(void) {
         sps_volume *gas;
         memset(&ground, 0, sizeof ground);
         check_clear(&s, PIXELS, PIXELS);
-        s.view.quality = SPS_QUALITY_MEDIUM, s.view.shadow_size = size;
+        s.view.quality = SPS_QUALITY_MEDIUM, s.view.shadow_resolution = size;
         gas = check_add_volume(&s, 40, 40, 40, check_box(-1, -1, -1, 1, 1, 1));
         gas->read_fn = check_read_constant, gas->user = &one, gas->extinction = 60;
         check_add_directional(&s, 0.2, -1, -0.1, 1);
@@ -359,7 +359,7 @@ static void test_blob(void) {
             aim(&s, way, 1.5);
             add_blob(&s, &field, &width, 1.5);
             s.view.near_distance = 10 + cuts[n];
-            s.view.slab = coarse ? 3 : 0.5;
+            s.view.slab_thickness = coarse ? 3 : 0.5;
             if (!check_render(context, &s, image_a)) return;
             for (int i = 0; i < 19 * 15; ++i) {
                 const double x = (i % 19 - 9) * 0.1, y = (i / 19 - 7) * 0.1;
@@ -367,7 +367,8 @@ static void test_blob(void) {
                 if (!CHECK_CASE("Transport", "Gaussian blob, cut by the near plane or not", "erf of the cut",
                                 fabs((double)image_a[4 * i + 3] - (1 - exp(-tau))), 1.5 * RIPPLE * exp(-tau) + 1e-6,
                                 "the kernel's cut moves 0.2 % of its mass"))
-                    printf("    near plane at %g, pixel %d %d, slab %g\n", cuts[n], i % 19, i / 19, s.view.slab);
+                    printf("    near plane at %g, pixel %d %d, slab %g\n", cuts[n], i % 19, i / 19,
+                           s.view.slab_thickness);
             }
         }
 }
@@ -516,7 +517,7 @@ static void test_emission(void) {
             aim(&s, way, 0.23);
             slab = add_slab(&s, 29, 6, depths[n]);
             check_color(slab->emission, 3, 1, 0);
-            s.view.slab = 6.0 / sheets;
+            s.view.slab_thickness = 6.0 / sheets;
             if (!check_render(context, &s, image_a)) return;
             if (!CHECK_CASE("Transport", "emission of a slab of depth 0 to 40, 1 to 64 sheets",
                             "emission / extinction (1 - exp(-depth)), or times length at 0, relative",
@@ -616,7 +617,7 @@ static void test_light_inside(void) {
         check_color(slab->albedo, 1, 1, 1);
         check_add_point(&s, 0, 0, 0, 1);
         check_force_sheets(&s);
-        s.view.slab = slabs[n % 3];
+        s.view.slab_thickness = slabs[n % 3];
         CHECK(sps_render(context, &s.scene, &s.view, &image) == SPS_ERROR_UNSUPPORTED);
         s.light[0].no_shadow = 1;
         if (!check_render(context, &s, image_a)) return;
@@ -649,14 +650,14 @@ static void test_voxel_spacing(void) {
         volume = check_add_volume(&s, side, side, side, check_box(-1, -1, -1, 1, 1, 1));
         volume->read_fn = check_read_constant, volume->user = &one, volume->extinction = 0.75f;
         s.view.quality = (sps_quality)(SPS_QUALITY_DRAFT + quality);
-        s.view.slab = slabs[n / 8 % 4];
+        s.view.slab_thickness = slabs[n / 8 % 4];
         if (n % 2) s.view.filling = SPS_FILLING_SPLAT;
         if (!check_render(context, &s, image_a)) return;
         if (!CHECK_CASE("What users of other renderers complain of",
                         "opacity that changes with voxel spacing or step: 16^3 to 64^3 voxels, slabs of 0.3 to 5",
                         "coverage 1 - exp(-depth)", fabs(farthest(image_a, 25, 3, exact) - exact),
                         exp(-tau) * tau * ripple[quality] + 1e-6, "ripple of each quality"))
-            printf("    %d voxels, quality %d, slab %g\n", side, quality, s.view.slab);
+            printf("    %d voxels, quality %d, slab %g\n", side, quality, s.view.slab_thickness);
     }
 }
 
@@ -789,8 +790,8 @@ static void check_placed_slab(const char *name, const int size[3], const sps_pla
     check_color(slab->albedo, 1, 1, 1);
     check_add_directional(&s, 0, 0, -1, 3);
     s.view.quality = SPS_QUALITY_ULTRA;
-    s.view.slab = 0.25; /* that of ultra quality, however wide pixels are */
-    s.view.shadow_size = 100;
+    s.view.slab_thickness = 0.25; /* that of ultra quality, however wide pixels are */
+    s.view.shadow_resolution = 100;
     for (int splat = 0; splat < 2; ++splat) {
         s.view.filling = splat ? SPS_FILLING_SPLAT : SPS_FILLING_AUTO;
         if (!check_render(context, &s, image_a)) return;
@@ -1018,7 +1019,7 @@ static void test_phase_rendered(void) {
         slab = add_slab(&s, 31, 6, c.tau);
         check_color(slab->albedo, 1, 1, 1);
         slab->lobes = lobes;
-        s.view.shadow_size = 40;
+        s.view.shadow_resolution = 40;
         slab->lobe_count = 2;
         check_add_directional(&s, light[0], light[1], light[2], 2);
         exact = 2 * phase_exact(lobes, 2, -cos(angle * PI / 180)) * c.tau / -eye[2];
@@ -1062,8 +1063,8 @@ static void test_orders_agree(void) {
         lively(&s, 16, 16);
         check_set3(s.view.camera.position, 0, 0, 10);
         check_orthographic(&s.view.camera, 2);
-        s.view.slab = fine ? 2 : 4;
-        s.view.shadow_size = 128;
+        s.view.slab_thickness = fine ? 2 : 4;
+        s.view.shadow_resolution = 128;
         check_set3(s.light[0].direction, 0.8, -0.6, 1e-7);
         if (!check_render(context, &s, image_a)) return;
         s.light[0].direction[2] = -1e-7;
@@ -1102,10 +1103,10 @@ static double order_of(double ratio, double coarse, double fine, double finest) 
 static void check_orders(const char *name, check_scene *s, int pixels, double least_order) {
     static float finest[4 * 400];
     double most = largest_of(image_c, (size_t)(4 * pixels)), error[4], self[4], order[3];
-    s->view.slab = 0.125;
+    s->view.slab_thickness = 0.125;
     if (!check_render(context, s, finest)) return;
     for (int i = 0; i < 4; ++i) {
-        s->view.slab = 2.0 / (1 << i);
+        s->view.slab_thickness = 2.0 / (1 << i);
         if (!check_render(context, s, image_a)) return;
         error[i] = check_rms(image_a, image_c, (size_t)(4 * pixels)) / most;
         self[i] = check_rms(image_a, finest, (size_t)(4 * pixels)) / most;
@@ -1142,7 +1143,7 @@ static void test_convergence(void) {
         lively(&s, 20, 17);
         s.view.quality = SPS_QUALITY_ULTRA;
         if (back) check_set3(s.light[0].direction, 1, -0.4, 0.9);
-        s.view.shadow_size = 120;
+        s.view.shadow_resolution = 120;
         middle(&s);
         if (!check_march(context, &s, 0.5, image_c, NULL)) return;
         check_orders(back ? "gas lit from behind" : "gas lit from the front", &s, MIDDLE, 1.8);
@@ -1154,7 +1155,7 @@ static int soft_transfer(void *user, size_t count, const float *values, sps_tran
     for (size_t i = 0; i < count; ++i) {
         const double v = (double)values[i];
         out[i].extinction = (float)(10 * v * v);
-        check_color(out[i].color, 0.5 + 0.3 * sin(4 * v), 0.6, 0.9 - 0.4 * v);
+        check_color(out[i].albedo, 0.5 + 0.3 * sin(4 * v), 0.6, 0.9 - 0.4 * v);
     }
     return 0;
 }
@@ -1170,7 +1171,7 @@ static void classified(check_scene *s, sps_transfer *transfer, sps_shading shadi
     s->volume[0].shading = shading;
     s->volume[0].gradient_full =
         0.4f; /* twice the steepest change, 0.6 / 2.8 a voxel: the share of surface has no kink */
-    s->view.shadow_size = 120;
+    s->view.shadow_resolution = 120;
 }
 
 /* As a gas: the mean value of a sheet is classified; second order for a smooth transfer function. */
@@ -1219,7 +1220,7 @@ static void test_camera_inside(void) {
     check_set3(s.view.camera.target, 0.3, -0.3, -0.6);
     check_set3(s.light[0].direction, 0.3, -1, -0.8);
     check_perspective(&s.view.camera, 0.9);
-    s.view.shadow_size = 100;
+    s.view.shadow_resolution = 100;
     if (!check_render(context, &s, image_a) || !check_march(context, &s, 0.5, image_c, NULL)) return;
     printf("camera inside: error %.2e", check_rms(image_a, image_c, 4 * 192) / largest_of(image_c, 4 * 192));
     CHECK_CASE("What users of other renderers complain of", "camera inside the gas",
@@ -1282,7 +1283,7 @@ static void test_depth(void) {
         check_clear(&s, 3, 3);
         aim(&s, way, 1e-4);
         add_slab(&s, 35, 6, sigma * 0.6);
-        s.view.slab = 0.5;
+        s.view.slab_thickness = 0.5;
         if (!check_render_depth(context, &s, image_a, depth_a)) return;
         for (int i = 0; i < 9; ++i)
             CHECK_NEAR((double)depth_a[i], exact,

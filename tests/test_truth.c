@@ -110,13 +110,13 @@ static void classified(check_scene *s, const palette *p) {
     sps_volume *layer = add_layer(s);
     for (int i = 0; i < 2; ++i) {
         points[i].value = i ? 1.5f : 0.5f, points[i].extinction = (float)(DEPTH / 0.6 * (i ? 1.4 : 0.6));
-        for (int c = 0; c < 3; ++c) points[i].color[c] = p->albedo[c] * (i ? 0.9f : 1.1f);
+        for (int c = 0; c < 3; ++c) points[i].albedo[c] = p->albedo[c] * (i ? 0.9f : 1.1f);
     }
     memset(&transfer, 0, sizeof transfer);
     transfer.points = points, transfer.point_count = 2;
     layer->transfer = &transfer;
     if (faces.count == 0) check_add_quad(&faces, corner, right, up);
-    memcpy(check_add_mesh(s, &faces, 1)->color, p->around, sizeof p->around);
+    memcpy(check_add_mesh(s, &faces, 1)->albedo, p->around, sizeof p->around);
     s->view.camera.position[2] = 0.3, s->view.camera.target[2] = -1;
     memcpy(check_add_directional(s, 0, 0, -1, 1)->color, p->light, sizeof p->light);
     s->light[0].no_shadow = 1;
@@ -193,7 +193,7 @@ static void dense_ball(check_scene *s, const palette *p) {
     check_set3(s->light[0].direction, -1, 0, 0);
     memset(((sps_particles *)(size_t)s->scene.particles)->emission, 0, 3 * sizeof(float));
     ((sps_particle *)s->scene.particles->user)->position[0] = -0.3f;
-    s->view.slab = 2;
+    s->view.slab_thickness = 2;
 }
 static double dense_ball_is(const palette *p, int c) {
     enum { STEPS = 4000 };
@@ -211,7 +211,7 @@ static double dense_ball_is(const palette *p, int c) {
 static void add_floor(check_scene *s, const palette *p) {
     static const double corner[3] = {-4, -3, 0}, right[3] = {8, 0, 0}, up[3] = {0, 6, 0};
     if (floor_faces.count == 0) check_add_quad(&floor_faces, corner, right, up);
-    memcpy(check_add_mesh(s, &floor_faces, 1)->color, p->albedo, sizeof p->albedo);
+    memcpy(check_add_mesh(s, &floor_faces, 1)->albedo, p->albedo, sizeof p->albedo);
 }
 
 static double floor_is(const palette *p, int c, double irradiance) {
@@ -374,10 +374,10 @@ static void stack(check_scene *s, const palette *p) {
         check_add_quad(&faces, corner, right, up);
         for (int k = 0; k < 6; ++k)
             for (int c = 0; c < 3; ++c)
-                faces.list[faces.count - 1 - (size_t)(k / 3)].color[k % 3][c] = (float)stack_color(level, c);
+                faces.list[faces.count - 1 - (size_t)(k / 3)].albedo[k % 3][c] = (float)stack_color(level, c);
     }
     mesh = check_add_mesh(s, &faces, 1);
-    mesh->has_colors = 1;
+    mesh->has_albedos = 1;
     for (int c = 0; c < 3; ++c) mesh->transmittance[c] = 1 - 0.1f * p->albedo[c];
     memcpy(s->scene.ambient, p->light, sizeof p->light);
 }

@@ -23,8 +23,8 @@ static void start(check_scene *s, const sps_lobe *lobe) {
     check_add_puff(s, 6);
     s->volume[0].lobes = lobe, s->volume[0].lobe_count = lobe != NULL;
     check_color(s->volume[0].albedo, 1, 1, 1);
-    s->view.scattering = SPS_SCATTERING_FULL;
-    s->view.scatter_size = 16;
+    s->view.scattering = SPS_SCATTERING_MULTIPLE;
+    s->view.scattering_resolution = 16;
     faces.count = 0;
 }
 
@@ -82,7 +82,7 @@ static void add_place(check_scene *s, int place) {
         check_add_directional(s, place == WALL ? 1 : 0.3, place == WALL ? -0.1 : -1, -0.2, 1);
     }
     check_add_mesh(s, &faces, 0.8);
-    if (place == COLORS) check_color(s->mesh[0].color, 0.9, 0.5, 0.2);
+    if (place == COLORS) check_color(s->mesh[0].albedo, 0.9, 0.5, 0.2);
 }
 
 /* --- which links are closed --- */
@@ -133,7 +133,7 @@ static void test_links(void) {
     for (int n = 0; n < 4; ++n) {
         check_scene s;
         start_even(&s);
-        if (n == 2) s.view.scatter_size = 15; /* cells' centres are in the plane */
+        if (n == 2) s.view.scattering_resolution = 15; /* cells' centres are in the plane */
         check_add_directional(&s, 0.1, -1, 0.2, 1);
         add_plane(&walls[n]);
         check_add_mesh(&s, &faces, 0.5);
@@ -411,7 +411,7 @@ static void test_leaving(void) {
         double out = 0, in = 0;
         check_scene s;
         start(&s, NULL);
-        s.view.scatter_size = sides[n];
+        s.view.scattering_resolution = sides[n];
         check_add_directional(&s, 0.2, -1, 0.3, 1);
         add_quad(-1, -900, -1, 2, 0, 0, 0, 0, 2);
         check_add_mesh(&s, &faces, 0.5);
@@ -678,7 +678,7 @@ static void test_floor_sends(void) {
         int at[3];
         check_scene s;
         start_even(&s);
-        s.view.scatter_size = sides[n % 2];
+        s.view.scattering_resolution = sides[n % 2];
         s.volume[0].extinction = 1e-3f;
         check_add_directional(&s, 0, -1, 0, 1);
         add_quad(-90, -1.3, -90, 180, 0, 0, 0, 0, 180);
@@ -702,11 +702,11 @@ static void test_floor_receives(void) {
     check_scene s;
     start(&s, NULL);
     add_place(&s, ABOVE_FLOOR);
-    s.view.filling = SPS_FILLING_SPLAT;       /* cells' tables have other samples than the other picture's sheets, */
-    s.view.shadow_size = 64, s.view.slab = 1; /* and neither texels nor slabs that follow pixels */
-    check_color(s.mesh[0].color, 0.9, 0.6, 0.3);
+    s.view.filling = SPS_FILLING_SPLAT; /* cells' tables have other samples than the other picture's sheets, */
+    s.view.shadow_resolution = 64, s.view.slab_thickness = 1; /* and neither texels nor slabs that follow pixels */
+    check_color(s.mesh[0].albedo, 0.9, 0.6, 0.3);
     check_render(context, &s, image_a);
-    s.view.scattering = SPS_SCATTERING_OFF;
+    s.view.scattering = SPS_SCATTERING_SINGLE;
     check_render(context, &s, image_b);
     for (int x = 0; x < SIDE; ++x) { /* the lowest row of pixels, in front of the gas */
         const double toward[3] = {0, -1.2, -5}, right[3] = {1, 0, 0}, up[3] = {0, 5 / 5.141984, -1.2 / 5.141984};
@@ -719,7 +719,7 @@ static void test_floor_receives(void) {
         for (int c = 0; c < 3; ++c) {
             const size_t at = 4 * (size_t)((SIDE - 1) * SIDE + x) + (size_t)c;
             const double exact =
-                (double)s.mesh[0].color[c] / PI * irradiance_of(grid_of(context), 0, c, point, normal, NULL);
+                (double)s.mesh[0].albedo[c] / PI * irradiance_of(grid_of(context), 0, c, point, normal, NULL);
             off = fmax(off, fabs((double)image_a[at] - (double)image_b[at] - exact)), more = fmax(more, exact);
         }
     }
@@ -918,7 +918,7 @@ static void start_turned(check_scene *s, int by) {
     check_add_mesh(s, &faces, 0.8)->revision = (uint64_t)by + 1;
     check_add_directional(s, 0.4, -1, -0.3, 1);
     check_set3(s->view.camera.position, -2, 1.5, 4);
-    s->view.scatter_size = 40;
+    s->view.scattering_resolution = 40;
     memset(placement, 0, sizeof *placement);
     for (int k = 0; k < 3; ++k) {
         const int to = (k + by) % 3;
@@ -981,7 +981,7 @@ static void test_failures(void) {
     add_place(&s, SKY);
     s.view.width = s.view.height = 8;
     s.view.quality = SPS_QUALITY_DRAFT;
-    s.view.scatter_size = 6;
+    s.view.scattering_resolution = 6;
     s.volume[0].revision = s.mesh[0].revision = 1;
     for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 8;
     CHECK(check_failing(&s, 0, 0, image_a, image_b) > 17);
@@ -1027,7 +1027,7 @@ static void start_slab(check_scene *s, double depth, double z, check_triangles *
     check_add_directional(s, 0, 0, 1, 1);
     check_orthographic(&s->view.camera, 0.5);
     s->view.width = s->view.height = 4;
-    s->view.scatter_size = 0;
+    s->view.scattering_resolution = 0;
 }
 
 static const double slab_depths[4] = {0.3, 1, 3, 6};
@@ -1244,7 +1244,7 @@ static void test_faint(void) {
         check_scene s;
         double worst = 0;
         start_slab(&s, 2, 3, &floor);
-        s.scene.mesh_count = 0, faces.count = 0, s.view.scatter_size = 16;
+        s.scene.mesh_count = 0, faces.count = 0, s.view.scattering_resolution = 16;
         add_quad(4.5, -20, -20, 0, 40, 0, 0, 0, 40);
         check_add_mesh(&s, &faces, 1);
         s.volume[0].lobes = &lobe, s.volume[0].lobe_count = 1;
@@ -1321,7 +1321,7 @@ static void test_star(void) {
     check_set3(s.view.camera.up, 0, 0, -1);
     check_orthographic(&s.view.camera, 3.0 / PLACES_ON);
     s.view.width = PLACES_ON, s.view.height = 1;
-    s.view.scatter_size = 0;
+    s.view.scattering_resolution = 0;
     check_render(context, &s, image_a);
     for (int i = 0; i < PLACES_ON; ++i) check_set3(at[i], (i + 0.5) / PLACES_ON * 3 - 1.5, -1.3, lamp[2]);
     lamp_photons(lamp, at, PLACES_ON, exact);
@@ -1370,7 +1370,7 @@ static void test_rim(void) {
     check_set3(s.view.camera.up, 0, 0, -1);
     check_orthographic(&s.view.camera, 0.6 / PLACES_ON);
     s.view.width = PLACES_ON, s.view.height = 1;
-    s.view.scatter_size = 0;
+    s.view.scattering_resolution = 0;
     for (int red = 1; red >= 0; --red) {
         s.light[0].color[0] *= (float)red;
         check_render(context, &s, image_a);

@@ -172,7 +172,7 @@ static void test_middle(void) {
                 start(&s, kind, wide ? 2.967 : 2 * atan(32.0 / 192 * tan(0.5 * 2.967)));
                 s.light[0].shadow_source = SPS_SHADOW_TABLE;
                 s.view.width = s.view.height = wide ? 192 : 32;
-                s.view.slab = fine ? 0.25 : 0.5;
+                s.view.slab_thickness = fine ? 0.25 : 0.5;
                 s.view.region[2] = s.view.region[3] = 32;
                 if (wide) s.view.region[0] = s.view.region[1] = 80;
                 CHECK(plan_of(&s).sweep_count == (wide ? 4 : 1));
@@ -349,8 +349,8 @@ static void test_budget(void) {
         sps_get_stats(other, &stats);
         sps_destroy(other);
         s.view.budget_error = 0;
-        s.view.quality = stats.budget.quality, s.view.slab = stats.budget.slab;
-        s.view.tolerance = stats.budget.tolerance, s.view.scatter_size = stats.budget.scatter_size;
+        s.view.quality = stats.budget.quality, s.view.slab_thickness = stats.budget.slab_thickness;
+        s.view.tolerance = stats.budget.tolerance, s.view.scattering_resolution = stats.budget.scattering_resolution;
         check_render(context, &s, image_b);
         CHECK(check_same(&s, image_a, image_b));
     }

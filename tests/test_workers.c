@@ -139,7 +139,7 @@ static void test_regions(void) {
         if (variant == 1 || variant == 2) m.s.scene.light_count = 1;
         if (variant == 2) check_set3(m.s.light[0].direction, 0.3, -0.8, 1);
         if (variant == 3) check_orthographic(&m.s.view.camera, 2.1);
-        if (variant == 4) m.s.volume[0].extinction = 60, m.s.view.slab = 0.5; /* tiles finish early */
+        if (variant == 4) m.s.volume[0].extinction = 60, m.s.view.slab_thickness = 0.5; /* tiles finish early */
         check_regions(&m, names[variant]);
         mixed_free(&m);
     }

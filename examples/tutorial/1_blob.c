@@ -46,7 +46,7 @@ int main(int argc, char **argv) {
 
     sps_indexed_mesh ground = {.vertex_count = 4, .positions = corners, .triangle_count = 2, .indices_u16 = indices};
     sps_mesh mesh = {.triangle_count = 2, .read_fn = sps_indexed_mesh_read, .user = &ground};
-    mesh.color[0] = mesh.color[1] = 0.3f, mesh.color[2] = 0.2f;
+    mesh.albedo[0] = mesh.albedo[1] = 0.3f, mesh.albedo[2] = 0.2f;
 
     sps_light sun = {.direction = {1, -1, -0.5}, .color = {9, 8, 7}}; /* the way the light travels; irradiance */
     sps_scene scene = {.volumes = &gas, .volume_count = 1, .meshes = &mesh, .mesh_count = 1};
@@ -54,7 +54,7 @@ int main(int argc, char **argv) {
     scene.background[0] = 0.1f, scene.background[1] = 0.2f, scene.background[2] = 0.4f;
 
     sps_view view = {.width = WIDTH, .height = HEIGHT};
-    view.scattering = SPS_SCATTERING_OFF; /* light scatters once; 0, the default: as often as the scene calls for */
+    view.scattering = SPS_SCATTERING_SINGLE; /* light scatters once; 0, the default: as often as the scene calls for */
     view.camera = (sps_camera){.position = {0, 1.2, 4}, .up = {0, 1, 0}, .field_of_view = 0.6}; /* target: 0, 0, 0 */
     sps_image image = {.rgba = rgba};
 

@@ -60,7 +60,7 @@ int main(int argc, char **argv) {
     sps_scene scene = {.volumes = &scan, .volume_count = 1, .lights = &lamp, .light_count = 1};
     for (int c = 0; c < 3; ++c) scene.ambient[c] = 0.12f, scene.background[c] = 0.02f;
 
-    sps_view view = {.width = WIDTH, .height = HEIGHT, .scattering = SPS_SCATTERING_OFF};
+    sps_view view = {.width = WIDTH, .height = HEIGHT, .scattering = SPS_SCATTERING_SINGLE};
     view.camera = (sps_camera){.position = {1.6, 1.5, 4}, .up = {0, 1, 0}, .field_of_view = 0.5};
     sps_image image = {.rgba = rgba};
 

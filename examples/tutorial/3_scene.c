@@ -1,4 +1,5 @@
-/* Step 3 of docs/tutorial.md: polygons over vertices in memory, particles, and two lights, one of them among the gas. */
+/* Step 3 of docs/tutorial.md: polygons over vertices in memory, particles, and two lights, one of them among the gas.
+ */
 
 #include "splatshadow.h"
 #include "../picture.h"
@@ -70,9 +71,9 @@ int main(int argc, char **argv) {
 
     sps_indexed_mesh indexed = {.vertex_count = sizeof vertices / sizeof *vertices};
     indexed.positions = vertices[0].position, indexed.position_stride = sizeof(vertex);
-    indexed.colors = vertices[0].color, indexed.color_stride = sizeof(vertex);
+    indexed.albedos = vertices[0].color, indexed.albedo_stride = sizeof(vertex);
     indexed.triangle_count = sizeof indices / sizeof *indices, indexed.indices_u16 = indices[0];
-    sps_mesh mesh = {.triangle_count = indexed.triangle_count, .has_colors = 1};
+    sps_mesh mesh = {.triangle_count = indexed.triangle_count, .has_albedos = 1};
     mesh.read_fn = sps_indexed_mesh_read, mesh.user = &indexed;
 
     sps_particles mist = {.count = PUFFS, .read_fn = read_mist, .user = puffs, .soft = 1};
@@ -85,7 +86,7 @@ int main(int argc, char **argv) {
     scene.lights = lights, scene.light_count = 2;
     scene.background[0] = 0.02f, scene.background[1] = 0.03f, scene.background[2] = 0.06f;
 
-    sps_view view = {.width = WIDTH, .height = HEIGHT, .scattering = SPS_SCATTERING_OFF};
+    sps_view view = {.width = WIDTH, .height = HEIGHT, .scattering = SPS_SCATTERING_SINGLE};
     view.coverage_samples = 4; /* along each side of a pixel: smooth edges of the stones */
     view.camera = (sps_camera){.position = {1, 2.6, 6.4}, .target = {0, 0.3, 0}, .field_of_view = 0.62};
     view.camera.up[1] = 1;

@@ -123,7 +123,7 @@ static void parallel_for(void *user, int count, sps_task_fn task, void *data) {
 /* A frame within `seconds`. What can be mended by looking at the error is mended, and the frame begun again. */
 static sps_result render_frame(engine *e, sps_context *context, sps_scene *scene, sps_light *light, sps_image *image,
                                double seconds) {
-    sps_view view = {.width = WIDTH, .height = HEIGHT, .scattering = SPS_SCATTERING_OFF};
+    sps_view view = {.width = WIDTH, .height = HEIGHT, .scattering = SPS_SCATTERING_SINGLE};
     sps_error_info why;
     sps_stats_report stats;
     view.camera =
@@ -154,7 +154,7 @@ int main(int argc, char **argv) {
     smoke.albedo[0] = smoke.albedo[1] = smoke.albedo[2] = 0.9f;
     sps_indexed_mesh ground = {.vertex_count = 3, .positions = corners, .triangle_count = 1};
     sps_mesh mesh = {.triangle_count = 1, .read_fn = sps_indexed_mesh_read, .user = &ground, .revision = 1};
-    mesh.color[0] = mesh.color[1] = mesh.color[2] = 0.3f;
+    mesh.albedo[0] = mesh.albedo[1] = mesh.albedo[2] = 0.3f;
     sps_light lights[2] = {{.direction = {1, -1, -0.7}, .color = {5, 5.5f, 6}},
                            {.kind = SPS_LIGHT_DISC, .position = {0, 0.35, 0}, .color = {1.5f, 0.6f, 0.2f}}};
     lights[1].axes[0][0] = lights[1].axes[1][2] = 0.05; /* a flame */

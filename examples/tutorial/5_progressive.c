@@ -67,14 +67,14 @@ int main(int argc, char **argv) {
     smoke.revision = 1; /* the draft reads the voxels, all tiles use them */
     sps_indexed_mesh ground = {.vertex_count = 3, .positions = corners, .triangle_count = 1};
     sps_mesh mesh = {.triangle_count = 1, .read_fn = sps_indexed_mesh_read, .user = &ground, .revision = 1};
-    mesh.color[0] = 0.25f, mesh.color[1] = 0.3f, mesh.color[2] = 0.35f;
+    mesh.albedo[0] = 0.25f, mesh.albedo[1] = 0.3f, mesh.albedo[2] = 0.35f;
     sps_light sun = {.direction = {0.8, -1, -0.3}, .color = {8, 7.5f, 7}};
     sps_scene scene = {.volumes = &smoke, .volume_count = 1, .meshes = &mesh, .mesh_count = 1};
     scene.lights = &sun, scene.light_count = 1;
     for (int c = 0; c < 3; ++c) scene.ambient[c] = 0.1f, scene.background[c] = 0.3f + 0.1f * (float)c;
 
     sps_view view = {.width = WIDTH, .height = HEIGHT, .quality = SPS_QUALITY_HIGH};
-    view.scattering = SPS_SCATTERING_OFF;
+    view.scattering = SPS_SCATTERING_SINGLE;
     view.camera =
         (sps_camera){.position = {0, 2.2, 3.6}, .target = {0, -0.15, 0}, .field_of_view = 0.52, .up = {0, 1, 0}};
     sps_context *context = sps_create(NULL, NULL);

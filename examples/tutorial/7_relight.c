@@ -1,4 +1,5 @@
-/* Step 7 of docs/tutorial.md: tables that are held while the camera moves, and lights that are mixed without rendering. */
+/* Step 7 of docs/tutorial.md: tables that are held while the camera moves, and lights that are mixed without rendering.
+ */
 
 #include "splatshadow.h"
 #include "../picture.h"
@@ -89,14 +90,14 @@ int main(int argc, char **argv) {
     smoke.revision = 1;
     sps_indexed_mesh ground = {.vertex_count = 3, .positions = corners, .triangle_count = 1};
     sps_mesh mesh = {.triangle_count = 1, .read_fn = sps_indexed_mesh_read, .user = &ground, .revision = 1};
-    mesh.color[0] = mesh.color[1] = mesh.color[2] = 0.45f;
+    mesh.albedo[0] = mesh.albedo[1] = mesh.albedo[2] = 0.45f;
     sps_light lights[LIGHTS] = {spotlight(0.4), spotlight(2.5), spotlight(4.6)};
     sps_scene scene = {.volumes = &smoke, .volume_count = 1, .meshes = &mesh, .mesh_count = 1};
     scene.lights = lights, scene.light_count = LIGHTS;
     for (int c = 0; c < 3; ++c) scene.ambient[c] = 0.015f, scene.background[c] = 0.01f;
 
     sps_view view = {.width = WIDTH, .height = HEIGHT};
-    view.scattering = SPS_SCATTERING_OFF; /* the same for all pictures: AUTO, 0, decides for each */
+    view.scattering = SPS_SCATTERING_SINGLE; /* the same for all pictures: AUTO, 0, decides for each */
     view.camera =
         (sps_camera){.position = {1.2, 3.1, 4.6}, .target = {0, 0.45, 0}, .field_of_view = 0.62, .up = {0, 1, 0}};
     sps_context *context = sps_create(NULL, NULL);

@@ -191,8 +191,8 @@ static void block_frame(frame *f, block *b, int width, double pixels, uint64_t r
     f->view.camera.ortho_height = width / pixels;
 }
 
-/* The shadow_size that gives a voxel this number of texels, by what `medium` plans for one. Two texels of border on
-   each side are not among them. */
+/* The shadow_resolution that gives a voxel this number of texels, by what `medium` plans for one. Two texels of border
+   on each side are not among them. */
 static int texels_for(const ex_session *session, const frame *f, int texels) {
     sps_plan_report plan;
     ex_stop_unless_ok(sps_plan(session->context, &f->scene, &f->view, &plan), program, session);
@@ -209,11 +209,11 @@ static void bench_splatting(void) {
     ex_session_measure(&one, program, 1);
     block_frame(&f, &b, 512, 4, 1);
     f.view.filling = SPS_FILLING_SPLAT;
-    f.view.shadow_size = texels_for(&one, &f, 4);
+    f.view.shadow_resolution = texels_for(&one, &f, 4);
     for (int i = 0; i < 2; ++i) {
         contender c;
         char what[80];
-        f.view.slab = thickness[i];
+        f.view.slab_thickness = thickness[i];
         contender_set(&c, &one, &f, 0);
         race(&c, 1, REPEATS);
         snprintf(what, sizeof what, "fragments on one core, slabs of %g voxels", thickness[i]);
@@ -410,7 +410,7 @@ static void print_setting(ex_session *session, const frame *f, const double *exa
     contender c;
     double high;
     contender_set(&c, session, f, 0);
-    if (f->view.slab < 3)
+    if (f->view.slab_thickness < 3)
         c.seconds = render_seconds(session, f, &f->view); /* thicker slabs have warmed it up */
     else
         race(&c, 1, 3);
@@ -418,7 +418,8 @@ static void print_setting(ex_session *session, const frame *f, const double *exa
     printf(" | %7.5f %7.5f %7.5f %6.1f", error, high, image_error(f->rgba, own, BLOB_SIZE, NULL), 1e3 * c.seconds);
     fflush(stdout);
     if (error > TARGET_ERROR || c.seconds >= best->seconds) return;
-    best->seconds = c.seconds, best->error = error, best->slab = f->view.slab, best->shadow = f->view.shadow_size;
+    best->seconds = c.seconds, best->error = error, best->slab = f->view.slab_thickness,
+    best->shadow = f->view.shadow_resolution;
     best->grid = f->volume.size[0], best->quality = f->view.quality, best->filling = f->view.filling;
 }
 
@@ -431,7 +432,7 @@ static void print_curve(ex_session *session, frame *f, const double *exact, cons
     for (int i = 0; i < CURVE_SLABS; ++i) {
         printf("\n  %4g ", curve_slabs[i]);
         for (int k = 0; k < CURVE_SHADOWS; ++k) {
-            f->view.slab = curve_slabs[i], f->view.shadow_size = curve_shadows[k];
+            f->view.slab_thickness = curve_slabs[i], f->view.shadow_resolution = curve_shadows[k];
             print_setting(session, f, exact, own, best);
         }
     }
@@ -456,7 +457,7 @@ static double bench_curves(ex_session *session, const double *exact, int grid, b
             f.view.quality = (sps_quality)quality, f.view.filling = (sps_filling)filling;
             print_curve(session, &f, exact, own, best);
         }
-    f.view.slab = 0, f.view.shadow_size = 0, f.view.filling = SPS_FILLING_AUTO;
+    f.view.slab_thickness = 0, f.view.shadow_resolution = 0, f.view.filling = SPS_FILLING_AUTO;
     contender_set(&medium, session, &f, 0);
     race(&medium, 1, 3);
     const double error = image_error(f.rgba, own, BLOB_SIZE, NULL);
@@ -490,7 +491,7 @@ static void print_best(const best_setting *best) {
     at_most(what, best->seconds, "s", 0.05);
     ex_session_measure(&session, program, WORKERS);
     blob_frame(&f, best->grid, BLOB_SIZE);
-    f.view.slab = best->slab, f.view.shadow_size = best->shadow;
+    f.view.slab_thickness = best->slab, f.view.shadow_resolution = best->shadow;
     f.view.quality = best->quality, f.view.filling = best->filling;
     plain("... as the first frame of a new context, reading the voxels", render_seconds(&session, &f, &f.view), "s");
     sps_get_stats(session.context, &stats);
@@ -943,7 +944,7 @@ static void bench_teapot(ex_session *session) {
     if (!folder) ex_fail(&error, "SPLATSHADOW_DATA does not say where utah_teapot.obj is");
     if (scan_failed(!folder || ex_mesh_load(&mesh, path, 60, &error), &error)) return;
     edge_frame(&f, &mesh, position, target);
-    f.mesh.has_colors = 0, f.mesh.color[0] = f.mesh.color[1] = f.mesh.color[2] = 0.5f;
+    f.mesh.has_albedos = 0, f.mesh.albedo[0] = f.mesh.albedo[1] = f.mesh.albedo[2] = 0.5f;
     bench_edges_of("teapot, hard shadows", session, &f);
     frame_end(&f);
     ex_mesh_free(&mesh);
@@ -1226,9 +1227,9 @@ static const double grade_targets[GRADES] = {1, 1.05, 1.3, 1.3, 1.1, 1.3};
 
 /* The frame of a grade. Cells are held if all volumes and meshes have a revision. */
 static void grade_set(contender *c, ex_session *session, frame *f, grade of) {
-    static const sps_scattering scattering[GRADES] = {SPS_SCATTERING_OFF,         SPS_SCATTERING_FORWARD,
+    static const sps_scattering scattering[GRADES] = {SPS_SCATTERING_SINGLE,      SPS_SCATTERING_FORWARD,
                                                       SPS_SCATTERING_CONVOLUTION, SPS_SCATTERING_CONVOLUTION,
-                                                      SPS_SCATTERING_FULL,        SPS_SCATTERING_FULL};
+                                                      SPS_SCATTERING_MULTIPLE,    SPS_SCATTERING_MULTIPLE};
     f->mesh.revision = of != NEW_SPREAD && of != NEW_CELLS;
     contender_set(c, session, f, 0);
     c->view.scattering = scattering[of];
@@ -1275,7 +1276,7 @@ static void bench_cells(ex_session *session) {
     f.mesh.revision = 0; /* cells are not held */
     printf("\nMaking cells: the blob with an optical depth of 35 through its middle, 2 workers, ms\n\n");
     printf("| asymmetry | moments | albedo |");
-    for (int k = 0; k < SIZES; ++k) printf(" scatter_size %d |", sizes[k]);
+    for (int k = 0; k < SIZES; ++k) printf(" scattering_resolution %d |", sizes[k]);
     printf("\n|---|---|---|---|---|---|---|\n");
     for (int i = 0; i < 2 * PHASES; ++i) {
         f.volume.lobes = &lobes[i / 2], f.volume.lobe_count = 1;
@@ -1284,7 +1285,7 @@ static void bench_cells(ex_session *session) {
         for (int k = 0; k < SIZES; ++k) {
             double seconds[ROUNDS];
             sps_view view = f.view;
-            view.scattering = SPS_SCATTERING_FULL, view.scatter_size = sizes[k];
+            view.scattering = SPS_SCATTERING_MULTIPLE, view.scattering_resolution = sizes[k];
             for (int r = 0; r < ROUNDS; ++r) {
                 sps_stats_report stats;
                 render_seconds(session, &f, &view);
@@ -1387,10 +1388,10 @@ static void bench_paths(void) {
                (double)lobes[i].asymmetry, PATHS_SIDE, PATHS_SIDE);
         printf("| | s | error, of the mean radiance | paths of that error, s |\n|---|---|---|---|\n");
         bench_walks(&session, &f, &w);
-        bench_against_walks(&session, &f, &w, "once", SPS_SCATTERING_OFF);
+        bench_against_walks(&session, &f, &w, "once", SPS_SCATTERING_SINGLE);
         bench_against_walks(&session, &f, &w, "forward", SPS_SCATTERING_FORWARD);
         bench_against_walks(&session, &f, &w, "convolution", SPS_SCATTERING_CONVOLUTION);
-        bench_against_walks(&session, &f, &w, "full", SPS_SCATTERING_FULL);
+        bench_against_walks(&session, &f, &w, "full", SPS_SCATTERING_MULTIPLE);
         frame_end(&f);
     }
     ex_session_end(&session);
@@ -1447,9 +1448,10 @@ static void bench_small(ex_session *session, frame *f, const char *name) {
         for (int i = 0; i < WAYS; ++i) {
             contender_set(&c[i], session, f, 0);
             c[i].view.filling = i ? SPS_FILLING_AUTO : SPS_FILLING_SPLAT;
-            if (i == 1) c[i].view.slab = f->volume.transfer ? 0.7 : 1;
+            if (i == 1) c[i].view.slab_thickness = f->volume.transfer ? 0.7 : 1;
             if (i == 1)
-                c[i].view.shadow_size = plan.shadow_width > plan.shadow_height ? plan.shadow_width : plan.shadow_height;
+                c[i].view.shadow_resolution =
+                    plan.shadow_width > plan.shadow_height ? plan.shadow_width : plan.shadow_height;
             render_seconds(session, f, &c[i].view);
             error[i] = error_of_means(f, &large, times);
         }
@@ -1480,7 +1482,7 @@ static void bench_filling(void) {
     ex_session_measure(&session, program, 1);
     for (int slab = 1; slab <= 8; slab *= 8) {
         blob_frame(&f, 128, FILLING_SIZE);
-        f.view.slab = slab;
+        f.view.slab_thickness = slab;
         bench_ways(&session, &f, slab == 1 ? "blob 128^3 over a plane" : "... slabs of 8 voxels");
         frame_end(&f);
     }

@@ -151,7 +151,7 @@ static void measure_view(curve_scenes *s, int scene, int size, plot *p) {
         if (size)
             frame_resize(&frames[k], (int)p->x[k], (int)p->x[k]);
         else
-            frames[k].view.slab = p->x[k];
+            frames[k].view.slab_thickness = p->x[k];
         contender_set(&c[k], &s->session, &frames[k], 0);
     }
     race(c, p->places, 3);

@@ -32,7 +32,7 @@ static inline void frame_begin(frame *f, int width, int height) {
     f->scene.lights = &f->light, f->scene.light_count = 1;
     f->view.width = width, f->view.height = height;
     f->view.quality = SPS_QUALITY_MEDIUM;
-    f->view.scattering = SPS_SCATTERING_OFF;
+    f->view.scattering = SPS_SCATTERING_SINGLE;
     f->view.camera.up[1] = 1;
     f->rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof(float));
 }
@@ -410,7 +410,7 @@ static inline void blob_frame(frame *f, int grid, int size) {
         f->volume.size[i] = grid;
         f->volume.placement.origin[i] = blob_centre[i] - 0.5 * BLOB_BOX * BLOB_WIDTH;
         f->volume.placement.axis[i][i] = BLOB_BOX * BLOB_WIDTH;
-        f->volume.albedo[i] = 1, f->mesh.color[i] = 0.5f, f->light.color[i] = (float)EX_PI;
+        f->volume.albedo[i] = 1, f->mesh.albedo[i] = 0.5f, f->light.color[i] = (float)EX_PI;
     }
     f->volume.eval_fn = blob_density, f->volume.concurrent = 1, f->volume.revision = 1;
     f->volume.extinction = (float)BLOB_EXTINCTION;
@@ -455,7 +455,7 @@ static inline void smoke_ground_frame(frame *f, ex_grid *grid, int size) {
     smoke_frame(f, grid);
     frame_resize(f, size, size);
     f->mesh.triangle_count = 2, f->mesh.read_fn = plane_read;
-    for (int i = 0; i < 3; ++i) f->mesh.color[i] = 0.4f, f->scene.ambient[i] = 0.1f;
+    for (int i = 0; i < 3; ++i) f->mesh.albedo[i] = 0.4f, f->scene.ambient[i] = 0.1f;
 }
 
 #endif /* BENCH_SCENES_H */

@@ -25,8 +25,8 @@ static void turn_voxels(frame *f, double value) {
     f->volume.revision = (uint64_t)value;
 }
 
-static void turn_slab(frame *f, double value) { f->view.slab = value; }
-static void turn_shadow_size(frame *f, double value) { f->view.shadow_size = (int)value; }
+static void turn_slab(frame *f, double value) { f->view.slab_thickness = value; }
+static void turn_shadow_size(frame *f, double value) { f->view.shadow_resolution = (int)value; }
 static void turn_quality(frame *f, double value) { f->view.quality = (sps_quality)(int)value; }
 static void turn_tolerance(frame *f, double value) { f->view.tolerance = (float)value; }
 
@@ -42,7 +42,7 @@ static const knob knobs[KNOBS] = {
     {"voxels", turn_voxels, NULL, 5, {128, 96, 64, 48, 32}},
     {"slab", turn_slab, NULL, 6, {0.5, 1, 2, 4, 8, 16}},
     {"quality", turn_quality, quality_words, 3, {SPS_QUALITY_HIGH, SPS_QUALITY_MEDIUM, SPS_QUALITY_DRAFT}},
-    {"shadow_size", turn_shadow_size, NULL, 5, {512, 256, 128, 96, 64}},
+    {"shadow_resolution", turn_shadow_size, NULL, 5, {512, 256, 128, 96, 64}},
     {"tolerance", turn_tolerance, NULL, 3, {0, 0.02, 0.1}},
 };
 

@@ -38,7 +38,8 @@ static int trial_begin(trial *t, const price_scene *scene, ex_session *session) 
         return 1;
     }
     frame *f = &t->priced->frame;
-    f->view.quality = SPS_QUALITY_DEFAULT, f->view.slab = 0, f->view.tolerance = 0, f->view.scatter_size = 0;
+    f->view.quality = SPS_QUALITY_DEFAULT, f->view.slab_thickness = 0, f->view.tolerance = 0,
+    f->view.scattering_resolution = 0;
     f->light.samples = 0;
     set_mean(t);
     frame_copy(&t->shown, f);
@@ -48,7 +49,7 @@ static int trial_begin(trial *t, const price_scene *scene, ex_session *session) 
 /* Finds the truth from where the camera is now. */
 static void find_truth(trial *t, ex_session *session) {
     const frame *f = &t->priced->frame;
-    const int again = f->view.scattering == SPS_SCATTERING_FULL;
+    const int again = f->view.scattering == SPS_SCATTERING_MULTIPLE;
     sampled_end(&t->priced->truth);
     t->priced->noise = 0;
     if (t->priced->exact)
@@ -167,7 +168,7 @@ static double fit_setting(trial *t, const char *name, const spsi_setting *settin
 }
 
 static void fit_view(const char *name, trial *t) {
-    const int again = t->shown.view.scattering == SPS_SCATTERING_FULL, soft = t->shown.light.angular_diameter > 0;
+    const int again = t->shown.view.scattering == SPS_SCATTERING_MULTIPLE, soft = t->shown.light.angular_diameter > 0;
     const int looks = t->shown.volume.transfer != NULL;
     spsi_setting setting = {0, 0, 0};
     for (int g = 0; g < SPSI_GRADES && !soft && !again; ++g) {
@@ -234,7 +235,7 @@ static void balls_begin(balls_scene *b, double radius, double depth, int soft, i
     b->view.width = b->view.height = BALLS_SIZE;
     b->view.camera.position[1] = 1, b->view.camera.position[2] = 5;
     b->view.camera.up[1] = 1, b->view.camera.field_of_view = 0.5;
-    b->view.scattering = SPS_SCATTERING_OFF;
+    b->view.scattering = SPS_SCATTERING_SINGLE;
 }
 
 /* What a rung is off by, beside steps of 0.14 radii, as if balls filled the picture. */
@@ -354,9 +355,9 @@ static void tally_add(tally *t, double ratio, double share) {
 
 static void print_setting(const sps_budget_report *b) {
     static const char *const names[] = {"", "draft", "medium", "high", "ultra"};
-    printf("%s, slab %.3g, tolerance %g", names[b->quality], b->slab, (double)b->tolerance);
+    printf("%s, slab %.3g, tolerance %g", names[b->quality], b->slab_thickness, (double)b->tolerance);
     if (b->samples) printf(", samples %d", b->samples);
-    if (b->scatter_size) printf(", scatter_size %d", b->scatter_size);
+    if (b->scattering_resolution) printf(", scattering_resolution %d", b->scattering_resolution);
     printf("%s |\n", b->is_met ? "" : "; not met");
 }
 

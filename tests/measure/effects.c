@@ -284,14 +284,14 @@ static double radiance_sum(const trial *t) {
 static void thin_alone(ex_stage *s) {
     ex_thin(s);
     black_background(s);
-    s->view.scattering = SPS_SCATTERING_FULL;
+    s->view.scattering = SPS_SCATTERING_MULTIPLE;
 }
 
 /* The bound is above the default tolerance, which is raised. */
 static void less_thin_alone(ex_stage *s) {
     thin_alone(s);
     s->clouds[0].extinction = 0.03f;
-    s->view.scatter_tolerance = 0.3f;
+    s->view.scattering_tolerance = 0.3f;
 }
 
 static void bound_scattering(const char *name, ex_change common) {
@@ -318,7 +318,7 @@ static void opaque_ball(ex_stage *s) {
     ex_color(s->scene.background, 1, 1, 1);
     memset(&s->view.camera, 0, sizeof s->view.camera);
     s->view.camera.position[2] = 5, s->view.camera.up[1] = 1, s->view.camera.ortho_height = 2.2;
-    s->view.slab = 0.05;
+    s->view.slab_thickness = 0.05;
 }
 
 static void ends_later(ex_stage *s) { s->view.quality = SPS_QUALITY_ULTRA; }
@@ -349,7 +349,7 @@ static void print_bounds(void) {
     bound_tolerance("`tolerance` of 0.1, rays of the eye: `eye_bound`", smooth_alone);
     bound_tolerance("... and of a light: `eye_bound` + `light_bound`", smooth_above_floor);
     bound_scattering("`SPS_SCATTERING_AUTO`, thin gas: `scatter_bound`", thin_alone);
-    bound_scattering("... gas 30 times as dense, `scatter_tolerance` 0.3", less_thin_alone);
+    bound_scattering("... gas 30 times as dense, `scattering_tolerance` 0.3", less_thin_alone);
     bound_ends();
     printf("\n");
 }

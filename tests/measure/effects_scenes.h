@@ -101,7 +101,7 @@ static inline void ex_stage_begin(ex_stage *s, int voxels, int width) {
     s->view.camera.position[0] = 1, s->view.camera.position[1] = 1.5, s->view.camera.position[2] = 5;
     s->view.camera.target[1] = -0.1;
     s->view.camera.up[1] = 1, s->view.camera.field_of_view = 0.6;
-    s->view.scattering = SPS_SCATTERING_OFF;
+    s->view.scattering = SPS_SCATTERING_SINGLE;
 }
 
 /* A stage of that size with these changes, in their order. */
@@ -120,7 +120,7 @@ static inline void ex_add_net(ex_stage *s, const float *positions, size_t vertic
     s->nets[n].indices_u16 = indices, s->nets[n].triangle_count = triangles;
     s->meshes[n].read_fn = sps_indexed_mesh_read, s->meshes[n].user = &s->nets[n];
     s->meshes[n].triangle_count = triangles;
-    ex_color(s->meshes[n].color, 0.5, 0.4, 0.3);
+    ex_color(s->meshes[n].albedo, 0.5, 0.4, 0.3);
 }
 
 static inline void ex_add_floor(ex_stage *s) {
@@ -279,7 +279,7 @@ static inline void ex_own_ambient(ex_stage *s) { ex_color(s->clouds[0].ambient, 
 static inline void ex_scatter_ambient(ex_stage *s) { s->view.scattering = SPS_SCATTERING_AMBIENT; }
 static inline void ex_scatter_ways_forward(ex_stage *s) { s->view.scattering = SPS_SCATTERING_FORWARD; }
 static inline void ex_scatter_aside(ex_stage *s) { s->view.scattering = SPS_SCATTERING_CONVOLUTION; }
-static inline void ex_scatter_fully(ex_stage *s) { s->view.scattering = SPS_SCATTERING_FULL; }
+static inline void ex_scatter_fully(ex_stage *s) { s->view.scattering = SPS_SCATTERING_MULTIPLE; }
 static inline void ex_scatter_auto(ex_stage *s) { s->view.scattering = SPS_SCATTERING_AUTO; }
 static inline void ex_thin(ex_stage *s) { s->clouds[0].extinction = 0.001f; }
 
@@ -302,7 +302,7 @@ static inline int ex_checker(void *user, size_t count, const sps_surface_point *
     (void)user;
     for (size_t i = 0; i < count; ++i)
         if ((int)(floor(4 * points[i].position[0]) + floor(4 * points[i].position[2])) & 1)
-            ex_color(out[i].color, 0.1, 0.1, 0.1);
+            ex_color(out[i].albedo, 0.1, 0.1, 0.1);
     return 0;
 }
 static inline int ex_as_it_is(void *user, size_t count, const sps_surface_point *points, sps_surface *out) {
@@ -425,7 +425,7 @@ static inline void ex_add_mesh_behind(ex_stage *s) {
 static inline void ex_add_clear_pane(ex_stage *s) {
     ex_add_sail(s);
     ex_color(s->meshes[s->scene.mesh_count - 1].transmittance, 1, 1, 1);
-    ex_color(s->meshes[s->scene.mesh_count - 1].color, 0, 0, 0);
+    ex_color(s->meshes[s->scene.mesh_count - 1].albedo, 0, 0, 0);
 }
 static inline void ex_add_no_swarm(ex_stage *s) {
     ex_add_swarm(s);
@@ -441,11 +441,11 @@ static inline void ex_make_noise(ex_stage *s) { s->clouds[0].read_fn = ex_noise_
 static inline void ex_table_no_shadow(ex_stage *s) {
     s->lights[0].no_shadow = 1;
     s->lights[0].shadow_source = SPS_SHADOW_TABLE;
-    s->lights[0].shadow_map_size = 256;
+    s->lights[0].shadow_map_resolution = 256;
 }
 static inline void ex_many_points(ex_stage *s) { s->lights[0].samples = 256; }
-static inline void ex_fine_sheets(ex_stage *s) { s->view.shadow_size = 512; }
-static inline void ex_many_cells(ex_stage *s) { s->view.scatter_size = 200; }
+static inline void ex_fine_sheets(ex_stage *s) { s->view.shadow_resolution = 512; }
+static inline void ex_many_cells(ex_stage *s) { s->view.scattering_resolution = 200; }
 /* Behind the eye, and not on the light's way. */
 static inline void ex_add_volume_behind(ex_stage *s) {
     s->clouds[1] = s->clouds[0];
@@ -498,7 +498,7 @@ static const ex_effect ex_effects[] = {
     {"a volume's own", "`SPS_SCATTERING_AMBIENT`", ex_own_ambient, ex_scatter_ambient, SPS_PASS_AMBIENT},
     {"scattered again, forward", "`SPS_SCATTERING_FORWARD`", NULL, ex_scatter_ways_forward, SPS_PASS_FORWARD},
     {"... and aside, from sheet to sheet", "`SPS_SCATTERING_CONVOLUTION`", NULL, ex_scatter_aside, SPS_PASS_SPREADING},
-    {"... in every direction", "`SPS_SCATTERING_FULL`", NULL, ex_scatter_fully, SPS_PASS_CELLS},
+    {"... in every direction", "`SPS_SCATTERING_MULTIPLE`", NULL, ex_scatter_fully, SPS_PASS_CELLS},
     {"... where gas calls for it", "`SPS_SCATTERING_AUTO`", NULL, ex_scatter_auto, SPS_PASS_CELLS},
     {"a background that varies", "`background_fn`", NULL, ex_paint_sky, -1},
     {"distances", "`sps_image.depth`", NULL, ex_ask_depth, -1},
@@ -556,8 +556,8 @@ static const ex_unneeded ex_unneeded_effects[] = {
     {"... for what emits", ex_emit, ex_tolerate, EX_UNTOUCHED, 0, ""},
     {"a table, for a light without shadows", ex_no_shadow, ex_table_no_shadow, EX_UNTOUCHED, 0, ""},
     {"256 points, for a light without an extent", ex_add_polygons, ex_many_points, EX_UNTOUCHED, 0, ""},
-    {"a `shadow_size` without shadows", ex_no_shadow, ex_fine_sheets, EX_UNTOUCHED, 0, ""},
-    {"a `scatter_size` without cells", NULL, ex_many_cells, EX_UNTOUCHED, 0, ""},
+    {"a `shadow_resolution` without shadows", ex_no_shadow, ex_fine_sheets, EX_UNTOUCHED, 0, ""},
+    {"a `scattering_resolution` without cells", NULL, ex_many_cells, EX_UNTOUCHED, 0, ""},
     {"ambient light, and nothing that it could light", ex_absorb, ex_add_ambient, EX_UNTOUCHED, 0, ""},
     {"scattering forward without shadows", ex_no_shadow, ex_scatter_ways_forward, EX_UNTOUCHED, 0, ""},
     {"... aside", ex_no_shadow, ex_scatter_aside, EX_UNTOUCHED, 0, ""},

@@ -55,7 +55,7 @@ static void render(const ex_session *session, set_up *s, const sps_tmap_settings
     image.rgba = rgba;
     if (settings) own = *settings, own.near_depth = own.far_depth = 0;
     s->light.shadow_map = settings ? &own : NULL;
-    s->light.shadow_map_size = settings ? s->map_size : 0;
+    s->light.shadow_map_resolution = settings ? s->map_size : 0;
     const double start = ex_now(NULL);
     ex_stop_unless_ok(sps_render(session->context, &s->scene, &s->view, &image), program, session);
     *seconds = ex_now(NULL) - start;

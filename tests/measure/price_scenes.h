@@ -184,7 +184,7 @@ static int build_penumbra(priced *p, ex_session *session) {
     p->frame.view.camera.position[2] = 0.5;
     p->frame.scene.mesh_count = 1;
     p->frame.mesh.triangle_count = 4, p->frame.mesh.read_fn = edge_read;
-    for (int c = 0; c < 3; ++c) p->frame.mesh.color[c] = 0.5f;
+    for (int c = 0; c < 3; ++c) p->frame.mesh.albedo[c] = 0.5f;
     add_sun(&p->frame, 0, 0, -1, EX_PI);
     p->frame.light.angular_diameter = 2 * penumbra_half;
     p->exact = penumbra_exact;
@@ -263,7 +263,7 @@ static int build_scattering(priced *p, ex_session *session) {
     add_sun(&p->frame, 0.6, -0.5, -1, EX_PI);
     p->frame.view.camera.position[0] = 2, p->frame.view.camera.position[2] = 5;
     p->frame.view.camera.field_of_view = 0.5;
-    p->frame.view.scattering = SPS_SCATTERING_FULL;
+    p->frame.view.scattering = SPS_SCATTERING_MULTIPLE;
     marched_truth(p, session, 5, 1, 400);
     return 0;
 }
@@ -313,7 +313,7 @@ static int build_cloud(priced *p, ex_session *session) {
     p->frame.volume.extinction = 60, p->frame.volume.lobes = &lobe, p->frame.volume.lobe_count = 1;
     memcpy(p->frame.view.camera.position, eye, sizeof eye);
     memcpy(p->frame.view.camera.target, target, sizeof target);
-    p->frame.view.scattering = SPS_SCATTERING_FULL;
+    p->frame.view.scattering = SPS_SCATTERING_MULTIPLE;
     marched_truth(p, session, 13, 2, 4800);
     return 0;
 }

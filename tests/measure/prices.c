@@ -36,7 +36,7 @@ static int has_smooth_gas(const frame *f) { return has_volume(f) && !f->volume.t
 static int has_shadows(const frame *f) { return has_light(f) && has_gas(f); }
 static int is_extended(const frame *f) { return has_light(f) && f->light.angular_diameter > 0; }
 static int has_maps(const frame *f) { return has_shadows(f) && !is_extended(f); }
-static int is_scattering(const frame *f) { return f->view.scattering == SPS_SCATTERING_FULL; }
+static int is_scattering(const frame *f) { return f->view.scattering == SPS_SCATTERING_MULTIPLE; }
 
 static void turn_quality(frame *f, int value) {
     static const sps_quality values[] = {SPS_QUALITY_DRAFT, SPS_QUALITY_MEDIUM, SPS_QUALITY_HIGH, SPS_QUALITY_ULTRA};
@@ -45,7 +45,7 @@ static void turn_quality(frame *f, int value) {
 
 static void turn_slab(frame *f, int value) {
     static const double values[] = {16, 8, 4, 2, 1, 0.5, 0.25};
-    f->view.slab = values[value];
+    f->view.slab_thickness = values[value];
 }
 
 static void turn_filling(frame *f, int value) { f->view.filling = value ? SPS_FILLING_GATHER : SPS_FILLING_SPLAT; }
@@ -55,12 +55,12 @@ static void turn_tolerance(frame *f, int value) {
     f->view.tolerance = values[value];
 }
 
-static void turn_shadow_size(frame *f, int value) { f->view.shadow_size = 64 << value; }
+static void turn_shadow_size(frame *f, int value) { f->view.shadow_resolution = 64 << value; }
 static void turn_samples(frame *f, int value) { f->light.samples = 4 << (2 * value); }
 
 static void turn_table(frame *f, int value) {
     f->light.shadow_source = SPS_SHADOW_TABLE;
-    f->light.shadow_map_size = 64 << value;
+    f->light.shadow_map_resolution = 64 << value;
 }
 
 static void turn_map(frame *f, int value) {
@@ -72,21 +72,21 @@ static void turn_map(frame *f, int value) {
                                              {.technique = SPS_TMAP_COMPRESSED, .epsilon = 0.003f},
                                              {.technique = SPS_TMAP_DEEP}};
     f->light.shadow_map = &maps[value]; /* beside a table the library refuses it, so that no trial has both */
-    f->light.shadow_map_size = 256;
+    f->light.shadow_map_resolution = 256;
 }
 
 static void turn_scattering(frame *f, int value) {
-    static const sps_scattering values[] = {SPS_SCATTERING_OFF, SPS_SCATTERING_FORWARD, SPS_SCATTERING_CONVOLUTION,
+    static const sps_scattering values[] = {SPS_SCATTERING_SINGLE, SPS_SCATTERING_FORWARD, SPS_SCATTERING_CONVOLUTION,
                                             SPS_SCATTERING_AUTO};
     f->view.scattering = values[value];
 }
 
-static void turn_scatter_size(frame *f, int value) { f->view.scatter_size = 16 << value; }
+static void turn_scatter_size(frame *f, int value) { f->view.scattering_resolution = 16 << value; }
 
 static const knob knobs[] = {
     {"quality", has_gas, turn_quality, 4, {"draft", "medium", "high", "ultra"}},
     {"slab", has_gas, turn_slab, 7, {"16", "8", "4", "2", "1", "0.5", "0.25"}},
-    {"shadow_size", has_shadows, turn_shadow_size, 5, {"64", "128", "256", "512", "1024"}},
+    {"shadow_resolution", has_shadows, turn_shadow_size, 5, {"64", "128", "256", "512", "1024"}},
     {"filling", has_volume, turn_filling, 2, {"splat", "gather"}},
     {"tolerance", has_smooth_gas, turn_tolerance, 3, {"0.1", "0.02", "0.005"}},
     {"samples", is_extended, turn_samples, 4, {"4", "16", "64", "256"}},
@@ -97,7 +97,7 @@ static const knob knobs[] = {
      7,
      {"opacity 16", "opacity 64", "deep opacity 16", "Fourier 16", "compressed 32", "compressed 0.003", "deep"}},
     {"scattering", is_scattering, turn_scattering, 4, {"off", "forward", "convolution", "auto"}},
-    {"scatter_size", is_scattering, turn_scatter_size, 4, {"16", "32", "64", "128"}},
+    {"scattering_resolution", is_scattering, turn_scatter_size, 4, {"16", "32", "64", "128"}},
 };
 enum { KNOBS = sizeof knobs / sizeof *knobs, AS_IT_IS = -1 };
 
@@ -220,7 +220,7 @@ typedef struct grade {
 static const grade grades[] = {
     {"look through",
      {{"quality", "draft"}, {"samples", "4"}},
-     {{"slab", "8"}, {"tolerance", "0.1"}, {"shadow_size", "64"}}},
+     {{"slab", "8"}, {"tolerance", "0.1"}, {"shadow_resolution", "64"}}},
     {"preview", {{"quality", "draft"}, {"samples", "4"}}, {{"slab", "4"}, {"tolerance", "0.1"}}},
     {"game asset, bake", {{"quality", "draft"}, {"samples", "16"}}, {{"tolerance", "0.02"}}},
     {"picture", {{"quality", "medium"}, {"samples", "16"}}, {{"tolerance", "0.02"}}},

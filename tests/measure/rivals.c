@@ -129,7 +129,7 @@ static int build_cloud(contest *c) {
     c->frame.volume.extinction = 60, c->frame.volume.lobes = &lobe, c->frame.volume.lobe_count = 1;
     memcpy(c->frame.view.camera.position, eye, sizeof eye);
     memcpy(c->frame.view.camera.target, target, sizeof target);
-    c->frame.view.scattering = SPS_SCATTERING_FULL;
+    c->frame.view.scattering = SPS_SCATTERING_MULTIPLE;
     return 0;
 }
 
@@ -418,9 +418,9 @@ static void write_land(const contest *c, FILE *pov, FILE *lines) {
             fprintf(pov, " <%.9g, %.9g, %.9g>%s", p[0], p[1], p[2], k < 2 ? "," : " }\n");
             fprintf(lines, "%.9g %.9g %.9g ", p[0], p[1], p[2]);
         }
-        fprintf(lines, "%.9g\n", (double)t->color[0][0]);
+        fprintf(lines, "%.9g\n", (double)t->albedo[0][0]);
         if (i == 1 || i + 1 == c->land.triangle_count)
-            fprintf(pov, "pigment { rgb %.9g } finish { ambient 0 diffuse 1 }\n%s", (double)t->color[0][0],
+            fprintf(pov, "pigment { rgb %.9g } finish { ambient 0 diffuse 1 }\n%s", (double)t->albedo[0][0],
                     i + 1 == c->land.triangle_count ? "}\n" : "");
     }
 }
@@ -674,7 +674,7 @@ static void copy_triangles(truth *w) {
     w->corners = (double(*)[3][3])ex_allocate(w->triangles, sizeof *w->corners);
     w->reflectance = (double *)ex_allocate(w->triangles, sizeof(double));
     for (size_t i = 0; i < w->triangles; ++i) {
-        w->reflectance[i] = (double)land->triangles[i].color[0][0];
+        w->reflectance[i] = (double)land->triangles[i].albedo[0][0];
         for (int k = 0; k < 9; ++k) {
             w->corners[i][k / 3][k % 3] = (double)land->triangles[i].position[k / 3][k % 3];
             if (i >= 2) w->middle[k % 3] += w->corners[i][k / 3][k % 3] / (3 * (double)(w->triangles - 2));
@@ -781,12 +781,12 @@ static void render_ours(contest *c, int grade, int size, const char *path) {
     ex_session session;
     ex_error error;
     f->view.quality = qualities[grade], f->view.tolerance = tolerances[grade];
-    if (grade == 0) f->view.slab = 4;
+    if (grade == 0) f->view.slab_thickness = 4;
     if (f->light.angular_diameter > 0) f->light.samples = samples[grade];
-    if (f->view.scattering == SPS_SCATTERING_FULL) f->view.scatter_size = cells[grade];
+    if (f->view.scattering == SPS_SCATTERING_MULTIPLE) f->view.scattering_resolution = cells[grade];
     if (size != SIZE) { /* start-up is measured so: what it has in common with a picture is reading */
         frame_resize(f, size, size);
-        f->view.scattering = SPS_SCATTERING_OFF, f->view.scatter_size = 0, f->view.no_shadows = 1;
+        f->view.scattering = SPS_SCATTERING_SINGLE, f->view.scattering_resolution = 0, f->view.no_shadows = 1;
     }
     ex_session_measure(&session, program, WORKERS);
     render_seconds(&session, f, &f->view);

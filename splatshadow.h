@@ -1829,8 +1829,8 @@ static const double spsi_gauss_weights[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
 
 /* fmax and fmin, NaN included, but inlined: gcc calls the C library for those, which takes a quarter of the time of
    first flights. */
-static inline double spsi_fmax(double a, double b) { return a > b || b != b ? a : b; }
-static inline double spsi_fmin(double a, double b) { return a < b || b != b ? a : b; }
+static inline double spsi_dmax(double a, double b) { return a > b || b != b ? a : b; }
+static inline double spsi_dmin(double a, double b) { return a < b || b != b ? a : b; }
 
 static double spsi_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static double spsi_length(const double a[3]) { return sqrt(spsi_dot(a, a)); }
@@ -1878,7 +1878,7 @@ static int spsi_normalise(double a[3]) {
         for (int i = 0; i < 3; ++i) a[i] *= length;
         return 1;
     }
-    largest = spsi_fmax(fabs(a[0]), spsi_fmax(fabs(a[1]), fabs(a[2])));
+    largest = spsi_dmax(fabs(a[0]), spsi_dmax(fabs(a[1]), fabs(a[2])));
     if (!(largest > 0) || !(largest <= DBL_MAX) || !(spsi_dot(a, a) >= 0)) return 0; /* fmax passes over NaN */
     for (int i = 0; i < 3; ++i) a[i] /= largest;
     length = spsi_length(a);
@@ -1932,10 +1932,10 @@ static const float *spsi_bad_color(const float c[3], float most) {
 static int spsi_black(const float c[3]) { return !(c[0] > 0) && !(c[1] > 0) && !(c[2] > 0); }
 static int spsi_grey(const float c[3]) { return !(c[0] < c[1] || c[0] > c[1] || c[1] < c[2] || c[1] > c[2]); }
 /* The lower and the higher of two floats. b if a is NaN. */
-static inline float spsi_lower(float a, float b) { return a < b ? a : b; }
-static inline float spsi_higher(float a, float b) { return a > b ? a : b; }
-static int spsi_least(int a, int b) { return a < b ? a : b; }
-static int spsi_most(int a, int b) { return a > b ? a : b; }
+static inline float spsi_fmin(float a, float b) { return a < b ? a : b; }
+static inline float spsi_fmax(float a, float b) { return a > b ? a : b; }
+static int spsi_imin(int a, int b) { return a < b ? a : b; }
+static int spsi_imax(int a, int b) { return a > b ? a : b; }
 
 /* The number of bits that are set: of each pair, then of each four, then of each byte, and their sum. */
 static int spsi_bit_count(uint64_t mask) {
@@ -1950,25 +1950,25 @@ static int spsi_bit_count(uint64_t mask) {
    that keep their largest size from call to call. */
 
 typedef enum spsi_buffer_id {
-    SPSI_BUFFER_FRAME,       /* the checked scene, >>scene */
-    SPSI_BUFFER_CONTENT,     /* what is read from the scene, >>scene */
-    SPSI_BUFFER_TABLES,      /* transfer functions */
-    SPSI_BUFFER_MESHES,      /* resolved meshes */
-    SPSI_BUFFER_LAMPS,       /* resolved lights */
-    SPSI_BUFFER_LAMP_POINTS, /* points that stand for extended lights */
-    SPSI_BUFFER_LAMP_PLANES, /* of the opacity maps of lights */
-    SPSI_BUFFER_IMAGES,      /* that lights throw, >>projectors */
-    SPSI_BUFFER_BLOCKS,      /* blocks of voxels that are being read, >>gather; a batch of triangles, >>polygons */
+    SPSI_BUFFER_FRAME,        /* the checked scene, >>scene */
+    SPSI_BUFFER_CONTENT,      /* what is read from the scene, >>scene */
+    SPSI_BUFFER_TABLES,       /* transfer functions */
+    SPSI_BUFFER_MESHES,       /* resolved meshes */
+    SPSI_BUFFER_LIGHTS,       /* resolved lights */
+    SPSI_BUFFER_LIGHT_POINTS, /* points that stand for extended lights */
+    SPSI_BUFFER_LIGHT_PLANES, /* of the opacity maps of lights */
+    SPSI_BUFFER_IMAGES,       /* that lights throw, >>projectors */
+    SPSI_BUFFER_BLOCKS,       /* blocks of voxels that are being read, >>gather; a batch of triangles, >>polygons */
     SPSI_BUFFER_BRICKS,
-    SPSI_BUFFER_BRICK_PRINTS, /* fingerprints of the bricks, for shadow tables */
-    SPSI_BUFFER_SEGMENTS,     /* the list of voxel segments */
-    SPSI_BUFFER_FIELDS,       /* weights of taps, and what is known of each field, >>taps */
-    SPSI_BUFFER_FIELD_GRIDS,  /* where their bricks are */
-    SPSI_BUFFER_FIELD_VALUES, /* of their bricks */
-    SPSI_BUFFER_LEVEL_GRIDS,  /* the same of their coarser levels */
+    SPSI_BUFFER_BRICK_FINGERPRINTS, /* fingerprints of the bricks, for shadow tables */
+    SPSI_BUFFER_SEGMENTS,           /* the list of voxel segments */
+    SPSI_BUFFER_PYRAMIDS,           /* weights of taps, and what is known of each field, >>taps */
+    SPSI_BUFFER_PYRAMID_GRIDS,      /* where their bricks are */
+    SPSI_BUFFER_PYRAMID_VALUES,     /* of their bricks */
+    SPSI_BUFFER_LEVEL_GRIDS,        /* the same of their coarser levels */
     SPSI_BUFFER_LEVEL_VALUES,
-    SPSI_BUFFER_BENDS,       /* how much fields bend, >>taps */
-    SPSI_BUFFER_EYE_SPENT,   /* of a tolerance, >>targets */
+    SPSI_BUFFER_THIRDS,    /* how much fields bend, >>taps */
+    SPSI_BUFFER_EYE_SPENT, /* of a tolerance, >>targets */
     SPSI_BUFFER_LIGHT_SPENT,
     SPSI_BUFFER_FACES,         /* triangles, >>polygons */
     SPSI_BUFFER_FACE_ROWS,     /* the rows that each triangle covers */
@@ -1990,56 +1990,56 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_RECEIVED,      /* what pixels' polygons receive from cells and by flights */
     SPSI_BUFFER_RECEIVE_TILES, /* a tile of them per worker */
     SPSI_BUFFER_DEPTH_MAPS,
-    SPSI_BUFFER_PANE_MAPS,         /* of translucent polygons, >>depthmaps */
-    SPSI_BUFFER_PANE_TEXELS,       /* where each texel's panes begin */
-    SPSI_BUFFER_PANES,             /* of all texels */
-    SPSI_BUFFER_PIXELS,            /* optical depth and radiance, >>shading */
-    SPSI_BUFFER_PLANES,            /* a light's optical depth at the slabs of a chunk, >>lightsheets */
-    SPSI_BUFFER_BEAMS,             /* light from the points of an extended light, >>penumbrae */
-    SPSI_BUFFER_PENUMBRA,          /* their texels, and a chunk of sheets */
-    SPSI_BUFFER_SHEETS,            /* a tile of sheets per worker */
-    SPSI_BUFFER_SAMPLES,           /* samples of the volumes at a vector of pixels, per worker, >>shading */
-    SPSI_BUFFER_PARTICLES,         /* >>gather */
-    SPSI_BUFFER_BRICK_QUEUE,       /* bricks by the chunks that they touch, >>targets */
-    SPSI_BUFFER_PARTICLE_QUEUE,    /* particles by the chunks that they touch */
-    SPSI_BUFFER_BRICK_BOXES,       /* pixels that bricks touch, for the eye or a map */
-    SPSI_BUFFER_BRICK_LIGHT_BOXES, /* texels that bricks touch, for a light */
-    SPSI_BUFFER_EYE_BALLS,         /* the particles of one chunk as the eye sees them, by tile */
-    SPSI_BUFFER_LIGHT_BALLS,       /* the particles of one chunk as a light sees them, by tile */
-    SPSI_BUFFER_TILES,             /* state of each tile */
-    SPSI_BUFFER_BOUND_GRID,        /* bounds of extinction, >>gather */
-    SPSI_BUFFER_FORWARD,           /* what gases scatter forward, >>scattering */
-    SPSI_BUFFER_CELL_GRID,         /* the grid of cells, >>cells */
-    SPSI_BUFFER_CELL_JOB,          /* data for filling and lighting it, >>lighting */
-    SPSI_BUFFER_CELLS,             /* what its cells hold, and the light that reaches them */
-    SPSI_BUFFER_CELL_TMAPS,        /* lights' tables for them */
-    SPSI_BUFFER_CELL_SOLVER,       /* levels of cells, and radiance */
-    SPSI_BUFFER_CELL_WALLS,        /* polygons about the cells */
-    SPSI_BUFFER_CELL_MOMENTS,      /* the light in the cells, and what the eye sees of it */
-    SPSI_BUFFER_FLIGHTS,           /* the tree of emitters, >>flights */
+    SPSI_BUFFER_TRANSLUCENCY_MAPS,   /* of translucent polygons, >>depthmaps */
+    SPSI_BUFFER_TRANSLUCENCY_TEXELS, /* where each texel's panes begin */
+    SPSI_BUFFER_PANES,               /* of all texels */
+    SPSI_BUFFER_PIXELS,              /* optical depth and radiance, >>shading */
+    SPSI_BUFFER_PLANES,              /* a light's optical depth at the slabs of a chunk, >>lightsheets */
+    SPSI_BUFFER_BEAMS,               /* light from the points of an extended light, >>penumbrae */
+    SPSI_BUFFER_PENUMBRA,            /* their texels, and a chunk of sheets */
+    SPSI_BUFFER_SHEETS,              /* a tile of sheets per worker */
+    SPSI_BUFFER_SAMPLES,             /* samples of the volumes at a vector of pixels, per worker, >>shading */
+    SPSI_BUFFER_PARTICLES,           /* >>gather */
+    SPSI_BUFFER_BRICK_QUEUE,         /* bricks by the chunks that they touch, >>targets */
+    SPSI_BUFFER_PARTICLE_QUEUE,      /* particles by the chunks that they touch */
+    SPSI_BUFFER_BRICK_BOXES,         /* pixels that bricks touch, for the eye or a map */
+    SPSI_BUFFER_BRICK_LIGHT_BOXES,   /* texels that bricks touch, for a light */
+    SPSI_BUFFER_EYE_SPHERES,         /* the particles of one chunk as the eye sees them, by tile */
+    SPSI_BUFFER_LIGHT_SPHERES,       /* the particles of one chunk as a light sees them, by tile */
+    SPSI_BUFFER_TILES,               /* state of each tile */
+    SPSI_BUFFER_BOUND_GRID,          /* bounds of extinction, >>gather */
+    SPSI_BUFFER_FORWARD,             /* what gases scatter forward, >>scattering */
+    SPSI_BUFFER_CELL_GRID,           /* the grid of cells, >>cells */
+    SPSI_BUFFER_CELL_JOB,            /* data for filling and lighting it, >>lighting */
+    SPSI_BUFFER_CELLS,               /* what its cells hold, and the light that reaches them */
+    SPSI_BUFFER_CELL_TMAPS,          /* lights' tables for them */
+    SPSI_BUFFER_CELL_SOLVER,         /* levels of cells, and radiance */
+    SPSI_BUFFER_CELL_BLOCKERS,       /* polygons about the cells */
+    SPSI_BUFFER_CELL_MOMENTS,        /* the light in the cells, and what the eye sees of it */
+    SPSI_BUFFER_FLIGHTS,             /* the tree of emitters, >>flights */
     SPSI_BUFFER_EMITTERS,
-    SPSI_BUFFER_FLIGHT_NODES, /* sums of its nodes */
-    SPSI_BUFFER_FLIGHT_ORDER, /* the order of the emitters in it */
-    SPSI_BUFFER_FLIGHT_TREE,  /* its boxes, while it is being built */
-    SPSI_BUFFER_RUN,               /* data shared by the tasks of a sweep */
-    SPSI_BUFFER_TMAP_VOLUMES,      /* data for splatting volumes into a map, >>tmaps */
-    SPSI_BUFFER_LIGHT_TMAPS,       /* lights' transmittance maps */
-    SPSI_BUFFER_SHADOW_TABLES,     /* shadow tables of the last call */
-    SPSI_BUFFER_TOTAL,             /* sum of the sweeps' images */
-    SPSI_BUFFER_ROW,               /* directions and colors of one row of background */
-    SPSI_BUFFER_MARCHER,           /* >>reference */
-    SPSI_BUFFER_GLOW,              /* what emits, for paths */
-    SPSI_BUFFER_WALKERS,           /* the reference's rays, one per pixel */
+    SPSI_BUFFER_FLIGHT_NODES,  /* sums of its nodes */
+    SPSI_BUFFER_FLIGHT_ORDER,  /* the order of the emitters in it */
+    SPSI_BUFFER_FLIGHT_TREE,   /* its boxes, while it is being built */
+    SPSI_BUFFER_RUN,           /* data shared by the tasks of a sweep */
+    SPSI_BUFFER_TMAP_VOLUMES,  /* data for splatting volumes into a map, >>tmaps */
+    SPSI_BUFFER_LIGHT_TMAPS,   /* lights' transmittance maps */
+    SPSI_BUFFER_SHADOW_TABLES, /* shadow tables of the last call */
+    SPSI_BUFFER_TOTAL,         /* sum of the sweeps' images */
+    SPSI_BUFFER_ROW,           /* directions and colors of one row of background */
+    SPSI_BUFFER_MARCHER,       /* >>reference */
+    SPSI_BUFFER_EMISSION,      /* what emits, for paths */
+    SPSI_BUFFER_WALKERS,       /* the reference's rays, one per pixel */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
     SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
-    SPSI_BUFFER_BALL_ORDER,  /* particles of a map in order of depth */
-    SPSI_BUFFER_BALLS,       /* particles as a map's rays see them, >>tmaps */
-    SPSI_BUFFER_BALL_STARTS, /* where each tile's particles begin in the list */
-    SPSI_BUFFER_BALL_LIST,   /* the particles of all tiles */
-    SPSI_BUFFER_BAND,        /* sums or intervals of a band of tiles of a map */
-    SPSI_BUFFER_CURSORS,     /* where each texel's intervals begin */
-    SPSI_BUFFER_CURVES,      /* per worker, the data that a texel of a map is made from */
+    SPSI_BUFFER_SPHERE_ORDER,  /* particles of a map in order of depth */
+    SPSI_BUFFER_SPHERES,       /* particles as a map's rays see them, >>tmaps */
+    SPSI_BUFFER_SPHERE_STARTS, /* where each tile's particles begin in the list */
+    SPSI_BUFFER_SPHERE_LIST,   /* the particles of all tiles */
+    SPSI_BUFFER_BAND,          /* sums or intervals of a band of tiles of a map */
+    SPSI_BUFFER_CURSORS,       /* where each texel's intervals begin */
+    SPSI_BUFFER_CURVES,        /* per worker, the data that a texel of a map is made from */
     SPSI_BUFFER_COUNT
 } spsi_buffer_id;
 
@@ -2054,10 +2054,10 @@ typedef struct spsi_link {
     size_t bytes;                   /* with the link */
 } spsi_link;
 
-#define SPSI_FIELD_SIZE    sizeof(((sps_error_info *)0)->field)
+#define SPSI_PYRAMID_SIZE  sizeof(((sps_error_info *)0)->field)
 #define SPSI_SENTENCE_SIZE sizeof(((sps_error_info *)0)->sentence)
 
-enum { SPSI_GRADES = 7, SPSI_POINT_GRADES = 4, SPSI_CELL_GRADES = 4 };
+enum { SPSI_PRESETS = 7, SPSI_POINT_PRESETS = 4, SPSI_CELL_PRESETS = 4 };
 
 /* Places on the ladders of settings from which a budget chooses, >>budget. */
 typedef struct spsi_setting {
@@ -2067,7 +2067,7 @@ typedef struct spsi_setting {
 /* What takes time in a frame. */
 typedef enum spsi_stage {
     SPSI_STAGE_READ,     /* voxels and particles */
-    SPSI_STAGE_FIELDS,   /* making what gathering needs beyond voxels */
+    SPSI_STAGE_PYRAMIDS, /* making what gathering needs beyond voxels */
     SPSI_STAGE_SURFACES, /* polygons, and shadow rays from them */
     SPSI_STAGE_LIGHT,    /* sheets, penumbrae and maps */
     SPSI_STAGE_CELLS,    /* light from cell to cell, or spreading */
@@ -2084,9 +2084,9 @@ typedef struct spsi_work {
 } spsi_work;
 
 /* What the context knows of its own speed. */
-typedef struct spsi_pace {
-    double rates[SPSI_STAGE_COUNT][SPSI_GRADES]; /* seconds per unit; 0: not known */
-    int splats[SPSI_GRADES]; /* 1: volumes were splatted in a rung's thick slabs; thinner ones may be gathered */
+typedef struct spsi_rates {
+    double rates[SPSI_STAGE_COUNT][SPSI_PRESETS]; /* seconds per unit; 0: not known */
+    int splats[SPSI_PRESETS]; /* 1: volumes were splatted in a rung's thick slabs; thinner ones may be gathered */
     const spsi_setting *only; /* the one setting to choose from, for who measures all of them; NULL: all are */
     int counts;               /* 1: the frame's work and setting are known */
     spsi_setting setting;
@@ -2094,7 +2094,7 @@ typedef struct spsi_pace {
     double seconds_fields; /* of this frame, in making what gathering needs beyond voxels */
     uint64_t scattered;    /* fingerprint of what a frame with a budget made the scattered light of that is held */
     spsi_setting scattered_by;
-} spsi_pace;
+} spsi_rates;
 
 typedef struct spsi_bounds {
     double low[3], high[3]; /* low > high: empty */
@@ -2119,7 +2119,7 @@ struct sps_context {
     uint64_t gathered; /* fingerprint of the volumes whose voxels are held; 0: none */
     int brick_count;
     int bricks_printed; /* 1: their fingerprints are held too */
-    int fields_held;    /* with them: spsi_fields_wanted */
+    int fields_held;    /* with them: spsi_pyramids_wanted */
     uint64_t voxel_count;
     uint64_t faces_held; /* fingerprint of the meshes whose triangles are held; 0: none, >>polygons */
     int face_count;
@@ -2127,14 +2127,14 @@ struct sps_context {
     int shadow_table_count; /* held from the last call, >>tmaps */
     int cell_tmap_count;    /* maps that are held for the sweeps of this call, >>lighting */
     uint64_t cells_held;    /* fingerprint of what scattered light was made from; 0: none is held, >>lighting */
-    spsi_pace pace;         /* >>budget */
+    spsi_rates pace;        /* >>budget */
     spsi_bounds mesh_bounds; /* of the triangles that are held */
 };
 
 /* The member at the beginning of a phrase: "count" of "count, with those before it,". */
-SPSI_COLD void spsi_leading_member(const char *phrase, char member[SPSI_FIELD_SIZE]) {
+SPSI_COLD void spsi_leading_member(const char *phrase, char member[SPSI_PYRAMID_SIZE]) {
     size_t length = 0;
-    while (length < SPSI_FIELD_SIZE - 1 && phrase[length] && !strchr(" ,'(", phrase[length])) ++length;
+    while (length < SPSI_PYRAMID_SIZE - 1 && phrase[length] && !strchr(" ,'(", phrase[length])) ++length;
     memcpy(member, phrase, length);
     member[length] = 0;
 }
@@ -2423,27 +2423,27 @@ static void spsi_parallel(sps_context *context, int count, sps_task_fn task, voi
         }
         return;
     }
-    if (untimed) some = spsi_least(some, SPSI_TICK_TASKS * spsi_worker_count(context));
+    if (untimed) some = spsi_imin(some, SPSI_TICK_TASKS * spsi_worker_count(context));
     group.context = context, group.task = task, group.data = data;
     for (group.first = 0; group.first < count; group.first += some) {
-        group.count = spsi_least(some, count - group.first);
+        group.count = spsi_imin(some, count - group.first);
         spsi_group_run(context, &group);
     }
 }
 
 /* The order in which tasks run that run time and again. Those that did most the time before begin first, so that no
    worker is left with one of them while the others have nothing to do. Results do not depend on it. */
-typedef struct spsi_turns {
+typedef struct spsi_task_order {
     int count;
     uint32_t *work; /* per task: what it did, in a unit of its own; tasks set it */
     int *order;
     sps_task_fn task;
     void *data;
-} spsi_turns;
+} spsi_task_order;
 
-#define SPSI_TURN_BYTES (sizeof(uint32_t) + sizeof(int)) /* per task */
+#define SPSI_TASK_ORDER_BYTES (sizeof(uint32_t) + sizeof(int)) /* per task */
 
-static void spsi_turns_begin(spsi_turns *turns, int count, void *memory) {
+static void spsi_task_order_begin(spsi_task_order *turns, int count, void *memory) {
     turns->count = count;
     turns->work = (uint32_t *)memory;
     turns->order = (int *)(void *)(turns->work + count);
@@ -2457,15 +2457,15 @@ SPSI_COLD int spsi_turn_octave(uint32_t work) {
     return octave;
 }
 
-static void spsi_turn_task(void *data, int index, int worker) {
-    spsi_turns *turns = (spsi_turns *)data;
+static void spsi_ordered_task(void *data, int index, int worker) {
+    spsi_task_order *turns = (spsi_task_order *)data;
     const int task = turns->order[index];
     turns->work[task] = 0;
     turns->task(turns->data, task, worker);
 }
 
 /* Runs a task for each of the turns, by octaves of work: finer order would not shorten the wait at the end. */
-static void spsi_parallel_turns(sps_context *context, spsi_turns *turns, sps_task_fn task, void *data) {
+static void spsi_parallel_ordered(sps_context *context, spsi_task_order *turns, sps_task_fn task, void *data) {
     int first[33] = {0}, before = 0;
     for (int i = 0; i < turns->count; ++i) first[spsi_turn_octave(turns->work[i])] += 1;
     for (int octave = 32; octave >= 0; --octave) {
@@ -2476,16 +2476,16 @@ static void spsi_parallel_turns(sps_context *context, spsi_turns *turns, sps_tas
     for (int i = 0; i < turns->count; ++i) turns->order[first[spsi_turn_octave(turns->work[i])]++] = i;
     turns->task = task;
     turns->data = data;
-    spsi_parallel(context, turns->count, spsi_turn_task, turns);
+    spsi_parallel(context, turns->count, spsi_ordered_task, turns);
 }
 
 /* A part of a call: the call's progress when the part begins, and the part's share of the call. */
-typedef struct spsi_part_of_call {
+typedef struct spsi_call_stage {
     double progress, share;
-} spsi_part_of_call;
+} spsi_call_stage;
 
 /* The call's progress when a fraction of the part is done. */
-SPSI_COLD double spsi_part_done(const spsi_part_of_call *part, double fraction) {
+SPSI_COLD double spsi_call_stage_done(const spsi_call_stage *part, double fraction) {
     return part->progress + part->share * fraction;
 }
 
@@ -2507,7 +2507,7 @@ typedef struct spsi_batches {
 
 static void spsi_batch_task(void *data, int index, int worker) {
     const spsi_batches *batches = (const spsi_batches *)data;
-    const int end = spsi_least(batches->count, (index + 1) * batches->size);
+    const int end = spsi_imin(batches->count, (index + 1) * batches->size);
     (void)worker;
     for (int i = index * batches->size; i < end; ++i) batches->item_fn(batches->data, i);
 }
@@ -2530,7 +2530,7 @@ static void spsi_parallel_batches(sps_context *context, int count, spsi_item_fn 
 
 /* Reports progress; SPS_ERROR_CANCELLED if the caller wants to stop. */
 SPSI_COLD sps_result spsi_progress(sps_context *context, double fraction) {
-    const float now = (float)spsi_fmin(1.0, spsi_fmax((double)context->progress, fraction));
+    const float now = (float)spsi_dmin(1.0, spsi_dmax((double)context->progress, fraction));
     context->progress = now;
     spsi_tick(context, now >= 1);
     return context->cancelled ? spsi_fail(context, SPS_ERROR_CANCELLED, "cancelled by progress_fn") : SPS_OK;
@@ -2565,7 +2565,7 @@ static inline uint64_t spsi_fingerprint_word(uint64_t hash, uint64_t word) {
    A polynomial whose derivative (1 - v^2)^2 (..) is never negative, so that sheets are never negative except for
    rounding, 4e-7 of the integral. It was fitted to the cut Gaussian: maximum error 2e-4 of the integral, and the shares
    of all slabs add up to 1. */
-static inline spsi_v spsi_kernel_share(spsi_v v) {
+static inline spsi_v spsi_kernel_fraction(spsi_v v) {
     const spsi_v x = spsi_clamp(v, spsi_set(-1), spsi_set(1)), x2 = spsi_mul(x, x);
     spsi_v p = spsi_set(0.915625417f);
     p = spsi_fma(p, x2, spsi_set(-4.38040258f));
@@ -2595,7 +2595,7 @@ static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
 }
 
 /* spsi_mean_transmittance where exp(-a) and exp(-b) are known, to 4e-7. */
-static inline spsi_v spsi_mean_between(spsi_v a, spsi_v b, spsi_v through_a, spsi_v through_b) {
+static inline spsi_v spsi_mean_enclosure(spsi_v a, spsi_v b, spsi_v through_a, spsi_v through_b) {
     const spsi_v d = spsi_sub(b, a), square = spsi_mul(d, d), least = spsi_set(0.25f);
     const spsi_m near_by = spsi_less(spsi_abs(d), least);
     const spsi_v quotient = spsi_div(spsi_sub(through_a, through_b), spsi_select(near_by, least, d));
@@ -2612,7 +2612,7 @@ static inline spsi_v spsi_coverage(spsi_v depth) {
 
 /* The mean position, as a fraction of its length, of what the eye sees of an interval of optical depth d:
    1/d - 1/(exp(d) - 1), which is 1/2 at d = 0. The series below d = 0.5 is accurate to 1e-7. */
-static inline spsi_v spsi_mean_way(spsi_v d) {
+static inline spsi_v spsi_mean_length(spsi_v d) {
     const spsi_v square = spsi_mul(d, d), most = spsi_max(d, spsi_set(0.5f));
     const spsi_v left = spsi_exp(spsi_sub(spsi_set(0), most));
     const spsi_v far_share = spsi_sub(spsi_div(spsi_set(1), most), spsi_div(left, spsi_sub(spsi_set(1), left)));
@@ -2647,7 +2647,7 @@ static int spsi_tile_rows(const spsi_rays *rays) { return (rays->height + SPSI_T
 /* Returns 0 if the rays do not span space, or if a nearly singular matrix puts them too far away. */
 SPSI_COLD int spsi_rays_complete(spsi_rays *rays) {
     if (!spsi_invert(rays->a, rays->b, rays->c, rays->inverse)) return 0;
-    rays->pixel = spsi_fmax(spsi_length(rays->a), spsi_length(rays->b));
+    rays->pixel = spsi_dmax(spsi_length(rays->a), spsi_length(rays->b));
     rays->per_length = spsi_length(rays->inverse[2]);
     return !spsi_bad_coordinate(rays->origin, 3) && !spsi_bad_coordinate(rays->a, 3) &&
            !spsi_bad_coordinate(rays->b, 3);
@@ -2732,7 +2732,7 @@ SPSI_COLD int spsi_rays_from_camera(spsi_rays *rays, const sps_camera *camera) {
 /* World size of a pixel at t units of depth from the origin of its rays. */
 static double spsi_pixel_size_at(const spsi_rays *rays, double t) {
     const double size = sqrt(spsi_length(rays->a) * spsi_length(rays->b));
-    return rays->perspective ? spsi_fmax(t, 0) * size : size;
+    return rays->perspective ? spsi_dmax(t, 0) * size : size;
 }
 
 /* Rays shifted by parts of a pixel. Depths stay the same. */
@@ -2761,7 +2761,7 @@ SPSI_COLD int spsi_rays_split(const spsi_rays *rays, int n, spsi_rays *fine) {
 /* The row-major matrix from world points to texels: (X, Y, t, W), where the texel is (X / W, Y / W). */
 SPSI_COLD void spsi_rays_matrix(const spsi_rays *rays, double matrix[16]) {
     for (int i = 0; i < 4; ++i) {
-        const double *row = rays->inverse[spsi_least(i, 2)];
+        const double *row = rays->inverse[spsi_imin(i, 2)];
         const int flat = i == 3 && !rays->perspective;
         for (int k = 0; k < 3; ++k) matrix[4 * i + k] = flat ? 0 : row[k];
         matrix[4 * i + 3] = flat ? 1 : -spsi_dot(row, rays->origin);
@@ -2781,7 +2781,7 @@ static int spsi_cube_face_of(const double offset[3]) {
    `border` texels beyond them. */
 SPSI_COLD int spsi_rays_of_cube_face(const double position[3], int face, int size, int border, spsi_rays *rays) {
     static const double axes[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-    const double pitch = 2.0 / spsi_most(size - 1 - 2 * border, 1);
+    const double pitch = 2.0 / spsi_imax(size - 1 - 2 * border, 1);
     double forward[3] = {0, 0, 0};
     memset(rays, 0, sizeof *rays);
     rays->perspective = rays->is_cube_face = 1;
@@ -2901,18 +2901,18 @@ static inline spsi_v spsi_linear_slope_at(const spsi_linear *linear, spsi_v x, s
 }
 
 /* Three linear quantities along a vector of a row's rays. */
-typedef struct spsi_courses {
+typedef struct spsi_row_linears {
     spsi_v base[3], slope[3];
-} spsi_courses;
+} spsi_row_linears;
 
-static inline void spsi_courses_build(const spsi_linear linear[3], spsi_v x, float y, spsi_courses *courses) {
+static inline void spsi_row_linears_build(const spsi_linear linear[3], spsi_v x, float y, spsi_row_linears *courses) {
     for (int i = 0; i < 3; ++i) {
         courses->base[i] = spsi_linear_base(&linear[i], x, y);
         courses->slope[i] = spsi_linear_slope(&linear[i], x, y);
     }
 }
 
-static inline void spsi_courses_at(const spsi_courses *courses, spsi_v d, spsi_v at[3]) {
+static inline void spsi_row_linears_at(const spsi_row_linears *courses, spsi_v d, spsi_v at[3]) {
     for (int i = 0; i < 3; ++i) at[i] = spsi_fma(d, courses->slope[i], courses->base[i]);
 }
 
@@ -3004,7 +3004,7 @@ SPSI_COLD int spsi_phase_orders(const spsi_material *material) {
    event to event: phase functions with a sharp lobe backwards have next to no peak forwards. */
 SPSI_COLD double spsi_phase_peak(const spsi_material *material, int orders) {
     double peak = orders > 1 ? spsi_phase_moment(material, orders) : 0;
-    for (int l = 1; l < orders; ++l) peak = spsi_fmin(peak, 0.5 * (1 + spsi_phase_moment(material, l)));
+    for (int l = 1; l < orders; ++l) peak = spsi_dmin(peak, 0.5 * (1 + spsi_phase_moment(material, l)));
     return peak;
 }
 
@@ -3087,7 +3087,7 @@ SPSI_COLD sps_result spsi_transfer_from_callback(sps_context *context, const sps
     float values[BATCH];
     sps_transfer_point points[BATCH];
     for (int first = 0; first <= SPSI_TABLE_SIZE; first += BATCH) {
-        const int count = spsi_least(BATCH, SPSI_TABLE_SIZE + 1 - first);
+        const int count = spsi_imin(BATCH, SPSI_TABLE_SIZE + 1 - first);
         memset(points, 0, sizeof points);
         for (int i = 0; i < count; ++i) values[i] = last * (float)(first + i) / SPSI_TABLE_SIZE;
         if (spsi_check_call(context, SPS_OBJECT_VOLUME, volume, "transfer.eval_fn",
@@ -3237,7 +3237,7 @@ typedef struct spsi_technique {
 /* The share of an interval that lies before u. An interval without length lies before u entirely if u >= u0, and so
    does any that ends at u: a query at an occluder's back includes it. Of a whole soft chord it is S(t) = t^2 (3 - 2 t),
    of the last `soft` of one 1 - S(soft (1 - t)) / S(soft), written without cancellation. */
-static inline float spsi_interval_share(const spsi_interval *interval, float u) {
+static inline float spsi_interval_fraction(const spsi_interval *interval, float u) {
     const float soft = interval->soft;
     if (u < interval->u0) return 0;
     if (!(u < interval->u1)) return 1;
@@ -3250,8 +3250,8 @@ static inline float spsi_interval_share(const spsi_interval *interval, float u) 
 static inline float spsi_intervals_optical_depth(const spsi_interval *list, uint32_t count, float u) {
     double sum = 0;
     for (uint32_t i = 0; i < count && list[i].u0 <= u; ++i)
-        sum += (double)list[i].depth * (u < 1 ? (double)spsi_interval_share(&list[i], u) : 1);
-    return (float)spsi_fmin(sum, (double)SPSI_DEPTH_MAX);
+        sum += (double)list[i].depth * (u < 1 ? (double)spsi_interval_fraction(&list[i], u) : 1);
+    return (float)spsi_dmin(sum, (double)SPSI_DEPTH_MAX);
 }
 
 /* By u0; the rest only makes the order, and with it round-off, independent of the order of insertion. */
@@ -3298,7 +3298,7 @@ static void spsi_intervals_sort(spsi_interval *list, size_t count, spsi_interval
     spsi_intervals_merge(list, half, count, scratch);
 }
 
-/* spsi_interval_share for a vector of intervals. */
+/* spsi_interval_fraction for a vector of intervals. */
 static inline spsi_v spsi_intervals_before(const spsi_intervals *intervals, spsi_v u) {
     const spsi_v one = spsi_set(1), length = spsi_max(spsi_sub(intervals->u1, intervals->u0), spsi_set(1e-30f));
     const float soft = intervals->soft;
@@ -3329,9 +3329,9 @@ static int spsi_intervals_extent(const spsi_intervals *intervals, float *first, 
     if (!spsi_bits(there)) return 0;
     spsi_store(u0, spsi_select(there, intervals->u0, spsi_set(1)));
     spsi_store(u1, spsi_select(there, intervals->u1, spsi_set(0)));
-    for (int i = 1; i < SPSI_LANES; ++i) u0[0] = spsi_lower(u0[0], u0[i]), u1[0] = spsi_higher(u1[0], u1[i]);
-    *first = spsi_higher(u0[0], 0);
-    *last = spsi_lower(u1[0], 1);
+    for (int i = 1; i < SPSI_LANES; ++i) u0[0] = spsi_fmin(u0[0], u0[i]), u1[0] = spsi_fmax(u1[0], u1[i]);
+    *first = spsi_fmax(u0[0], 0);
+    *last = spsi_fmin(u1[0], 1);
     return 1;
 }
 
@@ -3353,21 +3353,21 @@ static int spsi_intervals_extent(const spsi_intervals *intervals, float *first, 
 static int spsi_soft_pieces(const spsi_interval *list, int count, float epsilon) {
     double sum = 0;
     for (int i = 0; i < count; ++i)
-        if (list[i].soft > 0) sum += spsi_fmin((double)list[i].depth, SPSI_SOFT_DEPTH);
-    return (int)spsi_fmin(2 + ceil(sqrt(3 * spsi_fmin(sum, 2 * SPSI_SOFT_DEPTH) / (double)epsilon)), SPSI_SOFT_MOST);
+        if (list[i].soft > 0) sum += spsi_dmin((double)list[i].depth, SPSI_SOFT_DEPTH);
+    return (int)spsi_dmin(2 + ceil(sqrt(3 * spsi_dmin(sum, 2 * SPSI_SOFT_DEPTH) / (double)epsilon)), SPSI_SOFT_MOST);
 }
 
 /* The place in a soft interval, between `from` and `to`, where light is practically gone: where t^2 = SPSI_SOFT_DEPTH /
    depth in a whole chord, before which lies more than that depth, as S(t) > t^2; in one that is cut, where twice that
    depth lies before it, which bisection finds. */
 static float spsi_soft_end(const spsi_interval *interval, float from, float to) {
-    const float want = spsi_interval_share(interval, from) + 2 * SPSI_SOFT_DEPTH / interval->depth;
-    if (!(interval->depth > SPSI_SOFT_DEPTH) || !(spsi_interval_share(interval, to) > want)) return to;
+    const float want = spsi_interval_fraction(interval, from) + 2 * SPSI_SOFT_DEPTH / interval->depth;
+    if (!(interval->depth > SPSI_SOFT_DEPTH) || !(spsi_interval_fraction(interval, to) > want)) return to;
     if (!(interval->u0 < from) && !(interval->soft < 1))
-        return spsi_lower(to, from + (interval->u1 - from) * sqrtf(SPSI_SOFT_DEPTH / interval->depth));
+        return spsi_fmin(to, from + (interval->u1 - from) * sqrtf(SPSI_SOFT_DEPTH / interval->depth));
     for (int i = 0; i < SPSI_SOFT_HALVES; ++i) {
         const float middle = 0.5f * (from + to);
-        if (spsi_interval_share(interval, middle) > want)
+        if (spsi_interval_fraction(interval, middle) > want)
             to = middle;
         else
             from = middle;
@@ -3377,16 +3377,16 @@ static float spsi_soft_end(const spsi_interval *interval, float from, float to) 
 
 /* The bends of an interval's curve, built piece by piece: the end of the last piece, and the share of the interval
    before it. */
-typedef struct spsi_bends {
+typedef struct spsi_kinks {
     spsi_interval *list;
     int count;
     float depth, u, share;
-} spsi_bends;
+} spsi_kinks;
 
 /* Appends an even piece as two bends: one where the last piece ended, which points ahead to its end, and one at its
    end, which points back, so that depth / (u1 - u0) is the change of slope at either. A piece without length is a
    single bend, a jump. */
-static void spsi_bends_add(spsi_bends *bends, float u, float share) {
+static void spsi_kinks_add(spsi_kinks *bends, float u, float share) {
     const spsi_interval ahead = {bends->u, u, bends->depth * (share - bends->share), 0};
     const spsi_interval back = {u, bends->u, ahead.depth, 0};
     if (!(share > bends->share)) return;
@@ -3398,20 +3398,20 @@ static void spsi_bends_add(spsi_bends *bends, float u, float share) {
 /* The bends of the part of an interval within 0..1, which is cut into several pieces if soft; the parts before and
    behind become jumps. All pieces of a deep interval except for the last lie where light still gets to. Returns the
    number of bends. */
-static int spsi_curve_bends(const spsi_interval *interval, int soft_pieces, spsi_interval *list) {
-    const float first = spsi_higher(spsi_lower(interval->u0, 1), 0), last = spsi_higher(spsi_lower(interval->u1, 1), 0);
+static int spsi_curve_kinks(const spsi_interval *interval, int soft_pieces, spsi_interval *list) {
+    const float first = spsi_fmax(spsi_fmin(interval->u0, 1), 0), last = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
     const int pieces = interval->soft > 0 && last > first ? soft_pieces : 1;
     const float end = pieces > 1 ? spsi_soft_end(interval, first, last) : last;
     const int fine = end < last ? pieces - 1 : pieces;
-    spsi_bends bends = {list, 0, spsi_lower(interval->depth, SPSI_DEPTH_MAX), first, 0};
+    spsi_kinks bends = {list, 0, spsi_fmin(interval->depth, SPSI_DEPTH_MAX), first, 0};
     if (!(bends.depth > 0)) return 0;
-    if (interval->u0 < 0) spsi_bends_add(&bends, first, spsi_interval_share(interval, first));
+    if (interval->u0 < 0) spsi_kinks_add(&bends, first, spsi_interval_fraction(interval, first));
     for (int i = 1; i < pieces; ++i) {
         const float u = first + (end - first) * ((float)i / (float)fine);
-        spsi_bends_add(&bends, u, spsi_interval_share(interval, u));
+        spsi_kinks_add(&bends, u, spsi_interval_fraction(interval, u));
     }
-    if (last > first) spsi_bends_add(&bends, last, spsi_interval_share(interval, last));
-    spsi_bends_add(&bends, last, 1);
+    if (last > first) spsi_kinks_add(&bends, last, spsi_interval_fraction(interval, last));
+    spsi_kinks_add(&bends, last, 1);
     return bends.count;
 }
 
@@ -3429,7 +3429,7 @@ static inline void spsi_sum_add(spsi_sum *sum, double x) {
 
 /* Appends a node unless it is redundant: of more than two at one u, only the outer ones matter. */
 static int spsi_curve_append(spsi_node *nodes, int count, float u, double depth) {
-    const float capped = spsi_lower((float)depth, SPSI_DEPTH_MAX);
+    const float capped = spsi_fmin((float)depth, SPSI_DEPTH_MAX);
     const int same = count > 0 && !(nodes[count - 1].u < u);
     if (same && !(nodes[count - 1].value < capped)) return count;
     if (same && count > 1 && !(nodes[count - 2].u < u)) --count;
@@ -3446,11 +3446,11 @@ static int spsi_curve_build(const spsi_interval *sorted, int count, int pieces, 
     int bends = 0, nodes_made = 0, open = 0;
     double depth = 0;
     spsi_sum slope = {0, 0};
-    for (int i = 0; i < count; ++i) bends += spsi_curve_bends(&sorted[i], pieces, scratch + bends);
+    for (int i = 0; i < count; ++i) bends += spsi_curve_kinks(&sorted[i], pieces, scratch + bends);
     spsi_intervals_sort(scratch, (size_t)bends, scratch + bends);
     for (int i = 0; i < bends; ++i) {
         const double length = (double)scratch[i].u1 - (double)scratch[i].u0, more = (double)scratch[i].depth;
-        if (i > 0) depth += spsi_fmax(slope.high + slope.low, 0) * ((double)scratch[i].u0 - (double)scratch[i - 1].u0);
+        if (i > 0) depth += spsi_dmax(slope.high + slope.low, 0) * ((double)scratch[i].u0 - (double)scratch[i - 1].u0);
         nodes_made = spsi_curve_append(nodes, nodes_made, scratch[i].u0, depth);
         if (length > 0 || length < 0) {
             spsi_sum_add(&slope, more / length);
@@ -3467,7 +3467,7 @@ static int spsi_curve_build(const spsi_interval *sorted, int count, int pieces, 
 /* Cosine and sine of 2 pi u with an error of 2e-7, for |u| < 2^20; for small angles that is the relative error of the
    sine. u - n / 2 lies within a quarter turn of 0 and is exact; the polynomials interpolate cosine and sine / u at the
    zeros of a Chebyshev polynomial in u^2. */
-static inline void spsi_turn(spsi_v u, spsi_v *cosine, spsi_v *sine) {
+static inline void spsi_cos_sin(spsi_v u, spsi_v *cosine, spsi_v *sine) {
     const spsi_v n = spsi_round(spsi_add(u, u)), half = spsi_mul(n, spsi_set(0.5f));
     const spsi_v r = spsi_sub(u, half), x = spsi_mul(r, r);
     const spsi_v sign = spsi_fma(spsi_sub(spsi_floor(half), half), spsi_set(4), spsi_set(1)); /* -1 for odd n */
@@ -3485,7 +3485,7 @@ static inline void spsi_turn(spsi_v u, spsi_v *cosine, spsi_v *sine) {
 }
 
 /* The next multiple of an angle: (c, s) rotated by (c1, s1). */
-static inline void spsi_turn_by(spsi_v *c, spsi_v *s, spsi_v c1, spsi_v s1) {
+static inline void spsi_rotate(spsi_v *c, spsi_v *s, spsi_v c1, spsi_v s1) {
     const spsi_v turned = spsi_sub(spsi_mul(*c, c1), spsi_mul(*s, s1));
     *s = spsi_fma(*s, c1, spsi_mul(*c, s1));
     *c = turned;
@@ -3500,9 +3500,9 @@ static inline float spsi_plane(const sps_tmap_settings *settings, int i) {
 /* The first plane that is not before u; the last if all are. Even planes: from one too early on, for round-off. */
 static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
     const int last = settings->components - 1;
-    int i = settings->planes ? 0 : spsi_most((int)(u * (float)settings->components) - 1, 0);
+    int i = settings->planes ? 0 : spsi_imax((int)(u * (float)settings->components) - 1, 0);
     while (i < last && spsi_plane(settings, i) < u) ++i;
-    return spsi_least(i, last);
+    return spsi_imin(i, last);
 }
 
 /* Adds to each plane its increment over the plane before, so that planes behind an interval need not be visited. */
@@ -3651,8 +3651,8 @@ static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, 
     const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_max(spsi_sub(intervals->u1, intervals->u0), spsi_set(0)));
     const spsi_v depth = spsi_intervals_capped(intervals), twice = spsi_add(depth, depth);
     spsi_v c1, s1, ch, sh, c, s, cd, sd;
-    spsi_turn(middle, &c1, &s1);
-    spsi_turn(half, &ch, &sh);
+    spsi_cos_sin(middle, &c1, &s1);
+    spsi_cos_sin(half, &ch, &sh);
     c = c1, s = s1, cd = ch, sd = sh;
     spsi_accumulate(sums, twice);
     for (int k = 1; 2 * k < settings->components; ++k) {
@@ -3660,8 +3660,8 @@ static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, 
         const spsi_v size = spsi_mul(twice, spsi_fourier_spread(x, cd, sd, intervals->soft));
         spsi_accumulate(sums + (size_t)(2 * k - 1) * stride, spsi_mul(size, c));
         spsi_accumulate(sums + (size_t)(2 * k) * stride, spsi_mul(size, s));
-        spsi_turn_by(&c, &s, c1, s1);
-        spsi_turn_by(&cd, &sd, ch, sh);
+        spsi_rotate(&c, &s, c1, s1);
+        spsi_rotate(&cd, &sd, ch, sh);
     }
 }
 
@@ -3670,14 +3670,14 @@ static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, 
 static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_texels_at(texels, spsi_set(0)));
     spsi_v cosine, sine, c, s, sum = spsi_mul(half, u);
-    spsi_turn(u, &cosine, &sine);
+    spsi_cos_sin(u, &cosine, &sine);
     c = cosine, s = sine;
     for (int k = 1; 2 * k < settings->components; ++k) {
         const spsi_v a = spsi_texels_at(texels, spsi_set((float)(2 * k - 1)));
         const spsi_v b = spsi_texels_at(texels, spsi_set((float)(2 * k)));
         const spsi_v both = spsi_fma(a, s, spsi_mul(b, spsi_sub(spsi_set(1), c)));
         sum = spsi_add(sum, spsi_mul(both, spsi_set((float)(1 / (2 * SPSI_PI * k)))));
-        spsi_turn_by(&c, &s, cosine, sine);
+        spsi_rotate(&c, &s, cosine, sine);
     }
     return spsi_clamp(sum, spsi_set(0), spsi_min(half, spsi_set(SPSI_DEPTH_MAX)));
 }
@@ -3726,9 +3726,9 @@ typedef struct spsi_cuts {
 /* Goes on to the piece that ends at node i of a curve, the first being a jump from 0; T continues from the end of the
    piece before, 1 at first. */
 static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
-    const float depth = spsi_lower(curve[i].value, SPSI_DEPTH_MAX), before = i > 0 ? curve[i - 1].value : 0;
+    const float depth = spsi_fmin(curve[i].value, SPSI_DEPTH_MAX), before = i > 0 ? curve[i - 1].value : 0;
     const double u1 = (double)curve[i].u, u0 = i > 0 ? (double)curve[i - 1].u : u1;
-    const spsi_piece piece = {u0, u1, (double)spsi_lower(before, depth), (double)depth};
+    const spsi_piece piece = {u0, u1, (double)spsi_fmin(before, depth), (double)depth};
     cuts->piece = piece;
     cuts->u = (float)u0;
     cuts->through = cuts->end;
@@ -3748,7 +3748,7 @@ static int spsi_cuts_next(spsi_cuts *cuts, double step) {
         if ((double)cut > exact) cut = nextafterf(cut, -1);
         if (!(cut > cuts->u)) cut = nextafterf(cuts->u, 2);
     }
-    cuts->u = spsi_lower(cut, end);
+    cuts->u = spsi_fmin(cut, end);
     cuts->through = cut < end ? exp(-(piece->t0 + more * (((double)cut - piece->u0) / length))) : cuts->end;
     return cut < end;
 }
@@ -3775,19 +3775,19 @@ static void spsi_compressor_end(spsi_compressor *c) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = c->last_u - (double)from->u, start = (double)from->value;
     if (!(length > 0)) return;
-    const double slope = spsi_fmin(spsi_fmax((c->last_through - start) / length, c->low), c->high);
-    spsi_compressor_node(c, c->last_u, spsi_fmax(start + slope * length, 0));
+    const double slope = spsi_dmin(spsi_dmax((c->last_through - start) / length, c->low), c->high);
+    spsi_compressor_node(c, c->last_u, spsi_dmax(start + slope * length, 0));
 }
 
 /* Narrows the slopes to those that satisfy a cut. Returns 0, and leaves them unchanged, if there are none. */
 static int spsi_compressor_allows(spsi_compressor *c, double u, double through) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = u - (double)from->u, start = (double)from->value;
-    const double bottom = spsi_fmax(through - c->below, 0) - start, top = through + c->above - start;
+    const double bottom = spsi_dmax(through - c->below, 0) - start, top = through + c->above - start;
     if (!(length > 0)) return bottom <= 0 && top >= 0;
-    if (spsi_fmax(c->low, bottom / length) > spsi_fmin(c->high, top / length)) return 0;
-    c->low = spsi_fmax(c->low, bottom / length);
-    c->high = spsi_fmin(c->high, top / length);
+    if (spsi_dmax(c->low, bottom / length) > spsi_dmin(c->high, top / length)) return 0;
+    c->low = spsi_dmax(c->low, bottom / length);
+    c->high = spsi_dmin(c->high, top / length);
     return 1;
 }
 
@@ -3795,7 +3795,7 @@ static void spsi_compressor_take(spsi_compressor *c, double u, double through) {
     if (!spsi_compressor_allows(c, u, through)) {
         spsi_compressor_end(c);
         if (!spsi_compressor_allows(c, u, through)) /* a jump */
-            spsi_compressor_node(c, u, spsi_fmin(through, (double)c->out[c->count - 1].value));
+            spsi_compressor_node(c, u, spsi_dmin(through, (double)c->out[c->count - 1].value));
     }
     c->last_u = u;
     c->last_through = through;
@@ -3803,7 +3803,7 @@ static void spsi_compressor_take(spsi_compressor *c, double u, double through) {
 
 #define SPSI_EPSILON_MIN 1e-6f /* minimum error: nodes are floats, accurate to 6e-8 */
 
-static double spsi_compress_step(float epsilon) { return sqrt(0.25 * (double)spsi_higher(epsilon, SPSI_EPSILON_MIN)); }
+static double spsi_compress_step(float epsilon) { return sqrt(0.25 * (double)spsi_fmax(epsilon, SPSI_EPSILON_MIN)); }
 
 /* Maximum number of nodes that a curve of `count` nodes is compressed to: two for each cut. There are fewer than
    1 / step steps of sqrt(T), each of which rounding may turn into two cuts. */
@@ -3817,7 +3817,7 @@ SPSI_COLD int spsi_compressed_most(int count, float epsilon) {
    the curve, which is always upwards, as lines lie above exponentials; 1.2e-7 is for round-off. `out` has room for
    spsi_compressed_most(count, epsilon) nodes. Returns the number of nodes. Cost: linear in the number of cuts. */
 static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon, spsi_node *out) {
-    const double error = (double)spsi_higher(epsilon, SPSI_EPSILON_MIN), step = spsi_compress_step(epsilon);
+    const double error = (double)spsi_fmax(epsilon, SPSI_EPSILON_MIN), step = spsi_compress_step(epsilon);
     spsi_compressor c = {out, 0, 0, 0, error - 1.2e-7, error - step * step - 1.2e-7, 0, 1};
     spsi_cuts cuts;
     if (count <= 0) return 0;
@@ -3848,7 +3848,7 @@ static inline double spsi_node_cost(const spsi_node *node) {
    area least is removed until `most` are left, whose number is returned. [Salvi et al. 2010 do so during insertion,
    with few nodes known at a time: with 4 nodes the error is twice as large.] */
 static int spsi_nodes_thin(spsi_node *line, int count, int most, float total) {
-    const float last = (float)exp(-(double)spsi_lower(total, SPSI_DEPTH_MAX));
+    const float last = (float)exp(-(double)spsi_fmin(total, SPSI_DEPTH_MAX));
     for (int i = count - 1; i >= 0 && (i == count - 1 || line[i].value < last); --i) line[i].value = last;
     for (; count > most; --count) {
         double lowest = spsi_node_cost(&line[1]);
@@ -3897,8 +3897,8 @@ static void spsi_moment_insert(const sps_tmap_settings *settings, float *sums, s
 static void spsi_moment_finish(const sps_tmap_settings *settings, float *texel) {
     const double whole = (double)texel[0];
     for (int k = 1; k < settings->components; ++k)
-        texel[k] = whole > 0 ? (float)spsi_fmin(spsi_fmax((double)texel[k] / whole, -1), 1) : 0;
-    texel[0] = spsi_lower(texel[0], SPSI_DEPTH_MAX);
+        texel[k] = whole > 0 ? (float)spsi_dmin(spsi_dmax((double)texel[k] / whole, -1), 1) : 0;
+    texel[0] = spsi_fmin(texel[0], SPSI_DEPTH_MAX);
 }
 
 /* The moments of a distribution as the Cholesky factor of its Hankel matrix, H_ij = b_(i+j), i, j = 0 .. size - 1. */
@@ -3926,10 +3926,10 @@ SPSI_COLD double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int 
     static const double wide[2][SPSI_MOMENTS_MAX / 2] = {{0.375, 0.375}, {0.48, 0.451, 0.45}};
     double b[SPSI_MOMENTS_MAX + 1];
     hankel->size = (components + 1) / 2;
-    for (;; share = spsi_fmin(10 * share, 1)) {
+    for (;; share = spsi_dmin(10 * share, 1)) {
         b[0] = 1;
         for (int k = 1; k < components; ++k) {
-            const double moment = spsi_fmin(spsi_fmax((double)texel[k], -1), 1);
+            const double moment = spsi_dmin(spsi_dmax((double)texel[k], -1), 1);
             b[k] = (1 - share) * moment + (k % 2 == 0 ? share * wide[hankel->size - 3][k / 2 - 1] : 0);
         }
         if (spsi_hankel_factor(hankel, b) || share >= 1) return share;
@@ -3954,7 +3954,7 @@ SPSI_COLD double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *
 /* The roots of a parabola within SPSI_ROOT_REACH, without cancellation: the larger one first, the other from their
    product. A double root has even order and does not count. Returns their number. */
 SPSI_COLD int spsi_parabola_roots(double a, double b, double c, double *roots) {
-    const double square = b * b - 4 * a * c, q = -0.5 * (b + (b < 0 ? -1 : 1) * sqrt(spsi_fmax(square, 0)));
+    const double square = b * b - 4 * a * c, q = -0.5 * (b + (b < 0 ? -1 : 1) * sqrt(spsi_dmax(square, 0)));
     const double both[2] = {fabs(a) > 0 ? q / a : HUGE_VAL, fabs(q) > 0 ? c / q : HUGE_VAL};
     int count = 0;
     for (int i = 0; i < 2 && square > 0; ++i)
@@ -3969,9 +3969,9 @@ SPSI_COLD int spsi_polynomial_roots(const double *c, int degree, double *roots) 
     double side, a, b, q, turn, root, rest;
     if (degree == 2 || !(fabs(c[3]) > 1e-12 * fabs(c[2]))) return spsi_parabola_roots(c[2], c[1], c[0], roots);
     side = c[2] / c[3] < 0 ? 1 : -1;
-    a = fabs(c[2] / c[3]), b = c[1] / c[3], q = spsi_fmax(a * a - 3 * b, 0) / 9;
+    a = fabs(c[2] / c[3]), b = c[1] / c[3], q = spsi_dmax(a * a - 3 * b, 0) / 9;
     turn = (a * (2 * a * a - 9 * b) - 27 * side * (c[0] / c[3])) / (54 * q * sqrt(q));
-    root = side * (2 * sqrt(q) * cos(acos(spsi_fmin(spsi_fmax(turn, -1), 1)) / 3) + a / 3);
+    root = side * (2 * sqrt(q) * cos(acos(spsi_dmin(spsi_dmax(turn, -1), 1)) / 3) + a / 3);
     rest = -c[0] / root;
     int count = spsi_parabola_roots(c[3], (rest - c[1]) / root, rest, roots);
     if (fabs(root) < SPSI_ROOT_REACH) roots[count++] = root;
@@ -4027,8 +4027,8 @@ static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *
     if (!(whole > 0) || u >= 1) return;
     share = spsi_hankel_build(&hankel, texel, settings->components, biases[(settings->components - 5) / 2]);
     spsi_hankel_bounds(&hankel, 2 * (double)u - 1, bounds);
-    bracket[0] = (float)(share < 1 ? spsi_fmin(spsi_fmax((bounds[0] - share) / (1 - share), 0) * whole, answer) : 0);
-    bracket[1] = (float)(share < 1 ? spsi_fmax(spsi_fmin(bounds[1] / (1 - share), 1) * whole, answer) : whole);
+    bracket[0] = (float)(share < 1 ? spsi_dmin(spsi_dmax((bounds[0] - share) / (1 - share), 0) * whole, answer) : 0);
+    bracket[1] = (float)(share < 1 ? spsi_dmax(spsi_dmin(bounds[1] / (1 - share), 1) * whole, answer) : whole);
 }
 
 /* By sps_tmap_technique; the default is resolved before (spsi_settings_resolve). */
@@ -4160,7 +4160,7 @@ typedef enum spsi_choice {
 } spsi_choice;
 
 /* A light that is not black. */
-typedef struct spsi_lamp {
+typedef struct spsi_light {
     int index;           /* in the scene's array, for error sentences */
     int is_point;        /* 1: a light with a position, 0: a directional light */
     double position[3];  /* its centre */
@@ -4171,9 +4171,9 @@ typedef struct spsi_lamp {
     float color[3]; /* intensity of a point light, irradiance of a directional one or of one that does not fall off */
     int falls_off;  /* 1: irradiance falls with the square of the distance */
     spsi_light_extent extent;
-    const struct spsi_lamp *points; /* that stand for an extended light; of another light, itself */
+    const struct spsi_light *points; /* that stand for an extended light; of another light, itself */
     int point_count;
-    const struct spsi_lamp *few; /* fewer points, from which gas takes its irradiance; at least one */
+    const struct spsi_light *few; /* fewer points, from which gas takes its irradiance; at least one */
     int few_count;
     int samples;                   /* as the caller set it */
     int shadows;                   /* 1: it casts shadows */
@@ -4185,7 +4185,7 @@ typedef struct spsi_lamp {
     const spsi_bounds *map_bounds; /* of the gas that it serves, while other gas shades that, too; NULL: all */
     int map_omnidirectional;       /* 1: the map has six faces wherever the light is */
     sps_tmap_settings map;         /* the map's settings, with the technique resolved */
-} spsi_lamp;
+} spsi_light;
 
 /* Parameters set by quality. */
 typedef struct spsi_accuracy {
@@ -4229,16 +4229,16 @@ typedef struct spsi_matter {
     int classifies;          /* 1: some volume has a transfer function */
 } spsi_matter;
 
-typedef struct spsi_lamps {
-    spsi_lamp *list; /* `whole`, or what follows it: those whose points share tables as several lights, >>shadows */
+typedef struct spsi_lights {
+    spsi_light *list; /* `whole`, or what follows it: those whose points share tables as several lights, >>shadows */
     int count;
-    spsi_lamp *whole; /* as the scene has them */
+    spsi_light *whole; /* as the scene has them */
     int whole_count;
-    spsi_lamp *split_points; /* room for all points of area lights */
+    spsi_light *split_points; /* room for all points of area lights */
     int shadow_count; /* number of lamps that cast shadows */
     int sliced_count; /* number of lamps that shade gas by sheets: each needs a sweep of its own */
     int image_count;  /* number of lamps that throw an image */
-} spsi_lamps;
+} spsi_lights;
 
 #define SPSI_IMAGE_LEVELS 25 /* of an image of 4096 texels on a side, if one side is halved before the other */
 
@@ -4307,20 +4307,21 @@ typedef struct spsi_emitter {
     float trapped[3]; /* if gas > 0, the mean of its own light within it */
 } spsi_emitter;
 
-#define SPSI_FLIGHT_WAYS 18 /* directions: toward the faces and edges of a cube */
+#define SPSI_FLIGHT_SEGMENTS 18 /* directions: toward the faces and edges of a cube */
 
 /* Emitters, or two nodes: children first and first + 1 if count is 0. */
 typedef struct spsi_flight_node {
     spsi_emitter sum;
     float reach; /* radius of a ball about the emitters */
     float breadth; /* diameter of the sum, up to four times as much where it is dense or bent: its sides differ */
-    float leaves[3][SPSI_FLIGHT_WAYS]; /* fraction of what is sent that leaves that ball, by channel and direction */
+    float leaves[3]
+                [SPSI_FLIGHT_SEGMENTS]; /* fraction of what is sent that leaves that ball, by channel and direction */
     int first, count;
 } spsi_flight_node;
 
 /* Trees of emitters: what glows; dense particles, and what gas scatters of narrow beams; what polygons reflect of
    these; and what some cells send more than others. */
-enum { SPSI_FLIGHTS_GLOW, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHTS_CELLS, SPSI_FLIGHT_TREES };
+enum { SPSI_FLIGHTS_EMISSION, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHTS_CELLS, SPSI_FLIGHT_TREES };
 
 typedef struct spsi_flights {
     double centre[3]; /* the same for all trees */
@@ -4333,12 +4334,12 @@ typedef struct spsi_flights {
     float to_cells, to_polygons; /* fractions of what the emitters send: the rest is swept from cell to cell */
 } spsi_flights;
 
-#define SPSI_TAP_STEPS     1024 /* places between two voxels for which there are weights, >>taps */
-#define SPSI_FIELD_REACHES 3    /* about what is shown, in which samples are taken */
+#define SPSI_SAMPLER_STEPS   1024 /* places between two voxels for which there are weights, >>taps */
+#define SPSI_PYRAMID_REACHES 3    /* about what is shown, in which samples are taken */
 #define SPSI_LEVELS        12   /* coarser levels of a volume: voxels of each are twice as large */
 
 /* Values of a volume, by which its sheets are filled pixel by pixel, >>taps. */
-typedef struct spsi_voxel_field {
+typedef struct spsi_pyramid_level {
     int low[3], size[3];  /* its bricks: the first, and their number along each axis */
     int first, end;       /* the volume's bricks of relevant voxels */
     double voxels;        /* number of those voxels */
@@ -4350,21 +4351,22 @@ typedef struct spsi_voxel_field {
     int count;            /* of bricks held */
     float *values;        /* of the first brick held */
     uint64_t *shown;      /* per brick held: which of its own voxels are, a bit each, layer by layer of 8 x 8 */
-    uint32_t (*cells[SPSI_FIELD_REACHES])[2]; /* per brick: a bit for each of its cells of 2^3 voxels; by their reach */
+    uint32_t (
+        *cells[SPSI_PYRAMID_REACHES])[2]; /* per brick: a bit for each of its cells of 2^3 voxels; by their reach */
     float *bends; /* how much it bends, >>taps, as a grid of the eighths of all bricks: at most, in 2^3 from each on */
-} spsi_voxel_field;
+} spsi_pyramid_level;
 
 /* Those of all volumes. */
-typedef struct spsi_fields {
+typedef struct spsi_pyramid {
     int taps;                                /* along each axis: 4 or 6 */
     int filled;                              /* 1: bricks have their values */
-    float weights[SPSI_TAP_STEPS + 1][8];    /* by place; those beyond `taps` are 0 */
-    float changes[SPSI_TAP_STEPS + 1][8];    /* of the weights, per voxel */
-    spsi_voxel_field list[SPSI_VOLUMES_MAX]; /* by medium */
+    float weights[SPSI_SAMPLER_STEPS + 1][8];  /* by place; those beyond `taps` are 0 */
+    float changes[SPSI_SAMPLER_STEPS + 1][8];  /* of the weights, per voxel */
+    spsi_pyramid_level list[SPSI_VOLUMES_MAX]; /* by medium */
     int leveled;                             /* number of coarser levels that have theirs */
     int bent;                                /* 1: how much they bend is known */
-    spsi_voxel_field levels[SPSI_VOLUMES_MAX][SPSI_LEVELS];
-} spsi_fields;
+    spsi_pyramid_level levels[SPSI_VOLUMES_MAX][SPSI_LEVELS];
+} spsi_pyramid;
 
 /* Results of reading a frame's data. Before that, bounds are those of the volumes' boxes. */
 typedef struct spsi_content {
@@ -4381,7 +4383,7 @@ typedef struct spsi_content {
     double particle_spread;        /* root mean square distance of the particles from their mean */
     double particle_extinction;    /* mean of their gas, in a particle or where they overlap, whichever is larger */
     const spsi_image *images;      /* that lights throw, >>projectors */
-    spsi_fields *fields;           /* of the volumes; NULL: they are splatted, >>taps */
+    spsi_pyramid *fields;          /* of the volumes; NULL: they are splatted, >>taps */
     float levels[SPSI_VOLUMES_MAX]; /* by medium: for all targets, with a fraction of the next; -1: splatted, >>taps */
     const spsi_cell_grid *cells;   /* grids of them; NULL: light is not followed from cell to cell */
     int cell_grid_count;
@@ -4405,7 +4407,7 @@ typedef struct spsi_frame {
     spsi_particle_sets particles;
     spsi_matter matter;
     spsi_meshes meshes;
-    spsi_lamps lamps;
+    spsi_lights lamps;
     int has_ambient;   /* 1: there is light from everywhere */
     int has_gradients; /* 1: some volume is shaded as a surface; its field has the gradients */
     int channels;    /* channels of radiance: 1 if every color is grey, otherwise 3 */
@@ -4441,7 +4443,7 @@ static void spsi_bounds_centre(const spsi_bounds *bounds, double point[3]) {
 
 SPSI_COLD double spsi_bounds_longest(const spsi_bounds *bounds) {
     double longest = 0;
-    for (int k = 0; k < 3; ++k) longest = spsi_fmax(longest, bounds->high[k] - bounds->low[k]);
+    for (int k = 0; k < 3; ++k) longest = spsi_dmax(longest, bounds->high[k] - bounds->low[k]);
     return longest;
 }
 
@@ -4470,7 +4472,7 @@ SPSI_COLD double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[
         yy += along_y * along_y;
     }
     /* the product of both divided by the greater: their difference would lose a needle's breadth to round-off */
-    return sqrt(spsi_fmax(xx * yy - xy * xy, 0) / (0.5 * (xx + yy) + sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)));
+    return sqrt(spsi_dmax(xx * yy - xy * xy, 0) / (0.5 * (xx + yy) + sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)));
 }
 
 /* Copies a placement, with the identity in place of all-zero axes. */
@@ -5053,9 +5055,9 @@ SPSI_COLD int spsi_take_material(spsi_frame *frame, const spsi_material *materia
         ++channel;
     matter->scatters |= material->scatters;
     matter->emits |= material->emits;
-    matter->orders = spsi_most(matter->orders, spsi_phase_orders(material));
+    matter->orders = spsi_imax(matter->orders, spsi_phase_orders(material));
     matter->materials[channel] = *material;
-    matter->material_count = spsi_most(matter->material_count, channel + 1);
+    matter->material_count = spsi_imax(matter->material_count, channel + 1);
     return channel;
 }
 
@@ -5070,7 +5072,7 @@ SPSI_COLD sps_result spsi_add_material(sps_context *context, spsi_frame *frame, 
         material.table = table;
         material.shading = volume->shading;
         material.gradient_scale =
-            1 / spsi_higher(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
+            1 / spsi_fmax(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
         material.voxel_length = (float)cbrt(medium->lattice->voxel_volume);
         material.medium = (int)(medium - frame->media);
         material.specular = volume->specular;
@@ -5242,7 +5244,7 @@ SPSI_COLD void spsi_projection_build(const sps_light *light, const double direct
 
 /* Moves a projection from a light's centre to one of its points, so that both throw the image to the same place on the
    plane in focus: that of distance 1 / focus, or for a directional light that of its position. */
-static void spsi_projection_move(const spsi_lamp *centre, spsi_lamp *point) {
+static void spsi_projection_move(const spsi_light *centre, spsi_light *point) {
     spsi_projection *projection = &point->projection;
     const double *forward = projection->forward;
     double offset[3];
@@ -5260,7 +5262,7 @@ static void spsi_projection_move(const spsi_lamp *centre, spsi_lamp *point) {
 
 /* The light without extent at place (x, y) of an extended one. Places on a directional light's disc are spread evenly
    over its solid angle: 1 - cos grows with the square of the distance from its middle. */
-static void spsi_lamp_place(const spsi_lamp *lamp, double x, double y, spsi_lamp *point) {
+static void spsi_light_place(const spsi_light *lamp, double x, double y, spsi_light *point) {
     const spsi_light_extent *extent = &lamp->extent;
     *point = *lamp;
     memset(&point->extent, 0, sizeof point->extent);
@@ -5284,7 +5286,7 @@ static void spsi_lamp_place(const spsi_lamp *lamp, double x, double y, spsi_lamp
 /* Places `count` points evenly over an extended light: a disc's on a spiral of equal areas and golden angles [Vogel
    1979], a rectangle's on a lattice of one point per column whose rows advance by the golden ratio. They are moved so
    that their mean is the centre, which a few points would miss. */
-SPSI_COLD void spsi_extent_points(const spsi_lamp *lamp, int count, spsi_lamp *points) {
+SPSI_COLD void spsi_extent_points(const spsi_light *lamp, int count, spsi_light *points) {
     double places[SPSI_POINTS_MAX][2], mean[2] = {0, 0};
     for (int i = 0; i < count; ++i) {
         const double share = (i + 0.5) / count, turn = 2.39996322972865332 * i, row = 0.61803398874989485 * (i + 0.5);
@@ -5292,10 +5294,10 @@ SPSI_COLD void spsi_extent_points(const spsi_lamp *lamp, int count, spsi_lamp *p
         places[i][1] = lamp->extent.is_disc ? sqrt(share) * sin(turn) : 2 * (row - floor(row)) - 1;
         for (int k = 0; k < 2; ++k) mean[k] += places[i][k] / count;
     }
-    for (int i = 0; i < count; ++i) spsi_lamp_place(lamp, places[i][0] - mean[0], places[i][1] - mean[1], &points[i]);
+    for (int i = 0; i < count; ++i) spsi_light_place(lamp, places[i][0] - mean[0], places[i][1] - mean[1], &points[i]);
 }
 
-SPSI_COLD void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int index, spsi_lamp *lamp) {
+SPSI_COLD void spsi_light_build(const spsi_frame *frame, const sps_light *light, int index, spsi_light *lamp) {
     const double inner = light->inner_cone, outer = light->outer_cone;
     sps_tmap_settings table;
     memset(lamp, 0, sizeof *lamp);
@@ -5307,8 +5309,8 @@ SPSI_COLD void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, 
     memcpy(lamp->color, light->color, sizeof lamp->color);
     lamp->samples = light->samples;
     lamp->cone.exists = outer > 0;
-    lamp->cone.none = spsi_fmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* what is narrower has no rim in floats */
-    lamp->cone.rim = spsi_fmax(2 * sin(0.5 * (outer + inner)) * sin(0.5 * (outer - inner)), 1e-7 * lamp->cone.none);
+    lamp->cone.none = spsi_dmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* what is narrower has no rim in floats */
+    lamp->cone.rim = spsi_dmax(2 * sin(0.5 * (outer + inner)) * sin(0.5 * (outer - inner)), 1e-7 * lamp->cone.none);
     spsi_basis(lamp->direction, lamp->across[0], lamp->across[1]);
     if (light->projector) spsi_projection_build(light, lamp->direction, &lamp->projection);
     lamp->falls_off = lamp->is_point && light->falloff == SPS_FALLOFF_INVERSE_SQUARE;
@@ -5333,18 +5335,18 @@ SPSI_COLD void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, 
 SPSI_COLD sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
     size_t count = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_lamp *lamp = &frame->lamps.list[i];
+        spsi_light *lamp = &frame->lamps.list[i];
         if (!lamp->extent.exists) continue;
         lamp->point_count = lamp->samples > 0 ? lamp->samples : frame->accuracy.light_points;
-        if (lamp->is_point) lamp->few_count = spsi_least(lamp->point_count, 4);
+        if (lamp->is_point) lamp->few_count = spsi_imin(lamp->point_count, 4);
         if (lamp->cone.exists || lamp->projection.exists) lamp->few_count = lamp->point_count;
         count += (size_t)(2 * lamp->point_count + lamp->few_count);
     }
     if (count == 0) return SPS_OK;
-    spsi_lamp *points = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMP_POINTS, count, sizeof(spsi_lamp));
+    spsi_light *points = (spsi_light *)spsi_reserve(context, SPSI_BUFFER_LIGHT_POINTS, count, sizeof(spsi_light));
     if (!points) return context->result;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_lamp *lamp = &frame->lamps.list[i];
+        spsi_light *lamp = &frame->lamps.list[i];
         if (!lamp->extent.exists) continue;
         spsi_extent_points(lamp, lamp->point_count, points);
         lamp->points = points;
@@ -5363,7 +5365,7 @@ SPSI_COLD sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame
     size_t count = 0;
     for (int i = 0; i < frame->lamps.count; ++i) count += (size_t)spsi_settings_planes(&frame->lamps.list[i].map);
     if (count == 0) return SPS_OK;
-    float *planes = (float *)spsi_reserve(context, SPSI_BUFFER_LAMP_PLANES, count, sizeof(float));
+    float *planes = (float *)spsi_reserve(context, SPSI_BUFFER_LIGHT_PLANES, count, sizeof(float));
     if (!planes) return context->result;
     for (int i = 0; i < frame->lamps.count; ++i) {
         sps_tmap_settings *map = &frame->lamps.list[i].map;
@@ -5377,7 +5379,7 @@ SPSI_COLD sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame
 }
 
 /* Sets the list of lamps. */
-static void spsi_lamps_list(spsi_lamps *lamps, spsi_lamp *list, int count) {
+static void spsi_lights_list(spsi_lights *lamps, spsi_light *list, int count) {
     lamps->list = list;
     lamps->count = count;
     lamps->shadow_count = lamps->sliced_count = 0;
@@ -5388,10 +5390,10 @@ static void spsi_lamps_list(spsi_lamps *lamps, spsi_lamp *list, int count) {
 }
 
 /* Lists the lights that are not black; none if nothing in the scene could reflect or scatter them. */
-SPSI_COLD sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
+SPSI_COLD sps_result spsi_resolve_lights(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
     size_t lit = 0;
-    spsi_lamps *lamps = &frame->lamps;
+    spsi_lights *lamps = &frame->lamps;
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         frame->matter.extinguishes |= material->extinguishes;
@@ -5400,16 +5402,16 @@ SPSI_COLD sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame,
     for (int i = 0; i < count; ++i)
         if (!spsi_black(scene->lights[i].color))
             lit += spsi_light_extended(&scene->lights[i]) ? (size_t)(1 + SPSI_TABLES_MOST) : 2;
-    lamps->whole = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, lit, sizeof(spsi_lamp));
+    lamps->whole = (spsi_light *)spsi_reserve(context, SPSI_BUFFER_LIGHTS, lit, sizeof(spsi_light));
     if (!lamps->whole) return context->result;
     for (int i = 0; i < count; ++i) {
-        spsi_lamp *lamp = &lamps->whole[lamps->whole_count];
+        spsi_light *lamp = &lamps->whole[lamps->whole_count];
         if (spsi_black(scene->lights[i].color)) continue;
-        spsi_lamp_build(frame, &scene->lights[i], i, lamp);
+        spsi_light_build(frame, &scene->lights[i], i, lamp);
         if (lamp->projection.exists) lamp->projection.image = lamps->image_count++;
         lamps->whole_count += 1;
     }
-    spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
+    spsi_lights_list(lamps, lamps->whole, lamps->whole_count);
     if (lamps->count == 0) frame->has_gradients = 0;
     return spsi_resolve_planes(context, frame) ? context->result : spsi_resolve_points(context, frame);
 }
@@ -5462,7 +5464,7 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
         spsi_resolve_meshes(context, frame, scene))
         return NULL;
     if (view && spsi_resolve_view(context, frame)) return NULL;
-    if (spsi_resolve_lamps(context, frame, scene)) return NULL;
+    if (spsi_resolve_lights(context, frame, scene)) return NULL;
     spsi_resolve_scene(frame, scene);
     content->outer = content->bounds;
     content->eye = frame->eye;
@@ -5529,9 +5531,9 @@ SPSI_COLD void spsi_block_place(spsi_block *block, const spsi_medium *medium, co
     for (int i = 0; i < 3; ++i) {
         const int size = medium->given.size[i], count = (size + SPSI_BLOCK - 1) / SPSI_BLOCK;
         block->core_low[i] = (int)(index % count) * SPSI_BLOCK;
-        block->core_high[i] = spsi_least(size, block->core_low[i] + SPSI_BLOCK);
-        block->low[i] = spsi_most(0, block->core_low[i] - margin);
-        block->size[i] = spsi_least(size, block->core_high[i] + margin) - block->low[i];
+        block->core_high[i] = spsi_imin(size, block->core_low[i] + SPSI_BLOCK);
+        block->low[i] = spsi_imax(0, block->core_low[i] - margin);
+        block->size[i] = spsi_imin(size, block->core_high[i] + margin) - block->low[i];
         index /= count;
     }
 }
@@ -5663,7 +5665,7 @@ typedef struct spsi_reader {
     const spsi_material *material;
     int asks;               /* 1: range_fn is called first */
     int replace;            /* 1: invalid values count as 0 */
-    spsi_part_of_call part; /* of this volume */
+    spsi_call_stage part;   /* of this volume */
     int64_t block_count;    /* of the volume */
     int at_once;            /* blocks in memory, at most */
     spsi_voxels *list;      /* these blocks */
@@ -5699,7 +5701,7 @@ static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
 SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader, int64_t first) {
     for (int i = 0; i < reader->count; ++i) {
         const double done = (double)(first + i) / (double)reader->block_count;
-        if (spsi_progress(context, spsi_part_done(&reader->part, done))) return context->result;
+        if (spsi_progress(context, spsi_call_stage_done(&reader->part, done))) return context->result;
         if (reader->medium->given.concurrent) break;
         spsi_block_read(&reader->list[i], reader->asks);
         if (reader->list[i].block.result != SPS_OK) reader->count = i + 1;
@@ -5787,7 +5789,7 @@ static int spsi_block_brick(const spsi_block *block, int number, int base[3]) {
 /* The relevant voxels of a layer of a brick: 8 rows of 8 bits. Rows have no bits beyond the volume. */
 static uint64_t spsi_brick_layer(const spsi_voxels *voxels, const int base[3], int z) {
     const spsi_block *block = &voxels->block;
-    const int height = spsi_least(SPSI_BRICK, block->core_high[1] - base[1]);
+    const int height = spsi_imin(SPSI_BRICK, block->core_high[1] - base[1]);
     const uint64_t *rows = voxels->relevant + spsi_block_row(block, base[1], base[2] + z);
     const uint64_t whole = (1 << SPSI_BRICK) - 1;
     uint64_t layer = 0;
@@ -5889,7 +5891,7 @@ static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, sp
                 segment->y[at] = (float)y;
                 segment->z[at] = (float)z;
                 segment->value[at++] = values[x];
-                brick->most = spsi_higher(brick->most, values[x]);
+                brick->most = spsi_fmax(brick->most, values[x]);
             }
             steps[0] |= row;
             steps[1] |= (uint64_t)(row > 0) << y;
@@ -5950,11 +5952,11 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
 }
 
 /* Hashes a brick's voxels and its place in its volume. Four sums side by side, as each waits for itself. */
-static void spsi_brick_prints_task(void *data, int index) {
+static void spsi_brick_fingerprints_task(void *data, int index) {
     const sps_context *context = (const sps_context *)data;
     const spsi_brick *brick = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data + index;
     const spsi_segment *segment = spsi_segment_at(context, brick->segment);
-    uint64_t *prints = (uint64_t *)context->buffers[SPSI_BUFFER_BRICK_PRINTS].data;
+    uint64_t *prints = (uint64_t *)context->buffers[SPSI_BUFFER_BRICK_FINGERPRINTS].data;
     uint64_t sums[4] = {SPSI_FINGERPRINT_START, 1, 2, 3};
     for (int i = 0; i < brick->count; ++i) {
         const int at = brick->first + i;
@@ -5969,11 +5971,11 @@ static void spsi_brick_prints_task(void *data, int index) {
 }
 
 /* Computes the fingerprints of all bricks, unless they are held with them. */
-SPSI_COLD sps_result spsi_brick_prints(sps_context *context) {
+SPSI_COLD sps_result spsi_brick_fingerprints(sps_context *context) {
     if (context->bricks_printed) return SPS_OK;
-    if (!spsi_reserve(context, SPSI_BUFFER_BRICK_PRINTS, (size_t)context->brick_count, sizeof(uint64_t)))
+    if (!spsi_reserve(context, SPSI_BUFFER_BRICK_FINGERPRINTS, (size_t)context->brick_count, sizeof(uint64_t)))
         return context->result;
-    spsi_parallel_batches(context, context->brick_count, spsi_brick_prints_task, context);
+    spsi_parallel_batches(context, context->brick_count, spsi_brick_fingerprints_task, context);
     context->bricks_printed = 1;
     return SPS_OK;
 }
@@ -6109,7 +6111,7 @@ static double spsi_particle_depth(const sps_particle *particle, const spsi_parti
 SPSI_COLD void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *bounds) {
     for (int k = 0; k < 3; ++k) {
         const double at = (double)particle->position[k];
-        const double reach = spsi_fmax((double)particle->radius, 1e-12 * fabs(at)); /* so that low and high differ */
+        const double reach = spsi_dmax((double)particle->radius, 1e-12 * fabs(at)); /* so that low and high differ */
         bounds->low[k] = at - reach;
         bounds->high[k] = at + reach;
     }
@@ -6126,8 +6128,8 @@ static double spsi_measure_extinction(const spsi_frame *frame) {
         const double radius = (double)content->particles[n].radius, square = radius * radius;
         double depth, most;
         while (n >= content->set_ends[i]) ++i;
-        depth = spsi_fmin(spsi_particle_depth(&content->particles[n], &frame->particles.sets[i]),
-            (double)SPSI_DEPTH_MAX);
+        depth =
+            spsi_dmin(spsi_particle_depth(&content->particles[n], &frame->particles.sets[i]), (double)SPSI_DEPTH_MAX);
         most = depth * (frame->particles.sets[i].soft ? 0.25 : 0.5);
         mass += step * most * square;
         volume += step * square * radius;
@@ -6135,7 +6137,7 @@ static double spsi_measure_extinction(const spsi_frame *frame) {
         sum += most * radius * depth / (1 + depth);
     }
     volume = volume / content->particle_count + 8 / (4 * SPSI_PI / 3) * pow(content->particle_spread, 3);
-    return covered > 0 && volume > 0 ? spsi_fmax(mass / volume, sum / covered) : 0;
+    return covered > 0 && volume > 0 ? spsi_dmax(mass / volume, sum / covered) : 0;
 }
 
 /* Bounds, mean radius, spread and extinction of the particles. They are means, so that a stray particle among many
@@ -6158,7 +6160,7 @@ SPSI_COLD void spsi_measure_particles(const spsi_frame *frame) {
     }
     frame->content->particle_radius = exp(logs / frame->content->particle_count);
     squares -= spsi_dot(sum, sum) / frame->content->particle_count;
-    frame->content->particle_spread = sqrt(spsi_fmax(squares / frame->content->particle_count, 0));
+    frame->content->particle_spread = sqrt(spsi_dmax(squares / frame->content->particle_count, 0));
     frame->content->particle_extinction = spsi_measure_extinction(frame);
 }
 
@@ -6232,8 +6234,8 @@ SPSI_COLD void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *
     for (int k = 0; k < 3; ++k) {
         const double a = (box->low[k] - grid->bounds.low[k]) / grid->edge[k];
         const double b = (box->high[k] - grid->bounds.low[k]) / grid->edge[k];
-        low[k] = (int)spsi_fmax(0, spsi_fmin(floor(a - 1e-6), grid->side - 1));
-        high[k] = (int)spsi_fmax(0, spsi_fmin(floor(b + 1e-6), grid->side - 1));
+        low[k] = (int)spsi_dmax(0, spsi_dmin(floor(a - 1e-6), grid->side - 1));
+        high[k] = (int)spsi_dmax(0, spsi_dmin(floor(b + 1e-6), grid->side - 1));
     }
 }
 
@@ -6245,7 +6247,7 @@ SPSI_COLD void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *
         for (int y = low[1]; y <= high[1]; ++y)
             for (int x = low[0]; x <= high[0]; ++x) {
                 float *cell = &grid->own[(z * grid->side + y) * grid->side + x];
-                *cell = spsi_higher(*cell, extinction);
+                *cell = spsi_fmax(*cell, extinction);
             }
 }
 
@@ -6254,7 +6256,7 @@ SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_
     float extinction = 0;
     if (!material->table) return brick->most * material->extinction;
     for (int i = 0; i <= SPSI_TABLE_SIZE && (float)(i - 1) <= brick->most * material->table_scale; ++i)
-        extinction = spsi_higher(extinction, material->table->entry[i][3]);
+        extinction = spsi_fmax(extinction, material->table->entry[i][3]);
     return extinction;
 }
 
@@ -6264,7 +6266,7 @@ SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_par
                                       const spsi_particle_set *set, int touched) {
     const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
     const double depth = spsi_particle_depth(particle, set);
-    const double most = depth / spsi_fmin(grid->edge[0], spsi_fmin(grid->edge[1], grid->edge[2]));
+    const double most = depth / spsi_dmin(grid->edge[0], spsi_dmin(grid->edge[1], grid->edge[2]));
     int low[3], high[3], at[3];
     spsi_bounds box;
     spsi_particle_bounds(particle, &box);
@@ -6277,13 +6279,13 @@ SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_par
                 for (int k = 0; k < 3; ++k) {
                     const double from = grid->bounds.low[k] + grid->edge[k] * at[k];
                     const double centre = (double)particle->position[k];
-                    const double off = spsi_fmax(spsi_fmax(from - centre, centre - from - grid->edge[k]), 0);
+                    const double off = spsi_dmax(spsi_dmax(from - centre, centre - from - grid->edge[k]), 0);
                     square += off * off / (radius * radius);
                 }
                 density = (square < 1 && set->soft ? 1 - square : 1) * depth / (shape * radius);
                 if (square > 1 + 1e-6) continue;
                 grid->all[(at[2] * grid->side + at[1]) * grid->side + at[0]] +=
-                    (float)spsi_fmin(spsi_fmin(density, most), (double)FLT_MAX / 4);
+                    (float)spsi_dmin(spsi_dmin(density, most), (double)FLT_MAX / 4);
             }
     return 1;
 }
@@ -6296,10 +6298,10 @@ SPSI_COLD double spsi_bound_depth(const spsi_bound_grid *grid) {
         double sum = 0;
         for (int i = 0; i < grid->side * grid->side * grid->side; ++i) {
             const int at[3] = {i % grid->side, i / grid->side % grid->side, i / (grid->side * grid->side)};
-            planes[at[axis]] = spsi_higher(planes[at[axis]], grid->all[i]);
+            planes[at[axis]] = spsi_fmax(planes[at[axis]], grid->all[i]);
         }
         for (int i = 0; i < grid->side; ++i) sum += grid->edge[axis] * (double)planes[i];
-        most = spsi_fmax(most, sqrt(3.0) * sum);
+        most = spsi_dmax(most, sqrt(3.0) * sum);
     }
     return most;
 }
@@ -6346,7 +6348,7 @@ SPSI_COLD double spsi_densest_way(sps_context *context, const spsi_frame *frame)
     spsi_bound_grid grid = {frame->content->bounds, SPSI_BOUND_SIDE, {0, 0, 0}, memory, memory + SPSI_BOUND_CELLS};
     if (spsi_bounds_empty(&grid.bounds)) return 0;
     for (int k = 0; k < 3; ++k)
-        grid.edge[k] = spsi_fmax((grid.bounds.high[k] - grid.bounds.low[k]) / SPSI_BOUND_SIDE, DBL_MIN);
+        grid.edge[k] = spsi_dmax((grid.bounds.high[k] - grid.bounds.low[k]) / SPSI_BOUND_SIDE, DBL_MIN);
     spsi_bound_add_volumes(context, frame, &grid);
     return spsi_bound_add_particles(frame, &grid);
 }
@@ -6357,12 +6359,12 @@ SPSI_COLD double spsi_largest_albedo(const spsi_frame *frame) {
     for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
         for (int c = 0; c < 3; ++c) {
-            most = spsi_higher(most, material->albedo[c]);
+            most = spsi_fmax(most, material->albedo[c]);
             for (int i = 0; i <= SPSI_TABLE_SIZE && material->table; ++i)
-                most = spsi_higher(most, material->table->entry[i][c]);
+                most = spsi_fmax(most, material->table->entry[i][c]);
         }
     }
-    return spsi_fmin((double)most, 1);
+    return spsi_dmin((double)most, 1);
 }
 
 /* Whether polygons and gas send each other light, for which there is no bound. */
@@ -6381,7 +6383,7 @@ SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *fr
     } else if (spsi_light_meets_gas(frame)) {
         const double depth = spsi_densest_way(context, frame), x = -spsi_largest_albedo(frame) * expm1(-depth);
         if (depth < 0) return context->result;
-        *bound = x < 1 ? spsi_fmin(x / (1 - x), SPSI_BOUND_NONE) : SPSI_BOUND_NONE;
+        *bound = x < 1 ? spsi_dmin(x / (1 - x), SPSI_BOUND_NONE) : SPSI_BOUND_NONE;
     }
     frame->view.scattering =
         *bound > (double)frame->view.scattering_tolerance ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
@@ -6426,7 +6428,7 @@ typedef struct spsi_tree_task {
 } spsi_tree_task;
 
 /* A float just above (1) or below (0) `a`: the next one, or a little farther. */
-static float spsi_outward(double a, int above) {
+static float spsi_round_outward(double a, int above) {
     const double room = 1.2e-7 * fabs(a) + 1e-37;
     return (float)(above ? a + room : a - room);
 }
@@ -6434,15 +6436,15 @@ static float spsi_outward(double a, int above) {
 static void spsi_tree_item_add(spsi_tree_item *item, const double centre[3], const double low[3],
                                const double high[3]) {
     for (int i = 0; i < 3; ++i) {
-        item->low[i] = spsi_outward(low[i] - centre[i], 0);
-        item->high[i] = spsi_outward(high[i] - centre[i], 1);
+        item->low[i] = spsi_round_outward(low[i] - centre[i], 0);
+        item->high[i] = spsi_round_outward(high[i] - centre[i], 1);
     }
 }
 
 static void spsi_tree_box_add(float low[3], float high[3], const float other_low[3], const float other_high[3]) {
     for (int i = 0; i < 3; ++i) {
-        low[i] = spsi_lower(low[i], other_low[i]);
-        high[i] = spsi_higher(high[i], other_high[i]);
+        low[i] = spsi_fmin(low[i], other_low[i]);
+        high[i] = spsi_fmax(high[i], other_high[i]);
     }
 }
 
@@ -6470,7 +6472,7 @@ typedef struct spsi_tree_cut {
 } spsi_tree_cut;
 
 static inline int spsi_tree_bin_of(const spsi_tree_cut *cut, const spsi_tree_item *item) {
-    return spsi_least((int)((spsi_tree_middle(item, cut->axis) - cut->start) * cut->scale), SPSI_TREE_BINS - 1);
+    return spsi_imin((int)((spsi_tree_middle(item, cut->axis) - cut->start) * cut->scale), SPSI_TREE_BINS - 1);
 }
 
 static const spsi_tree_bin spsi_tree_empty = {{FLT_MAX, FLT_MAX, FLT_MAX}, {-FLT_MAX, -FLT_MAX, -FLT_MAX}, 0};
@@ -6511,7 +6513,7 @@ static void spsi_tree_plan_cut(const spsi_tree_item *items, spsi_tree_node *node
     if (node->count <= SPSI_TREE_LEAF || depth >= SPSI_TREE_DEPTH) return;
     for (int k = 1; k < 3; ++k)
         if (high[k] - low[k] > high[cut->axis] - low[cut->axis]) cut->axis = k;
-    for (int k = 0; k < 3; ++k) size = spsi_higher(size, node->high[k] - node->low[k]);
+    for (int k = 0; k < 3; ++k) size = spsi_fmax(size, node->high[k] - node->low[k]);
     cut->start = low[cut->axis];
     cut->scale = SPSI_TREE_BINS / (high[cut->axis] - cut->start);
     if (!(cut->scale <= FLT_MAX) || !(size <= FLT_MAX)) return;
@@ -6554,7 +6556,7 @@ static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tr
         return 0;
     }
     if (cut.last >= 0)
-        middle = spsi_least(spsi_most(spsi_tree_part(items, first, first + count, &cut), first + 2), first + count - 2);
+        middle = spsi_imin(spsi_imax(spsi_tree_part(items, first, first + count, &cut), first + 2), first + count - 2);
     node->first = middle / 2 * 2;
     node->count = 0;
     children = &tree->nodes[node->first];
@@ -6603,7 +6605,7 @@ static spsi_tree_item *spsi_tree_reserve(sps_context *context, spsi_buffer_id no
 /* Builds a tree whose memory is already reserved: the top nodes serially, then the subtrees in parallel. */
 static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tree_item *items) {
     spsi_tree_job job = {tree, items, {{0, 0}}, 1};
-    const int few = spsi_most(tree->count / SPSI_TREE_TASKS, 1024);
+    const int few = spsi_imax(tree->count / SPSI_TREE_TASKS, 1024);
     int next = 0;
     if (tree->count == 0) return SPS_OK;
     tree->nodes[0].first = 0;
@@ -6640,8 +6642,8 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
             continue;
         }
         const double a = (low[i] - from) / d, b = (high[i] - from) / d;
-        range[0] = spsi_fmax(range[0], spsi_fmin(a, b));
-        range[1] = spsi_fmin(range[1], spsi_fmax(a, b));
+        range[0] = spsi_dmax(range[0], spsi_dmin(a, b));
+        range[1] = spsi_dmin(range[1], spsi_dmax(a, b));
     }
     return range[0] <= range[1];
 }
@@ -6804,7 +6806,7 @@ static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangl
 
 /* The depth of the polygon at a pixel; outside the image, that at its edge. */
 static inline float spsi_hit_depth(const spsi_hit *hits, int width, int height, int x, int y) {
-    const int row = spsi_least(spsi_most(y, 0), height - 1), column = spsi_least(spsi_most(x, 0), width - 1);
+    const int row = spsi_imin(spsi_imax(y, 0), height - 1), column = spsi_imin(spsi_imax(x, 0), width - 1);
     return hits ? hits[(size_t)row * (size_t)width + (size_t)column].depth : SPSI_INFINITY;
 }
 
@@ -6839,7 +6841,7 @@ static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const 
         spsi_bounds_add(&frame->content->mesh_bounds, world[corner]);
         for (int i = 0; i < 3; ++i) {
             face->color[corner][i] = mesh->given.has_albedos ? triangle->albedo[corner][i] : mesh->given.albedo[i];
-            reach = spsi_fmax(reach, fabs(world[corner][i] - mesh->given.placement.origin[i]));
+            reach = spsi_dmax(reach, fabs(world[corner][i] - mesh->given.placement.origin[i]));
         }
     }
     memcpy(face->transmittance, mesh->given.transmittance, sizeof face->transmittance);
@@ -6950,8 +6952,8 @@ SPSI_COLD sps_result spsi_gather_faces(sps_context *context, const spsi_frame *f
     }
     frame->content->mesh_bounds = context->mesh_bounds;
     for (int i = 0; i < 3; ++i) {
-        faces->extent = spsi_fmax(faces->extent, fabs(context->mesh_bounds.low[i]));
-        faces->extent = spsi_fmax(faces->extent, fabs(context->mesh_bounds.high[i]));
+        faces->extent = spsi_dmax(faces->extent, fabs(context->mesh_bounds.low[i]));
+        faces->extent = spsi_dmax(faces->extent, fabs(context->mesh_bounds.high[i]));
     }
     context->stats.triangles = (uint64_t)faces->count;
     context->stats.triangles_degenerate = (uint64_t)(frame->meshes.triangle_count - (size_t)faces->count);
@@ -7015,8 +7017,8 @@ static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *r
         for (int i = 0; i < 3; ++i) {
             const double *a = e.corner[i], *b = e.corner[(i + 1) % 3];
             if (a[2] > 0) {
-                low = spsi_fmin(a[k] / a[2], low);
-                high = spsi_fmax(a[k] / a[2], high);
+                low = spsi_dmin(a[k] / a[2], low);
+                high = spsi_dmax(a[k] / a[2], high);
             }
             if ((a[2] > 0) != (b[2] > 0)) { /* the edge crosses t = 0, on the side of this sign */
                 const double side = (a[2] > 0 ? 1 : -1) * (b[k] * a[2] - a[k] * b[2]);
@@ -7025,8 +7027,8 @@ static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *r
                 if (!(side < -rounding)) high = HUGE_VAL;
             }
         }
-        box[k] = (int)ceil(spsi_fmin(spsi_fmax(low - 1e-6, 0), last[k] + 1));
-        box[k + 2] = (int)floor(spsi_fmax(spsi_fmin(high + 1e-6, last[k]), -1));
+        box[k] = (int)ceil(spsi_dmin(spsi_dmax(low - 1e-6, 0), last[k] + 1));
+        box[k + 2] = (int)floor(spsi_dmax(spsi_dmin(high + 1e-6, last[k]), -1));
     }
 }
 
@@ -7075,8 +7077,8 @@ static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double 
 static void spsi_face_span(const spsi_edges *e, int y, int *x0, int *x1) {
     for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* for fewer, testing pixels is cheaper than dividing */
         const double slope = e->edge[i][0], value = e->edge[i][1] * y + e->edge[i][2] + e->rounding[i];
-        if (slope > 0) *x0 = (int)spsi_fmin(spsi_fmax(*x0, -value / slope - 1), *x1 + 1);
-        if (slope < 0) *x1 = (int)spsi_fmax(spsi_fmin(*x1, -value / slope + 1), *x0 - 1);
+        if (slope > 0) *x0 = (int)spsi_dmin(spsi_dmax(*x0, -value / slope - 1), *x1 + 1);
+        if (slope < 0) *x1 = (int)spsi_dmax(spsi_dmin(*x1, -value / slope + 1), *x0 - 1);
     }
 }
 
@@ -7155,7 +7157,7 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
     spsi_edges e;
     if (spsi_face_is_translucent(&raster->faces->list[face])) return;
     spsi_face_edges(raster->faces, face, raster->rays, &e);
-    for (int y = spsi_most(y0, box[1]); y <= spsi_least(y1, box[3]); ++y) {
+    for (int y = spsi_imax(y0, box[1]); y <= spsi_imin(y1, box[3]); ++y) {
         int x0 = box[0], x1 = box[2];
         spsi_face_span(&e, y, &x0, &x1);
         for (int x = x0; x <= x1; ++x) {
@@ -7194,7 +7196,7 @@ static void spsi_raster_rows(const spsi_raster *raster, int y0, int y1) {
 static void spsi_raster_band_task(void *data, int index) {
     const spsi_raster *raster = (const spsi_raster *)data;
     const int y0 = index * SPSI_TILE_HEIGHT;
-    spsi_raster_rows(raster, y0, spsi_least(raster->rays->height, y0 + SPSI_TILE_HEIGHT) - 1);
+    spsi_raster_rows(raster, y0, spsi_imin(raster->rays->height, y0 + SPSI_TILE_HEIGHT) - 1);
 }
 
 /* Prepares to rasterise faces. */
@@ -7245,14 +7247,14 @@ typedef struct spsi_points {
 } spsi_points;
 
 /* A vector of rays that meet faces, likewise. */
-typedef struct spsi_meetings {
+typedef struct spsi_intersections {
     int lanes;
     double x[SPSI_LANES], y[SPSI_LANES], t[SPSI_LANES]; /* as rasterised */
     double corner[3][SPSI_LANES], plane[3][SPSI_LANES]; /* of the faces: their first corners, and their normals */
-} spsi_meetings;
+} spsi_intersections;
 
 /* Fills the lanes that hold none with another one. */
-static void spsi_meetings_fill(spsi_meetings *m) {
+static void spsi_intersections_fill(spsi_intersections *m) {
     const int from = spsi_lowest_bit(m->lanes);
     for (int n = 0; n < SPSI_LANES; ++n) {
         if (m->lanes >> n & 1) continue;
@@ -7262,8 +7264,8 @@ static void spsi_meetings_fill(spsi_meetings *m) {
 }
 
 /* The same as spsi_surface_place, to the bit. `facing`: the planes' normals times the rays. */
-static void spsi_meetings_place(const spsi_rays *eye, const spsi_meetings *m, spsi_points *points,
-                                double facing[SPSI_LANES]) {
+static void spsi_intersections_hit(const spsi_rays *eye, const spsi_intersections *m, spsi_points *points,
+                                   double facing[SPSI_LANES]) {
     const double grazing = 1e-16, turned = eye->perspective ? 1 : 0, moved = 1 - turned;
     double ray[3][SPSI_LANES], way[SPSI_LANES], square[SPSI_LANES], across[SPSI_LANES];
     for (int i = 0; i < 3; ++i)
@@ -7305,7 +7307,7 @@ static void spsi_surface_raise(const spsi_face *face, const double weights[3], c
         }
         if (side * spsi_dot(normal, plane) < 0)
             for (int i = 0; i < 3; ++i) normal[i] = -normal[i];
-        below = spsi_fmin(0, spsi_dot(normal, offset) + room);
+        below = spsi_dmin(0, spsi_dot(normal, offset) + room);
         spsi_along(surface->start, normal, -weights[corner] * below, surface->start);
     }
 }
@@ -7477,8 +7479,8 @@ static int spsi_mask_middle(uint64_t mask, int samples) {
 /* --- fragments of translucent faces --- */
 
 /* Adds the samples of one row that see a face to the masks. `seen` receives the range of its pixels. */
-static void spsi_pane_row(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_edges *e, int face,
-                          int y, int seen[2]) {
+static void spsi_translucent_row(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_edges *e,
+                                 int face, int y, int seen[2]) {
     const int n = job->samples, *box = job->raster.boxes + 4 * face, width = job->fine.width;
     int x0 = box[0], x1 = box[2];
     spsi_face_span(e, y, &x0, &x1);
@@ -7490,18 +7492,18 @@ static void spsi_pane_row(const spsi_layers_job *job, const spsi_layer_scratch *
         if (!spsi_face_depth(e, &job->fine, x, y, w, &depth) || !((float)depth < ends)) continue;
         scratch->masks[x / n] |= UINT64_C(1) << (y % n * n + x % n);
         scratch->sums[x / n] += (double)(float)depth;
-        seen[0] = spsi_least(seen[0], x / n);
-        seen[1] = spsi_most(seen[1], x / n);
+        seen[0] = spsi_imin(seen[0], x / n);
+        seen[1] = spsi_imax(seen[1], x / n);
     }
 }
 
 /* Adds a face's fragments in one row of pixels. */
-static void spsi_pane_fragments(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_edges *e,
-                                int face, int y) {
+static void spsi_translucent_fragments(const spsi_layers_job *job, const spsi_layer_scratch *scratch,
+                                       const spsi_edges *e, int face, int y) {
     const int n = job->samples, *box = job->raster.boxes + 4 * face;
     int seen[2] = {0x7fffffff, -1};
-    for (int row = spsi_most(y * n, box[1]); row <= spsi_least(y * n + n - 1, box[3]); ++row)
-        spsi_pane_row(job, scratch, e, face, row, seen);
+    for (int row = spsi_imax(y * n, box[1]); row <= spsi_imin(y * n + n - 1, box[3]); ++row)
+        spsi_translucent_row(job, scratch, e, face, row, seen);
     for (int x = seen[0]; x <= seen[1]; ++x) {
         spsi_fragment fragment = {scratch->masks[x], 0, face};
         if (!fragment.mask) continue;
@@ -7559,7 +7561,7 @@ static int spsi_groups_agree(const spsi_layers_job *job, const spsi_group *a, co
         return 0;
     spsi_face_plane(face, plane);
     spsi_along(b->surface.point, a->surface.point, -1, offset);
-    size = SPSI_GROUP_DEPTH * job->samples * spsi_fmax(a->surface.pixel, b->surface.pixel);
+    size = SPSI_GROUP_DEPTH * job->samples * spsi_dmax(a->surface.pixel, b->surface.pixel);
     return fabs(spsi_dot(plane, offset)) <= size * spsi_length(plane);
 }
 
@@ -7648,7 +7650,7 @@ static void spsi_layers_task(void *data, int index, int worker) {
     const spsi_layers_job *job = (const spsi_layers_job *)data;
     const spsi_rays *eye = job->rays;
     const int n = job->samples, top = index * SPSI_LAYER_ROWS;
-    const int bottom = spsi_least(eye->height, top + SPSI_LAYER_ROWS) - 1;
+    const int bottom = spsi_imin(eye->height, top + SPSI_LAYER_ROWS) - 1;
     spsi_raster raster = job->raster;
     spsi_layer_scratch scratch;
     spsi_layer_scratch_of(job, worker, &scratch);
@@ -7662,7 +7664,7 @@ static void spsi_layers_task(void *data, int index, int worker) {
         if (!spsi_face_is_translucent(&job->faces->list[face])) continue;
         if (!spsi_raster_reaches(&raster, face, top * n, bottom * n + n - 1)) continue;
         spsi_face_edges(job->faces, face, &job->fine, &e);
-        for (int y = top; y <= bottom; ++y) spsi_pane_fragments(job, &scratch, &e, face, y);
+        for (int y = top; y <= bottom; ++y) spsi_translucent_fragments(job, &scratch, &e, face, y);
     }
     for (int y = top; y <= bottom && n > 1; ++y)
         for (int x = 0; x < eye->width; ++x) spsi_edge_fragments(job, &scratch, x, y);
@@ -7725,8 +7727,8 @@ static float spsi_fragment_depth(const spsi_layers_job *job, const spsi_edges *e
     spsi_ray_point(&job->fine, x, y, job->fine.depth_reference, start);
     spsi_along(face->position[0], start, -1, start);
     t = spsi_dot(plane, start) / spsi_dot(plane, ray);
-    t = spsi_fmax(t, spsi_fmin(e->depth[0], spsi_fmin(e->depth[1], e->depth[2])));
-    return (float)spsi_fmin(t, spsi_fmax(e->depth[0], spsi_fmax(e->depth[1], e->depth[2])));
+    t = spsi_dmax(t, spsi_dmin(e->depth[0], spsi_dmin(e->depth[1], e->depth[2])));
+    return (float)spsi_dmin(t, spsi_dmax(e->depth[0], spsi_dmax(e->depth[1], e->depth[2])));
 }
 
 /* Finds these depths. */
@@ -7869,7 +7871,7 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
     job.faces = faces;
     job.rays = eye;
     job.hits = hits;
-    job.samples = spsi_most(1, frame->view.coverage_samples);
+    job.samples = spsi_imax(1, frame->view.coverage_samples);
     if (!spsi_rays_split(eye, job.samples, &job.fine))
         return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "coverage_samples", job.samples,
                                "the camera cannot tell samples apart");
@@ -7905,12 +7907,12 @@ typedef struct spsi_appearance {
 } spsi_appearance;
 
 /* A place where a pixel shows a polygon: what its ray hits, or one of its layers. */
-typedef struct spsi_place {
+typedef struct spsi_shading_point {
     const spsi_hit *hit;
     int x, y;     /* the pixel */
     double at[2]; /* x and y of the ray */
     size_t index; /* the pixel's, or the number of pixels plus the layer's */
-} spsi_place;
+} spsi_shading_point;
 
 /* The polygons that the eye sees. */
 typedef struct spsi_visible {
@@ -7920,24 +7922,25 @@ typedef struct spsi_visible {
     const float *received;  /* per pixel and channel, from cells and by flights, >>shading; NULL: no cells */
 } spsi_visible;
 
-static void spsi_place_of_pixel(const spsi_frame *frame, const spsi_visible *visible, int x, int y, spsi_place *place) {
+static void spsi_shading_point_of_pixel(const spsi_frame *frame, const spsi_visible *visible, int x, int y,
+                                        spsi_shading_point *place) {
     const size_t index = (size_t)y * (size_t)frame->content->eye.width + (size_t)x;
-    const spsi_place found = {&visible->hits[index], x, y, {(double)x, (double)y}, index};
+    const spsi_shading_point found = {&visible->hits[index], x, y, {(double)x, (double)y}, index};
     *place = found;
 }
 
-static void spsi_place_of_layer(const spsi_frame *frame, const spsi_visible *visible, size_t number,
-                                spsi_place *place) {
+static void spsi_shading_point_of_layer(const spsi_frame *frame, const spsi_visible *visible, size_t number,
+                                        spsi_shading_point *place) {
     const spsi_layer *layer = &visible->layers.list[number];
     const size_t index = spsi_ray_count(&frame->content->eye) + number;
     const int x = (int)(layer->pixel % (uint32_t)frame->content->eye.width);
     const int y = (int)(layer->pixel / (uint32_t)frame->content->eye.width);
-    const spsi_place found = {&layer->hit, x, y, {x + (double)layer->at[0], y + (double)layer->at[1]}, index};
+    const spsi_shading_point found = {&layer->hit, x, y, {x + (double)layer->at[0], y + (double)layer->at[1]}, index};
     *place = found;
 }
 
 /* Number of places that a frame may have. */
-SPSI_COLD size_t spsi_place_count(const spsi_frame *frame, const spsi_visible *visible) {
+SPSI_COLD size_t spsi_shading_point_count(const spsi_frame *frame, const spsi_visible *visible) {
     return spsi_ray_count(&frame->content->eye) + visible->layers.count;
 }
 
@@ -7947,7 +7950,7 @@ static int spsi_in_region(const spsi_frame *frame, int x, int y) {
 }
 
 /* Where what shade_fn sets at a place is stored; SIZE_MAX: nowhere, since the pixel is outside the region. */
-static size_t spsi_surface_index(const spsi_frame *frame, const spsi_place *place) {
+static size_t spsi_surface_index(const spsi_frame *frame, const spsi_shading_point *place) {
     const int *region = frame->view.region, column = place->x - region[0], row = place->y - region[1];
     const size_t pixels = spsi_ray_count(&frame->content->eye);
     if (!spsi_in_region(frame, place->x, place->y)) return SIZE_MAX;
@@ -7956,7 +7959,8 @@ static size_t spsi_surface_index(const spsi_frame *frame, const spsi_place *plac
 }
 
 /* What shade_fn has set at a place; NULL: nothing. */
-static const sps_surface *spsi_surface_set(const spsi_frame *frame, const sps_surface *set, const spsi_place *place) {
+static const sps_surface *spsi_surface_set(const spsi_frame *frame, const sps_surface *set,
+                                           const spsi_shading_point *place) {
     const size_t at = set ? spsi_surface_index(frame, place) : SIZE_MAX;
     return at != SIZE_MAX && set[at].albedo[0] >= 0 ? &set[at] : NULL;
 }
@@ -7974,7 +7978,7 @@ static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, con
 
 /* A place on a mesh that has a shade_fn. */
 typedef struct spsi_shown {
-    spsi_place place;
+    spsi_shading_point place;
     int mesh; /* in the frame's list */
 } spsi_shown;
 
@@ -8022,7 +8026,7 @@ static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi
     spsi_along(face->position[1], face->position[0], -1, u);
     spsi_along(face->position[2], face->position[0], -1, v);
     spsi_weights_step(ray, step, u, v, w);
-    for (int i = 0; i < 2; ++i) change[i] = (float)spsi_fmax(-1e30, spsi_fmin(1e30, spsi_uv_mean(texture, w, i)));
+    for (int i = 0; i < 2; ++i) change[i] = (float)spsi_dmax(-1e30, spsi_dmin(1e30, spsi_uv_mean(texture, w, i)));
 }
 
 /* Describes the point that a place shows. Without shade_fn it would have the mesh's own color. */
@@ -8061,23 +8065,24 @@ static void spsi_surface_point_task(void *data, int i) {
 }
 
 /* The next place of the current pixel; returns 0 if there are no more. */
-SPSI_COLD int spsi_surface_batch_place(spsi_surface_batch *batch, spsi_place *place) {
+SPSI_COLD int spsi_surface_batch_place(spsi_surface_batch *batch, spsi_shading_point *place) {
     const spsi_layers *layers = &batch->visible->layers;
     const size_t pixel = (size_t)batch->y * (size_t)batch->frame->content->eye.width + (size_t)batch->x;
     const int count = layers->first ? (int)(layers->first[pixel + 1] - layers->first[pixel]) : 0;
     if (batch->number == 0 && batch->visible->hits[pixel].face < 0) batch->number = 1;
     if (batch->number > count) return 0;
     if (batch->number == 0)
-        spsi_place_of_pixel(batch->frame, batch->visible, batch->x, batch->y, place);
+        spsi_shading_point_of_pixel(batch->frame, batch->visible, batch->x, batch->y, place);
     else
-        spsi_place_of_layer(batch->frame, batch->visible, layers->first[pixel] + (size_t)batch->number - 1, place);
+        spsi_shading_point_of_layer(batch->frame, batch->visible, layers->first[pixel] + (size_t)batch->number - 1,
+                                    place);
     return 1;
 }
 
 /* Collects the next places. Returns 0 if there are none. */
 SPSI_COLD int spsi_surface_batch_fill(spsi_surface_batch *batch) {
     const int *region = batch->frame->view.region, right = region[0] + region[2], bottom = region[1] + region[3];
-    spsi_place place;
+    spsi_shading_point place;
     batch->shown_count = 0;
     for (; batch->y < bottom; ++batch->y, batch->x = region[0])
         for (; batch->x < right; ++batch->x, batch->number = 0)
@@ -8204,7 +8209,7 @@ static void spsi_packet_add(const spsi_tree *tree, int at, int own, const double
     }
     packet->own[at] = own;
     packet->open |= 1 << at;
-    packet->count = spsi_most(packet->count, at / SPSI_LANES + 1);
+    packet->count = spsi_imax(packet->count, at / SPSI_LANES + 1);
 }
 
 /* Bit mask of the open rays that may hit a node's box. */
@@ -8291,7 +8296,7 @@ static int spsi_face_passes(const spsi_face *face, const double origin[3], const
 /* Optical depth of a face in units of 2^-32, 86 at most: 4e7 of them do not overflow. */
 static uint64_t spsi_filter_of(float transmittance) {
     const double depth = transmittance > 0 ? -log((double)transmittance) : (double)SPSI_DEPTH_MAX;
-    return (uint64_t)(spsi_fmin(depth, 86) * 4294967296.0);
+    return (uint64_t)(spsi_dmin(depth, 86) * 4294967296.0);
 }
 
 /* Filters the open rays that pass through a translucent face. */
@@ -8361,7 +8366,7 @@ static int spsi_face_near(const spsi_face *face, const double centre[3], double 
 
 /* Whether a face may pass through a box about a centre: its own box and its plane do. */
 static int spsi_faces_near(const spsi_faces *faces, const double centre[3], const double half[3]) {
-    const double most = spsi_fmax(half[0], spsi_fmax(half[1], half[2]));
+    const double most = spsi_dmax(half[0], spsi_dmax(half[1], half[2]));
     const spsi_ray still = {{centre[0], centre[1], centre[2]}, {0, 0, 0}, 0, 0};
     spsi_walk walk;
     int number;
@@ -8390,7 +8395,7 @@ typedef struct spsi_shaft {
 static double spsi_faces_reach(const spsi_faces *faces) {
     float most = 0;
     for (int k = 0; k < 3 && faces->tree.count > 0; ++k)
-        most = spsi_higher(most, spsi_higher(-faces->tree.nodes[0].low[k], faces->tree.nodes[0].high[k]));
+        most = spsi_fmax(most, spsi_fmax(-faces->tree.nodes[0].low[k], faces->tree.nodes[0].high[k]));
     return (double)most;
 }
 
@@ -8404,7 +8409,7 @@ static void spsi_shaft_add(const spsi_faces *faces, const spsi_bounds *a, const 
         reach[1] += (double)along * ((along < 0 ? b->low[k] : b->high[k]) - faces->tree.centre[k]);
         shaft->normal[k][shaft->count] = along;
     }
-    shaft->reach[shaft->count++] = (float)(spsi_fmax(reach[0], reach[1]) + room);
+    shaft->reach[shaft->count++] = (float)(spsi_dmax(reach[0], reach[1]) + room);
 }
 
 /* Along two axes, a corner of one box is joined to that of the other where one is farther out along either axis. */
@@ -8414,11 +8419,11 @@ static void spsi_shaft_build(const spsi_faces *faces, const spsi_bounds *from, c
     memset(shaft, 0, sizeof *shaft);
     shaft->to = *to;
     for (int k = 0; k < 3; ++k) {
-        const double low = spsi_fmin(from->low[k], to->low[k]) - faces->tree.centre[k];
-        const double high = spsi_fmax(from->high[k], to->high[k]) - faces->tree.centre[k];
-        shaft->low[k] = spsi_outward(low, 0);
-        shaft->high[k] = spsi_outward(high, 1);
-        room = spsi_fmax(room, spsi_fmax(-low, high));
+        const double low = spsi_dmin(from->low[k], to->low[k]) - faces->tree.centre[k];
+        const double high = spsi_dmax(from->high[k], to->high[k]) - faces->tree.centre[k];
+        shaft->low[k] = spsi_round_outward(low, 0);
+        shaft->high[k] = spsi_round_outward(high, 1);
+        room = spsi_dmax(room, spsi_dmax(-low, high));
     }
     for (int n = 0; n < 12; ++n) {
         const int axis[2] = {n % 3, (n + 1) % 3}, upper[2] = {n / 3 % 2, n / 6};
@@ -8466,16 +8471,16 @@ static int spsi_shaft_meets_face(const spsi_shaft *shaft, const spsi_faces *face
     room = 0.5 * ((double)face->rounding + 16 * DBL_EPSILON * faces->extent) * spsi_reach_of(plane);
     for (int i = 0; i < count; ++i) {
         spsi_along(points[i], face->position[0], -1, offset);
-        near_by[0] = spsi_fmin(near_by[0], spsi_dot(plane, offset));
-        near_by[1] = spsi_fmax(near_by[1], spsi_dot(plane, offset));
+        near_by[0] = spsi_dmin(near_by[0], spsi_dot(plane, offset));
+        near_by[1] = spsi_dmax(near_by[1], spsi_dot(plane, offset));
     }
     for (int i = 0; i < 8; ++i) {
         double corner[3], side_room;
         spsi_bounds_corner(&shaft->to, i, corner);
         spsi_along(corner, face->position[0], -1, offset);
         side_room = 1e-14 * spsi_reach_of(plane) * spsi_reach_of(offset) + room;
-        far_off[0] = spsi_fmin(far_off[0], spsi_dot(plane, offset) - side_room);
-        far_off[1] = spsi_fmax(far_off[1], spsi_dot(plane, offset) + side_room);
+        far_off[0] = spsi_dmin(far_off[0], spsi_dot(plane, offset) - side_room);
+        far_off[1] = spsi_dmax(far_off[1], spsi_dot(plane, offset) + side_room);
     }
     return (far_off[1] > 0 && near_by[0] < -room) || (far_off[0] < 0 && near_by[1] > room);
 }
@@ -8547,7 +8552,7 @@ static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, sp
 }
 
 /* The same for opaque faces only. */
-static int spsi_ray_to_wall(const spsi_faces *faces, spsi_ray *ray, spsi_hit *hit) {
+static int spsi_ray_to_opaque(const spsi_faces *faces, spsi_ray *ray, spsi_hit *hit) {
     const double high = ray->high;
     for (;;) {
         ray->high = high;
@@ -8596,7 +8601,7 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
 
 /* Unit vector along which light travels at a point. */
-static void spsi_lamp_direction(const spsi_lamp *lamp, const double point[3], double direction[3]) {
+static void spsi_light_direction(const spsi_light *lamp, const double point[3], double direction[3]) {
     if (!lamp->is_point)
         memcpy(direction, lamp->direction, sizeof lamp->direction);
     else
@@ -8612,8 +8617,8 @@ static double spsi_particle_fineness(const spsi_frame *frame) {
     double across[3], finer;
     if (content->particle_count == 0 || frame->matter.classifies || !(depth > 0.0875)) return 1;
     spsi_along(content->bounds.high, content->bounds.low, -1, across);
-    finer = spsi_fmin(spsi_fmax(5 * pow(depth, 0.8), 1.4), SPSI_GROUP_MOST);
-    finer = spsi_fmin(finer, SPSI_FINE_SLABS * edge / spsi_length(across));
+    finer = spsi_dmin(spsi_dmax(5 * pow(depth, 0.8), 1.4), SPSI_GROUP_MOST);
+    finer = spsi_dmin(finer, SPSI_FINE_SLABS * edge / spsi_length(across));
     return finer < 1.4 ? 1 : finer;
 }
 
@@ -8622,12 +8627,12 @@ static double spsi_particle_fineness(const spsi_frame *frame) {
    A border of two texels stays free on every side. As a light turns, texels keep their places about the middle of the
    bounds, and come and go in pairs at the borders: errors that jump would be visible. Returns 0 if a point light does
    not see the bounds within a cone, or if spsi_rays_complete fails. */
-static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, double texel, int size, int most,
+static int spsi_rays_fit(const spsi_light *lamp, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
     double eye[3], *const first = lamp->is_point ? rays->c : rays->origin, pitch, extent, distance;
     spsi_bounds_centre(bounds, centre);
-    spsi_lamp_direction(lamp, centre, forward);
+    spsi_light_direction(lamp, centre, forward);
     spsi_basis(forward, right, down);
     rays->perspective = lamp->is_point;
     memcpy(eye, rays->perspective ? lamp->position : centre, sizeof eye);
@@ -8639,19 +8644,19 @@ static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, doubl
         if (!(depth > 0.2 * spsi_length(offset)) && rays->perspective) return 0;
         at[0] = spsi_dot(offset, right) / depth;
         at[1] = spsi_dot(offset, down) / depth;
-        for (int k = 0; k < 2; ++k) low[k] = spsi_fmin(low[k], at[k]), high[k] = spsi_fmax(high[k], at[k]);
+        for (int k = 0; k < 2; ++k) low[k] = spsi_dmin(low[k], at[k]), high[k] = spsi_dmax(high[k], at[k]);
     }
     spsi_along(centre, eye, -1, centre);
     distance = rays->perspective ? spsi_dot(centre, forward) : 1;
-    extent = spsi_fmax(high[0] - low[0], high[1] - low[1]);
-    pitch = spsi_fmin(spsi_fmax(texel / distance, extent / (most - 4)), extent / 12);
-    if (size > 0) pitch = extent / spsi_most(1, size - 4);
+    extent = spsi_dmax(high[0] - low[0], high[1] - low[1]);
+    pitch = spsi_dmin(spsi_dmax(texel / distance, extent / (most - 4)), extent / 12);
+    if (size > 0) pitch = extent / spsi_imax(1, size - 4);
     if (!(pitch > 0)) pitch = 1;
-    if (size == 0) size = spsi_least(most, 2 * (int)ceil(0.5 * extent / pitch * (1 - 1e-9)) + 4);
+    if (size == 0) size = spsi_imin(most, 2 * (int)ceil(0.5 * extent / pitch * (1 - 1e-9)) + 4);
     const int columns = (int)floor(0.5 * (extent - (high[0] - low[0])) / pitch);
     const int rows = (int)floor(0.5 * (extent - (high[1] - low[1])) / pitch);
-    rays->width = spsi_most(2, size - 2 * columns);
-    rays->height = spsi_most(2, size - 2 * rows);
+    rays->width = spsi_imax(2, size - 2 * columns);
+    rays->height = spsi_imax(2, size - 2 * rows);
     spsi_rays_aim(rays, eye, right, down, forward, pitch, pitch);
     spsi_along(first, right, 0.5 * (low[0] + high[0]), first);
     spsi_along(first, down, 0.5 * (low[1] + high[1]), first);
@@ -8690,7 +8695,7 @@ static int spsi_scatters_forward(const spsi_frame *frame) {
 }
 
 /* Whether any gas scatters light more than once. */
-static int spsi_scatters_again(const spsi_frame *frame) {
+static int spsi_scatters_multiply(const spsi_frame *frame) {
     return spsi_scatters_fully(frame) || spsi_scatters_forward(frame);
 }
 
@@ -8699,15 +8704,15 @@ SPSI_COLD float spsi_light_end(const spsi_frame *frame) {
     return spsi_scatters_forward(frame) ? SPSI_FORWARD_END : SPSI_LIGHT_END;
 }
 
-SPSI_COLD int spsi_has_shadow_table(const spsi_lamp *lamp) {
+SPSI_COLD int spsi_has_shadow_table(const spsi_light *lamp) {
     return lamp->has_map && lamp->map.technique == SPS_TMAP_TABLE;
 }
 
 #define SPSI_SHADOW_TABLE_TEXELS_MOST 256 /* on a side of a shadow table whose size is not set */
 
 /* The same of a light's map. */
-SPSI_COLD int spsi_map_texels_most(const spsi_frame *frame, const spsi_lamp *lamp) {
-    const double share = cbrt((double)spsi_most(1, lamp->tables)); /* together they take the memory of one */
+SPSI_COLD int spsi_map_texels_most(const spsi_frame *frame, const spsi_light *lamp) {
+    const double share = cbrt((double)spsi_imax(1, lamp->tables)); /* together they take the memory of one */
     return spsi_has_shadow_table(lamp) ? (int)(SPSI_SHADOW_TABLE_TEXELS_MOST / share) : spsi_light_texels_most(frame);
 }
 
@@ -8720,21 +8725,21 @@ SPSI_COLD int spsi_has_shadow_tables(const spsi_frame *frame) {
 /* Desired size of a light's texels: that of a voxel, or half of the voxel edge that stands for a particle, whose rim is
    sharper, divided by the quality's texels per voxel. Particles alone do not call for more texels than a depth map
    has. For a light in the very centre, where no direction is that of the gas, voxels are measured across z. */
-SPSI_COLD double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
+SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *lamp) {
     double centre[3], forward[3], right[3], down[3], across[3], size = HUGE_VAL, own;
     spsi_bounds_centre(&frame->content->bounds, centre);
-    spsi_lamp_direction(lamp, centre, forward);
+    spsi_light_direction(lamp, centre, forward);
     if (!(spsi_dot(forward, forward) > 0)) forward[2] = 1;
     spsi_basis(forward, right, down);
     for (int i = 0; i < frame->medium_count; ++i) {
         const double breadth = spsi_voxel_breadth(frame->media[i].lattice, right, down);
-        size = spsi_fmin(size, breadth / frame->accuracy.shadow_texels);
+        size = spsi_dmin(size, breadth / frame->accuracy.shadow_texels);
     }
     if (frame->content->particle_count == 0) return size;
     own = 0.5 * SPSI_PARTICLE_EDGE * frame->content->particle_radius / frame->accuracy.shadow_texels;
     if (spsi_has_shadow_table(lamp)) own /= sqrt(spsi_particle_fineness(frame)); /* whose time is its texels' cube */
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
-    return spsi_fmin(size, spsi_fmax(own, spsi_length(across) / frame->accuracy.depth_map_texels));
+    return spsi_dmin(size, spsi_dmax(own, spsi_length(across) / frame->accuracy.depth_map_texels));
 }
 
 /* --- pixels wider than voxels ---
@@ -8755,9 +8760,9 @@ SPSI_COLD double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double 
         double last = 0;
         for (int i = 0; i < 8; ++i) {
             const double inside = sign * (q[i][k] - edge * q[i][2]), rate = sign * (rates[i][k] - edge * rates[i][2]);
-            last = rate < 0 ? spsi_fmax(last, inside / -rate) : HUGE_VAL;
+            last = rate < 0 ? spsi_dmax(last, inside / -rate) : HUGE_VAL;
         }
-        end = spsi_fmin(end, last);
+        end = spsi_dmin(end, last);
     }
     return end;
 }
@@ -8765,7 +8770,7 @@ SPSI_COLD double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double 
 /* The least breadth of a pixel where the eye sees gas; with a light, also where it may see the shadow of gas on
    polygons, wherever they are; without what levels reach beyond it, which may set in at once. 0 if these reach beside
    or behind the eye. */
-SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *shading) {
+SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_light *shading) {
     const spsi_rays *eye = &frame->content->eye;
     const int falls = shading && frame->meshes.triangle_count > 0 && eye->perspective;
     double q[8][3], rates[8][3] = {{0}}, nearest = HUGE_VAL, end = 0;
@@ -8781,9 +8786,9 @@ SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_lamp *sha
         spsi_point_to_rays(eye, point, q[corner]);
     }
     if (falls) end = spsi_way_in_image(eye, q, rates);
-    for (int i = 0; i < 8; ++i) nearest = spsi_fmin(nearest, rates[i][2] < 0 ? q[i][2] + end * rates[i][2] : q[i][2]);
-    const double breadth = spsi_fmin(spsi_length(eye->a), spsi_length(eye->b));
-    return eye->perspective ? breadth * spsi_fmax(nearest, spsi_fmax(eye->near_depth, 0)) : breadth;
+    for (int i = 0; i < 8; ++i) nearest = spsi_dmin(nearest, rates[i][2] < 0 ? q[i][2] + end * rates[i][2] : q[i][2]);
+    const double breadth = spsi_dmin(spsi_length(eye->a), spsi_length(eye->b));
+    return eye->perspective ? breadth * spsi_dmax(nearest, spsi_dmax(eye->near_depth, 0)) : breadth;
 }
 
 /* The least size of a texel of a depth map by which polygons shade gas: half of what the gas's may be, since their
@@ -8794,43 +8799,43 @@ SPSI_COLD double spsi_depth_map_texel(const spsi_frame *frame) {
 }
 
 /* Bounds of the gas that a light's map serves. */
-SPSI_COLD const spsi_bounds *spsi_lamp_bounds(const spsi_frame *frame, const spsi_lamp *lamp) {
+SPSI_COLD const spsi_bounds *spsi_light_bounds(const spsi_frame *frame, const spsi_light *lamp) {
     return lamp->map_bounds ? lamp->map_bounds : &frame->content->bounds;
 }
 
 /* Aims a light's transmittance map at the gas: one grid of rays if the light sees all of it within a cone, otherwise
    six, whose texels have the desired size where the gas is farthest. Returns the number of grids; 0: the light is too
    far from the world's origin to tell its rays apart. */
-SPSI_COLD int spsi_lamp_rays(const spsi_frame *frame, const spsi_lamp *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
-    const spsi_bounds *bounds = spsi_lamp_bounds(frame, lamp);
-    const double texel = spsi_lamp_texel(frame, lamp);
+SPSI_COLD int spsi_light_rays(const spsi_frame *frame, const spsi_light *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
+    const spsi_bounds *bounds = spsi_light_bounds(frame, lamp);
+    const double texel = spsi_light_texel(frame, lamp);
     const int most = spsi_map_texels_most(frame, lamp);
     double farthest = 0;
     int size = lamp->map_size;
     if (!lamp->map_omnidirectional && spsi_rays_fit(lamp, bounds, texel, size, most, &rays[0])) return 1;
     for (int i = 0; i < 3; ++i)
-        farthest = spsi_fmax(farthest,
-            spsi_fmax(bounds->high[i] - lamp->position[i], lamp->position[i] - bounds->low[i]));
-    if (size == 0) size = (int)spsi_fmin(spsi_fmax(ceil(2 * farthest / texel), 16), most);
+        farthest =
+            spsi_dmax(farthest, spsi_dmax(bounds->high[i] - lamp->position[i], lamp->position[i] - bounds->low[i]));
+    if (size == 0) size = (int)spsi_dmin(spsi_dmax(ceil(2 * farthest / texel), 16), most);
     for (int face = 0; face < SPSI_CUBE_FACES; ++face)
         if (!lamp->is_point || !spsi_rays_of_cube_face(lamp->position, face, size, 0, &rays[face])) return 0;
     return SPSI_CUBE_FACES;
 }
 
 /* Components of an offset in a light's frame, where small angles from the axis stay precise in floats. */
-static void spsi_to_lamp(const spsi_lamp *lamp, const double offset[3], double place[3]) {
+static void spsi_to_light(const spsi_light *lamp, const double offset[3], double place[3]) {
     for (int k = 0; k < 3; ++k) place[k] = spsi_dot(k < 2 ? lamp->across[k] : lamp->direction, offset);
 }
 
 /* What a spotlight's cone lets pass at an angle from its axis, given by 1 - cos. */
-static inline spsi_v spsi_cone_share(const spsi_cone *cone, spsi_v versine) {
+static inline spsi_v spsi_cone_fraction(const spsi_cone *cone, spsi_v versine) {
     const spsi_v share = spsi_div(spsi_sub(spsi_set((float)cone->none), versine), spsi_set((float)cone->rim));
     const spsi_v most = spsi_clamp(share, spsi_set(0), spsi_set(1));
     return spsi_mul(most, most);
 }
 
 static double spsi_cone_at(const spsi_cone *cone, double versine) {
-    const double share = spsi_fmin(spsi_fmax((cone->none - versine) / cone->rim, 0), 1);
+    const double share = spsi_dmin(spsi_dmax((cone->none - versine) / cone->rim, 0), 1);
     return cone->exists ? share * share : 1;
 }
 
@@ -8842,21 +8847,21 @@ static inline spsi_v spsi_versine_v(const spsi_v place[3]) {
     return spsi_div(spsi_select(spsi_less(z, spsi_set(0)), spsi_sub(r, z), ahead), r);
 }
 
-static double spsi_versine(const spsi_lamp *lamp, const double travel[3]) {
+static double spsi_versine(const spsi_light *lamp, const double travel[3]) {
     double place[3], aside;
-    spsi_to_lamp(lamp, travel, place);
+    spsi_to_light(lamp, travel, place);
     aside = place[0] * place[0] + place[1] * place[1];
     return place[2] > 0 ? aside / (1 + place[2]) : 1 - place[2];
 }
 
 /* Vector from a point to a light, in units of a packet's reach: the whole way to a point light, a unit vector towards a
    directional one. */
-static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], double toward[3]) {
+static void spsi_toward_light(const spsi_light *lamp, const double point[3], double toward[3]) {
     if (lamp->is_point) {
         spsi_along(lamp->position, point, -1, toward);
         return;
     }
-    spsi_lamp_direction(lamp, point, toward);
+    spsi_light_direction(lamp, point, toward);
     for (int i = 0; i < 3; ++i) toward[i] = -toward[i];
 }
 
@@ -8871,7 +8876,7 @@ static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], doubl
    whose texels are the shorter ones are halved, or both if texels are about square. */
 SPSI_COLD void spsi_image_lay_out(const spsi_projection *projection, float *memory, uint64_t *laid, spsi_image *image) {
     int size[2] = {projection->given.width, projection->given.height}, level = 0;
-    double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = spsi_fmin(edge[0], edge[1]);
+    double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = spsi_dmin(edge[0], edge[1]);
     const double unit = shortest;
     image->row = spsi_lay(memory, laid, SPSI_IMAGE_ROW_FLOATS * (uint64_t)size[0]);
     for (;;) {
@@ -8882,7 +8887,7 @@ SPSI_COLD void spsi_image_lay_out(const spsi_projection *projection, float *memo
             spsi_lay(memory, laid, 3 * (uint64_t)image->width[level] * (uint64_t)image->height[level]);
         ++level;
         if (size[0] == 1 && size[1] == 1) break;
-        shortest = spsi_fmin(size[0] > 1 ? edge[0] : HUGE_VAL, size[1] > 1 ? edge[1] : HUGE_VAL);
+        shortest = spsi_dmin(size[0] > 1 ? edge[0] : HUGE_VAL, size[1] > 1 ? edge[1] : HUGE_VAL);
         for (int k = 0; k < 2; ++k)
             if (size[k] > 1 && edge[k] < 1.5 * shortest) size[k] = (size[k] + 1) / 2, edge[k] *= 2;
         shortest *= 2;
@@ -8905,7 +8910,7 @@ static uint64_t spsi_images_lay_out(const spsi_frame *frame, float *memory) {
 }
 
 /* Fails on an invalid color of a texel, or makes it black. */
-SPSI_COLD sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+SPSI_COLD sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_light *lamp,
                                          float *rgb) {
     if (!frame->given.replace_invalid)
         return spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn's color",
@@ -8917,7 +8922,7 @@ SPSI_COLD sps_result spsi_texel_validate(sps_context *context, const spsi_frame 
 }
 
 /* Reads an image row by row. */
-SPSI_COLD sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+SPSI_COLD sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_light *lamp,
                                      const spsi_image *image) {
     const spsi_projection *projection = &lamp->projection;
     const size_t width = (size_t)projection->given.width, pitch = (size_t)image->width[0];
@@ -8948,7 +8953,7 @@ SPSI_COLD int spsi_halving(int fine, int coarse, int i, float shares[3]) {
     const double per = (double)fine / coarse, low = i * per, high = low + per;
     const int first = (int)low;
     for (int k = 0; k < 3; ++k)
-        shares[k] = (float)(spsi_fmax(spsi_fmin(high, first + k + 1) - spsi_fmax(low, first + k), 0) / per);
+        shares[k] = (float)(spsi_dmax(spsi_dmin(high, first + k + 1) - spsi_dmax(low, first + k), 0) / per);
     return first;
 }
 
@@ -8982,7 +8987,7 @@ SPSI_COLD sps_result spsi_gather_images(sps_context *context, const spsi_frame *
     spsi_images_lay_out(frame, memory);
     spsi_image *images = (spsi_image *)(void *)memory;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
+        const spsi_light *lamp = &frame->lamps.list[i];
         const spsi_image *own = &images[lamp->projection.image];
         if (!lamp->projection.exists) continue;
         if (spsi_image_read(context, frame, lamp, own)) return context->result;
@@ -9032,10 +9037,10 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
 
 /* Color that a light's image has at places in the light's frame, as seen by pixels of world size `pixel`. Nothing is
    thrown backwards. */
-static void spsi_projection_lookup(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_v place[3], spsi_v pixel,
+static void spsi_projection_lookup(const spsi_frame *frame, const spsi_light *lamp, const spsi_v place[3], spsi_v pixel,
                                    spsi_v rgb[3]) {
     const spsi_projection *projection = &lamp->projection;
-    const float per_edge = (float)(1 / spsi_fmin(projection->edge[0], projection->edge[1]));
+    const float per_edge = (float)(1 / spsi_dmin(projection->edge[0], projection->edge[1]));
     spsi_v row[3], at[2], way = spsi_set(1), size = spsi_mul(pixel, spsi_set(per_edge));
     spsi_m ahead = spsi_less(spsi_set(0), way);
     if (lamp->is_point) {
@@ -9045,7 +9050,7 @@ static void spsi_projection_lookup(const spsi_frame *frame, const spsi_lamp *lam
     }
     for (int k = 0; k < 2; ++k) {
         double across[3];
-        spsi_to_lamp(lamp, projection->across[k], across);
+        spsi_to_light(lamp, projection->across[k], across);
         spsi_set3(across, row);
         at[k] = spsi_add(spsi_div(spsi_dot_v(row, place), way), spsi_set((float)projection->add[k]));
     }
@@ -9054,12 +9059,12 @@ static void spsi_projection_lookup(const spsi_frame *frame, const spsi_lamp *lam
 }
 
 /* The same for one point. */
-static void spsi_projection_at(const spsi_frame *frame, const spsi_lamp *lamp, const double point[3], double pixel,
+static void spsi_projection_at(const spsi_frame *frame, const spsi_light *lamp, const double point[3], double pixel,
                                double rgb[3]) {
     double offset[3], at[3];
     spsi_v place[3], color[3];
     spsi_along(point, lamp->position, -1, offset);
-    spsi_to_lamp(lamp, offset, at);
+    spsi_to_light(lamp, offset, at);
     spsi_set3(at, place);
     spsi_projection_lookup(frame, lamp, place, spsi_set((float)pixel), color);
     for (int c = 0; c < 3; ++c) rgb[c] = (double)spsi_one(color[c]);
@@ -9088,7 +9093,7 @@ typedef struct spsi_depth_map {
 /* Texels on a side of a light's depth map: finer than the light's sheets where the quality says so, since it is
    cheap. */
 SPSI_COLD int spsi_depth_map_size(const spsi_frame *frame) {
-    return spsi_most(8, spsi_most(frame->view.shadow_resolution, frame->accuracy.depth_map_texels));
+    return spsi_imax(8, spsi_imax(frame->view.shadow_resolution, frame->accuracy.depth_map_texels));
 }
 
 /* Number of cells on a side of a map of `size` texels. */
@@ -9118,36 +9123,36 @@ SPSI_COLD size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, f
 
 /* Aims a light's depth map: a single face fitted to the gas, however far the polygons reach, whose texels need not be
    finer than `texel`, or six where a point light does not see all gas within a cone. */
-SPSI_COLD void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, int size, double texel,
+SPSI_COLD void spsi_depth_map_aim(const spsi_frame *frame, const spsi_light *lamp, int size, double texel,
                                   spsi_depth_map *map) {
     map->face_count = 1;
     if (spsi_rays_fit(lamp, &frame->content->bounds, texel, texel > 0 ? 0 : size, size, &map->rays[0])) return;
     map->face_count = SPSI_CUBE_FACES;
     for (int face = 0; face < SPSI_CUBE_FACES; ++face) /* they overlap by a texel */
-        spsi_rays_of_cube_face(lamp->position, face, spsi_most(8, size / 2), 1, &map->rays[face]);
+        spsi_rays_of_cube_face(lamp->position, face, spsi_imax(8, size / 2), 1, &map->rays[face]);
 }
 
 /* --- filling a depth map --- */
 
 /* The plane of a translucent face at a texel. */
-typedef struct spsi_pane {
+typedef struct spsi_translucent_plane {
     float depth, slope[2]; /* as those of a depth map */
     int face;
-} spsi_pane;
+} spsi_translucent_plane;
 
 /* All translucent faces on each texel's ray, as gas sees them between itself and a point of a light. */
-typedef struct spsi_pane_map {
+typedef struct spsi_translucency_map {
     spsi_depth_map grid;              /* without depths and slopes; `nearest` is that of the panes */
     uint32_t *first[SPSI_CUBE_FACES]; /* per texel: its first pane */
-    spsi_pane *list[SPSI_CUBE_FACES];
+    spsi_translucent_plane *list[SPSI_CUBE_FACES];
     size_t counts[SPSI_CUBE_FACES];
-} spsi_pane_map;
+} spsi_translucency_map;
 
 typedef struct spsi_planes_job {
     const spsi_faces *faces;
     const spsi_depth_map *map;
     int face;
-    const spsi_pane_map *panes; /* the map is its grid; NULL: it is of opaque polygons */
+    const spsi_translucency_map *panes; /* the map is its grid; NULL: it is of opaque polygons */
     const spsi_fragment *fragments;
 } spsi_planes_job;
 
@@ -9187,7 +9192,7 @@ static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int 
     if (plane->rays->perspective) t = (double)depth + plane->rays->depth_reference;
     slope[0] = spsi_map_slope(plane->a, facing, t, SPSI_STEEP * t * plane->texel);
     slope[1] = spsi_map_slope(plane->b, facing, t, SPSI_STEEP * t * plane->texel);
-    cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], depth - fabsf(slope[0]) - fabsf(slope[1]));
+    cells[x / SPSI_CELL] = spsi_fmin(cells[x / SPSI_CELL], depth - fabsf(slope[0]) - fabsf(slope[1]));
 }
 
 /* Turns the fragments of one row of texels into panes, or replaces the face numbers that the rasteriser left there by
@@ -9203,7 +9208,7 @@ static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
         int number = -1;
         for (uint32_t i = first ? first[at] : 0; first && i < first[at + 1]; ++i) {
             const spsi_fragment *fragment = &job->fragments[i];
-            spsi_pane *pane = &job->panes->list[job->face][i];
+            spsi_translucent_plane *pane = &job->panes->list[job->face][i];
             spsi_map_plane_slopes(&plane, fragment->face, x, y, fragment->depth, pane->slope, cells);
             pane->depth = fragment->depth;
             pane->face = fragment->face;
@@ -9221,8 +9226,7 @@ static void spsi_planes_task(void *data, int index) {
     const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
     float *cells = job->map->nearest[job->face] + (size_t)(spsi_depth_map_cells(height) + index) * (size_t)columns;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
-    for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
-        spsi_planes_row(job, y, cells);
+    for (int y = index * SPSI_CELL; y < spsi_imin(height, (index + 1) * SPSI_CELL); ++y) spsi_planes_row(job, y, cells);
 }
 
 /* Finds the minimum depths about each of a grid's cells from those in each alone, which follow. */
@@ -9231,9 +9235,9 @@ static void spsi_cells_spread(float *nearest, int columns, int rows) {
     for (int y = 0; y < rows; ++y)
         for (int x = 0; x < columns; ++x) {
             float least = SPSI_INFINITY;
-            for (int v = spsi_most(y - 1, 0); v <= spsi_least(y + 1, rows - 1); ++v)
-                for (int u = spsi_most(x - 1, 0); u <= spsi_least(x + 1, columns - 1); ++u)
-                    least = spsi_lower(least, alone[v * columns + u]);
+            for (int v = spsi_imax(y - 1, 0); v <= spsi_imin(y + 1, rows - 1); ++v)
+                for (int u = spsi_imax(x - 1, 0); u <= spsi_imin(x + 1, columns - 1); ++u)
+                    least = spsi_fmin(least, alone[v * columns + u]);
             nearest[y * columns + x] = least;
         }
 }
@@ -9267,20 +9271,20 @@ SPSI_COLD void spsi_depth_map_follow(const spsi_rays *eye, spsi_depth_map *map) 
 }
 
 /* Ways from d[0] to d[1] along the eye's rays, on a face of a depth map. */
-typedef struct spsi_map_way {
+typedef struct spsi_map_segment {
     spsi_v middle[3], rise[3]; /* texel and depth of its middle, relative to the first texel, and half its extent */
     spsi_v first[2];           /* column and row of the first of the four texels around it */
     spsi_m inside;             /* of what the face sees */
-} spsi_map_way;
+} spsi_map_segment;
 
 /* Texels and depths of the ends of ways, and their distances from a point light along the face's axis. */
 static inline void spsi_map_ends(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
                                  spsi_v q[2][3], spsi_v t[2]) {
     const spsi_rays *rays = &map->rays[face];
-    spsi_courses courses;
-    spsi_courses_build(map->along[face], at, y, &courses);
+    spsi_row_linears courses;
+    spsi_row_linears_build(map->along[face], at, y, &courses);
     for (int end = 0; end < 2; ++end) {
-        spsi_courses_at(&courses, d[end], q[end]);
+        spsi_row_linears_at(&courses, d[end], q[end]);
         t[end] = rays->perspective ? spsi_add(q[end][2], spsi_set((float)rays->depth_reference)) : spsi_set(1);
         for (int i = 0; i < 2 && rays->perspective; ++i)
             q[end][i] = spsi_div(q[end][i], spsi_max(t[end], spsi_set(FLT_MIN * 16)));
@@ -9288,7 +9292,7 @@ static inline void spsi_map_ends(const spsi_depth_map *map, int face, spsi_v at,
 }
 
 /* Finds the four texels around a way's middle, which is moved onto the grid. */
-static inline void spsi_map_way_place(const spsi_rays *rays, spsi_map_way *way) {
+static inline void spsi_map_segment_place(const spsi_rays *rays, spsi_map_segment *way) {
     for (int i = 0; i < 2; ++i) {
         const float last = (float)(i == 0 ? rays->width - 1 : rays->height - 1);
         way->middle[i] = spsi_clamp(way->middle[i], spsi_set(0), spsi_set(last));
@@ -9297,8 +9301,8 @@ static inline void spsi_map_way_place(const spsi_rays *rays, spsi_map_way *way) 
     }
 }
 
-static inline void spsi_map_way_build(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
-                                      spsi_map_way *way) {
+static inline void spsi_map_segment_build(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
+                                          spsi_map_segment *way) {
     const spsi_rays *rays = &map->rays[face];
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f);
     spsi_v q[2][3], t[2];
@@ -9311,14 +9315,14 @@ static inline void spsi_map_way_build(const spsi_depth_map *map, int face, spsi_
         if (i == 2) break;
         way->inside = spsi_and(way->inside, spsi_and(spsi_less(zero, way->middle[i]), spsi_less(way->middle[i], size)));
     }
-    spsi_map_way_place(rays, way);
+    spsi_map_segment_place(rays, way);
 }
 
 /* The share of a way that lies before a plane: that of the i-th of the four texels. How far a point is in front of it
    is linear along the way: `ahead` in its middle, and `per` more or less at either end. In perspective a plane of slope
    g reaches g / (1 - g / t) beyond the texel's own depth t. */
-static inline spsi_v spsi_map_way_share(const spsi_map_way *way, const spsi_rays *rays, int i, spsi_v depth,
-                                        const spsi_v slope[2]) {
+static inline spsi_v spsi_map_segment_fraction(const spsi_map_segment *way, const spsi_rays *rays, int i, spsi_v depth,
+                                               const spsi_v slope[2]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f),
                  origin = spsi_set((float)rays->depth_reference);
     const spsi_v dx = spsi_sub(way->middle[0], spsi_set((float)(i & 1))),
@@ -9332,25 +9336,26 @@ static inline spsi_v spsi_map_way_share(const spsi_map_way *way, const spsi_rays
 }
 
 /* The mean of four texels' values, by their distance. */
-static inline spsi_v spsi_map_way_mean(const spsi_map_way *way, const spsi_v texels[4]) {
+static inline spsi_v spsi_map_segment_mean(const spsi_map_segment *way, const spsi_v texels[4]) {
     return spsi_mix(spsi_mix(texels[0], texels[1], way->middle[0]), spsi_mix(texels[2], texels[3], way->middle[0]),
                     way->middle[1]);
 }
 
 /* The share of a way that one face of a depth map leaves lit; 1 outside of its grid. */
-static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
+static inline spsi_v spsi_depth_map_fraction(const spsi_depth_map *map, int face, spsi_v at, float y,
+                                             const spsi_v d[2]) {
     const spsi_rays *rays = &map->rays[face];
     spsi_v share[4], depth[4], slopes[2][4];
-    spsi_map_way way;
-    spsi_map_way_build(map, face, at, y, d, &way);
+    spsi_map_segment way;
+    spsi_map_segment_build(map, face, at, y, d, &way);
     spsi_lookup_quad(map->depths[face], rays->width, way.first[0], way.first[1], depth);
     for (int i = 0; i < 2; ++i)
         spsi_lookup_quad(map->slopes[face][i], rays->width, way.first[0], way.first[1], slopes[i]);
     for (int i = 0; i < 4; ++i) {
         const spsi_v slope[2] = {slopes[0][i], slopes[1][i]};
-        share[i] = spsi_map_way_share(&way, rays, i, depth[i], slope);
+        share[i] = spsi_map_segment_fraction(&way, rays, i, depth[i], slope);
     }
-    return spsi_select(way.inside, spsi_map_way_mean(&way, share), spsi_set(1));
+    return spsi_select(way.inside, spsi_map_segment_mean(&way, share), spsi_set(1));
 }
 
 /* The lanes whose ways from d[0] to d[1] a face of a depth map may shade, as bits: one lookup of a cell, which spares
@@ -9397,8 +9402,8 @@ static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, 
 /* --- translucent polygons --- */
 
 /* The panes of one face of a map: counts them (listing 0) or lists them. */
-SPSI_COLD void spsi_panes_raster(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                 spsi_pane_map *map, int face, int listing) {
+SPSI_COLD void spsi_translucent_planes_raster(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                              spsi_translucency_map *map, int face, int listing) {
     spsi_layers_job job;
     memset(&job, 0, sizeof job);
     job.frame = frame;
@@ -9416,24 +9421,24 @@ SPSI_COLD void spsi_panes_raster(sps_context *context, const spsi_frame *frame, 
 }
 
 /* Lists the panes of a map, whose fragments have been counted. */
-SPSI_COLD void spsi_pane_map_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                  spsi_pane_map *map) {
+SPSI_COLD void spsi_translucency_map_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                          spsi_translucency_map *map) {
     spsi_planes_job job = {faces, &map->grid, 0, map, NULL};
     job.fragments = (const spsi_fragment *)context->buffers[SPSI_BUFFER_FRAGMENTS].data;
     for (; job.face < map->grid.face_count; ++job.face) {
-        spsi_panes_raster(context, frame, faces, map, job.face, 1);
+        spsi_translucent_planes_raster(context, frame, faces, map, job.face, 1);
         spsi_planes_fill(context, &job);
     }
 }
 
 /* The middle is projected, and the extent along with it, to first order: either end may be beyond the face. */
-static void spsi_pane_way_build(const spsi_pane_map *map, int face, spsi_v at, float y, const spsi_v d[2],
-                                spsi_map_way *way) {
+static void spsi_translucent_segment_build(const spsi_translucency_map *map, int face, spsi_v at, float y,
+                                           const spsi_v d[2], spsi_map_segment *way) {
     const spsi_rays *rays = &map->grid.rays[face];
     const spsi_v half = spsi_set(0.5f), rise = spsi_mul(half, spsi_sub(d[1], d[0])), most = spsi_set(1e9f);
-    spsi_courses courses;
-    spsi_courses_build(map->grid.along[face], at, y, &courses);
-    spsi_courses_at(&courses, spsi_mul(half, spsi_add(d[0], d[1])), way->middle);
+    spsi_row_linears courses;
+    spsi_row_linears_build(map->grid.along[face], at, y, &courses);
+    spsi_row_linears_at(&courses, spsi_mul(half, spsi_add(d[0], d[1])), way->middle);
     for (int i = 0; i < 3; ++i) way->rise[i] = spsi_mul(rise, courses.slope[i]);
     const spsi_v t = spsi_max(spsi_add(way->middle[2], spsi_set((float)rays->depth_reference)), spsi_set(FLT_MIN * 16));
     for (int i = 0; i < 2 && rays->perspective; ++i) {
@@ -9442,18 +9447,19 @@ static void spsi_pane_way_build(const spsi_pane_map *map, int face, spsi_v at, f
     }
     way->inside = spsi_and(spsi_less(spsi_abs(way->middle[0]), most), spsi_less(spsi_abs(way->middle[1]), most));
     for (int i = 0; i < 2; ++i) way->middle[i] = spsi_select(way->inside, way->middle[i], half);
-    spsi_map_way_place(rays, way);
+    spsi_map_segment_place(rays, way);
 }
 
 /* The n-th panes of a vector of texels, and what they let pass by color. */
-typedef struct spsi_panes {
+typedef struct spsi_translucent_planes {
     float depth[SPSI_LANES], slope[2][SPSI_LANES], passes[3][SPSI_LANES];
-} spsi_panes;
+} spsi_translucent_planes;
 
 /* Finds them in the i-th texels around ways; where there are fewer, panes behind all. Returns 0 if all have fewer. */
-static int spsi_panes_find(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_map_way *way, int i,
-                           uint32_t n, spsi_panes *panes) {
-    const spsi_pane none = {SPSI_INFINITY, {0, 0}, 0};
+static int spsi_translucent_planes_find(const spsi_translucency_map *map, int face, const spsi_faces *faces,
+                                        const spsi_map_segment *way, int i, uint32_t n,
+                                        spsi_translucent_planes *panes) {
+    const spsi_translucent_plane none = {SPSI_INFINITY, {0, 0}, 0};
     float column[SPSI_LANES], row[SPSI_LANES];
     int any = 0;
     spsi_store(column, way->first[0]);
@@ -9463,7 +9469,7 @@ static int spsi_panes_find(const spsi_pane_map *map, int face, const spsi_faces 
         const size_t texel = (size_t)((int)row[lane] + (i >> 1)) * width + (size_t)((int)column[lane] + (i & 1));
         const uint32_t *first = map->first[face] + texel;
         const int is = first[0] + n < first[1];
-        const spsi_pane *pane = is ? &map->list[face][first[0] + n] : &none;
+        const spsi_translucent_plane *pane = is ? &map->list[face][first[0] + n] : &none;
         any |= is;
         panes->depth[lane] = pane->depth;
         for (int k = 0; k < 2; ++k) panes->slope[k][lane] = pane->slope[k];
@@ -9473,30 +9479,30 @@ static int spsi_panes_find(const spsi_pane_map *map, int face, const spsi_faces 
 }
 
 /* What the panes of the four texels around ways let pass, by color: each filters the share of the way behind it. */
-static void spsi_panes_through(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_map_way *way,
-                               spsi_v through[3]) {
+static void spsi_translucent_transmittance(const spsi_translucency_map *map, int face, const spsi_faces *faces,
+                                           const spsi_map_segment *way, spsi_v through[3]) {
     const spsi_v one = spsi_set(1);
     spsi_v texels[3][4];
-    spsi_panes panes;
+    spsi_translucent_planes panes;
     for (int i = 0; i < 4; ++i) {
         for (int c = 0; c < 3; ++c) texels[c][i] = one;
-        for (uint32_t n = 0; spsi_panes_find(map, face, faces, way, i, n, &panes); ++n) {
+        for (uint32_t n = 0; spsi_translucent_planes_find(map, face, faces, way, i, n, &panes); ++n) {
             const spsi_v slope[2] = {spsi_load(panes.slope[0]), spsi_load(panes.slope[1])};
-            const spsi_v lit = spsi_map_way_share(way, &map->grid.rays[face], i, spsi_load(panes.depth), slope);
+            const spsi_v lit = spsi_map_segment_fraction(way, &map->grid.rays[face], i, spsi_load(panes.depth), slope);
             for (int c = 0; c < 3; ++c)
                 texels[c][i] = spsi_mul(texels[c][i], spsi_fma(spsi_sub(one, lit), spsi_load(panes.passes[c]), lit));
         }
     }
-    for (int c = 0; c < 3; ++c) through[c] = spsi_map_way_mean(way, texels[c]);
+    for (int c = 0; c < 3; ++c) through[c] = spsi_map_segment_mean(way, texels[c]);
 }
 
 /* What translucent polygons let pass from a point of a light to the ways from d[0] to d[1], by color. Of six faces, the
    one that a way's middle is farthest along has it. */
-static void spsi_pane_map_filter(const spsi_pane_map *map, const spsi_faces *faces, spsi_v at, float y,
-                                 const spsi_v d[2], spsi_v filter[3]) {
+static void spsi_translucency_map_filter(const spsi_translucency_map *map, const spsi_faces *faces, spsi_v at, float y,
+                                         const spsi_v d[2], spsi_v filter[3]) {
     const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(d[0], d[1]));
     spsi_v t[SPSI_CUBE_FACES], farthest = spsi_set(-FLT_MAX), through[3];
-    spsi_map_way way;
+    spsi_map_segment way;
     for (int c = 0; c < 3; ++c) filter[c] = spsi_set(1);
     for (int face = 0; face < map->grid.face_count; ++face) {
         const spsi_v reference = spsi_set((float)map->grid.rays[face].depth_reference);
@@ -9507,8 +9513,8 @@ static void spsi_pane_map_filter(const spsi_pane_map *map, const spsi_faces *fac
         const spsi_m elsewhere = spsi_less(t[face], farthest);
         if (spsi_bits(elsewhere) == SPSI_ALL_LANES) continue;
         if (!spsi_depth_map_may_shade(&map->grid, face, at, y, d)) continue;
-        spsi_pane_way_build(map, face, at, y, d, &way);
-        spsi_panes_through(map, face, faces, &way, through);
+        spsi_translucent_segment_build(map, face, at, y, d, &way);
+        spsi_translucent_transmittance(map, face, faces, &way, through);
         for (int c = 0; c < 3; ++c) {
             through[c] = spsi_select(way.inside, through[c], spsi_set(1));
             filter[c] = spsi_select(elsewhere, filter[c], through[c]);
@@ -9523,19 +9529,19 @@ static void spsi_pane_map_filter(const spsi_pane_map *map, const spsi_faces *fac
    Balls that contain the rays' origin, or are close to it, are intersected one ray at a time. Cost: 15 operations per
    vector of pixels. */
 
-/* A ball is near if it is within SPSI_BALL_NEAR radii of the origin's plane, or if the cosine between its rays and the
-   axis is below SPSI_BALL_ASIDE, since pixels are stretched there. */
-#define SPSI_BALL_NEAR  4.0
-#define SPSI_BALL_ASIDE 0.05
-#define SPSI_BALL_LEAST 0.75 /* minimum radius in pixels; a smaller ball could fall between rays */
+/* A ball is near if it is within SPSI_SPHERE_NEAR radii of the origin's plane, or if the cosine between its rays and
+   the axis is below SPSI_SPHERE_ASIDE, since pixels are stretched there. */
+#define SPSI_SPHERE_NEAR  4.0
+#define SPSI_SPHERE_ASIDE 0.05
+#define SPSI_SPHERE_LEAST 0.75 /* minimum radius in pixels; a smaller ball could fall between rays */
 
 /* Radii in pixels from which on chords alone keep a ball's mass: in pictures to 2 %, where rims lie anywhere. */
-#define SPSI_BALL_COARSE       4.0
-#define SPSI_BALL_COARSE_LIGHT 1.5
+#define SPSI_SPHERE_COARSE       4.0
+#define SPSI_SPHERE_COARSE_LIGHT 1.5
 
 /* A ball, with (dx, dy) a pixel's offset from the centre's, e its ray and c the centre's ray. With p = tilt . (dx, dy)
    and q = bend[0] dx^2 + 2 bend[1] dx dy + bend[2] dy^2, e.e / c.c = 1 + 2p + q in perspective. */
-typedef struct spsi_ball {
+typedef struct spsi_sphere {
     int x0, y0, x1, y1; /* pixels that it may cover, inclusive; x1 < x0: none */
     float x, y;         /* pixel of its centre, relative to (x0, y0) */
     float t;            /* t - depth_reference of its centre */
@@ -9549,7 +9555,7 @@ typedef struct spsi_ball {
     float offset[3];    /* of the centre from the rays' origin */
     int near_by;        /* 1: near the rays' origin, so intersected one ray at a time */
     float world_radius; /* of a near ball */
-} spsi_ball;
+} spsi_sphere;
 
 /* The chords in which a vector of rays meets a ball. */
 typedef struct spsi_chord {
@@ -9562,34 +9568,34 @@ typedef struct spsi_chord {
    everywhere. */
 static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
     if (!rays->perspective) return 1;
-    if (rays->is_cube_face) return spsi_fmax(fabs(offset[0]), spsi_fmax(fabs(offset[1]), fabs(offset[2])));
-    return spsi_fmax(spsi_dot(rays->inverse[2], offset), 0);
+    if (rays->is_cube_face) return spsi_dmax(fabs(offset[0]), spsi_dmax(fabs(offset[1]), fabs(offset[2])));
+    return spsi_dmax(spsi_dot(rays->inverse[2], offset), 0);
 }
 
 /* Optical depth of a ball that is widened until its own area is a share of its new one: it stops as much light as
    before. A ball lets pass f^-2 of the light on its outline, or f^-2/3 if soft. f is a fit: within 1 % of what an even
    ball stops, 1 - 2 (1 - (1 + d) e^-d) / d^2, and within 2 % of what a soft one does. */
-static double spsi_ball_widen(double depth, int soft, double share) {
+static double spsi_sphere_widen(double depth, int soft, double share) {
     const double a = soft ? 0.6 : 1.0 / 3, b = soft ? 0.566 : 0.374, c = soft ? 3.6 : 7;
     const double f = 1 + depth * (a + b * depth / (depth + c)), passes = 1 / (soft ? cbrt(f * f) : f * f);
-    const double stops = spsi_fmin(share * (1 - passes), 1 - 1e-8), root = sqrt(1 - stops), less = stops / (1 + root);
+    const double stops = spsi_dmin(share * (1 - passes), 1 - 1e-8), root = sqrt(1 - stops), less = stops / (1 + root);
     const double wide = soft ? less * (1 + root + root * root) / (root * root * root) : less / root; /* f - 1 */
     const double half = 0.5 * (a * c - wide);
-    return spsi_fmin(share * depth, c * wide / (half + sqrt(half * half + (a + b) * c * wide)));
+    return spsi_dmin(share * depth, c * wide / (half + sqrt(half * half + (a + b) * c * wide)));
 }
 
 /* A particle's radius, raised to the minimum that pixels allow. `offset`: of its centre from the rays' origin. */
-static double spsi_ball_radius(const spsi_rays *rays, const sps_particle *particle, const double offset[3]) {
-    return spsi_fmax((double)particle->radius, SPSI_BALL_LEAST * rays->pixel * spsi_distance_to(rays, offset));
+static double spsi_sphere_radius(const spsi_rays *rays, const sps_particle *particle, const double offset[3]) {
+    return spsi_dmax((double)particle->radius, SPSI_SPHERE_LEAST * rays->pixel * spsi_distance_to(rays, offset));
 }
 
 /* Sets the optical depth of a ball that is widened to a radius. Below 1e-3 it falls as the area grows, within 4e-4. */
-static void spsi_ball_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius,
-                             spsi_ball *ball) {
+static void spsi_sphere_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius,
+                               spsi_sphere *ball) {
     const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
     const double depth = spsi_particle_depth(particle, set);
-    const double wide = depth < 1e-3 || !(share < 1) ? share * depth : spsi_ball_widen(depth, set->soft, share);
-    ball->depth = (float)spsi_fmin(wide, (double)SPSI_DEPTH_MAX);
+    const double wide = depth < 1e-3 || !(share < 1) ? share * depth : spsi_sphere_widen(depth, set->soft, share);
+    ball->depth = (float)spsi_dmin(wide, (double)SPSI_DEPTH_MAX);
     ball->soft = set->soft;
 }
 
@@ -9602,18 +9608,18 @@ typedef struct spsi_outline {
 static void spsi_outline_range(const spsi_outline *outline, double centre, int size, int *first, int *last) {
     const double a = outline->a, b = outline->b, c = outline->c, d = outline->d, e = outline->e;
     const double square = a * c - b * b, half = c * d - b * e;
-    const double root = sqrt(spsi_fmax(half * half + square * (e * e + c), 0));
+    const double root = sqrt(spsi_dmax(half * half + square * (e * e + c), 0));
     *first = 0;
     *last = size - 1;
     if (!(square > 1e-12 * a * c) || !(a > 0)) return; /* not an ellipse: the eye's plane cuts it */
-    *first = (int)spsi_fmin(spsi_fmax(ceil(centre + (half - root) / square), 0), size);
-    *last = (int)spsi_fmax(spsi_fmin(floor(centre + (half + root) / square), size - 1), -1);
+    *first = (int)spsi_dmin(spsi_dmax(ceil(centre + (half - root) / square), 0), size);
+    *last = (int)spsi_dmax(spsi_dmin(floor(centre + (half + root) / square), size - 1), -1);
 }
 
 /* Fills in what depends on the direction of the rays. `c`: the ray's direction at the centre; q: the centre's pixel and
    t. */
-static void spsi_ball_shape(const spsi_rays *rays, const double c[3], const double q[3], double radius,
-                            spsi_ball *ball) {
+static void spsi_sphere_shape(const spsi_rays *rays, const double c[3], const double q[3], double radius,
+                              spsi_sphere *ball) {
     const double per_square = 1 / spsi_dot(c, c), t = rays->perspective ? q[2] : 1;
     const double per_radius = t * t * per_square / (radius * radius);
     double ca[3], cb[3], cross[3], bend[3] = {0, 0, 0}, tilt[2];
@@ -9646,51 +9652,51 @@ static void spsi_ball_shape(const spsi_rays *rays, const double c[3], const doub
 /* Range of pixels along one axis between the two planes through the rays' origin that touch a ball: x solves
    (X - x T)^2 = r^2 |across - x along|^2. A ball that reaches behind the origin is bounded on one side only; one that
    contains the planes' common line is not bounded at all. */
-static void spsi_ball_near_range(const double across[3], const double along[3], const double offset[3], double radius,
-                                 int size, int *first, int *last) {
+static void spsi_sphere_near_range(const double across[3], const double along[3], const double offset[3], double radius,
+                                   int size, int *first, int *last) {
     const double x = spsi_dot(across, offset), t = spsi_dot(along, offset), square = radius * radius;
     const double a = t * t - square * spsi_dot(along, along), b = x * t - square * spsi_dot(across, along);
-    const double c = x * x - square * spsi_dot(across, across), root = sqrt(spsi_fmax(b * b - a * c, 0));
+    const double c = x * x - square * spsi_dot(across, across), root = sqrt(spsi_dmax(b * b - a * c, 0));
     *first = 0;
     *last = size - 1;
     if (!(root > 0) || !(fabs(a) > 1e-9 * t * t)) return;
-    const double low = spsi_fmin((b - root) / a, (b + root) / a), high = spsi_fmax((b - root) / a, (b + root) / a);
-    if (a > 0 || x - b / a * t > 0) *first = (int)spsi_fmin(spsi_fmax(ceil(a > 0 ? low : high), 0), size);
-    if (a > 0 || !(x - b / a * t > 0)) *last = (int)spsi_fmax(spsi_fmin(floor(a > 0 ? high : low), size - 1), -1);
+    const double low = spsi_dmin((b - root) / a, (b + root) / a), high = spsi_dmax((b - root) / a, (b + root) / a);
+    if (a > 0 || x - b / a * t > 0) *first = (int)spsi_dmin(spsi_dmax(ceil(a > 0 ? low : high), 0), size);
+    if (a > 0 || !(x - b / a * t > 0)) *last = (int)spsi_dmax(spsi_dmin(floor(a > 0 ? high : low), size - 1), -1);
 }
 
 /* Returns the radius in the world, raised to the minimum. */
-static double spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
-                              spsi_ball *ball) {
+static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
+                                spsi_sphere *ball) {
     double centre[3], offset[3], q[3], c[3], radius, ahead;
     memset(ball, 0, sizeof *ball);
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
     spsi_project(rays, centre, q);
-    radius = spsi_ball_radius(rays, particle, offset);
-    spsi_ball_dilute(set, particle, radius, ball);
+    radius = spsi_sphere_radius(rays, particle, offset);
+    spsi_sphere_dilute(set, particle, radius, ball);
     ball->x1 = ball->y1 = -1;
     ahead = q[2] / rays->per_length; /* distance from the origin's plane, in the world */
     if (!(ball->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return radius;
     ball->near_by =
-        rays->perspective && !(ahead > SPSI_BALL_NEAR * radius && ahead > SPSI_BALL_ASIDE * spsi_length(offset));
+        rays->perspective && !(ahead > SPSI_SPHERE_NEAR * radius && ahead > SPSI_SPHERE_ASIDE * spsi_length(offset));
     ball->t = (float)(q[2] - rays->depth_reference);
     for (int i = 0; i < 3; ++i) ball->offset[i] = (float)offset[i];
     if (ball->near_by) {
-        spsi_ball_near_range(rays->inverse[0], rays->inverse[2], offset, radius, rays->width, &ball->x0, &ball->x1);
-        spsi_ball_near_range(rays->inverse[1], rays->inverse[2], offset, radius, rays->height, &ball->y0, &ball->y1);
+        spsi_sphere_near_range(rays->inverse[0], rays->inverse[2], offset, radius, rays->width, &ball->x0, &ball->x1);
+        spsi_sphere_near_range(rays->inverse[1], rays->inverse[2], offset, radius, rays->height, &ball->y0, &ball->y1);
         ball->world_radius = (float)radius;
         return radius;
     }
     spsi_ray_direction(rays, q[0], q[1], c);
-    spsi_ball_shape(rays, c, q, radius, ball);
+    spsi_sphere_shape(rays, c, q, radius, ball);
     ball->x = (float)(q[0] - ball->x0);
     ball->y = (float)(q[1] - ball->y0);
     return radius;
 }
 
 /* Intersects one ray with a near ball; returns 0 if it misses. The chord is as in spsi_chord. */
-static int spsi_ball_meets(const spsi_rays *rays, const spsi_ball *ball, int x, int y, double chord[3]) {
+static int spsi_sphere_meets(const spsi_rays *rays, const spsi_sphere *ball, int x, int y, double chord[3]) {
     const double radius = (double)ball->world_radius;
     double centre[3], e[3], nearest[3], square, middle, share;
     for (int i = 0; i < 3; ++i) centre[i] = (double)ball->offset[i];
@@ -9707,11 +9713,11 @@ static int spsi_ball_meets(const spsi_rays *rays, const spsi_ball *ball, int x, 
     return 1;
 }
 
-static void spsi_ball_chord_near(const spsi_rays *rays, const spsi_ball *ball, int x, int y, spsi_chord *chord) {
+static void spsi_sphere_chord_near(const spsi_rays *rays, const spsi_sphere *ball, int x, int y, spsi_chord *chord) {
     float lanes[3][SPSI_LANES] = {{0}};
     for (int i = 0; i < SPSI_LANES; ++i) {
         double one[3];
-        if (!spsi_ball_meets(rays, ball, x + i, y, one)) continue;
+        if (!spsi_sphere_meets(rays, ball, x + i, y, one)) continue;
         for (int k = 0; k < 3; ++k) lanes[k][i] = (float)one[k];
     }
     chord->middle = spsi_load(lanes[0]);
@@ -9721,8 +9727,8 @@ static void spsi_ball_chord_near(const spsi_rays *rays, const spsi_ball *ball, i
 
 /* The chords of a vector of rays, given by the places of their pixels from a distant ball's centre. They also hold
    outside of x0 .. x1, wherever there is a ray. */
-static inline void spsi_ball_chord_far(const spsi_rays *rays, const spsi_ball *ball, spsi_v dx, spsi_v dy,
-                                       spsi_chord *chord) {
+static inline void spsi_sphere_chord_far(const spsi_rays *rays, const spsi_sphere *ball, spsi_v dx, spsi_v dy,
+                                         spsi_chord *chord) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), twice = spsi_add(dy, dy), down = spsi_mul(dy, dy);
     const spsi_v p = spsi_fma(dx, spsi_set(ball->tilt[0]), spsi_mul(dy, spsi_set(ball->tilt[1])));
     spsi_v q = spsi_fma(dx, spsi_set(ball->bend[0]), spsi_mul(twice, spsi_set(ball->bend[1])));
@@ -9737,30 +9743,30 @@ static inline void spsi_ball_chord_far(const spsi_rays *rays, const spsi_ball *b
 }
 
 /* The places of a vector of pixels, from (x, y) on, from a distant ball's centre. */
-static inline void spsi_ball_offsets(const spsi_ball *ball, int x, int y, spsi_v *dx, spsi_v *dy) {
+static inline void spsi_sphere_offsets(const spsi_sphere *ball, int x, int y, spsi_v *dx, spsi_v *dy) {
     *dx = spsi_add(spsi_set((float)(x - ball->x0) - ball->x), spsi_iota());
     *dy = spsi_set((float)(y - ball->y0) - ball->y);
 }
 
 /* The chords of a vector of pixels' rays, from (x, y) on. */
-static inline void spsi_ball_chord(const spsi_rays *rays, const spsi_ball *ball, int x, int y, spsi_chord *chord) {
+static inline void spsi_sphere_chord(const spsi_rays *rays, const spsi_sphere *ball, int x, int y, spsi_chord *chord) {
     spsi_v dx, dy;
     if (ball->near_by) {
-        spsi_ball_chord_near(rays, ball, x, y, chord);
+        spsi_sphere_chord_near(rays, ball, x, y, chord);
         return;
     }
-    spsi_ball_offsets(ball, x, y, &dx, &dy);
-    spsi_ball_chord_far(rays, ball, dx, dy, chord);
+    spsi_sphere_offsets(ball, x, y, &dx, &dy);
+    spsi_sphere_chord_far(rays, ball, dx, dy, chord);
 }
 
 /* Optical depth along a vector of chords: the integral of 1, or of 1 - s^2 for a soft ball, over them. */
-static inline spsi_v spsi_chord_depth(const spsi_ball *ball, const spsi_chord *chord) {
+static inline spsi_v spsi_chord_depth(const spsi_sphere *ball, const spsi_chord *chord) {
     const spsi_v depth = spsi_mul(chord->share, spsi_set(ball->depth));
     return ball->soft ? spsi_mul(depth, spsi_mul(chord->share, chord->share)) : depth;
 }
 
 /* The share of a chord that lies before position v in it, which is clamped to -1..1. */
-static inline spsi_v spsi_chord_share(int soft, spsi_v v) {
+static inline spsi_v spsi_chord_fraction(int soft, spsi_v v) {
     const spsi_v half = spsi_set(0.5f), s = spsi_clamp(v, spsi_set(-1), spsi_set(1));
     if (!soft) return spsi_fma(half, s, half);
     return spsi_fma(s, spsi_sub(spsi_set(0.75f), spsi_mul(spsi_set(0.25f), spsi_mul(s, s))), half);
@@ -9777,14 +9783,14 @@ static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
 
 /* Sum of a ball's chords, each 1 in its middle, over the texels of a box; around a light, texels are weighted by their
    solid angle. */
-static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const int box[4], int round) {
+static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *ball, const int box[4], int round) {
     float lanes[SPSI_LANES];
     spsi_v sums = spsi_set(0);
     for (int y = box[1]; y <= box[3]; ++y)
         for (int x = box[0]; x <= box[2]; x += SPSI_LANES) {
             const spsi_m inside = spsi_less(spsi_iota(), spsi_set((float)(box[2] - x) + 0.5f));
             spsi_chord chord;
-            spsi_ball_chord(rays, ball, x, y, &chord);
+            spsi_sphere_chord(rays, ball, x, y, &chord);
             spsi_v share = ball->soft ? spsi_mul(chord.share, spsi_mul(chord.share, chord.share)) : chord.share;
             for (int i = 0; i < SPSI_LANES && round; ++i) lanes[i] = (float)spsi_ray_angle(rays, x + i, y);
             if (round) share = spsi_mul(share, spsi_load(lanes));
@@ -9794,11 +9800,11 @@ static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const 
 }
 
 /* Mean of a ball's chords, which are 1 in the middle, over its outline. */
-static double spsi_ball_mean(const spsi_ball *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
+static double spsi_sphere_mean(const spsi_sphere *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
 
 /* Box of texels that a ball which is not near may cover, also beyond its face's edges: that of an ellipse. Returns the
    ellipse's area, or 0 where the angle is so grazing that there is none. */
-static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
+static double spsi_sphere_box(const spsi_sphere *ball, int box[4]) {
     const double a = (double)ball->cross[0], b = (double)ball->cross[1], c = (double)ball->cross[2];
     const double square = a * c - b * b, x = ball->x0 + (double)ball->x, y = ball->y0 + (double)ball->y;
     double across, down;
@@ -9812,30 +9818,30 @@ static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
 
 /* Ratio of the sum of a ball's chords in all faces around a light to the exact sum. It is the same for each face that
    sees the ball, so that there is no seam. */
-static double spsi_ball_mass_round(const spsi_rays *own, const spsi_rays *faces, const spsi_particle_set *set,
-                                   const sps_particle *particle, const spsi_ball *ball, const double offset[3]) {
-    const double texel = spsi_length(own->a) * spsi_length(offset), radius = spsi_ball_radius(own, particle, offset);
+static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *faces, const spsi_particle_set *set,
+                                     const sps_particle *particle, const spsi_sphere *ball, const double offset[3]) {
+    const double texel = spsi_length(own->a) * spsi_length(offset), radius = spsi_sphere_radius(own, particle, offset);
     const int last = own->width - 1;
     double sum = 0;
-    spsi_ball other;
+    spsi_sphere other;
     int box[4], alone;
-    alone = !ball->near_by && spsi_ball_box(ball, box) > 0;
+    alone = !ball->near_by && spsi_sphere_box(ball, box) > 0;
     alone = alone && box[0] > 0 && box[1] > 0 && box[2] < last && box[3] < last; /* no other face sees it */
     for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
         const spsi_rays *rays = &faces[face];
         if (alone && rays != own) continue;
-        spsi_ball_build(rays, set, particle, &other);
+        spsi_sphere_build(rays, set, particle, &other);
         box[0] = other.x0, box[1] = other.y0, box[2] = other.x1, box[3] = other.y1;
-        sum += spsi_ball_sum(rays, &other, box, 1);
+        sum += spsi_sphere_sum(rays, &other, box, 1);
     }
-    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball));
+    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_sphere_mean(ball));
 }
 
 /* Adjusts the optical depth of a small ball so that its mass is exact wherever its centre lies among the texels: of
    two thirds of `coarse` texels or less. Chords of `coarse` texels are exact; in between, the two are blended.
    `faces`: of a cube, in all of which a particle has one mass; NULL: there is only one face. */
-static void spsi_ball_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse, const spsi_particle_set *set,
-                            const sps_particle *particle, spsi_ball *ball) {
+static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse,
+                              const spsi_particle_set *set, const sps_particle *particle, spsi_sphere *ball) {
     double centre[3], offset[3], texel, share, mass;
     int box[4];
     /* most are much too large: the sum of the inverse squares of the outline's half axes is small */
@@ -9847,10 +9853,10 @@ static void spsi_ball_weigh(const spsi_rays *rays, const spsi_rays *faces, doubl
     if (!(share > 0) || ball->x1 < ball->x0 || ball->y1 < ball->y0) return;
     /* a face of too few texels, or a ball as wide as its distance */
     if (faces && (rays->width < 3 || !(2 * (double)particle->radius < spsi_length(offset)))) return;
-    const double area = faces || ball->near_by ? 0 : spsi_ball_box(ball, box);
-    mass = area > 0 ? spsi_ball_sum(rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
-    if (faces) mass = spsi_ball_mass_round(rays, faces, set, particle, ball, offset);
-    if (mass > 0) ball->depth *= (float)(1 + spsi_fmin(share, 1) * (1 / mass - 1));
+    const double area = faces || ball->near_by ? 0 : spsi_sphere_box(ball, box);
+    mass = area > 0 ? spsi_sphere_sum(rays, ball, box, 0) / (area * spsi_sphere_mean(ball)) : 1;
+    if (faces) mass = spsi_sphere_mass_round(rays, faces, set, particle, ball, offset);
+    if (mass > 0) ball->depth *= (float)(1 + spsi_dmin(share, 1) * (1 / mass - 1));
 }
 
 /* ============================================================================================== >>slicing
@@ -9888,7 +9894,7 @@ SPSI_COLD void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *sla
 }
 
 typedef struct spsi_sweep {
-    const spsi_lamp *lamp; /* the light whose sheets this sweep has; NULL: none */
+    const spsi_light *lamp; /* the light whose sheets this sweep has; NULL: none */
     int first;             /* 1: also carries coverage, ambient light, emission, and all lights without sheets */
     int back_to_front;
     double cosine_of_light, cosine_of_eye; /* minimum of the rays with s */
@@ -9906,7 +9912,7 @@ SPSI_COLD double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays
         double ray[3];
         spsi_ray_direction(rays, corner & 1 ? rays->width - 1 : 0, corner & 2 ? rays->height - 1 : 0, ray);
         spsi_normalise(ray);
-        least = spsi_fmin(least, spsi_dot(s, ray));
+        least = spsi_dmin(least, spsi_dot(s, ray));
     }
     return least;
 }
@@ -9926,7 +9932,7 @@ SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], 
         spsi_bounds_corner(bounds, corner, ray);
         spsi_along(ray, from, -1, ray);
         if (!spsi_normalise(ray)) return -1;
-        least = spsi_fmin(least, spsi_dot(s, ray));
+        least = spsi_dmin(least, spsi_dot(s, ray));
     }
     return inside ? -1 : least;
 }
@@ -9937,12 +9943,12 @@ SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], 
    lie within an octant, and cross slabs perpendicular to their middle at a cosine of 0.25 or more. */
 
 /* Number of parts of the image. Sweeps with a light's sheets serve all of it. */
-SPSI_COLD int spsi_part_count(const spsi_frame *frame) {
+SPSI_COLD int spsi_subslab_count(const spsi_frame *frame) {
     return frame->lamps.sliced_count > 0 ? 1 : frame->content->parts[0] * frame->content->parts[1];
 }
 
 /* The n-th part: its first column and row, and those beyond its last. */
-SPSI_COLD void spsi_part_place(const spsi_frame *frame, int n, int part[4]) {
+SPSI_COLD void spsi_subslab_place(const spsi_frame *frame, int n, int part[4]) {
     const spsi_content *content = frame->content;
     const int at[2] = {n % content->parts[0], n / content->parts[0]};
     const int size[2] = {content->eye.width, content->eye.height};
@@ -9953,13 +9959,13 @@ SPSI_COLD void spsi_part_place(const spsi_frame *frame, int n, int part[4]) {
 }
 
 /* Whether a part has pixels in the region. */
-SPSI_COLD int spsi_part_meets(const int part[4], const int region[4]) {
+SPSI_COLD int spsi_subslab_meets(const int part[4], const int region[4]) {
     return part[0] < region[0] + region[2] && part[2] > region[0] && part[1] < region[1] + region[3] &&
            part[3] > region[1];
 }
 
 /* Middle direction of a part's rays: the mean of those through its corners. */
-SPSI_COLD void spsi_part_direction(const spsi_rays *eye, double direction[3]) {
+SPSI_COLD void spsi_subslab_direction(const spsi_rays *eye, double direction[3]) {
     memset(direction, 0, 3 * sizeof *direction);
     for (int corner = 0; corner < 4; ++corner) {
         double ray[3];
@@ -9971,14 +9977,14 @@ SPSI_COLD void spsi_part_direction(const spsi_rays *eye, double direction[3]) {
 }
 
 /* Clears a sweep with the sheets of a light, or without (NULL), for the n-th part of the image. */
-SPSI_COLD void spsi_sweep_clear(const spsi_frame *frame, const spsi_lamp *lamp, int part, spsi_sweep *sweep) {
+SPSI_COLD void spsi_sweep_clear(const spsi_frame *frame, const spsi_light *lamp, int part, spsi_sweep *sweep) {
     double *corner = frame->content->eye.perspective ? sweep->eye.c : sweep->eye.origin;
     memset(sweep, 0, sizeof *sweep);
     sweep->lamp = lamp;
     sweep->slabs.normal[2] = sweep->slabs.thickness = 1;
     sweep->slabs.group = 1;
     sweep->eye = frame->content->eye;
-    spsi_part_place(frame, part, sweep->part);
+    spsi_subslab_place(frame, part, sweep->part);
     sweep->eye.width = sweep->part[2] - sweep->part[0];
     sweep->eye.height = sweep->part[3] - sweep->part[1];
     spsi_along(corner, sweep->eye.a, sweep->part[0], corner);
@@ -10058,12 +10064,12 @@ SPSI_COLD sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_f
 }
 
 /* Minimum cosine between s and a light's rays through the gas. */
-SPSI_COLD double spsi_cosine_of_light(const spsi_frame *frame, const spsi_lamp *lamp, const double s[3]) {
+SPSI_COLD double spsi_cosine_of_light(const spsi_frame *frame, const spsi_light *lamp, const double s[3]) {
     double least = HUGE_VAL;
     for (int i = 0; i < lamp->point_count; ++i) {
-        const spsi_lamp *point = &lamp->points[i];
-        least = spsi_fmin(least, !point->is_point ? spsi_dot(s, point->direction)
-                                             : spsi_cosine_to_bounds(s, point->position, &frame->content->bounds));
+        const spsi_light *point = &lamp->points[i];
+        least = spsi_dmin(least, !point->is_point ? spsi_dot(s, point->direction)
+                                                  : spsi_cosine_to_bounds(s, point->position, &frame->content->bounds));
     }
     return least;
 }
@@ -10077,7 +10083,7 @@ SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi
     sweep->cosine_of_light = 1;
     if (sweep->lamp) {
         spsi_bounds_centre(&frame->content->bounds, centre);
-        spsi_lamp_direction(sweep->lamp, centre, toward);
+        spsi_light_direction(sweep->lamp, centre, toward);
         sweep->back_to_front = spsi_dot(eye, toward) < 0;
         spsi_along(toward, eye, sweep->back_to_front ? -1 : 1, sweep->slabs.normal);
         spsi_normalise(sweep->slabs.normal);
@@ -10086,8 +10092,8 @@ SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
     sweep->cosine_of_eye = spsi_cosine_to_corners(toward, &sweep->eye); /* rays in the sweep's part of the image */
     if (sweep->eye.perspective) /* rays that can meet gas: both cosines are lower bounds */
-        sweep->cosine_of_eye = spsi_fmax(sweep->cosine_of_eye,
-                                         spsi_cosine_to_bounds(toward, sweep->eye.origin, &frame->content->bounds));
+        sweep->cosine_of_eye =
+            spsi_dmax(sweep->cosine_of_eye, spsi_cosine_to_bounds(toward, sweep->eye.origin, &frame->content->bounds));
     return sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye >= SPSI_COSINE_MIN;
 }
 
@@ -10095,8 +10101,8 @@ SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi
    its middle. Returns whether it serves. */
 SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     double eye[3], axis[3];
-    if (!sweep->lamp && spsi_part_count(frame) > 1) {
-        spsi_part_direction(&sweep->eye, eye);
+    if (!sweep->lamp && spsi_subslab_count(frame) > 1) {
+        spsi_subslab_direction(&sweep->eye, eye);
         return spsi_sweep_turn(frame, eye, sweep);
     }
     spsi_eye_direction(frame, eye);
@@ -10130,7 +10136,7 @@ SPSI_COLD double spsi_chord_to_bounds(const spsi_lattice *lattice, const double 
         else
             spsi_bounds_centre(bounds, ray);
         spsi_along(ray, from, -1, ray);
-        if (spsi_normalise(ray)) least = spsi_fmin(least, spsi_slab_chord(lattice, s, ray));
+        if (spsi_normalise(ray)) least = spsi_dmin(least, spsi_slab_chord(lattice, s, ray));
     }
     return least;
 }
@@ -10144,28 +10150,28 @@ SPSI_COLD double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice 
         const double x = i < 4 ? i & 1 : 0.5, y = i < 4 ? i >> 1 : 0.5;
         double ray[3];
         spsi_ray_direction(rays, x * (rays->width - 1), y * (rays->height - 1), ray);
-        if (spsi_normalise(ray)) least = spsi_fmin(least, spsi_slab_chord(lattice, s, ray));
+        if (spsi_normalise(ray)) least = spsi_dmin(least, spsi_slab_chord(lattice, s, ray));
     }
     if (!rays->perspective || spsi_bounds_hold(&frame->content->bounds, rays->origin)) return least;
-    return spsi_fmax(least, spsi_chord_to_bounds(lattice, s, rays->origin, &frame->content->bounds));
+    return spsi_dmax(least, spsi_chord_to_bounds(lattice, s, rays->origin, &frame->content->bounds));
 }
 
 /* The voxel length by which slabs are sized. What is classified must not change much from slab to slab along any ray,
    so for it the length is what the eye's and the light's rays cross of a voxel, if that is less than the voxel's extent
    along s. A sixteenth of the extent is the minimum, since voxels as flat as paper would need slabs without end. */
 SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
-                                 const spsi_lamp *lamp, const double s[3]) {
+                                 const spsi_light *lamp, const double s[3]) {
     const double extent = spsi_voxel_extent(lattice, s), flattest = 1.0 / 16;
     double chord, travel[3];
     if (!frame->matter.materials[frame->media[lattice->medium].channel].table) return extent;
     chord = spsi_chord_of_rays(frame, lattice, s, rays);
     if (lamp && !lamp->is_point) {
-        spsi_lamp_direction(lamp, lamp->position, travel);
-        chord = spsi_fmin(chord, spsi_slab_chord(lattice, s, travel));
+        spsi_light_direction(lamp, lamp->position, travel);
+        chord = spsi_dmin(chord, spsi_slab_chord(lattice, s, travel));
     } else if (lamp) {
-        chord = spsi_fmin(chord, spsi_chord_to_bounds(lattice, s, lamp->position, &frame->content->bounds));
+        chord = spsi_dmin(chord, spsi_chord_to_bounds(lattice, s, lamp->position, &frame->content->bounds));
     }
-    return spsi_fmin(extent, spsi_fmax(chord, flattest * extent));
+    return spsi_dmin(extent, spsi_dmax(chord, flattest * extent));
 }
 
 /* Cuts slabs finer, for groups of them, where light within changes in less than their thickness: down to `fine` for
@@ -10177,10 +10183,10 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
     for (int i = 0; i < frame->medium_count; ++i) {
         const double extinction = (double)frame->matter.materials[frame->media[i].channel].extinction;
         double shortest = HUGE_VAL;
-        for (int k = 0; k < 3; ++k) shortest = spsi_fmin(shortest, spsi_length(frame->lattices[i].step[k]));
-        fine = spsi_fmin(fine, frame->view.slab_thickness * spsi_fmax(shortest, 0.05 / spsi_fmax(extinction, DBL_MIN)));
+        for (int k = 0; k < 3; ++k) shortest = spsi_dmin(shortest, spsi_length(frame->lattices[i].step[k]));
+        fine = spsi_dmin(fine, frame->view.slab_thickness * spsi_dmax(shortest, 0.05 / spsi_dmax(extinction, DBL_MIN)));
     }
-    const double finer = spsi_fmin(slabs->thickness / spsi_fmax(fine, least), SPSI_GROUP_MOST);
+    const double finer = spsi_dmin(slabs->thickness / spsi_dmax(fine, least), SPSI_GROUP_MOST);
     while (slabs->group < SPSI_GROUP_MOST && slabs->group < 0.71 * finer) slabs->group *= 2;
     if (slabs->group > 1) slabs->thickness /= finer;
 }
@@ -10188,45 +10194,45 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
 /* Places slabs over the bounds of volumes and particles, along their normal, that serve the rays of a target and those
    of a light (NULL: none). `edge` is the voxel edge that stands for particles, or infinite. Slabs need not be thinner
    than `least`, or than what makes a chunk of them. Returns their number. */
-SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_lamp *lamp, double edge,
+SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_light *lamp, double edge,
                                   double least, spsi_slabs *slabs) {
     double low = HUGE_VAL, high = -HUGE_VAL, beyond = 0, particles;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
         spsi_bounds_corner(&frame->content->bounds, corner, point);
-        low = spsi_fmin(low, spsi_dot(point, slabs->normal));
-        high = spsi_fmax(high, spsi_dot(point, slabs->normal));
+        low = spsi_dmin(low, spsi_dot(point, slabs->normal));
+        high = spsi_dmax(high, spsi_dot(point, slabs->normal));
     }
-    edge = spsi_fmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits the slabs that a stray particle calls for */
+    edge = spsi_dmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits the slabs that a stray particle calls for */
     particles = edge;
     for (int i = 0; i < frame->medium_count; ++i)
-        edge = spsi_fmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, lamp, slabs->normal));
+        edge = spsi_dmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, lamp, slabs->normal));
     slabs->start = low;
     for (int k = 0; k < 3; ++k) beyond += 2 * frame->content->beyond[k] * fabs(slabs->normal[k]);
-    least = spsi_fmin(least, spsi_fmax(high - low - beyond, 0) / SPSI_CHUNK);
+    least = spsi_dmin(least, spsi_dmax(high - low - beyond, 0) / SPSI_CHUNK);
     slabs->wide = least > frame->view.slab_thickness * edge;
     /* never thicker than the whole extent */
-    slabs->thickness = spsi_fmin(spsi_fmax(frame->view.slab_thickness * edge, least), high - low);
+    slabs->thickness = spsi_dmin(spsi_dmax(frame->view.slab_thickness * edge, least), high - low);
     spsi_slabs_group(frame, frame->view.slab_thickness * particles / spsi_particle_fineness(frame), least, slabs);
     return ceil((high - low) / slabs->thickness);
 }
 
 /* Cuts the same slabs, and refuses them if they are too many. */
 SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                    const spsi_lamp *lamp, double edge, double least, spsi_slabs *slabs) {
+                                    const spsi_light *lamp, double edge, double least, spsi_slabs *slabs) {
     const double count = spsi_slabs_place(frame, rays, lamp, edge, least, slabs);
     if (!(count <= SPSI_SLABS_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, frame->viewer, -1, "slab_thickness",
                                frame->view.slab_thickness, "it makes more than 2^20 slabs");
-    slabs->count = spsi_most(1, (int)count);
+    slabs->count = spsi_imax(1, (int)count);
     return SPS_OK;
 }
 
 /* Width, in texels, of the widest penumbra that gas can cast on gas or polygons, or polygons on gas: that of an edge at
    one end of everything, at the other end. What is beside or behind a lamp counts as touching it. */
 SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sweep) {
-    const spsi_lamp *lamp = sweep->lamp;
-    const double texel = spsi_fmin(spsi_length(sweep->rays.a), spsi_length(sweep->rays.b));
+    const spsi_light *lamp = sweep->lamp;
+    const double texel = spsi_dmin(spsi_length(sweep->rays.a), spsi_length(sweep->rays.b));
     spsi_bounds all = frame->content->mesh_bounds;
     double near_by = HUGE_VAL, far_off = 0, across[3];
     spsi_bounds_join(&all, &frame->content->bounds);
@@ -10236,8 +10242,8 @@ SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep 
         double point[3], q[3];
         spsi_bounds_corner(&all, corner, point);
         spsi_project(&sweep->rays, point, q);
-        near_by = spsi_fmin(near_by, q[2]);
-        far_off = spsi_fmax(far_off, q[2]);
+        near_by = spsi_dmin(near_by, q[2]);
+        far_off = spsi_dmax(far_off, q[2]);
     }
     if (!(near_by > 0)) return HUGE_VAL;
     return 2 * lamp->extent.radius * (1 / near_by - 1 / far_off) / texel;
@@ -10245,10 +10251,10 @@ SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep 
 
 /* Fits the rays of the light's sheets. Returns whether that is possible. */
 static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
-    const spsi_lamp *lamp = sweep->lamp;
+    const spsi_light *lamp = sweep->lamp;
     const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, lamp);
-    const double texel = spsi_fmax(spsi_lamp_texel(frame, lamp), pixels);
-    const double fine = spsi_fmax(texel / spsi_particle_fineness(frame), spsi_fmin(texel, SPSI_FINE_PIXELS * pixels));
+    const double texel = spsi_dmax(spsi_light_texel(frame, lamp), pixels);
+    const double fine = spsi_dmax(texel / spsi_particle_fineness(frame), spsi_dmin(texel, SPSI_FINE_PIXELS * pixels));
     if (!spsi_rays_fit(lamp, &frame->content->bounds, fine, frame->view.shadow_resolution,
                        spsi_light_texels_most(frame), &sweep->rays))
         return 0;
@@ -10262,10 +10268,10 @@ SPSI_COLD int spsi_sweep_aim(const spsi_frame *frame, spsi_sweep *sweep) {
 }
 
 /* Number of sweeps in a frame: one for each light that shades by sheets, and at least one. */
-static int spsi_sweep_count(const spsi_frame *frame) { return spsi_most(1, frame->lamps.sliced_count); }
+static int spsi_sweep_count(const spsi_frame *frame) { return spsi_imax(1, frame->lamps.sliced_count); }
 
 /* The n-th lamp that shades by sheets; NULL if there is none. */
-SPSI_COLD const spsi_lamp *spsi_sliced_lamp(const spsi_frame *frame, int n) {
+SPSI_COLD const spsi_light *spsi_sliced_light(const spsi_frame *frame, int n) {
     for (int i = 0; i < frame->lamps.count; ++i)
         if (frame->lamps.list[i].sliced && n-- == 0) return &frame->lamps.list[i];
     return NULL;
@@ -10294,17 +10300,17 @@ SPSI_COLD int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
 SPSI_COLD double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) {
     const double least = frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame, NULL);
     if (!sweep->lamp) return least;
-    return spsi_fmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
+    return spsi_dmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
 }
 
 /* Begins the n-th sweep for a part of the image. Returns the voxel edge that stands for particles, infinite without: a
    ball has the variance of the kernel of a voxel of 0.7 radii (r^2 / 5 if it is homogeneous). Particles much smaller
    than their cloud need not be told apart in depth: a cloud is at most about 500 of these edges deep. */
 SPSI_COLD double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
-    spsi_sweep_clear(frame, spsi_sliced_lamp(frame, n), part, sweep);
+    spsi_sweep_clear(frame, spsi_sliced_light(frame, n), part, sweep);
     sweep->first = n == 0;
     if (frame->content->particle_count == 0) return HUGE_VAL;
-    return spsi_fmax(SPSI_PARTICLE_EDGE * frame->content->particle_radius, frame->content->particle_spread / 200);
+    return spsi_dmax(SPSI_PARTICLE_EDGE * frame->content->particle_radius, frame->content->particle_spread / 200);
 }
 
 /* Sets up the n-th sweep for a part of the image. Without gas there are no slabs, and nothing can prevent slicing. */
@@ -10346,17 +10352,17 @@ SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
 
 /* ================================================================================================ >>splat
    20 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]. Its line integral
-   is a 2D Gaussian in the pixel plane. The share of it between two slab planes is the difference of spsi_kernel_share
-   at the planes, whose distance from the kernel's middle changes from pixel to pixel because the slab is tilted and the
-   kernel sheared. This tilted section is exact; without it, the error does not fall with thickness. Every section of a
-   voxel within a chunk of slabs is written in one visit, each plane's share serving two sheets. Near a perspective eye,
-   where rays are not parallel across a kernel, the integral along each pixel's own ray is used instead. Sections end at
-   polygons and at the near plane, and footprints are widened to a pixel by its filter. Classified volumes as the eye
-   sees them are the exception: a transfer function of a mean is not the mean of a transfer function, so they are
-   sampled once per pixel, as polygons are, and from whole slabs, as the parabolas through them require.
-   Sheets hold the integral of value over t; the length of a ray per t is applied at shading. Narrow footprints, which
-   would leave most of a long vector empty, have two rows in each. Cost: about 14 vector operations per vector of
-   fragments and section, and 25 per row. */
+   is a 2D Gaussian in the pixel plane. The share of it between two slab planes is the difference of
+   spsi_kernel_fraction at the planes, whose distance from the kernel's middle changes from pixel to pixel because the
+   slab is tilted and the kernel sheared. This tilted section is exact; without it, the error does not fall with
+   thickness. Every section of a voxel within a chunk of slabs is written in one visit, each plane's share serving two
+   sheets. Near a perspective eye, where rays are not parallel across a kernel, the integral along each pixel's own ray
+   is used instead. Sections end at polygons and at the near plane, and footprints are widened to a pixel by its filter.
+   Classified volumes as the eye sees them are the exception: a transfer function of a mean is not the mean of a
+   transfer function, so they are sampled once per pixel, as polygons are, and from whole slabs, as the parabolas
+   through them require. Sheets hold the integral of value over t; the length of a ray per t is applied at shading.
+   Narrow footprints, which would leave most of a long vector empty, have two rows in each. Cost: about 14 vector
+   operations per vector of fragments and section, and 25 per row. */
 
 /* A kernel near a perspective eye, in units of t's standard deviation, so that fourth powers stay in range. */
 typedef struct spsi_near_case {
@@ -10390,11 +10396,11 @@ typedef struct spsi_splatter {
 } spsi_splatter;
 
 /* Position of a brick's first voxel. */
-typedef struct spsi_anchor {
+typedef struct spsi_brick_origin {
     float q[3];  /* ray coordinates */
     float depth; /* t - depth_reference */
     float slab;  /* slab coordinate */
-} spsi_anchor;
+} spsi_brick_origin;
 
 /* Footprints of a vector of voxels. Distances along a ray are in v = t / (SPSI_CUT * standard deviation). */
 typedef struct spsi_footprints {
@@ -10445,7 +10451,7 @@ typedef struct spsi_tile {
 } spsi_tile;
 
 /* Column or row of patches of a pixel `at` from a tile's edge; pixels outside count as part of the nearest patch. */
-static inline int spsi_patch_at(int at) { return spsi_least(spsi_most(at, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH; }
+static inline int spsi_patch_at(int at) { return spsi_imin(spsi_imax(at, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH; }
 
 /* Bit mask of the patches that meet a box of pixels, counted from the tile's first. */
 static inline uint64_t spsi_patch_box(int x0, int y0, int x1, int y1) {
@@ -10460,7 +10466,7 @@ static inline uint64_t spsi_patches(const spsi_tile *tile, int x0, int y0, int x
 }
 
 /* Bit mask of the patches of a tile in which some pixel's optical depth is less than `end`. */
-static uint64_t spsi_patches_open(const float *depth, size_t pitch, int width, int height, float end) {
+static uint64_t spsi_patches_unfinished(const float *depth, size_t pitch, int width, int height, float end) {
     uint64_t open = 0;
     for (int y = 0; y < height; ++y, depth += pitch)
         for (int x = 0; x < width; ++x) open |= (uint64_t)(depth[x] < end) << (y / SPSI_PATCH * 8 + x / SPSI_PATCH);
@@ -10599,8 +10605,8 @@ typedef struct spsi_sections {
     spsi_v low, high;  /* v at which rays begin and end, if they are clamped */
 } spsi_sections;
 
-static inline spsi_v spsi_mass_share(spsi_mass mass, spsi_v v) {
-    return mass == SPSI_MASS_KERNEL ? spsi_kernel_share(v) : spsi_chord_share(mass == SPSI_MASS_SOFT_CHORD, v);
+static inline spsi_v spsi_mass_fraction(spsi_mass mass, spsi_v v) {
+    return mass == SPSI_MASS_KERNEL ? spsi_kernel_fraction(v) : spsi_chord_fraction(mass == SPSI_MASS_SOFT_CHORD, v);
 }
 
 /* Adds to each sheet the weight times the change of share from plane to plane. Each plane's share serves two sheets. */
@@ -10608,24 +10614,24 @@ static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int
     float *sheet = s->sheet;
     spsi_v v = s->v, before, after;
     if (s->starts)
-        before = clamped ? spsi_mass_share(mass, s->low) : spsi_set(0);
+        before = clamped ? spsi_mass_fraction(mass, s->low) : spsi_set(0);
     else
-        before = spsi_mass_share(mass, clamped ? spsi_clamp(v, s->low, s->high) : v);
+        before = spsi_mass_fraction(mass, clamped ? spsi_clamp(v, s->low, s->high) : v);
     for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
         v = spsi_add(v, s->per_plane);
-        after = spsi_mass_share(mass, clamped ? spsi_clamp(v, s->low, s->high) : v);
+        after = spsi_mass_fraction(mass, clamped ? spsi_clamp(v, s->low, s->high) : v);
         spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
         before = after;
     }
     if (!s->ends) return;
-    after = clamped ? spsi_mass_share(mass, s->high) : spsi_set(1);
+    after = clamped ? spsi_mass_fraction(mass, s->high) : spsi_set(1);
     spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
 }
 
 /* The share of a kernel before planes at v, for rays that have nothing of it before `low` and nothing behind `high`. */
-static inline spsi_v spsi_kernel_share_within(spsi_v v, spsi_v low, spsi_v high) {
+static inline spsi_v spsi_kernel_fraction_within(spsi_v v, spsi_v low, spsi_v high) {
     const spsi_v from = spsi_select(spsi_less(v, low), spsi_set(-1), v);
-    return spsi_kernel_share(spsi_select(spsi_less(high, v), spsi_set(1), from));
+    return spsi_kernel_fraction(spsi_select(spsi_less(high, v), spsi_set(1), from));
 }
 
 /* Adds weight times share to two rows of a sheet. */
@@ -10637,10 +10643,10 @@ static inline void spsi_add_pair(const spsi_sections *s, float *sheet, spsi_v sh
 /* The same for two rows of a kernel, which may end at different planes. */
 static inline void spsi_add_pairs(const spsi_sections *s) {
     float *sheet = s->sheet;
-    spsi_v v = s->v, after, before = s->starts ? spsi_set(0) : spsi_kernel_share_within(v, s->low, s->high);
+    spsi_v v = s->v, after, before = s->starts ? spsi_set(0) : spsi_kernel_fraction_within(v, s->low, s->high);
     for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
         v = spsi_add(v, s->per_plane);
-        after = spsi_kernel_share_within(v, s->low, s->high);
+        after = spsi_kernel_fraction_within(v, s->low, s->high);
         spsi_add_pair(s, sheet, spsi_sub(after, before));
         before = after;
     }
@@ -10720,13 +10726,13 @@ static inline void spsi_limits(spsi_v beyond, float sign, float eye_near, spsi_v
 }
 
 /* A footprint that is being splatted into a channel of a tile. */
-typedef struct spsi_print {
+typedef struct spsi_footprint {
     spsi_tile *tile;
     const spsi_splatter *splatter;
     const spsi_footprints *footprints;
     int lane; /* of the footprints */
     float *channel;
-} spsi_print;
+} spsi_footprint;
 
 /* Whether the factors of a footprint's weights could overflow. */
 static inline int spsi_is_slender(float a, float b, float c) { return b * b > 0.8f * 4 * a * c; }
@@ -10734,7 +10740,7 @@ static inline int spsi_is_slender(float a, float b, float c) { return b * b > 0.
 /* A vector of columns of up to SPSI_LANES rows. With the inverse covariance (A B; B C), weights are
    exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2): the first two are per column, the last per row, so
    that no exponential is evaluated per pixel. Slender ellipses evaluate one per vector and row. */
-static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *rows, int count, int x, int y,
+static inline void spsi_splat_columns(const spsi_footprint *print, const spsi_rows *rows, int count, int x, int y,
                                       int clamped) {
     const spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
@@ -10786,9 +10792,9 @@ static inline spsi_v spsi_pair(const float *rows, int r) {
    all; `bits`: those of the rows that reach any. */
 static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, float per_slab, float *row,
                                       spsi_sections *sections) {
-    const int i = bits == 2 ? r + 1 : r, j = bits == 1 ? r : r + 1, first = spsi_least(rows->first[i], rows->first[j]);
+    const int i = bits == 2 ? r + 1 : r, j = bits == 1 ? r : r + 1, first = spsi_imin(rows->first[i], rows->first[j]);
     sections->sheet = row + (size_t)first * sections->sheet_size;
-    sections->count = spsi_most(rows->first[i] + rows->slabs[i], rows->first[j] + rows->slabs[j]) - first;
+    sections->count = spsi_imax(rows->first[i] + rows->slabs[i], rows->first[j] + rows->slabs[j]) - first;
     sections->starts = rows->starts[i] & rows->starts[j];
     sections->ends = rows->ends[i] & rows->ends[j];
     sections->v = spsi_halves(spsi_set(rows->v[i] - per_slab * (float)(rows->first[i] - first)),
@@ -10796,7 +10802,7 @@ static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, fl
 }
 
 /* The same for columns of half a vector, two rows at a time, not clamped. */
-static inline void spsi_splat_pairs(const spsi_print *print, const spsi_rows *rows, int count, int x, int y) {
+static inline void spsi_splat_pairs(const spsi_footprint *print, const spsi_rows *rows, int count, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_footprints *f = print->footprints;
     const int i = print->lane;
@@ -10834,17 +10840,17 @@ static inline void spsi_splat_pairs(const spsi_print *print, const spsi_rows *ro
     }
 }
 
-static void spsi_splat_footprint(const spsi_print *print) {
+static void spsi_splat_footprint(const spsi_footprint *print) {
     spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
     const spsi_footprints *f = print->footprints;
     const int i = print->lane;
     const float height = f->half_height[i], width = f->half_width[i];
     /* clamped as floats: a footprint may be wider than the range of an int */
-    const int y0 = (int)spsi_higher(ceilf(f->y[i] - height), (float)tile->y0);
-    const int y1 = (int)spsi_lower(floorf(f->y[i] + height), (float)tile->y1);
-    const int x0 = (int)spsi_higher(ceilf(f->x[i] - width), (float)tile->x0);
-    const int x1 = (int)spsi_lower(floorf(f->x[i] + width), (float)tile->x1);
+    const int y0 = (int)spsi_fmax(ceilf(f->y[i] - height), (float)tile->y0);
+    const int y1 = (int)spsi_fmin(floorf(f->y[i] + height), (float)tile->y1);
+    const int x0 = (int)spsi_fmax(ceilf(f->x[i] - width), (float)tile->x0);
+    const int x1 = (int)spsi_fmin(floorf(f->x[i] + width), (float)tile->x1);
     const int clamped =
         tile->clamped && !s->whole &&
         (f->depth[i] + s->reach_depth > tile->nearest_limit || f->depth[i] - s->reach_depth < s->eye_near);
@@ -10852,7 +10858,7 @@ static void spsi_splat_footprint(const spsi_print *print) {
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     for (int y = y0; y <= y1; y += SPSI_LANES) {
-        const int count = spsi_least(SPSI_LANES, y1 - y + 1);
+        const int count = spsi_imin(SPSI_LANES, y1 - y + 1);
         spsi_rows rows;
         spsi_rows_build(tile, f, i, y, s->cut, &rows);
         for (int r = 0; r < count; ++r) tile->fragments += (uint64_t)rows.area[r];
@@ -10886,8 +10892,8 @@ static void spsi_extent_range(const spsi_extent *e, int *first, int *last) {
     const float square = e->cut * e->cut, a = e->t * e->t - square * e->tt, b = e->q * e->t - square * e->qt;
     const float root = b * b - a * (e->q * e->q - square * e->qq);
     if (!(a > 1e-4f * e->t * e->t) || e->t < 0) return;
-    *first = (int)spsi_higher(ceilf((b - sqrtf(root > 0 ? root : 0)) / a), (float)*first);
-    *last = spsi_least(*last, (int)spsi_lower(floorf((b + sqrtf(root > 0 ? root : 0)) / a), (float)SPSI_SIZE_MAX));
+    *first = (int)spsi_fmax(ceilf((b - sqrtf(root > 0 ? root : 0)) / a), (float)*first);
+    *last = spsi_imin(*last, (int)spsi_fmin(floorf((b + sqrtf(root > 0 ? root : 0)) / a), (float)SPSI_SIZE_MAX));
 }
 
 /* Whether an ellipsoid reaches in front of the eye and meets the rays between two columns (or rows) of pixels: it does
@@ -10896,13 +10902,13 @@ static int spsi_extent_meets(const spsi_extent *e, int first, int last) {
     const float ends[2] = {(float)first - 0.5f, (float)last + 0.5f};
     for (int i = 0; i < 2; ++i) {
         const float at = ends[i], variance = e->qq - 2 * at * e->qt + at * at * e->tt, before = e->q - at * e->t;
-        if (!((i ? -before : before) + e->cut * sqrtf(spsi_higher(variance, 0)) > 0)) return 0;
+        if (!((i ? -before : before) + e->cut * sqrtf(spsi_fmax(variance, 0)) > 0)) return 0;
     }
     return e->t + e->cut * sqrtf(e->tt) > 0;
 }
 
 /* A kernel that is being splatted along each pixel's own ray. */
-typedef struct spsi_near_print {
+typedef struct spsi_near_footprint {
     spsi_tile *tile;
     const spsi_splatter *splatter;
     float q[3];      /* (x t, y t, t) of its centre, in the near case's units */
@@ -10910,15 +10916,15 @@ typedef struct spsi_near_print {
     int x1;          /* the last column */
     int first, last; /* first and last plane of its sections */
     float *channel;
-} spsi_near_print;
+} spsi_near_footprint;
 
 /* A vector of pixels of the near case: w = (x, y, 1) is the ray, a = w' C^-1 w, and the exponent
    (P x w)' adj(C^-1) (P x w) / a involves no difference of large numbers. */
-static inline void spsi_splat_near_row(const spsi_near_print *print, int x, int y) {
+static inline void spsi_splat_near_row(const spsi_near_footprint *print, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
     const float *q = print->q, *c = s->near_case.covariance, *n = s->near_case.inverse, fy = (float)y;
-    const int k0 = spsi_most(print->first, 0), k1 = spsi_least(print->last, tile->slab_count);
+    const int k0 = spsi_imax(print->first, 0), k1 = spsi_imin(print->last, tile->slab_count);
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), zero = spsi_set(0);
     const spsi_v nx = spsi_fma(at, spsi_set(n[0]), spsi_set(n[1] * fy + n[2]));
     const spsi_v ny = spsi_fma(at, spsi_set(n[1]), spsi_set(n[3] * fy + n[4]));
@@ -10978,10 +10984,10 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
     spsi_extent_range(&down, &y0, &y1);
     if (x0 > x1 || y0 > y1 || first >= tile->slab_count || last <= 0) return;
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
-    const spsi_near_print print = {tile, s, {q[0], q[1], q[2]}, value, x1, first, last, channel};
+    const spsi_near_footprint print = {tile, s, {q[0], q[1], q[2]}, value, x1, first, last, channel};
     tile->visits += 1;
     tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) *
-                       (uint64_t)(spsi_least(last, tile->slab_count) - spsi_most(first, 0));
+                       (uint64_t)(spsi_imin(last, tile->slab_count) - spsi_imax(first, 0));
     for (int y = y0; y <= y1; ++y)
         for (int x = x0; x <= x1; x += SPSI_LANES) spsi_splat_near_row(&print, x, y);
 }
@@ -11000,8 +11006,8 @@ static void spsi_splat_near_voxels(spsi_tile *tile, const spsi_splatter *s, cons
 }
 
 /* Ray coordinates, depth and slab coordinate of a vector of a brick's voxels. */
-static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_anchor *anchor, const spsi_v at[3], spsi_v q[3],
-                                     spsi_v *depth, spsi_v *slab) {
+static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_brick_origin *anchor, const spsi_v at[3],
+                                     spsi_v q[3], spsi_v *depth, spsi_v *slab) {
     for (int i = 0; i < 3; ++i) {
         q[i] = spsi_fma(at[2], spsi_set(s->step[2][i]), spsi_set(anchor->q[i]));
         q[i] = spsi_fma(at[0], spsi_set(s->step[0][i]), spsi_fma(at[1], spsi_set(s->step[1][i]), q[i]));
@@ -11042,11 +11048,11 @@ static inline void spsi_footprints_even(const spsi_splatter *s, spsi_footprints 
 }
 
 /* Splats the voxels of one brick into a tile. */
-static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi_anchor *anchor,
+static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *anchor,
                              const spsi_segment *segment, const spsi_brick *brick, float *channel) {
     const spsi_v reach = spsi_set(s->reach_slabs);
     spsi_footprints f;
-    spsi_print print = {tile, s, &f, 0, channel};
+    spsi_footprint print = {tile, s, &f, 0, channel};
     memset(&f, 0, sizeof f); /* compilers do not see that perspective fills it in later */
     if (!s->perspective) spsi_footprint_shape(s, spsi_set(0), spsi_set(0), spsi_set(1), spsi_set(1), &f);
     const float unit = f.amplitude[0];
@@ -11083,8 +11089,8 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
 }
 
 /* Position of a brick for these rays and slabs; slab coordinates are relative to `first_slab`. */
-static void spsi_anchor_build(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_rays *rays,
-                              const spsi_slabs *slabs, int first_slab, spsi_anchor *anchor) {
+static void spsi_brick_origin_build(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_rays *rays,
+                                    const spsi_slabs *slabs, int first_slab, spsi_brick_origin *anchor) {
     double at[3], point[3], q[3];
     for (int i = 0; i < 3; ++i) at[i] = brick->base[i] + 0.5;
     spsi_voxel_position(lattice, at, point);
@@ -11113,7 +11119,7 @@ static void spsi_voxel_breadths(const spsi_splatter *s, const float q[3], float 
             if (s->perspective && k < 2) change = (change - q[k] / q[2] * s->step[axis][2]) / q[2];
             square += change * change;
         }
-        breadth[k] = spsi_higher(sqrtf(square), SPSI_DEPOSIT_LEAST);
+        breadth[k] = spsi_fmax(sqrtf(square), SPSI_DEPOSIT_LEAST);
     }
 }
 
@@ -11132,14 +11138,14 @@ SPSI_COLD void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *
             if (!(breadth[k] <= SPSI_DEPOSIT_MOST)) return;
     }
     splatter->deposits = 1;
-    splatter->reach_slabs = spsi_higher(splatter->reach_slabs, 1);
+    splatter->reach_slabs = spsi_fmax(splatter->reach_slabs, 1);
 }
 
 /* A brick that is being deposited into a tile. Samples are counted from the tile's first, along x, y and slabs. */
 typedef struct spsi_deposit {
     const spsi_tile *tile;
     const spsi_splatter *splatter;
-    const spsi_anchor *anchor;
+    const spsi_brick_origin *anchor;
     float breadth[3];    /* of its voxels */
     int low[3], high[3]; /* the tile's first and last samples */
     int edges[2][3];     /* the first and last samples of all */
@@ -11147,14 +11153,14 @@ typedef struct spsi_deposit {
 } spsi_deposit;
 
 /* A vector of voxels: the sample before the nearest one, and what each of three takes. */
-typedef struct spsi_shares {
+typedef struct spsi_deposit_weights {
     int first[3][SPSI_LANES];
     float weight[3][3][SPSI_LANES];
-} spsi_shares;
+} spsi_deposit_weights;
 
 /* Sets up a brick. Parallel rays hold all gas, of which nothing is lost at their edges; what a perspective's edges cut
    off belongs to the rays beside them. `edges`: the first and last samples. */
-static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, const spsi_anchor *anchor,
+static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *anchor,
                                const spsi_brick *brick, const int edges[2][3], spsi_deposit *deposit) {
     const int last[3] = {tile->x1 - tile->x0, tile->y1 - tile->y0, tile->slab_count - 1};
     float q[3];
@@ -11167,15 +11173,16 @@ static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, co
     for (int k = 0; k < 3; ++k) {
         const float middle = 0.5f * (float)(brick->low[k] + brick->high[k]);
         for (int i = 0; i < 3; ++i) q[i] += middle * s->step[k][i];
-        deposit->low[k] = spsi_most(0, edges[0][k]);
-        deposit->high[k] = spsi_least(last[k], edges[1][k]);
+        deposit->low[k] = spsi_imax(0, edges[0][k]);
+        deposit->high[k] = spsi_imin(last[k], edges[1][k]);
     }
     spsi_voxel_breadths(s, q, deposit->breadth);
 }
 
 /* Shares along one axis of what lies `at` some place between the middles of samples. The positive part of the distance
    from the nearest sample, averaged over the breadth, goes to the one behind it. */
-static inline void spsi_shares_along(int axis, spsi_v at, float breadth, spsi_v mass, spsi_shares *shares) {
+static inline void spsi_deposit_weights_along(int axis, spsi_v at, float breadth, spsi_v mass,
+                                              spsi_deposit_weights *shares) {
     const spsi_v nearest = spsi_round(at), off = spsi_sub(at, nearest), zero = spsi_set(0);
     const spsi_v low = spsi_max(spsi_sub(off, spsi_set(0.5f * breadth)), zero);
     const spsi_v high = spsi_max(spsi_add(off, spsi_set(0.5f * breadth)), zero);
@@ -11188,14 +11195,15 @@ static inline void spsi_shares_along(int axis, spsi_v at, float breadth, spsi_v 
 }
 
 /* Adds one voxel. */
-static void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_shares *shares, int lane, float *channel) {
+static void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_deposit_weights *shares, int lane,
+                               float *channel) {
     const spsi_tile *tile = deposit->tile;
     const int *low = deposit->low, *high = deposit->high;
     int at[3][3];
     for (int i = 0; i < 9; ++i) {
         const int k = i / 3, sample = shares->first[k][lane] + i % 3;
         at[k][i % 3] =
-            deposit->kept ? spsi_most(deposit->edges[0][k], spsi_least(deposit->edges[1][k], sample)) : sample;
+            deposit->kept ? spsi_imax(deposit->edges[0][k], spsi_imin(deposit->edges[1][k], sample)) : sample;
     }
     for (int i = 0; i < 9; ++i) {
         const int y = at[1][i % 3], slab = at[2][i / 3];
@@ -11226,10 +11234,10 @@ static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *
     const spsi_splatter *s = deposit->splatter;
     const spsi_v one = spsi_set(1);
     for (int i = 0; i < brick->count; i += SPSI_LANES) {
-        const int at = brick->first + i, count = spsi_least(SPSI_LANES, brick->count - i);
+        const int at = brick->first + i, count = spsi_imin(SPSI_LANES, brick->count - i);
         const spsi_v steps[3] = {spsi_load(segment->x + at), spsi_load(segment->y + at), spsi_load(segment->z + at)};
         spsi_v mass = spsi_mul(spsi_load(segment->value + at), spsi_set(s->mass)), q[3], depth, slab;
-        spsi_shares shares;
+        spsi_deposit_weights shares;
         spsi_voxels_place(s, deposit->anchor, steps, q, &depth, &slab);
         if (s->perspective) {
             const spsi_v per_t = spsi_div(one, q[2]);
@@ -11241,7 +11249,8 @@ static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *
         q[2] = spsi_sub(slab, spsi_set(0.5f));
         const int bits = spsi_deposits_inside(deposit, q) & ((1 << count) - 1);
         if (!bits) continue;
-        for (int k = 0; k < 3; ++k) spsi_shares_along(k, q[k], deposit->breadth[k], k < 2 ? one : mass, &shares);
+        for (int k = 0; k < 3; ++k)
+            spsi_deposit_weights_along(k, q[k], deposit->breadth[k], k < 2 ? one : mass, &shares);
         for (int lane = 0; bits >> lane; ++lane)
             if (bits >> lane & 1) spsi_deposit_voxel(deposit, &shares, lane, channel);
     }
@@ -11250,7 +11259,7 @@ static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *
 /* --- particles --- */
 
 /* Constants shared by all particles of a sweep, for one set of rays. */
-typedef struct spsi_crossing {
+typedef struct spsi_sphere_setup {
     const spsi_rays *rays;
     float sign;                   /* -1 where rays cross the slabs against their order, else 1 */
     float slab_x, slab_y, slab_t; /* slab coordinate along a ray: (slab_t + x slab_x + y slab_y) per t */
@@ -11258,21 +11267,21 @@ typedef struct spsi_crossing {
     double row[3], slab_origin;   /* slab coordinate: row . p - slab_origin */
     double reach;                 /* change of slab coordinate per world unit, perpendicular to slabs */
     double reach_depth;           /* maximum change of t per world unit, along the rays' axis */
-} spsi_crossing;
+} spsi_sphere_setup;
 
 /* A particle as one set of rays sees it, in one chunk of slabs. */
-typedef struct spsi_seen {
-    spsi_ball ball;
+typedef struct spsi_projected_sphere {
+    spsi_sphere ball;
     float weight;         /* extinction in the middle */
     float slab;           /* slab coordinate of the centre, relative to the chunk's first slab */
     float reach;          /* radius in slabs */
     float reach_depth;    /* maximum radius in t */
     float tilt_x, tilt_y; /* change of slab coordinate from pixel to pixel at constant t */
     int channel;          /* of the sheets */
-} spsi_seen;
+} spsi_projected_sphere;
 
-SPSI_COLD void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slabs, int backwards,
-                                   spsi_crossing *crossing) {
+SPSI_COLD void spsi_sphere_setup_build(const spsi_rays *rays, const spsi_slabs *slabs, int backwards,
+                                       spsi_sphere_setup *crossing) {
     memset(crossing, 0, sizeof *crossing);
     crossing->rays = rays;
     crossing->sign = backwards ? -1.0f : 1.0f;
@@ -11289,50 +11298,51 @@ SPSI_COLD void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slab
 }
 
 /* Slab coordinate of a particle's centre, and its radius in slabs, for these rays. */
-static void spsi_particle_slabs(const spsi_crossing *crossing, const sps_particle *particle, double *slab,
+static void spsi_particle_slabs(const spsi_sphere_setup *crossing, const sps_particle *particle, double *slab,
                                 double *reach) {
     double centre[3], offset[3];
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, crossing->rays->origin, -1, offset);
     *slab = spsi_dot(crossing->row, centre) - crossing->slab_origin;
-    *reach = spsi_ball_radius(crossing->rays, particle, offset) * crossing->reach;
+    *reach = spsi_sphere_radius(crossing->rays, particle, offset) * crossing->reach;
 }
 
-static void spsi_seen_build(const spsi_crossing *crossing, const spsi_particle_set *set, const sps_particle *particle,
-                            int channel, int first_slab, double coarse, spsi_seen *seen) {
+static void spsi_projected_sphere_build(const spsi_sphere_setup *crossing, const spsi_particle_set *set,
+                                        const sps_particle *particle, int channel, int first_slab, double coarse,
+                                        spsi_projected_sphere *seen) {
     const spsi_rays *rays = crossing->rays;
-    const double radius = spsi_ball_build(rays, set, particle, &seen->ball);
+    const double radius = spsi_sphere_build(rays, set, particle, &seen->ball);
     double centre[3], t;
-    spsi_ball_weigh(rays, NULL, coarse, set, particle, &seen->ball);
+    spsi_sphere_weigh(rays, NULL, coarse, set, particle, &seen->ball);
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* widened, it is too thin to count */
     t = rays->perspective ? (double)seen->ball.t + rays->depth_reference : 1;
     seen->slab = (float)(spsi_dot(crossing->row, centre) - crossing->slab_origin - first_slab);
     seen->reach = (float)(radius * crossing->reach);
     seen->reach_depth = (float)(radius * crossing->reach_depth);
-    seen->weight = (float)spsi_fmin((double)seen->ball.depth / (seen->ball.soft ? 4.0 / 3 : 2.0) / radius, 1e30);
+    seen->weight = (float)spsi_dmin((double)seen->ball.depth / (seen->ball.soft ? 4.0 / 3 : 2.0) / radius, 1e30);
     seen->tilt_x = (float)(spsi_dot(crossing->row, rays->a) * t);
     seen->tilt_y = (float)(spsi_dot(crossing->row, rays->b) * t);
     seen->channel = channel;
 }
 
 /* A ball that is being splatted into a tile: its box there, and its slabs. */
-typedef struct spsi_ball_print {
+typedef struct spsi_sphere_footprint {
     const spsi_tile *tile;
-    const spsi_crossing *crossing;
-    const spsi_seen *seen;
+    const spsi_sphere_setup *crossing;
+    const spsi_projected_sphere *seen;
     int x0, x1, y0, y1; /* inclusive */
     int first, last;    /* slabs; the last is exclusive */
     int starts;         /* 1: the first slab also receives what a widened particle has before it */
     int ends;           /* 1: the last slab also receives what it has behind that */
-} spsi_ball_print;
+} spsi_sphere_footprint;
 
 /* Positions along a vector of chords at which the rays cross the slabs of a chunk, in half chords from the middle. */
-static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_chord *chord, int x, int y, int clamped,
-                                     spsi_sections *sections) {
+static inline void spsi_print_planes(const spsi_sphere_footprint *print, const spsi_chord *chord, int x, int y,
+                                     int clamped, spsi_sections *sections) {
     const spsi_tile *tile = print->tile;
-    const spsi_crossing *crossing = print->crossing;
-    const spsi_seen *seen = print->seen;
+    const spsi_sphere_setup *crossing = print->crossing;
+    const spsi_projected_sphere *seen = print->seen;
     const spsi_v zero = spsi_set(0);
     const spsi_v slope =
         spsi_fma(spsi_add(spsi_set((float)x), spsi_iota()), spsi_set(crossing->slab_x),
@@ -11345,7 +11355,7 @@ static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_ch
                           spsi_set(eye_slab));
     } else {
         spsi_v dx, dy;
-        spsi_ball_offsets(&seen->ball, x, y, &dx, &dy);
+        spsi_sphere_offsets(&seen->ball, x, y, &dx, &dy);
         middle = spsi_fma(dx, spsi_set(seen->tilt_x),
                           spsi_add(spsi_set(seen->slab), spsi_mul(dy, spsi_set(seen->tilt_y))));
         middle = spsi_fma(spsi_sub(chord->middle, spsi_set(seen->ball.t)), slope, middle);
@@ -11363,13 +11373,13 @@ static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_ch
 }
 
 /* Splats a vector of a row of a ball, from (x, y) on, which begins at `sheet` in the first slab. */
-static inline void spsi_splat_ball_at(const spsi_ball_print *print, int x, int y, int clamped, float *sheet,
-                                      spsi_sections *sections) {
-    const spsi_ball *ball = &print->seen->ball;
+static inline void spsi_splat_sphere_at(const spsi_sphere_footprint *print, int x, int y, int clamped, float *sheet,
+                                        spsi_sections *sections) {
+    const spsi_sphere *ball = &print->seen->ball;
     const spsi_v zero = spsi_set(0);
     spsi_chord chord;
     spsi_m inside;
-    spsi_ball_chord(print->crossing->rays, ball, x, y, &chord);
+    spsi_sphere_chord(print->crossing->rays, ball, x, y, &chord);
     inside = spsi_and(spsi_less(zero, chord.share), spsi_less(spsi_iota(), spsi_set((float)(print->x1 - x) + 0.5f)));
     if (!spsi_bits(inside)) return;
     spsi_print_planes(print, &chord, x, y, clamped, sections);
@@ -11380,7 +11390,7 @@ static inline void spsi_splat_ball_at(const spsi_ball_print *print, int x, int y
     spsi_add_sections(sections, ball->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD, clamped);
 }
 
-static inline void spsi_splat_ball(const spsi_ball_print *print, int clamped) {
+static inline void spsi_splat_sphere(const spsi_sphere_footprint *print, int clamped) {
     const spsi_tile *tile = print->tile;
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     float *first = tile->sheets + (size_t)print->seen->channel * tile->channel_size +
@@ -11392,31 +11402,32 @@ static inline void spsi_splat_ball(const spsi_ball_print *print, int clamped) {
     sections.ends = print->ends;
     for (int y = print->y0; y <= print->y1; ++y)
         for (int x = print->x0; x <= print->x1; x += SPSI_LANES)
-            spsi_splat_ball_at(print, x, y, clamped, first + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)),
-                               &sections);
+            spsi_splat_sphere_at(print, x, y, clamped, first + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)),
+                                 &sections);
 }
 
 /* Splats a particle into a tile's slabs of a chunk. `starts`: this chunk is the first; `left`: number of slabs from its
    first one to the last of all. */
-static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, const spsi_seen *seen, int starts,
-                                int left) {
-    const spsi_ball *ball = &seen->ball;
+static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossing, const spsi_projected_sphere *seen,
+                                int starts, int left) {
+    const spsi_sphere *ball = &seen->ball;
     const float rounding = 1e-4f + 1e-6f * (fabsf(seen->slab) + seen->reach);
     const float low = seen->slab - seen->reach - rounding, high = seen->slab + seen->reach + rounding;
     const int clamped = ball->near_by || (tile->clamped && (ball->t + seen->reach_depth > tile->nearest_limit ||
                                                             ball->t - seen->reach_depth < crossing->eye_near));
-    const int first = (int)floorf(spsi_lower(spsi_higher(low, 0), (float)(spsi_least(left, SPSI_CHUNK) - 1)));
-    const int last = (int)ceilf(spsi_lower(spsi_higher(high, (float)(first + 1)), (float)spsi_least(left, SPSI_CHUNK)));
-    const int x0 = spsi_most(ball->x0, tile->x0), x1 = spsi_least(ball->x1, tile->x1);
-    const int y0 = spsi_most(ball->y0, tile->y0), y1 = spsi_least(ball->y1, tile->y1);
-    const spsi_ball_print p = {tile, crossing, seen, x0, x1, y0, y1, first, last, starts && first == 0, last == left};
+    const int first = (int)floorf(spsi_fmin(spsi_fmax(low, 0), (float)(spsi_imin(left, SPSI_CHUNK) - 1)));
+    const int last = (int)ceilf(spsi_fmin(spsi_fmax(high, (float)(first + 1)), (float)spsi_imin(left, SPSI_CHUNK)));
+    const int x0 = spsi_imax(ball->x0, tile->x0), x1 = spsi_imin(ball->x1, tile->x1);
+    const int y0 = spsi_imax(ball->y0, tile->y0), y1 = spsi_imin(ball->y1, tile->y1);
+    const spsi_sphere_footprint p = {tile,        crossing, seen, x0, x1, y0, y1, first, last, starts && first == 0,
+                                     last == left};
     if (x0 > x1 || y0 > y1 || !(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) * (uint64_t)(last - first);
     if (clamped)
-        spsi_splat_ball(&p, 1);
+        spsi_splat_sphere(&p, 1);
     else
-        spsi_splat_ball(&p, 0);
+        spsi_splat_sphere(&p, 0);
 }
 
 /* ================================================================================================ >>taps
@@ -11447,18 +11458,19 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    of samples or gradients; 5 per vector of what is interpolated; a level is made from its finer one in about 60
    operations per voxel. */
 
-#define SPSI_TAP_MOST     11       /* samples of a ray in a slab; thicker slabs are splatted */
-#define SPSI_TAP_STEP     1.45     /* voxels between samples of a ray, at most: one in a slab of a voxel at any slant */
-#define SPSI_TAP_STEP_6   1.0      /* the same with 6^3 voxels */
-#define SPSI_TAP_OPAQUE   1e4      /* optical depth of a voxel; those 3 voxels away weigh 1e-5, and count then */
-#define SPSI_TAP_VARIANCE 0.125    /* least of a voxel, in rays' distances: half that of the pixel filter in pixels */
-#define SPSI_TAP_TWO      0.25     /* the same where two rays swing, which miss more of what is as narrow as they */
-#define SPSI_TAP_LONE     0.3      /* the same where a level's lone voxels keep their mass: 4 exp(-2 pi^2 0.3) is 1 % */
-#define SPSI_TAP_WIDEST   1.0      /* most of a level's voxel, in texels of one ray, or halves of a pixel of several */
-#define SPSI_TAP_RAYS     64       /* most of a pixel */
-#define SPSI_TAP_SLABS    (SPSI_CHUNK + 4) /* of a tile, at most */
-#define SPSI_FIELD_BATCH  16       /* bricks that a task fills */
-#define SPSI_FIELD_CELLS  16777216 /* 2^24: floats count bricks of a grid */
+#define SPSI_SAMPLER_MOST     11   /* samples of a ray in a slab; thicker slabs are splatted */
+#define SPSI_SAMPLER_STEP     1.45 /* voxels between samples of a ray, at most: one in a slab of a voxel at any slant */
+#define SPSI_SAMPLER_STEP_6   1.0  /* the same with 6^3 voxels */
+#define SPSI_SAMPLER_OPAQUE   1e4  /* optical depth of a voxel; those 3 voxels away weigh 1e-5, and count then */
+#define SPSI_SAMPLER_VARIANCE 0.125 /* least of a voxel, in rays' distances: half that of the pixel filter in pixels   \
+                                     */
+#define SPSI_SAMPLER_TWO    0.25    /* the same where two rays swing, which miss more of what is as narrow as they */
+#define SPSI_SAMPLER_LONE   0.3 /* the same where a level's lone voxels keep their mass: 4 exp(-2 pi^2 0.3) is 1 % */
+#define SPSI_SAMPLER_WIDEST 1.0 /* most of a level's voxel, in texels of one ray, or halves of a pixel of several */
+#define SPSI_SAMPLER_RAYS   64  /* most of a pixel */
+#define SPSI_SAMPLER_SLABS  (SPSI_CHUNK + 4) /* of a tile, at most */
+#define SPSI_PYRAMID_BATCH  16               /* bricks that a task fills */
+#define SPSI_PYRAMID_CELLS  16777216         /* 2^24: floats count bricks of a grid */
 
 /* Nanoseconds, by which filling is chosen; only their ratios matter. One core of a machine with vectors of 16: where
    vectors are shorter, fragments cost more. The choice does not depend on that, so that pictures don't either.
@@ -11473,26 +11485,26 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 #define SPSI_COST_SAMPLE_WIDE 27.0 /* of 6^3 voxels */
 
 /* Floats along the edges of a brick with its apron, and from one row to the next. */
-static inline int spsi_field_edge(int taps) { return SPSI_BRICK + taps - 1; }
-static inline int spsi_field_pitch(int taps) { return taps > 4 ? 16 : 12; }
-static inline size_t spsi_field_floats(int taps) {
-    return (size_t)(spsi_field_edge(taps) * spsi_field_edge(taps) * spsi_field_pitch(taps));
+static inline int spsi_pyramid_edge(int taps) { return SPSI_BRICK + taps - 1; }
+static inline int spsi_pyramid_pitch(int taps) { return taps > 4 ? 16 : 12; }
+static inline size_t spsi_pyramid_floats(int taps) {
+    return (size_t)(spsi_pyramid_edge(taps) * spsi_pyramid_edge(taps) * spsi_pyramid_pitch(taps));
 }
 
 /* Voxels between samples of a ray, at most. Samples h apart take waves of voxels for others: along the ray, those of
    length h, of which the kernel leaves exp(-2 (pi sigma / h)^2), 2 % or, with 6^3 voxels, 0.02 %. */
-static inline double spsi_tap_step(const spsi_fields *fields) {
-    return fields->taps > 4 ? SPSI_TAP_STEP_6 : SPSI_TAP_STEP;
+static inline double spsi_sampler_step(const spsi_pyramid *fields) {
+    return fields->taps > 4 ? SPSI_SAMPLER_STEP_6 : SPSI_SAMPLER_STEP;
 }
 
-SPSI_COLD void spsi_fields_weigh(spsi_fields *fields, int taps) {
+SPSI_COLD void spsi_pyramids_weigh(spsi_pyramid *fields, int taps) {
     fields->taps = taps;
     memset(fields->weights, 0, sizeof fields->weights);
     memset(fields->changes, 0, sizeof fields->changes);
-    for (int i = 0; i <= SPSI_TAP_STEPS; ++i) {
+    for (int i = 0; i <= SPSI_SAMPLER_STEPS; ++i) {
         double weight[8], change[8], sum = 0, sum_change = 0;
         for (int k = 0; k < taps; ++k) {
-            const double off = (k + 1 - taps / 2 - (double)i / SPSI_TAP_STEPS) / SPSI_SIGMA;
+            const double off = (k + 1 - taps / 2 - (double)i / SPSI_SAMPLER_STEPS) / SPSI_SIGMA;
             weight[k] = exp(-0.5 * off * off);
             change[k] = off / SPSI_SIGMA * weight[k];
             sum += weight[k];
@@ -11507,7 +11519,7 @@ SPSI_COLD void spsi_fields_weigh(spsi_fields *fields, int taps) {
 
 /* The eighths of bricks, cubes of 4^3 voxels, in which points have a brick's voxels within reach: `range` holds the
    first and the last along each axis, counted from the whole volume's first voxel. */
-SPSI_COLD void spsi_field_reach(const spsi_brick *brick, int taps, int range[2][3]) {
+SPSI_COLD void spsi_pyramid_reach(const spsi_brick *brick, int taps, int range[2][3]) {
     enum { HALF = SPSI_BRICK / 2 };
     for (int k = 0; k < 3; ++k) {
         const int low = brick->base[k] + brick->low[k] - taps / 2,
@@ -11518,73 +11530,73 @@ SPSI_COLD void spsi_field_reach(const spsi_brick *brick, int taps, int range[2][
 }
 
 /* Half, rounded down: the brick of an eighth, or that of the next coarser level. */
-static inline int spsi_field_half(int at) { return (at + 2 * SPSI_SIZE_MAX) / 2 - SPSI_SIZE_MAX; }
+static inline int spsi_pyramid_half(int at) { return (at + 2 * SPSI_SIZE_MAX) / 2 - SPSI_SIZE_MAX; }
 
 /* Number of bricks in a field's grid. */
-SPSI_COLD size_t spsi_field_cells(const spsi_voxel_field *field) {
+SPSI_COLD size_t spsi_pyramid_cells(const spsi_pyramid_level *field) {
     return (size_t)field->size[0] * (size_t)field->size[1] * (size_t)field->size[2];
 }
 
-static size_t spsi_field_cell(const spsi_voxel_field *field, const int at[3]) {
+static size_t spsi_pyramid_cell(const spsi_pyramid_level *field, const int at[3]) {
     return (size_t)(at[0] - field->low[0]) +
            (size_t)field->size[0] *
                ((size_t)(at[1] - field->low[1]) + (size_t)field->size[1] * (size_t)(at[2] - field->low[2]));
 }
 
 /* The brick at a place of a field's grid. */
-static void spsi_field_at(const spsi_voxel_field *field, int place, int at[3]) {
+static void spsi_pyramid_at(const spsi_pyramid_level *field, int place, int at[3]) {
     at[0] = place % field->size[0] + field->low[0];
     at[1] = place / field->size[0] % field->size[1] + field->low[1];
     at[2] = place / (field->size[0] * field->size[1]) + field->low[2];
 }
 
-static int spsi_field_has(const spsi_voxel_field *field, const int at[3]) {
+static int spsi_pyramid_has(const spsi_pyramid_level *field, const int at[3]) {
     int has = 1;
     for (int k = 0; k < 3; ++k) has &= at[k] >= field->low[k] && at[k] < field->low[k] + field->size[k];
     return has;
 }
 
 /* Places the grid about a volume's bricks. */
-SPSI_COLD void spsi_field_place(const spsi_brick *bricks, int taps, spsi_voxel_field *field) {
+SPSI_COLD void spsi_pyramid_place(const spsi_brick *bricks, int taps, spsi_pyramid_level *field) {
     int high[3] = {-1, -1, -1};
     for (int k = 0; k < 3; ++k) field->low[k] = SPSI_SIZE_MAX * SPSI_SIZE_MAX;
     for (int i = field->first; i < field->end; ++i) {
         int range[2][3];
-        spsi_field_reach(&bricks[i], taps, range);
+        spsi_pyramid_reach(&bricks[i], taps, range);
         field->voxels += bricks[i].count;
-        field->most = spsi_higher(field->most, bricks[i].most);
+        field->most = spsi_fmax(field->most, bricks[i].most);
         for (int k = 0; k < 3; ++k) {
-            field->low[k] = spsi_least(field->low[k], spsi_field_half(range[0][k]));
-            high[k] = spsi_most(high[k], spsi_field_half(range[1][k]));
+            field->low[k] = spsi_imin(field->low[k], spsi_pyramid_half(range[0][k]));
+            high[k] = spsi_imax(high[k], spsi_pyramid_half(range[1][k]));
         }
     }
     for (int k = 0; k < 3; ++k) field->size[k] = field->end > field->first ? high[k] - field->low[k] + 1 : 0;
 }
 
 /* Marks the eighths within reach of a brick of voxels, as bits of the grid. */
-static void spsi_field_mark(const spsi_brick *brick, int taps, spsi_voxel_field *field) {
+static void spsi_pyramid_mark(const spsi_brick *brick, int taps, spsi_pyramid_level *field) {
     int range[2][3], at[3];
-    spsi_field_reach(brick, taps, range);
+    spsi_pyramid_reach(brick, taps, range);
     for (at[2] = range[0][2]; at[2] <= range[1][2]; ++at[2])
         for (at[1] = range[0][1]; at[1] <= range[1][1]; ++at[1])
             for (at[0] = range[0][0]; at[0] <= range[1][0]; ++at[0]) {
                 int own[3], bit = 0;
                 for (int k = 0; k < 3; ++k) {
-                    own[k] = spsi_field_half(at[k]);
+                    own[k] = spsi_pyramid_half(at[k]);
                     bit |= (at[k] & 1) << k;
                 }
-                field->grid[spsi_field_cell(field, own)] |= 1 << bit;
+                field->grid[spsi_pyramid_cell(field, own)] |= 1 << bit;
             }
 }
 
 /* Notes where sources are, and numbers the bricks that have them within reach. */
-SPSI_COLD void spsi_field_number(const spsi_brick *bricks, int taps, spsi_voxel_field *field) {
-    const size_t cells = spsi_field_cells(field);
+SPSI_COLD void spsi_pyramid_number(const spsi_brick *bricks, int taps, spsi_pyramid_level *field) {
+    const size_t cells = spsi_pyramid_cells(field);
     for (size_t i = 0; i < cells; ++i) field->sources[i] = -1, field->grid[i] = 0;
     for (int i = field->first; i < field->end; ++i) {
         const int *base = bricks[i].base, own[3] = {base[0] / SPSI_BRICK, base[1] / SPSI_BRICK, base[2] / SPSI_BRICK};
-        spsi_field_mark(&bricks[i], taps, field);
-        field->sources[spsi_field_cell(field, own)] = i;
+        spsi_pyramid_mark(&bricks[i], taps, field);
+        field->sources[spsi_pyramid_cell(field, own)] = i;
     }
     for (size_t i = 0; i < cells; ++i) {
         const int marks = field->grid[i];
@@ -11596,20 +11608,20 @@ SPSI_COLD void spsi_field_number(const spsi_brick *bricks, int taps, spsi_voxel_
 }
 
 /* A field whose bricks are being filled. */
-typedef struct spsi_field_job {
+typedef struct spsi_pyramid_job {
     const sps_context *context;
     const spsi_brick *bricks;        /* of relevant voxels */
     const spsi_material *classifies; /* what is shown; NULL: voxels that are not 0 */
     int taps;
-    const spsi_voxel_field *field;
-    const spsi_voxel_field *fine; /* the next finer one, of a level */
-} spsi_field_job;
+    const spsi_pyramid_level *field;
+    const spsi_pyramid_level *fine; /* the next finer one, of a level */
+} spsi_pyramid_job;
 
 /* Notes which voxels of a brick's own are shown: in a gas, those that are not 0, in a classified volume, those up to
    whose values the transfer function shows something. */
-static void spsi_field_show(const spsi_field_job *job, const float *values, uint64_t *shown) {
-    const int edge = spsi_field_edge(job->taps), pitch = spsi_field_pitch(job->taps), border = job->taps / 2 - 1;
-    const int lanes = spsi_least(SPSI_LANES, SPSI_BRICK), whole = (1 << lanes) - 1;
+static void spsi_pyramid_show(const spsi_pyramid_job *job, const float *values, uint64_t *shown) {
+    const int edge = spsi_pyramid_edge(job->taps), pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
+    const int lanes = spsi_imin(SPSI_LANES, SPSI_BRICK), whole = (1 << lanes) - 1;
     for (int z = 0; z < SPSI_BRICK; ++z) {
         shown[z] = 0;
         for (int n = 0; n < SPSI_BRICK * SPSI_BRICK; n += lanes) {
@@ -11623,13 +11635,13 @@ static void spsi_field_show(const spsi_field_job *job, const float *values, uint
 }
 
 /* Writes the voxels of a brick's own source, if it has one, about a border that is 0. */
-static void spsi_field_own_task(void *data, int held) {
-    const spsi_field_job *job = (const spsi_field_job *)data;
-    const int edge = spsi_field_edge(job->taps), pitch = spsi_field_pitch(job->taps), border = job->taps / 2 - 1;
+static void spsi_pyramid_own_task(void *data, int held) {
+    const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
+    const int edge = spsi_pyramid_edge(job->taps), pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
     const int number = job->field->sources[job->field->places[held]];
-    float *values = job->field->values + (size_t)held * spsi_field_floats(job->taps), *own;
+    float *values = job->field->values + (size_t)held * spsi_pyramid_floats(job->taps), *own;
     int at[3];
-    memset(values, 0, spsi_field_floats(job->taps) * sizeof *values);
+    memset(values, 0, spsi_pyramid_floats(job->taps) * sizeof *values);
     if (number < 0) return;
     const spsi_brick *source = &job->bricks[number];
     const spsi_segment *segment = spsi_segment_at(job->context, source->segment);
@@ -11637,7 +11649,7 @@ static void spsi_field_own_task(void *data, int held) {
     own = values + (at[2] * edge + at[1]) * pitch + at[0];
     for (int i = source->first; i < source->first + source->count; ++i)
         own[((int)segment->z[i] * edge + (int)segment->y[i]) * pitch + (int)segment->x[i]] = segment->value[i];
-    spsi_field_show(job, values, job->field->shown + (size_t)held * SPSI_BRICK);
+    spsi_pyramid_show(job, values, job->field->shown + (size_t)held * SPSI_BRICK);
 }
 
 /* What a brick and a neighbour of it, `off` bricks away along an axis, have in common: the first voxel of the brick,
@@ -11654,8 +11666,8 @@ static inline spsi_apron spsi_apron_at(int taps, int off) {
 }
 
 /* Copies to a brick's apron what its neighbour has there. */
-static void spsi_field_copy(int taps, const int off[3], const float *from, float *to) {
-    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps);
+static void spsi_pyramid_copy(int taps, const int off[3], const float *from, float *to) {
+    const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps);
     const spsi_apron x = spsi_apron_at(taps, off[0]), y = spsi_apron_at(taps, off[1]), z = spsi_apron_at(taps, off[2]);
     for (int k = 0; k < z.count; ++k)
         for (int j = 0; j < y.count; ++j) {
@@ -11704,45 +11716,45 @@ static void spsi_cells_mark(const uint64_t *const shown[27], int reach, uint32_t
 }
 
 /* Which bricks with voxels of their own are around a brick that is held, itself included; -1: there is none. */
-static void spsi_field_around(const spsi_voxel_field *field, int held, int around[27]) {
+static void spsi_pyramid_around(const spsi_pyramid_level *field, int held, int around[27]) {
     int at[3];
-    spsi_field_at(field, field->places[held], at);
+    spsi_pyramid_at(field, field->places[held], at);
     for (int n = 0; n < 27; ++n) {
         const int other[3] = {at[0] + n % 3 - 1, at[1] + n / 3 % 3 - 1, at[2] + n / 9 - 1};
-        const size_t cell = spsi_field_has(field, other) ? spsi_field_cell(field, other) : 0;
-        around[n] = spsi_field_has(field, other) && field->sources[cell] >= 0 ? field->grid[cell] : -1;
+        const size_t cell = spsi_pyramid_has(field, other) ? spsi_pyramid_cell(field, other) : 0;
+        around[n] = spsi_pyramid_has(field, other) && field->sources[cell] >= 0 ? field->grid[cell] : -1;
     }
 }
 
 /* Fills the aprons of bricks whose own voxels are in place, and marks their cells: samples in one have half of `taps`
    voxels within reach along an axis. A classified volume's are taken if any up to n voxels farther away is shown. */
-static void spsi_field_apron_task(void *data, int held) {
-    const spsi_field_job *job = (const spsi_field_job *)data;
-    const spsi_voxel_field *field = job->field;
-    const size_t floats = spsi_field_floats(job->taps);
+static void spsi_pyramid_apron_task(void *data, int held) {
+    const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
+    const spsi_pyramid_level *field = job->field;
+    const size_t floats = spsi_pyramid_floats(job->taps);
     const uint64_t *shown[27];
     int around[27];
-    spsi_field_around(field, held, around);
+    spsi_pyramid_around(field, held, around);
     for (int n = 0; n < 27; ++n) {
         const int off[3] = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
         shown[n] = around[n] < 0 ? NULL : field->shown + (size_t)around[n] * SPSI_BRICK;
         if (n == 13 || around[n] < 0) continue;
-        spsi_field_copy(job->taps, off, field->values + (size_t)around[n] * floats,
-                        field->values + (size_t)held * floats);
+        spsi_pyramid_copy(job->taps, off, field->values + (size_t)around[n] * floats,
+                          field->values + (size_t)held * floats);
     }
-    for (int n = 0; n < (job->classifies ? SPSI_FIELD_REACHES : 1); ++n)
+    for (int n = 0; n < (job->classifies ? SPSI_PYRAMID_REACHES : 1); ++n)
         spsi_cells_mark(shown, job->taps / 2 + n, field->cells[n][field->places[held]]);
 }
 
 /* ---- how much a field bends ---- */
 
 /* The greatest of a vector of rows' differences so far. */
-static inline spsi_v spsi_bend_most(spsi_v most, spsi_v a, spsi_v b) {
+static inline spsi_v spsi_third_most(spsi_v most, spsi_v a, spsi_v b) {
     return spsi_max(most, spsi_abs(spsi_sub(a, b)));
 }
 
 /* Second differences about a row of voxels: along x, along y, along z, and of x with y. */
-static inline void spsi_bend_second(const float *v, const int step[3], spsi_v second[4]) {
+static inline void spsi_second_difference(const float *v, const int step[3], spsi_v second[4]) {
     const spsi_v here = spsi_load(v), right = spsi_load(v + step[0]), below = spsi_load(v + step[1]);
     for (int k = 0; k < 3; ++k)
         second[k] = spsi_add(spsi_sub(spsi_load(v + step[k]), here), spsi_sub(spsi_load(v - step[k]), here));
@@ -11750,40 +11762,40 @@ static inline void spsi_bend_second(const float *v, const int step[3], spsi_v se
 }
 
 /* The greatest third differences of each kind that begin in vectors of 4^2 rows of voxels. */
-static inline void spsi_bend_third(const float *v, const int step[3], spsi_v third[10]) {
+static inline void spsi_third_difference(const float *v, const int step[3], spsi_v third[10]) {
     static const int pairs[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}}; /* x x y, x x z, ... */
     for (int i = 0; i < 10; ++i) third[i] = spsi_set(0);
     for (int n = 0; n < 16; ++n) {
         const float *first = v + n % 4 * step[1] + n / 4 * step[2];
         spsi_v here[4], next[3][4];
-        spsi_bend_second(first, step, here);
-        for (int k = 0; k < 3; ++k) spsi_bend_second(first + step[k], step, next[k]);
-        for (int k = 0; k < 3; ++k) third[k] = spsi_bend_most(third[k], next[k][k], here[k]);
+        spsi_second_difference(first, step, here);
+        for (int k = 0; k < 3; ++k) spsi_second_difference(first + step[k], step, next[k]);
+        for (int k = 0; k < 3; ++k) third[k] = spsi_third_most(third[k], next[k][k], here[k]);
         for (int i = 0; i < 6; ++i)
-            third[3 + i] = spsi_bend_most(third[3 + i], next[pairs[i][1]][pairs[i][0]], here[pairs[i][0]]);
-        third[9] = spsi_bend_most(third[9], next[2][3], here[3]);
+            third[3 + i] = spsi_third_most(third[3 + i], next[pairs[i][1]][pairs[i][0]], here[pairs[i][0]]);
+        third[9] = spsi_third_most(third[9], next[2][3], here[3]);
     }
 }
 
 /* The maximum in each eighth of a brick of the field's third derivative, in any direction, per voxel: the norm of the
    largest third differences of its voxels, of each kind. */
-static void spsi_field_bend(int taps, const float *values, float bends[8]) {
+static void spsi_pyramid_thirds(int taps, const float *values, float bends[8]) {
     static const float weights[10] = {1, 1, 1, 3, 3, 3, 3, 3, 3, 6};
-    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), border = taps / 2 - 1;
-    const int step[3] = {1, pitch, edge * pitch}, width = spsi_least(SPSI_LANES, SPSI_BRICK);
+    const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), border = taps / 2 - 1;
+    const int step[3] = {1, pitch, edge * pitch}, width = spsi_imin(SPSI_LANES, SPSI_BRICK);
     float most[8][10];
     memset(most, 0, sizeof most);
     values += (border * edge + border) * pitch + border;
     for (int n = 0; n < 4; ++n)
         for (int x = 0; x < SPSI_BRICK; x += width) {
             spsi_v third[10];
-            spsi_bend_third(values + x + n % 2 * 4 * step[1] + n / 2 * 4 * step[2], step, third);
+            spsi_third_difference(values + x + n % 2 * 4 * step[1] + n / 2 * 4 * step[2], step, third);
             for (int i = 0; i < 10; ++i) {
                 float lanes[SPSI_LANES];
                 spsi_store(lanes, third[i]);
                 for (int k = 0; k < width; ++k) {
                     float *eighth = most[2 * n + (x + k) / 4];
-                    eighth[i] = spsi_higher(eighth[i], lanes[k]);
+                    eighth[i] = spsi_fmax(eighth[i], lanes[k]);
                 }
             }
         }
@@ -11797,24 +11809,24 @@ static void spsi_field_bend(int taps, const float *values, float bends[8]) {
 /* ---- coarser levels ---- */
 
 /* The box of the next level: of bricks that have a voxel of the finer one's bricks within reach. */
-SPSI_COLD void spsi_level_place(const spsi_voxel_field *fine, spsi_voxel_field *level) {
+SPSI_COLD void spsi_level_place(const spsi_pyramid_level *fine, spsi_pyramid_level *level) {
     for (int k = 0; k < 3; ++k) {
-        level->low[k] = spsi_field_half(fine->low[k] - 1);
-        level->size[k] = spsi_field_half(fine->low[k] + fine->size[k]) + 1 - level->low[k];
+        level->low[k] = spsi_pyramid_half(fine->low[k] - 1);
+        level->size[k] = spsi_pyramid_half(fine->low[k] + fine->size[k]) + 1 - level->low[k];
     }
 }
 
 /* Numbers the bricks of a level about those that the finer one holds. Each may have voxels of its own. */
-SPSI_COLD void spsi_level_number(const spsi_voxel_field *fine, spsi_voxel_field *level) {
-    const size_t cells = spsi_field_cells(level);
+SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_level *level) {
+    const size_t cells = spsi_pyramid_cells(level);
     for (size_t i = 0; i < cells; ++i) level->grid[i] = 0;
     for (int held = 0; held < fine->count; ++held) {
         int at[3];
-        spsi_field_at(fine, fine->places[held], at);
+        spsi_pyramid_at(fine, fine->places[held], at);
         for (int n = 0; n < 8; ++n) {
             int own[3];
-            for (int k = 0; k < 3; ++k) own[k] = spsi_field_half(at[k] + (n >> k & 1 ? 1 : -1));
-            level->grid[spsi_field_cell(level, own)] = 1;
+            for (int k = 0; k < 3; ++k) own[k] = spsi_pyramid_half(at[k] + (n >> k & 1 ? 1 : -1));
+            level->grid[spsi_pyramid_cell(level, own)] = 1;
         }
     }
     level->count = 0;
@@ -11827,7 +11839,7 @@ SPSI_COLD void spsi_level_number(const spsi_voxel_field *fine, spsi_voxel_field 
 /* Halves a brick and one voxel about it, along each axis: weights 1, 3, 3 and 1 of 8. Writes 4^3 voxels. */
 static void spsi_level_octant(int taps, const float *fine, float *coarse) {
     enum { FROM = SPSI_BRICK + 2, TO = SPSI_BRICK / 2 };
-    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), first = taps / 2 - 2;
+    const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), first = taps / 2 - 2;
     float x_halved[FROM][FROM][TO], xy_halved[FROM][TO][TO];
     for (int z = 0; z < FROM; ++z)
         for (int y = 0; y < FROM; ++y)
@@ -11849,13 +11861,13 @@ static void spsi_level_octant(int taps, const float *fine, float *coarse) {
 
 /* Fills a level's bricks with their own voxels, an eighth from each brick of the finer one. */
 static void spsi_level_own_task(void *data, int held) {
-    const spsi_field_job *job = (const spsi_field_job *)data;
-    const spsi_voxel_field *level = job->field, *fine = job->fine;
-    const int taps = job->taps, edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), border = taps / 2 - 1;
-    const size_t floats = spsi_field_floats(taps);
+    const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
+    const spsi_pyramid_level *level = job->field, *fine = job->fine;
+    const int taps = job->taps, edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), border = taps / 2 - 1;
+    const size_t floats = spsi_pyramid_floats(taps);
     float *values = level->values + (size_t)held * floats;
     int at[3];
-    spsi_field_at(level, level->places[held], at);
+    spsi_pyramid_at(level, level->places[held], at);
     memset(values, 0, floats * sizeof *values);
     for (int n = 0; n < 8; ++n) {
         int own[3], to[3], number;
@@ -11863,21 +11875,21 @@ static void spsi_level_own_task(void *data, int held) {
             own[k] = 2 * at[k] + (n >> k & 1);
             to[k] = border + SPSI_BRICK / 2 * (n >> k & 1);
         }
-        number = spsi_field_has(fine, own) ? fine->grid[spsi_field_cell(fine, own)] : -1;
+        number = spsi_pyramid_has(fine, own) ? fine->grid[spsi_pyramid_cell(fine, own)] : -1;
         if (number >= 0)
             spsi_level_octant(taps, fine->values + (size_t)number * floats,
                               values + (to[2] * edge + to[1]) * pitch + to[0]);
     }
-    spsi_field_show(job, values, level->shown + (size_t)held * SPSI_BRICK);
+    spsi_pyramid_show(job, values, level->shown + (size_t)held * SPSI_BRICK);
 }
 
 /* ---- rays ---- */
 
 /* A field as a target's rays see it. Voxels' centres have whole places, counted from the field's first brick. */
-typedef struct spsi_tapper {
-    const spsi_fields *fields;
-    const spsi_voxel_field *field; /* of its level */
-    const spsi_voxel_field *finest;
+typedef struct spsi_sampler {
+    const spsi_pyramid *fields;
+    const spsi_pyramid_level *field; /* of its level */
+    const spsi_pyramid_level *finest;
     const uint32_t (*cells)[2];    /* of the field, by the reach that is wanted */
     int level, wanted;             /* 0: voxels as they were read; the frame's, which may be wider than texels */
     float mix, least, widest;      /* weight of the next level; least variance in rays' distances; greatest width */
@@ -11890,7 +11902,7 @@ typedef struct spsi_tapper {
     float near_d;     /* t at which rays begin, as t - depth_reference */
     float scale;      /* of values */
     float rows[3][3]; /* change of a place with world position, per cube root of a voxel's volume */
-} spsi_tapper;
+} spsi_sampler;
 
 /* The weights of a place along each axis, and how they change. */
 typedef struct spsi_tap_weights {
@@ -11900,7 +11912,7 @@ typedef struct spsi_tap_weights {
 /* The sum of a place's taps, 4^3 or 6^3, still to be added up: of every fourth column along x. `taps` is a constant
    in each call, so that compilers can unroll. */
 static inline spsi_four spsi_taps_sum(int taps, const float *from, const spsi_tap_weights *w) {
-    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), halves = taps > 4 ? 2 : 1;
+    const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
     const float *x = w->at[0], *y = w->at[1], *z = w->at[2];
     spsi_four sum[2], plane[2];
     for (int k = 0; k < taps; ++k, from += edge * pitch)
@@ -11916,7 +11928,7 @@ static inline spsi_four spsi_taps_sum(int taps, const float *from, const spsi_ta
 
 /* The field's change per voxel along each axis at a place, still to be added up, as for spsi_taps_sum. */
 static inline void spsi_taps_changes(int taps, const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
-    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), halves = taps > 4 ? 2 : 1;
+    const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
     const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
     for (int half = 0; half < halves; ++half, from += 4) {
         const spsi_four x = spsi_four_load(w->at[0] + 4 * half), dx = spsi_four_load(w->change[0] + 4 * half);
@@ -11941,18 +11953,18 @@ static inline void spsi_taps_changes(int taps, const float *from, const spsi_tap
 }
 
 /* Where a vector of places finds its taps. */
-typedef struct spsi_tap_places {
+typedef struct spsi_sampler_places {
     spsi_v bricks, cells;  /* of the field's grid; of bricks */
     int brick[SPSI_LANES]; /* the same as `bricks` */
     int first[SPSI_LANES]; /* float of it */
     int weights[3][SPSI_LANES];
-} spsi_tap_places;
+} spsi_sampler_places;
 
 /* Finds the taps of places, and the bricks and the cells of these that they are in. */
-static inline void spsi_tap_find(const spsi_tapper *t, const spsi_v place[3], spsi_tap_places *at) {
-    const spsi_voxel_field *field = t->field;
+static inline void spsi_sampler_find(const spsi_sampler *t, const spsi_v place[3], spsi_sampler_places *at) {
+    const spsi_pyramid_level *field = t->field;
     const int taps = t->fields->taps;
-    const float pitch = (float)spsi_field_pitch(taps), layer = pitch * (float)spsi_field_edge(taps);
+    const float pitch = (float)spsi_pyramid_pitch(taps), layer = pitch * (float)spsi_pyramid_edge(taps);
     const float strides[3] = {1, pitch, layer};
     spsi_v brick = spsi_set(0), cell = spsi_set(0), first = spsi_set(0);
     for (int k = 2; k >= 0; --k) {
@@ -11964,7 +11976,7 @@ static inline void spsi_tap_find(const spsi_tapper *t, const spsi_v place[3], sp
         brick = spsi_fma(brick, spsi_set((float)field->size[k]), column);
         first = spsi_fma(within, spsi_set(strides[k]), first);
         cell = spsi_fma(cell, spsi_set(SPSI_BRICK / 2), spsi_floor(spsi_mul(within, spsi_set(0.5f))));
-        spsi_store_int(at->weights[k], spsi_round(spsi_mul(beyond, spsi_set(SPSI_TAP_STEPS))));
+        spsi_store_int(at->weights[k], spsi_round(spsi_mul(beyond, spsi_set(SPSI_SAMPLER_STEPS))));
     }
     spsi_store_int(at->brick, brick);
     spsi_store_int(at->first, first);
@@ -11974,14 +11986,14 @@ static inline void spsi_tap_find(const spsi_tapper *t, const spsi_v place[3], sp
 
 /* The field at a vector of places, in those of `lanes`, bits, in which samples are taken, and 0 in others. Places of
    `lanes` lie inside the field's bricks. Counts samples in *count. */
-static inline spsi_v spsi_tap_values(const spsi_tapper *t, const spsi_v place[3], int lanes, uint64_t *count) {
-    const spsi_fields *fields = t->fields;
-    const spsi_voxel_field *field = t->field;
+static inline spsi_v spsi_sampler_values(const spsi_sampler *t, const spsi_v place[3], int lanes, uint64_t *count) {
+    const spsi_pyramid *fields = t->fields;
+    const spsi_pyramid_level *field = t->field;
     const int taps = fields->taps;
-    const size_t floats = spsi_field_floats(taps);
+    const size_t floats = spsi_pyramid_floats(taps);
     float fours[4 * SPSI_LANES];
-    spsi_tap_places at;
-    spsi_tap_find(t, place, &at);
+    spsi_sampler_places at;
+    spsi_sampler_find(t, place, &at);
     lanes &= spsi_lookup_bit(t->cells, at.bricks, at.cells);
     if (!lanes) return spsi_set(0);
     memset(fours, 0, sizeof fours);
@@ -11998,17 +12010,17 @@ static inline spsi_v spsi_tap_values(const spsi_tapper *t, const spsi_v place[3]
 
 /* The field's gradient in the world, per cube root of a voxel's volume, at a vector of places, in those of `lanes`
    that have voxels within reach, and 0 in others. */
-static void spsi_tap_gradient(const spsi_tapper *t, const spsi_v place[3], int lanes, spsi_v gradient[3]) {
-    const spsi_fields *fields = t->fields;
-    const size_t floats = spsi_field_floats(fields->taps);
+static void spsi_sampler_gradient(const spsi_sampler *t, const spsi_v place[3], int lanes, spsi_v gradient[3]) {
+    const spsi_pyramid *fields = t->fields;
+    const size_t floats = spsi_pyramid_floats(fields->taps);
     float fours[3][4 * SPSI_LANES];
-    spsi_tap_places at;
+    spsi_sampler_places at;
     for (int i = 0; i < 3; ++i) gradient[i] = spsi_set(0);
-    spsi_tap_find(t, place, &at);
+    spsi_sampler_find(t, place, &at);
     memset(fours, 0, sizeof fours);
     for (; lanes; lanes &= lanes - 1) {
         const int i = spsi_lowest_bit(lanes), held = t->field->grid[at.brick[i]];
-        const float *from = t->field->values + (size_t)spsi_most(held, 0) * floats + at.first[i];
+        const float *from = t->field->values + (size_t)spsi_imax(held, 0) * floats + at.first[i];
         spsi_tap_weights w;
         spsi_four changes[3];
         if (held < 0) continue;
@@ -12029,25 +12041,25 @@ static void spsi_tap_gradient(const spsi_tapper *t, const spsi_v place[3], int l
 }
 
 /* Equally spaced samples on the rays of a vector of pixels. */
-typedef struct spsi_tap_line {
+typedef struct spsi_sampler_line {
     spsi_v start[3], step[3]; /* place of sample 0, half a step behind the first slab's beginning, and to the next */
     spsi_v first, end;        /* samples of which rays have any */
-} spsi_tap_line;
+} spsi_sampler_line;
 
 /* The rays of a vector of pixels through the slabs of a tile: slab s begins at depth (s - base) * per_slab. */
-typedef struct spsi_tap_rays {
+typedef struct spsi_sampler_rays {
     spsi_v base, per_slab;
     spsi_v at[3], change[3]; /* place in the field at depth 0, and its change with depth */
     spsi_v nearest, limit;   /* depths at which rays begin, and end at polygons */
-    spsi_tap_line lines[2];  /* where even and odd samples lie */
+    spsi_sampler_line lines[2]; /* where even and odd samples lie */
     int swings;              /* 1: these differ, else all lie on the first */
     int steps;               /* samples in a slab */
     int lanes;               /* the pixels whose rays are followed, as bits */
     const int *by_slab;      /* those of them that are in need of a slab, from the one before the tile's first on */
-} spsi_tap_rays;
+} spsi_sampler_rays;
 
 /* Narrows the range of samples to those inside the field's bricks. */
-static inline void spsi_tap_line_clip(const spsi_voxel_field *field, spsi_tap_line *line) {
+static inline void spsi_sampler_line_clip(const spsi_pyramid_level *field, spsi_sampler_line *line) {
     const spsi_v zero = spsi_set(0);
     for (int k = 0; k < 3; ++k) {
         const spsi_v edge = spsi_set((float)(field->size[k] * SPSI_BRICK)), at = line->start[k], step = line->step[k];
@@ -12061,8 +12073,8 @@ static inline void spsi_tap_line_clip(const spsi_voxel_field *field, spsi_tap_li
 }
 
 /* Samples through pixels or places between them. */
-static inline void spsi_tap_line_build(const spsi_tapper *t, const spsi_tile *tile, spsi_v x, spsi_v y, int steps,
-                                       spsi_tap_line *line) {
+static inline void spsi_sampler_line_build(const spsi_sampler *t, const spsi_tile *tile, spsi_v x, spsi_v y, int steps,
+                                           spsi_sampler_line *line) {
     const spsi_v base = spsi_linear_base_at(&t->slab, x, y), per_step = spsi_set(1 / (float)steps);
     const spsi_v per_slab = spsi_div(spsi_set(1), spsi_linear_slope_at(&t->slab, x, y));
     const spsi_v middle = spsi_mul(spsi_sub(spsi_mul(spsi_set(0.5f), per_step), base), per_slab);
@@ -12073,12 +12085,12 @@ static inline void spsi_tap_line_build(const spsi_tapper *t, const spsi_tile *ti
     }
     line->first = spsi_set(-1);
     line->end = spsi_set((float)(tile->slab_count * steps + 1));
-    spsi_tap_line_clip(t->field, line);
+    spsi_sampler_line_clip(t->field, line);
 }
 
 /* Ray number `part` of each pixel at x, y, all of which are followed. */
-static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *tile, spsi_v x, spsi_v y, int part,
-                                       int steps, spsi_tap_rays *rays) {
+static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_tile *tile, spsi_v x, spsi_v y, int part,
+                                           int steps, spsi_sampler_rays *rays) {
     const int row = t->rays == 2 ? part : part / t->side;
     const spsi_v right = spsi_set((float)(part % t->side) / (float)t->side - t->aside);
     const spsi_v down = spsi_set((float)row / (float)t->side - t->aside);
@@ -12086,8 +12098,8 @@ static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *ti
     rays->lanes = SPSI_ALL_LANES;
     rays->swings = t->rays == 2;
     x = spsi_add(x, right);
-    spsi_tap_line_build(t, tile, x, spsi_add(y, down), steps, &rays->lines[0]);
-    if (rays->swings) spsi_tap_line_build(t, tile, x, spsi_sub(y, down), steps, &rays->lines[1]);
+    spsi_sampler_line_build(t, tile, x, spsi_add(y, down), steps, &rays->lines[0]);
+    if (rays->swings) spsi_sampler_line_build(t, tile, x, spsi_sub(y, down), steps, &rays->lines[1]);
     if (!rays->swings) y = spsi_add(y, down);
     rays->base = spsi_linear_base_at(&t->slab, x, y);
     rays->per_slab = spsi_div(spsi_set(1), spsi_linear_slope_at(&t->slab, x, y));
@@ -12100,7 +12112,8 @@ static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *ti
 }
 
 /* Begins rays through a row of pixels at the near plane, and ends them at polygons. */
-static inline void spsi_tap_rays_limit(const spsi_tapper *t, const spsi_tile *tile, int x, int y, spsi_tap_rays *rays) {
+static inline void spsi_sampler_rays_limit(const spsi_sampler *t, const spsi_tile *tile, int x, int y,
+                                           spsi_sampler_rays *rays) {
     const spsi_v steps = spsi_set((float)rays->steps), last = spsi_set((float)tile->slab_count);
     const spsi_v slope = spsi_div(spsi_set(1), rays->per_slab);
     spsi_v begin, end, low, high; /* slab coordinates, samples */
@@ -12111,26 +12124,26 @@ static inline void spsi_tap_rays_limit(const spsi_tapper *t, const spsi_tile *ti
     low = spsi_mul(spsi_floor(spsi_clamp(spsi_min(begin, end), spsi_set(0), last)), steps);
     high = spsi_mul(spsi_floor(spsi_clamp(spsi_max(begin, end), spsi_set(-1), last)), steps);
     for (int n = 0; n <= rays->swings; ++n) {
-        spsi_tap_line *line = &rays->lines[n];
+        spsi_sampler_line *line = &rays->lines[n];
         line->first = spsi_max(line->first, spsi_sub(low, spsi_set(1)));
         line->end = spsi_min(line->end, spsi_add(high, spsi_add(steps, spsi_set(1))));
     }
 }
 
 /* Sample number `n` of those rays that are in `lanes`. */
-static inline spsi_v spsi_tap_sample(const spsi_tapper *t, const spsi_tap_rays *rays, int n, int lanes,
-                                     uint64_t *count) {
-    const spsi_tap_line *line = &rays->lines[n & rays->swings];
+static inline spsi_v spsi_sampler_sample(const spsi_sampler *t, const spsi_sampler_rays *rays, int n, int lanes,
+                                         uint64_t *count) {
+    const spsi_sampler_line *line = &rays->lines[n & rays->swings];
     const spsi_v number = spsi_set((float)n);
     spsi_v place[3];
     lanes &= rays->lanes & spsi_bits(spsi_less(number, line->end)) & ~spsi_bits(spsi_less(number, line->first));
     if (!lanes) return spsi_set(0);
     for (int k = 0; k < 3; ++k) place[k] = spsi_fma(number, line->step[k], line->start[k]);
-    return spsi_tap_values(t, place, lanes, count);
+    return spsi_sampler_values(t, place, lanes, count);
 }
 
 /* Whether places lie inside a field's bricks, as bits. */
-static inline int spsi_tap_inside(const spsi_voxel_field *field, const spsi_v place[3]) {
+static inline int spsi_sampler_inside(const spsi_pyramid_level *field, const spsi_v place[3]) {
     int lanes = SPSI_ALL_LANES;
     for (int k = 0; k < 3; ++k) {
         const spsi_v edge = spsi_set((float)(field->size[k] * SPSI_BRICK));
@@ -12140,14 +12153,14 @@ static inline int spsi_tap_inside(const spsi_voxel_field *field, const spsi_v pl
 }
 
 /* The integral over a part of a slab on one of the rays, from samples of its own. */
-static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_rays *rays, int lane, float from, float to,
-                           uint64_t *samples) {
+static float spsi_sampler_part(const spsi_sampler *t, const spsi_sampler_rays *rays, int lane, float from, float to,
+                               uint64_t *samples) {
     const float share = (to - from) / fabsf(spsi_lane(rays->per_slab, lane)) * (float)rays->steps;
-    const int count = spsi_most(1, (int)ceilf(spsi_lower(share, SPSI_TAP_MOST)));
+    const int count = spsi_imax(1, (int)ceilf(spsi_fmin(share, SPSI_SAMPLER_MOST)));
     const float step = (to - from) / (float)count;
     float sum = 0;
     for (int n = 0; n < count; n += SPSI_LANES) {
-        int lanes = (1 << spsi_least(SPSI_LANES, count - n)) - 1;
+        int lanes = (1 << spsi_imin(SPSI_LANES, count - n)) - 1;
         const spsi_v number = spsi_add(spsi_iota(), spsi_set((float)n + 0.5f));
         const spsi_v depth = spsi_fma(number, spsi_set(step), spsi_set(from));
         float values[SPSI_LANES];
@@ -12156,8 +12169,8 @@ static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_rays *rays, int 
             const float at = spsi_lane(rays->at[k], lane), change = spsi_lane(rays->change[k], lane);
             place[k] = spsi_fma(spsi_set(change), depth, spsi_set(at));
         }
-        lanes &= spsi_tap_inside(t->field, place);
-        spsi_store(values, spsi_tap_values(t, place, lanes, samples));
+        lanes &= spsi_sampler_inside(t->field, place);
+        spsi_store(values, spsi_sampler_values(t, place, lanes, samples));
         for (int i = 0; i < SPSI_LANES; ++i) sum += values[i];
     }
     return sum * step;
@@ -12165,8 +12178,8 @@ static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_rays *rays, int 
 
 /* Integrals over a slab that rays of `lanes` enter and leave at the given depths: `whole`, or the part between where a
    ray begins and where it ends. */
-static spsi_v spsi_tap_cut(const spsi_tapper *t, const spsi_tap_rays *rays, int lanes, spsi_v enter, spsi_v leave,
-                           spsi_v whole, uint64_t *samples) {
+static spsi_v spsi_sampler_cut(const spsi_sampler *t, const spsi_sampler_rays *rays, int lanes, spsi_v enter,
+                               spsi_v leave, spsi_v whole, uint64_t *samples) {
     const spsi_v from = spsi_max(enter, rays->nearest), to = spsi_min(leave, rays->limit);
     float sums[SPSI_LANES], begins[SPSI_LANES], ends[SPSI_LANES];
     int cut = spsi_bits(spsi_less(enter, rays->nearest)) | spsi_bits(spsi_less(rays->limit, leave));
@@ -12176,14 +12189,14 @@ static spsi_v spsi_tap_cut(const spsi_tapper *t, const spsi_tap_rays *rays, int 
     spsi_store(ends, to);
     for (cut &= lanes & spsi_bits(spsi_less(from, to)); cut; cut &= cut - 1) {
         const int i = spsi_lowest_bit(cut);
-        sums[i] = spsi_tap_part(t, rays, i, begins[i], ends[i], samples);
+        sums[i] = spsi_sampler_part(t, rays, i, begins[i], ends[i], samples);
     }
     return spsi_load(sums);
 }
 
 /* The slabs, of `count`, that need samples and in which a vector's rays, or those of their neighbours, have any: the
    first, and the one behind the last. */
-static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int count, int slabs[2]) {
+static inline void spsi_sampler_slabs(const spsi_sampler_rays *rays, int count, int slabs[2]) {
     float low = SPSI_INFINITY, high = -SPSI_INFINITY;
     for (int n = 0; n <= rays->swings; ++n) {
         float first[SPSI_LANES], end[SPSI_LANES];
@@ -12192,12 +12205,12 @@ static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int count, int slab
         for (int lanes = rays->lanes; lanes; lanes &= lanes - 1) {
             const int i = spsi_lowest_bit(lanes);
             if (!(first[i] < end[i])) continue;
-            low = spsi_lower(low, first[i]);
-            high = spsi_higher(high, end[i]);
+            low = spsi_fmin(low, first[i]);
+            high = spsi_fmax(high, end[i]);
         }
     }
-    slabs[0] = low < high ? spsi_most(0, (int)floorf(low / (float)rays->steps) - 1) : count;
-    slabs[1] = low < high ? spsi_least(count, (int)ceilf(high / (float)rays->steps) + 1) : count;
+    slabs[0] = low < high ? spsi_imax(0, (int)floorf(low / (float)rays->steps) - 1) : count;
+    slabs[1] = low < high ? spsi_imin(count, (int)ceilf(high / (float)rays->steps) + 1) : count;
     while (slabs[0] < slabs[1] && !rays->by_slab[1 + slabs[0]]) ++slabs[0];
     while (slabs[0] < slabs[1] && !rays->by_slab[slabs[1]]) --slabs[1];
 }
@@ -12212,18 +12225,18 @@ static spsi_v spsi_only(spsi_v a, int lanes) {
 
 /* Adds to sheets of `size` floats, from the one that `at` counts from, what a vector of rays finds in each slab. One
    more sample on either side of a slab tells the slopes at its ends. */
-static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_rays *rays, float *sheets, size_t at,
-                         size_t size) {
+static void spsi_sampler_add(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_rays *rays, float *sheets,
+                             size_t at, size_t size) {
     const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)rays->steps));
     const spsi_v correction = spsi_set(t->lone ? 0 : 1.0f / 24);
     const int steps = rays->steps, cuts = tile->clamped && !t->whole;
     spsi_v before = spsi_set(0), first;
     int slabs[2];
-    spsi_tap_slabs(rays, tile->slab_count, slabs);
+    spsi_sampler_slabs(rays, tile->slab_count, slabs);
     if (slabs[0] >= slabs[1]) return;
     const int *need = rays->by_slab + 1 + slabs[0]; /* lanes that need a slab; its neighbours' lie beside */
-    if (!t->lone) before = spsi_tap_sample(t, rays, slabs[0] * steps - 1, need[0], &tile->samples);
-    first = spsi_tap_sample(t, rays, slabs[0] * steps, need[0] | (steps == 1 ? need[1] : 0), &tile->samples);
+    if (!t->lone) before = spsi_sampler_sample(t, rays, slabs[0] * steps - 1, need[0], &tile->samples);
+    first = spsi_sampler_sample(t, rays, slabs[0] * steps, need[0] | (steps == 1 ? need[1] : 0), &tile->samples);
     at += (size_t)slabs[0] * size;
     for (int slab = slabs[0]; slab < slabs[1]; ++slab, at += size, ++need) {
         const spsi_v a = spsi_mul(spsi_sub(spsi_set((float)slab), rays->base), rays->per_slab);
@@ -12231,16 +12244,16 @@ static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_r
         spsi_v sum = first, last = first, next = spsi_set(0);
         for (int n = slab * steps + 1; n < (slab + 1) * steps; ++n) {
             const int behind = n + 1 < (slab + 1) * steps ? 0 : need[1];
-            last = spsi_tap_sample(t, rays, n, need[0] | behind, &tile->samples);
+            last = spsi_sampler_sample(t, rays, n, need[0] | behind, &tile->samples);
             sum = spsi_add(sum, last);
         }
         if (!t->lone || slab + 1 < slabs[1])
-            next = spsi_tap_sample(t, rays, (slab + 1) * steps, need[0] | need[1] | (steps == 1 ? need[2] : 0),
-                                   &tile->samples);
+            next = spsi_sampler_sample(t, rays, (slab + 1) * steps, need[0] | need[1] | (steps == 1 ? need[2] : 0),
+                                       &tile->samples);
         sum = spsi_fma(spsi_sub(spsi_sub(next, last), spsi_sub(first, before)), correction, sum);
         sum = spsi_mul(sum, weight);
         if (cuts)
-            sum = spsi_tap_cut(t, rays, rays->lanes & need[0], spsi_min(a, b), spsi_max(a, b), sum, &tile->samples);
+            sum = spsi_sampler_cut(t, rays, rays->lanes & need[0], spsi_min(a, b), spsi_max(a, b), sum, &tile->samples);
         before = last;
         first = next;
         sum = spsi_select(spsi_less(spsi_set(0), sum), sum, spsi_set(0));
@@ -12250,17 +12263,17 @@ static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_r
 }
 
 /* Adds to the sheets of a vector of pixels, in those of `lanes`, what their rays find in the slabs that need them. */
-static void spsi_tap_row(const spsi_tapper *t, spsi_tile *tile, int x, int y, int lanes, const int *by_slab, int steps,
-                         float *sheets) {
+static void spsi_sampler_row(const spsi_sampler *t, spsi_tile *tile, int x, int y, int lanes, const int *by_slab,
+                             int steps, float *sheets) {
     const size_t at = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
     const spsi_v column = spsi_add(spsi_set((float)x), spsi_iota()), row = spsi_set((float)y);
     for (int part = 0; part < t->rays; ++part) {
-        spsi_tap_rays rays;
-        spsi_tap_rays_build(t, tile, column, row, part, steps, &rays);
+        spsi_sampler_rays rays;
+        spsi_sampler_rays_build(t, tile, column, row, part, steps, &rays);
         rays.lanes = lanes;
         rays.by_slab = by_slab;
-        if (tile->clamped && !t->whole) spsi_tap_rays_limit(t, tile, x, y, &rays);
-        spsi_tap_add(t, tile, &rays, sheets, at, tile->sheet_size);
+        if (tile->clamped && !t->whole) spsi_sampler_rays_limit(t, tile, x, y, &rays);
+        spsi_sampler_add(t, tile, &rays, sheets, at, tile->sheet_size);
     }
 }
 
@@ -12268,37 +12281,38 @@ static void spsi_tap_row(const spsi_tapper *t, spsi_tile *tile, int x, int y, in
 
 /* Pixels for which sixteen rays stand, 4 x 4 from the first to the last of its columns and rows. What is between them
    follows the cubics through them, which are exact at the patch's edges. */
-typedef struct spsi_tap_patch {
+typedef struct spsi_sampler_patch {
     int x0, y0, x1, y1;
     float x[16], y[16]; /* of the rays, row by row */
-} spsi_tap_patch;
+} spsi_sampler_patch;
 
 /* The ray through a patch's first corner (0), that beside it (1), or those below them (2, 3). */
-static inline int spsi_tap_corner(int corner) { return 3 * (corner & 1) + 12 * (corner >> 1); }
+static inline int spsi_sampler_corner(int corner) { return 3 * (corner & 1) + 12 * (corner >> 1); }
 
 /* Slabs per depth on a ray. */
-static float spsi_tap_slabs_per_depth(const spsi_tapper *t, float x, float y) {
+static float spsi_sampler_slabs_per_depth(const spsi_sampler *t, float x, float y) {
     return t->slab.slope[0] + x * t->slab.slope[1] + y * t->slab.slope[2];
 }
 
 /* Bound of what a slab's mean is off by if its rays cross `way` voxels in that number of steps, where a field bends by
    `bend`. With steps of h, it is h^3 / 192 of the third derivative for the corrected midpoint rule (Peano's kernel,
    integrated), and h^3 / 288 per step for its correction by differences of samples. */
-static float spsi_tap_steps_bound(float bend, float way, int steps) {
+static float spsi_sampler_steps_bound(float bend, float way, int steps) {
     const float h = way / (float)steps;
     return bend * h * h * h * (1 / 192.0f + 1 / (288.0f * (float)steps));
 }
 
 /* The depth at which the ray through a corner of a patch crosses a slab plane of the tile. */
-static float spsi_tap_patch_depth(const spsi_tapper *t, const spsi_tap_patch *patch, int corner, int plane) {
-    const float x = patch->x[spsi_tap_corner(corner)], y = patch->y[spsi_tap_corner(corner)];
+static float spsi_sampler_patch_depth(const spsi_sampler *t, const spsi_sampler_patch *patch, int corner, int plane) {
+    const float x = patch->x[spsi_sampler_corner(corner)], y = patch->y[spsi_sampler_corner(corner)];
     const float base = t->slab.base[0] + x * t->slab.base[1] + y * t->slab.base[2];
-    return ((float)plane - base) / spsi_tap_slabs_per_depth(t, x, y);
+    return ((float)plane - base) / spsi_sampler_slabs_per_depth(t, x, y);
 }
 
 /* How far apart, in voxels, the first two corners of a patch (axis 0), or those of its first column (1), are on slab
    planes of the tile, at most. */
-static float spsi_tap_patch_extent(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch, int axis) {
+static float spsi_sampler_patch_extent(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
+                                       int axis) {
     float most = 0;
     for (int end = 0; end < 2; ++end) {
         float square = 0;
@@ -12307,14 +12321,14 @@ static float spsi_tap_patch_extent(const spsi_tapper *t, const spsi_tile *tile, 
             float place[2];
             for (int i = 0; i < 2; ++i) {
                 const int corner = i << axis;
-                const float x = patch->x[spsi_tap_corner(corner)], y = patch->y[spsi_tap_corner(corner)];
-                const float depth = spsi_tap_patch_depth(t, patch, corner, end * tile->slab_count);
+                const float x = patch->x[spsi_sampler_corner(corner)], y = patch->y[spsi_sampler_corner(corner)];
+                const float depth = spsi_sampler_patch_depth(t, patch, corner, end * tile->slab_count);
                 place[i] = at->base[0] + x * at->base[1] + y * at->base[2] +
                            depth * (at->slope[0] + x * at->slope[1] + y * at->slope[2]);
             }
             square += (place[1] - place[0]) * (place[1] - place[0]);
         }
-        most = spsi_higher(most, square);
+        most = spsi_fmax(most, square);
     }
     return sqrtf(most);
 }
@@ -12326,40 +12340,39 @@ static float spsi_tap_patch_extent(const spsi_tapper *t, const spsi_tile *tile, 
 
 /* Bound of the difference between a field that bends by 1 and its cubics across a patch: the error of one axis
    counts along the other by the weights there. */
-static float spsi_tap_patch_bound(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch) {
-    const float x = spsi_tap_patch_extent(t, tile, patch, 0), y = spsi_tap_patch_extent(t, tile, patch, 1);
-    return SPSI_CUBIC_BOUND *
-           (spsi_lower(x * x * x, y * y * y) * SPSI_CUBIC_WEIGHTS + spsi_higher(x * x * x, y * y * y));
+static float spsi_sampler_patch_bound(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch) {
+    const float x = spsi_sampler_patch_extent(t, tile, patch, 0), y = spsi_sampler_patch_extent(t, tile, patch, 1);
+    return SPSI_CUBIC_BOUND * (spsi_fmin(x * x * x, y * y * y) * SPSI_CUBIC_WEIGHTS + spsi_fmax(x * x * x, y * y * y));
 }
 
 /* Depths between which all rays of a patch run: none begins there, or ends at a polygon. */
-static void spsi_tap_patch_range(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch,
-                                 float range[2]) {
+static void spsi_sampler_patch_range(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
+                                     float range[2]) {
     float deepest = -SPSI_INFINITY;
     range[0] = tile->clamped && !t->whole ? t->near_d : -SPSI_INFINITY;
     range[1] = SPSI_INFINITY;
     if (!tile->clamped || t->whole || !tile->limits) return;
     for (int n = 0; n < 8; ++n)
-        deepest = spsi_higher(deepest, spsi_tap_patch_depth(t, patch, n / 2, n % 2 * tile->slab_count));
+        deepest = spsi_fmax(deepest, spsi_sampler_patch_depth(t, patch, n / 2, n % 2 * tile->slab_count));
     if (deepest <= tile->nearest_limit) return;
     for (int y = patch->y0; y <= patch->y1; ++y)
         for (int x = patch->x0; x <= patch->x1; ++x)
-            range[1] = spsi_lower(range[1], spsi_hit_depth(tile->limits, tile->limit_width, tile->limit_height, x, y));
+            range[1] = spsi_fmin(range[1], spsi_hit_depth(tile->limits, tile->limit_width, tile->limit_height, x, y));
 }
 
 /* Boxes of places, of slabs on the rays of a patch. */
-typedef struct spsi_tap_boxes {
+typedef struct spsi_sampler_boxes {
     spsi_v low[3], high[3];
     spsi_v begin, end; /* depths */
-} spsi_tap_boxes;
+} spsi_sampler_boxes;
 
 /* Extends boxes to what a corner's ray has of slabs, and of `beyond` slabs to either side. */
-static inline void spsi_tap_boxes_extend(const spsi_tapper *t, const spsi_tap_patch *patch, int corner, spsi_v slab,
-                                         float beyond, spsi_tap_boxes *boxes) {
-    const float x = patch->x[spsi_tap_corner(corner)] + (corner & 1 ? t->aside : -t->aside);
-    const float y = patch->y[spsi_tap_corner(corner)] + (corner >> 1 ? t->aside : -t->aside);
+static inline void spsi_sampler_boxes_extend(const spsi_sampler *t, const spsi_sampler_patch *patch, int corner,
+                                             spsi_v slab, float beyond, spsi_sampler_boxes *boxes) {
+    const float x = patch->x[spsi_sampler_corner(corner)] + (corner & 1 ? t->aside : -t->aside);
+    const float y = patch->y[spsi_sampler_corner(corner)] + (corner >> 1 ? t->aside : -t->aside);
     const float base = t->slab.base[0] + x * t->slab.base[1] + y * t->slab.base[2];
-    const spsi_v per_slab = spsi_set(1 / spsi_tap_slabs_per_depth(t, x, y));
+    const spsi_v per_slab = spsi_set(1 / spsi_sampler_slabs_per_depth(t, x, y));
     const spsi_v enter = spsi_mul(spsi_sub(slab, spsi_set(base)), per_slab), leave = spsi_add(enter, per_slab);
     const spsi_v before = spsi_fma(per_slab, spsi_set(-beyond), enter);
     const spsi_v behind = spsi_fma(per_slab, spsi_set(beyond), leave);
@@ -12378,8 +12391,8 @@ static inline void spsi_tap_boxes_extend(const spsi_tapper *t, const spsi_tap_pa
    themselves and the next one. Returns how many of these there are, at most. A sample is a sum over rows of voxels, and
    so of rows of differences, that begin up to taps / 2 - 1 before it and up to taps / 2 behind it. A coarser level's
    differences are sums of finer ones up to 2.5 voxels away. */
-static int spsi_tap_boxes_eighths(const spsi_tapper *t, const spsi_tap_boxes *boxes, int axis, spsi_v *first,
-                                  spsi_v *last) {
+static int spsi_sampler_boxes_eighths(const spsi_sampler *t, const spsi_sampler_boxes *boxes, int axis, spsi_v *first,
+                                      spsi_v *last) {
     const float size = (float)(1 << t->level), edge = SPSI_BRICK / 2, apart = t->level ? 2.5f : 0;
     const float before = size * (float)(t->fields->taps / 2 - 1) + apart;
     const float behind = size * (float)(t->fields->taps / 2) + apart;
@@ -12392,17 +12405,17 @@ static int spsi_tap_boxes_eighths(const spsi_tapper *t, const spsi_tap_boxes *bo
     *first = spsi_floor(spsi_clamp(low, spsi_set(0), end));
     *last = spsi_floor(spsi_clamp(high, spsi_set(0), end));
     spsi_store(lanes, spsi_sub(*last, *first));
-    for (int i = 0; i < SPSI_LANES; ++i) most = spsi_higher(most, lanes[i]);
+    for (int i = 0; i < SPSI_LANES; ++i) most = spsi_fmax(most, lanes[i]);
     *last = spsi_max(*first, spsi_sub(*last, spsi_set(1)));
     return (int)most / 2 + 1;
 }
 
 /* How much a field bends in boxes, at most. */
-static spsi_v spsi_tap_boxes_bend(const spsi_tapper *t, const spsi_tap_boxes *boxes) {
+static spsi_v spsi_sampler_boxes_thirds(const spsi_sampler *t, const spsi_sampler_boxes *boxes) {
     const int width = 2 * t->finest->size[0], height = 2 * t->finest->size[1];
     spsi_v first[3], last[3], most = spsi_set(0);
     int count[3];
-    for (int k = 0; k < 3; ++k) count[k] = spsi_tap_boxes_eighths(t, boxes, k, &first[k], &last[k]);
+    for (int k = 0; k < 3; ++k) count[k] = spsi_sampler_boxes_eighths(t, boxes, k, &first[k], &last[k]);
     for (int z = 0; z < count[2]; ++z) {
         const spsi_v layer = spsi_min(spsi_add(first[2], spsi_set((float)(2 * z))), last[2]);
         for (int y = 0; y < count[1]; ++y) {
@@ -12419,26 +12432,26 @@ static spsi_v spsi_tap_boxes_bend(const spsi_tapper *t, const spsi_tap_boxes *bo
 
 /* How much a field bends about each slab of a tile on a patch's rays, at most, as far as `steps` samples in a slab
    reach. Returns, a bit each, whether all of these rays run through a slab from one side to the other. */
-static uint32_t spsi_tap_patch_bends(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch,
-                                     int steps, float bends[SPSI_TAP_SLABS + SPSI_LANES]) {
+static uint32_t spsi_sampler_patch_thirds(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
+                                          int steps, float bends[SPSI_SAMPLER_SLABS + SPSI_LANES]) {
     const float beyond = 0.5f / (float)steps; /* the middle of the next step */
     float range[2];
     uint32_t whole = 0;
-    spsi_tap_patch_range(t, tile, patch, range);
+    spsi_sampler_patch_range(t, tile, patch, range);
     for (int first = 0; first < tile->slab_count; first += SPSI_LANES) {
         const spsi_v slab = spsi_add(spsi_iota(), spsi_set((float)first));
         const spsi_v least = spsi_set(-SPSI_INFINITY), most = spsi_set(SPSI_INFINITY);
-        spsi_tap_boxes boxes = {{most, most, most}, {least, least, least}, most, least};
-        for (int corner = 0; corner < 4; ++corner) spsi_tap_boxes_extend(t, patch, corner, slab, beyond, &boxes);
+        spsi_sampler_boxes boxes = {{most, most, most}, {least, least, least}, most, least};
+        for (int corner = 0; corner < 4; ++corner) spsi_sampler_boxes_extend(t, patch, corner, slab, beyond, &boxes);
         whole |= (uint32_t)spsi_bits(spsi_and(spsi_less(spsi_set(range[0]), boxes.begin),
                                               spsi_less(boxes.end, spsi_set(range[1])))) << first;
-        spsi_store(bends + first, spsi_tap_boxes_bend(t, &boxes));
+        spsi_store(bends + first, spsi_sampler_boxes_thirds(t, &boxes));
     }
     return whole;
 }
 
 /* The weights of a cubic's four nodes, from 0 to 3, at a place between them. */
-static void spsi_tap_cubic(float u, float weights[4]) {
+static void spsi_sampler_cubic(float u, float weights[4]) {
     weights[0] = (u - 1) * (u - 2) * (u - 3) / -6;
     weights[1] = u * (u - 2) * (u - 3) / 2;
     weights[2] = u * (u - 1) * (u - 3) / -2;
@@ -12446,23 +12459,23 @@ static void spsi_tap_cubic(float u, float weights[4]) {
 }
 
 /* The place of pixel number `i` of `count` between them. */
-static float spsi_tap_between(int i, int count) { return count > 1 ? 3 * (float)i / (float)(count - 1) : 0; }
+static float spsi_sampler_ray_position(int i, int count) { return count > 1 ? 3 * (float)i / (float)(count - 1) : 0; }
 
 /* The weights of the cubics' four columns in a vector of pixels of a patch, from column `x` on. */
-static inline void spsi_tap_across(int x, int width, spsi_v across[4]) {
+static inline void spsi_sampler_across(int x, int width, spsi_v across[4]) {
     float lanes[4][SPSI_LANES];
     memset(lanes, 0, sizeof lanes);
-    for (int i = 0; i < spsi_least(SPSI_LANES, width - x); ++i) {
+    for (int i = 0; i < spsi_imin(SPSI_LANES, width - x); ++i) {
         float weights[4];
-        spsi_tap_cubic(spsi_tap_between(x + i, width), weights);
+        spsi_sampler_cubic(spsi_sampler_ray_position(x + i, width), weights);
         for (int k = 0; k < 4; ++k) lanes[k][i] = weights[k];
     }
     for (int k = 0; k < 4; ++k) across[k] = spsi_load(lanes[k]);
 }
 
 /* Adds a patch's sheet, interpolated between the sums of its rays, to a vector's columns. */
-static inline void spsi_tap_spread(const float *sums, const float down[][4], int height, const spsi_v across[4],
-                                   float *sheet, size_t pitch) {
+static inline void spsi_sampler_spread(const float *sums, const float down[][4], int height, const spsi_v across[4],
+                                       float *sheet, size_t pitch) {
     for (int y = 0; y < height; ++y, sheet += pitch) {
         spsi_four between = spsi_four_scale(down[y][0], spsi_four_load(sums));
         spsi_v sum = spsi_set(0);
@@ -12475,49 +12488,49 @@ static inline void spsi_tap_spread(const float *sums, const float down[][4], int
 }
 
 /* Adds a patch's sheets of some slabs, interpolated between the sums of its rays, 16 a slab. */
-static void spsi_tap_patch_spread(const spsi_tile *tile, const spsi_tap_patch *patch, const int slabs[2],
-                                  const float *sums, float *sheets) {
+static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_patch *patch, const int slabs[2],
+                                      const float *sums, float *sheets) {
     const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
     float down[SPSI_PATCH][4];
     memset(down, 0, sizeof down);
-    for (int i = 0; i < height; ++i) spsi_tap_cubic(spsi_tap_between(i, height), down[i]);
+    for (int i = 0; i < height; ++i) spsi_sampler_cubic(spsi_sampler_ray_position(i, height), down[i]);
     sheets += (patch->y0 - tile->y0) * tile->pitch + patch->x0 - tile->x0;
     for (int x = 0; x < width; x += SPSI_LANES) {
         spsi_v across[4];
-        spsi_tap_across(x, width, across);
+        spsi_sampler_across(x, width, across);
         for (int slab = slabs[0]; slab < slabs[1]; ++slab) {
             int some = 0;
             for (int n = 0; n < 16; n += SPSI_LANES)
                 some |= spsi_bits(spsi_less(spsi_set(0), spsi_load(sums + 16 * slab + n)));
             if (some)
-                spsi_tap_spread(sums + 16 * slab, (const float(*)[4])down, height, across,
-                                sheets + (size_t)slab * tile->sheet_size + x, (size_t)tile->pitch);
+                spsi_sampler_spread(sums + 16 * slab, (const float(*)[4])down, height, across,
+                                    sheets + (size_t)slab * tile->sheet_size + x, (size_t)tile->pitch);
         }
     }
 }
 
 /* Adds to a patch's sheets of slabs, from one to that before another, what its sixteen pixels find, on one ray each or
    on several. */
-static void spsi_tap_patch_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_patch *patch, const int slabs[2],
-                               int steps, float *sheets) {
-    float sums[SPSI_TAP_SLABS * 16];
-    int by_slab[SPSI_TAP_SLABS + 3];
+static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_patch *patch,
+                                   const int slabs[2], int steps, float *sheets) {
+    float sums[SPSI_SAMPLER_SLABS * 16];
+    int by_slab[SPSI_SAMPLER_SLABS + 3];
     memset(sums + 16 * slabs[0], 0, (size_t)(slabs[1] - slabs[0]) * 16 * sizeof *sums);
     memset(by_slab, 0, sizeof by_slab);
     for (int slab = slabs[0]; slab < slabs[1]; ++slab) by_slab[1 + slab] = SPSI_ALL_LANES;
     for (int part = 0; part < t->rays; ++part)
         for (int n = 0; n < 16; n += SPSI_LANES) {
             const spsi_v x = spsi_load(patch->x + n), y = spsi_load(patch->y + n);
-            spsi_tap_rays rays;
-            spsi_tap_rays_build(t, tile, x, y, part, steps, &rays);
+            spsi_sampler_rays rays;
+            spsi_sampler_rays_build(t, tile, x, y, part, steps, &rays);
             rays.by_slab = by_slab;
-            spsi_tap_add(t, tile, &rays, sums, (size_t)n, 16);
+            spsi_sampler_add(t, tile, &rays, sums, (size_t)n, 16);
         }
-    spsi_tap_patch_spread(tile, patch, slabs, sums, sheets);
+    spsi_sampler_patch_spread(tile, patch, slabs, sums, sheets);
 }
 
 /* Voxels that rays of a tile cross in a slab, at most, by those through its corners. */
-static float spsi_tap_way(const spsi_tapper *t, const spsi_tile *tile) {
+static float spsi_sampler_crossed(const spsi_sampler *t, const spsi_tile *tile) {
     float most = 0;
     for (int corner = 0; corner < 4; ++corner) {
         const float x = (float)(corner & 1 ? tile->x1 : tile->x0), y = (float)(corner & 2 ? tile->y1 : tile->y0);
@@ -12526,19 +12539,19 @@ static float spsi_tap_way(const spsi_tapper *t, const spsi_tile *tile) {
             const float change = t->at[k].slope[0] + x * t->at[k].slope[1] + y * t->at[k].slope[2];
             square += change * change;
         }
-        most = spsi_higher(most, sqrtf(square) / fabsf(spsi_tap_slabs_per_depth(t, x, y)));
+        most = spsi_fmax(most, sqrtf(square) / fabsf(spsi_sampler_slabs_per_depth(t, x, y)));
     }
     return most;
 }
 
 /* Number of samples in a slab in which rays cross `way` voxels. */
-static int spsi_tap_steps(const spsi_tapper *t, float way) {
-    const float steps = ceilf(spsi_lower(way / (float)spsi_tap_step(t->fields), SPSI_TAP_MOST));
-    return t->lone ? 1 : spsi_most(1, (int)steps);
+static int spsi_sampler_steps(const spsi_sampler *t, float way) {
+    const float steps = ceilf(spsi_fmin(way / (float)spsi_sampler_step(t->fields), SPSI_SAMPLER_MOST));
+    return t->lone ? 1 : spsi_imax(1, (int)steps);
 }
 
-SPSI_COLD void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
-                                 const spsi_slabs *slabs, int level, int count, spsi_tapper *tapper) {
+SPSI_COLD void spsi_sampler_build(const spsi_pyramid *fields, const spsi_lattice *lattice, const spsi_rays *rays,
+                                  const spsi_slabs *slabs, int level, int count, spsi_sampler *tapper) {
     const int medium = lattice->medium;
     const double edge = cbrt(lattice->voxel_volume);
     double rows[3][3];
@@ -12549,7 +12562,7 @@ SPSI_COLD void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *
     for (tapper->side = 1; tapper->side * tapper->side < count;) ++tapper->side;
     tapper->aside = 0.5f - 0.5f / (float)tapper->side;
     for (int k = 0; k < 3; ++k)
-        tapper->breadth = spsi_fmax(tapper->breadth, SPSI_SIGMA * (1 << level) * spsi_length(lattice->step[k]));
+        tapper->breadth = spsi_dmax(tapper->breadth, SPSI_SIGMA * (1 << level) * spsi_length(lattice->step[k]));
     tapper->finest = &fields->list[medium];
     tapper->field = level ? &fields->levels[medium][level - 1] : tapper->finest;
     spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
@@ -12563,7 +12576,7 @@ SPSI_COLD void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *
 }
 
 /* How far voxels reach, in those that were read: a level's weights are for up to 1.5 finer voxels more. */
-static double spsi_tapper_reach(const spsi_tapper *tapper) {
+static double spsi_sampler_reach(const spsi_sampler *tapper) {
     const double reach = tapper->fields->taps / 2.0;
     const int level = tapper->level + (tapper->mix > 0);
     return level ? (reach + 1.5) * (1 << level) : reach;
@@ -12579,7 +12592,7 @@ static void spsi_footprint_variances(const spsi_splatter *s, const double q[3], 
     yy = (c[3] - 2 * y * c[4] + y * y * c[5]) / (t * t);
     xy = (c[1] - x * c[4] - y * c[2] + x * y * c[5]) / (t * t);
     *least = 0.5 * (xx + yy - sqrt((xx - yy) * (xx - yy) + 4 * xy * xy));
-    *area = sqrt(spsi_fmax(xx * yy - xy * xy, 0));
+    *area = sqrt(spsi_dmax(xx * yy - xy * xy, 0));
 }
 
 /* Why a volume is splatted, or gathered, in a target. */
@@ -12600,7 +12613,8 @@ typedef enum spsi_verdict {
 static inline int spsi_gathers(spsi_verdict verdict) { return verdict >= SPSI_GATHER_ASKED; }
 
 /* The way through a slab, in voxels of the field along each axis, of the ray through a point in ray coordinates. */
-SPSI_COLD void spsi_tapper_way(const spsi_tapper *tapper, const spsi_rays *rays, const double q[3], double way[3]) {
+SPSI_COLD void spsi_sampler_longest(const spsi_sampler *tapper, const spsi_rays *rays, const double q[3],
+                                    double way[3]) {
     const double x = rays->perspective ? q[0] / q[2] : q[0], y = rays->perspective ? q[1] / q[2] : q[1];
     const float *slab = tapper->slab.slope;
     const double slope = fabs((double)slab[0] + x * (double)slab[1] + y * (double)slab[2]);
@@ -12612,43 +12626,43 @@ SPSI_COLD void spsi_tapper_way(const spsi_tapper *tapper, const spsi_rays *rays,
 
 /* Samples per voxel's volume at a point in ray coordinates: rays to its cross-section times steps to its length. More
    than four rays count as four: otherwise gas in perspective would be splatted instead, and look wider. */
-SPSI_COLD double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *rays, const double q[3]) {
+SPSI_COLD double spsi_sampler_density(const spsi_sampler *tapper, const spsi_rays *rays, const double q[3]) {
     const double depth = q[2] - rays->depth_reference;
     double across[2][3], way[3], steps;
-    spsi_tapper_way(tapper, rays, q, way);
+    spsi_sampler_longest(tapper, rays, q, way);
     for (int k = 0; k < 3; ++k)
         for (int i = 0; i < 2; ++i)
             across[i][k] = (double)tapper->at[k].base[1 + i] + depth * (double)tapper->at[k].slope[1 + i];
-    steps = tapper->lone ? 1 : spsi_fmax(ceil(sqrt(spsi_dot(way, way)) / spsi_tap_step(tapper->fields)), 1);
-    return steps * spsi_least(tapper->rays, 4) / fabs(spsi_determinant(across[0], across[1], way));
+    steps = tapper->lone ? 1 : spsi_dmax(ceil(sqrt(spsi_dot(way, way)) / spsi_sampler_step(tapper->fields)), 1);
+    return steps * spsi_imin(tapper->rays, 4) / fabs(spsi_determinant(across[0], across[1], way));
 }
 
 /* Whether a field serves the rays at a point in ray coordinates. */
-SPSI_COLD spsi_verdict spsi_tapper_serves_at(spsi_tapper *tapper, const spsi_rays *rays, const spsi_splatter *splatter,
-                                             const double q[3]) {
-    const double pitch = spsi_fmin(spsi_length(rays->a), spsi_length(rays->b));
+SPSI_COLD spsi_verdict spsi_sampler_serves_at(spsi_sampler *tapper, const spsi_rays *rays,
+                                              const spsi_splatter *splatter, const double q[3]) {
+    const double pitch = spsi_dmin(spsi_length(rays->a), spsi_length(rays->b));
     const double finer = (double)(tapper->side << tapper->level);
     const int many = tapper->level > 0 && tapper->side > 2; /* a lone voxel's mass depends less on its place */
-    const double least = tapper->rays == 2 ? SPSI_TAP_TWO : many ? SPSI_TAP_LONE : SPSI_TAP_VARIANCE;
+    const double least = tapper->rays == 2 ? SPSI_SAMPLER_TWO : many ? SPSI_SAMPLER_LONE : SPSI_SAMPLER_VARIANCE;
     double way[3], widest, variance, area;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
     spsi_footprint_variances(splatter, q, &variance, &area);
     variance *= finer * finer;
     if (variance < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
-    widest = spsi_least(tapper->side, 2) * tapper->breadth / (rays->perspective ? pitch * q[2] : pitch);
-    if (widest * widest > SPSI_TAP_WIDEST && tapper->level > tapper->wanted) return SPSI_SPLAT_SMALL;
-    tapper->least = spsi_lower(tapper->least, (float)(variance * 4 / (tapper->side * tapper->side)));
-    tapper->widest = spsi_higher(tapper->widest, (float)widest);
-    spsi_tapper_way(tapper, rays, q, way);
-    if (!(sqrt(spsi_dot(way, way)) <= SPSI_TAP_MOST * spsi_tap_step(tapper->fields)) && !tapper->lone)
+    widest = spsi_imin(tapper->side, 2) * tapper->breadth / (rays->perspective ? pitch * q[2] : pitch);
+    if (widest * widest > SPSI_SAMPLER_WIDEST && tapper->level > tapper->wanted) return SPSI_SPLAT_SMALL;
+    tapper->least = spsi_fmin(tapper->least, (float)(variance * 4 / (tapper->side * tapper->side)));
+    tapper->widest = spsi_fmax(tapper->widest, (float)widest);
+    spsi_sampler_longest(tapper, rays, q, way);
+    if (!(sqrt(spsi_dot(way, way)) <= SPSI_SAMPLER_MOST * spsi_sampler_step(tapper->fields)) && !tapper->lone)
         return SPSI_SPLAT_THICK;
     return SPSI_GATHER_ASKED;
 }
 
 /* The ray coordinates of a corner of the box of the bricks that were read, or, of number 8, of its middle. */
-SPSI_COLD void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
-                                 int corner, double q[3]) {
-    const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
+SPSI_COLD void spsi_sampler_point(const spsi_sampler *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+                                  int corner, double q[3]) {
+    const spsi_pyramid_level *field = &tapper->fields->list[lattice->medium];
     double at[3], point[3];
     for (int k = 0; k < 3; ++k) {
         const double share = corner == 8 ? 0.5 : corner >> k & 1;
@@ -12660,12 +12674,12 @@ SPSI_COLD void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *
 
 /* Whether a field serves these rays: voxels are no smaller than texels may be and not near the origin of rays, and
    slabs are not too thick. */
-SPSI_COLD spsi_verdict spsi_tapper_serves(spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
-                                          const spsi_splatter *splatter) {
+SPSI_COLD spsi_verdict spsi_sampler_serves(spsi_sampler *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+                                           const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
         double q[3];
-        spsi_tapper_point(tapper, lattice, rays, corner, q);
-        spsi_verdict verdict = spsi_tapper_serves_at(tapper, rays, splatter, q);
+        spsi_sampler_point(tapper, lattice, rays, corner, q);
+        spsi_verdict verdict = spsi_sampler_serves_at(tapper, rays, splatter, q);
         if (!spsi_gathers(verdict)) return verdict;
     }
     return SPSI_GATHER_ASKED;
@@ -12673,16 +12687,16 @@ SPSI_COLD spsi_verdict spsi_tapper_serves(spsi_tapper *tapper, const spsi_lattic
 
 /* Whether samples of a field that serves cost less than footprints of its voxels, from their numbers and sizes in its
    middle. */
-SPSI_COLD int spsi_tapper_pays(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
-                               const spsi_splatter *splatter) {
-    const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
+SPSI_COLD int spsi_sampler_pays(const spsi_sampler *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+                                const spsi_splatter *splatter) {
+    const spsi_pyramid_level *field = &tapper->fields->list[lattice->medium];
     const double cut = (double)splatter->cut, size = (double)(1 << tapper->level);
     double q[3], area, least, fragments, samples;
-    spsi_tapper_point(tapper, lattice, rays, 8, q);
+    spsi_sampler_point(tapper, lattice, rays, 8, q);
     spsi_footprint_variances(splatter, q, &least, &area);
     area *= SPSI_PI * cut * cut;
     fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a ball of that radius */
-    samples = field->volume / (size * size * size) * spsi_tapper_density(tapper, rays, q);
+    samples = field->volume / (size * size * size) * spsi_sampler_density(tapper, rays, q);
     return samples * (tapper->fields->taps == 4 ? SPSI_COST_SAMPLE : SPSI_COST_SAMPLE_WIDE) <
            field->voxels * (SPSI_COST_FOOTPRINT + SPSI_COST_FRAGMENT * fragments);
 }
@@ -12695,8 +12709,8 @@ SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     double shortest = HUGE_VAL, longest = 0;
     if (frame->matter.materials[frame->media[medium].channel].table) return 0;
     for (int k = 0; k < 3; ++k) {
-        shortest = spsi_fmin(shortest, spsi_length(lattice->step[k]));
-        longest = spsi_fmax(longest, spsi_length(lattice->step[k]));
+        shortest = spsi_dmin(shortest, spsi_length(lattice->step[k]));
+        longest = spsi_dmax(longest, spsi_length(lattice->step[k]));
     }
     return frame->view.quality > SPS_QUALITY_MEDIUM && longest > 2 * shortest ? 0 : SPSI_LEVELS;
 }
@@ -12709,18 +12723,19 @@ SPSI_COLD double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *
 }
 
 /* What a pixel's or a texel's rays are for. */
-typedef enum spsi_tapping {
-    SPSI_TAP_PIXELS, /* one ray, or several where voxels are smaller */
-    SPSI_TAP_SHEETS  /* of a light: one on any level, if there is one that serves all of the volume, before several */
-} spsi_tapping;
+typedef enum spsi_sample_pattern {
+    SPSI_SAMPLER_PIXELS, /* one ray, or several where voxels are smaller */
+    SPSI_SAMPLER_SHEETS  /* of a light: one on any level, if there is one that serves all of the volume, before several
+                          */
+} spsi_sample_pattern;
 
 /* Whether rays cross no more of a volume in any slab than may lie between two samples. */
-SPSI_COLD int spsi_tapper_is_fine(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays) {
+SPSI_COLD int spsi_sampler_is_fine(const spsi_sampler *tapper, const spsi_lattice *lattice, const spsi_rays *rays) {
     for (int corner = 0; corner < 8; ++corner) {
         double q[3], way[3];
-        spsi_tapper_point(tapper, lattice, rays, corner, q);
-        spsi_tapper_way(tapper, rays, q, way);
-        if (!(sqrt(spsi_dot(way, way)) <= spsi_tap_step(tapper->fields))) return 0;
+        spsi_sampler_point(tapper, lattice, rays, corner, q);
+        spsi_sampler_longest(tapper, rays, q, way);
+        if (!(sqrt(spsi_dot(way, way)) <= spsi_sampler_step(tapper->fields))) return 0;
     }
     return 1;
 }
@@ -12742,16 +12757,16 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
    samples is as exact as one through means, and needs none beyond the slabs beside. Where slabs are as thick as pixels
    call for, it also has one: the mean of several is classified as none of them is. Where four rays serve a level, nine
    are taken if they are few for a lone voxel's mass, or if 4 taps cut its edge off. */
-SPSI_COLD spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
-                                       const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
-                                       spsi_tapper *tapper) {
-    spsi_tapper_build(frame->content->fields, lattice, rays, slabs, level, count, tapper);
+SPSI_COLD spsi_verdict spsi_sampler_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
+                                        const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
+                                        spsi_sampler *tapper) {
+    spsi_sampler_build(frame->content->fields, lattice, rays, slabs, level, count, tapper);
     tapper->wanted = (int)frame->content->levels[lattice->medium];
     tapper->least = FLT_MAX;
     tapper->mix = level == tapper->wanted ? frame->content->levels[lattice->medium] - (float)level : 0;
-    tapper->lone = !(splatter->filter > 0) && (slabs->wide || spsi_tapper_is_fine(tapper, lattice, rays));
-    spsi_verdict verdict = spsi_tapper_serves(tapper, lattice, rays, splatter);
-    tapper->side += level > 0 && count == 4 && (tapper->fields->taps == 4 || tapper->least < (float)SPSI_TAP_LONE);
+    tapper->lone = !(splatter->filter > 0) && (slabs->wide || spsi_sampler_is_fine(tapper, lattice, rays));
+    spsi_verdict verdict = spsi_sampler_serves(tapper, lattice, rays, splatter);
+    tapper->side += level > 0 && count == 4 && (tapper->fields->taps == 4 || tapper->least < (float)SPSI_SAMPLER_LONE);
     tapper->rays = tapper->side == 3 ? 9 : count;
     tapper->aside = 0.5f - 0.5f / (float)tapper->side;
     return verdict;
@@ -12760,43 +12775,43 @@ SPSI_COLD spsi_verdict spsi_tapper_try(const spsi_frame *frame, const spsi_latti
 /* How a volume fills sheets, whose splatter is ready. Builds the tapper of one that is gathered: of the frame's level
    with the fewest rays that serve, or, where none has been chosen, of the finest level that two or four rays serve, or
    else of the coarsest with the fewest rays, which costs least. */
-SPSI_COLD spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
-                                         const spsi_slabs *slabs, const spsi_splatter *splatter, spsi_tapping tapping,
-                                         spsi_tapper *tapper) {
-    const spsi_fields *fields = frame->content->fields;
+SPSI_COLD spsi_verdict spsi_sampler_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
+                                          const spsi_slabs *slabs, const spsi_splatter *splatter,
+                                          spsi_sample_pattern tapping, spsi_sampler *tapper) {
+    const spsi_pyramid *fields = frame->content->fields;
     const float chosen = frame->content->levels[lattice->medium];
     const int levels = spsi_levels_wanted(frame, lattice->medium), wanted = (int)chosen;
-    const int most = tapping == SPSI_TAP_SHEETS || chosen > 0 ? SPSI_TAP_RAYS : 0, few = wanted > 0 ? 4 : 2;
+    const int most = tapping == SPSI_SAMPLER_SHEETS || chosen > 0 ? SPSI_SAMPLER_RAYS : 0, few = wanted > 0 ? 4 : 2;
     spsi_verdict verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
     if (wanted < 0) return SPSI_SPLAT_CHEAPER;
     if (spsi_medium_is_behind(&frame->media[lattice->medium], rays)) return SPSI_SPLAT_NEAR;
-    for (int n = wanted > 0 && tapping == SPSI_TAP_PIXELS; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
-        verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, wanted, n == 1 ? few : n * n + !n, tapper);
+    for (int n = wanted > 0 && tapping == SPSI_SAMPLER_PIXELS; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
+        verdict = spsi_sampler_try(frame, lattice, rays, slabs, splatter, wanted, n == 1 ? few : n * n + !n, tapper);
     for (int n = wanted; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
         for (int count = n > 0 ? 4 : 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
-            verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, n, count, tapper);
-    for (int side = 3; side * side <= SPSI_TAP_RAYS && verdict == SPSI_SPLAT_SMALL; ++side)
+            verdict = spsi_sampler_try(frame, lattice, rays, slabs, splatter, n, count, tapper);
+    for (int side = 3; side * side <= SPSI_SAMPLER_RAYS && verdict == SPSI_SPLAT_SMALL; ++side)
         for (int n = levels; n >= wanted && verdict == SPSI_SPLAT_SMALL; --n)
-            verdict = spsi_tapper_try(frame, lattice, rays, slabs, splatter, n, side * side, tapper);
+            verdict = spsi_sampler_try(frame, lattice, rays, slabs, splatter, n, side * side, tapper);
     tapper->whole = splatter->whole;
     if (frame->view.filling == SPS_FILLING_SPLAT) return SPSI_SPLAT_ASKED;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
-    if (spsi_medium_depth(frame, lattice) > SPSI_TAP_OPAQUE) return SPSI_SPLAT_OPAQUE;
-    return chosen > 0 || spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
+    if (spsi_medium_depth(frame, lattice) > SPSI_SAMPLER_OPAQUE) return SPSI_SPLAT_OPAQUE;
+    return chosen > 0 || spsi_sampler_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
 
 /* Weight of the level behind a tapper's, in 128ths: from 0 to 1 over the last octave of variance before that level
    replaces its own, so that nothing jumps there. It replaces it where four rays are too few and its voxels are narrow
    enough. In perspective, the far side of a volume decides the first, the side close to the eye the second. */
-static float spsi_levels_mix(const spsi_frame *frame, const spsi_tapper *tapper) {
-    const double wide = 4 * (double)tapper->widest * (double)tapper->widest / SPSI_TAP_WIDEST;
-    const double octaves = log(spsi_fmax((double)tapper->least / SPSI_TAP_VARIANCE, wide)) / log(2.0);
+static float spsi_levels_mix(const spsi_frame *frame, const spsi_sampler *tapper) {
+    const double wide = 4 * (double)tapper->widest * (double)tapper->widest / SPSI_SAMPLER_WIDEST;
+    const double octaves = log(spsi_dmax((double)tapper->least / SPSI_SAMPLER_VARIANCE, wide)) / log(2.0);
     if (tapper->side < 2 || tapper->level >= spsi_levels_wanted(frame, (int)(tapper->finest - tapper->fields->list)) ||
         !(octaves < 1))
         return 0;
-    return (float)floor(128 * spsi_fmin(1 - octaves, 0.9925)) / 128;
+    return (float)floor(128 * spsi_dmin(1 - octaves, 0.9925)) / 128;
 }
 
 /* Extends the content's bounds by what levels reach beyond voxels' own kernels, as rays gather them that fill these
@@ -12806,15 +12821,15 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_lattice *lattice = frame->media[m].lattice;
         spsi_splatter splatter;
-        spsi_tapper tapper;
+        spsi_sampler tapper;
         if (!spsi_splatter_build(lattice, rays, slabs, 1, frame->accuracy.cut, &splatter)) continue; /* it is refused */
-        spsi_verdict verdict = spsi_tapper_judge(frame, lattice, rays, slabs, &splatter, SPSI_TAP_PIXELS, &tapper);
+        spsi_verdict verdict = spsi_sampler_judge(frame, lattice, rays, slabs, &splatter, SPSI_SAMPLER_PIXELS, &tapper);
         if (verdict == SPSI_SPLAT_CHEAPER && chooses && tapper.level > 0) frame->content->levels[m] = -1;
         if (!spsi_gathers(verdict)) continue;
         if (chooses) tapper.mix = spsi_levels_mix(frame, &tapper);
         if (chooses) frame->content->levels[m] = (float)tapper.level + tapper.mix;
         for (int n = 0; n < 9 && (tapper.level > 0 || tapper.mix > 0); ++n) {
-            const double reach = fabs(lattice->step[n / 3][n % 3]) * (spsi_tapper_reach(&tapper) - SPSI_REACH);
+            const double reach = fabs(lattice->step[n / 3][n % 3]) * (spsi_sampler_reach(&tapper) - SPSI_REACH);
             bounds->low[n % 3] -= reach;
             bounds->high[n % 3] += reach;
             frame->content->beyond[n % 3] += chooses ? reach : 0;
@@ -12840,34 +12855,35 @@ static void spsi_levels_choose(const spsi_frame *frame) {
 SPSI_COLD int spsi_taps_wanted(const spsi_frame *frame) { return frame->view.quality > SPS_QUALITY_MEDIUM ? 6 : 4; }
 
 /* Which fields a frame needs, to gather volumes or for the gradients of surfaces; 0: none. */
-static int spsi_fields_wanted(const spsi_frame *frame) {
+static int spsi_pyramids_wanted(const spsi_frame *frame) {
     if (frame->medium_count == 0 || (frame->view.filling == SPS_FILLING_SPLAT && !frame->has_gradients)) return 0;
     return spsi_taps_wanted(frame) + 8 * frame->has_gradients;
 }
 
 /* Maximum of the bricks in a field's grid: floats cannot count more, or volumes without surfaces are scattered too
    thinly. */
-SPSI_COLD size_t spsi_field_cells_most(const spsi_frame *frame, size_t bricks) {
-    const size_t most = frame->has_gradients ? SPSI_FIELD_CELLS : 64 * bricks + 65536;
-    return bricks < (SPSI_FIELD_CELLS - 65536) / 64 ? most : SPSI_FIELD_CELLS;
+SPSI_COLD size_t spsi_pyramid_cells_most(const spsi_frame *frame, size_t bricks) {
+    const size_t most = frame->has_gradients ? SPSI_PYRAMID_CELLS : 64 * bricks + 65536;
+    return bricks < (SPSI_PYRAMID_CELLS - 65536) / 64 ? most : SPSI_PYRAMID_CELLS;
 }
 
-#define SPSI_FIELD_GRID_BYTES (3 * sizeof(int) + SPSI_FIELD_REACHES * sizeof(uint32_t[2])) /* per brick of a grid */
+#define SPSI_PYRAMID_GRID_BYTES (3 * sizeof(int) + SPSI_PYRAMID_REACHES * sizeof(uint32_t[2])) /* per brick of a grid  \
+                                                                                                */
 
 /* Bytes of a brick that is held. */
-SPSI_COLD size_t spsi_field_brick_bytes(int taps) {
-    return spsi_field_floats(taps) * sizeof(float) + SPSI_BRICK * sizeof(uint64_t);
+SPSI_COLD size_t spsi_pyramid_brick_bytes(int taps) {
+    return spsi_pyramid_floats(taps) * sizeof(float) + SPSI_BRICK * sizeof(uint64_t);
 }
 
 /* Places the boxes of a volume's coarser levels. */
-SPSI_COLD void spsi_levels_place(spsi_fields *fields, int medium) {
+SPSI_COLD void spsi_levels_place(spsi_pyramid *fields, int medium) {
     memset(fields->levels[medium], 0, sizeof fields->levels[medium]);
     for (int n = 0; n < SPSI_LEVELS; ++n)
         spsi_level_place(n ? &fields->levels[medium][n - 1] : &fields->list[medium], &fields->levels[medium][n]);
 }
 
 /* A field that has all of a volume within reach. */
-SPSI_COLD void spsi_field_whole(const spsi_medium *medium, spsi_voxel_field *field) {
+SPSI_COLD void spsi_pyramid_whole(const spsi_medium *medium, spsi_pyramid_level *field) {
     for (int k = 0; k < 3; ++k) {
         field->low[k] = -1;
         field->size[k] = (medium->given.size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
@@ -12886,129 +12902,131 @@ SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
 /* Counts an upper bound of the bytes of all fields and their coarser levels, for numbers of bricks that may be read, by
    volume. A brick of voxels is within reach of 3^3 bricks on each: those of the finer level and one about them are up
    to five in a row. A side of less than three bricks may grow to three. */
-static void spsi_fields_count(sps_context *context, const spsi_frame *frame, const uint64_t *bricks) {
-    const size_t each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
-    spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof(spsi_fields));
+static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, const uint64_t *bricks) {
+    const size_t each = spsi_pyramid_brick_bytes(spsi_taps_wanted(frame));
+    spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof(spsi_pyramid));
     for (int m = 0; m < frame->medium_count; ++m) {
-        const size_t reached = 27 * (size_t)bricks[m], most = spsi_field_cells_most(frame, (size_t)bricks[m]);
-        spsi_voxel_field levels[2];
-        spsi_field_whole(&frame->media[m], &levels[0]);
+        const size_t reached = 27 * (size_t)bricks[m], most = spsi_pyramid_cells_most(frame, (size_t)bricks[m]);
+        spsi_pyramid_level levels[2];
+        spsi_pyramid_whole(&frame->media[m], &levels[0]);
         for (int n = 0; n <= spsi_levels_wanted(frame, m); ++n) {
-            size_t cells = spsi_field_cells(&levels[n % 2]);
+            size_t cells = spsi_pyramid_cells(&levels[n % 2]);
             cells = cells < (n ? 9 : 1) * most ? cells : (n ? 9 : 1) * most;
-            spsi_reserve(context, SPSI_BUFFER_FIELD_GRIDS, cells, SPSI_FIELD_GRID_BYTES);
-            spsi_reserve(context, SPSI_BUFFER_FIELD_VALUES, reached < cells ? reached : cells, each);
+            spsi_reserve(context, SPSI_BUFFER_PYRAMID_GRIDS, cells, SPSI_PYRAMID_GRID_BYTES);
+            spsi_reserve(context, SPSI_BUFFER_PYRAMID_VALUES, reached < cells ? reached : cells, each);
             if (n == 0 && spsi_may_interpolate(frame))
-                spsi_reserve(context, SPSI_BUFFER_BENDS, cells, 8 * sizeof(float));
+                spsi_reserve(context, SPSI_BUFFER_THIRDS, cells, 8 * sizeof(float));
             spsi_level_place(&levels[n % 2], &levels[1 - n % 2]);
         }
     }
 }
 
 /* Places a field for each volume. Returns the number of bricks in all grids. */
-SPSI_COLD size_t spsi_fields_begin(const sps_context *context, const spsi_frame *frame, spsi_fields *fields) {
+SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_frame *frame, spsi_pyramid *fields) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     size_t all = 0;
     memset(fields->list, 0, sizeof fields->list);
     for (int m = 0, first = 0; m < frame->medium_count; ++m) {
-        spsi_voxel_field *field = &fields->list[m];
+        spsi_pyramid_level *field = &fields->list[m];
         field->first = first;
         while (first < context->brick_count && bricks[first].lattice == m) ++first;
         field->end = first;
-        spsi_field_place(bricks, fields->taps, field);
-        if (spsi_field_cells(field) > spsi_field_cells_most(frame, (size_t)(field->end - field->first)))
+        spsi_pyramid_place(bricks, fields->taps, field);
+        if (spsi_pyramid_cells(field) > spsi_pyramid_cells_most(frame, (size_t)(field->end - field->first)))
             field->size[0] = 0;
-        all += spsi_field_cells(field);
+        all += spsi_pyramid_cells(field);
     }
     return all;
 }
 
 /* Lays a field's grid out. Returns the end of its memory. */
-SPSI_COLD int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
-    const size_t cells = spsi_field_cells(field);
+SPSI_COLD int *spsi_pyramid_lay(spsi_pyramid_level *field, int *memory) {
+    const size_t cells = spsi_pyramid_cells(field);
     field->grid = memory;
     field->sources = memory + cells;
     field->places = memory + 2 * cells;
     memory += 3 * cells;
-    for (int n = 0; n < SPSI_FIELD_REACHES; ++n, memory += 2 * cells) field->cells[n] = (uint32_t(*)[2])(void *)memory;
+    for (int n = 0; n < SPSI_PYRAMID_REACHES; ++n, memory += 2 * cells)
+        field->cells[n] = (uint32_t(*)[2])(void *)memory;
     return memory;
 }
 
 /* Makes grids of the bricks of all fields, unless they are held with their voxels or none are needed. */
-SPSI_COLD sps_result spsi_fields_place(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
-    if (!spsi_fields_wanted(frame)) return SPS_OK;
-    spsi_fields *fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
+    if (!spsi_pyramids_wanted(frame)) return SPS_OK;
+    spsi_pyramid *fields = (spsi_pyramid *)spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
-    if (context->fields_held == spsi_fields_wanted(frame)) return SPS_OK;
+    if (context->fields_held == spsi_pyramids_wanted(frame)) return SPS_OK;
     context->fields_held = 0;
     fields->filled = fields->leveled = 0;
     fields->bent = 0;
-    spsi_fields_weigh(fields, taps);
-    int *memory = (int *)spsi_reserve(context, SPSI_BUFFER_FIELD_GRIDS, spsi_fields_begin(context, frame, fields),
-                                      SPSI_FIELD_GRID_BYTES);
+    spsi_pyramids_weigh(fields, taps);
+    int *memory = (int *)spsi_reserve(context, SPSI_BUFFER_PYRAMID_GRIDS, spsi_pyramids_begin(context, frame, fields),
+                                      SPSI_PYRAMID_GRID_BYTES);
     if (!memory) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
-        spsi_voxel_field *field = &fields->list[m];
-        if (spsi_field_cells(field) == 0) continue;
+        spsi_pyramid_level *field = &fields->list[m];
+        if (spsi_pyramid_cells(field) == 0) continue;
         spsi_levels_place(fields, m);
-        memory = spsi_field_lay(field, memory);
-        spsi_field_number((const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data, taps, field);
+        memory = spsi_pyramid_lay(field, memory);
+        spsi_pyramid_number((const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data, taps, field);
     }
-    context->fields_held = spsi_fields_wanted(frame);
+    context->fields_held = spsi_pyramids_wanted(frame);
     return SPS_OK;
 }
 
 /* Bricks of several fields, one field after the other. */
-typedef struct spsi_field_stock {
+typedef struct spsi_pyramid_stock {
     float *values;
     size_t count, used; /* bricks */
-} spsi_field_stock;
+} spsi_pyramid_stock;
 
 /* Fills a field of a medium, from its relevant voxels or, if there is a `fine` one, as the next level of that. */
-SPSI_COLD void spsi_field_fill(sps_context *context, const spsi_frame *frame, int medium, spsi_field_stock *stock,
-                               const spsi_voxel_field *fine, spsi_voxel_field *field) {
+SPSI_COLD void spsi_pyramid_fill(sps_context *context, const spsi_frame *frame, int medium, spsi_pyramid_stock *stock,
+                                 const spsi_pyramid_level *fine, spsi_pyramid_level *field) {
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     const spsi_material *classifies = material->table ? material : NULL;
-    spsi_field_job job = {context, bricks, classifies, frame->content->fields->taps, field, fine};
-    field->values = stock->values + stock->used * spsi_field_floats(job.taps);
-    field->shown = (uint64_t *)(void *)(stock->values + stock->count * spsi_field_floats(job.taps)) +
-                   stock->used * SPSI_BRICK;
+    spsi_pyramid_job job = {context, bricks, classifies, frame->content->fields->taps, field, fine};
+    field->values = stock->values + stock->used * spsi_pyramid_floats(job.taps);
+    field->shown =
+        (uint64_t *)(void *)(stock->values + stock->count * spsi_pyramid_floats(job.taps)) + stock->used * SPSI_BRICK;
     stock->used += (size_t)field->count;
-    for (int n = 0; n < SPSI_FIELD_REACHES && field->count > 0; ++n)
-        memset(field->cells[n], 0, spsi_field_cells(field) * sizeof *field->cells[n]);
-    spsi_parallel_by(context, SPSI_FIELD_BATCH, field->count, fine ? spsi_level_own_task : spsi_field_own_task, &job);
-    spsi_parallel_by(context, SPSI_FIELD_BATCH, field->count, spsi_field_apron_task, &job);
+    for (int n = 0; n < SPSI_PYRAMID_REACHES && field->count > 0; ++n)
+        memset(field->cells[n], 0, spsi_pyramid_cells(field) * sizeof *field->cells[n]);
+    spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, fine ? spsi_level_own_task : spsi_pyramid_own_task,
+                     &job);
+    spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, spsi_pyramid_apron_task, &job);
 }
 
 /* Fills the bricks of all fields, unless they are; when the first volume is to be gathered. */
-SPSI_COLD sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame) {
-    spsi_fields *fields = frame->content->fields;
-    const size_t bytes = spsi_field_brick_bytes(fields->taps);
-    spsi_field_stock stock = {NULL, 0, 0};
+SPSI_COLD sps_result spsi_pyramids_fill(sps_context *context, const spsi_frame *frame) {
+    spsi_pyramid *fields = frame->content->fields;
+    const size_t bytes = spsi_pyramid_brick_bytes(fields->taps);
+    spsi_pyramid_stock stock = {NULL, 0, 0};
     if (fields->filled) return SPS_OK;
     for (int m = 0; m < frame->medium_count; ++m) stock.count += (size_t)fields->list[m].count;
-    stock.values = (float *)spsi_reserve(context, SPSI_BUFFER_FIELD_VALUES, stock.count, bytes);
+    stock.values = (float *)spsi_reserve(context, SPSI_BUFFER_PYRAMID_VALUES, stock.count, bytes);
     if (!stock.values) return context->result;
-    for (int m = 0; m < frame->medium_count; ++m) spsi_field_fill(context, frame, m, &stock, NULL, &fields->list[m]);
+    for (int m = 0; m < frame->medium_count; ++m) spsi_pyramid_fill(context, frame, m, &stock, NULL, &fields->list[m]);
     fields->filled = 1;
     return SPS_OK;
 }
 
 /* Number of a volume's levels, `most` at most. */
 static int spsi_levels_held(const spsi_frame *frame, int medium, int most) {
-    return frame->content->fields->list[medium].count > 0 ? spsi_least(most, spsi_levels_wanted(frame, medium)) : 0;
+    return frame->content->fields->list[medium].count > 0 ? spsi_imin(most, spsi_levels_wanted(frame, medium)) : 0;
 }
 
 /* Makes grids of coarser levels. Returns the number of bricks that they hold. */
-SPSI_COLD size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memory, spsi_fields *fields) {
+SPSI_COLD size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memory, spsi_pyramid *fields) {
     size_t count = 0;
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n) {
-            spsi_voxel_field *level = &fields->levels[m][n];
-            memory = spsi_field_lay(level, memory);
+            spsi_pyramid_level *level = &fields->levels[m][n];
+            memory = spsi_pyramid_lay(level, memory);
             spsi_level_number(n ? level - 1 : &fields->list[m], level);
             count += (size_t)level->count;
         }
@@ -13018,23 +13036,23 @@ SPSI_COLD size_t spsi_levels_number(const spsi_frame *frame, int levels, int *me
 /* Fills so many coarser levels of all fields, which are filled themselves, unless they are; when a volume is to be
    gathered from one. */
 SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame, int levels) {
-    spsi_fields *fields = frame->content->fields;
-    spsi_field_stock stock = {NULL, 0, 0};
+    spsi_pyramid *fields = frame->content->fields;
+    spsi_pyramid_stock stock = {NULL, 0, 0};
     size_t cells = 0;
     if (fields->leveled >= levels) return SPS_OK;
     fields->leveled = 0;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n) cells += spsi_field_cells(&fields->levels[m][n]);
-    int *grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, SPSI_FIELD_GRID_BYTES);
+        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n) cells += spsi_pyramid_cells(&fields->levels[m][n]);
+    int *grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, SPSI_PYRAMID_GRID_BYTES);
     if (!grids) return context->result;
     stock.count = spsi_levels_number(frame, levels, grids, fields);
-    stock.values = (float *)spsi_reserve(context, SPSI_BUFFER_LEVEL_VALUES, stock.count,
-                                         spsi_field_brick_bytes(fields->taps));
+    stock.values =
+        (float *)spsi_reserve(context, SPSI_BUFFER_LEVEL_VALUES, stock.count, spsi_pyramid_brick_bytes(fields->taps));
     if (!stock.values) return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n)
-            spsi_field_fill(context, frame, m, &stock, n ? &fields->levels[m][n - 1] : &fields->list[m],
-                            &fields->levels[m][n]);
+            spsi_pyramid_fill(context, frame, m, &stock, n ? &fields->levels[m][n - 1] : &fields->list[m],
+                              &fields->levels[m][n]);
     fields->leveled = levels;
     return SPS_OK;
 }
@@ -13042,14 +13060,14 @@ SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *fr
 /* --- how much fields bend --- */
 
 /* Eighths of bricks by themselves. Those of bricks that are not held are 0. */
-static void spsi_bend_task(void *data, int held) {
-    const spsi_field_job *job = (const spsi_field_job *)data;
-    const spsi_voxel_field *field = job->field;
+static void spsi_thirds_task(void *data, int held) {
+    const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
+    const spsi_pyramid_level *field = job->field;
     const size_t width = 2 * (size_t)field->size[0], layer = 2 * (size_t)field->size[1] * width;
     float bends[8];
     int at[3];
-    spsi_field_at(field, field->places[held], at);
-    spsi_field_bend(job->taps, field->values + (size_t)held * spsi_field_floats(job->taps), bends);
+    spsi_pyramid_at(field, field->places[held], at);
+    spsi_pyramid_thirds(job->taps, field->values + (size_t)held * spsi_pyramid_floats(job->taps), bends);
     for (int k = 0; k < 3; ++k) at[k] -= field->low[k];
     for (int n = 0; n < 8; ++n)
         field->bends[(size_t)(2 * at[2] + n / 4) * layer + (size_t)(2 * at[1] + n / 2 % 2) * width +
@@ -13057,26 +13075,26 @@ static void spsi_bend_task(void *data, int held) {
 }
 
 /* Finds how much all fields bend, which are filled, unless it is known. */
-SPSI_COLD sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame) {
-    spsi_fields *fields = frame->content->fields;
+SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame *frame) {
+    spsi_pyramid *fields = frame->content->fields;
     size_t cells = 0;
     if (fields->bent) return SPS_OK;
-    for (int m = 0; m < frame->medium_count; ++m) cells += spsi_field_cells(&fields->list[m]);
-    float *bends = (float *)spsi_reserve(context, SPSI_BUFFER_BENDS, cells, 8 * sizeof(float));
+    for (int m = 0; m < frame->medium_count; ++m) cells += spsi_pyramid_cells(&fields->list[m]);
+    float *bends = (float *)spsi_reserve(context, SPSI_BUFFER_THIRDS, cells, 8 * sizeof(float));
     if (!bends) return context->result;
     memset(bends, 0, cells * 8 * sizeof(float));
     for (int m = 0; m < frame->medium_count; ++m) {
-        spsi_voxel_field *field = &fields->list[m];
-        const size_t count = 8 * spsi_field_cells(field);
-        spsi_field_job job = {context, NULL, NULL, fields->taps, field, NULL};
+        spsi_pyramid_level *field = &fields->list[m];
+        const size_t count = 8 * spsi_pyramid_cells(field);
+        spsi_pyramid_job job = {context, NULL, NULL, fields->taps, field, NULL};
         field->bends = bends;
         bends += count;
         if (field->count == 0) continue;
-        spsi_parallel_by(context, SPSI_FIELD_BATCH, field->count, spsi_bend_task, &job);
+        spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, spsi_thirds_task, &job);
         for (size_t k = 0, step = 1, line; k < 3; ++k, step = line) { /* each eighth stands for the next ones, too */
             line = step * 2 * (size_t)field->size[k];
             for (size_t i = 0; i < count; ++i)
-                if (i % line < line - step) field->bends[i] = spsi_higher(field->bends[i], field->bends[i + step]);
+                if (i % line < line - step) field->bends[i] = spsi_fmax(field->bends[i], field->bends[i + step]);
         }
     }
     fields->bent = 1;
@@ -13116,8 +13134,8 @@ static sps_result spsi_queue_reserve(sps_context *context, spsi_buffer_id id, in
 
 /* Sets the chunks of an item that lies between two slab coordinates. */
 static void spsi_queue_set(spsi_queue *queue, int item, int chunks, double low, double high) {
-    queue->chunks[item][0] = (uint16_t)spsi_fmin(spsi_fmax(floor(low / SPSI_CHUNK), 0), chunks - 1);
-    queue->chunks[item][1] = (uint16_t)spsi_fmin(spsi_fmax(floor(high / SPSI_CHUNK), 0), chunks - 1);
+    queue->chunks[item][0] = (uint16_t)spsi_dmin(spsi_dmax(floor(low / SPSI_CHUNK), 0), chunks - 1);
+    queue->chunks[item][1] = (uint16_t)spsi_dmin(spsi_dmax(floor(high / SPSI_CHUNK), 0), chunks - 1);
 }
 
 /* Counting sort of the items by first chunk; returns the maximum number of items in a chunk. */
@@ -13131,7 +13149,7 @@ static int spsi_queue_sort(spsi_queue *queue, int chunks) {
     }
     for (int chunk = 0; chunk < chunks; ++chunk) {
         here += queue->starts[chunk + 1] - passing[chunk];
-        most = spsi_most(most, here);
+        most = spsi_imax(most, here);
         queue->starts[chunk + 1] += queue->starts[chunk];
     }
     memcpy(passing, queue->starts, ((size_t)chunks + 1) * sizeof(int));
@@ -13164,7 +13182,7 @@ SPSI_COLD int spsi_holds_gas(const sps_context *context, const spsi_frame *frame
 /* A chunk's particles as a target's rays see them, binned by tile. A particle that reaches into at most two by two
    tiles is listed with the top left one; wider particles are in the last list, which every tile reads. */
 typedef struct spsi_lists {
-    spsi_seen *seen;
+    spsi_projected_sphere *seen;
     int *places;  /* of each in `seen`: 4 * its list, plus what its member has; -1: none */
     int *members; /* 4 * index in `seen`, plus 1 if the particle reaches the next column of tiles, plus 2: the next row
                    */
@@ -13202,11 +13220,11 @@ typedef struct spsi_target {
     spsi_shape shape;
     int channels[SPSI_VOLUMES_MAX];          /* of each lattice; -1: it is not splatted */
     spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* whether they are gathered, by `tappers` */
-    spsi_tapper tappers[SPSI_VOLUMES_MAX];
+    spsi_sampler tappers[SPSI_VOLUMES_MAX];
     int set_channels[SPSI_SETS_MAX]; /* of each set of particles */
     spsi_target_kind kind;
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
-    spsi_crossing crossing;
+    spsi_sphere_setup crossing;
     int16_t (*brick_boxes)[4]; /* x0, y0, x1, y1 of each brick, in pixels; x1 < x0: nowhere */
     spsi_lists particles;
     spsi_sheets sheets;
@@ -13220,7 +13238,7 @@ typedef struct spsi_target {
 static int spsi_target_interpolates(const spsi_target *target, int medium) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
-    const spsi_tapper *tapper = &target->tappers[medium];
+    const spsi_sampler *tapper = &target->tappers[medium];
     return target->tolerance > 0 && spsi_gathers(target->verdicts[medium]) && tapper->level <= 1 &&
            !material->table && !material->emits;
 }
@@ -13245,7 +13263,7 @@ SPSI_COLD sps_result spsi_target_begin_spending(sps_context *context, spsi_buffe
 SPSI_COLD float spsi_target_spent(const spsi_target *target) {
     const size_t count = target->spent ? spsi_spent_bytes(target->rays) / sizeof(float) : 0;
     float most = 0;
-    for (size_t i = 0; i < count; ++i) most = spsi_higher(most, target->spent[i]);
+    for (size_t i = 0; i < count; ++i) most = spsi_fmax(most, target->spent[i]);
     return most;
 }
 
@@ -13293,7 +13311,7 @@ SPSI_COLD void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays,
     target->columns = spsi_tile_columns(rays);
     target->rows = spsi_tile_rows(rays);
     target->tolerance = kind == SPSI_TARGET_EYE ? frame->view.tolerance : 0;
-    spsi_crossing_build(rays, slabs, backwards, &target->crossing);
+    spsi_sphere_setup_build(rays, slabs, backwards, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i)
         target->set_channels[i] = kind < SPSI_TARGET_MAP ? frame->particles.sets[i].channel : 0;
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -13313,7 +13331,8 @@ static int spsi_target_judge(spsi_target *target, int i) {
     const int keeps = target->kind == SPSI_TARGET_SAMPLES && !material->table;
     const float scale = target->kind < SPSI_TARGET_MAP || material->table ? 1 : material->extinction;
     const double cut = looks ? frame->accuracy.light_cut : frame->accuracy.cut;
-    const spsi_tapping tapping = looks || target->kind == SPSI_TARGET_SHEETS ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS;
+    const spsi_sample_pattern tapping =
+        looks || target->kind == SPSI_TARGET_SHEETS ? SPSI_SAMPLER_SHEETS : SPSI_SAMPLER_PIXELS;
     spsi_splatter *splatter = &target->splatters[i];
     if (!spsi_splatter_build(&frame->lattices[i], target->rays, target->slabs, scale, cut, splatter)) return 0;
     splatter->sign = target->crossing.sign;
@@ -13321,8 +13340,8 @@ static int spsi_target_judge(spsi_target *target, int i) {
     if (splatter->whole) splatter->eye_near = -FLT_MAX;
     if (splatter->whole || looks) splatter->filter = 0; /* nor footprints widened */
     if (!keeps) {
-        target->verdicts[i] = spsi_tapper_judge(frame, &frame->lattices[i], target->rays, target->slabs, splatter,
-                                                tapping, &target->tappers[i]);
+        target->verdicts[i] = spsi_sampler_judge(frame, &frame->lattices[i], target->rays, target->slabs, splatter,
+                                                 tapping, &target->tappers[i]);
         target->tappers[i].scale = scale;
         return 1;
     }
@@ -13413,8 +13432,8 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
     const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + 1;
     const int gathers = spsi_gathers(target->verdicts[brick->lattice]);
-    const double reach = gathers ? spsi_fmax(SPSI_REACH, spsi_tapper_reach(&target->tappers[brick->lattice]))
-        : SPSI_REACH;
+    const double reach =
+        gathers ? spsi_dmax(SPSI_REACH, spsi_sampler_reach(&target->tappers[brick->lattice])) : SPSI_REACH;
     double at[3], point[3], first[3], edges[3][3];
     int ahead = 0, back = 0;
     for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + 0.5 + brick->low[k] - reach;
@@ -13442,10 +13461,10 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
         low[0] = HUGE_VAL, high[0] = -HUGE_VAL;
     else if (ahead < 8 && back < 8)
         low[0] = low[1] = -HUGE_VAL, high[0] = high[1] = HUGE_VAL;
-    box[0] = (int16_t)floor(spsi_fmin(spsi_fmax(low[0] - filter, 0), rays->width));
-    box[1] = (int16_t)floor(spsi_fmin(spsi_fmax(low[1] - filter, 0), rays->height));
-    box[2] = (int16_t)floor(spsi_fmax(spsi_fmin(high[0] + filter, rays->width - 1), -1));
-    box[3] = (int16_t)floor(spsi_fmax(spsi_fmin(high[1] + filter, rays->height - 1), -1));
+    box[0] = (int16_t)floor(spsi_dmin(spsi_dmax(low[0] - filter, 0), rays->width));
+    box[1] = (int16_t)floor(spsi_dmin(spsi_dmax(low[1] - filter, 0), rays->height));
+    box[2] = (int16_t)floor(spsi_dmax(spsi_dmin(high[0] + filter, rays->width - 1), -1));
+    box[3] = (int16_t)floor(spsi_dmax(spsi_dmin(high[1] + filter, rays->height - 1), -1));
 }
 
 /* How far a volume's voxels reach across slabs. What is gathered looks for them along the axes, and where slabs have
@@ -13455,7 +13474,7 @@ static double spsi_target_reach(const spsi_target *target, int lattice) {
     double reach = 0;
     if (!spsi_gathers(target->verdicts[lattice])) return (double)splatter->reach_slabs;
     for (int axis = 0; axis < 3; ++axis) reach += fabs((double)splatter->slab_step[axis]);
-    return (target->tappers[lattice].lone ? 0 : 1) + reach * spsi_tapper_reach(&target->tappers[lattice]);
+    return (target->tappers[lattice].lone ? 0 : 1) + reach * spsi_sampler_reach(&target->tappers[lattice]);
 }
 
 static void spsi_bricks_task(void *data, int i) {
@@ -13471,7 +13490,7 @@ static void spsi_bricks_task(void *data, int i) {
         const double reach = spsi_target_reach(target, brick->lattice) + target->shape.slab_margin + 1e-3;
         const double eye_slab = target->origin_slab;
         const int behind = splatter->whole && low - reach < eye_slab + 1 && high + reach > eye_slab - 1;
-        farthest = spsi_fmax(farthest, reach);
+        farthest = spsi_dmax(farthest, reach);
         spsi_brick_box(lattice, brick, target, behind, target->brick_boxes[i]);
     }
     spsi_queue_set(&contents->bricks, i, chunks, low - farthest, high + farthest);
@@ -13485,7 +13504,7 @@ static void spsi_particles_task(void *data, int i) {
     double slab = 0, reach, farthest = 0, room;
     for (int n = 0; n < contents->target_count; ++n) {
         spsi_particle_slabs(&contents->targets[n]->crossing, &frame->content->particles[i], &slab, &reach);
-        farthest = spsi_fmax(farthest, reach);
+        farthest = spsi_dmax(farthest, reach);
     }
     room = farthest + 1e-3 + 1e-6 * farthest;
     spsi_queue_set(&contents->particles, i, chunks, slab - room, slab + room);
@@ -13500,8 +13519,8 @@ SPSI_COLD size_t spsi_list_starts(const spsi_rays *rays) {
 SPSI_COLD sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, const spsi_rays *rays, size_t most,
                                         spsi_lists *lists) {
     size_t bytes = spsi_list_starts(rays) * sizeof(int);
-    spsi_bytes_add(&bytes, most, sizeof(spsi_seen) + 2 * sizeof(int));
-    lists->seen = (spsi_seen *)spsi_reserve(context, id, 1, bytes);
+    spsi_bytes_add(&bytes, most, sizeof(spsi_projected_sphere) + 2 * sizeof(int));
+    lists->seen = (spsi_projected_sphere *)spsi_reserve(context, id, 1, bytes);
     if (!lists->seen) return context->result;
     lists->places = (int *)(void *)(lists->seen + most);
     lists->members = lists->places + most;
@@ -13510,20 +13529,20 @@ SPSI_COLD sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id,
 }
 
 /* Fills the volumes' fields if a target gathers any, or surfaces have gradients, and their levels likewise. */
-SPSI_COLD sps_result spsi_contents_fields(const spsi_contents *contents) {
+SPSI_COLD sps_result spsi_contents_pyramids(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
     int gathers = contents->frame->has_gradients, level = 0, interpolates = 0;
     for (int n = 0; n < contents->target_count; ++n)
         for (int i = 0; i < contents->frame->medium_count; ++i) {
-            const spsi_tapper *tapper = &contents->targets[n]->tappers[i];
+            const spsi_sampler *tapper = &contents->targets[n]->tappers[i];
             if (!spsi_gathers(contents->targets[n]->verdicts[i])) continue;
             gathers = 1;
             interpolates |= spsi_target_interpolates(contents->targets[n], i);
-            level = spsi_most(level, tapper->level + (tapper->mix > 0));
+            level = spsi_imax(level, tapper->level + (tapper->mix > 0));
         }
-    if (gathers && spsi_fields_fill(context, contents->frame)) return context->result;
-    if (interpolates && spsi_fields_bend(context, contents->frame)) return context->result;
+    if (gathers && spsi_pyramids_fill(context, contents->frame)) return context->result;
+    if (interpolates && spsi_pyramids_thirds(context, contents->frame)) return context->result;
     if (level > 0 && spsi_levels_fill(context, contents->frame, level)) return context->result;
     context->pace.seconds_fields += spsi_clock(context) - start;
     return SPS_OK;
@@ -13542,7 +13561,7 @@ SPSI_COLD sps_result spsi_contents_build(sps_context *context, spsi_target *firs
     contents->targets[1] = second;
     contents->target_count = second ? 2 : 1;
     contents->list = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    if (spsi_targets_reserve(contents) || spsi_contents_fields(contents)) return context->result;
+    if (spsi_targets_reserve(contents) || spsi_contents_pyramids(contents)) return context->result;
     if (spsi_queue_reserve(context, SPSI_BUFFER_BRICK_QUEUE, count, chunks, &contents->bricks)) return context->result;
     for (int i = 0; i < contents->target_count; ++i) {
         spsi_target *target = contents->targets[i];
@@ -13557,7 +13576,7 @@ SPSI_COLD sps_result spsi_contents_build(sps_context *context, spsi_target *firs
 
 /* The same for particles. */
 SPSI_COLD sps_result spsi_contents_add_particles(spsi_contents *contents) {
-    static const spsi_buffer_id lists[2] = {SPSI_BUFFER_EYE_BALLS, SPSI_BUFFER_LIGHT_BALLS};
+    static const spsi_buffer_id lists[2] = {SPSI_BUFFER_EYE_SPHERES, SPSI_BUFFER_LIGHT_SPHERES};
     sps_context *context = contents->context;
     const int chunks = spsi_chunk_count(contents->slabs), count = contents->frame->content->particle_count;
     if (count == 0) return SPS_OK;
@@ -13575,7 +13594,7 @@ SPSI_COLD sps_result spsi_contents_add_particles(spsi_contents *contents) {
 /* --- a chunk's particles, by tile --- */
 
 /* The list that a particle belongs in, as spsi_lists.places has it. */
-static int spsi_list_place(const spsi_target *target, const spsi_ball *ball) {
+static int spsi_list_place(const spsi_target *target, const spsi_sphere *ball) {
     const int x0 = ball->x0 / SPSI_TILE_WIDTH, x1 = ball->x1 / SPSI_TILE_WIDTH;
     const int y0 = ball->y0 / SPSI_TILE_HEIGHT, y1 = ball->y1 / SPSI_TILE_HEIGHT;
     if (ball->x1 < ball->x0 || ball->y1 < ball->y0) return -1;
@@ -13583,7 +13602,7 @@ static int spsi_list_place(const spsi_target *target, const spsi_ball *ball) {
     return 4 * (y0 * target->columns + x0) + (x1 > x0) + 2 * (y1 > y0);
 }
 
-static void spsi_seen_task(void *data, int i) {
+static void spsi_projected_sphere_task(void *data, int i) {
     const spsi_contents *contents = (const spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
     const sps_particle *particles = frame->content->particles;
@@ -13593,10 +13612,11 @@ static void spsi_seen_task(void *data, int i) {
         spsi_prefetch(&particles[contents->particles.present[ahead]], sizeof *particles);
     for (int n = 0; n < contents->target_count; ++n) {
         const spsi_target *target = contents->targets[n];
-        spsi_seen *seen = &target->particles.seen[i];
-        spsi_seen_build(&target->crossing, set, &particles[particle],
-                        target->set_channels[set - frame->particles.sets], contents->first_slab,
-                        target->rays == &frame->content->eye ? SPSI_BALL_COARSE : SPSI_BALL_COARSE_LIGHT, seen);
+        spsi_projected_sphere *seen = &target->particles.seen[i];
+        spsi_projected_sphere_build(
+            &target->crossing, set, &particles[particle], target->set_channels[set - frame->particles.sets],
+            contents->first_slab, target->rays == &frame->content->eye ? SPSI_SPHERE_COARSE : SPSI_SPHERE_COARSE_LIGHT,
+            seen);
         target->particles.places[i] = spsi_list_place(target, &seen->ball);
     }
 }
@@ -13620,7 +13640,7 @@ SPSI_COLD void spsi_contents_bin_particles(spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
     if (contents->particles.current == 0) return;
-    spsi_parallel_batches(context, contents->particles.current, spsi_seen_task, contents);
+    spsi_parallel_batches(context, contents->particles.current, spsi_projected_sphere_task, contents);
     spsi_parallel_items(context, contents->target_count, spsi_lists_task, contents);
     context->stats.seconds_bin += spsi_clock(context) - start;
 }
@@ -13635,8 +13655,8 @@ static void spsi_tile_place(const spsi_target *target, int column, int row, int 
     tile->x0 = column * SPSI_TILE_WIDTH;
     tile->y0 = row * SPSI_TILE_HEIGHT;
     tile->pitch = SPSI_TILE_WIDTH;
-    tile->x1 = spsi_least(tile->x0 + SPSI_TILE_WIDTH, target->rays->width) - 1;
-    tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT, target->rays->height) - 1;
+    tile->x1 = spsi_imin(tile->x0 + SPSI_TILE_WIDTH, target->rays->width) - 1;
+    tile->y1 = spsi_imin(tile->y0 + SPSI_TILE_HEIGHT, target->rays->height) - 1;
     tile->slab_count = SPSI_CHUNK + 2 * target->shape.slab_margin;
     tile->sheet_size = SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     tile->channel_size = tile->sheet_size * (size_t)tile->slab_count;
@@ -13675,9 +13695,9 @@ static void spsi_tile_carry(spsi_tile_fill *fill) {
 }
 
 /* Places a patch of a tile. Returns 0 if it has no pixels. */
-static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_tap_patch *patch) {
+static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_sampler_patch *patch) {
     const int x = tile->x0 + number % 8 * SPSI_PATCH, y = tile->y0 + number / 8 * SPSI_PATCH;
-    const int x1 = spsi_least(tile->x1, x + SPSI_PATCH - 1), y1 = spsi_least(tile->y1, y + SPSI_PATCH - 1);
+    const int x1 = spsi_imin(tile->x1, x + SPSI_PATCH - 1), y1 = spsi_imin(tile->y1, y + SPSI_PATCH - 1);
     patch->x0 = x, patch->y0 = y, patch->x1 = x1, patch->y1 = y1;
     for (int n = 0; n < 16; ++n) {
         patch->x[n] = (float)x + (float)(x1 - x) * (float)(n % 4) / 3;
@@ -13687,35 +13707,35 @@ static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_tap_patch *pa
 }
 
 /* Optical depth of a slab on a patch's rays, if the value of a gas is 1. */
-static float spsi_target_depth(const spsi_target *target, int medium, const spsi_tap_patch *patch) {
+static float spsi_target_depth(const spsi_target *target, int medium, const spsi_sampler_patch *patch) {
     const spsi_frame *frame = target->frame;
     const float extinction = frame->matter.materials[frame->media[medium].channel].extinction;
     float most = 0;
     for (int corner = 0; corner < 4; ++corner) {
-        const float x = patch->x[spsi_tap_corner(corner)], y = patch->y[spsi_tap_corner(corner)];
-        const float slabs = fabsf(spsi_tap_slabs_per_depth(&target->tappers[medium], x, y));
-        most = spsi_higher(most, spsi_lane(spsi_ray_lengths(target->rays, spsi_set(x), y), 0) / slabs);
+        const float x = patch->x[spsi_sampler_corner(corner)], y = patch->y[spsi_sampler_corner(corner)];
+        const float slabs = fabsf(spsi_sampler_slabs_per_depth(&target->tappers[medium], x, y));
+        most = spsi_fmax(most, spsi_lane(spsi_ray_lengths(target->rays, spsi_set(x), y), 0) / slabs);
     }
     return extinction * most;
 }
 
 /* How a patch of a tile is interpolated, slab by slab. */
 typedef struct spsi_patch_plan {
-    spsi_tap_patch patch;
+    spsi_sampler_patch patch;
     float allowed;             /* of the tolerance, up to here */
     float *spent;              /* of what is allowed */
     float depth, way;          /* of a slab: optical depth, if the value is 1, and voxels that rays cross */
-    int steps[SPSI_TAP_SLABS]; /* samples of its sixteen rays in each slab; 0: all rays are followed */
+    int steps[SPSI_SAMPLER_SLABS]; /* samples of its sixteen rays in each slab; 0: all rays are followed */
 } spsi_patch_plan;
 
 /* Chooses the slabs that sixteen rays fill, by what is left of the tolerance. Where rays cross voxels enough for
    several samples in a slab, fewer of them may do. */
-static void spsi_patch_choose(const spsi_tapper *here, const spsi_tile *tile, spsi_patch_plan *plan) {
-    const float across = plan->depth * spsi_tap_patch_bound(here, tile, &plan->patch);
-    const int most = spsi_tap_steps(here, plan->way);
-    float bends[SPSI_TAP_SLABS + SPSI_LANES], beside[SPSI_TAP_SLABS + SPSI_LANES];
-    const uint32_t whole = spsi_tap_patch_bends(here, tile, &plan->patch, most, bends);
-    if (most > 1) spsi_tap_patch_bends(here, tile, &plan->patch, 1, beside);
+static void spsi_patch_choose(const spsi_sampler *here, const spsi_tile *tile, spsi_patch_plan *plan) {
+    const float across = plan->depth * spsi_sampler_patch_bound(here, tile, &plan->patch);
+    const int most = spsi_sampler_steps(here, plan->way);
+    float bends[SPSI_SAMPLER_SLABS + SPSI_LANES], beside[SPSI_SAMPLER_SLABS + SPSI_LANES];
+    const uint32_t whole = spsi_sampler_patch_thirds(here, tile, &plan->patch, most, bends);
+    if (most > 1) spsi_sampler_patch_thirds(here, tile, &plan->patch, 1, beside);
     for (int slab = 0; slab < tile->slab_count; ++slab) {
         const float bound = *plan->spent + across * bends[slab];
         float along = 0;
@@ -13724,7 +13744,7 @@ static void spsi_patch_choose(const spsi_tapper *here, const spsi_tile *tile, sp
         if (!(bound <= plan->allowed) || !(whole >> slab & 1)) continue;
         for (*steps = 1; *steps < most; ++*steps) {
             along = across * (beside[slab] - bends[slab]) +
-                    plan->depth * spsi_tap_steps_bound(beside[slab], plan->way, *steps);
+                    plan->depth * spsi_sampler_steps_bound(beside[slab], plan->way, *steps);
             if (bound + along <= plan->allowed) break;
         }
         *plan->spent = bound + (*steps < most ? along : 0);
@@ -13734,8 +13754,8 @@ static void spsi_patch_choose(const spsi_tapper *here, const spsi_tile *tile, sp
 /* Adds a gathered volume to those of a tile's patches, slab by slab, where sixteen rays do. Slabs up to here may use
    their share of the tolerance. `way`: voxels that rays cross in a slab. `rest` has the patches of each slab, and keeps
    those that were left out. */
-static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *here, int medium, float way, float *channel,
-                                  uint64_t rest[SPSI_TAP_SLABS]) {
+static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here, int medium, float way, float *channel,
+                                  uint64_t rest[SPSI_SAMPLER_SLABS]) {
     const spsi_target *target = fill->target;
     const float chunk = (float)(fill->contents->first_slab / SPSI_CHUNK);
     float *spent = target->spent + 64 * (fill->row * target->columns + fill->column);
@@ -13754,7 +13774,7 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *here,
             const int steps = plan.steps[run[0]];
             for (run[1] = run[0]; run[1] < count && plan.steps[run[1]] == steps; ++run[1])
                 if (steps > 0) rest[run[1]] &= ~(UINT64_C(1) << n);
-            if (steps > 0) spsi_tap_patch_add(here, fill->tile, &plan.patch, run, steps, channel);
+            if (steps > 0) spsi_sampler_patch_add(here, fill->tile, &plan.patch, run, steps, channel);
         }
     }
 }
@@ -13793,13 +13813,13 @@ static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
                                ? ceilf(2 * way + 1.25f - taps)
                                : ceilf(2 * way) - (float)(frame->view.quality == SPS_QUALITY_DRAFT);
     if (!frame->matter.materials[frame->media[medium].channel].table) return 0;
-    return (int)spsi_lower(spsi_higher(farthest, 0), SPSI_FIELD_REACHES - 1);
+    return (int)spsi_fmin(spsi_fmax(farthest, 0), SPSI_PYRAMID_REACHES - 1);
 }
 
 /* The pixels of a vector that lie in each slab's patches, as bits, from the slab before the first on. `x` and `row` are
    relative to the tile, and `row` counts patches. */
-static void spsi_tile_need(const uint64_t patches[SPSI_TAP_SLABS], int count, int x, int row,
-                           int by_slab[SPSI_TAP_SLABS + 3]) {
+static void spsi_tile_need(const uint64_t patches[SPSI_SAMPLER_SLABS], int count, int x, int row,
+                           int by_slab[SPSI_SAMPLER_SLABS + 3]) {
     by_slab[0] = by_slab[count + 1] = by_slab[count + 2] = 0;
     for (int slab = 0; slab < count; ++slab)
         by_slab[1 + slab] = (int)(spsi_patch_pixels(patches[slab], row) >> x & SPSI_ALL_LANES);
@@ -13807,52 +13827,52 @@ static void spsi_tile_need(const uint64_t patches[SPSI_TAP_SLABS], int count, in
 
 /* Adds a gathered volume to patches of a tile's slabs, on all rays that have not ended. A vector of pixels goes down
    row by row, so that bricks stay in the level-1 cache. */
-static void spsi_tile_follow(const spsi_tapper *here, spsi_tile *tile, const uint64_t patches[SPSI_TAP_SLABS],
+static void spsi_tile_follow(const spsi_sampler *here, spsi_tile *tile, const uint64_t patches[SPSI_SAMPLER_SLABS],
                              int steps, float *channel) {
     const int width = tile->x1 - tile->x0 + 1;
     uint64_t live[SPSI_TILE_HEIGHT], all = 0;
-    int by_slab[SPSI_TAP_SLABS + 3];
+    int by_slab[SPSI_SAMPLER_SLABS + 3];
     for (int slab = 0; slab < tile->slab_count; ++slab) all |= patches[slab];
     spsi_tile_live(tile, all, live);
     for (int x = 0; x < width; x += SPSI_LANES)
         for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
             const int lanes = (int)(live[y] >> x & SPSI_ALL_LANES);
             if (y % SPSI_PATCH == 0) spsi_tile_need(patches, tile->slab_count, x, y / SPSI_PATCH, by_slab);
-            if (lanes) spsi_tap_row(here, tile, tile->x0 + x, tile->y0 + y, lanes, by_slab, steps, channel);
+            if (lanes) spsi_sampler_row(here, tile, tile->x0 + x, tile->y0 + y, lanes, by_slab, steps, channel);
         }
 }
 
 /* Adds a level of a gathered volume to the patches of a tile. */
-static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t patches, spsi_tapper here) {
+static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t patches, spsi_sampler here) {
     const spsi_target *target = fill->target;
     spsi_tile *tile = fill->tile;
-    uint64_t rest[SPSI_TAP_SLABS];
+    uint64_t rest[SPSI_SAMPLER_SLABS];
     here.slab.base[0] -= (float)(fill->contents->first_slab - target->shape.slab_margin);
     here.scale *= here.mix / (float)here.rays;
     spsi_tile_touch(fill);
     float *channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
-    const float way = spsi_tap_way(&here, tile);
+    const float way = spsi_sampler_crossed(&here, tile);
     here.cells = (const uint32_t(*)[2])here.field->cells[spsi_reach_wanted(target, medium, way)];
     for (int slab = 0; slab < tile->slab_count; ++slab) rest[slab] = patches;
     if (spsi_target_interpolates(target, medium) && here.level <= 1)
         spsi_tile_interpolate(fill, &here, medium, way, channel, rest);
-    spsi_tile_follow(&here, tile, rest, spsi_tap_steps(&here, way), channel);
+    spsi_tile_follow(&here, tile, rest, spsi_sampler_steps(&here, way), channel);
 }
 
 /* Adds its level, and the next, by as many rays as that has once it replaces this one. `mix` is that of each from here
    on. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
-    spsi_tapper here = target->tappers[medium], next = here;
+    spsi_sampler here = target->tappers[medium], next = here;
     here.mix = 1 - next.mix;
     spsi_tile_gather_level(fill, medium, patches, here);
     if (!(next.mix > 0)) return;
     const int fewest = here.fields->taps == 4 ? 3 : 2;
-    const int one = target->kind == SPSI_TARGET_SHEETS && here.least >= (float)SPSI_TAP_VARIANCE;
-    int side = one ? 1 : spsi_most(here.side, fewest);
-    while (side > fewest && here.least * (float)((side - 1) * (side - 1)) >= (float)SPSI_TAP_LONE) --side;
-    spsi_tapper_build(here.fields, &target->frame->lattices[medium], target->rays, target->slabs, here.level + 1,
-                      side * side, &next);
+    const int one = target->kind == SPSI_TARGET_SHEETS && here.least >= (float)SPSI_SAMPLER_VARIANCE;
+    int side = one ? 1 : spsi_imax(here.side, fewest);
+    while (side > fewest && here.least * (float)((side - 1) * (side - 1)) >= (float)SPSI_SAMPLER_LONE) --side;
+    spsi_sampler_build(here.fields, &target->frame->lattices[medium], target->rays, target->slabs, here.level + 1,
+                       side * side, &next);
     next.mix = 1 - here.mix;
     next.scale = here.scale;
     next.whole = here.whole;
@@ -13880,7 +13900,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         const spsi_segment *segment = spsi_segment_at(contents->context, brick->segment);
         const spsi_splatter *splatter = &target->splatters[brick->lattice];
         const int channel = target->channels[brick->lattice];
-        spsi_anchor anchor;
+        spsi_brick_origin anchor;
         spsi_deposit deposit;
         if (channel < 0 || !spsi_box_meets_tile(box, fill->column, fill->row)) continue;
         const uint64_t patches = tile->open & spsi_patches(tile, box[0], box[1], box[2], box[3]);
@@ -13891,8 +13911,8 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         if (!patches) continue;
         if (++splatted % SPSI_TICK_BRICKS == 0) spsi_task_tick(contents->context);
         spsi_tile_touch(fill);
-        spsi_anchor_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs, first_slab,
-                          &anchor);
+        spsi_brick_origin_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs,
+                                first_slab, &anchor);
         float *sheets = tile->sheets + (size_t)channel * tile->channel_size;
         if (splatter->deposits) {
             spsi_deposit_begin(tile, splatter, &anchor, brick, edges, &deposit);
@@ -13905,7 +13925,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         if (gathered[m]) spsi_tile_gather(fill, m, gathered[m]);
 }
 
-static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_seen *seen) {
+static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_projected_sphere *seen) {
     const int left = fill->target->slabs->count - fill->contents->first_slab;
     spsi_tile_touch(fill);
     if (fill->summed++ == SPSI_SUMMED_MOST) spsi_tile_carry(fill);
@@ -13919,7 +13939,7 @@ static void spsi_tile_splat_list(spsi_tile_fill *fill, int list, int beyond) {
     for (int i = first; i < end; ++i) {
         const int member = lists->members[i];
         if (i + ahead < end && (lists->members[i + ahead] & beyond) == beyond)
-            spsi_prefetch(&lists->seen[lists->members[i + ahead] / 4], sizeof(spsi_seen));
+            spsi_prefetch(&lists->seen[lists->members[i + ahead] / 4], sizeof(spsi_projected_sphere));
         if ((member & beyond) == beyond) spsi_tile_splat_one(fill, &lists->seen[member / 4]);
     }
 }
@@ -13929,8 +13949,8 @@ static void spsi_tile_splat_wide(spsi_tile_fill *fill) {
     const spsi_lists *lists = &fill->target->particles;
     const int list = fill->target->columns * fill->target->rows;
     for (int i = lists->starts[list]; i < lists->starts[list + 1]; ++i) {
-        const spsi_seen *seen = &lists->seen[lists->members[i] / 4];
-        const spsi_ball *ball = &seen->ball;
+        const spsi_projected_sphere *seen = &lists->seen[lists->members[i] / 4];
+        const spsi_sphere *ball = &seen->ball;
         if (ball->x0 / SPSI_TILE_WIDTH <= fill->column && ball->x1 / SPSI_TILE_WIDTH >= fill->column &&
             ball->y0 / SPSI_TILE_HEIGHT <= fill->row && ball->y1 / SPSI_TILE_HEIGHT >= fill->row)
             spsi_tile_splat_one(fill, seen);
@@ -13968,10 +13988,10 @@ static uint32_t spsi_tile_work(const spsi_tile *tile) { return (uint32_t)(tile->
 
 /* ========================================================================================== >>lightsheets
    23 The optical depth of a light's sheets. Sheets of gases hold it already, per unit of t. A transfer function is not
-   linear, so a slab's mean value is not enough: classified slabs are divided into SPSI_PARTS parts, whose means come
+   linear, so a slab's mean value is not enough: classified slabs are divided into SPSI_SUBSLABS parts, whose means come
    from the parabola through the means of three slabs. */
 
-#define SPSI_PARTS 4 /* of a slab that is classified or shaded by polygons */
+#define SPSI_SUBSLABS 4 /* of a slab that is classified or shaded by polygons */
 
 /* value + slope x + bend x^2, x from -1/2 to 1/2 through a slab. */
 typedef struct spsi_parabola {
@@ -14014,9 +14034,9 @@ typedef struct spsi_portion {
     spsi_v middle, square;
 } spsi_portion;
 
-/* One of SPSI_PARTS equal parts of the interval between the shares `first` and `last` of a slab. */
+/* One of SPSI_SUBSLABS equal parts of the interval between the shares `first` and `last` of a slab. */
 static inline spsi_portion spsi_portion_of(spsi_v first, spsi_v last, int part) {
-    const spsi_v width = spsi_mul(spsi_sub(last, first), spsi_set(1.0f / SPSI_PARTS));
+    const spsi_v width = spsi_mul(spsi_sub(last, first), spsi_set(1.0f / SPSI_SUBSLABS));
     spsi_portion s;
     s.middle = spsi_fma(width, spsi_set((float)part + 0.5f), spsi_sub(first, spsi_set(0.5f)));
     s.square = spsi_fma(s.middle, s.middle, spsi_mul(spsi_mul(width, width), spsi_set(1.0f / 12)));
@@ -14072,7 +14092,7 @@ static inline spsi_v spsi_sheet_sum(const spsi_tile *tile, int channel, size_t a
    parabola through the slabs before and after, as they do for the eye. */
 static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const spsi_tile *tile, size_t at,
                                       const spsi_row_slabs *slabs) {
-    const spsi_v part_length = spsi_mul(spsi_mul(slabs->per_slab, slabs->length), spsi_set(1.0f / SPSI_PARTS));
+    const spsi_v part_length = spsi_mul(spsi_mul(slabs->per_slab, slabs->length), spsi_set(1.0f / SPSI_SUBSLABS));
     spsi_v depth = spsi_set(0);
     for (int c = 0; c < shader->frame->matter.light_channel_count; ++c) {
         const int material = shader->material_of_channel[c];
@@ -14089,7 +14109,7 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
         values[1] = spsi_mul(sum, slabs->count);
         values[2] = spsi_mul(spsi_sheet_sum(tile, c, at + tile->sheet_size), slabs->count);
         if (!spsi_values_through(shown, values, shader->has_means[c], &value)) continue;
-        for (int part = 0; part < SPSI_PARTS; ++part) {
+        for (int part = 0; part < SPSI_SUBSLABS; ++part) {
             const spsi_portion portion = spsi_portion_of(spsi_set(0), spsi_set(1), part);
             const spsi_v mean = spsi_parabola_mean(&value, &portion);
             if (!spsi_any_shown(shown, mean)) continue;
@@ -14131,10 +14151,10 @@ typedef struct spsi_tmap_data {
 } spsi_tmap_data;
 
 /* What the texels of a tile of a shadow table are made from, patch by patch. */
-typedef struct spsi_tile_prints {
+typedef struct spsi_tile_fingerprints {
     uint64_t open; /* bit mask of the patches that are filled; the others keep what they held in the last call */
     uint64_t patches[64];
-} spsi_tile_prints;
+} spsi_tile_fingerprints;
 
 struct sps_tmap {
     sps_context *context;
@@ -14165,9 +14185,9 @@ SPSI_COLD size_t spsi_tmap_texel_count(const sps_tmap *map) {
 }
 
 /* Fingerprints of a tile of a face; NULL: there are none. */
-static spsi_tile_prints *spsi_tmap_prints(const sps_tmap *map, int face, int row, int column) {
+static spsi_tile_fingerprints *spsi_tmap_fingerprints(const sps_tmap *map, int face, int row, int column) {
     const int columns = spsi_tile_columns(&map->rays[0]), rows = spsi_tile_rows(&map->rays[0]);
-    spsi_tile_prints *prints = (spsi_tile_prints *)map->data.prints.data;
+    spsi_tile_fingerprints *prints = (spsi_tile_fingerprints *)map->data.prints.data;
     return prints ? prints + ((size_t)face * (size_t)rows + (size_t)row) * (size_t)columns + column : NULL;
 }
 
@@ -14222,7 +14242,7 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
         bounds[0] = bounds[1] = spsi_tmap_optical_depth(map, index, u);
     } else if (map->settings.technique == SPS_TMAP_COMPRESSED && map->settings.components == 0) {
         const float through = expf(-spsi_tmap_optical_depth(map, index, u)), epsilon = map->inner.epsilon;
-        bounds[0] = spsi_higher(-logf(spsi_lower(through + epsilon, 1)), 0);
+        bounds[0] = spsi_fmax(-logf(spsi_fmin(through + epsilon, 1)), 0);
         bounds[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
     } else if (map->technique->bracket) {
         const float *texel = spsi_tmap_texel(map, index), first = map->has_range ? texel[0] : 0;
@@ -14230,7 +14250,7 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
         bounds[1] = 0;
         if (!(u < first))
             map->technique->bracket(&map->inner, texel + 2 * map->has_range,
-                                    length > 0 ? spsi_lower((u - first) / length, 1) : 1, bounds);
+                                    length > 0 ? spsi_fmin((u - first) / length, 1) : 1, bounds);
     }
 }
 
@@ -14258,16 +14278,16 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_tma
     spsi_project(&map->rays[face], point, q);
     if (!(fabs(q[0]) <= DBL_MAX && fabs(q[1]) <= DBL_MAX && fabs(q[2]) <= DBL_MAX)) return 0;
     quad->t = q[2];
-    quad->u = (float)spsi_fmin((q[2] - map->settings.near_depth) * map->per_depth, 1);
+    quad->u = (float)spsi_dmin((q[2] - map->settings.near_depth) * map->per_depth, 1);
     if (!(quad->u >= 0) || (map->rays[face].perspective && !(q[2] > 0))) return 0;
     if (map->face_count > 1) /* round-off must not lead out of the face */
-        q[0] = spsi_fmin(spsi_fmax(q[0], 0), width - 1), q[1] = spsi_fmin(spsi_fmax(q[1], 0), height - 1);
+        q[0] = spsi_dmin(spsi_dmax(q[0], 0), width - 1), q[1] = spsi_dmin(spsi_dmax(q[1], 0), height - 1);
     if (!(q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= width - 0.5 && q[1] <= height - 0.5)) return 0;
     x = (int)floor(q[0]);
     y = (int)floor(q[1]);
     for (int i = 0; i < 2; ++i) {
-        quad->column[i] = spsi_least(spsi_most(x + i, 0), width - 1);
-        quad->row[i] = face * height + spsi_least(spsi_most(y + i, 0), height - 1);
+        quad->column[i] = spsi_imin(spsi_imax(x + i, 0), width - 1);
+        quad->row[i] = face * height + spsi_imin(spsi_imax(y + i, 0), height - 1);
     }
     for (int i = 0; i < 4; ++i) quad->weight[i] = (1 - fabs(q[0] - (x + (i & 1)))) * (1 - fabs(q[1] - (y + (i >> 1))));
     return 1;
@@ -14370,7 +14390,7 @@ static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, f
     for (int n = 0; n < count; ++n) {
         double sum = 0;
         for (int i = 4 * n; i < 4 * n + 4; ++i) sum += (double)weight[i] * (double)depth[i];
-        depths[n] = (float)spsi_fmin(sum, (double)SPSI_DEPTH_MAX);
+        depths[n] = (float)spsi_dmin(sum, (double)SPSI_DEPTH_MAX);
     }
 }
 
@@ -14436,7 +14456,7 @@ static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
 
 /* Optical depth, surfaces included, from that of gas and the share that surfaces let through. */
 static double spsi_optical_depth_with_surfaces(double depth, double lit) {
-    return lit > 0 ? spsi_fmin(depth - log(lit), (double)SPSI_DEPTH_MAX) : (double)SPSI_DEPTH_MAX;
+    return lit > 0 ? spsi_dmin(depth - log(lit), (double)SPSI_DEPTH_MAX) : (double)SPSI_DEPTH_MAX;
 }
 
 /* Guaranteed bounds of the optical depth at a world point, surfaces included. */
@@ -14470,12 +14490,12 @@ typedef struct spsi_map_volumes {
 typedef struct spsi_occluders {
     const spsi_frame *frame;
     spsi_faces faces;
-    const spsi_ball *balls;                   /* for the current face */
+    const spsi_sphere *balls;                 /* for the current face */
     const uint32_t *tile_starts, *tile_balls; /* of each tile, plus one more; tile_balls NULL: all, for every tile */
     int *boxes;                               /* of triangles, in texels of the current face */
     spsi_map_volumes *volumes;                /* NULL: none */
     int coarse;                               /* 1: texels are meant to be wider than classified voxels */
-    spsi_part_of_call part;
+    spsi_call_stage part;
 } spsi_occluders;
 
 /* A row of tiles that is being filled. */
@@ -14516,23 +14536,24 @@ typedef struct spsi_map_tile {
 } spsi_map_tile;
 
 static int spsi_filling_height(const spsi_filling *filling) {
-    return spsi_least(SPSI_TILE_HEIGHT, filling->map->rays[0].height - filling->band.row * SPSI_TILE_HEIGHT);
+    return spsi_imin(SPSI_TILE_HEIGHT, filling->map->rays[0].height - filling->band.row * SPSI_TILE_HEIGHT);
 }
 
 /* Number of floats of a band with `components` components. */
 SPSI_COLD size_t spsi_band_floats(const sps_tmap *map, int components) {
     const size_t tiles = (size_t)spsi_tile_columns(&map->rays[0]);
-    const size_t height = (size_t)spsi_least(SPSI_TILE_HEIGHT, map->rays[0].height);
+    const size_t height = (size_t)spsi_imin(SPSI_TILE_HEIGHT, map->rays[0].height);
     return (size_t)components * ((size_t)map->rays[0].width * height + tiles * SPSI_LANES);
 }
 
 static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_map_tile *into) {
-    const spsi_tile_prints *prints = spsi_tmap_prints(filling->map, filling->band.face, filling->band.row, column);
+    const spsi_tile_fingerprints *prints =
+        spsi_tmap_fingerprints(filling->map, filling->band.face, filling->band.row, column);
     into->filling = filling;
     into->open = prints ? prints->open : ~UINT64_C(0);
     into->x0 = column * SPSI_TILE_WIDTH;
     into->y0 = filling->band.row * SPSI_TILE_HEIGHT;
-    into->width = spsi_least(SPSI_TILE_WIDTH, filling->map->rays[0].width - into->x0);
+    into->width = spsi_imin(SPSI_TILE_WIDTH, filling->map->rays[0].width - into->x0);
     into->height = spsi_filling_height(filling);
     into->stride = (size_t)(into->width * into->height) + SPSI_LANES;
     const size_t before = (size_t)into->x0 * (size_t)into->height + (size_t)column * SPSI_LANES;
@@ -14584,7 +14605,7 @@ static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi
     spsi_store(lanes[0], intervals->u0);
     spsi_store(lanes[1], intervals->u1);
     spsi_store(lanes[2], intervals->depth);
-    for (int i = 0; i < spsi_least(SPSI_LANES, into->x0 + into->width - x); ++i) {
+    for (int i = 0; i < spsi_imin(SPSI_LANES, into->x0 + into->width - x); ++i) {
         if (!(lanes[2][i] > 0)) continue;
         if (filling->visit == SPSI_VISIT_LIST) {
             const spsi_interval one = {lanes[0][i], lanes[1][i], lanes[2][i], intervals->soft};
@@ -14630,7 +14651,7 @@ static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const sp
                                double to) {
     const sps_tmap *map = into->filling->map;
     const int waves = map->inner.components / 2;
-    const int parts = 6 * (map->has_range ? waves : spsi_most((int)ceil(waves * (to - from)), 1));
+    const int parts = 6 * (map->has_range ? waves : spsi_imax((int)ceil(waves * (to - from)), 1));
     const double way = (to - from) / parts, u0 = (double)interval->u0, length = (double)interval->u1 - u0;
     const double soft = (double)interval->soft, scale = (double)interval->depth * way / length * 6 / (3 - 2 * soft);
     for (int i = 0; i < 3 * parts; ++i) {
@@ -14643,8 +14664,8 @@ static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const sp
 
 /* Inserts a clipped interval in parts, for techniques that need this: what lies before 0 or behind 1 counts there. */
 static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
-    const float from = spsi_higher(spsi_lower(interval->u0, 1), 0), to = spsi_higher(spsi_lower(interval->u1, 1), 0);
-    const float before = spsi_interval_share(interval, from), until = spsi_interval_share(interval, to);
+    const float from = spsi_fmax(spsi_fmin(interval->u0, 1), 0), to = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
+    const float before = spsi_interval_fraction(interval, from), until = spsi_interval_fraction(interval, to);
     const spsi_interval front = {from, from, interval->depth * before, 0};
     const spsi_interval even = {from, to, interval->depth * (until - before), 0};
     const spsi_interval back = {to, to, interval->depth * (1 - until), 0};
@@ -14663,10 +14684,10 @@ static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, c
     const spsi_filling *filling = into->filling;
     const double per_t = filling->map->per_depth, light = filling->light_u;
     const double u0 = ((double)in_t[0] - (double)in_t[1]) * per_t, u1 = ((double)in_t[0] + (double)in_t[1]) * per_t;
-    const double from = spsi_fmax(u0, light), part = (u1 - from) / (u1 - u0);
+    const double from = spsi_dmax(u0, light), part = (u1 - from) / (u1 - u0);
     const double share = soft ? part * part * (3 - 2 * part) : part;
-    const double first = spsi_fmax(from, -SPSI_INTERVAL_REACH), last = spsi_fmax(u1, -SPSI_INTERVAL_REACH);
-    const spsi_interval rest = {(float)spsi_fmin(first, 1), (float)spsi_fmin(last, SPSI_INTERVAL_REACH),
+    const double first = spsi_dmax(from, -SPSI_INTERVAL_REACH), last = spsi_dmax(u1, -SPSI_INTERVAL_REACH);
+    const spsi_interval rest = {(float)spsi_dmin(first, 1), (float)spsi_dmin(last, SPSI_INTERVAL_REACH),
                                 (float)((double)in_t[2] * share), soft ? (float)part : 0};
     if (!(part > 0)) return;
     if (filling->map->technique->points && filling->visit != SPSI_VISIT_RANGE)
@@ -14681,7 +14702,7 @@ static void spsi_insert_cut_chords(const spsi_map_tile *into, int soft, int x, i
                                    spsi_intervals *intervals) {
     const int parts = into->filling->map->technique->points;
     const spsi_v zero = spsi_set(0), one = spsi_set(1), high = parts ? one : spsi_set((float)SPSI_INTERVAL_REACH);
-    const spsi_v low = parts ? zero : spsi_set((float)spsi_fmax(into->filling->light_u, -SPSI_INTERVAL_REACH));
+    const spsi_v low = parts ? zero : spsi_set((float)spsi_dmax(into->filling->light_u, -SPSI_INTERVAL_REACH));
     const int outside = spsi_bits(spsi_less(intervals->u0, low)) | spsi_bits(spsi_less(high, intervals->u1));
     const int bits = outside & spsi_bits(spsi_less(zero, intervals->depth));
     float lanes[3][SPSI_LANES];
@@ -14700,12 +14721,12 @@ static void spsi_insert_cut_chords(const spsi_map_tile *into, int soft, int x, i
 }
 
 /* Inserts a vector of a ball's texels in a row, from x on. */
-static void spsi_insert_chords(const spsi_map_tile *into, const spsi_ball *ball, int x, int y, int last) {
+static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *ball, int x, int y, int last) {
     const spsi_filling *filling = into->filling;
     const spsi_v per_t = spsi_set((float)filling->map->per_depth), zero = spsi_set(0), one = spsi_set(1);
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
     spsi_chord chord;
-    spsi_ball_chord(&filling->map->rays[filling->band.face], ball, x, y, &chord);
+    spsi_sphere_chord(&filling->map->rays[filling->band.face], ball, x, y, &chord);
     spsi_intervals intervals = {spsi_mul(spsi_sub(chord.middle, chord.half), per_t),
                                 spsi_mul(spsi_add(chord.middle, chord.half), per_t),
                                 spsi_select(here, spsi_chord_depth(ball, &chord), zero), (float)ball->soft};
@@ -14717,23 +14738,23 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_ball *ball,
         spsi_insert(into, x, y, &intervals);
 }
 
-static void spsi_insert_ball(const spsi_map_tile *into, const spsi_ball *ball) {
-    const int x0 = spsi_most(ball->x0, into->x0), x1 = spsi_least(ball->x1, into->x0 + into->width - 1);
-    const int y0 = spsi_most(ball->y0, into->y0), y1 = spsi_least(ball->y1, into->y0 + into->height - 1);
+static void spsi_insert_sphere(const spsi_map_tile *into, const spsi_sphere *ball) {
+    const int x0 = spsi_imax(ball->x0, into->x0), x1 = spsi_imin(ball->x1, into->x0 + into->width - 1);
+    const int y0 = spsi_imax(ball->y0, into->y0), y1 = spsi_imin(ball->y1, into->y0 + into->height - 1);
     if (x0 > x1 || y0 > y1 || !spsi_map_tile_is_open(into, x0, y0, x1, y1)) return;
     for (int y = y0; y <= y1; ++y)
         for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(into, ball, x, y, x1);
 }
 
 /* Number of balls that a tile may meet. */
-static uint32_t spsi_tile_ball_count(const spsi_occluders *occluders, int tile) {
+static uint32_t spsi_tile_sphere_count(const spsi_occluders *occluders, int tile) {
     if (!occluders->balls) return 0;
     if (occluders->tile_balls) return occluders->tile_starts[tile + 1] - occluders->tile_starts[tile];
     return (uint32_t)occluders->frame->content->particle_count;
 }
 
 /* The number of the i-th of them. */
-static uint32_t spsi_tile_ball(const spsi_occluders *occluders, int tile, uint32_t i) {
+static uint32_t spsi_tile_sphere(const spsi_occluders *occluders, int tile, uint32_t i) {
     return occluders->tile_balls ? occluders->tile_balls[occluders->tile_starts[tile] + i] : i;
 }
 
@@ -14751,20 +14772,20 @@ static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
     const int opaque = depth >= SPSI_DEPTH_MAX;
     spsi_edges edges;
     spsi_face_edges(&filling->occluders->faces, number, rays, &edges);
-    for (int y = spsi_most(box[1], into->y0); y <= spsi_least(box[3], into->y0 + into->height - 1); ++y)
-        for (int x = spsi_most(box[0], into->x0); x <= spsi_least(box[2], into->x0 + into->width - 1); ++x) {
+    for (int y = spsi_imax(box[1], into->y0); y <= spsi_imin(box[3], into->y0 + into->height - 1); ++y)
+        for (int x = spsi_imax(box[0], into->x0); x <= spsi_imin(box[2], into->x0 + into->width - 1); ++x) {
             double w[3], t, u;
             if (!spsi_face_hit(&edges, x, y, w)) continue;
             t = w[0] * edges.depth[0] + w[1] * edges.depth[1] + w[2] * edges.depth[2];
             if (rays->perspective && !(t + rays->depth_reference > 0)) continue;
             u = t * map->per_depth; /* surfaces may lie before near_depth and behind far_depth */
             if (!opaque) {
-                const float at = (float)spsi_fmin(spsi_fmax(u, 0), 1);
+                const float at = (float)spsi_dmin(spsi_dmax(u, 0), 1);
                 const spsi_interval sheet = {at, at, depth, 0};
                 spsi_insert_one(into, x, y, &sheet);
             } else if (filling->visit == SPSI_VISIT_SUMS || filling->visit == SPSI_VISIT_LIST)
                 surfaces[spsi_map_tile_texel(into, x, y)] =
-                    spsi_lower(surfaces[spsi_map_tile_texel(into, x, y)], (float)spsi_fmin(spsi_fmax(u, -1e29), 1e29));
+                    spsi_fmin(surfaces[spsi_map_tile_texel(into, x, y)], (float)spsi_dmin(spsi_dmax(u, -1e29), 1e29));
         }
 }
 
@@ -14784,8 +14805,8 @@ static void spsi_fill_task(void *data, int index) {
     const int tile = filling->band.row * filling->band.tiles_x + index;
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
-    for (uint32_t i = 0; i < spsi_tile_ball_count(occluders, tile); ++i) {
-        spsi_insert_ball(&into, &occluders->balls[spsi_tile_ball(occluders, tile, i)]);
+    for (uint32_t i = 0; i < spsi_tile_sphere_count(occluders, tile); ++i) {
+        spsi_insert_sphere(&into, &occluders->balls[spsi_tile_sphere(occluders, tile, i)]);
         if (i % SPSI_BATCH == SPSI_BATCH - 1) spsi_task_tick(filling->context);
     }
     spsi_insert_triangles(&into);
@@ -14811,9 +14832,9 @@ static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) 
                 spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, &slabs);
                 depth = spsi_select(here, spsi_min(depth, spsi_set(SPSI_DEPTH_MAX)), spsi_set(0));
                 if (!spsi_bits(spsi_less(spsi_set(0), depth))) continue;
-                const spsi_intervals intervals = {spsi_set((float)spsi_fmin(spsi_fmax(u, 0), 1)),
-                                                  spsi_set((float)spsi_fmin(spsi_fmax(u + filling->u_per_slab, 0), 1)),
-                                                      depth, 0};
+                const spsi_intervals intervals = {spsi_set((float)spsi_dmin(spsi_dmax(u, 0), 1)),
+                                                  spsi_set((float)spsi_dmin(spsi_dmax(u + filling->u_per_slab, 0), 1)),
+                                                  depth, 0};
                 spsi_insert(into, x, y, &intervals);
             }
         }
@@ -14868,7 +14889,7 @@ static void spsi_shadow_table_store(const sps_tmap *map, int x, int y, const flo
     double sum = 0;
     for (int k = 0; k < planes; ++k) {
         const float depth = (float)(sum += (double)sums[(size_t)k * stride]);
-        const float steps = spsi_higher(0, spsi_lower(depth, end)) * (SPSI_SHADOW_TABLE_MOST / end);
+        const float steps = spsi_fmax(0, spsi_fmin(depth, end)) * (SPSI_SHADOW_TABLE_MOST / end);
         const uint32_t next = (uint32_t)(steps + 0.5f);
         to[k * SPSI_SHADOW_TABLE_TEXELS + y % side * side + x % side] = before | next << 16;
         before = next;
@@ -14893,7 +14914,7 @@ static void spsi_store_task(void *data, int index) {
         float *out = (float *)map->data.texels.data + texel * (size_t)map->settings.components;
         if (map->has_range) {
             *out++ = into.ranges[i];
-            *out++ = spsi_higher(into.ranges[into.stride + (size_t)i], into.ranges[i]);
+            *out++ = spsi_fmax(into.ranges[into.stride + (size_t)i], into.ranges[i]);
         }
         for (int k = 0; k < components; ++k) out[k] = into.sums[(size_t)k * into.stride + (size_t)i];
         if (map->technique->finish) map->technique->finish(&map->inner, out);
@@ -15066,7 +15087,7 @@ SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
     filling->pieces = has_soft ? map->settings.components > 0 ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
     filling->epsilon = map->settings.epsilon * (has_soft ? 0.75f : 1); /* the rest is for soft pieces */
     /* the error that brackets allow for */
-    filling->map->inner.epsilon = spsi_higher(map->settings.epsilon, has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
+    filling->map->inner.epsilon = spsi_fmax(map->settings.epsilon, has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
     if (filling->band.most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in a texel",
                                (double)filling->band.most, "2 million can be fitted");
@@ -15088,39 +15109,40 @@ SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
 /* Number of depth steps by which particles are sorted; more would not shorten the sorting that remains. */
 #define SPSI_DEPTH_STEPS 4096
 
-typedef struct spsi_ball_job {
+typedef struct spsi_sphere_job {
     const spsi_rays *rays;
     const spsi_rays *faces; /* of a cube, in all of which a particle has one mass; NULL: there is only one face */
     const spsi_frame *frame;
     double near_depth, steps_per_depth;
     uint32_t *order; /* of particles; NULL: in their own order */
     uint16_t *steps; /* the depth step, from near_depth on, at which each particle begins */
-    spsi_ball *balls;
-} spsi_ball_job;
+    spsi_sphere *balls;
+} spsi_sphere_job;
 
-static void spsi_ball_steps_task(void *data, int i) {
-    const spsi_ball_job *job = (const spsi_ball_job *)data;
+static void spsi_sphere_steps_task(void *data, int i) {
+    const spsi_sphere_job *job = (const spsi_sphere_job *)data;
     const double *axis = job->rays->inverse[2], reach = spsi_length(axis);
     const sps_particle *particle = &job->frame->content->particles[i];
     double offset[3], front;
     for (int k = 0; k < 3; ++k) offset[k] = (double)particle->position[k] - job->rays->origin[k];
     front = spsi_dot(axis, offset) - reach * (double)particle->radius - job->near_depth;
-    job->steps[i] = (uint16_t)spsi_fmin(spsi_fmax(front * job->steps_per_depth, 0), SPSI_DEPTH_STEPS - 1);
+    job->steps[i] = (uint16_t)spsi_dmin(spsi_dmax(front * job->steps_per_depth, 0), SPSI_DEPTH_STEPS - 1);
 }
 
-SPSI_COLD size_t spsi_balls_order_bytes(size_t particles) {
+SPSI_COLD size_t spsi_spheres_order_bytes(size_t particles) {
     return (SPSI_DEPTH_STEPS + 1) * sizeof(uint32_t) + particles * (sizeof(uint32_t) + sizeof(uint16_t));
 }
 
 /* Sorts particles into the order in which light meets them (a counting sort), so that the lists of all texels are
    nearly sorted already. */
-SPSI_COLD sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
+SPSI_COLD sps_result spsi_spheres_order(sps_context *context, spsi_sphere_job *job) {
     const int count = job->frame->content->particle_count;
-    job->order = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_ORDER, 1, spsi_balls_order_bytes((size_t)count));
+    job->order =
+        (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_ORDER, 1, spsi_spheres_order_bytes((size_t)count));
     if (!job->order) return context->result;
     uint32_t *starts = job->order + count;
     job->steps = (uint16_t *)(void *)(starts + SPSI_DEPTH_STEPS + 1);
-    spsi_parallel_batches(context, count, spsi_ball_steps_task, job);
+    spsi_parallel_batches(context, count, spsi_sphere_steps_task, job);
     memset(starts, 0, (SPSI_DEPTH_STEPS + 1) * sizeof *starts);
     for (int i = 0; i < count; ++i) starts[job->steps[i] + 1] += 1;
     spsi_running_sums(starts, SPSI_DEPTH_STEPS + 1);
@@ -15128,26 +15150,26 @@ SPSI_COLD sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) 
     return SPS_OK;
 }
 
-static void spsi_balls_task(void *data, int i) {
-    const spsi_ball_job *job = (const spsi_ball_job *)data;
+static void spsi_spheres_task(void *data, int i) {
+    const spsi_sphere_job *job = (const spsi_sphere_job *)data;
     const spsi_frame *frame = job->frame;
     const int particle = job->order ? (int)job->order[i] : i;
     const spsi_particle_set *set = spsi_set_of(frame, particle);
-    spsi_ball_build(job->rays, set, &frame->content->particles[particle], &job->balls[i]);
-    spsi_ball_weigh(job->rays, job->faces, SPSI_BALL_COARSE_LIGHT, set, &frame->content->particles[particle],
-                    &job->balls[i]);
+    spsi_sphere_build(job->rays, set, &frame->content->particles[particle], &job->balls[i]);
+    spsi_sphere_weigh(job->rays, job->faces, SPSI_SPHERE_COARSE_LIGHT, set, &frame->content->particles[particle],
+                      &job->balls[i]);
 }
 
 #define SPSI_OUTSIDE 1e-3 /* share of a map's depth range: reaching less beyond it is negligible */
 
 /* Average number of tiles per ball above which no lists are made: such balls cover much of a map anyway. */
-#define SPSI_BALL_TILES 8
+#define SPSI_SPHERE_TILES 8
 
 /* Counts the balls of each tile in `starts`; or, if there is a list, stores them at `starts`, which are advanced. */
-SPSI_COLD void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tiles_x, uint32_t *starts,
-                                     uint32_t *list) {
+SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *balls, size_t count, int tiles_x, uint32_t *starts,
+                                       uint32_t *list) {
     for (size_t i = 0; i < count; ++i) {
-        const spsi_ball *ball = &balls[i];
+        const spsi_sphere *ball = &balls[i];
         if (ball->x1 < ball->x0 || ball->y1 < ball->y0) continue;
         for (int y = ball->y0 / SPSI_TILE_HEIGHT; y <= ball->y1 / SPSI_TILE_HEIGHT; ++y)
             for (int x = ball->x0 / SPSI_TILE_WIDTH; x <= ball->x1 / SPSI_TILE_WIDTH; ++x) {
@@ -15160,14 +15182,14 @@ SPSI_COLD void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int t
 
 /* Counts the balls that reach beyond the map's depth range; with six faces, on the face through which the centre is
    seen. */
-SPSI_COLD void spsi_balls_outside(sps_tmap *map, const spsi_rays *rays, const spsi_ball *balls, size_t count) {
+SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const spsi_sphere *balls, size_t count) {
     const double per_length = rays->per_length;
     const double light = rays->perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
     for (size_t i = 0; i < count; ++i) {
-        const spsi_ball *ball = &balls[i];
+        const spsi_sphere *ball = &balls[i];
         const double radius = ball->near_by ? (double)ball->world_radius * per_length : (double)ball->radius;
         const double low =
-            spsi_fmax(((double)ball->t - radius) * map->per_depth, light); /* behind the light, none is lost */
+            spsi_dmax(((double)ball->t - radius) * map->per_depth, light); /* behind the light, none is lost */
         const double high = ((double)ball->t + radius) * map->per_depth;
         double offset[3];
         if (ball->x1 < ball->x0 || ball->y1 < ball->y0 || (low > -SPSI_OUTSIDE && high < 1 + SPSI_OUTSIDE)) continue;
@@ -15184,24 +15206,30 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     const int tiles_x = spsi_tile_columns(rays);
     const size_t tiles = (size_t)tiles_x * (size_t)spsi_tile_rows(rays);
     const size_t count = (size_t)occluders->frame->content->particle_count;
-    spsi_ball_job job = {rays, map->face_count > 1 ? map->rays : NULL, occluders->frame, map->settings.near_depth,
-                         SPSI_DEPTH_STEPS * map->per_depth, NULL, NULL, NULL};
+    spsi_sphere_job job = {rays,
+                           map->face_count > 1 ? map->rays : NULL,
+                           occluders->frame,
+                           map->settings.near_depth,
+                           SPSI_DEPTH_STEPS * map->per_depth,
+                           NULL,
+                           NULL,
+                           NULL};
     if (count == 0) return SPS_OK;
-    if (map->technique->lists && spsi_balls_order(context, &job)) return context->result;
-    job.balls = (spsi_ball *)spsi_reserve(context, SPSI_BUFFER_BALLS, count, sizeof(spsi_ball));
-    uint32_t *starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_STARTS, tiles + 1, sizeof *starts);
+    if (map->technique->lists && spsi_spheres_order(context, &job)) return context->result;
+    job.balls = (spsi_sphere *)spsi_reserve(context, SPSI_BUFFER_SPHERES, count, sizeof(spsi_sphere));
+    uint32_t *starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_STARTS, tiles + 1, sizeof *starts);
     if (!job.balls || !starts) return context->result;
-    spsi_parallel_batches(context, occluders->frame->content->particle_count, spsi_balls_task, &job);
-    spsi_balls_outside(map, rays, job.balls, count);
+    spsi_parallel_batches(context, occluders->frame->content->particle_count, spsi_spheres_task, &job);
+    spsi_spheres_outside(map, rays, job.balls, count);
     memset(starts, 0, (tiles + 1) * sizeof *starts);
-    spsi_balls_into_tiles(job.balls, count, tiles_x, starts + 1, NULL);
+    spsi_spheres_into_tiles(job.balls, count, tiles_x, starts + 1, NULL);
     const uint64_t sum = spsi_running_sums(starts, tiles + 1);
     occluders->balls = job.balls;
     occluders->tile_balls = NULL;
-    if (sum > SPSI_BALL_TILES * (uint64_t)(count + tiles) || sum > UINT32_MAX) return SPS_OK;
-    uint32_t *list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_LIST, (size_t)sum, sizeof *list);
+    if (sum > SPSI_SPHERE_TILES * (uint64_t)(count + tiles) || sum > UINT32_MAX) return SPS_OK;
+    uint32_t *list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_LIST, (size_t)sum, sizeof *list);
     if (!list) return context->result;
-    spsi_balls_into_tiles(job.balls, count, tiles_x, starts, list);
+    spsi_spheres_into_tiles(job.balls, count, tiles_x, starts, list);
     memmove(starts + 1, starts, tiles * sizeof *starts); /* each was advanced to where the next begins */
     starts[0] = 0;
     occluders->tile_starts = starts;
@@ -15263,60 +15291,60 @@ static uint64_t spsi_set_fingerprint(uint64_t hash, const spsi_particle_set *set
     return spsi_fingerprint(hash, &set->given.is_extinction, sizeof set->given.is_extinction);
 }
 
-typedef struct spsi_print_job {
+typedef struct spsi_fingerprint_job {
     const spsi_filling *filling;
     uint64_t start;                   /* of all patches: the slabs and kernels of the face */
     uint64_t media[SPSI_VOLUMES_MAX]; /* of each medium */
-} spsi_print_job;
+} spsi_fingerprint_job;
 
 /* Adds a fingerprint to those of the patches that meet a box of texels, counted from the tile's first. */
-static void spsi_print_patches(uint64_t prints[64], int x0, int y0, int x1, int y1, uint64_t print) {
+static void spsi_fingerprint_patches(uint64_t prints[64], int x0, int y0, int x1, int y1, uint64_t print) {
     for (int row = spsi_patch_at(y0); row <= spsi_patch_at(y1); ++row)
         for (int column = spsi_patch_at(x0); column <= spsi_patch_at(x1); ++column)
             prints[8 * row + column] = spsi_fingerprint_word(prints[8 * row + column], print);
 }
 
-static void spsi_print_bricks(const spsi_print_job *job, int column, int row, uint64_t prints[64]) {
+static void spsi_fingerprint_bricks(const spsi_fingerprint_job *job, int column, int row, uint64_t prints[64]) {
     const spsi_map_volumes *volumes = job->filling->occluders->volumes;
     const sps_context *context = job->filling->context;
-    const uint64_t *voxels = (const uint64_t *)context->buffers[SPSI_BUFFER_BRICK_PRINTS].data;
+    const uint64_t *voxels = (const uint64_t *)context->buffers[SPSI_BUFFER_BRICK_FINGERPRINTS].data;
     const int x = column * SPSI_TILE_WIDTH, y = row * SPSI_TILE_HEIGHT;
     for (int i = 0; i < context->brick_count && volumes; ++i) {
         const int16_t *box = volumes->target.brick_boxes[i];
         const int lattice = volumes->contents.list[i].lattice;
         if (volumes->target.channels[lattice] < 0 || !spsi_box_meets_tile(box, column, row)) continue;
-        spsi_print_patches(prints, box[0] - x, box[1] - y, box[2] - x, box[3] - y,
-                           spsi_fingerprint_word(job->media[lattice], voxels[i]));
+        spsi_fingerprint_patches(prints, box[0] - x, box[1] - y, box[2] - x, box[3] - y,
+                                 spsi_fingerprint_word(job->media[lattice], voxels[i]));
     }
 }
 
-static void spsi_print_balls(const spsi_print_job *job, int column, int row, uint64_t prints[64]) {
+static void spsi_fingerprint_spheres(const spsi_fingerprint_job *job, int column, int row, uint64_t prints[64]) {
     const spsi_occluders *occluders = job->filling->occluders;
     const int tile = row * job->filling->band.tiles_x + column;
     const int x = column * SPSI_TILE_WIDTH, y = row * SPSI_TILE_HEIGHT;
-    const uint32_t count = spsi_tile_ball_count(occluders, tile);
+    const uint32_t count = spsi_tile_sphere_count(occluders, tile);
     for (uint32_t i = 0; i < count; ++i) {
-        const int number = (int)spsi_tile_ball(occluders, tile, i);
-        const spsi_ball *ball = &occluders->balls[number];
-        if (ball->x1 < spsi_most(x, ball->x0) || ball->x0 >= x + SPSI_TILE_WIDTH) continue;
-        if (ball->y1 < spsi_most(y, ball->y0) || ball->y0 >= y + SPSI_TILE_HEIGHT) continue;
+        const int number = (int)spsi_tile_sphere(occluders, tile, i);
+        const spsi_sphere *ball = &occluders->balls[number];
+        if (ball->x1 < spsi_imax(x, ball->x0) || ball->x0 >= x + SPSI_TILE_WIDTH) continue;
+        if (ball->y1 < spsi_imax(y, ball->y0) || ball->y0 >= y + SPSI_TILE_HEIGHT) continue;
         uint64_t print = spsi_fingerprint(SPSI_FINGERPRINT_START, &occluders->frame->content->particles[number],
                                           sizeof(sps_particle));
         print = spsi_set_fingerprint(print, spsi_set_of(occluders->frame, number));
-        spsi_print_patches(prints, ball->x0 - x, ball->y0 - y, ball->x1 - x, ball->y1 - y, print);
+        spsi_fingerprint_patches(prints, ball->x0 - x, ball->y0 - y, ball->x1 - x, ball->y1 - y, print);
     }
 }
 
 /* Computes a tile's fingerprints in the order in which it is filled, and opens the patches whose own have changed. */
-static void spsi_print_task(void *data, int index) {
-    const spsi_print_job *job = (const spsi_print_job *)data;
+static void spsi_fingerprint_task(void *data, int index) {
+    const spsi_fingerprint_job *job = (const spsi_fingerprint_job *)data;
     const spsi_filling *filling = job->filling;
     const int column = index % filling->band.tiles_x, row = index / filling->band.tiles_x;
-    spsi_tile_prints *held = spsi_tmap_prints(filling->map, filling->band.face, row, column);
+    spsi_tile_fingerprints *held = spsi_tmap_fingerprints(filling->map, filling->band.face, row, column);
     uint64_t prints[64];
     for (int i = 0; i < 64; ++i) prints[i] = job->start;
-    spsi_print_bricks(job, column, row, prints);
-    spsi_print_balls(job, column, row, prints);
+    spsi_fingerprint_bricks(job, column, row, prints);
+    spsi_fingerprint_spheres(job, column, row, prints);
     held->open = 0;
     for (int i = 0; i < 64; ++i) held->open |= (uint64_t)(!filling->map->updates || held->patches[i] != prints[i]) << i;
     held->open &= spsi_tmap_patches(filling->map, row, column);
@@ -15324,10 +15352,10 @@ static void spsi_print_task(void *data, int index) {
 }
 
 /* Fingerprints of all tiles of a face whose bricks and balls are binned. */
-SPSI_COLD void spsi_print_face(const spsi_filling *filling) {
+SPSI_COLD void spsi_fingerprint_face(const spsi_filling *filling) {
     const spsi_frame *frame = filling->occluders->frame;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
-    spsi_print_job job;
+    spsi_fingerprint_job job;
     job.filling = filling;
     job.start = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->accuracy.cut, sizeof frame->accuracy.cut);
     for (int i = 0; i < frame->medium_count && volumes; ++i) {
@@ -15341,7 +15369,7 @@ SPSI_COLD void spsi_print_face(const spsi_filling *filling) {
         job.start = spsi_fingerprint(job.start, &volumes->slabs.thickness, sizeof volumes->slabs.thickness);
     }
     spsi_parallel_items(filling->context, filling->band.tiles_x * spsi_tile_rows(&filling->map->rays[0]),
-                        spsi_print_task, &job);
+                        spsi_fingerprint_task, &job);
 }
 
 /* Counts a shadow table's patches, those that were filled and those that were kept; `held`: 1 if all were. */
@@ -15350,7 +15378,7 @@ SPSI_COLD void spsi_shadow_table_count(const sps_tmap *map, int held) {
     const int columns = spsi_tile_columns(&map->rays[0]), rows = spsi_tile_rows(&map->rays[0]);
     for (int tile = 0; tile < map->face_count * rows * columns; ++tile) {
         const int column = tile % columns, row = tile / columns % rows;
-        const spsi_tile_prints *prints = spsi_tmap_prints(map, tile / columns / rows, row, column);
+        const spsi_tile_fingerprints *prints = spsi_tmap_fingerprints(map, tile / columns / rows, row, column);
         const uint64_t all = spsi_tmap_patches(map, row, column);
         const uint64_t made = held ? 0 : prints ? prints->open : all;
         stats->table_patches_made += (uint64_t)spsi_bit_count(made);
@@ -15385,11 +15413,11 @@ SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occlu
         filling->slab_u = (slabs->start - spsi_dot(slabs->normal, rays->origin)) * per_depth -
                           map->settings.near_depth * map->per_depth;
     }
-    if (map->data.prints.data) spsi_print_face(filling);
+    if (map->data.prints.data) spsi_fingerprint_face(filling);
     for (filling->band.row = 0; filling->band.row < rows; ++filling->band.row) {
         if (spsi_band_is_closed(filling)) continue;
-        filling->progress =
-            spsi_part_done(&occluders->part, (filling->band.face + (double)filling->band.row / rows) / map->face_count);
+        filling->progress = spsi_call_stage_done(
+            &occluders->part, (filling->band.face + (double)filling->band.row / rows) / map->face_count);
         filling->band.first_texel =
             ((size_t)filling->band.face * (size_t)rays->height + (size_t)filling->band.row * SPSI_TILE_HEIGHT) *
             (size_t)rays->width;
@@ -15429,10 +15457,11 @@ SPSI_COLD sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
 
 /* Prepares the fingerprints of a shadow table that can be held: those of a table that is brought up to date are there.
  */
-SPSI_COLD sps_result spsi_tmap_reserve_prints(sps_tmap *map) {
+SPSI_COLD sps_result spsi_tmap_reserve_fingerprints(sps_tmap *map) {
     const size_t tiles = (size_t)spsi_tile_columns(&map->rays[0]) * (size_t)spsi_tile_rows(&map->rays[0]);
-    if (!map->key || spsi_brick_prints(map->context)) return map->context->result;
-    spsi_buffer_reserve(map->context, &map->data.prints, (size_t)map->face_count * tiles, sizeof(spsi_tile_prints));
+    if (!map->key || spsi_brick_fingerprints(map->context)) return map->context->result;
+    spsi_buffer_reserve(map->context, &map->data.prints, (size_t)map->face_count * tiles,
+                        sizeof(spsi_tile_fingerprints));
     return map->context->result;
 }
 
@@ -15460,7 +15489,7 @@ SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     }
     for (int i = 0; i < occluders->faces.count; ++i)
         has_surfaces |= spsi_face_optical_depth(&occluders->faces.list[i]) >= SPSI_DEPTH_MAX;
-    if (spsi_tmap_reserve_texels(map, has_surfaces) || spsi_tmap_reserve_prints(map)) return context->result;
+    if (spsi_tmap_reserve_texels(map, has_surfaces) || spsi_tmap_reserve_fingerprints(map)) return context->result;
     memset(&filling, 0, sizeof filling);
     filling.context = context;
     filling.map = map;
@@ -15470,7 +15499,8 @@ SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     occluders->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
     for (filling.band.face = 0; filling.band.face < map->face_count; ++filling.band.face)
         if (spsi_fill_face(&filling, occluders)) return context->result;
-    if ((map->technique->lists && spsi_tmap_trim(map)) || spsi_progress(context, spsi_part_done(&occluders->part, 1)))
+    if ((map->technique->lists && spsi_tmap_trim(map)) ||
+        spsi_progress(context, spsi_call_stage_done(&occluders->part, 1)))
         return context->result;
     map->finished = 1;
     if (!map->settings.byte_budget || spsi_tmap_bytes(map) <= map->settings.byte_budget) return SPS_OK;
@@ -15519,8 +15549,8 @@ SPSI_COLD int spsi_shadow_table_planes(const sps_tmap *map) {
     const double pitch = spsi_pixel_size_at(rays, 0.5 * (low + high));
     const spsi_technique *technique = map->technique;
     const double most =
-        spsi_fmin(technique->usual, floor(SPSI_SHADOW_TABLE_BLOCKS_MOST / spsi_shadow_table_blocks(map)));
-    return (int)spsi_fmax(spsi_fmin(ceil((high - low) / pitch), most), technique->least);
+        spsi_dmin(technique->usual, floor(SPSI_SHADOW_TABLE_BLOCKS_MOST / spsi_shadow_table_blocks(map)));
+    return (int)spsi_dmax(spsi_dmin(ceil((high - low) / pitch), most), technique->least);
 }
 
 /* Fills in the number of components; if it is left to the technique, the largest that fits into the budget, up to the
@@ -15573,7 +15603,7 @@ SPSI_COLD sps_result spsi_tmap_aim(sps_tmap *map) {
         rays->near_depth = rays->perspective ? 0 : -HUGE_VAL;
     }
     const double per_length = spsi_length(map->rays[0].inverse[2]);
-    const double texel = spsi_fmax(spsi_length(map->rays[0].a), spsi_length(map->rays[0].b));
+    const double texel = spsi_dmax(spsi_length(map->rays[0].a), spsi_length(map->rays[0].b));
     const int own = map->settings.surface_bias > 0;
     const double bias = (own ? map->settings.surface_bias : 2 * texel) * per_length;
     map->bias[!own && map->rays[0].perspective] = bias; /* texels grow with the distance */
@@ -15666,7 +15696,7 @@ static double spsi_tmap_corner_depth(const sps_tmap *map, const spsi_bounds *bou
     double point[3], q[3], t = 0;
     spsi_bounds_corner(bounds, corner, point);
     spsi_project(&map->rays[0], point, q);
-    for (int i = 0; i < 3; ++i) t = spsi_fmax(t, fabs(point[i] - map->rays[0].origin[i]));
+    for (int i = 0; i < 3; ++i) t = spsi_dmax(t, fabs(point[i] - map->rays[0].origin[i]));
     return map->face_count > 1 ? t : q[2];
 }
 
@@ -15712,7 +15742,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     memset(&occluders, 0, sizeof occluders);
     if (!frame) return context->result;
     /* voxels last, since slabs are cut from their bounds alone: particles need none */
-    if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) || spsi_fields_place(context, frame) ||
+    if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) || spsi_pyramids_place(context, frame) ||
         spsi_gather_faces(context, frame, &occluders.faces))
         return context->result;
     occluders.frame = frame;
@@ -15732,13 +15762,13 @@ SPSI_COLD void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     double low = map->face_count > 1 ? 0 : HUGE_VAL, high = -HUGE_VAL, room;
     for (int corner = 0; corner < 8; ++corner) {
         const double t = spsi_tmap_corner_depth(map, bounds, corner);
-        low = spsi_fmin(low, t);
-        high = spsi_fmax(high, t);
+        low = spsi_dmin(low, t);
+        high = spsi_dmax(high, t);
     }
     /* gas so far away that it looks like a point still lies between two depths */
-    high = spsi_fmax(high, low + spsi_fmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
+    high = spsi_dmax(high, low + spsi_dmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
     room = settings->technique == SPS_TMAP_FOURIER && !map->has_range ? SPSI_GUARD_BAND * (high - low) : 0;
-    settings->near_depth = map->rays[0].perspective ? spsi_fmax(low - room, 0) : low - room;
+    settings->near_depth = map->rays[0].perspective ? spsi_dmax(low - room, 0) : low - room;
     settings->far_depth = high + room;
     map->per_depth = 1 / (settings->far_depth - settings->near_depth);
     for (int face = 0; face < map->face_count; ++face) map->rays[face].depth_reference = settings->near_depth;
@@ -15807,28 +15837,28 @@ static void spsi_tmaps_drop(sps_context *context, spsi_buffer_id id, int *count)
 }
 
 /* Aims the map by which gas casts a light's shadow. */
-SPSI_COLD sps_result spsi_lamp_tmap_aim(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
-                                        sps_tmap *map) {
+SPSI_COLD sps_result spsi_light_tmap_aim(sps_context *context, const spsi_frame *frame, const spsi_light *lamp,
+                                         sps_tmap *map) {
     memset(map, 0, sizeof *map);
     map->context = context;
     map->light = lamp->index;
     map->settings = lamp->map;
     map->table_end = spsi_light_end(frame);
     map->technique = &spsi_techniques[map->settings.technique];
-    map->face_count = spsi_lamp_rays(frame, lamp, map->rays);
+    map->face_count = spsi_light_rays(frame, lamp, map->rays);
     if (map->face_count == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
                               SPSI_TEXELS_ALIKE);
     map->has_range = spsi_settings_have_range(&map->settings);
-    spsi_tmap_fit_range(map, spsi_lamp_bounds(frame, lamp));
+    spsi_tmap_fit_range(map, spsi_light_bounds(frame, lamp));
     return spsi_tmap_resolve(map);
 }
 
 /* Begins that map: takes its table, or one to start from, if it is held. `gas` is the fingerprint of the gas. */
-SPSI_COLD sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
-                                          uint64_t gas, sps_tmap *map) {
+SPSI_COLD sps_result spsi_light_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_light *lamp,
+                                           uint64_t gas, sps_tmap *map) {
     const spsi_subject at = spsi_settings_of(context, lamp->index);
-    if (spsi_lamp_tmap_aim(context, frame, lamp, map)) return context->result;
+    if (spsi_light_tmap_aim(context, frame, lamp, map)) return context->result;
     if (!spsi_has_shadow_table(lamp)) return SPS_OK;
     if (spsi_shadow_table_blocks(map) * map->settings.components > SPSI_SHADOW_TABLE_BLOCKS_MOST)
         return spsi_fail_member(&at, SPS_ERROR_MEMORY, "components", map->settings.components,
@@ -15840,8 +15870,8 @@ SPSI_COLD sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame
 }
 
 /* Fills it, unless it was held. */
-SPSI_COLD sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
-                                         const spsi_part_of_call *part, sps_tmap *map) {
+SPSI_COLD sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_light *lamp,
+                                          const spsi_call_stage *part, sps_tmap *map) {
     spsi_occluders occluders;
     memset(&occluders, 0, sizeof occluders);
     occluders.frame = frame;
@@ -15858,14 +15888,14 @@ SPSI_COLD sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame 
 /* Maximum size of a light's transmittance map: texels of all faces, and of the longer side. Particles have not been
    read. A light amid the volumes' boxes may turn out to be in front of what they hold: a single face then, of up to
    2 tan 78 degrees times its distance, which is up to sqrt(3) times as long as along an axis. */
-SPSI_COLD size_t spsi_lamp_tmap_texels(const spsi_frame *frame, const spsi_lamp *lamp, size_t *side) {
+SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_light *lamp, size_t *side) {
     spsi_rays rays[SPSI_CUBE_FACES];
     const size_t most = (size_t)(lamp->map_size > 0 ? lamp->map_size : spsi_map_texels_most(frame, lamp));
     const int known = frame->particles.set_count == 0;
-    const int faces = known ? spsi_lamp_rays(frame, lamp, rays) : 0;
+    const int faces = known ? spsi_light_rays(frame, lamp, rays) : 0;
     *side = most;
     if (faces == 1) {
-        *side = (size_t)spsi_most(rays[0].width, rays[0].height);
+        *side = (size_t)spsi_imax(rays[0].width, rays[0].height);
         return spsi_ray_count(&rays[0]);
     }
     if (faces == 0) return most * most * (lamp->is_point ? SPSI_CUBE_FACES : 1);
@@ -15879,33 +15909,33 @@ SPSI_COLD size_t spsi_lamp_tmap_texels(const spsi_frame *frame, const spsi_lamp 
 }
 
 /* Maximum number of components. A table's planes are a texel apart in the middle of its depths. */
-SPSI_COLD size_t spsi_lamp_tmap_components(const spsi_frame *frame, const spsi_lamp *lamp) {
+SPSI_COLD size_t spsi_light_tmap_components(const spsi_frame *frame, const spsi_light *lamp) {
     const int most = spsi_techniques[SPS_TMAP_TABLE].usual;
     double across[3], planes;
     if (!spsi_has_shadow_table(lamp) || lamp->map.components > 0) return (size_t)spsi_components_of(&lamp->map);
     if (frame->particles.set_count > 0) return (size_t)most;
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
-    planes = ceil(2 * spsi_length(across) / spsi_lamp_texel(frame, lamp)) + spsi_techniques[SPS_TMAP_TABLE].least;
-    return (size_t)spsi_fmin(planes, most);
+    planes = ceil(2 * spsi_length(across) / spsi_light_texel(frame, lamp)) + spsi_techniques[SPS_TMAP_TABLE].least;
+    return (size_t)spsi_dmin(planes, most);
 }
 
 /* Bytes of a light's transmittance map, and those needed to fill it, except for lists of intervals, whose length is not
    known, and what is fitted to them. A light's map holds no surfaces. */
-SPSI_COLD void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp, size_t *held, size_t *filling) {
+SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *lamp, size_t *held, size_t *filling) {
     size_t side;
-    const size_t texels = spsi_lamp_tmap_texels(frame, lamp, &side);
+    const size_t texels = spsi_light_tmap_texels(frame, lamp, &side);
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    const size_t components = spsi_lamp_tmap_components(frame, lamp);
+    const size_t components = spsi_light_tmap_components(frame, lamp);
     const int lists = spsi_techniques[lamp->map.technique].lists > 0;
     *held = sizeof(sps_tmap) + (texels + 1) * (lists ? 1 : components) * sizeof(float); /* one more for the planes */
     if (spsi_has_shadow_table(lamp)) /* also fingerprints, the map that holds it, and blocks beyond two edges */
-        *held += SPSI_CUBE_FACES * tiles * tiles * sizeof(spsi_tile_prints) + sizeof(sps_tmap) +
+        *held += SPSI_CUBE_FACES * tiles * tiles * sizeof(spsi_tile_fingerprints) + sizeof(sps_tmap) +
                  SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * components * sizeof(float);
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
-    *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
-    if (lists) *filling += spsi_balls_order_bytes(frame->particles.count);
-    *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
+    *filling += frame->particles.count * (sizeof(spsi_sphere) + SPSI_SPHERE_TILES * sizeof(uint32_t));
+    if (lists) *filling += spsi_spheres_order_bytes(frame->particles.count);
+    *filling += (tiles * tiles * (1 + SPSI_SPHERE_TILES) + 2) * sizeof(uint32_t);
 }
 
 /* ============================================================================================ >>penumbrae
@@ -15928,14 +15958,14 @@ typedef struct spsi_area {
 } spsi_area;
 
 static spsi_area spsi_area_meet(spsi_area a, spsi_area b) {
-    a.x0 = spsi_most(a.x0, b.x0), a.y0 = spsi_most(a.y0, b.y0);
-    a.x1 = spsi_least(a.x1, b.x1), a.y1 = spsi_least(a.y1, b.y1);
+    a.x0 = spsi_imax(a.x0, b.x0), a.y0 = spsi_imax(a.y0, b.y0);
+    a.x1 = spsi_imin(a.x1, b.x1), a.y1 = spsi_imin(a.y1, b.y1);
     return a;
 }
 
 static spsi_area spsi_area_join(spsi_area a, spsi_area b) {
-    a.x0 = spsi_least(a.x0, b.x0), a.y0 = spsi_least(a.y0, b.y0);
-    a.x1 = spsi_most(a.x1, b.x1), a.y1 = spsi_most(a.y1, b.y1);
+    a.x0 = spsi_imin(a.x0, b.x0), a.y0 = spsi_imin(a.y0, b.y0);
+    a.x1 = spsi_imax(a.x1, b.x1), a.y1 = spsi_imax(a.y1, b.y1);
     return a;
 }
 
@@ -15977,7 +16007,8 @@ typedef struct spsi_penumbra {
     int first_slab; /* of the chunk that the sheets hold */
     int pending;    /* 1: the beams have not yet crossed these sheets */
     float *sheets;  /* mean extinction per slab, SPSI_CHUNK sheets of the rays' texels */
-    float *hidden;  /* fraction of what gas passes that polygons stop, SPSI_PARTS layers per slab; NULL: no polygons */
+    float
+        *hidden; /* fraction of what gas passes that polygons stop, SPSI_SUBSLABS layers per slab; NULL: no polygons */
     uint64_t *held; /* per tile, bits: patches whose sheets hold something */
     float *scratch; /* per worker */
     size_t scratch_floats;
@@ -16011,7 +16042,7 @@ typedef struct spsi_texel_grid {
 
 static void spsi_slide_at(const spsi_slide *slide, double x, double y, double at[2]) {
     const double l = (double)slide->l[0] + x * (double)slide->l[1] + y * (double)slide->l[2];
-    const double per = 1 / spsi_fmax(1 + (double)slide->d[2] * l, SPSI_SLIDE_LEAST);
+    const double per = 1 / spsi_dmax(1 + (double)slide->d[2] * l, SPSI_SLIDE_LEAST);
     at[0] = (x + (double)slide->d[0] * l) * per;
     at[1] = (y + (double)slide->d[1] * l) * per;
 }
@@ -16043,9 +16074,9 @@ static spsi_area spsi_slide_area(const spsi_penumbra *penumbra, const spsi_beam 
         double at[2];
         spsi_slide_build(penumbra, beam, corner & 4 ? high : low, sign, &slide);
         spsi_slide_at(&slide, corner & 1 ? area.x1 : area.x0, corner & 2 ? area.y1 : area.y0, at);
-        for (int i = 0; i < 2; ++i) at[i] = spsi_fmin(spsi_fmax(at[i], -1e6), 1e6); /* far beyond any texel */
-        out.x0 = spsi_least(out.x0, (int)floor(at[0]) - 2), out.x1 = spsi_most(out.x1, (int)ceil(at[0]) + 2);
-        out.y0 = spsi_least(out.y0, (int)floor(at[1]) - 2), out.y1 = spsi_most(out.y1, (int)ceil(at[1]) + 2);
+        for (int i = 0; i < 2; ++i) at[i] = spsi_dmin(spsi_dmax(at[i], -1e6), 1e6); /* far beyond any texel */
+        out.x0 = spsi_imin(out.x0, (int)floor(at[0]) - 2), out.x1 = spsi_imax(out.x1, (int)ceil(at[0]) + 2);
+        out.y0 = spsi_imin(out.y0, (int)floor(at[1]) - 2), out.y1 = spsi_imax(out.y1, (int)ceil(at[1]) + 2);
     }
     return out;
 }
@@ -16069,24 +16100,24 @@ typedef struct spsi_texel_row {
 static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *slide, const spsi_texel_row *to) {
     const float move_x = slide->d[0] * slide->l[0], move_y = slide->d[1] * slide->l[0];
     const int row = to->y + (int)floorf(move_y) - grid->y0 - 1, column = to->x0 + (int)floorf(move_x) - grid->x0 - 1;
-    const int first = spsi_most(0, -column), end = spsi_least(to->count, grid->width - 3 - column);
+    const int first = spsi_imax(0, -column), end = spsi_imin(to->count, grid->width - 3 - column);
     spsi_v across[4], down[4];
     if (row < 0 || row + 3 >= grid->height || first >= end) return;
     spsi_cubic_weights(spsi_set(move_x - floorf(move_x)), across);
     spsi_cubic_weights(spsi_set(move_y - floorf(move_y)), down);
     for (int start = first; start < end; start += SPSI_ROW_PART) {
-        const int part = spsi_least(SPSI_ROW_PART, end - start);
+        const int part = spsi_imin(SPSI_ROW_PART, end - start);
         const float *from = grid->values + (size_t)row * (size_t)grid->width + (size_t)(column + start);
         float weighted[SPSI_ROW_PART + 3 + SPSI_LANES]; /* filters reach three texels farther */
         for (int i = 0; i < part + 3; i += SPSI_LANES) {
-            const int some = spsi_least(SPSI_LANES, part + 3 - i);
+            const int some = spsi_imin(SPSI_LANES, part + 3 - i);
             spsi_v value = spsi_set(0);
             for (int r = 0; r < 4; ++r)
                 value = spsi_fma(down[r], spsi_load_first(from + (size_t)r * (size_t)grid->width + i, some), value);
             spsi_store(weighted + i, value);
         }
         for (int i = 0; i < part; i += SPSI_LANES) {
-            const int some = spsi_least(SPSI_LANES, part - i);
+            const int some = spsi_imin(SPSI_LANES, part - i);
             spsi_v sum = spsi_mul(across[0], spsi_load(weighted + i));
             for (int c = 1; c < 4; ++c) sum = spsi_fma(across[c], spsi_load(weighted + i + c), sum);
             if (to->scale) sum = spsi_mul(sum, spsi_load_first(to->scale + start + i, some));
@@ -16154,7 +16185,7 @@ static void spsi_row_add(const spsi_texel_grid *grid, const spsi_slide *slide, c
         return;
     }
     for (int i = 0; i < to->count; i += SPSI_LANES) {
-        const int some = spsi_least(SPSI_LANES, to->count - i);
+        const int some = spsi_imin(SPSI_LANES, to->count - i);
         const spsi_v x = spsi_add(spsi_set((float)(to->x0 + i)), spsi_iota());
         const spsi_v l = spsi_fma(x, spsi_set(slide->l[1]), fixed);
         const spsi_v per = spsi_div(one, spsi_max(spsi_fma(l, spsi_set(slide->d[2]), one), least));
@@ -16184,11 +16215,12 @@ static inline spsi_v spsi_minus_log(spsi_v x, float end) {
 
 /* Aims the rays of one point at the gas. They have the axes of the centre's; those of a directional light have the
    centre's texels where the slabs begin. Returns 0 if gas is beside or behind the point, or too far away. */
-SPSI_COLD int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, const spsi_lamp *point, spsi_beam *beam) {
+SPSI_COLD int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, const spsi_light *point,
+                            spsi_beam *beam) {
     const spsi_rays *rays = &sweep->rays;
     const spsi_slabs *slabs = &sweep->slabs;
     /* where the gas looks far wider from a point of the light than from its centre */
-    const int most = 2 * spsi_most(spsi_light_texels_most(frame), spsi_most(rays->width, rays->height));
+    const int most = 2 * spsi_imax(spsi_light_texels_most(frame), spsi_imax(rays->width, rays->height));
     double offset[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, *corner;
     beam->rays = *rays;
     if (rays->perspective) {
@@ -16213,7 +16245,7 @@ SPSI_COLD int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, co
         spsi_project(&beam->rays, at, q);
         spsi_project(rays, at, middle);
         if (rays->perspective && !(q[2] >= SPSI_SLIDE_LEAST * middle[2])) return 0;
-        for (int k = 0; k < 2; ++k) low[k] = spsi_fmin(low[k], q[k]), high[k] = spsi_fmax(high[k], q[k]);
+        for (int k = 0; k < 2; ++k) low[k] = spsi_dmin(low[k], q[k]), high[k] = spsi_dmax(high[k], q[k]);
     }
     for (int k = 0; k < 2; ++k)
         if (!(high[k] - low[k] < most) || !(fabs(low[k]) < 1e6)) return 0;
@@ -16263,7 +16295,7 @@ static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *fra
 /* Aims all beams of a sweep's light. */
 SPSI_COLD sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                        spsi_penumbra *penumbra) {
-    const spsi_lamp *lamp = sweep->lamp;
+    const spsi_light *lamp = sweep->lamp;
     if (spsi_penumbra_open(context, frame, sweep, &sweep->rays, penumbra)) return context->result;
     for (int i = 0; i < lamp->point_count; ++i)
         if (!spsi_beam_aim(frame, sweep, &lamp->points[i], &penumbra->beams[i]))
@@ -16292,7 +16324,7 @@ static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra 
         most = texels > most ? texels : most;
     }
     penumbra->sheets = spsi_lay(memory, &laid, sheets);
-    penumbra->hidden = has_polygons ? spsi_lay(memory, &laid, SPSI_PARTS * sheets) : NULL;
+    penumbra->hidden = has_polygons ? spsi_lay(memory, &laid, SPSI_SUBSLABS * sheets) : NULL;
     if (memory) memset(memory, 0, (size_t)laid * sizeof *memory);
     penumbra->scratch_floats = 3 * most + SPSI_LANES + 2 * SPSI_BEAM_TILE; /* lengths are stored in whole vectors */
     penumbra->scratch = spsi_lay(memory, &laid, (uint64_t)spsi_worker_count(context) * penumbra->scratch_floats);
@@ -16324,7 +16356,7 @@ static void spsi_penumbra_keep(const spsi_penumbra *penumbra, const spsi_light_s
         for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
             const size_t to = (size_t)y * (size_t)width + (size_t)x;
             const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
-            const int count = spsi_least(SPSI_LANES, tile->x1 - x + 1);
+            const int count = spsi_imin(SPSI_LANES, tile->x1 - x + 1);
             const spsi_row_slabs slabs = spsi_row_slabs_at(shader, x, y);
             const spsi_v per_length = spsi_div(slabs.count, slabs.length);
             spsi_v any = spsi_set(0);
@@ -16342,8 +16374,8 @@ static void spsi_penumbra_keep(const spsi_penumbra *penumbra, const spsi_light_s
 
 static spsi_area spsi_tile_area(const spsi_penumbra *penumbra, int index) {
     const int x0 = index % penumbra->tiles_x * SPSI_TILE_WIDTH, y0 = index / penumbra->tiles_x * SPSI_TILE_HEIGHT;
-    const spsi_area area = {x0, y0, spsi_least(penumbra->rays->width, x0 + SPSI_TILE_WIDTH) - 1,
-                            spsi_least(penumbra->rays->height, y0 + SPSI_TILE_HEIGHT) - 1};
+    const spsi_area area = {x0, y0, spsi_imin(penumbra->rays->width, x0 + SPSI_TILE_WIDTH) - 1,
+                            spsi_imin(penumbra->rays->height, y0 + SPSI_TILE_HEIGHT) - 1};
     return area;
 }
 
@@ -16379,8 +16411,8 @@ static spsi_area spsi_beam_area(const spsi_beam *beam) {
 
 /* Whether the sheets hold something in an area of the planes' texels. */
 static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
-    const int x0 = spsi_most(area.x0, 0) / SPSI_TILE_WIDTH, y0 = spsi_most(area.y0, 0) / SPSI_TILE_HEIGHT;
-    const int x1 = spsi_least(area.x1, penumbra->rays->width - 1), y1 = spsi_least(area.y1, penumbra->rays->height - 1);
+    const int x0 = spsi_imax(area.x0, 0) / SPSI_TILE_WIDTH, y0 = spsi_imax(area.y0, 0) / SPSI_TILE_HEIGHT;
+    const int x1 = spsi_imin(area.x1, penumbra->rays->width - 1), y1 = spsi_imin(area.y1, penumbra->rays->height - 1);
     for (int y = y0; y * SPSI_TILE_HEIGHT <= y1; ++y)
         for (int x = x0; x * SPSI_TILE_WIDTH <= x1; ++x) {
             const int left = x * SPSI_TILE_WIDTH, top = y * SPSI_TILE_HEIGHT;
@@ -16465,11 +16497,11 @@ static spsi_area spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
     spsi_area any = spsi_area_none();
     for (int y = part->stops.y0; y <= part->stops.y1; ++y)
         for (int x = part->stops.x0; x <= part->stops.x1; x += SPSI_LANES) {
-            const int some = spsi_least(SPSI_LANES, part->stops.x1 - x + 1);
+            const int some = spsi_imin(SPSI_LANES, part->stops.x1 - x + 1);
             const spsi_area here = {x, y, x + some - 1, y};
             const size_t from = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(x - beam->x0);
             const size_t to = (size_t)(y - part->area.y0) * (size_t)part->width + (size_t)(x - part->area.x0);
-            const spsi_v stop = spsi_mul(spsi_set(SPSI_PARTS), spsi_load_first(beam->stop + from, some));
+            const spsi_v stop = spsi_mul(spsi_set(SPSI_SUBSLABS), spsi_load_first(beam->stop + from, some));
             const spsi_v share = spsi_clamp(spsi_sub(spsi_set(layer + 1), stop), spsi_set(0), spsi_set(1));
             spsi_store_first(part->stopped + to, share, some);
             if (spsi_bits(spsi_less(spsi_set(0), share)) & (int)~(~0U << some)) any = spsi_area_join(any, here);
@@ -16493,7 +16525,7 @@ static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam_par
     const spsi_texel_row row = {area->x0, y, area->x1 - area->x0 + 1, NULL, depth};
     spsi_row_add(&grid, slide, &row);
     for (int i = 0; i < row.count; i += SPSI_LANES) {
-        const int some = spsi_least(SPSI_LANES, row.count - i);
+        const int some = spsi_imin(SPSI_LANES, row.count - i);
         const spsi_v through = spsi_exp(spsi_sub(zero, spsi_max(zero, spsi_load(depth + i))));
         const spsi_v lost = spsi_sub(whole, through);
         spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), lost), some);
@@ -16513,7 +16545,7 @@ static void spsi_beam_hide_row(const spsi_beam_part *part, const spsi_slide *sli
     const spsi_texel_row row = {area->x0, y, area->x1 - area->x0 + 1, NULL, stopped};
     spsi_row_add(&grid, slide, &row);
     for (int i = 0; i < row.count; i += SPSI_LANES) {
-        const int some = spsi_least(SPSI_LANES, row.count - i);
+        const int some = spsi_imin(SPSI_LANES, row.count - i);
         const spsi_v share = spsi_clamp(spsi_load(stopped + i), zero, one); /* cubics overshoot */
         const spsi_v sum = spsi_fma(share, spsi_load_first(weight + i, some), spsi_load_first(layer + i, some));
         spsi_store_first(layer + i, sum, some);
@@ -16524,9 +16556,9 @@ static void spsi_beam_hide_row(const spsi_beam_part *part, const spsi_slide *sli
 static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam_part *part, spsi_lookups *lookups, int k) {
     const size_t texels = spsi_ray_count(penumbra->rays), pitch = (size_t)penumbra->rays->width;
     spsi_slide slide;
-    for (int n = SPSI_PARTS * k; n < SPSI_PARTS * (k + 1); ++n) {
-        const double at = penumbra->first_slab + (n + 0.5) / SPSI_PARTS;
-        spsi_area any = spsi_beam_part_stop(part, (float)(SPSI_PARTS * penumbra->first_slab + n));
+    for (int n = SPSI_SUBSLABS * k; n < SPSI_SUBSLABS * (k + 1); ++n) {
+        const double at = penumbra->first_slab + (n + 0.5) / SPSI_SUBSLABS;
+        spsi_area any = spsi_beam_part_stop(part, (float)(SPSI_SUBSLABS * penumbra->first_slab + n));
         if (spsi_area_empty(any)) continue;
         any.x0 -= 3, any.y0 -= 3, any.x1 += 3, any.y1 += 3; /* as far as cubics reach, and a texel */
         any = spsi_area_meet(spsi_slide_area(penumbra, part->beam, at, at, 1, any), lookups->bounds);
@@ -16558,7 +16590,7 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, s
     if (!held && spsi_area_empty(spsi_area_meet(area, beam->crossed))) return 0;
     spsi_beam_part_load(beam, area, memory, &part);
     part.stops = beam->stop ? part.area : spsi_area_none();
-    part.stops = spsi_beam_part_stop(&part, (float)(SPSI_PARTS * (first + SPSI_CHUNK) - 1));
+    part.stops = spsi_beam_part_stop(&part, (float)(SPSI_SUBSLABS * (first + SPSI_CHUNK) - 1));
     for (int k = 0; k <= SPSI_CHUNK; ++k) {
         spsi_slide_build(penumbra, beam, first + k, -1, &slide);
         for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {
@@ -16589,7 +16621,7 @@ static void spsi_penumbra_hide_row(const spsi_penumbra *penumbra, int added, int
                                    const float *behind, float *layer) {
     const spsi_v least = spsi_set(penumbra->end > SPSI_LIGHT_END ? 1e-30f : 1e-7f); /* what the sums can tell from 0 */
     for (int x = 0; x < count; x += SPSI_LANES) {
-        const int some = spsi_least(SPSI_LANES, count - x);
+        const int some = spsi_imin(SPSI_LANES, count - x);
         const spsi_v ends = spsi_add(spsi_penumbra_sum(penumbra, added, spsi_load_first(before + x, some)),
                                      spsi_penumbra_sum(penumbra, added, spsi_load_first(behind + x, some)));
         const spsi_v passes = spsi_max(spsi_mul(spsi_set(0.5f), ends), least);
@@ -16601,7 +16633,7 @@ static void spsi_penumbra_hide_row(const spsi_penumbra *penumbra, int added, int
 static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int added, int count, float *plane) {
     const spsi_v share = spsi_set(1.0f / (float)penumbra->beam_count);
     for (int x = 0; x < count; x += SPSI_LANES) {
-        const int some = spsi_least(SPSI_LANES, count - x);
+        const int some = spsi_imin(SPSI_LANES, count - x);
         const spsi_v passes = spsi_penumbra_sum(penumbra, added, spsi_load_first(plane + x, some));
         spsi_store_first(plane + x, spsi_minus_log(spsi_mul(passes, share), penumbra->end), some);
     }
@@ -16623,11 +16655,11 @@ static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int wor
                 const int count = row->x1 - row->x0 + 1;
                 if (spsi_area_empty(*row)) continue;
                 if (pass == 0) memset(planes[k] + at, 0, (size_t)count * sizeof(float));
-                for (int n = 0; n < SPSI_PARTS && penumbra->hidden && k < SPSI_CHUNK; ++n) {
-                    float *layer = penumbra->hidden + (size_t)(k * SPSI_PARTS + n) * texels + at;
+                for (int n = 0; n < SPSI_SUBSLABS && penumbra->hidden && k < SPSI_CHUNK; ++n) {
+                    float *layer = penumbra->hidden + (size_t)(k * SPSI_SUBSLABS + n) * texels + at;
                     if (pass == 0)
                         memset(layer, 0, (size_t)count * sizeof(float));
-                    else if (lookups.layers >> (k * SPSI_PARTS + n) & 1)
+                    else if (lookups.layers >> (k * SPSI_SUBSLABS + n) & 1)
                         spsi_penumbra_hide_row(penumbra, added, count, planes[k] + at, planes[k + 1] + at, layer);
                 }
                 if (pass == 1) spsi_penumbra_finish_row(penumbra, added, count, planes[k] + at);
@@ -16677,7 +16709,7 @@ SPSI_COLD void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra
     penumbra->pending = 0;
     for (int tile = 0; tile < penumbra->tiles_x * penumbra->tiles_y; ++tile)
         if (penumbra->held[tile]) held = spsi_area_join(held, spsi_tile_area(penumbra, tile));
-    for (int i = 0; i < penumbra->beam_count; ++i) most = spsi_most(most, penumbra->beams[i].rays.height);
+    for (int i = 0; i < penumbra->beam_count; ++i) most = spsi_imax(most, penumbra->beams[i].rays.height);
     spsi_parallel_items(context, penumbra->beam_count * ((most + SPSI_BEAM_BLOCK - 1) / SPSI_BEAM_BLOCK),
                         spsi_beam_task, penumbra);
     for (int i = 0; i < penumbra->beam_count && !spsi_area_empty(held); ++i) {
@@ -16696,7 +16728,7 @@ static int spsi_beam_meets(const spsi_penumbra *penumbra, const spsi_beam *beam,
         double at[2];
         spsi_slide_build(penumbra, beam, end ? slab : penumbra->first_slab, 1, &slide);
         spsi_slide_at(&slide, texel[0], texel[1], at);
-        for (int i = 0; i < 2; ++i) at[i] = spsi_fmin(spsi_fmax(at[i], -1e6), 1e6);
+        for (int i = 0; i < 2; ++i) at[i] = spsi_dmin(spsi_dmax(at[i], -1e6), 1e6);
         here.x0 = (int)floor(at[0]) - 1, here.y0 = (int)floor(at[1]) - 1;
         here.x1 = here.x0 + 3, here.y1 = here.y0 + 3;
         area = spsi_area_join(area, here);
@@ -16707,7 +16739,7 @@ static int spsi_beam_meets(const spsi_penumbra *penumbra, const spsi_beam *beam,
 /* Optical depth of gas in front of a point on one beam: what the beam has crossed, and the kept sheets up to there. */
 static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam *beam, const double point[3]) {
     const double first = penumbra->first_slab;
-    const double slab = spsi_fmin(spsi_slab_at(penumbra->slabs, point), first + SPSI_CHUNK);
+    const double slab = spsi_dmin(spsi_slab_at(penumbra->slabs, point), first + SPSI_CHUNK);
     const spsi_rays *rays = penumbra->rays;
     double q[3], texel[2], sum = 0, depth;
     spsi_project(&beam->rays, point, q);
@@ -16721,7 +16753,7 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
         double at[2];
         spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slide);
         spsi_slide_at(&slide, texel[0], texel[1], at);
-        sum += spsi_fmin(slab - first - k, 1) * spsi_bilinear_inside(sheet, rays->width, rays->height, at[0], at[1]);
+        sum += spsi_dmin(slab - first - k, 1) * spsi_bilinear_inside(sheet, rays->width, rays->height, at[0], at[1]);
     }
     return depth + sum * (double)spsi_one(spsi_slab_lengths(beam, spsi_set((float)q[0]), (float)q[1]));
 }
@@ -16762,7 +16794,7 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
 
 /* What a light has spread, at the planes between its sheets. */
 typedef struct spsi_spread {
-    const spsi_lamp *lamp;
+    const spsi_light *lamp;
     sps_tmap map; /* its rays and their range; it holds nothing */
     int channels, sheet_count;
     int pitch;    /* texels per row, rounded up to whole vectors */
@@ -17017,9 +17049,9 @@ static void spsi_spread_column_by(const spsi_spread_column *column) {
         wide = spsi_max(wide, spsi_div(spsi_load(widths + at), flux));
     }
     spsi_store(lanes, wide);
-    for (int i = 0; i < SPSI_LANES; ++i) most = spsi_higher(most, lanes[i]);
+    for (int i = 0; i < SPSI_LANES; ++i) most = spsi_fmax(most, lanes[i]);
     if (!(most > column->least)) return;
-    while (spsi_spread_capacity(2 * k) < most && 2 * k <= spsi_least(SPSI_SPREAD_STEP, column->lines)) k *= 2;
+    while (spsi_spread_capacity(2 * k) < most && 2 * k <= spsi_imin(SPSI_SPREAD_STEP, column->lines)) k *= 2;
     for (; k > 0; k /= 2) {
         const spsi_v capacity = spsi_set(spsi_spread_capacity(k)), per_square = spsi_set(1 / ((float)k * (float)k));
         for (int y = 0; y < column->lines; ++y) {
@@ -17052,7 +17084,7 @@ static void spsi_spread_turn(const spsi_spread_light *light, int side, const flo
     const int lines = light->size[!side], block = 16; /* a cache line */
     for (int first = 0; first < lines; first += block)
         for (int x = 0; x < light->size[side]; ++x)
-            for (int y = first; y < spsi_least(first + block, lines); ++y)
+            for (int y = first; y < spsi_imin(first + block, lines); ++y)
                 turned[(size_t)x * to + (size_t)y] = part[(size_t)y * from + (size_t)x];
 }
 
@@ -17076,7 +17108,7 @@ static void spsi_spread_step(const spsi_spread_light *light, const spsi_spread_s
 /* Floats of a light: parts of both sides, depth, what texels are like, and memory for a column. */
 SPSI_COLD size_t spsi_spread_light_floats(const spsi_spread_light *light) {
     const size_t sheet = (size_t)light->pitch[0] * (size_t)light->pitch[1];
-    const size_t lines = (size_t)spsi_most(light->size[0], light->size[1]);
+    const size_t lines = (size_t)spsi_imax(light->size[0], light->size[1]);
     return (2 * SPSI_SPREAD_BEAMS * SPSI_SPREAD_PARTS + 6) * sheet + (size_t)light->pitch[0] + (size_t)light->pitch[1] +
            (3 * lines + 4 * SPSI_SPREAD_STEP) * SPSI_LANES;
 }
@@ -17159,8 +17191,8 @@ static void spsi_spread_coordinates(const spsi_spread *spread, const double poin
     double from[3], t, nearer;
     spsi_along(point, rays->origin, -1, from);
     t = spsi_dot(rays->inverse[2], from);
-    if (spread->map.face_count > 1) t = spsi_fmax(fabs(from[0]), spsi_fmax(fabs(from[1]), fabs(from[2])));
-    nearer = rays->perspective ? spsi_fmax(1 - sheet / spsi_fmax(t, DBL_MIN), 0) : 1;
+    if (spread->map.face_count > 1) t = spsi_dmax(fabs(from[0]), spsi_dmax(fabs(from[1]), fabs(from[2])));
+    nearer = rays->perspective ? spsi_dmax(1 - sheet / spsi_dmax(t, DBL_MIN), 0) : 1;
     for (int i = 0; i < 3; ++i)
         at[i] = spsi_set((float)(nearer * (spread->map.face_count > 1 ? from[i] : spsi_dot(rays->inverse[i], from))));
     if (spread->map.face_count == 1) at[2] = spsi_set((float)(t - sheet - rays->depth_reference));
@@ -17204,7 +17236,7 @@ typedef struct spsi_planes {
     int cubic;             /* 1: bicubic lookup, for classified volumes, whose depth bends within a voxel */
     uint64_t *open;        /* per tile: a bit for each patch that light still passes */
     unsigned char *uneven; /* per tile: 1: its planes differ and must be levelled before the next chunk */
-    spsi_turns turns;      /* of tiles */
+    spsi_task_order turns; /* of tiles */
 } spsi_planes;
 
 #define SPSI_PLANES_TEXEL_BYTES ((SPSI_CHUNK + 1) * sizeof(float))
@@ -17243,7 +17275,7 @@ static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *
             const size_t to = (size_t)y * (size_t)planes->width + (size_t)x;
             const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
             const spsi_row_slabs slabs = spsi_row_slabs_at(shader, x, y);
-            const int count = spsi_least(SPSI_LANES, tile->x1 - x + 1);
+            const int count = spsi_imin(SPSI_LANES, tile->x1 - x + 1);
             spsi_v depth = spsi_load_first(planes->depth[SPSI_CHUNK] + to, count);
             for (int k = 0; k <= SPSI_CHUNK; ++k) {
                 if (y + rows_ahead <= tile->y1)
@@ -17262,10 +17294,10 @@ static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *
 static void spsi_planes_level(void *data, int tile) {
     spsi_planes *planes = (spsi_planes *)data;
     const int x0 = tile % planes->tiles_x * SPSI_TILE_WIDTH, y0 = tile / planes->tiles_x * SPSI_TILE_HEIGHT;
-    const int width = spsi_least(SPSI_TILE_WIDTH, planes->width - x0);
+    const int width = spsi_imin(SPSI_TILE_WIDTH, planes->width - x0);
     if (!planes->uneven[tile]) return;
     planes->uneven[tile] = 0;
-    for (int y = y0; y < spsi_least(planes->height, y0 + SPSI_TILE_HEIGHT); ++y)
+    for (int y = y0; y < spsi_imin(planes->height, y0 + SPSI_TILE_HEIGHT); ++y)
         for (int k = 0; k < SPSI_CHUNK; ++k) {
             const size_t at = (size_t)y * (size_t)planes->width + (size_t)x0;
             memcpy(planes->depth[k] + at, planes->depth[SPSI_CHUNK] + at, (size_t)width * sizeof(float));
@@ -17289,16 +17321,16 @@ typedef enum spsi_shadow_kind {
 } spsi_shadow_kind;
 
 typedef struct spsi_shadow {
-    const spsi_lamp *lamp;
+    const spsi_light *lamp;
     spsi_shadow_kind kind;
     const spsi_sliced *sliced; /* with sheets */
     const sps_tmap *tmap;      /* with a map */
     int soft;                  /* 1: its sheets hold polygons' shadows too */
-    const float *lit;          /* per pixel of the image: spsi_sight */
+    const float *lit;          /* per pixel of the image: spsi_visibility */
     const unsigned char *open; /* per pixel and point of the light, if it is soft: likewise */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
-    spsi_pane_map *pane_maps;    /* of the light's points */
+    spsi_translucency_map *pane_maps; /* of the light's points */
     int pane_map_count;          /* 0: no translucent polygons */
     const spsi_spread *spread;   /* NULL: light keeps to its rays */
     spsi_linear spread_along[3]; /* arguments of spsi_spread_find along the eye's rays */
@@ -17322,7 +17354,7 @@ SPSI_COLD sps_result spsi_planes_build(sps_context *context, const spsi_frame *f
     planes->end = spsi_light_end(frame);
     planes->cubic = frame->matter.classifies && rays->width >= 4 && rays->height >= 4;
     for (int k = 0; k <= SPSI_CHUNK; ++k) planes->depth[k] = memory + (size_t)k * texels;
-    spsi_turns_begin(&planes->turns, (int)tiles, memory + (SPSI_CHUNK + 1) * texels);
+    spsi_task_order_begin(&planes->turns, (int)tiles, memory + (SPSI_CHUNK + 1) * texels);
     planes->uneven = (unsigned char *)(planes->turns.order + tiles);
     memset(memory, 0, texels * (SPSI_CHUNK + 1) * sizeof(float));
     memset(planes->uneven, 0, tiles);
@@ -17360,7 +17392,7 @@ static void spsi_sliced_task(void *data, int index, int worker) {
     }
     spsi_planes_propagate(planes, &sliced->shader, &tile);
     planes->open[index] =
-        spsi_patches_open(tile.depth, tile.depth_pitch, tile.x1 - tile.x0 + 1, tile.y1 - tile.y0 + 1, tile.end);
+        spsi_patches_unfinished(tile.depth, tile.depth_pitch, tile.x1 - tile.x0 + 1, tile.y1 - tile.y0 + 1, tile.end);
     planes->uneven[index] = 1;
     planes->turns.work[index] = spsi_tile_work(&tile);
     spsi_tile_count(&sliced->target, &tile, worker);
@@ -17399,7 +17431,7 @@ SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
         context->stats.soft_texels +=
             (SPSI_CHUNK + 1) * (uint64_t)sliced->penumbra.beam_count * (uint64_t)spsi_ray_count(sliced->target.rays);
     } else {
-        spsi_parallel_turns(context, &sliced->planes.turns, spsi_sliced_task, sliced);
+        spsi_parallel_ordered(context, &sliced->planes.turns, spsi_sliced_task, sliced);
     }
     context->stats.seconds_light += spsi_clock(context) - start;
 }
@@ -17470,7 +17502,7 @@ static spsi_v spsi_planes_find(const spsi_planes *planes, const float *grids, sp
 
 /* What polygons hide of a penumbra at such points, given the number of their layer. */
 static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], spsi_v layer) {
-    const spsi_v k = spsi_floor(spsi_clamp(layer, spsi_set(0), spsi_set(SPSI_PARTS * SPSI_CHUNK - 1)));
+    const spsi_v k = spsi_floor(spsi_clamp(layer, spsi_set(0), spsi_set(SPSI_SUBSLABS * SPSI_CHUNK - 1)));
     spsi_v q[2];
     spsi_sliced_project(sliced, at, q);
     return spsi_planes_find(&sliced->planes, sliced->penumbra.hidden, k, q);
@@ -17513,10 +17545,10 @@ static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, cons
     }
     for (int n = 0; n < SPSI_LANES; ++n) {
         const double t = parallel ? 1 : q[2][n], by = t > 0 ? t : 1;
-        q[0][n] = spsi_fmin(spsi_fmax(q[0][n] / by, -1), rays->width);
-        q[1][n] = spsi_fmin(spsi_fmax(q[1][n] / by, -1), rays->height);
+        q[0][n] = spsi_dmin(spsi_dmax(q[0][n] / by, -1), rays->width);
+        q[1][n] = spsi_dmin(spsi_dmax(q[1][n] / by, -1), rays->height);
         q[2][n] = t > 0 ? 1 : 0;
-        q[3][n] = spsi_fmin(spsi_fmax((q[3][n] - start) / slabs->thickness, 0), SPSI_CHUNK);
+        q[3][n] = spsi_dmin(spsi_dmax((q[3][n] - start) / slabs->thickness, 0), SPSI_CHUNK);
     }
     for (int i = 0; i < 4; ++i)
         for (int n = 0; n < SPSI_LANES; ++n) at[i][n] = (float)q[i][n];
@@ -17554,14 +17586,14 @@ static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, cons
 
 /* Whether a light's table has entries as fine as the texels of its sheets in a large picture, along the light too: as a
    small one is enlarged, the choice stays. */
-SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp) {
+SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_light *lamp) {
     sps_tmap map;
     const double *near_depth = &map.settings.near_depth, *far_depth = &map.settings.far_depth;
     const spsi_rays *rays = &map.rays[0];
     spsi_rays sheets;
-    if (!spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp), frame->view.shadow_resolution,
+    if (!spsi_rays_fit(lamp, &frame->content->bounds, spsi_light_texel(frame, lamp), frame->view.shadow_resolution,
                        spsi_light_texels_most(frame), &sheets) ||
-        spsi_lamp_tmap_aim(context, frame, lamp, &map))
+        spsi_light_tmap_aim(context, frame, lamp, &map))
         return 0;
     if (map.face_count > 1 || rays->width < sheets.width || rays->height < sheets.height) return 0;
     return ceil((*far_depth - *near_depth) / spsi_pixel_size_at(rays, 0.5 * (*near_depth + *far_depth))) <=
@@ -17585,7 +17617,7 @@ SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const sps
 }
 
 /* Makes a light shade gas by a table (1), or by sheets (0). */
-SPSI_COLD void spsi_lamp_take(spsi_lamp *lamp, int table, spsi_choice choice) {
+SPSI_COLD void spsi_light_take(spsi_light *lamp, int table, spsi_choice choice) {
     lamp->has_map = table;
     lamp->sliced = !table;
     lamp->choice = choice;
@@ -17602,26 +17634,26 @@ static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
 }
 
 /* Number of tables that an area light's points share. */
-static int spsi_lamp_tables(const spsi_lamp *lamp) {
+static int spsi_light_tables(const spsi_light *lamp) {
     const int count = lamp->point_count;
-    return count < 32 ? spsi_least(count, 5) : count < 64 ? 8 : SPSI_TABLES_MOST;
+    return count < 32 ? spsi_imin(count, 5) : count < 64 ? 8 : SPSI_TABLES_MOST;
 }
 
 /* Sets the number of tables that a light's points share, as far as `room` bytes hold them. One is
    enough where penumbrae are narrower than half a texel; where that cannot be known before reading, they count as
    wider. */
-static void spsi_lamp_share(const sps_context *context, const spsi_frame *frame, double *room, spsi_lamp *lamp) {
+static void spsi_light_fraction(const sps_context *context, const spsi_frame *frame, double *room, spsi_light *lamp) {
     const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
     spsi_rays rays[SPSI_CUBE_FACES];
     spsi_sweep sweep;
     size_t held, filling;
     double sum = 0;
     spsi_sweep_clear(frame, lamp, 0, &sweep);
-    if (!lamp->extent.exists || !lamp->has_map || !spsi_lamp_rays(frame, lamp, rays)) return;
+    if (!lamp->extent.exists || !lamp->has_map || !spsi_light_rays(frame, lamp, rays)) return;
     sweep.rays = rays[0];
-    lamp->tables = known && spsi_penumbra_texels(frame, &sweep) < 0.5 ? 1 : spsi_lamp_tables(lamp);
+    lamp->tables = known && spsi_penumbra_texels(frame, &sweep) < 0.5 ? 1 : spsi_light_tables(lamp);
     for (; lamp->tables > 1; lamp->tables /= 2) {
-        spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
+        spsi_light_tmap_bytes(frame, lamp, &held, &filling);
         sum = lamp->tables * (double)held + (double)filling;
         if (sum + spsi_bytes_without_tables(context, frame, &sweep) <= *room) break;
     }
@@ -17630,20 +17662,20 @@ static void spsi_lamp_share(const sps_context *context, const spsi_frame *frame,
 
 /* A table for a light that no slabs serve, or several, which the points of an area light share. */
 SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                        double *room, spsi_lamp *lamp) {
+                                        double *room, spsi_light *lamp) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
     spsi_rays rays[SPSI_CUBE_FACES];
-    spsi_lamp_take(lamp, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
-    if (!spsi_lamp_rays(frame, lamp, rays)) spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
-    spsi_lamp_share(context, frame, room, lamp);
+    spsi_light_take(lamp, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
+    if (!spsi_light_rays(frame, lamp, rays)) spsi_light_take(lamp, 0, SPSI_CHOICE_SHEETS);
+    spsi_light_fraction(context, frame, room, lamp);
     if (lamp->tables > 1) lamp->choice = SPSI_CHOICE_TABLES;
 }
 
 /* Chooses between sheets and a table for a light for which the caller has not. `others`: 1 if an earlier light has
    sheets; `room`: bytes that tables may take, less those that they take already. `plain`: the gas, by which a table's
    detail is judged, or shadows would jump where a level fades in. */
-SPSI_COLD void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, const spsi_bounds *plain, int others,
-                                    double *room, spsi_lamp *lamp) {
+SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *frame, const spsi_bounds *plain,
+                                     int others, double *room, spsi_light *lamp) {
     const spsi_bounds all = frame->content->bounds;
     spsi_sweep sweep;
     size_t held, filling;
@@ -17657,8 +17689,8 @@ SPSI_COLD void spsi_choose_for_lamp(sps_context *context, const spsi_frame *fram
         return;
     }
     if ((!others && !spsi_scatters_fully(frame)) || frame->matter.classifies || lamp->extent.exists) return;
-    spsi_lamp_take(lamp, 1, others ? SPSI_CHOICE_TABLE_SHARED : SPSI_CHOICE_TABLE_AGAIN);
-    spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
+    spsi_light_take(lamp, 1, others ? SPSI_CHOICE_TABLE_SHARED : SPSI_CHOICE_TABLE_AGAIN);
+    spsi_light_tmap_bytes(frame, lamp, &held, &filling);
     const double bytes = (double)held + (double)filling;
     frame->content->bounds = *plain;
     const int fine = spsi_table_is_fine(context, frame, lamp);
@@ -17666,11 +17698,11 @@ SPSI_COLD void spsi_choose_for_lamp(sps_context *context, const spsi_frame *fram
     if (fine && bytes + spsi_bytes_without_tables(context, frame, &sweep) <= *room)
         *room -= bytes;
     else
-        spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
+        spsi_light_take(lamp, 0, SPSI_CHOICE_SHEETS);
 }
 
 /* The square of how far two lights are apart: in place, or in direction. */
-static double spsi_lamps_apart(const spsi_lamp *a, const spsi_lamp *b) {
+static double spsi_lights_apart(const spsi_light *a, const spsi_light *b) {
     double offset[3];
     spsi_along(a->is_point ? a->position : a->direction, b->is_point ? b->position : b->direction, -1, offset);
     return spsi_dot(offset, offset);
@@ -17680,20 +17712,20 @@ static double spsi_lamps_apart(const spsi_lamp *a, const spsi_lamp *b) {
    is made from the mean of its points. These means move away from the light's centre until their variance is that of
    all points: then what gas passes is right up to the third order of the light's size. Returns the number of lights:
    a place that is nearest to no point has none. */
-static int spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts, spsi_lamp *points) {
+static int spsi_light_split(const spsi_light *lamp, spsi_light *parts, spsi_light *points) {
     const double *centre = lamp->is_point ? lamp->position : lamp->direction;
     double variance = 0, kept = 0;
     int nearest[SPSI_POINTS_MAX], count = 0;
     spsi_extent_points(lamp, lamp->tables, parts);
     for (int i = 0; i < lamp->point_count; ++i) {
-        const spsi_lamp *point = &lamp->points[i];
+        const spsi_light *point = &lamp->points[i];
         nearest[i] = 0;
         for (int n = 1; n < lamp->tables; ++n)
-            if (spsi_lamps_apart(point, &parts[n]) < spsi_lamps_apart(point, &parts[nearest[i]])) nearest[i] = n;
-        variance += spsi_lamps_apart(point, lamp);
+            if (spsi_lights_apart(point, &parts[n]) < spsi_lights_apart(point, &parts[nearest[i]])) nearest[i] = n;
+        variance += spsi_lights_apart(point, lamp);
     }
     for (int n = 0; n < lamp->tables; ++n) {
-        spsi_lamp *part = &parts[count];
+        spsi_light *part = &parts[count];
         double sum[3] = {0, 0, 0};
         *part = *lamp;
         part->points = part->few = points; /* the light may be as close as gas gets */
@@ -17706,7 +17738,7 @@ static int spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts, spsi_lamp *p
         if (part->point_count == 0) continue;
         for (int i = 0; i < 3; ++i) (lamp->is_point ? part->position : part->direction)[i] = sum[i] / part->point_count;
         for (int c = 0; c < 3; ++c) part->color[c] *= (float)part->point_count / (float)lamp->point_count;
-        kept += part->point_count * spsi_lamps_apart(part, lamp);
+        kept += part->point_count * spsi_lights_apart(part, lamp);
         ++count;
     }
     for (int n = 0; n < count && kept > 0; ++n) {
@@ -17718,13 +17750,13 @@ static int spsi_lamp_split(const spsi_lamp *lamp, spsi_lamp *parts, spsi_lamp *p
 }
 
 /* Lists lights as they are, except for those whose points share tables: as several. */
-static void spsi_lamps_split(spsi_lamps *lamps) {
-    spsi_lamp *list = lamps->whole + lamps->whole_count, *points = lamps->split_points;
+static void spsi_lights_split(spsi_lights *lamps) {
+    spsi_light *list = lamps->whole + lamps->whole_count, *points = lamps->split_points;
     int count = 0;
     for (int i = 0; i < lamps->whole_count; ++i) {
-        const spsi_lamp *lamp = &lamps->whole[i];
+        const spsi_light *lamp = &lamps->whole[i];
         if (lamp->tables > 1) {
-            count += spsi_lamp_split(lamp, list + count, points);
+            count += spsi_light_split(lamp, list + count, points);
             points += lamp->point_count;
             continue;
         }
@@ -17732,7 +17764,7 @@ static void spsi_lamps_split(spsi_lamps *lamps) {
         if (!lamp->extent.exists) list[count].points = list[count].few = &list[count];
         ++count;
     }
-    spsi_lamps_list(lamps, count > lamps->whole_count ? list : lamps->whole, count);
+    spsi_lights_list(lamps, count > lamps->whole_count ? list : lamps->whole, count);
 }
 
 /* Chooses how gas is shaded by each light that leaves it open, and how the image is cut, from the volumes' boxes and
@@ -17752,17 +17784,17 @@ SPSI_COLD void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     spsi_bounds_join(&plain, &gas);
     spsi_bounds_join(&content->outer, &tight);
     content->bounds = content->outer;
-    spsi_lamps_list(&frame->lamps, frame->lamps.whole, frame->lamps.whole_count);
+    spsi_lights_list(&frame->lamps, frame->lamps.whole, frame->lamps.whole_count);
     frame->lamps.sliced_count = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_lamp *lamp = &frame->lamps.list[i];
+        spsi_light *lamp = &frame->lamps.list[i];
         if (lamp->choice == SPSI_CHOICE_OPEN)
-            spsi_choose_for_lamp(context, frame, &plain, frame->lamps.sliced_count > 0, &room, lamp);
+            spsi_choose_for_light(context, frame, &plain, frame->lamps.sliced_count > 0, &room, lamp);
         else
-            spsi_lamp_share(context, frame, &room, lamp);
+            spsi_light_fraction(context, frame, &room, lamp);
         frame->lamps.sliced_count += lamp->sliced;
     }
-    spsi_lamps_split(&frame->lamps);
+    spsi_lights_split(&frame->lamps);
     if (frame->lamps.sliced_count == 0) spsi_image_divide(frame);
     content->bounds = tight;
 }
@@ -17797,71 +17829,73 @@ SPSI_COLD sps_result spsi_depth_maps_build(sps_context *context, const spsi_fram
 
 /* Lays out the pane maps of a sweep's lights: one for each point of a light that is soft, which share the texels of
    one. */
-SPSI_COLD sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows,
-                                            int count, spsi_pane_map *maps) {
+SPSI_COLD sps_result spsi_translucency_maps_lay_out(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows,
+                                                    int count, spsi_translucency_map *maps) {
     size_t floats = 0;
-    spsi_pane_map *next = maps;
+    spsi_translucency_map *next = maps;
     for (int i = 0; i < count; ++i) {
-        const spsi_lamp *lamp = shadows[i].lamp;
+        const spsi_light *lamp = shadows[i].lamp;
         shadows[i].pane_maps = next;
         shadows[i].pane_map_count = shadows[i].soft ? lamp->point_count : 1;
         for (int k = 0; k < shadows[i].pane_map_count; ++k, ++next) {
             const double share = 1 / sqrt((double)shadows[i].pane_map_count);
             memset(next, 0, sizeof *next);
             spsi_depth_map_aim(frame, shadows[i].soft ? &lamp->points[k] : lamp,
-                               spsi_most(8, (int)(share * spsi_depth_map_size(frame))), 0, &next->grid);
+                               spsi_imax(8, (int)(share * spsi_depth_map_size(frame))), 0, &next->grid);
             floats += spsi_depth_map_lay_out(&next->grid, next->first, NULL);
         }
     }
-    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_PANE_TEXELS, floats, sizeof(float));
-    for (spsi_pane_map *map = maps; memory && map < next; ++map)
+    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_TRANSLUCENCY_TEXELS, floats, sizeof(float));
+    for (spsi_translucency_map *map = maps; memory && map < next; ++map)
         memory += spsi_depth_map_lay_out(&map->grid, map->first, memory);
     return context->result;
 }
 
 /* Counts the panes of all maps, and lists them. */
-SPSI_COLD sps_result spsi_pane_maps_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                         spsi_pane_map *maps, size_t map_count) {
+SPSI_COLD sps_result spsi_translucency_maps_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                                 spsi_translucency_map *maps, size_t map_count) {
     size_t sum = 0, most = 0;
     for (size_t i = 0; i < map_count; ++i)
         for (int face = 0; face < maps[i].grid.face_count; ++face) {
-            spsi_panes_raster(context, frame, faces, &maps[i], face, 0);
+            spsi_translucent_planes_raster(context, frame, faces, &maps[i], face, 0);
             sum = maps[i].counts[face] > SIZE_MAX - sum ? SIZE_MAX : sum + maps[i].counts[face];
             most = maps[i].counts[face] > most ? maps[i].counts[face] : most;
         }
-    spsi_pane *panes = (spsi_pane *)spsi_reserve(context, SPSI_BUFFER_PANES, sum, sizeof *panes);
+    spsi_translucent_plane *panes =
+        (spsi_translucent_plane *)spsi_reserve(context, SPSI_BUFFER_PANES, sum, sizeof *panes);
     if (!panes || !spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, most, sizeof(spsi_fragment))) return context->result;
     for (size_t i = 0; i < map_count; ++i) {
         for (int face = 0; face < maps[i].grid.face_count; ++face) {
             maps[i].list[face] = panes;
             panes += maps[i].counts[face];
         }
-        spsi_pane_map_fill(context, frame, faces, &maps[i]);
+        spsi_translucency_map_fill(context, frame, faces, &maps[i]);
     }
     return SPS_OK;
 }
 
 /* Builds the maps by which translucent polygons filter the light of gas. */
-SPSI_COLD sps_result spsi_pane_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                          spsi_shadow *shadows, int count) {
+SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const spsi_frame *frame,
+                                                  const spsi_faces *faces, spsi_shadow *shadows, int count) {
     size_t map_count = 0;
     int widest = 0;
     if (!frame->meshes.translucent || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     if (count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i) map_count += (size_t)(shadows[i].soft ? shadows[i].lamp->point_count : 1);
-    spsi_pane_map *maps = (spsi_pane_map *)spsi_reserve(context, SPSI_BUFFER_PANE_MAPS, map_count, sizeof *maps);
-    if (!maps || spsi_pane_maps_lay_out(context, frame, shadows, count, maps)) return context->result;
+    spsi_translucency_map *maps =
+        (spsi_translucency_map *)spsi_reserve(context, SPSI_BUFFER_TRANSLUCENCY_MAPS, map_count, sizeof *maps);
+    if (!maps || spsi_translucency_maps_lay_out(context, frame, shadows, count, maps)) return context->result;
     for (size_t i = 0; i < map_count; ++i)
         for (int face = 0; face < maps[i].grid.face_count; ++face)
-            widest = spsi_most(widest, maps[i].grid.rays[face].width);
+            widest = spsi_imax(widest, maps[i].grid.rays[face].width);
     if (!spsi_reserve(context, SPSI_BUFFER_LAYER_SAMPLES, (size_t)spsi_worker_count(context),
                       (size_t)widest * (sizeof(uint64_t) + sizeof(double))))
         return context->result;
-    return spsi_pane_maps_fill(context, frame, faces, maps, map_count);
+    return spsi_translucency_maps_fill(context, frame, faces, maps, map_count);
 }
 
 /* Moves a light's own map, if the light in the cells has needed it already. Returns 0 if it has not. */
-SPSI_COLD int spsi_lamp_tmap_take(sps_context *context, const spsi_lamp *lamp, sps_tmap *map) {
+SPSI_COLD int spsi_light_tmap_take(sps_context *context, const spsi_light *lamp, sps_tmap *map) {
     sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
     for (int i = 0; i < context->cell_tmap_count; ++i) {
         if (maps[i].light != lamp->index || !maps[i].waits) continue;
@@ -17877,8 +17911,8 @@ SPSI_COLD int spsi_lamp_tmap_take(sps_context *context, const spsi_lamp *lamp, s
 /* Builds the transmittance maps of a sweep's lamps, and leaves the rest of the call's part to the sweep. Even after a
    failure, spsi_shadow_maps_release frees them. */
 SPSI_COLD sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows,
-                                            int count, spsi_part_of_call *sweep) {
-    spsi_part_of_call part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
+                                            int count, spsi_call_stage *sweep) {
+    spsi_call_stage part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
     int mapped = 0;
     for (int i = 0; i < count; ++i) mapped += shadows[i].lamp->has_map;
     if (mapped == 0 || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
@@ -17893,8 +17927,8 @@ SPSI_COLD sps_result spsi_shadow_maps_build(sps_context *context, const spsi_fra
         if (!shadows[i].lamp->has_map) continue;
         shadows[i].tmap = next;
         shadows[i].kind = SPSI_SHADOW_MAP;
-        if (!spsi_lamp_tmap_take(context, shadows[i].lamp, next) &&
-            spsi_lamp_tmap_begin(context, frame, shadows[i].lamp, gas, next))
+        if (!spsi_light_tmap_take(context, shadows[i].lamp, next) &&
+            spsi_light_tmap_begin(context, frame, shadows[i].lamp, gas, next))
             return context->result;
         ++next;
     }
@@ -17903,7 +17937,7 @@ SPSI_COLD sps_result spsi_shadow_maps_build(sps_context *context, const spsi_fra
     next = maps;
     for (int i = 0; i < count; ++i) {
         if (!shadows[i].tmap) continue;
-        if (spsi_lamp_tmap_fill(context, frame, shadows[i].lamp, &part, next++)) return context->result;
+        if (spsi_light_tmap_fill(context, frame, shadows[i].lamp, &part, next++)) return context->result;
         part.progress += part.share;
     }
     return SPS_OK;
@@ -17959,9 +17993,9 @@ SPSI_COLD void spsi_legendre_moments(const spsi_material *material, int followed
     series->peak = spsi_phase_peak(material, followed);
     for (int i = 0; i < material->lobe_count; ++i) {
         power[i] = (double)material->lobes[i].weight;
-        most = spsi_fmax(most, fabs((double)material->lobes[i].asymmetry));
+        most = spsi_dmax(most, fabs((double)material->lobes[i].asymmetry));
     }
-    series->count = most > 0 ? spsi_least(2 + (int)(0.5 * log(1e-4) / log(most)), SPSI_FORWARD_ORDERS) : 1;
+    series->count = most > 0 ? spsi_imin(2 + (int)(0.5 * log(1e-4) / log(most)), SPSI_FORWARD_ORDERS) : 1;
     for (int l = 0; l < series->count; ++l) {
         series->moments[l] = 0;
         for (int i = 0; i < material->lobe_count; ++i) {
@@ -17974,7 +18008,7 @@ SPSI_COLD void spsi_legendre_moments(const spsi_material *material, int followed
 /* A lobe at one cosine. */
 SPSI_COLD double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
     const double g = (double)lobe->asymmetry;
-    const double square = spsi_fmax(1 + g * g - 2 * g * spsi_fmin(spsi_fmax(cosine, -1), 1), DBL_MIN);
+    const double square = spsi_dmax(1 + g * g - 2 * g * spsi_dmin(spsi_dmax(cosine, -1), 1), DBL_MIN);
     return (double)lobe->weight * (1 - g * g) / (4 * SPSI_PI * square * sqrt(square));
 }
 
@@ -17993,7 +18027,7 @@ SPSI_COLD double spsi_forward_rest(double x, double t) {
 /* The factors d[l] at one depth. Of an order that is followed, they are those of the peak f, and what the scale of
    extinction there, 1 - w f, has let pass too much of what scatters once. */
 SPSI_COLD void spsi_legendre_orders(spsi_legendre *series, double albedo, double t) {
-    const double peak = series->peak, more = exp(-t) * expm1(spsi_fmin(albedo * peak * t, t));
+    const double peak = series->peak, more = exp(-t) * expm1(spsi_dmin(albedo * peak * t, t));
     for (int l = 0; l < series->count; ++l)
         if (l < series->followed)
             series->orders[l] = peak * spsi_forward_rest(albedo * peak * t, t) + (series->moments[l] - peak) * more;
@@ -18022,7 +18056,7 @@ SPSI_COLD double spsi_forward_depth(int column) {
 
 /* X at one depth and angle, by the factors there. */
 static double spsi_forward_at(const spsi_material *material, const spsi_legendre *series, double t, double cosine) {
-    return spsi_fmax(spsi_legendre_sum(series, t, cosine), -spsi_phase_at(material, cosine) * exp(-t));
+    return spsi_dmax(spsi_legendre_sum(series, t, cosine), -spsi_phase_at(material, cosine) * exp(-t));
 }
 
 /* X at one depth for all angles: a column of a table. */
@@ -18052,9 +18086,9 @@ SPSI_COLD void spsi_forward_build(const spsi_material *material, int followed, i
     }
 }
 
-/* Whether a sweep has a first pass, which measures gas: spsi_again. */
+/* Whether a sweep has a first pass, which measures gas: spsi_multiple. */
 SPSI_COLD int spsi_sweep_measures(const spsi_frame *frame, const spsi_sweep *sweep) {
-    return sweep->back_to_front && spsi_scatters_again(frame);
+    return sweep->back_to_front && spsi_scatters_multiply(frame);
 }
 
 /* Makes the tables of all gases, which materials refer to from then on. */
@@ -18195,7 +18229,7 @@ typedef struct spsi_cell_level {
 } spsi_cell_level;
 
 /* Entries of a row of cells. Lookups read two columns. */
-static int spsi_cell_pitch(int cells) { return spsi_most(2, (cells + SPSI_LANES - 1) / SPSI_LANES * SPSI_LANES); }
+static int spsi_cell_pitch(int cells) { return spsi_imax(2, (cells + SPSI_LANES - 1) / SPSI_LANES * SPSI_LANES); }
 
 /* Floats from one array of cells to the next. If these were a multiple of 4096 bytes, a cell's entries in all arrays
    would share one set of a cache, which has fewer places than a level has arrays: five lines more keep them apart. */
@@ -18373,7 +18407,7 @@ static int spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
     const int walled = level->closed ? level->walled[number] : 0;
     if (!walled || (walled == 2 && !level->walls)) return 0;
     if (walled == 1 || y == 0 || y == level->size[1] - 1 || z == 0 || z == level->size[2] - 1) return 1;
-    return spsi_most(1, level->size[0] - 1);
+    return spsi_imax(1, level->size[0] - 1);
 }
 
 /* What enters a row of cells from their neighbours, given what has left those: a copy in `own`, where links are
@@ -18430,7 +18464,7 @@ static spsi_cell_links spsi_cell_links_of(const spsi_cell_level *level, const sp
     return links;
 }
 
-static inline int spsi_cell_shut(const spsi_cell_links *links, int x) {
+static inline int spsi_cell_link_blocked(const spsi_cell_links *links, int x) {
     const int outside = x == links->end;
     return (int)(links->closed[outside][x] >> links->bit[outside] & 1);
 }
@@ -18445,7 +18479,7 @@ static void spsi_cell_row_follow_closed(const spsi_cell_level *level, size_t row
     for (int n = 0; n < level->pitch; ++n) {
         const int x = back ? level->pitch - 1 - n : n;
         const float wall = level->walls ? level->walls[row + (size_t)x] : 0;
-        in[x] += share * (spsi_cell_shut(&links, x) ? wall : radiance);
+        in[x] += share * (spsi_cell_link_blocked(&links, x) ? wall : radiance);
         radiance = sent[x] + (in[x] - sent[x]) * through[x];
     }
 }
@@ -18455,7 +18489,7 @@ static void spsi_cell_row_end(const spsi_cell_level *level, size_t row, const sp
                               float share, float *in) {
     const int step[3] = {direction->step[0], 0, 0};
     const spsi_cell_links links = spsi_cell_links_of(level, direction, row, step);
-    if (spsi_cell_shut(&links, links.end)) in[links.end] += share * level->walls[row + (size_t)links.end];
+    if (spsi_cell_link_blocked(&links, links.end)) in[links.end] += share * level->walls[row + (size_t)links.end];
 }
 
 /* The radiance that enters each cell of a row in two directions, the first with a step back along x, the second with
@@ -18515,7 +18549,7 @@ static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, i
            (size_t)(y + 1) * spsi_cell_row_floats(level) + SPSI_LANES;
 }
 
-static const float spsi_cell_shares[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9};
+static const float spsi_cell_weights[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9};
 
 /* Puts right what enters the closed cells of a row at a slant, given what has left four rows. Along x, the cell
    straight on is followed in turn. */
@@ -18537,7 +18571,7 @@ static void spsi_cell_slant_closed(const spsi_cell_level *level, const spsi_cell
         found = 1;
         in[n] = 0;
         for (int k = axis == 0 ? 1 : 0; k < 4; ++k)
-            in[n] += spsi_cell_shares[k] * (spsi_cell_shut(&links[k], n) ? wall : from[k][n]);
+            in[n] += spsi_cell_weights[k] * (spsi_cell_link_blocked(&links[k], n) ? wall : from[k][n]);
     }
 }
 
@@ -18552,8 +18586,8 @@ static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, fl
     const float *near_row = direction->axis == 2 ? beside : spsi_cell_along_row(along, i, 0, back);
     const float *const from[4] = {near_row, near_row - x, first ? beside - x : far_row, far_row - x};
     for (int n = 0; n < level->pitch; n += SPSI_LANES) {
-        spsi_v sum = spsi_mul(spsi_set(spsi_cell_shares[3]), spsi_load(from[3] + n));
-        for (int k = first; k < 3; ++k) sum = spsi_fma(spsi_set(spsi_cell_shares[k]), spsi_load(from[k] + n), sum);
+        spsi_v sum = spsi_mul(spsi_set(spsi_cell_weights[3]), spsi_load(from[3] + n));
+        for (int k = first; k < 3; ++k) sum = spsi_fma(spsi_set(spsi_cell_weights[k]), spsi_load(from[k] + n), sum);
         spsi_store(in + n, sum);
     }
     spsi_cell_slant_closed(along->level, direction, row, from, in);
@@ -18582,7 +18616,7 @@ static void spsi_cell_along_enter(const spsi_cell_along *along, int first, int y
         left = spsi_cell_along_row(along, first + k, 1, y - direction->step[1]) - direction->step[0];
         beams->in[k] = spsi_cell_row_enters(along->level, row, direction, left, along->rows + (size_t)(10 + k) * pitch);
     }
-    spsi_cell_rows_follow(along->level, row, &beams->direction[beams->count - 2], spsi_cell_shares[0], sent,
+    spsi_cell_rows_follow(along->level, row, &beams->direction[beams->count - 2], spsi_cell_weights[0], sent,
                           &slanted[slants - 2]);
 }
 
@@ -18666,7 +18700,7 @@ SPSI_COLD void spsi_cells_sweep(spsi_cell_level *level) {
 
 /* Of what a cell sends in moments of one degree, what it does not receive itself and scatter again. Of its own mean,
    the share 1 - (1 - exp(-t)) / t has not left it. */
-static inline spsi_v spsi_cell_unkept(const spsi_cell_level *level, const float *keep, size_t at) {
+static inline spsi_v spsi_cell_escaped(const spsi_cell_level *level, const float *keep, size_t at) {
     static const float share[SPSI_CELL_LENGTHS] = {24.0f / 315, 768.0f / 2835, 216.0f / 1280, 351384.0f / 725760};
     spsi_v own = spsi_set(0);
     for (int i = 0; i < SPSI_CELL_LENGTHS; ++i)
@@ -18675,7 +18709,7 @@ static inline spsi_v spsi_cell_unkept(const spsi_cell_level *level, const float 
 }
 
 /* After a sweep: what each cell of a plane sends too little, as a residual in moments[1], and the plane's balance. */
-static void spsi_cells_miss_task(void *data, int z) {
+static void spsi_cells_residual_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
     const size_t end = first + (size_t)(level->size[1] * level->pitch);
@@ -18701,15 +18735,15 @@ static void spsi_cells_miss_task(void *data, int z) {
 }
 
 /* The same, put right as far as a cell by itself can: what it sends more, it receives in part. */
-static void spsi_cells_mend_task(void *data, int z) {
+static void spsi_cells_relax_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
-    spsi_cells_miss_task(data, z);
+    spsi_cells_residual_task(data, z);
     for (int t = 0; t < level->solver->terms; ++t) {
         const float *keep = level->keep[spsi_term_degree(t)], *miss = level->moments[1] + (size_t)t * level->count;
         float *sent = level->sent + (size_t)t * level->count;
         for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES) {
-            const spsi_v more = spsi_div(spsi_load(miss + at), spsi_cell_unkept(level, keep, at));
+            const spsi_v more = spsi_div(spsi_load(miss + at), spsi_cell_escaped(level, keep, at));
             spsi_store(sent + at, spsi_add(spsi_load(sent + at), more));
         }
     }
@@ -18753,22 +18787,22 @@ static void spsi_cells_coarsen_task(void *data, int z) {
 }
 
 /* The coarse cell beside the one that holds fine cell x, on its side; the same one at the grid's end. */
-static int spsi_cell_beside(int x, int size) {
+static int spsi_cell_neighbour(int x, int size) {
     const int beside = x / 2 + (x & 1 ? 1 : -1);
     return beside < 0 || beside >= size ? x / 2 : beside;
 }
 
 /* The four rows of coarse cells about a fine one, of one term of one of their arrays. */
 static void spsi_cell_rows_about(const spsi_cell_level *coarse, const float *term, int y, int z, const float *row[4]) {
-    const int planes[2] = {z / 2, spsi_cell_beside(z, coarse->size[2])};
-    const int lines[2] = {y / 2, spsi_cell_beside(y, coarse->size[1])};
+    const int planes[2] = {z / 2, spsi_cell_neighbour(z, coarse->size[2])};
+    const int lines[2] = {y / 2, spsi_cell_neighbour(y, coarse->size[1])};
     for (int i = 0; i < 4; ++i)
         row[i] = term + (size_t)(planes[i >> 1] * coarse->size[1] + lines[i & 1]) * (size_t)coarse->pitch;
 }
 
 /* Interpolates linearly between the centres of coarse cells. */
 static inline float spsi_cell_rows_at(const float *const row[4], int x, int size) {
-    const int near_by = x / 2, beside = spsi_cell_beside(x, size);
+    const int near_by = x / 2, beside = spsi_cell_neighbour(x, size);
     const float here = 9 * row[0][near_by] + 3 * (row[1][near_by] + row[2][near_by]) + row[3][near_by];
     const float next = 9 * row[0][beside] + 3 * (row[1][beside] + row[2][beside]) + row[3][beside];
     return (3 * here + next) * (1.0f / 64);
@@ -18791,7 +18825,7 @@ static void spsi_cells_correct_task(void *data, int z) {
                 const float smooth = spsi_cell_rows_at(given, x, coarse->size[0]);
                 const float back = spsi_cell_rows_at(moments, x, coarse->size[0]);
                 const size_t at = row + (size_t)x;
-                if (x % SPSI_LANES == 0) spsi_store(unkept, spsi_cell_unkept(fine, keep, at));
+                if (x % SPSI_LANES == 0) spsi_store(unkept, spsi_cell_escaped(fine, keep, at));
                 sent[x] += smooth + keep[at] * back + (miss[x] - smooth) / unkept[x % SPSI_LANES];
             }
         }
@@ -18835,18 +18869,18 @@ static void spsi_cells_check(spsi_cell_level *level, spsi_item_fn task) {
 /* Corrects what a level sends, given what it misses, by two cycles of the next coarser one; the coarsest is mended as
    often as it takes. Coarse levels are mended before they are corrected, which halves the number of cycles; the finest
    converges as fast without. Recursion is as deep as there are levels. */
-SPSI_COLD void spsi_cells_cycle(spsi_cell_solver *solver, int n) {
+SPSI_COLD void spsi_cells_v_cycle(spsi_cell_solver *solver, int n) {
     spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
     if (n == solver->level_count - 1) {
-        for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_check(level, spsi_cells_mend_task);
+        for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_check(level, spsi_cells_relax_task);
         return;
     }
-    if (n > 0) spsi_cells_check(level, spsi_cells_miss_task);
+    if (n > 0) spsi_cells_check(level, spsi_cells_residual_task);
     /* coarse cells are given what fine ones miss */
     spsi_cell_step step = {level, coarse, level->moments[1], coarse->given, solver->terms};
     spsi_parallel_items(solver->context, coarse->size[2], spsi_cells_coarsen_task, &step);
     spsi_copy(solver->context, coarse->sent, coarse->given, (size_t)solver->terms * coarse->count * sizeof(float));
-    for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
+    for (int i = 0; i < 2; ++i) spsi_cells_v_cycle(solver, n + 1);
     spsi_cells_sweep(coarse);
     spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
 }
@@ -18867,42 +18901,42 @@ SPSI_COLD void spsi_cells_levels(spsi_cell_solver *solver) {
 /* Solves for what cells of the finest level send, whose depth, keep and given are set; moments, and what leaves, are
    those of what is sent. Before anything is sent, all that is given is missing: coarse levels begin. `started`: 1:
    cells send what they did before more was given. */
-SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, const spsi_call_stage *part) {
     spsi_cell_level *finest = &solver->levels[0];
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
     if (!started) {
         spsi_cells_levels(solver);
         spsi_copy(solver->context, finest->moments[1], finest->given, bytes);
         memset(finest->sent, 0, bytes);
-        spsi_cells_cycle(solver, 0);
+        spsi_cells_v_cycle(solver, 0);
     }
     for (int i = 0;; ++i) {
-        if (spsi_progress(solver->context, spsi_part_done(part, (double)i / (SPSI_CELL_CYCLES + 1))))
+        if (spsi_progress(solver->context, spsi_call_stage_done(part, (double)i / (SPSI_CELL_CYCLES + 1))))
             return solver->context->result;
-        spsi_cells_check(finest, spsi_cells_miss_task);
+        spsi_cells_check(finest, spsi_cells_residual_task);
         if (i == SPSI_CELL_CYCLES || spsi_cells_imbalance(solver, finest) < SPSI_CELL_BALANCE) return SPS_OK;
-        spsi_cells_cycle(solver, 0);
+        spsi_cells_v_cycle(solver, 0);
     }
 }
 
 /* --- what the eye looks up --- */
 
 /* A grid and the eye that looks at it. */
-typedef struct spsi_cell_look {
+typedef struct spsi_cell_viewer {
     const spsi_frame *frame;
     spsi_cell_grid *grid;
-} spsi_cell_look;
+} spsi_cell_viewer;
 
 /* The direction from a cell's centre to the eye, also as harmonics. Rays look up cells beside and behind the eye, too:
    these count as half an edge ahead of it, so that the direction is never 0. */
-static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z, double toward[3],
+static void spsi_cell_toward_eye(const spsi_cell_viewer *look, int x, int y, int z, double toward[3],
                                  float harmonic[SPSI_CELL_TERMS]) {
     const spsi_rays *eye = &look->frame->content->eye;
     const double at[3] = {x + 0.5, y + 0.5, z + 0.5}, length = spsi_length(eye->c);
     double behind;
     for (int k = 0; k < 3; ++k)
         toward[k] = eye->perspective ? eye->origin[k] - (look->grid->corner[k] + look->grid->edge * at[k]) : -eye->c[k];
-    behind = spsi_fmax(0.5 * look->grid->edge + spsi_dot(toward, eye->c) / length, 0);
+    behind = spsi_dmax(0.5 * look->grid->edge + spsi_dot(toward, eye->c) / length, 0);
     for (int k = 0; k < 3 && eye->perspective; ++k) toward[k] -= behind * eye->c[k] / length;
     (void)spsi_normalise(toward);
     spsi_harmonics(toward, harmonic);
@@ -18910,7 +18944,7 @@ static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z
 
 /* What a material scatters of first flights towards the eye, in a cell and channel. Light in a lobe of mean cosine b
    about one direction is made one of b g by a lobe g. In gas that glows, its own light is even. */
-static float spsi_cell_flown(const spsi_cell_look *look, int m, const double toward[3], int c, size_t at) {
+static float spsi_cell_flown(const spsi_cell_viewer *look, int m, const double toward[3], int c, size_t at) {
     const spsi_cell_grid *grid = look->grid;
     const spsi_material *material = &look->frame->matter.materials[m];
     const float *flown = grid->flown + (size_t)(c * grid->terms) * grid->count + at;
@@ -18920,11 +18954,11 @@ static float spsi_cell_flown(const spsi_cell_look *look, int m, const double tow
     if (!(flown[0] > 0)) return own ? *trapped : 0;
     for (int k = 0; k < 3 && grid->terms > 1; ++k) /* y, z and x */
         mean[k] = (double)flown[(size_t)(k ? k : 3) * grid->count] / (sqrt(3) * (double)flown[0]);
-    length = spsi_fmin(spsi_length(mean), 1);
+    length = spsi_dmin(spsi_length(mean), 1);
     for (int i = 0; i < material->lobe_count; ++i) {
         sps_lobe lobe = material->lobes[i];
         lobe.asymmetry *= (float)length;
-        sum += spsi_lobe_at(&lobe, spsi_dot(mean, toward) / spsi_fmax(length, DBL_MIN));
+        sum += spsi_lobe_at(&lobe, spsi_dot(mean, toward) / spsi_dmax(length, DBL_MIN));
     }
     sum *= 4 * SPSI_PI;
     if (!own) return (float)sum * flown[0];
@@ -18933,8 +18967,8 @@ static float spsi_cell_flown(const spsi_cell_look *look, int m, const double tow
 
 /* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells: 0 for empty
    ones. */
-static void spsi_cells_look_task(void *data, int row) {
-    const spsi_cell_look *look = (const spsi_cell_look *)data;
+static void spsi_cells_viewer_task(void *data, int row) {
+    const spsi_cell_viewer *look = (const spsi_cell_viewer *)data;
     const spsi_cell_grid *grid = look->grid;
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
@@ -18952,7 +18986,7 @@ static void spsi_cells_look_task(void *data, int row) {
                 float sum = 0;
                 for (int l = 0; l < grid->orders; ++l) sum += grid->lobes[m][l] * degree[l];
                 if (grid->flown) sum += spsi_cell_flown(look, m, toward, c, at);
-                grid->seen[(size_t)(m * grid->channels + c) * grid->count + at] = spsi_higher(sum, 0);
+                grid->seen[(size_t)(m * grid->channels + c) * grid->count + at] = spsi_fmax(sum, 0);
             }
         }
     }
@@ -18960,14 +18994,14 @@ static void spsi_cells_look_task(void *data, int row) {
 
 /* The mean of what is seen of cells beside an empty one, each continued by the next one beyond; without any, of those
    that share an edge or a corner with it; 0 without these. */
-static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
+static float spsi_cells_extrapolated(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
     const int *size = grid->size;
     const size_t pitch = (size_t)grid->pitch, here = (size_t)(at[2] * size[1] + at[1]) * pitch + (size_t)at[0];
     float sum[2] = {0, 0};
     int count[2] = {0, 0};
-    for (int z = spsi_most(at[2] - 1, 0); z < spsi_least(at[2] + 2, size[2]); ++z)
-        for (int y = spsi_most(at[1] - 1, 0); y < spsi_least(at[1] + 2, size[1]); ++y)
-            for (int x = spsi_most(at[0] - 1, 0); x < spsi_least(at[0] + 2, size[0]); ++x) {
+    for (int z = spsi_imax(at[2] - 1, 0); z < spsi_imin(at[2] + 2, size[2]); ++z)
+        for (int y = spsi_imax(at[1] - 1, 0); y < spsi_imin(at[1] + 2, size[1]); ++y)
+            for (int x = spsi_imax(at[0] - 1, 0); x < spsi_imin(at[0] + 2, size[0]); ++x) {
                 const size_t next = (size_t)(z * size[1] + y) * pitch + (size_t)x, beyond = 2 * next - here;
                 const int aside = abs(x - at[0]) + abs(y - at[1]) + abs(z - at[2]) != 1;
                 const int last[3] = {2 * x - at[0], 2 * y - at[1], 2 * z - at[2]};
@@ -18976,15 +19010,15 @@ static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen,
                 for (int k = 0; k < 3; ++k) ends |= last[k] < 0 || last[k] >= size[k];
                 count[aside] += 1;
                 sum[aside] += seen[next];
-                if (!ends && grid->depth[beyond] > 0) sum[0] += spsi_higher(seen[next] - seen[beyond], -seen[next]);
+                if (!ends && grid->depth[beyond] > 0) sum[0] += spsi_fmax(seen[next] - seen[beyond], -seen[next]);
             }
     return count[0] > 0 ? sum[0] / (float)count[0] : count[1] > 0 ? sum[1] / (float)count[1] : 0;
 }
 
 /* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
    of its end is between both. */
-static void spsi_cells_continue_task(void *data, int row) {
-    const spsi_cell_look *look = (const spsi_cell_look *)data;
+static void spsi_cells_extrapolate_task(void *data, int row) {
+    const spsi_cell_viewer *look = (const spsi_cell_viewer *)data;
     const spsi_cell_grid *grid = look->grid;
     const int count = look->frame->matter.material_count * grid->channels;
     int at[3] = {0, row % grid->size[1], row / grid->size[1]};
@@ -18992,7 +19026,7 @@ static void spsi_cells_continue_task(void *data, int row) {
         const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
         for (int i = 0; i < count && !(grid->depth[cell] > 0); ++i) {
             float *seen = grid->seen + (size_t)i * grid->count;
-            seen[cell] = spsi_cells_continued(grid, seen, at);
+            seen[cell] = spsi_cells_extrapolated(grid, seen, at);
         }
     }
 }
@@ -19090,8 +19124,8 @@ static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux
         if (spsi_term_degree(t) == 1) square += moment * moment, toward += part;
     }
     if (grid->flux_terms > 4) return sum;
-    mean = spsi_fmin(sqrt(square / 3) / spsi_fmax(fabs((double)flux[0]), DBL_MIN), 1);
-    return sum + 0.625 * SPSI_PI * (double)flux[0] * mean * spsi_fmax(2 * mean - 1, 0) * (toward * toward / square - 1);
+    mean = spsi_dmin(sqrt(square / 3) / spsi_dmax(fabs((double)flux[0]), DBL_MIN), 1);
+    return sum + 0.625 * SPSI_PI * (double)flux[0] * mean * spsi_dmax(2 * mean - 1, 0) * (toward * toward / square - 1);
 }
 
 /* Irradiance of a surface within the grid, half a cell off its polygon: interpolated between the cells that lie before
@@ -19106,8 +19140,8 @@ static double spsi_cells_irradiance_within(const spsi_cell_grid *grid, int chann
     spsi_harmonics(from, harmonic);
     for (int k = 0; k < 3; ++k) {
         const double at = (point[k] - grid->corner[k]) / grid->edge - 0.5;
-        low[k] = (int)spsi_fmax(0, spsi_fmin(floor(at + 0.5 * normal[k]), grid->size[k] - 2));
-        share[k] = grid->size[k] > 1 ? spsi_fmax(0, spsi_fmin(at + 0.5 * normal[k] - low[k], 1)) : 0;
+        low[k] = (int)spsi_dmax(0, spsi_dmin(floor(at + 0.5 * normal[k]), grid->size[k] - 2));
+        share[k] = grid->size[k] > 1 ? spsi_dmax(0, spsi_dmin(at + 0.5 * normal[k] - low[k], 1)) : 0;
         place[k] = at - low[k];
     }
     for (int i = 0; i < 8; ++i) {
@@ -19125,17 +19159,17 @@ static double spsi_cells_irradiance_within(const spsi_cell_grid *grid, int chann
 }
 
 /* A surface that cells outside light, and what may be in the way. */
-typedef struct spsi_cell_sight {
+typedef struct spsi_cell_visibility {
     const spsi_cell_grid *grid;
     const spsi_faces *faces;
     const spsi_surface *surface;
     const double *normal; /* a unit vector */
     int face;
-} spsi_cell_sight;
+} spsi_cell_visibility;
 
 /* Bit mask of the sides of the grid that a surface is before, with polygons that may be between. What is above the
    surface by the round-off of floats only is not, or the triangles of a flat floor would be between. */
-static int spsi_cell_sight_near(const spsi_cell_sight *sight) {
+static int spsi_cell_visibility_near(const spsi_cell_visibility *sight) {
     const spsi_cell_grid *grid = sight->grid;
     const double *point = sight->surface->point, *start = sight->surface->start;
     const double begins[1][3] = {{start[0], start[1], start[2]}};
@@ -19144,7 +19178,7 @@ static int spsi_cell_sight_near(const spsi_cell_sight *sight) {
     int near_sides = 0;
     memcpy(from.low, start, sizeof from.low), memcpy(from.high, start, sizeof from.high);
     spsi_along(start, sight->faces->tree.centre, -1, offset);
-    for (int k = 0; k < 3; ++k) below[k] = -sight->normal[k], farthest = spsi_fmax(farthest, fabs(offset[k]));
+    for (int k = 0; k < 3; ++k) below[k] = -sight->normal[k], farthest = spsi_dmax(farthest, fabs(offset[k]));
     for (int axis = 0; axis < 3; ++axis) {
         const double extent = grid->edge * grid->size[axis], at = point[axis] - grid->corner[axis];
         const int upper = at > extent;
@@ -19167,7 +19201,7 @@ static int spsi_cell_sight_near(const spsi_cell_sight *sight) {
 /* The way from a surface to where one of a patch's four rays ends: next to the centres of the outermost cells, between
    which links tell what is in the way. Along either edge of a side, no two rays of the same number end at the same
    place, nor do the four of a patch: the edge of a shadow that is parallel to it takes them one by one. */
-static void spsi_cell_sight_ray(const spsi_cell_sight *sight, int patch, int number, double toward[3]) {
+static void spsi_cell_visibility_ray(const spsi_cell_visibility *sight, int patch, int number, double toward[3]) {
     static const int reversed[SPSI_CELL_PATCHES] = {0, 4, 2, 6, 1, 5, 3, 7};
     const spsi_cell_grid *grid = sight->grid;
     const double *start = sight->surface->start;
@@ -19185,7 +19219,7 @@ static void spsi_cell_sight_ray(const spsi_cell_sight *sight, int patch, int num
 }
 
 /* Traces one of the rays to each of a side's patches in a bit mask. Returns those that polygons stop. */
-static uint64_t spsi_cell_sight_trace(const spsi_cell_sight *sight, int side, uint64_t patches, int number) {
+static uint64_t spsi_cell_visibility_trace(const spsi_cell_visibility *sight, int side, uint64_t patches, int number) {
     uint64_t hidden = 0;
     for (int n = 0; n < SPSI_CELL_SIDE;) {
         int patch[SPSI_PACKET], count = 0;
@@ -19198,7 +19232,7 @@ static uint64_t spsi_cell_sight_trace(const spsi_cell_sight *sight, int side, ui
             for (int k = 0; k < 3; ++k)
                 toward[k] = sight->grid->corner[k] + (double)middle[k * SPSI_CELL_SHEET] - sight->surface->point[k];
             if (!(spsi_dot(toward, sight->normal) > 0)) continue;
-            spsi_cell_sight_ray(sight, side * SPSI_CELL_SIDE + n, number, toward);
+            spsi_cell_visibility_ray(sight, side * SPSI_CELL_SIDE + n, number, toward);
             spsi_packet_add(&sight->faces->tree, count, sight->face, sight->surface->start, toward, &packet);
             patch[count++] = n;
         }
@@ -19218,13 +19252,13 @@ static uint64_t spsi_cell_patches_about(uint64_t patches) {
 
 /* Sets how much of a side's patches the surface sees: one ray each, four where seen and hidden patches meet. Returns 1
    if any is hidden. */
-static int spsi_cell_sight_side(const spsi_cell_sight *sight, int side, float *open) {
-    const uint64_t hidden = spsi_cell_sight_trace(sight, side, ~(uint64_t)0, 0), seen = ~hidden;
+static int spsi_cell_visibility_side(const spsi_cell_visibility *sight, int side, float *open) {
+    const uint64_t hidden = spsi_cell_visibility_trace(sight, side, ~(uint64_t)0, 0), seen = ~hidden;
     const uint64_t edge = (spsi_cell_patches_about(hidden) & seen) | (spsi_cell_patches_about(seen) & hidden);
     for (int n = 0; n < SPSI_CELL_SIDE && hidden; ++n)
         if (hidden >> n & 1) open[n] = edge >> n & 1 ? 0.75f : 0;
     for (int number = 1; number < 4 && edge; ++number) {
-        const uint64_t more = spsi_cell_sight_trace(sight, side, edge, number);
+        const uint64_t more = spsi_cell_visibility_trace(sight, side, edge, number);
         for (int n = 0; n < SPSI_CELL_SIDE; ++n)
             if (more >> n & 1) open[n] -= 0.25f;
     }
@@ -19234,13 +19268,13 @@ static int spsi_cell_sight_side(const spsi_cell_sight *sight, int side, float *o
 /* Sets the share of each patch that a surface sees past opaque polygons. Returns 0 if it sees all of them. Without
    polygons between a surface and the grid there are no rays. All surfaces have the same rays, so that shadows have fine
    steps, not noise. */
-static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_SHEET]) {
-    const int near_sides = spsi_cell_sight_near(sight);
+static int spsi_cells_visibility(const spsi_cell_visibility *sight, float open[SPSI_CELL_SHEET]) {
+    const int near_sides = spsi_cell_visibility_near(sight);
     int hidden = 0;
     if (!near_sides) return 0;
     for (int n = 0; n < SPSI_CELL_SHEET; ++n) open[n] = 1;
     for (int side = 0; side < 6; ++side)
-        if (near_sides >> side & 1) hidden |= spsi_cell_sight_side(sight, side, open + side * SPSI_CELL_SIDE);
+        if (near_sides >> side & 1) hidden |= spsi_cell_visibility_side(sight, side, open + side * SPSI_CELL_SIDE);
     return hidden;
 }
 
@@ -19283,7 +19317,7 @@ static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_
         cosine = spsi_mul(spsi_dot_v(to, ahead), spsi_sqrt(share));
         all = spsi_add(all, share);
         for (int n = 0; n < material->lobe_count; ++n) {
-            const float g = spsi_higher(spsi_lower(material->lobes[n].asymmetry, 0.85f), -0.85f), g2 = g * g;
+            const float g = spsi_fmax(spsi_fmin(material->lobes[n].asymmetry, 0.85f), -0.85f), g2 = g * g;
             const float peak = (grid->orders > 2 ? g2 * g2 : g2) * (1 - g2) * (1 - g2) / (1 + g2);
             const spsi_v lobe = spsi_mul(spsi_lobe_phase(g, cosine), unit);
             const spsi_v sent = spsi_mul(spsi_mul(share, spsi_set(material->lobes[n].weight)), lobe);
@@ -19330,7 +19364,7 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
         const spsi_v depth = spsi_mul(through, spsi_set(from->thick[c]));
         spsi_v sum = spsi_cell_patches_sum(sent + SPSI_CELL_SHEET, harmonic);
         sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
-        const float straight = sets > 0 ? 1 / spsi_higher(from->grid->scale[from->channel + c], 0.03f) - 1 : 0;
+        const float straight = sets > 0 ? 1 / spsi_fmax(from->grid->scale[from->channel + c], 0.03f) - 1 : 0;
         const spsi_v kept = sets > 0 ? spsi_mean_transmittance(zero, spsi_mul(depth, spsi_set(straight))) : one;
         for (int i = 0; i < sets; ++i) {
             const spsi_v single = spsi_cell_patches_sum(sent + (1 + i) * set + SPSI_CELL_SHEET, harmonic);
@@ -19371,18 +19405,18 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
         for (int k = 0; k < 2; ++k) { /* how far the surface is beside the vector's patches */
             const float *own = patch + from.along[k] * SPSI_CELL_SHEET, *width = patch + (4 + k) * SPSI_CELL_SHEET;
-            const int last = k ? SPSI_LANES - 1 : spsi_least(SPSI_LANES, grid->across) - 1;
+            const int last = k ? SPSI_LANES - 1 : spsi_imin(SPSI_LANES, grid->across) - 1;
             const double begin = (double)(own[0] - 0.5f * width[0]) - at[from.along[k]];
-            const double off = spsi_fmax(begin, at[from.along[k]] - (double)(own[last] + 0.5f * width[last]));
+            const double off = spsi_dmax(begin, at[from.along[k]] - (double)(own[last] + 0.5f * width[last]));
             square += off > 0 ? off * off : 0;
-            nearest = spsi_fmax(nearest, 0.18 * from.extent[from.along[k]] / most);
+            nearest = spsi_dmax(nearest, 0.18 * from.extent[from.along[k]] / most);
         }
         for (int k = 0; k < 2; ++k) /* straight before the side, it counts as no nearer than parts are wide */
-            nearest += spsi_fmin(spsi_fmin(at[from.along[k]], from.extent[from.along[k]] - at[from.along[k]]), 0);
-        at[axis] = end + outward * spsi_fmax(beyond, nearest);
+            nearest += spsi_dmin(spsi_dmin(at[from.along[k]], from.extent[from.along[k]] - at[from.along[k]]), 0);
+        at[axis] = end + outward * spsi_dmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
         for (int k = 0; k < 2; ++k)
-            parts[k] = (int)spsi_fmin(ceil(0.0625 * grid->across * from.extent[from.along[k]] / sqrt(square)), most);
+            parts[k] = (int)spsi_dmin(ceil(0.0625 * grid->across * from.extent[from.along[k]] / sqrt(square)), most);
         spsi_set3(at, from.at);
         for (int k = 0; k < 3; ++k) middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET), from.at[k]);
         area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
@@ -19403,7 +19437,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
     }
     for (int c = 0; c < count; ++c) seen += irradiance[c] = spsi_total(all[c]);
     sum = spsi_total(whole); /* where gas takes ambient light, both are below 0 */
-    return fabs(sum) > 0 ? spsi_fmax(0, spsi_fmin(seen / sum, 1)) : 1;
+    return fabs(sum) > 0 ? spsi_dmax(0, spsi_dmin(seen / sum, 1)) : 1;
 }
 
 /* Distance of a place from a grid. */
@@ -19411,7 +19445,7 @@ static double spsi_cells_distance(const spsi_cell_grid *grid, const double point
     double square = 0;
     for (int k = 0; k < 3; ++k) {
         const double at = point[k] - grid->corner[k];
-        const double off = spsi_fmax(spsi_fmax(-at, at - grid->edge * grid->size[k]), 0);
+        const double off = spsi_dmax(spsi_dmax(-at, at - grid->edge * grid->size[k]), 0);
         square += off * off;
     }
     return sqrt(square);
@@ -19420,8 +19454,8 @@ static double spsi_cells_distance(const spsi_cell_grid *grid, const double point
 /* The part of what a surface receives that patches send: within a sixth of a patch's width of the grid, moments in
    cells send more and more of it. */
 static double spsi_cells_outside(const spsi_cell_grid *grid, const double point[3]) {
-    const int longest = spsi_most(grid->size[0], spsi_most(grid->size[1], grid->size[2]));
-    return spsi_fmin(6 * SPSI_CELL_PATCHES * spsi_cells_distance(grid, point) / (grid->edge * longest), 1);
+    const int longest = spsi_imax(grid->size[0], spsi_imax(grid->size[1], grid->size[2]));
+    return spsi_dmin(6 * SPSI_CELL_PATCHES * spsi_cells_distance(grid, point) / (grid->edge * longest), 1);
 }
 
 /* A lamp's number among the grid's lights, which it shares with all of its tables; their number: it is none. */
@@ -19434,10 +19468,10 @@ static int spsi_cells_light_of(const spsi_cell_grid *grid, int index) {
 /* The scale of extinction on a light's way to a point of a surface, or to the eye (`point`: NULL). Outside all grids it
    is 1 for what patches send by phase functions: peaks included. */
 static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c, int index, const double *point) {
-    const double scale = count > 0 ? (double)grids->scale[spsi_least(c, grids->channels - 1)] : 1;
+    const double scale = count > 0 ? (double)grids->scale[spsi_imin(c, grids->channels - 1)] : 1;
     const int light = count > 0 ? spsi_cells_light_of(grids, index) : 0;
     double outside = point && count > 0 && light < grids->light_count;
-    for (int n = 0; n < count && outside > 0; ++n) outside = spsi_fmin(outside, spsi_cells_outside(&grids[n], point));
+    for (int n = 0; n < count && outside > 0; ++n) outside = spsi_dmin(outside, spsi_cells_outside(&grids[n], point));
     return scale + (outside > 0 ? (1 - scale) * (double)grids->lights[light].weight * outside : 0);
 }
 
@@ -19463,8 +19497,8 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
     const spsi_v y = spsi_clamp(at[1], zero, spsi_set((float)(grid->size[1] - 1)));
     const spsi_v z = spsi_clamp(at[2], zero, last_plane), plane = spsi_floor(z);
     const spsi_v next = spsi_min(spsi_add(plane, spsi_set(1)), last_plane), height = spsi_set((float)grid->size[1]);
-    const spsi_v a = spsi_bilinear(seen, grid->pitch, spsi_most(2, rows), x, spsi_fma(plane, height, y));
-    const spsi_v b = spsi_bilinear(seen, grid->pitch, spsi_most(2, rows), x, spsi_fma(next, height, y));
+    const spsi_v a = spsi_bilinear(seen, grid->pitch, spsi_imax(2, rows), x, spsi_fma(plane, height, y));
+    const spsi_v b = spsi_bilinear(seen, grid->pitch, spsi_imax(2, rows), x, spsi_fma(next, height, y));
     return spsi_mix(a, b, spsi_sub(z, plane));
 }
 
@@ -19487,14 +19521,14 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 #define SPSI_FLIGHT_STEP   0.15f /* length of a step per distance from the nearer end; at least a cell's edge */
 
 /* Whether a light may be a narrow beam, which cells are too wide for: a cone of up to 0.8 is, close to a polygon. */
-static int spsi_lamp_has_beam(const spsi_lamp *lamp) {
+static int spsi_light_has_beam(const spsi_light *lamp) {
     return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.3;
 }
 
 /* Whether first flights reach cells: from what glows, narrow beams, or lit polygons. */
 static int spsi_flies_to_cells(const spsi_frame *frame) {
     int some = frame->matter.emits || (frame->meshes.count > 0 && frame->lamps.count > 0);
-    for (int i = 0; i < frame->lamps.count; ++i) some |= spsi_lamp_has_beam(&frame->lamps.list[i]);
+    for (int i = 0; i < frame->lamps.count; ++i) some |= spsi_light_has_beam(&frame->lamps.list[i]);
     return frame->matter.scatters && some;
 }
 
@@ -19514,27 +19548,26 @@ static size_t spsi_emitting_cells(const spsi_frame *frame) {
 /* --- emitters --- */
 
 /* The cell that holds a point, or the nearest one. Returns 0 if the point is outside. */
-static int spsi_cell_holding(const spsi_cell_grid *grid, const double point[3], size_t *at) {
+static int spsi_cell_containing(const spsi_cell_grid *grid, const double point[3], size_t *at) {
     int inside = 1;
     *at = 0;
     for (int k = 2; k >= 0; --k) {
         const double place = (point[k] - grid->corner[k]) / grid->edge;
         inside &= place >= 0 && place < grid->size[k];
-        *at =
-            *at * (size_t)(k ? grid->size[k] : grid->pitch) +
-                (size_t)spsi_fmax(0, spsi_fmin(place, (double)(grid->size[k] - 1)));
+        *at = *at * (size_t)(k ? grid->size[k] : grid->pitch) +
+              (size_t)spsi_dmax(0, spsi_dmin(place, (double)(grid->size[k] - 1)));
     }
     return inside;
 }
 
 /* What leaves an even ball of glowing gas, over what it sends: x is its optical depth along a radius. */
-static double spsi_ball_escape(double x) {
-    const double half = 0.5 / spsi_fmax(x * x, DBL_MIN);
+static double spsi_sphere_escape(double x) {
+    const double half = 0.5 / spsi_dmax(x * x, DBL_MIN);
     return x > 0.01 ? 0.75 / x * (1 - half + (1 / x + half) * exp(-2 * x)) : 1 - 0.75 * x;
 }
 
 /* A pyramid of extinction: number 0 has all gas, 1 + m what material m has. */
-static float *spsi_cell_pyramid(const spsi_cell_grid *grid, int number) {
+static float *spsi_cell_mips(const spsi_cell_grid *grid, int number) {
     return grid->pyramid + (size_t)number * grid->pyramid_rows * (size_t)grid->pitch;
 }
 
@@ -19545,7 +19578,7 @@ static float spsi_emitter_reach(const spsi_emitter *emitter) {
 
 /* By how many radii the way from an even ball is shorter than that from its middle, which is u radii: the mean of ways
    from all of it, weighted by 1 / way^2, is half a radius anywhere within, two thirds at its rim. */
-static spsi_v spsi_ball_nearer(spsi_v u) {
+static spsi_v spsi_sphere_nearer(spsi_v u) {
     const spsi_v part = spsi_div(spsi_set(1), u), third = spsi_set(2.0f / 15), fifth = spsi_set(0.2f);
     return spsi_min(spsi_mul(part, spsi_fma(spsi_mul(part, part), third, fifth)), spsi_add(u, spsi_set(-0.5f)));
 }
@@ -19564,11 +19597,11 @@ static void spsi_emitter_hide(const spsi_flights *flights, const double point[3]
             size_t at;
             memcpy(place, point, sizeof place);
             place[n % 3] += n / 3 % 2 ? away : -away;
-            if (spsi_cell_holding(grid, place, &at)) depth = radius / grid->edge * (double)grid->depth[at];
+            if (spsi_cell_containing(grid, place, &at)) depth = radius / grid->edge * (double)grid->depth[at];
             within += n < 6 ? depth : 0;
-            beyond += n < 6 ? 0 : spsi_fmin(depth, within / 6);
+            beyond += n < 6 ? 0 : spsi_dmin(depth, within / 6);
             for (int c = 0; c < 3 && n < 6; ++c)
-                leaves[c] += spsi_ball_escape(depth * (double)grid->scale[spsi_least(c, grid->channels - 1)]) / 6;
+                leaves[c] += spsi_sphere_escape(depth * (double)grid->scale[spsi_imin(c, grid->channels - 1)]) / 6;
         }
         if (within > 0) emitter->ahead = (float)(0.25 * radius * (1 - beyond / within));
         for (int c = 0; c < 3; ++c) emitter->leaves[c] *= (float)leaves[c];
@@ -19587,8 +19620,8 @@ static void spsi_emitter_clear(const spsi_flights *flights, const double point[3
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];
         size_t at;
-        if (spsi_cell_holding(grid, point, &at))
-            own += 0.5 * radius / grid->edge * (double)(grid->depth[at] - spsi_cell_pyramid(grid, 1 + m)[at]);
+        if (spsi_cell_containing(grid, point, &at))
+            own += 0.5 * radius / grid->edge * (double)(grid->depth[at] - spsi_cell_mips(grid, 1 + m)[at]);
     }
     emitter->ahead = (float)(0.6 * radius * own / sqrt(9 + 0.81 * own * own));
 }
@@ -19602,7 +19635,7 @@ static void spsi_emitters_add(spsi_flights *flights, const double point[3], doub
     if (!(amount > 0)) return;
     *emitter = *like;
     for (int k = 0; k < 3; ++k) {
-        emitter->leaves[k] = own < 0 ? 1 : (float)spsi_ball_escape(own);
+        emitter->leaves[k] = own < 0 ? 1 : (float)spsi_sphere_escape(own);
         emitter->at[k] = (float)(point[k] - flights->centre[k]);
         low[k] = point[k] - (double)like->radius;
         high[k] = point[k] + (double)like->radius;
@@ -19610,7 +19643,7 @@ static void spsi_emitters_add(spsi_flights *flights, const double point[3], doub
     if (own < 0) spsi_emitter_hide(flights, point, emitter);
     for (int c = 0; c < 3; ++c)
         emitter->sent[c] =
-            (float)spsi_fmin(amount * (double)like->sent[c] * (double)emitter->leaves[c], (double)SPSI_RADIANCE_MAX);
+            (float)spsi_dmin(amount * (double)like->sent[c] * (double)emitter->leaves[c], (double)SPSI_RADIANCE_MAX);
     if (spsi_black(emitter->sent)) return; /* also where the product is too small for a float */
     items[flights->count].number = flights->count;
     spsi_tree_item_add(&items[flights->count++], flights->centre, low, high);
@@ -19625,7 +19658,7 @@ static int spsi_emitter_blocks(const sps_context *context, const spsi_frame *fra
         *count = 0;
         for (int i = 0; i < context->brick_count; ++i) {
             const spsi_medium *medium = &frame->media[frame->lattices[bricks[i].lattice].medium];
-            if (frame->matter.materials[medium->channel].emits) *count += (size_t)spsi_least(most, bricks[i].count);
+            if (frame->matter.materials[medium->channel].emits) *count += (size_t)spsi_imin(most, bricks[i].count);
         }
         if (edge == SPSI_BRICK || *count <= SPSI_EMITTERS_MOST) return edge;
     }
@@ -19656,13 +19689,13 @@ static void spsi_emitter_sum_brick(const sps_context *context, const spsi_brick 
 
 /* Finds the centre of voxels in the world, and the radius of an even ball of their spread. A voxel has that of its
    kernel. Returns how large an even ellipsoid of their spread along each axis looks on the mean, over pi. */
-static double spsi_emitter_sum_ball(const spsi_lattice *lattice, const spsi_emitter_sum *sum, double point[3],
-                                    spsi_emitter *like) {
+static double spsi_emitter_sum_sphere(const spsi_lattice *lattice, const spsi_emitter_sum *sum, double point[3],
+                                      spsi_emitter *like) {
     double at[3], square[3];
     for (int k = 0; k < 3; ++k) {
         const double mean = sum->place[k] / sum->value, spread = sum->square[k] / sum->value;
         at[k] = mean + 0.5;
-        square[k] = (spsi_fmax(spread - mean * mean, 0) + SPSI_SIGMA * SPSI_SIGMA) *
+        square[k] = (spsi_dmax(spread - mean * mean, 0) + SPSI_SIGMA * SPSI_SIGMA) *
                     spsi_dot(lattice->step[k], lattice->step[k]);
     }
     spsi_voxel_position(lattice, at, point);
@@ -19686,7 +19719,7 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
     for (int n = 0; n < count && amount > 0; ++n) {
         double point[3];
         if (!(sums[n].value > 0)) continue;
-        spsi_emitter_sum_ball(lattice, &sums[n], point, &like);
+        spsi_emitter_sum_sphere(lattice, &sums[n], point, &like);
         spsi_emitters_add(flights, point, sums[n].value * amount, -1, &like, items);
     }
 }
@@ -19696,18 +19729,18 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
    1 % up to an x of 10. Lobes count as even ones of less gas. p is above 0; of albedo 1, all leaves. The eye sees the
    light that stays through what `peak` leaves of the gas, where it passes on. */
 static void spsi_emitter_trap(const spsi_material *material, double peak, double x, double part, spsi_emitter *like) {
-    const double once = spsi_ball_escape(x);
+    const double once = spsi_sphere_escape(x);
     for (int c = 0; c < 3; ++c) {
         const double emission = (double)material->emission[c], albedo = (double)material->albedo[c];
         const double ahead = albedo * spsi_phase_moment(material, 1), again = (albedo - ahead) / (1 - ahead);
-        const double p = spsi_ball_escape(x * (1 - ahead)), q = (1 - p) * (1 - p) / p;
+        const double p = spsi_sphere_escape(x * (1 - ahead)), q = (1 - p) * (1 - p) / p;
         const double later = p / (1 + 0.083 * q / (1 + (1 - again) * q / 3));
         const double leaves = p + again * (1 - p) * later / (1 - again + again * later);
-        const double sent = spsi_fmin(emission * leaves / once, (double)SPSI_RADIANCE_MAX);
-        const double shown = once / spsi_ball_escape(x * (1 - albedo * peak));
+        const double sent = spsi_dmin(emission * leaves / once, (double)SPSI_RADIANCE_MAX);
+        const double shown = once / spsi_sphere_escape(x * (1 - albedo * peak));
         const double trapped = albedo > 0 ? part * shown * (sent - emission) / albedo : 0;
         like->sent[c] = (float)sent;
-        like->trapped[c] = (float)spsi_fmin(trapped, (double)SPSI_RADIANCE_MAX);
+        like->trapped[c] = (float)spsi_dmin(trapped, (double)SPSI_RADIANCE_MAX);
     }
 }
 
@@ -19726,8 +19759,8 @@ static double spsi_particles_crowd(const sps_particle *list, int count) {
             square += cube * place * place;
         }
     }
-    square = square / spsi_fmax(cubes, DBL_MIN) - spsi_dot(at, at) / spsi_fmax(cubes * cubes, DBL_MIN);
-    return (cubes - largest) / spsi_fmax(pow(spsi_fmax(5.0 / 3 * square, 0), 1.5), DBL_MIN);
+    square = square / spsi_dmax(cubes, DBL_MIN) - spsi_dot(at, at) / spsi_dmax(cubes * cubes, DBL_MIN);
+    return (cubes - largest) / spsi_dmax(pow(spsi_dmax(5.0 / 3 * square, 0), 1.5), DBL_MIN);
 }
 
 /* Sets the fraction of each set's glow that always flies. Cells cannot resolve how dense particles hide themselves:
@@ -19735,7 +19768,7 @@ static double spsi_particles_crowd(const sps_particle *list, int count) {
    64. Where particles overlap, cells know what hides them, and fewer fly. */
 static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
-    const double few = spsi_fmax(0, spsi_fmin(2 - (double)content->particle_count / 32, 1));
+    const double few = spsi_dmax(0, spsi_dmin(2 - (double)content->particle_count / 32, 1));
     memset(content->flies, 0, sizeof content->flies);
     for (int i = 0; i < frame->particles.set_count && spsi_cells_fly(frame); ++i) {
         const spsi_particle_set *set = &frame->particles.sets[i];
@@ -19749,7 +19782,7 @@ static void spsi_particles_fly(const spsi_frame *frame) {
             dense += depth > 0.5 ? amount * (depth < 1.5 ? depth - 0.5 : 1) : 0;
             all += amount;
         }
-        content->flies[set->channel] = (float)(spsi_fmax(dense / all, few) * spsi_fmax(0, apart));
+        content->flies[set->channel] = (float)(spsi_dmax(dense / all, few) * spsi_dmax(0, apart));
     }
 }
 
@@ -19764,15 +19797,15 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
         spsi_bounds box;
         spsi_brick_bounds(frame, b, &box);
         spsi_bounds_join(&bounds[b->lattice], &box);
-        top[b->lattice] = spsi_higher(top[b->lattice], b->most);
+        top[b->lattice] = spsi_fmax(top[b->lattice], b->most);
     }
     for (int i = 0; i < frame->medium_count && spsi_cells_fly(frame); ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         const double width = spsi_bounds_longest(&bounds[i]);
-        const double dense = spsi_fmin(2 * width * (double)top[i] * (double)material->extinction, 1);
+        const double dense = spsi_dmin(2 * width * (double)top[i] * (double)material->extinction, 1);
         if (top[i] > 0 && material->emits)
             frame->content->flies[frame->media[i].channel] =
-                (float)spsi_fmin(dense * spsi_fmax(0, 2 - width / (6 * edge)), 1);
+                (float)spsi_dmin(dense * spsi_dmax(0, 2 - width / (6 * edge)), 1);
     }
 }
 
@@ -19796,7 +19829,7 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
     spsi_emitter_sum *sum, *sums = (spsi_emitter_sum *)(void *)flights->nodes;
     for (int g = 0; g < flights->grid_count; ++g) {
         spsi_cell_grid blocks = flights->grids[g];
-        const int wide = 1 + spsi_most(blocks.size[0], spsi_most(blocks.size[1], blocks.size[2])) / SPSI_EMITTER_BLOCKS;
+        const int wide = 1 + spsi_imax(blocks.size[0], spsi_imax(blocks.size[1], blocks.size[2])) / SPSI_EMITTER_BLOCKS;
         size_t all = 1, at;
         double point[3], own;
         blocks.edge *= wide;
@@ -19805,7 +19838,7 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
         memset(sums, 0, all * sizeof *sums);
         for (int n = 0; n < count; ++n) {
             const double amount = spsi_emitter_particle(&list[n], set, point, &own, like);
-            if (!spsi_cell_holding(&blocks, point, &at) && flights->grid_count > 1) continue;
+            if (!spsi_cell_containing(&blocks, point, &at) && flights->grid_count > 1) continue;
             sum = &sums[at];
             spsi_along(point, blocks.corner, -1, point);
             spsi_along(sum->place, point, amount, sum->place);
@@ -19815,12 +19848,12 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
             sum->square[2] += amount * own;
         }
         for (sum = sums; sum < sums + all; ++sum) {
-            const double per = 1 / spsi_fmax(sum->value, DBL_MIN), others = 1 - per * per * sum->square[1];
+            const double per = 1 / spsi_dmax(sum->value, DBL_MIN), others = 1 - per * per * sum->square[1];
             const double square = per * sum->square[0] - per * per * spsi_dot(sum->place, sum->place);
             spsi_along(blocks.corner, sum->place, per, point);
-            like->radius = (float)sqrt(5.0 / 3 * spsi_fmax(square, 0));
+            like->radius = (float)sqrt(5.0 / 3 * spsi_dmax(square, 0));
             own = per * sum->square[2] * others * others;
-            spsi_emitters_add(flights, point, part * sum->value * spsi_ball_escape(own), -1, like, items);
+            spsi_emitters_add(flights, point, part * sum->value * spsi_sphere_escape(own), -1, like, items);
         }
     }
 }
@@ -19846,7 +19879,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             if (!material->emits) continue;
             like.clear = like.gas = like.thick = 0;
             memcpy(like.sent, material->emission, sizeof like.sent);
-            if (!many) spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_GLOW]);
+            if (!many) spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_EMISSION]);
             if (!(flies > 0)) continue;
             like.gas = (float)amount;
             spsi_emitter_trap(material, (double)flights->grids->peak[set->channel], own, flies, &like);
@@ -19869,7 +19902,7 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
         for (int k = 0; k < 3; ++k) axis[k] += weight * (double)list[i].axis[k];
         for (int k = 0; k < 3; ++k) sent[k] += (double)list[i].sent[k];
         if (sum->own > list[i].own || sum->own < list[i].own) sum->own = 0;
-        sum->cut = spsi_higher(sum->cut, list[i].cut);
+        sum->cut = spsi_fmax(sum->cut, list[i].cut);
     }
     for (int k = 0; k < 3; ++k) at[k] /= all;
     for (int k = 0; k < 3; ++k) sum->axis[k] = (float)(axis[k] / all);
@@ -19881,9 +19914,9 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
         thick += (double)list[i].thick * (double)list[i].radius * (double)list[i].radius;
     }
     for (int k = 0; k < 3; ++k) sum->at[k] = (float)at[k];
-    for (int k = 0; k < 3; ++k) sum->sent[k] = (float)spsi_fmin(sent[k], (double)SPSI_RADIANCE_MAX);
+    for (int k = 0; k < 3; ++k) sum->sent[k] = (float)spsi_dmin(sent[k], (double)SPSI_RADIANCE_MAX);
     sum->radius = (float)sqrt(5.0 / 3 * square);
-    sum->thick = (float)(thick / spsi_fmax(5.0 / 3 * square, DBL_MIN));
+    sum->thick = (float)(thick / spsi_dmax(5.0 / 3 * square, DBL_MIN));
     if (sum->cut > 0) sum->cut = sum->radius;
 }
 
@@ -19900,11 +19933,11 @@ static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice
     spsi_emitter like;
     if (!(sum->value > 0)) return;
     memset(&like, 0, sizeof like);
-    area = spsi_emitter_sum_ball(lattice, sum, point, &like);
+    area = spsi_emitter_sum_sphere(lattice, sum, point, &like);
     like.gas = (float)(amount * extinction);
     own = 0.75 / SPSI_PI * amount * extinction / area;
-    spsi_emitter_trap(material, (double)flights->grids->peak[m], own,
-                      flies / spsi_fmax(extinction, (double)FLT_MIN), &like);
+    spsi_emitter_trap(material, (double)flights->grids->peak[m], own, flies / spsi_dmax(extinction, (double)FLT_MIN),
+                      &like);
     spsi_emitter_clear(flights, point, (double)like.radius, own, m, &like);
     spsi_emitters_add(flights, point, flies * amount, own, &like, items);
 }
@@ -19919,7 +19952,7 @@ static void spsi_emitters_list(const sps_context *context, const spsi_frame *fra
         const spsi_lattice *lattice = &frame->lattices[bricks[i].lattice];
         const int m = frame->media[lattice->medium].channel;
         if (!frame->matter.materials[m].emits) continue;
-        spsi_emitters_add_brick(context, frame, &bricks[i], blocks, flights, items[SPSI_FLIGHTS_GLOW]);
+        spsi_emitters_add_brick(context, frame, &bricks[i], blocks, flights, items[SPSI_FLIGHTS_EMISSION]);
         if (!(frame->content->flies[m] > 0)) continue;
         spsi_emitter_sum_brick(context, &bricks[i], SPSI_BRICK, &whole);
         if (i + 1 < context->brick_count && bricks[i + 1].lattice == bricks[i].lattice) continue;
@@ -19944,7 +19977,7 @@ static void spsi_emitters_cut(const spsi_faces *faces, const spsi_flights *fligh
 static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid *grids, int grid_count,
                                      const size_t most[SPSI_FLIGHT_TREES], spsi_flights trees[SPSI_FLIGHT_TREES]) {
     size_t all = 0, nodes = 0;
-    spsi_flights tree = trees[SPSI_FLIGHTS_GLOW];
+    spsi_flights tree = trees[SPSI_FLIGHTS_EMISSION];
     for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
         all += most[i];
         nodes += spsi_tree_nodes(most[i]);
@@ -19972,7 +20005,7 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
 
 /* Sets the levels of a pyramid of extinction above its first: optical depth along an edge, levels of half as many
    cells one after the other, in rows of the same pitch. */
-static void spsi_cell_pyramid_fill(const spsi_cell_grid *grid, float *to) {
+static void spsi_cell_mips_fill(const spsi_cell_grid *grid, float *to) {
     const size_t pitch = (size_t)grid->pitch;
     int size[3] = {grid->size[0], grid->size[1], grid->size[2]};
     for (int n = 0; n + 1 < SPSI_CELL_LEVELS; ++n) {
@@ -19995,13 +20028,13 @@ static void spsi_cell_pyramid_fill(const spsi_cell_grid *grid, float *to) {
 }
 
 /* A level of pyramids per lane: the width of its cells, its first row, and the rows of a layer. */
-typedef struct spsi_pyramid_level {
+typedef struct spsi_extinction_mip {
     spsi_v edge, first, rows;
-} spsi_pyramid_level;
+} spsi_extinction_mip;
 
 /* The levels whose cells are as wide as possible, but at most `width`; the finest if none are. */
-static spsi_pyramid_level spsi_pyramid_level_of(const spsi_cell_grid *grid, spsi_v width) {
-    spsi_pyramid_level level = {spsi_set(1), spsi_set(0), spsi_set((float)grid->size[1])};
+static spsi_extinction_mip spsi_extinction_mip_of(const spsi_cell_grid *grid, spsi_v width) {
+    spsi_extinction_mip level = {spsi_set(1), spsi_set(0), spsi_set((float)grid->size[1])};
     size_t row = 0;
     for (int n = 0, y = grid->size[1], z = grid->size[2]; n + 1 < SPSI_CELL_LEVELS; ++n) {
         const float edge = (float)(2 << n);
@@ -20018,8 +20051,8 @@ static spsi_pyramid_level spsi_pyramid_level_of(const spsi_cell_grid *grid, spsi
 }
 
 /* Looks up pyramids at a vector of places. Numbers are as above. */
-static spsi_v spsi_pyramid_at(const spsi_cell_grid *grid, spsi_v number, const spsi_v at[3],
-                              const spsi_pyramid_level *level) {
+static spsi_v spsi_extinction_mip_at(const spsi_cell_grid *grid, spsi_v number, const spsi_v at[3],
+                                     const spsi_extinction_mip *level) {
     const spsi_v first = spsi_fma(number, spsi_set((float)grid->pyramid_rows), level->first);
     spsi_v cell[3];
     for (int k = 0; k < 3; ++k) {
@@ -20030,17 +20063,17 @@ static spsi_v spsi_pyramid_at(const spsi_cell_grid *grid, spsi_v number, const s
 }
 
 /* A vector of ways from emitters to receivers, in cells' edges. */
-typedef struct spsi_ways {
+typedef struct spsi_segments {
     spsi_v from[3], unit[3], length; /* unit: of direction */
     spsi_v begin, end;               /* lengths between which gas is in the way */
     spsi_v clear, own; /* up to `clear`, cells of pyramid `own` hold gas of its own; farther out only others' */
-} spsi_ways;
+} spsi_segments;
 
 /* Optical depth on a vector of ways. Near both ends, steps are as long as a cell. Farther off, a step crosses one cell
    of a coarser level along the axis that the way follows most: layers across that axis keep their depth, however thin.
    Cells as wide as a step hold an emitter's own gas up to 1.3 times as far as it reaches. Nearer than that, its pyramid
    is in the way no more than there: that is others' gas. */
-static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways) {
+static spsi_v spsi_segments_depth(const spsi_cell_grid *grid, const spsi_segments *ways) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), own_end = spsi_mul(ways->clear, spsi_set(1.3f));
     const spsi_v rounded = spsi_set(1.001f);
     spsi_v at = ways->begin, rim = spsi_set(SPSI_INFINITY), end, depth = zero, most = zero, start = zero;
@@ -20059,19 +20092,19 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
     while (spsi_bits(spsi_less(at, end))) {
         const spsi_v nearer = spsi_min(at, spsi_sub(ways->length, at)), left = spsi_max(spsi_sub(end, at), zero);
         const spsi_v width = spsi_mul(nearer, spsi_mul(most, spsi_set(SPSI_FLIGHT_STEP)));
-        const spsi_pyramid_level level = spsi_pyramid_level_of(grid, width);
+        const spsi_extinction_mip level = spsi_extinction_mip_of(grid, width);
         const spsi_v axis = spsi_div(spsi_fma(at, most, start), level.edge); /* in cells; most is 0.57 to 1 */
         const spsi_v cell = spsi_sub(spsi_floor(spsi_add(axis, rounded)), axis), coarse = spsi_div(level.edge, most);
         const spsi_v taken = spsi_min(spsi_select(spsi_less(one, level.edge), spsi_mul(cell, coarse), one), left);
         const spsi_v middle = spsi_fma(taken, spsi_set(0.5f), at);
         spsi_v place[3], gas;
         for (int k = 0; k < 3; ++k) place[k] = spsi_fma(middle, ways->unit[k], ways->from[k]);
-        gas = spsi_pyramid_at(grid, zero, place, &level);
+        gas = spsi_extinction_mip_at(grid, zero, place, &level);
         if (spsi_bits(spsi_less(middle, own_end))) {
             const spsi_v clear = spsi_max(middle, own_end);
-            const spsi_v here = spsi_pyramid_at(grid, ways->own, place, &level);
+            const spsi_v here = spsi_extinction_mip_at(grid, ways->own, place, &level);
             for (int k = 0; k < 3; ++k) place[k] = spsi_fma(clear, ways->unit[k], ways->from[k]);
-            const spsi_v there = spsi_pyramid_at(grid, ways->own, place, &level);
+            const spsi_v there = spsi_extinction_mip_at(grid, ways->own, place, &level);
             const spsi_v beyond = spsi_select(spsi_less(rim, clear), zero, there);
             gas = spsi_sub(gas, spsi_max(spsi_sub(here, beyond), zero));
         }
@@ -20083,17 +20116,18 @@ static spsi_v spsi_ways_depth(const spsi_cell_grid *grid, const spsi_ways *ways)
 
 /* Transmittance of a vector of ways between places in the world, through all grids, by channel. Places are relative to
    the centre of the trees. */
-typedef struct spsi_flight_ways {
+typedef struct spsi_flight_segments {
     float from[3][SPSI_LANES], unit[3][SPSI_LANES];
     float length[SPSI_LANES], begin[SPSI_LANES], end[SPSI_LANES], clear[SPSI_LANES], own[SPSI_LANES];
-} spsi_flight_ways;
+} spsi_flight_segments;
 
-static void spsi_flight_ways_pass(const spsi_flights *flights, const spsi_flight_ways *world, spsi_v through[3]) {
+static void spsi_flight_segments_pass(const spsi_flights *flights, const spsi_flight_segments *world,
+                                      spsi_v through[3]) {
     for (int c = 0; c < 3; ++c) through[c] = spsi_set(1);
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];
         const spsi_v per_edge = spsi_set((float)(1 / grid->edge));
-        spsi_ways ways;
+        spsi_segments ways;
         for (int k = 0; k < 3; ++k) {
             const spsi_v shift = spsi_set((float)((flights->centre[k] - grid->corner[k]) / grid->edge));
             ways.from[k] = spsi_fma(spsi_load(world->from[k]), per_edge, shift);
@@ -20104,7 +20138,7 @@ static void spsi_flight_ways_pass(const spsi_flights *flights, const spsi_flight
         ways.end = spsi_mul(spsi_load(world->end), per_edge);
         ways.clear = spsi_mul(spsi_load(world->clear), per_edge);
         ways.own = spsi_load(world->own);
-        spsi_v depth = spsi_ways_depth(grid, &ways);
+        spsi_v depth = spsi_segments_depth(grid, &ways);
         for (int c = 0; c < grid->channels; ++c)
             through[c] = spsi_mul(through[c], spsi_exp(spsi_mul(depth, spsi_set(-grid->scale[c]))));
     }
@@ -20131,10 +20165,10 @@ static float spsi_flight_clear(const spsi_emitter *emitter, const spsi_flight_no
 
 /* Adds to what leaves a node what a child of it does. `own` is NULL for an emitter. */
 static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *child, const spsi_flight_node *own,
-                               spsi_flight_node *node, float leaves[3][SPSI_FLIGHT_WAYS]) {
-    for (int first = 0; first < SPSI_FLIGHT_WAYS; first += SPSI_LANES) {
-        const int lanes = spsi_least(SPSI_LANES, SPSI_FLIGHT_WAYS - first);
-        spsi_flight_ways ways;
+                               spsi_flight_node *node, float leaves[3][SPSI_FLIGHT_SEGMENTS]) {
+    for (int first = 0; first < SPSI_FLIGHT_SEGMENTS; first += SPSI_LANES) {
+        const int lanes = spsi_imin(SPSI_LANES, SPSI_FLIGHT_SEGMENTS - first);
+        spsi_flight_segments ways;
         spsi_v passes[3];
         float out[SPSI_LANES], unit[3];
         memset(&ways, 0, sizeof ways);
@@ -20147,12 +20181,12 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
                 ways.end[i] -= unit[k] * (child->at[k] - node->sum.at[k]);
             }
             ways.begin[i] = own ? own->reach : child->clear > 0 ? child->ahead : spsi_emitter_reach(child);
-            ways.end[i] = spsi_higher(ways.end[i], ways.begin[i]);
+            ways.end[i] = spsi_fmax(ways.end[i], ways.begin[i]);
             ways.length[i] = 2 * ways.end[i];
             ways.clear[i] = spsi_flight_clear(child, own);
             ways.own[i] = child->own;
         }
-        spsi_flight_ways_pass(flights, &ways, passes);
+        spsi_flight_segments_pass(flights, &ways, passes);
         for (int c = 0; c < 3; ++c) {
             spsi_store(out, passes[c]);
             for (int i = 0; i < lanes; ++i)
@@ -20174,11 +20208,11 @@ static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_nod
         each += weight[i] * reach[i];
         all += weight[i];
         reach[i] += spsi_length(apart);
-        most = spsi_fmax(most, reach[i]);
+        most = spsi_dmax(most, reach[i]);
     }
     if (most < edge) return (float)(each / all);
     for (int i = 0; i < count; ++i) mean += weight[i] * pow(reach[i] / most, 16);
-    return (float)spsi_fmax(most * pow(mean / all, 1.0 / 16), edge);
+    return (float)spsi_dmax(most * pow(mean / all, 1.0 / 16), edge);
 }
 
 /* Sums up a node and those below it. Recursion is as deep as the tree, which is at most SPSI_TREE_STACK. */
@@ -20188,7 +20222,7 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
     spsi_flight_node *sum = &flights->nodes[number];
     spsi_emitter below[SPSI_TREE_LEAF];
     const spsi_flight_node *own[SPSI_TREE_LEAF] = {NULL};
-    float leaves[3][SPSI_FLIGHT_WAYS] = {{0}}, mean = 0, bent = 0;
+    float leaves[3][SPSI_FLIGHT_SEGMENTS] = {{0}}, mean = 0, bent = 0;
     int count = node->count;
     memset(sum, 0, sizeof *sum), memset(below, 0, sizeof below);
     sum->first = node->first;
@@ -20203,11 +20237,11 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
     sum->reach = spsi_flights_reach(below, own, count, (double)edge, &sum->sum);
     for (int i = 0; i < count && sum->reach >= edge; ++i) spsi_flights_leave(flights, &below[i], own[i], sum, leaves);
     for (int c = 0; c < 3; ++c)
-        for (int i = 0; i < SPSI_FLIGHT_WAYS; ++i)
-            sum->leaves[c][i] = sum->reach < edge ? 1 : leaves[c][i] / spsi_higher(sum->sum.sent[c], FLT_MIN);
+        for (int i = 0; i < SPSI_FLIGHT_SEGMENTS; ++i)
+            sum->leaves[c][i] = sum->reach < edge ? 1 : leaves[c][i] / spsi_fmax(sum->sum.sent[c], FLT_MIN);
     for (int i = 0; i < 6; ++i) mean += sum->leaves[0][i] / 6;
     for (int k = 0; k < 3; ++k) bent += sum->sum.solid * (1.0f / 3 - sum->sum.axis[k] * sum->sum.axis[k]);
-    sum->breadth = 2 * sum->sum.radius * spsi_lower(1 - logf(spsi_higher(mean, FLT_MIN)), 4) * (1 + 8 * bent);
+    sum->breadth = 2 * sum->sum.radius * spsi_fmin(1 - logf(spsi_fmax(mean, FLT_MIN)), 4) * (1 + 8 * bent);
 }
 
 /* Builds a tree of its emitters, which are also items of it. Leaves hold their numbers. */
@@ -20284,7 +20318,7 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
                                 int most, spsi_flight_list *list) {
     const spsi_flight_choice choice = {flights, place, reach, 1 / angle, list->count, most};
     double scale = 1, finer = 1;
-    for (int all = flights->count == 0; !all; scale = spsi_fmax(0.9 * scale - 0.02, 0)) { /* at 0, the root stays */
+    for (int all = flights->count == 0; !all; scale = spsi_dmax(0.9 * scale - 0.02, 0)) { /* at 0, the root stays */
         list->count = choice.first + 1;
         list->entry[choice.first].node = flights->nodes;
         list->entry[choice.first].emitter = &flights->nodes->sum;
@@ -20330,22 +20364,22 @@ static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const s
    from 0.5 radii to 0.75. */
 static spsi_v spsi_flight_part(const spsi_flight *flight, spsi_v length) {
     const float known = flight->node ? flight->node->reach : 0;
-    const float radius = spsi_higher(spsi_higher(flight->emitter->radius, 1e-3f * known), FLT_MIN);
+    const float radius = spsi_fmax(spsi_fmax(flight->emitter->radius, 1e-3f * known), FLT_MIN);
     const float own = flight->node ? known / radius : 0.75f;
-    const spsi_v u = spsi_mul(length, spsi_set(spsi_lower(1 / radius, FLT_MAX)));
+    const spsi_v u = spsi_mul(length, spsi_set(spsi_fmin(1 / radius, FLT_MAX)));
     const spsi_v ends = spsi_max(spsi_fma(u, spsi_set(-1.0f / 6), spsi_set(0.25f)), spsi_set(0));
     if (flight->emitter->clear > 0) return spsi_fma(ends, spsi_set(-4.0f / 3), spsi_set(1));
-    return spsi_mul(spsi_sub(spsi_min(u, spsi_set(own)), spsi_ball_nearer(u)), spsi_set(1 / own));
+    return spsi_mul(spsi_sub(spsi_min(u, spsi_set(own)), spsi_sphere_nearer(u)), spsi_set(1 / own));
 }
 
 /* Distance from its centre at which the march through gas begins, for ways of some lengths. A particle's own escape
    leaves out other gas within it, which the march has to cross. */
 static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
     const spsi_emitter *emitter = flight->emitter;
-    const spsi_v radius = spsi_set(spsi_higher(emitter->radius, FLT_MIN)), u = spsi_div(length, radius);
+    const spsi_v radius = spsi_set(spsi_fmax(emitter->radius, FLT_MIN)), u = spsi_div(length, radius);
     const spsi_v part = spsi_div(spsi_set(-0.25f), spsi_max(spsi_mul(u, u), spsi_set(0.5f)));
     const spsi_v ahead = spsi_fma(spsi_set(emitter->ahead), part, spsi_set(emitter->ahead));
-    if (!flight->node && emitter->clear > 0) return spsi_min(spsi_fma(radius, spsi_ball_nearer(u), ahead), length);
+    if (!flight->node && emitter->clear > 0) return spsi_min(spsi_fma(radius, spsi_sphere_nearer(u), ahead), length);
     return spsi_min(spsi_set(flight->node ? flight->node->reach : spsi_emitter_reach(emitter)), length);
 }
 
@@ -20361,9 +20395,9 @@ typedef struct spsi_flight_place {
 
 /* Moves a place in an even ball of radius 1 toward the receiver, from which the unit vector `away` points: the denser
    the ball, the nearer to its rim light leaves it. Returns the weight of the chord through the place. */
-static double spsi_ball_rim(double thick, const double away[3], double place[3]) {
+static double spsi_sphere_rim(double thick, const double away[3], double place[3]) {
     const double along = spsi_dot(place, away), aside = spsi_dot(place, place) - along * along;
-    const double half = sqrt(spsi_fmax(1 - aside, 0.01)), dense = thick / sqrt(11 + thick * thick);
+    const double half = sqrt(spsi_dmax(1 - aside, 0.01)), dense = thick / sqrt(11 + thick * thick);
     for (int k = 0; k < 3; ++k) place[k] -= dense * (half + along) * away[k];
     return 1 + dense * (2.0 / 3 / half - 1);
 }
@@ -20383,7 +20417,7 @@ static void spsi_flights_unblocked(const spsi_flight_place *place, int lanes, do
         spsi_packet packet;
         spsi_packet_begin(place->faces, 0, place->face >= 0, &packet);
         for (int i = 0; i < SPSI_LANES; ++i) {
-            const double radius = (double)cut[i], least = spsi_fmax(0.01 * radius * radius, 1e-60);
+            const double radius = (double)cut[i], least = spsi_dmax(0.01 * radius * radius, 1e-60);
             const double height = normal ? spsi_dot(toward[i], normal) : 0;
             double to[3], at[3], share, leaves = 1;
             if (!(lanes >> i & 1)) continue;
@@ -20391,7 +20425,7 @@ static void spsi_flights_unblocked(const spsi_flight_place *place, int lanes, do
             if (radius > 0 && thick[i] > 0) {
                 double away[3] = {toward[i][0], toward[i][1], toward[i][2]};
                 spsi_normalise(away);
-                leaves = spsi_ball_rim((double)thick[i], away, at);
+                leaves = spsi_sphere_rim((double)thick[i], away, at);
             }
             spsi_along(toward[i], at, radius, to);
             spsi_packet_add(&place->faces->tree, i, place->face, origin[i], to, &packet);
@@ -20431,7 +20465,7 @@ typedef struct spsi_flight_cells {
     spsi_v own[3], trapped[3]; /* times it, light that flew, and all light within */
 } spsi_flight_cells;
 
-#define SPSI_FLIGHT_ALONG spsi_least(SPSI_LANES, SPSI_FLIGHT_BLOCK)
+#define SPSI_FLIGHT_ALONG spsi_imin(SPSI_LANES, SPSI_FLIGHT_BLOCK)
 
 static size_t spsi_flight_cell(const spsi_flight_job *job, const spsi_flight_cells *cells, int i) {
     const int x = cells->at[0] + i % SPSI_FLIGHT_ALONG, y = cells->at[1] + i / SPSI_FLIGHT_ALONG;
@@ -20461,7 +20495,7 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
                                         const spsi_emitter *node, spsi_v passes[3]) {
     const spsi_flight_place place = {job->frame, job->faces, NULL, NULL, NULL, -1};
     const double axis[3] = {(double)node->axis[0], (double)node->axis[1], (double)node->axis[2]};
-    const double mean = spsi_length(axis), bulge = 1.2 * sqrt(spsi_fmax(1 - mean, 0)) / spsi_fmax(mean, 0.1);
+    const double mean = spsi_length(axis), bulge = 1.2 * sqrt(spsi_dmax(1 - mean, 0)) / spsi_dmax(mean, 0.1);
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], end[3];
     float cut[SPSI_LANES], thick[SPSI_LANES];
     spsi_along(job->flights->centre, axis, bulge * (double)(node->solid * node->radius), end);
@@ -20478,7 +20512,7 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
 /* The square of the distance whose inverse is the mean of 1 / distance^2 over a cell of edge 1 and over an even ball of
    a radius r, given those of the distance d between their centres and of r. To the second order it is d^2 - r^2 / 5 - 1
    / 12; within, from r^2 / 3 on; about the centre of a cell, 0.13. */
-static spsi_v spsi_ball_square(spsi_v square, spsi_v radius) {
+static spsi_v spsi_sphere_square(spsi_v square, spsi_v radius) {
     const spsi_v u = spsi_max(spsi_div(square, spsi_max(radius, spsi_set(FLT_MIN))), spsi_set(0.1f));
     const spsi_v most = spsi_min(u, spsi_set(1)), cube = spsi_mul(u, spsi_mul(u, u));
     const spsi_v rim = spsi_fma(radius, spsi_add(spsi_div(spsi_set(0.13f), cube), spsi_set(0.2f)), spsi_set(1.0f / 12));
@@ -20497,7 +20531,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     const spsi_v zero = spsi_set(0), radius = spsi_set(node->radius / (float)grid->edge);
     const spsi_v rim = spsi_sqrt(spsi_fma(radius, radius, spsi_set(0.38f)));
     spsi_v square, harmonic[SPSI_CELL_TERMS], depth, part, passes[3], even, bent, length, gas;
-    spsi_ways ways;
+    spsi_segments ways;
     for (int k = 0; k < 3; ++k) {
         ways.from[k] =
             spsi_set((float)(((double)node->at[k] + job->flights->centre[k] - grid->corner[k]) / grid->edge));
@@ -20514,10 +20548,10 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     ways.clear = spsi_set(spsi_flight_clear(node, flight->node) / (float)grid->edge);
     ways.own = spsi_set(node->own);
     for (int k = 0; k < 3; ++k) ways.unit[k] = spsi_div(ways.unit[k], spsi_max(ways.length, spsi_set(1e-3f)));
-    depth = spsi_ways_depth(grid, &ways);
+    depth = spsi_segments_depth(grid, &ways);
     part = spsi_flight_part(flight, length);
     spsi_harmonics_v(ways.unit, grid->terms, harmonic);
-    square = spsi_ball_square(square, spsi_mul(radius, radius));
+    square = spsi_sphere_square(square, spsi_mul(radius, radius));
     even = spsi_div(spsi_set(fraction * (float)(0.25 / (SPSI_PI * grid->edge * grid->edge))), square);
     bent = spsi_max(ways.length, rim);
     bent = spsi_div(spsi_mul(ways.length, square), spsi_mul(bent, spsi_mul(bent, bent)));
@@ -20572,7 +20606,7 @@ static int spsi_flight_blocked(const spsi_flight_job *job, const double centre[3
     if (job->faces->count == 0 || node->cut > 0) return job->faces->count > 0;
     for (int k = 0; k < 3; ++k) {
         const double way = job->flights->centre[k] + (double)node->at[k] - centre[k];
-        const double low = spsi_fmin(-half, way), high = spsi_fmax(half, way);
+        const double low = spsi_dmin(-half, way), high = spsi_dmax(half, way);
         middle[k] = centre[k] + 0.5 * (low + high);
         reach[k] = 0.5 * (high - low);
     }
@@ -20593,11 +20627,11 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
         if (job->flights[i].to_cells > 0)
             spsi_flights_choose(&job->flights[i], centre, 1.3 * half, job->coarse * job->frame->accuracy.flight_angle,
                                 4 * SPSI_FLIGHT_NODES / (job->coarse * job->coarse), &list);
-        if (i == SPSI_FLIGHTS_GLOW) glow = list.count;
+        if (i == SPSI_FLIGHTS_EMISSION) glow = list.count;
     }
     for (int i = 0; i < list.count; ++i)
         blocked[i] = (unsigned char)spsi_flight_blocked(job, centre, half, list.entry[i].emitter);
-    for (int z = first[2]; z < spsi_least(first[2] + SPSI_FLIGHT_BLOCK, grid->size[2]); ++z)
+    for (int z = first[2]; z < spsi_imin(first[2] + SPSI_FLIGHT_BLOCK, grid->size[2]); ++z)
         for (int i = 0; i < SPSI_FLIGHT_BLOCK * SPSI_FLIGHT_BLOCK; i += SPSI_LANES) {
             spsi_flight_cells cells;
             const int at[3] = {first[0] + i % SPSI_FLIGHT_BLOCK, first[1] + i / SPSI_FLIGHT_BLOCK, z};
@@ -20626,20 +20660,20 @@ static void spsi_flights_light_task(void *data, int index) {
 /* What a node sends in the direction from a point to it, turned round, over the mean of all directions. */
 static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3], double distance) {
     const double axis[3] = {(double)node->axis[0], (double)node->axis[1], (double)node->axis[2]};
-    return 1 - spsi_length(axis) + 4 * spsi_fmax(-spsi_dot(axis, toward) / spsi_fmax(distance, DBL_MIN), 0);
+    return 1 - spsi_length(axis) + 4 * spsi_dmax(-spsi_dot(axis, toward) / spsi_dmax(distance, DBL_MIN), 0);
 }
 
 /* Irradiance of a surface by an even ball that sends 1, from how far away and how high above the surface's plane its
    middle is. What is below the plane does not count: a ball that polygons cut has sides. The integral over directions
    at an angle from that of the middle is a closed form; a ball that is all above acts as a point [Newton's shells].
    `thick`: its optical depth along a radius; 0: thin. */
-static double spsi_ball_lights(double distance, double height, double radius, double thick) {
+static double spsi_sphere_lights(double distance, double height, double radius, double thick) {
     const int steps = 32;
-    const double far_off = distance / spsi_fmax(radius, 1e-60), away = spsi_fmax(distance, 1e-60);
+    const double far_off = distance / spsi_dmax(radius, 1e-60), away = spsi_dmax(distance, 1e-60);
     const double tilt = fabs(height) < distance ? height / distance : 1, level = sqrt(1 - tilt * tilt);
     const double low = far_off > 1 ? sqrt(1 - 1 / (far_off * far_off)) : -1;
     double sum = 0;
-    if (fabs(height) >= radius) return spsi_fmax(height, 0) / (away * away * away);
+    if (fabs(height) >= radius) return spsi_dmax(height, 0) / (away * away * away);
     for (int i = 0; i < steps; ++i) {
         const double cosine = low + (1 - low) * (i + 0.5) / steps, sine = sqrt(1 - cosine * cosine);
         const double chord = 1 - far_off * far_off * sine * sine, half = chord > 0 ? sqrt(chord) : 0;
@@ -20649,7 +20683,7 @@ static double spsi_ball_lights(double distance, double height, double radius, do
         if (fabs(up) < aside) seen = up * acos(-up / aside) + sqrt(aside * aside - up * up);
         sum += seen * (depth > 0 ? -expm1(-depth) / thick : way);
     }
-    return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius) / spsi_ball_escape(thick);
+    return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius) / spsi_sphere_escape(thick);
 }
 
 /* Adds a fraction of the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts
@@ -20659,10 +20693,10 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
     float out[3][SPSI_LANES], cut[SPSI_LANES], thick[SPSI_LANES];
     spsi_v through[3], passes[3];
-    spsi_flight_ways ways;
+    spsi_flight_segments ways;
     int some = 0;
     memset(&ways, 0, sizeof ways);
-    for (int i = 0; i < spsi_least(SPSI_LANES, list->count - n); ++i) {
+    for (int i = 0; i < spsi_imin(SPSI_LANES, list->count - n); ++i) {
         const spsi_flight *flight = &list->entry[n + i];
         const spsi_emitter *node = flight->emitter;
         for (int k = 0; k < 3; ++k) {
@@ -20670,17 +20704,17 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
             toward[i][k] = flights->centre[k] + (double)node->at[k] - place->point[k];
         }
         double distance = spsi_length(toward[i]);
-        *nearest = spsi_fmin(*nearest, spsi_fmax(distance, (double)node->radius));
+        *nearest = spsi_dmin(*nearest, spsi_dmax(distance, (double)node->radius));
         double height = spsi_dot(toward[i], place->normal);
-        double raise = 0.5 * spsi_fmax((double)node->radius - fabs(height), 0) + spsi_fmax(-height, 0);
+        double raise = 0.5 * spsi_dmax((double)node->radius - fabs(height), 0) + spsi_dmax(-height, 0);
         cut[i] = fabs(height) < (double)node->radius ? 0 : node->cut; /* its own plane is known */
         thick[i] = node->thick;
-        share[i] = spsi_ball_lights(distance, height, (double)node->radius, (double)node->thick);
+        share[i] = spsi_sphere_lights(distance, height, (double)node->radius, (double)node->thick);
         share[i] *= spsi_emitter_lobe(node, toward[i], distance);
         some |= (share[i] > 0) << i;
         for (int k = 0; k < 3; ++k) {
             ways.from[k][i] = node->at[k];
-            ways.unit[k][i] = (float)(-toward[i][k] / spsi_fmax(distance, 1e-60));
+            ways.unit[k][i] = (float)(-toward[i][k] / spsi_dmax(distance, 1e-60));
             toward[i][k] += place->point[k] - place->start[k] + raise * place->normal[k];
         }
         ways.length[i] = ways.end[i] = (float)distance;
@@ -20691,7 +20725,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     if (!some) return;
     for (int c = 0; c < 3; ++c) passes[c] = spsi_set(1);
     if (place->faces) spsi_flights_unblocked(place, some, origin, toward, cut, thick, passes);
-    spsi_flight_ways_pass(flights, &ways, through);
+    spsi_flight_segments_pass(flights, &ways, through);
     for (int c = 0; c < flights->grids[0].channels; ++c) {
         spsi_store(out[c], spsi_mul(passes[c], through[c]));
         for (int i = 0; i < SPSI_LANES; ++i)
@@ -20703,7 +20737,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
                 const spsi_v length = spsi_set(ways.length[i]);
                 const spsi_v part = exact ? spsi_set(1) : spsi_flight_part(flight, length);
                 const float own = spsi_one(spsi_flight_leaves(flight, c, unit, part));
-                irradiance[c] += spsi_fmin(share[i] * (double)(fraction * flight->emitter->sent[c] * own * out[c][i]),
+                irradiance[c] += spsi_dmin(share[i] * (double)(fraction * flight->emitter->sent[c] * own * out[c][i]),
                                            (double)SPSI_RADIANCE_MAX);
             }
     }
@@ -20717,7 +20751,7 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
     for (int i = 0; i < SPSI_FLIGHT_TREES; ++i) {
         const int cell = place->face < 0;
         const double angle = (1 + cell) * place->frame->accuracy.flight_angle * (2 - (double)trees[i].to_cells);
-        const float share = spsi_lower(trees[i].to_polygons, cell ? trees[i].to_cells : 1);
+        const float share = spsi_fmin(trees[i].to_polygons, cell ? trees[i].to_cells : 1);
         spsi_flight_list list;
         list.count = 0;
         if (share > 0) spsi_flights_choose(&trees[i], place->point, 0, angle, SPSI_FLIGHT_NODES, &list);
@@ -20733,8 +20767,9 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
    (front to back) or (1 - x) t on its way out. Both are linear in x, so the sheet sends c t spsi_mean_transmittance(..)
    for either compositing order. A polygon between light and sheet ends the range of x; one between eye and sheet cuts
    the slab (>>splat), and the range of x with it.
-   A transfer function is not linear, so a slab's mean value is not enough: what is classified is shaded in SPSI_PARTS
-   parts, whose means come from the parabola through the means of three slabs; x is then a share of optical depth. */
+   A transfer function is not linear, so a slab's mean value is not enough: what is classified is shaded in
+   SPSI_SUBSLABS parts, whose means come from the parabola through the means of three slabs; x is then a share of
+   optical depth. */
 
 /* One light at the current slab of a vector of pixels. */
 typedef struct spsi_arrival {
@@ -20742,27 +20777,27 @@ typedef struct spsi_arrival {
     spsi_v light[SPSI_GROUP_MOST + 1];
     int plane;              /* plane of the last lookup; -1: none */
     spsi_v plane_light;     /* optical depth found there */
-    spsi_courses courses;   /* arguments of spsi_shadow_lookup along these pixels' rays */
-    spsi_courses ahead;     /* along those of a row further down */
-    spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave lit; of an undivided slab, lit[0] */
+    spsi_row_linears courses;  /* arguments of spsi_shadow_lookup along these pixels' rays */
+    spsi_row_linears ahead;    /* along those of a row further down */
+    spsi_v lit[SPSI_SUBSLABS]; /* share of each part that polygons leave lit; of an undivided slab, lit[0] */
 } spsi_arrival;
 
 /* What is scattered forward more than once depends on all gas between light and eye. Front to back, that is known, and
    its radiance joins the rest. Back to front, a first pass over the slabs measures all of it, and radiance is kept by
    itself, since gas in front of it is counted already. */
-typedef struct spsi_again {
+typedef struct spsi_multiple {
     int measures;       /* 1: this is the first pass */
     float *gas;         /* per pixel: optical depth of gas so far; NULL: front to back */
     float *whole;       /* of all gas */
     float *radiance[3]; /* grey: all one buffer */
-} spsi_again;
+} spsi_multiple;
 
 typedef struct spsi_shader {
     const spsi_frame *frame;
     const spsi_rays *eye;
     const spsi_target *target; /* the eye's sheets */
     const spsi_sweep *sweep;
-    spsi_again again;
+    spsi_multiple again;
     const spsi_faces *faces;
     const spsi_shadow *shadows; /* of the lights that the sweep carries */
     int shadow_count;
@@ -20821,8 +20856,8 @@ typedef struct spsi_gathered {
     spsi_v depth; /* optical depth */
     spsi_v radiance[3];
     spsi_v distance; /* weighted by coverage */
-    spsi_v gas[2];   /* spsi_again: optical depth so far, and of all gas that is seen */
-    spsi_v again[3]; /* spsi_again */
+    spsi_v gas[2];   /* spsi_multiple: optical depth so far, and of all gas that is seen */
+    spsi_v again[3]; /* spsi_multiple */
 } spsi_gathered;
 
 /* One material's part of a sheet. */
@@ -20905,13 +20940,13 @@ typedef struct spsi_slab {
     spsi_v first, last;            /* range of the slab that the ray crosses, as shares of it in the light's order */
     spsi_arrival *arrivals;        /* one for each of the shader's shadows */
     spsi_v depth;                  /* optical depth of all samples */
-    spsi_v part_depth[SPSI_PARTS]; /* the same for each part */
+    spsi_v part_depth[SPSI_SUBSLABS]; /* the same for each part */
     spsi_v share[SPSI_GROUP_MOST]; /* of a group: the share of this in each slab */
     int filled;                    /* the slabs that hold anything, as bits; both or none of a pair */
 } spsi_slab;
 
 /* One part of a slab. */
-typedef struct spsi_part {
+typedef struct spsi_subslab {
     const spsi_sample *samples;
     spsi_v middle;      /* depth of its middle along the ray */
     spsi_v half;        /* half of its extent in depth */
@@ -20922,7 +20957,7 @@ typedef struct spsi_part {
     int is_cut;         /* 1: a layer cuts it: it is only the shares from cut[0] to cut[1] of a part, in that order */
     spsi_v cut[2];
     spsi_v before, after; /* optical depth from the eye to its beginning and end, in the light's order */
-} spsi_part;
+} spsi_subslab;
 
 /* The depth at which what a slab holds of a classified volume is seen, on average. Returns the rays that see any of it,
    as bits. */
@@ -20945,7 +20980,7 @@ static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int 
 
 /* Sets the normal of a classified volume in a slab, and how much of a surface it is, by the gradient of its field: all
    parts have that of the place where it is seen. */
-static void spsi_samples_gradient(const spsi_shader *shader, const spsi_tapper *t, const spsi_pixels *p, int channel,
+static void spsi_samples_gradient(const spsi_shader *shader, const spsi_sampler *t, const spsi_pixels *p, int channel,
                                   spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
     const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: squares stay finite */
@@ -20953,11 +20988,11 @@ static void spsi_samples_gradient(const spsi_shader *shader, const spsi_tapper *
     int lanes = spsi_slab_seen(shader, slab, channel, &depth);
     if (!lanes) return;
     for (int k = 0; k < 3; ++k) place[k] = spsi_linear_find(&t->at[k], p->line.at, (float)p->line.y, depth);
-    lanes &= spsi_tap_inside(t->field, place);
-    spsi_tap_gradient(t, place, lanes, g);
+    lanes &= spsi_sampler_inside(t->field, place);
+    spsi_sampler_gradient(t, place, lanes, g);
     for (int c = 0; c < 3; ++c) g[c] = spsi_mul(g[c], spsi_set(unit));
     size = spsi_sqrt(spsi_dot_v(g, g));
-    surface = spsi_min(spsi_mul(size, spsi_set(spsi_lower(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
+    surface = spsi_min(spsi_mul(size, spsi_set(spsi_fmin(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
     for (int c = 0; c < 3; ++c) g[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
@@ -21080,7 +21115,7 @@ static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
 /* A point light's 1 / r^2 is infinite on a ray through the light, and its mean over a part grows as 1 / q. A pixel's
    area makes that finite: over a square pixel around the light, 1 / q has the mean 4 log(1 + sqrt 2). So a ray that
    passes nearer than the reciprocal of this, in pixels, is treated as passing at that distance. */
-#define SPSI_LAMP_PIXELS 0.28364f
+#define SPSI_LIGHT_PIXELS 0.28364f
 
 /* World size of a pixel at depth d. */
 static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
@@ -21107,8 +21142,8 @@ typedef struct spsi_reach {
     spsi_v width;                 /* lit[1] - lit[0], precise */
 } spsi_reach;
 
-static void spsi_reach_build(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
-                             const spsi_part *part, spsi_reach *reach) {
+static void spsi_reach_build(const spsi_shader *shader, const spsi_light *lamp, const spsi_pixels *p,
+                             const spsi_subslab *part, spsi_reach *reach) {
     reach->half = spsi_mul(part->half, p->length);
     reach->pixel = spsi_pixel_size(shader->eye, part->middle);
     for (int i = 0; i < 3; ++i) {
@@ -21119,7 +21154,7 @@ static void spsi_reach_build(const spsi_shader *shader, const spsi_lamp *lamp, c
 
 /* The direction in which light travels at a part. To a light with a position, equal angles along the part have equal
    weight, so the ray that halves the angle stands for all. */
-static void spsi_lamp_travel(const spsi_lamp *lamp, const spsi_pixels *p, const spsi_reach *reach, spsi_v travel[3]) {
+static void spsi_light_travel(const spsi_light *lamp, const spsi_pixels *p, const spsi_reach *reach, spsi_v travel[3]) {
     spsi_v ends[2][3], square;
     if (!lamp->is_point) {
         spsi_set3(lamp->direction, travel);
@@ -21138,26 +21173,26 @@ static void spsi_lamp_travel(const spsi_lamp *lamp, const spsi_pixels *p, const 
 }
 
 /* The mean of 1 / r^2 over a part, with a pixel's area taken into account. */
-static spsi_v spsi_lamp_falloff(const spsi_pixels *p, const spsi_reach *reach) {
-    const spsi_v s = spsi_dot_v(reach->middle, p->toward), beside = spsi_mul(reach->pixel, spsi_set(SPSI_LAMP_PIXELS));
+static spsi_v spsi_light_falloff(const spsi_pixels *p, const spsi_reach *reach) {
+    const spsi_v s = spsi_dot_v(reach->middle, p->toward), beside = spsi_mul(reach->pixel, spsi_set(SPSI_LIGHT_PIXELS));
     spsi_v foot[3];
     for (int i = 0; i < 3; ++i) foot[i] = spsi_sub(reach->middle[i], spsi_mul(s, p->toward[i]));
     return spsi_mean_inverse_square(spsi_max(beside, spsi_sqrt(spsi_dot_v(foot, foot))), s, reach->half);
 }
 
 /* Sets a part's ends in a light's frame. Small offsets from the axis are small in floats, too. */
-static void spsi_reach_place(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
-                             const spsi_part *part, spsi_reach *reach) {
+static void spsi_reach_place(const spsi_shader *shader, const spsi_light *lamp, const spsi_pixels *p,
+                             const spsi_subslab *part, spsi_reach *reach) {
     const spsi_rays *eye = shader->eye;
     const double turned = eye->perspective ? 1 : 0, moved = 1 - turned, y = (double)p->line.y;
     double origin[3], a[3], b[3], c[3], from[3][SPSI_LANES], step[3][SPSI_LANES];
     float t[2][SPSI_LANES], at[3][3][SPSI_LANES];
     for (int k = 0; k < 2; ++k) spsi_store(t[k], part->ends[k]);
     spsi_along(eye->origin, lamp->position, -1, c);
-    spsi_to_lamp(lamp, c, origin);
-    spsi_to_lamp(lamp, eye->a, a);
-    spsi_to_lamp(lamp, eye->b, b);
-    spsi_to_lamp(lamp, eye->c, c);
+    spsi_to_light(lamp, c, origin);
+    spsi_to_light(lamp, eye->a, a);
+    spsi_to_light(lamp, eye->b, b);
+    spsi_to_light(lamp, eye->c, c);
     for (int k = 0; k < 3; ++k)
         for (int n = 0; n < SPSI_LANES; ++n) {
             const double aside = (p->line.x + n) * a[k] + y * b[k];
@@ -21181,14 +21216,14 @@ static void spsi_reach_place(const spsi_shader *shader, const spsi_lamp *lamp, c
 
 /* A segment as a spotlight sees it. Directions to its points are at angles phi from the one that is nearest to the
    axis: u = tan(phi / 2) stays precise in narrow cones. phi has the tangent s / z, both linear in the point. */
-typedef struct spsi_swing {
+typedef struct spsi_spot_segment {
     spsi_v axial, versine; /* cosine between the axis and the plane of light and segment; 1 - cos */
     spsi_v s, z, ds, dz;   /* at the beginning, and changes */
     spsi_v area;           /* z ds - s dz */
-} spsi_swing;
+} spsi_spot_segment;
 
 /* Where along the segment u is, 0..1. `across`: by how much phi changes there, times q r^2. */
-static spsi_v spsi_swing_share(const spsi_swing *g, spsi_v u, spsi_v *across) {
+static spsi_v spsi_spot_segment_fraction(const spsi_spot_segment *g, spsi_v u, spsi_v *across) {
     const spsi_v c = spsi_sub(spsi_set(1), spsi_mul(u, u)), s = spsi_add(u, u);
     const spsi_v way = spsi_sub(spsi_mul(s, g->z), spsi_mul(c, g->s));
     *across = spsi_max(spsi_sub(spsi_mul(c, g->ds), spsi_mul(s, g->dz)), spsi_set(FLT_MIN));
@@ -21197,16 +21232,16 @@ static spsi_v spsi_swing_share(const spsi_swing *g, spsi_v u, spsi_v *across) {
 
 /* Integral of a cone's light from u = a to b over half of phi, or where light does not fall off, over the share of the
    segment. [Gauss and Legendre] */
-static spsi_v spsi_swing_sum(const spsi_swing *g, const spsi_lamp *lamp, spsi_v a, spsi_v b) {
+static spsi_v spsi_spot_segment_sum(const spsi_spot_segment *g, const spsi_light *lamp, spsi_v a, spsi_v b) {
     const spsi_v way = spsi_sub(b, a), one = spsi_set(1);
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 3; ++i) {
         const spsi_v u = spsi_fma(way, spsi_set((float)spsi_gauss_places[i]), a);
         const spsi_v square = spsi_mul(u, u), q = spsi_add(one, square);
         const spsi_v more = spsi_div(spsi_mul(g->axial, spsi_add(square, square)), q);
-        const spsi_v light = spsi_cone_share(&lamp->cone, spsi_add(g->versine, more));
+        const spsi_v light = spsi_cone_fraction(&lamp->cone, spsi_add(g->versine, more));
         spsi_v across, speed = spsi_div(one, q);
-        spsi_swing_share(g, u, &across);
+        spsi_spot_segment_fraction(g, u, &across);
         if (!lamp->falls_off) speed = spsi_div(spsi_div(spsi_mul(spsi_add(g->area, g->area), q), across), across);
         sum = spsi_fma(spsi_mul(light, spsi_set((float)spsi_gauss_weights[i])), spsi_min(speed, spsi_set(1e30f)), sum);
     }
@@ -21214,9 +21249,10 @@ static spsi_v spsi_swing_sum(const spsi_swing *g, const spsi_lamp *lamp, spsi_v 
 }
 
 /* Moves a part's centre to u, in lanes. */
-static void spsi_swing_centre(const spsi_swing *g, const spsi_v n[3], spsi_v u, spsi_m lanes, spsi_reach *reach) {
+static void spsi_spot_segment_centre(const spsi_spot_segment *g, const spsi_v n[3], spsi_v u, spsi_m lanes,
+                                     spsi_reach *reach) {
     const spsi_v one = spsi_set(1), square = spsi_mul(u, u), c = spsi_sub(one, square);
-    spsi_v at[3], r, s, across, share = spsi_swing_share(g, u, &across);
+    spsi_v at[3], r, s, across, share = spsi_spot_segment_fraction(g, u, &across);
     for (int k = 0; k < 3; ++k) at[k] = spsi_mix(reach->ends[0][k], reach->ends[1][k], share);
     r = spsi_sqrt(spsi_dot_v(at, at));
     r = spsi_div(r, spsi_max(spsi_mul(spsi_add(one, square), g->axial), spsi_set(FLT_MIN)));
@@ -21229,14 +21265,14 @@ static void spsi_swing_centre(const spsi_swing *g, const spsi_v n[3], spsi_v u, 
 
 /* Mean of what a cone lets pass to a part, weighted by 1 / r^2 if light falls off, and where that is. Parts that lie in
    one direction from the light, or behind it, take the light of their middle. */
-static spsi_v spsi_cone_mean(const spsi_lamp *lamp, spsi_reach *reach) {
+static spsi_v spsi_cone_mean(const spsi_light *lamp, spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), tiny = spsi_set(FLT_MIN);
     const spsi_v size = spsi_sqrt(spsi_max(spsi_dot_v(reach->normal, reach->normal), tiny));
     const spsi_v nx = spsi_div(reach->normal[0], size), ny = spsi_div(reach->normal[1], size);
     const spsi_v nz = spsi_div(reach->normal[2], size);
-    spsi_v even = spsi_cone_share(&lamp->cone, spsi_versine_v(reach->centre));
+    spsi_v even = spsi_cone_fraction(&lamp->cone, spsi_versine_v(reach->centre));
     spsi_v n[3], s[2], u[2], outer[2], inner[2], across[2], sum, share;
-    spsi_swing g;
+    spsi_spot_segment g;
     g.axial = spsi_sqrt(spsi_fma(nx, nx, spsi_mul(ny, ny)));
     g.versine = spsi_div(spsi_mul(nz, nz), spsi_add(one, g.axial));
     for (int k = 0; k < 2; ++k) {
@@ -21260,26 +21296,27 @@ static spsi_v spsi_cone_mean(const spsi_lamp *lamp, spsi_reach *reach) {
     spsi_m lit = spsi_and(turns, spsi_less(outer[0], outer[1]));
     even = spsi_select(turns, spsi_select(lit, one, zero), even);
     if (!spsi_bits(spsi_and(lit, spsi_less(spsi_sub(inner[1], inner[0]), spsi_sub(u[1], u[0]))))) return even;
-    sum = spsi_add(spsi_swing_sum(&g, lamp, outer[0], inner[0]), spsi_swing_sum(&g, lamp, inner[1], outer[1]));
+    sum = spsi_add(spsi_spot_segment_sum(&g, lamp, outer[0], inner[0]),
+                   spsi_spot_segment_sum(&g, lamp, inner[1], outer[1]));
     if (lamp->falls_off) {
         const spsi_v all = spsi_angle(spsi_fma(u[0], u[1], one), spsi_sub(u[1], u[0]));
         const spsi_v bright = spsi_angle(spsi_fma(inner[0], inner[1], one), spsi_sub(inner[1], inner[0]));
         sum = spsi_div(spsi_add(sum, bright), spsi_max(all, tiny));
     } else
-        sum = spsi_add(sum, spsi_swing_sum(&g, lamp, inner[0], inner[1]));
+        sum = spsi_add(sum, spsi_spot_segment_sum(&g, lamp, inner[0], inner[1]));
     for (int k = 0; k < 2; ++k)
-        reach->lit[k] = spsi_select(lit, spsi_swing_share(&g, outer[k], &across[k]), reach->lit[k]);
+        reach->lit[k] = spsi_select(lit, spsi_spot_segment_fraction(&g, outer[k], &across[k]), reach->lit[k]);
     share = spsi_mul(spsi_mul(spsi_sub(outer[1], outer[0]), spsi_fma(outer[0], outer[1], one)), g.area);
     share = spsi_div(spsi_div(spsi_add(share, share), across[0]), across[1]);
     reach->width = spsi_select(lit, share, reach->width);
     n[0] = nx, n[1] = ny, n[2] = nz;
-    spsi_swing_centre(&g, n, spsi_mul(spsi_add(outer[0], outer[1]), spsi_set(0.5f)), lit, reach);
+    spsi_spot_segment_centre(&g, n, spsi_mul(spsi_add(outer[0], outer[1]), spsi_set(0.5f)), lit, reach);
     return spsi_select(lit, spsi_min(sum, one), even);
 }
 
 /* What a cone lets pass to a part, along which optical depth changes by `change`: what is lit of it is attenuated by
    less or more than all of it is. `travel` receives the direction of the light at its centre. */
-static spsi_v spsi_cone_over(const spsi_lamp *lamp, spsi_v change, spsi_reach *reach, spsi_v travel[3]) {
+static spsi_v spsi_cone_over(const spsi_light *lamp, spsi_v change, spsi_reach *reach, spsi_v travel[3]) {
     const spsi_v mean = spsi_cone_mean(lamp, reach), less = spsi_max(spsi_sub(spsi_set(0), change), spsi_set(0));
     const spsi_v first = spsi_fma(change, reach->lit[0], less), last = spsi_fma(change, reach->lit[1], less);
     const spsi_v all = spsi_mean_transmittance(less, spsi_add(change, less));
@@ -21295,7 +21332,7 @@ static spsi_v spsi_cone_over(const spsi_lamp *lamp, spsi_v change, spsi_reach *r
 
 /* Whether a cone's light covers a vector of parts, 1, none of them, -1, or may end in one, 0. At an angle a from the
    axis, the root of 1 - cos is sqrt(2) sin(a / 2). */
-static int spsi_cone_meets(const spsi_lamp *lamp, const spsi_reach *reach) {
+static int spsi_cone_meets(const spsi_light *lamp, const spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), error = spsi_set(4e-6f), *middle = reach->middle;
     const spsi_v r = spsi_sqrt(spsi_max(spsi_dot_v(middle, middle), spsi_set(FLT_MIN)));
     const spsi_v turn = spsi_div(spsi_mul(reach->half, spsi_set(1.2f)), r); /* sqrt(1/2) pi/2 of its sine */
@@ -21304,7 +21341,7 @@ static int spsi_cone_meets(const spsi_lamp *lamp, const spsi_reach *reach) {
     spsi_set3(lamp->direction, axis);
     versine = spsi_sub(spsi_set(1), spsi_div(spsi_dot_v(axis, middle), r));
     none = spsi_add(spsi_set((float)sqrt(lamp->cone.none)), turn);
-    whole = spsi_sub(spsi_set((float)sqrt(spsi_fmax(lamp->cone.none - lamp->cone.rim, 0))), turn);
+    whole = spsi_sub(spsi_set((float)sqrt(spsi_dmax(lamp->cone.none - lamp->cone.rim, 0))), turn);
     if (!spsi_bits(spsi_less(versine, spsi_fma(none, none, error)))) return -1;
     whole = spsi_max(whole, zero);
     return spsi_bits(spsi_less(spsi_mul(whole, whole), spsi_add(versine, error))) ? 0 : 1;
@@ -21314,7 +21351,7 @@ static int spsi_cone_meets(const spsi_lamp *lamp, const spsi_reach *reach) {
 
 /* Colors the light at a part by the mean of the light's image along it, weighted by its cone. [Gauss and Legendre]
    Pixels are at least as large as a step across the light's rays: what lies between lookups would show as moire. */
-static void spsi_incident_color(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_pixels *p,
+static void spsi_incident_color(const spsi_frame *frame, const spsi_light *lamp, const spsi_pixels *p,
                                 const spsi_reach *reach, spsi_incident *incident) {
     static const float places[] = {-0.430568156f, -0.169990522f, 0.169990522f, 0.430568156f};
     static const float weights[] = {0.173927423f, 0.326072577f, 0.326072577f, 0.173927423f};
@@ -21328,7 +21365,7 @@ static void spsi_incident_color(const spsi_frame *frame, const spsi_lamp *lamp, 
         for (int i = 0; i < 3; ++i)
             at[i] = spsi_fma(along, spsi_sub(reach->ends[1][i], reach->ends[0][i]), reach->centre[i]);
         spsi_projection_lookup(frame, lamp, at, spsi_max(reach->pixel, step), here);
-        if (lamp->cone.exists) weight = spsi_mul(weight, spsi_cone_share(&lamp->cone, spsi_versine_v(at)));
+        if (lamp->cone.exists) weight = spsi_mul(weight, spsi_cone_fraction(&lamp->cone, spsi_versine_v(at)));
         for (int c = 0; c < 3; ++c) color[c] = spsi_fma(weight, here[c], color[c]);
         sum = spsi_add(sum, weight);
     }
@@ -21337,11 +21374,11 @@ static void spsi_incident_color(const spsi_frame *frame, const spsi_lamp *lamp, 
 
 /* Irradiance from a point of a light at a part of a slab. `incident` holds the direction in which light travels, and
    gets that of what a cone lights. Returns 0 if there is none. */
-static int spsi_lamp_point_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
-                              const spsi_part *part, spsi_v change, spsi_reach *reach, spsi_incident *incident) {
+static int spsi_light_point_at(const spsi_shader *shader, const spsi_light *lamp, const spsi_pixels *p,
+                               const spsi_subslab *part, spsi_v change, spsi_reach *reach, spsi_incident *incident) {
     const int rim = spsi_cone_meets(lamp, reach);
     spsi_v irradiance = spsi_set(rim < 0 ? 0.0f : 1.0f);
-    if (lamp->falls_off && rim >= 0) irradiance = spsi_lamp_falloff(p, reach);
+    if (lamp->falls_off && rim >= 0) irradiance = spsi_light_falloff(p, reach);
     if (rim >= 0 && (lamp->projection.exists || rim == 0)) spsi_reach_place(shader, lamp, p, part, reach);
     if (rim == 0) irradiance = spsi_mul(irradiance, spsi_cone_over(lamp, change, reach, incident->travel));
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = irradiance;
@@ -21351,8 +21388,8 @@ static int spsi_lamp_point_at(const spsi_shader *shader, const spsi_lamp *lamp, 
 
 /* Light at a part of a slab, along which optical depth changes by `change` on its way: from a light with an extent the
    direction from its centre, and the mean irradiance of its points. Returns 0 if there is none. */
-static int spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p, const spsi_part *part,
-                        spsi_v change, spsi_incident *incident) {
+static int spsi_light_at(const spsi_shader *shader, const spsi_light *lamp, const spsi_pixels *p,
+                         const spsi_subslab *part, spsi_v change, spsi_incident *incident) {
     const spsi_v share = spsi_set(1.0f / (float)lamp->few_count), zero = spsi_set(0);
     spsi_v sum[3] = {zero, zero, zero};
     spsi_reach reach;
@@ -21363,12 +21400,12 @@ static int spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const 
         return 1;
     }
     spsi_reach_build(shader, lamp, p, part, &reach);
-    spsi_lamp_travel(lamp, p, &reach, incident->travel);
-    if (lamp->few_count == 1) return spsi_lamp_point_at(shader, lamp, p, part, change, &reach, incident);
+    spsi_light_travel(lamp, p, &reach, incident->travel);
+    if (lamp->few_count == 1) return spsi_light_point_at(shader, lamp, p, part, change, &reach, incident);
     for (int i = 0; i < lamp->few_count; ++i) {
         spsi_incident own = *incident;
         spsi_reach_build(shader, &lamp->few[i], p, part, &reach);
-        any |= spsi_lamp_point_at(shader, &lamp->few[i], p, part, change, &reach, &own);
+        any |= spsi_light_point_at(shader, &lamp->few[i], p, part, change, &reach, &own);
         for (int c = 0; c < 3; ++c) sum[c] = spsi_add(sum[c], own.irradiance[c]);
     }
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(sum[c], share);
@@ -21409,19 +21446,19 @@ typedef struct spsi_spread_light_at {
 } spsi_spread_light_at;
 
 /* Adds what a unit of a light's color would make of one channel of radiance. */
-static inline void spsi_add_light(const spsi_lamp *lamp, int c, spsi_v share, spsi_v radiance[3]) {
+static inline void spsi_add_light(const spsi_light *lamp, int c, spsi_v share, spsi_v radiance[3]) {
     radiance[c] =
         spsi_add(radiance[c], spsi_min(spsi_mul(share, spsi_set(lamp->color[c])), spsi_set(SPSI_RADIANCE_MAX)));
 }
 
 /* Adds one light's contribution from all samples of a part. */
-static void spsi_add_lamp(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part, const spsi_lamp *lamp,
-                          const spsi_carried *carried, const spsi_sent *sent) {
+static void spsi_shade_by_light(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part,
+                                const spsi_light *lamp, const spsi_carried *carried, const spsi_sent *sent) {
     const int forward = carried->is_attenuated && spsi_scatters_forward(shader->frame);
     spsi_incident incident;
     spsi_forward_part place;
     spsi_v once[3], again[3];
-    if (!spsi_lamp_at(shader, lamp, p, part, spsi_sub(carried->end, carried->start), &incident)) return;
+    if (!spsi_light_at(shader, lamp, p, part, spsi_sub(carried->end, carried->start), &incident)) return;
     if (forward)
         spsi_forward_part_build(spsi_sub(spsi_set(0), spsi_dot_v(incident.travel, p->toward)),
                                 spsi_add(carried->start, sent->ahead), spsi_add(carried->end, sent->ahead), &place);
@@ -21464,8 +21501,8 @@ static void spsi_add_spread_sample(const spsi_shader *shader, const spsi_shadow 
 
 /* Adds what a part sends of one of the lights that the sweep carries, of what has scattered on its way and spread. */
 static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
-                            const spsi_part *part, const spsi_sent *sent) {
-    const spsi_lamp *lamp = shadow->lamp;
+                            const spsi_subslab *part, const spsi_sent *sent) {
+    const spsi_light *lamp = shadow->lamp;
     const spsi_v start = spsi_add(part->before, sent->ahead), end = spsi_add(part->after, sent->ahead);
     spsi_v at[3], travel[3], cosine, falloff = spsi_set(1);
     spsi_spread_place place;
@@ -21475,9 +21512,9 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
         at[i] = spsi_linear_find(&shadow->spread_along[i], p->line.at, (float)p->line.y, part->middle);
     spsi_spread_find(shadow->spread, at, &place);
     spsi_reach_build(shader, lamp, p, part, &reach);
-    spsi_lamp_travel(lamp, p, &reach, travel);
+    spsi_light_travel(lamp, p, &reach, travel);
     cosine = spsi_sub(spsi_set(0), spsi_dot_v(travel, p->toward));
-    if (lamp->falls_off) falloff = spsi_lamp_falloff(p, &reach);
+    if (lamp->falls_off) falloff = spsi_light_falloff(p, &reach);
     for (light.channel = 0; light.channel < shader->frame->channels; ++light.channel) {
         light.flux = spsi_mul(spsi_spread_flux(shadow->spread, light.channel, &place, &light.depth), falloff);
         if (!spsi_bits(spsi_less(spsi_set(0), light.flux))) continue;
@@ -21492,41 +21529,41 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
 
 /* The share of each part of a ray's path through a slab that polygons leave lit. A shadow's edge may cross the path at
    a slant, so one lookup for all of it would not do. */
-static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
-                            const spsi_slab *slab, spsi_v lit[SPSI_PARTS]) {
+static void spsi_lit_fractions(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
+                               const spsi_slab *slab, spsi_v lit[SPSI_SUBSLABS]) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v d[2] = {backwards ? slab->leave : slab->enter, backwards ? slab->enter : slab->leave};
-    const spsi_v step = spsi_mul(spsi_sub(d[1], d[0]), spsi_set(1.0f / SPSI_PARTS));
-    for (int i = 0; i < SPSI_PARTS; ++i) lit[i] = spsi_set(1);
+    const spsi_v step = spsi_mul(spsi_sub(d[1], d[0]), spsi_set(1.0f / SPSI_SUBSLABS));
+    for (int i = 0; i < SPSI_SUBSLABS; ++i) lit[i] = spsi_set(1);
     for (int face = 0; face < map->face_count; ++face) {
         if (!spsi_depth_map_may_shade(map, face, p->line.at, (float)p->line.y, d)) continue;
-        for (int i = 0; i < SPSI_PARTS; ++i) {
+        for (int i = 0; i < SPSI_SUBSLABS; ++i) {
             const spsi_v from = spsi_fma(step, spsi_set((float)i), d[0]), way[2] = {from, spsi_add(from, step)};
-            lit[i] = spsi_min(lit[i], spsi_depth_map_share(map, face, p->line.at, (float)p->line.y, way));
+            lit[i] = spsi_min(lit[i], spsi_depth_map_fraction(map, face, p->line.at, (float)p->line.y, way));
         }
     }
     if (slab->part_count > 1) return;
-    for (int i = 1; i < SPSI_PARTS; ++i) lit[0] = spsi_add(lit[0], lit[i]);
-    lit[0] = spsi_mul(lit[0], spsi_set(1.0f / SPSI_PARTS));
+    for (int i = 1; i < SPSI_SUBSLABS; ++i) lit[0] = spsi_add(lit[0], lit[i]);
+    lit[0] = spsi_mul(lit[0], spsi_set(1.0f / SPSI_SUBSLABS));
 }
 
 /* Optical depth from a light to the rays' points at depth d, on plane k. */
 static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
-    spsi_courses courses;
+    spsi_row_linears courses;
     spsi_v at[3];
-    spsi_courses_build(shadow->along, p->line.at, (float)p->line.y, &courses);
-    spsi_courses_at(&courses, d, at);
+    spsi_row_linears_build(shadow->along, p->line.at, (float)p->line.y, &courses);
+    spsi_row_linears_at(&courses, d, at);
     return spsi_shadow_lookup(shadow, at, k);
 }
 
 /* Rows of pixels from which light is prefetched: far enough for memory, near enough for a level-2 cache. */
-#define SPSI_ROWS_AHEAD 8
+#define SPSI_PREFETCH_ROWS 8
 
 static void spsi_arrival_begin(const spsi_shadow *shadow, const spsi_pixels *p, spsi_arrival *arrival) {
     const float y = (float)p->line.y;
     arrival->plane = -1;
-    spsi_courses_build(shadow->along, p->line.at, y, &arrival->courses);
-    spsi_courses_build(shadow->along, p->line.at, y + SPSI_ROWS_AHEAD, &arrival->ahead);
+    spsi_row_linears_build(shadow->along, p->line.at, y, &arrival->courses);
+    spsi_row_linears_build(shadow->along, p->line.at, y + SPSI_PREFETCH_ROWS, &arrival->ahead);
 }
 
 /* Optical depth from a light to where the rays meet plane k. Planes are too large for a cache, and a row of pixels
@@ -21536,11 +21573,11 @@ static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, 
     spsi_v at[3];
     if (shadow->kind == SPSI_SHADOW_SHEETS && shadow->sliced->planes.wide) {
         int texels[SPSI_LANES];
-        spsi_courses_at(&arrival->ahead, d, at);
+        spsi_row_linears_at(&arrival->ahead, d, at);
         spsi_sliced_texels(shadow->sliced, at, texels);
         for (int i = 0; i < SPSI_LANES; ++i) spsi_prefetch(shadow->sliced->planes.depth[k] + texels[i], 1);
     }
-    spsi_courses_at(&arrival->courses, d, at);
+    spsi_row_linears_at(&arrival->courses, d, at);
     return spsi_shadow_lookup(shadow, at, k);
 }
 
@@ -21561,11 +21598,11 @@ static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow
     }
     arrival->plane = slab->filled >> (slab->group - 1) ? slab->k + slab->group : -1;
     arrival->plane_light = a1;
-    spsi_lit_shares(shader, &shadow->depth_map, p, slab, arrival->lit);
+    spsi_lit_fractions(shader, &shadow->depth_map, p, slab, arrival->lit);
 }
 
 /* The share of a part that opaque polygons leave lit. */
-static spsi_v spsi_part_lit(const spsi_arrival *arrival, const spsi_part *part) {
+static spsi_v spsi_subslab_lit(const spsi_arrival *arrival, const spsi_subslab *part) {
     const spsi_v lit = arrival->lit[part->number], way = spsi_sub(part->cut[1], part->cut[0]);
     if (!part->is_cut) return lit;
     return spsi_clamp(spsi_div(spsi_sub(lit, part->cut[0]), spsi_max(way, spsi_set(FLT_MIN))), spsi_set(0),
@@ -21574,30 +21611,31 @@ static spsi_v spsi_part_lit(const spsi_arrival *arrival, const spsi_part *part) 
 
 /* What translucent polygons let pass from a light to a part, by color: the mean over the light's points, and over steps
    along a part that is a whole slab. */
-static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
-                             const spsi_part *part, spsi_v filter[3]) {
-    const int steps = shader->frame->matter.classifies ? 1 : SPSI_PARTS;
+static void spsi_subslab_filter(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
+                                const spsi_subslab *part, spsi_v filter[3]) {
+    const int steps = shader->frame->matter.classifies ? 1 : SPSI_SUBSLABS;
     const spsi_v from = spsi_sub(part->middle, part->half);
     const spsi_v step = spsi_mul(part->half, spsi_set(2.0f / (float)steps));
     spsi_v sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     for (int i = 0; i < shadow->pane_map_count * steps; ++i) {
         const float n = (float)(i % steps);
         const spsi_v d[2] = {spsi_fma(step, spsi_set(n), from), spsi_fma(step, spsi_set(n + 1), from)};
-        spsi_pane_map_filter(&shadow->pane_maps[i / steps], shader->faces, p->line.at, (float)p->line.y, d, filter);
+        spsi_translucency_map_filter(&shadow->pane_maps[i / steps], shader->faces, p->line.at, (float)p->line.y, d,
+                                     filter);
         for (int c = 0; c < 3; ++c) sum[c] = spsi_add(sum[c], filter[c]);
     }
     for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->pane_map_count * steps)));
 }
 
 /* The fraction of what gas lets pass to a part that opaque polygons stop on the way from a light's points. */
-static spsi_v spsi_part_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
-                               const spsi_pixels *p, const spsi_part *part) {
-    const int count = shader->frame->matter.classifies ? 1 : SPSI_PARTS;
-    const spsi_v layers = spsi_set(SPSI_PARTS), scale = spsi_div(layers, p->line.scale);
+static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
+                                  const spsi_pixels *p, const spsi_subslab *part) {
+    const int count = shader->frame->matter.classifies ? 1 : SPSI_SUBSLABS;
+    const spsi_v layers = spsi_set(SPSI_SUBSLABS), scale = spsi_div(layers, p->line.scale);
     spsi_v sum = spsi_set(0), place[3];
     for (int i = 0; i < count; ++i) {
         const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
-        spsi_courses_at(&arrival->courses, d, place);
+        spsi_row_linears_at(&arrival->courses, d, place);
         sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, place,
                                                spsi_fma(d, scale, spsi_mul(layers, p->line.base))));
     }
@@ -21605,11 +21643,11 @@ static spsi_v spsi_part_hidden(const spsi_shader *shader, const spsi_shadow *sha
 }
 
 /* Multiplies by what polygons let pass from a light to a part: translucent ones, and opaque ones from its points. */
-static void spsi_part_pass(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
-                           const spsi_pixels *p, const spsi_part *part, spsi_v filter[3]) {
-    if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
+static void spsi_subslab_pass(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
+                              const spsi_pixels *p, const spsi_subslab *part, spsi_v filter[3]) {
+    if (shadow->pane_map_count > 0) spsi_subslab_filter(shader, shadow, p, part, filter);
     if (shadow->soft && shadow->sliced->penumbra.hidden) {
-        const spsi_v seen = spsi_sub(spsi_set(1), spsi_part_hidden(shader, shadow, arrival, p, part));
+        const spsi_v seen = spsi_sub(spsi_set(1), spsi_subslab_hidden(shader, shadow, arrival, p, part));
         for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(filter[c], seen);
     }
 }
@@ -21618,7 +21656,7 @@ static void spsi_part_pass(const spsi_shader *shader, const spsi_shadow *shadow,
    the way to the eye counts. Within a slab, depth is taken to be linear in the share of matter. That errs by the square
    of the slab's depth. The same sum over pairs of slabs errs by four times that, so a third of the difference is added
    (Richardson). Pairs that hold nothing are left out: their light is not looked up. */
-static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arrival, const spsi_part *part, int eye) {
+static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arrival, const spsi_subslab *part, int eye) {
     const spsi_v zero = spsi_set(0), own = spsi_sub(part->after, part->before);
     spsi_v sum = zero, pairs = zero, passed = zero;
     for (int i = 0; i < slab->group; i += 2) {
@@ -21632,9 +21670,9 @@ static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arriv
             through[j] = spsi_exp(spsi_sub(zero, at[j]));
         }
         for (int j = 0; j < 2; ++j)
-            sum = spsi_fma(share[j], spsi_mean_between(at[j], at[j + 1], through[j], through[j + 1]), sum);
-        pairs = spsi_fma(spsi_add(share[0], share[1]), spsi_mean_between(at[0], at[2], through[0], through[2]),
-                         pairs);
+            sum = spsi_fma(share[j], spsi_mean_enclosure(at[j], at[j + 1], through[j], through[j + 1]), sum);
+        pairs =
+            spsi_fma(spsi_add(share[0], share[1]), spsi_mean_enclosure(at[0], at[2], through[0], through[2]), pairs);
     }
     return spsi_clamp(spsi_fma(spsi_sub(sum, pairs), spsi_set(1.0f / 3), sum), zero, spsi_set(1));
 }
@@ -21643,9 +21681,9 @@ static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arriv
    filtered by translucent ones. Within a slab, optical depth towards the light and towards the eye grow in proportion:
    both come from the same matter. */
 static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_slab *slab,
-                              const spsi_arrival *arrival, const spsi_pixels *p, const spsi_part *part,
+                              const spsi_arrival *arrival, const spsi_pixels *p, const spsi_subslab *part,
                               const spsi_sent *sent) {
-    const spsi_v lit = spsi_part_lit(arrival, part), end_share = spsi_mix(part->first, part->last, lit);
+    const spsi_v lit = spsi_subslab_lit(arrival, part), end_share = spsi_mix(part->first, part->last, lit);
     const spsi_v *ends = arrival->light, last = ends[slab->group];
     /* neither layers nor the edge of a polygon's shadow cut it */
     const spsi_m whole = spsi_less(spsi_set(0.9999995f), spsi_min(lit, spsi_sub(part->last, part->first)));
@@ -21666,12 +21704,12 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
         arrives = spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
         if (slab->group > 1) arrives = spsi_select(whole, spsi_group_passes(slab, arrival, part, 0), arrives);
     }
-    if (shadow->soft || shadow->pane_map_count > 0) spsi_part_pass(shader, shadow, arrival, p, part, filter);
+    if (shadow->soft || shadow->pane_map_count > 0) spsi_subslab_pass(shader, shadow, arrival, p, part, filter);
     for (int c = 0; c < 3; ++c) {
         carried.passes[c] = spsi_mul(passes, filter[c]);
         carried.lit[c] = spsi_mul(arrives, filter[c]);
     }
-    spsi_add_lamp(shader, p, part, shadow->lamp, &carried, sent);
+    spsi_shade_by_light(shader, p, part, shadow->lamp, &carried, sent);
 }
 
 /* Points of a part among a grid of cells. */
@@ -21684,7 +21722,7 @@ typedef struct spsi_cell_place {
 /* Adds what one material of a part sends of the light in the cells, at a place in their grid. Extinction is scaled on
    the way to the eye, too: more emission reaches it, and exp(-k t) - exp(-t) in all of the ambient light behind, where
    there is no polygon. */
-static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part, int m,
+static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part, int m,
                                     const spsi_cell_place *place, const spsi_sent *into) {
     const spsi_frame *frame = shader->frame;
     const spsi_cell_grid *grid = place->grid;
@@ -21714,7 +21752,7 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
 
 /* Finds the n-th grid's place where a part has its middle: which of its points are there, and in no grid before. Gas
    beyond all grids, by round-off, belongs to the last. */
-static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part, int n,
+static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part, int n,
                                   spsi_cell_place *place) {
     const spsi_content *content = shader->frame->content;
     const spsi_v low = spsi_set(-0.5f);
@@ -21731,7 +21769,7 @@ static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *
 }
 
 /* The same for all materials, in all grids. */
-static void spsi_add_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
+static void spsi_add_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part,
                            const spsi_sent *into) {
     spsi_cell_place place;
     place.left = spsi_less(spsi_set(0), spsi_set(1));
@@ -21746,7 +21784,7 @@ static void spsi_add_cells(const spsi_shader *shader, const spsi_pixels *p, cons
 }
 
 /* Adds ambient light, emission, and the lights that cast no shadows. */
-static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
+static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part,
                                 const spsi_sent *into) {
     const spsi_v mean = spsi_mean_transmittance(part->before, part->after), one = spsi_set(1);
     const spsi_carried carried = {{mean, mean, mean}, {one, one, one}, part->before, part->after, 0};
@@ -21765,7 +21803,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
     }
     for (int i = 0; i < shader->frame->lamps.count; ++i)
         if (!shader->frame->lamps.list[i].shadows)
-            spsi_add_lamp(shader, p, part, &shader->frame->lamps.list[i], &carried, into);
+            spsi_shade_by_light(shader, p, part, &shader->frame->lamps.list[i], &carried, into);
     if (shader->frame->content->cells) spsi_add_cells(shader, p, part, into);
 }
 
@@ -21774,14 +21812,14 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
 /* Irradiance on a surface per unit of a light's color, before any shadow: all three numbers are the same without an
    image. Only the shading normal decides which side is lit; testing the facet as well would draw its outline where
    light grazes a curved mesh. Returns 0 if there is none. */
-static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_surface *surface,
+static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_light *lamp, const spsi_surface *surface,
                                          double irradiance[3]) {
     double toward[3], square, cosine;
     irradiance[0] = irradiance[1] = irradiance[2] = 0;
-    spsi_toward_lamp(lamp, surface->point, toward);
+    spsi_toward_light(lamp, surface->point, toward);
     cosine = spsi_dot(surface->normal, toward);
     if (!(cosine > 0)) return 0;
-    square = spsi_fmax(spsi_dot(toward, toward), DBL_MIN);
+    square = spsi_dmax(spsi_dot(toward, toward), DBL_MIN);
     cosine /= sqrt(square) * spsi_length(surface->normal);
     if (lamp->falls_off) cosine /= square;
     for (int i = 0; i < 3; ++i) toward[i] /= -sqrt(square);
@@ -21792,42 +21830,43 @@ static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_lam
     return irradiance[0] > 0 || irradiance[1] > 0 || irradiance[2] > 0;
 }
 
-#define SPSI_SIGHT_BLOCK 4  /* pixels along a side of a block, whose rays form a packet */
-#define SPSI_SIGHT_TILE  32 /* pixels along a side of a task's tile, whose rays meet much the same boxes and faces */
+#define SPSI_VISIBILITY_BLOCK 4 /* pixels along a side of a block, whose rays form a packet */
+#define SPSI_VISIBILITY_TILE                                                                                           \
+    32 /* pixels along a side of a task's tile, whose rays meet much the same boxes and faces */
 
-typedef struct spsi_sight_job {
+typedef struct spsi_visibility_job {
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_visible *visible;
-    const spsi_lamp *lamp;
+    const spsi_light *lamp;
     float *lit;     /* per place: spsi_lit_channels shares of a light's irradiance that polygons let pass */
     unsigned char *open; /* per place and point: 255 times the root of what they let pass, for gas; NULL: not needed */
     uint64_t *rays; /* per worker: number of rays */
-} spsi_sight_job;
+} spsi_visibility_job;
 
 /* Places whose rays form a packet: those of a block of pixels, or of layers that follow each other. */
-typedef struct spsi_sight_surfaces {
+typedef struct spsi_visibility_surfaces {
     int facing; /* bit mask of places */
     size_t index[SPSI_PACKET];
     spsi_surface at[SPSI_PACKET];
     int face[SPSI_PACKET];
     double all[SPSI_PACKET][3], seen[SPSI_PACKET][3]; /* irradiance without polygons' shadows, and with them */
-} spsi_sight_surfaces;
+} spsi_visibility_surfaces;
 
 /* Shares per place that a light's sight needs: where each point of it throws the image to a place of its own, a polygon
    keeps off a share of each color, as translucent ones do. */
-static int spsi_lit_channels(const spsi_frame *frame, const spsi_lamp *lamp) {
+static int spsi_lit_channels(const spsi_frame *frame, const spsi_light *lamp) {
     return frame->meshes.translucent || (lamp->projection.exists && lamp->point_count > 1) ? 3 : 1;
 }
 
 /* What shadow rays find at a place, in floats. */
-static int spsi_sight_floats(const spsi_frame *frame, const spsi_lamp *lamp, int soft) {
+static int spsi_visibility_floats(const spsi_frame *frame, const spsi_light *lamp, int soft) {
     return spsi_lit_channels(frame, lamp) + (soft ? (lamp->point_count + 3) / 4 : 0);
 }
 
 /* Traces rays from a block's polygons to the n-th point of the light. Returns their number. */
-static int spsi_sight_point(const spsi_sight_job *job, int n, spsi_sight_surfaces *block) {
-    const spsi_lamp *point = &job->lamp->points[n];
+static int spsi_visibility_point(const spsi_visibility_job *job, int n, spsi_visibility_surfaces *block) {
+    const spsi_light *point = &job->lamp->points[n];
     const size_t pitch = (size_t)job->lamp->point_count;
     spsi_packet packet;
     double toward[3], irradiance[SPSI_PACKET][3];
@@ -21836,7 +21875,7 @@ static int spsi_sight_point(const spsi_sight_job *job, int n, spsi_sight_surface
     for (int at = 0; at < SPSI_PACKET; ++at) {
         if (!(block->facing >> at & 1)) continue;
         if (!spsi_surface_point_irradiance(job->frame, point, &block->at[at], irradiance[at])) continue;
-        spsi_toward_lamp(point, block->at[at].start, toward);
+        spsi_toward_light(point, block->at[at].start, toward);
         spsi_packet_add(&job->faces->tree, at, block->face[at], block->at[at].start, toward, &packet);
         for (int c = 0; c < 3; ++c) block->all[at][c] += irradiance[at][c];
         rays += 1;
@@ -21857,7 +21896,8 @@ static int spsi_sight_point(const spsi_sight_job *job, int n, spsi_sight_surface
 }
 
 /* Stores the shares that are lit at a place. A single point is seen or not, whatever its color. */
-static void spsi_sight_store(const spsi_sight_job *job, size_t index, const double all[3], const double seen[3]) {
+static void spsi_visibility_store(const spsi_visibility_job *job, size_t index, const double all[3],
+                                  const double seen[3]) {
     const int channels = spsi_lit_channels(job->frame, job->lamp);
     float *lit = job->lit + (size_t)channels * index;
     if (channels == 1 && job->lamp->projection.exists) {
@@ -21868,7 +21908,8 @@ static void spsi_sight_store(const spsi_sight_job *job, size_t index, const doub
 }
 
 /* Adds a place to a block. */
-static void spsi_sight_add(const spsi_sight_job *job, const spsi_place *place, int at, spsi_sight_surfaces *block) {
+static void spsi_visibility_add(const spsi_visibility_job *job, const spsi_shading_point *place, int at,
+                                spsi_visibility_surfaces *block) {
     spsi_surface_at(&job->frame->content->eye, job->faces, place->hit, place->at[0], place->at[1], &block->at[at]);
     block->face[at] = place->hit->face;
     block->index[at] = place->index;
@@ -21876,73 +21917,73 @@ static void spsi_sight_add(const spsi_sight_job *job, const spsi_place *place, i
 }
 
 /* Traces the shadow rays of a block. Returns their number. */
-static int spsi_sight_trace(const spsi_sight_job *job, spsi_sight_surfaces *block) {
+static int spsi_visibility_trace(const spsi_visibility_job *job, spsi_visibility_surfaces *block) {
     int rays = 0;
-    for (int i = 0; i < job->lamp->point_count && block->facing; ++i) rays += spsi_sight_point(job, i, block);
+    for (int i = 0; i < job->lamp->point_count && block->facing; ++i) rays += spsi_visibility_point(job, i, block);
     for (int at = 0; at < SPSI_PACKET; ++at)
-        if (block->facing >> at & 1) spsi_sight_store(job, block->index[at], block->all[at], block->seen[at]);
+        if (block->facing >> at & 1) spsi_visibility_store(job, block->index[at], block->all[at], block->seen[at]);
     return rays;
 }
 
 /* The same for a block of pixels, as far as they are in the region. */
-static int spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
+static int spsi_visibility_block(const spsi_visibility_job *job, int x0, int y0) {
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
-    const int x1 = spsi_least(region[0] + region[2], x0 + SPSI_SIGHT_BLOCK);
-    const int y1 = spsi_least(region[1] + region[3], y0 + SPSI_SIGHT_BLOCK);
-    spsi_sight_surfaces block;
+    const int x1 = spsi_imin(region[0] + region[2], x0 + SPSI_VISIBILITY_BLOCK);
+    const int y1 = spsi_imin(region[1] + region[3], y0 + SPSI_VISIBILITY_BLOCK);
+    spsi_visibility_surfaces block;
     memset(&block, 0, sizeof block);
-    for (int y = spsi_most(y0, region[1]); y < y1; ++y)
-        for (int x = spsi_most(x0, region[0]); x < x1; ++x) {
-            spsi_place place;
+    for (int y = spsi_imax(y0, region[1]); y < y1; ++y)
+        for (int x = spsi_imax(x0, region[0]); x < x1; ++x) {
+            spsi_shading_point place;
             if (job->visible->hits[(size_t)y * (size_t)width + (size_t)x].face < 0) continue;
-            spsi_place_of_pixel(job->frame, job->visible, x, y, &place);
-            spsi_sight_add(job, &place, (y - y0) * SPSI_SIGHT_BLOCK + x - x0, &block);
+            spsi_shading_point_of_pixel(job->frame, job->visible, x, y, &place);
+            spsi_visibility_add(job, &place, (y - y0) * SPSI_VISIBILITY_BLOCK + x - x0, &block);
         }
-    return spsi_sight_trace(job, &block);
+    return spsi_visibility_trace(job, &block);
 }
 
 /* The same for layers that follow each other. */
-static void spsi_sight_layers_task(void *data, int index, int worker) {
-    const spsi_sight_job *job = (const spsi_sight_job *)data;
+static void spsi_visibility_layers_task(void *data, int index, int worker) {
+    const spsi_visibility_job *job = (const spsi_visibility_job *)data;
     const size_t first = (size_t)index * SPSI_PACKET;
     const int count =
         (int)(job->visible->layers.count - first < SPSI_PACKET ? job->visible->layers.count - first : SPSI_PACKET);
-    spsi_sight_surfaces block;
+    spsi_visibility_surfaces block;
     memset(&block, 0, sizeof block);
     for (int i = 0; i < count; ++i) {
-        spsi_place place;
-        spsi_place_of_layer(job->frame, job->visible, first + (size_t)i, &place);
-        if (spsi_in_region(job->frame, place.x, place.y)) spsi_sight_add(job, &place, i, &block);
+        spsi_shading_point place;
+        spsi_shading_point_of_layer(job->frame, job->visible, first + (size_t)i, &place);
+        if (spsi_in_region(job->frame, place.x, place.y)) spsi_visibility_add(job, &place, i, &block);
     }
-    job->rays[worker] += (uint64_t)spsi_sight_trace(job, &block);
+    job->rays[worker] += (uint64_t)spsi_visibility_trace(job, &block);
 }
 
 /* Number of tiles of the image that a region's columns or rows touch. */
-static int spsi_sight_tiles(int first, int pixels) {
-    return (first + pixels - 1) / SPSI_SIGHT_TILE - first / SPSI_SIGHT_TILE + 1;
+static int spsi_visibility_tiles(int first, int pixels) {
+    return (first + pixels - 1) / SPSI_VISIBILITY_TILE - first / SPSI_VISIBILITY_TILE + 1;
 }
 
 /* --- tiles that no polygon can shade --- */
 
-#define SPSI_SIGHT_FACES 8 /* most that such a tile shows */
+#define SPSI_VISIBILITY_FACES 8 /* most that such a tile shows */
 
 /* What a tile shows. */
-typedef struct spsi_sight_view {
+typedef struct spsi_visibility_view {
     int x0, y0, x1, y1; /* its first and last pixels */
-    int face[SPSI_SIGHT_FACES], count;
-    int points[SPSI_SIGHT_FACES]; /* of the light that each faces */
+    int face[SPSI_VISIBILITY_FACES], count;
+    int points[SPSI_VISIBILITY_FACES]; /* of the light that each faces */
     float low, high;              /* range of depths */
-} spsi_sight_view;
+} spsi_visibility_view;
 
 /* The place of a face in the list; that beyond its end if it is not there. */
-static int spsi_sight_find(const spsi_sight_view *view, int face) {
+static int spsi_visibility_find(const spsi_visibility_view *view, int face) {
     int at = 0;
     while (at < view->count && view->face[at] != face) ++at;
     return at;
 }
 
 /* Lists the faces that a tile shows. Returns 0 if they are too many. */
-static int spsi_sight_list(const spsi_sight_job *job, spsi_sight_view *view) {
+static int spsi_visibility_list(const spsi_visibility_job *job, spsi_visibility_view *view) {
     int last = -1;
     view->count = 0;
     view->low = SPSI_INFINITY;
@@ -21951,12 +21992,12 @@ static int spsi_sight_list(const spsi_sight_job *job, spsi_sight_view *view) {
         const spsi_hit *hits = job->visible->hits + (size_t)y * (size_t)job->frame->content->eye.width;
         for (int x = view->x0; x <= view->x1; ++x) {
             if (hits[x].face < 0) continue;
-            view->low = spsi_lower(hits[x].depth, view->low);
-            view->high = spsi_higher(hits[x].depth, view->high);
+            view->low = spsi_fmin(hits[x].depth, view->low);
+            view->high = spsi_fmax(hits[x].depth, view->high);
             if (hits[x].face == last) continue;
             last = hits[x].face;
-            if (spsi_sight_find(view, last) < view->count) continue;
-            if (view->count == SPSI_SIGHT_FACES) return 0;
+            if (spsi_visibility_find(view, last) < view->count) continue;
+            if (view->count == SPSI_VISIBILITY_FACES) return 0;
             view->face[view->count++] = last;
         }
     }
@@ -21965,7 +22006,7 @@ static int spsi_sight_list(const spsi_sight_job *job, spsi_sight_view *view) {
 
 /* The side of a face that the tile's rays see: 1: that which its plane's normal points to, -1: the other; 0: some
    graze it, so that round-off may move what they see by more than a box is widened. */
-static int spsi_sight_side(const spsi_rays *eye, const spsi_sight_view *view, const double plane[3]) {
+static int spsi_visibility_side(const spsi_rays *eye, const spsi_visibility_view *view, const double plane[3]) {
     int front = 0, back = 0;
     for (int i = 0; i < 4; ++i) {
         double ray[3], facing, graze;
@@ -21980,18 +22021,18 @@ static int spsi_sight_side(const spsi_rays *eye, const spsi_sight_view *view, co
 
 /* Whether all of a face faces a point of the light (1), or none of it (0); -1: neither is certain, or the face is not
    flat, so that its rays do not begin on it. */
-static int spsi_sight_faces(const spsi_sight_job *job, const spsi_sight_view *view, const spsi_face *face,
-                            const spsi_lamp *point) {
+static int spsi_visibility_faces(const spsi_visibility_job *job, const spsi_visibility_view *view,
+                                 const spsi_face *face, const spsi_light *point) {
     double plane[3], normal[3];
     int side, lit = 0, dark = 0;
     spsi_face_plane(face, plane);
-    side = spsi_sight_side(&job->frame->content->eye, view, plane);
+    side = spsi_visibility_side(&job->frame->content->eye, view, plane);
     if (side == 0 || !spsi_face_is_flat(face)) return -1;
     for (int i = 0; i < 3; ++i) normal[i] = (double)face->normal[0][i];
     if (spsi_dot(normal, plane) < 0) side = -side;
     for (int corner = 0; corner < 3; ++corner) {
         double toward[3], cosine;
-        spsi_toward_lamp(point, face->position[corner], toward);
+        spsi_toward_light(point, face->position[corner], toward);
         cosine = side * spsi_dot(normal, toward);
         lit += cosine > 1e-6 * spsi_length(toward);
         dark += cosine < -1e-6 * spsi_length(toward);
@@ -22000,10 +22041,10 @@ static int spsi_sight_faces(const spsi_sight_job *job, const spsi_sight_view *vi
 }
 
 /* The shaft from all that a tile shows to a point of the light, or as far towards it as there are polygons. */
-static void spsi_sight_shaft(const spsi_sight_job *job, const spsi_sight_view *view, const spsi_lamp *point,
-                             spsi_shaft *shaft) {
+static void spsi_visibility_shaft(const spsi_visibility_job *job, const spsi_visibility_view *view,
+                                  const spsi_light *point, spsi_shaft *shaft) {
     const spsi_rays *eye = &job->frame->content->eye;
-    const double room = 1e-6 * spsi_fmax(fabs((double)view->low), fabs((double)view->high));
+    const double room = 1e-6 * spsi_dmax(fabs((double)view->low), fabs((double)view->high));
     spsi_bounds from = spsi_nowhere, to;
     for (int i = 0; i < 8; ++i) {
         const double t = (i & 4 ? (double)view->high + room : (double)view->low - room) + eye->depth_reference;
@@ -22021,37 +22062,38 @@ static void spsi_sight_shaft(const spsi_sight_job *job, const spsi_sight_view *v
 
 /* Whether no polygon can shade what a tile shows from a point of the light. Counts the point for faces that it is
    on the eye's side of. */
-static int spsi_sight_is_clear(const spsi_sight_job *job, const spsi_lamp *point, spsi_sight_view *view) {
-    int lit[SPSI_SIGHT_FACES], count = 0;
+static int spsi_visibility_is_clear(const spsi_visibility_job *job, const spsi_light *point,
+                                    spsi_visibility_view *view) {
+    int lit[SPSI_VISIBILITY_FACES], count = 0;
     spsi_shaft shaft;
     for (int i = 0; i < view->count; ++i) {
-        const int faces = spsi_sight_faces(job, view, &job->faces->list[view->face[i]], point);
+        const int faces = spsi_visibility_faces(job, view, &job->faces->list[view->face[i]], point);
         if (faces < 0) return 0;
         view->points[i] += faces;
         if (faces) lit[count++] = view->face[i];
     }
     if (count == 0) return 1;
-    spsi_sight_shaft(job, view, point, &shaft);
+    spsi_visibility_shaft(job, view, point, &shaft);
     return spsi_shaft_is_clear(job->faces, &shaft, lit, count, NULL, 0);
 }
 
 /* Finds what is lit of a tile without tracing any ray, where it shows a few flat polygons, and none can be in the way
    of their light; returns 0 elsewhere. The whole tile decides, whatever the region. A light that throws an image counts
    as unseen where the image is black, which only rays find. */
-static int spsi_sight_open(const spsi_sight_job *job, int x0, int y0, int worker) {
+static int spsi_visibility_open(const spsi_visibility_job *job, int x0, int y0, int worker) {
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
-    const int channels = spsi_lit_channels(job->frame, job->lamp), x1 = spsi_least(x0 + SPSI_SIGHT_TILE, width) - 1;
+    const int channels = spsi_lit_channels(job->frame, job->lamp), x1 = spsi_imin(x0 + SPSI_VISIBILITY_TILE, width) - 1;
     const size_t pitch = (size_t)job->lamp->point_count;
-    const int y1 = spsi_least(y0 + SPSI_SIGHT_TILE, job->frame->content->eye.height) - 1;
-    spsi_sight_view view = {x0, y0, x1, y1, {0}, 0, {0}, 0, 0};
-    if (job->lamp->projection.exists || !spsi_sight_list(job, &view)) return 0;
+    const int y1 = spsi_imin(y0 + SPSI_VISIBILITY_TILE, job->frame->content->eye.height) - 1;
+    spsi_visibility_view view = {x0, y0, x1, y1, {0}, 0, {0}, 0, 0};
+    if (job->lamp->projection.exists || !spsi_visibility_list(job, &view)) return 0;
     for (int i = 0; i < job->lamp->point_count && view.count > 0; ++i)
-        if (!spsi_sight_is_clear(job, &job->lamp->points[i], &view)) return 0;
-    for (int y = spsi_most(y0, region[1]); y <= spsi_least(y1, region[1] + region[3] - 1); ++y)
-        for (int x = spsi_most(x0, region[0]); x <= spsi_least(x1, region[0] + region[2] - 1); ++x) {
+        if (!spsi_visibility_is_clear(job, &job->lamp->points[i], &view)) return 0;
+    for (int y = spsi_imax(y0, region[1]); y <= spsi_imin(y1, region[1] + region[3] - 1); ++y)
+        for (int x = spsi_imax(x0, region[0]); x <= spsi_imin(x1, region[0] + region[2] - 1); ++x) {
             const size_t index = (size_t)y * (size_t)width + (size_t)x;
             const int face = job->visible->hits[index].face;
-            const int points = face < 0 ? 0 : view.points[spsi_sight_find(&view, face)];
+            const int points = face < 0 ? 0 : view.points[spsi_visibility_find(&view, face)];
             job->rays[worker] += (uint64_t)points;
             for (int c = 0; c < channels; ++c)
                 job->lit[(size_t)channels * index + (size_t)c] = points > 0 ? 1.0f : 0.0f;
@@ -22062,40 +22104,40 @@ static int spsi_sight_open(const spsi_sight_job *job, int x0, int y0, int worker
 
 /* Traces a tile, block by block. Blocks are aligned to the image, not to the region, since within round-off the rays
    that share a packet decide which faces each is tested against. */
-static void spsi_sight_task(void *data, int index, int worker) {
-    const spsi_sight_job *job = (const spsi_sight_job *)data;
+static void spsi_visibility_task(void *data, int index, int worker) {
+    const spsi_visibility_job *job = (const spsi_visibility_job *)data;
     const int *region = job->frame->view.region;
-    const int columns = spsi_sight_tiles(region[0], region[2]);
-    const int x0 = (region[0] / SPSI_SIGHT_TILE + index % columns) * SPSI_SIGHT_TILE;
-    const int y0 = (region[1] / SPSI_SIGHT_TILE + index / columns) * SPSI_SIGHT_TILE;
-    if (spsi_sight_open(job, x0, y0, worker)) return;
-    for (int y = y0; y < y0 + SPSI_SIGHT_TILE; y += SPSI_SIGHT_BLOCK)
-        for (int x = x0; x < x0 + SPSI_SIGHT_TILE; x += SPSI_SIGHT_BLOCK)
-            job->rays[worker] += (uint64_t)spsi_sight_block(job, x, y);
+    const int columns = spsi_visibility_tiles(region[0], region[2]);
+    const int x0 = (region[0] / SPSI_VISIBILITY_TILE + index % columns) * SPSI_VISIBILITY_TILE;
+    const int y0 = (region[1] / SPSI_VISIBILITY_TILE + index / columns) * SPSI_VISIBILITY_TILE;
+    if (spsi_visibility_open(job, x0, y0, worker)) return;
+    for (int y = y0; y < y0 + SPSI_VISIBILITY_TILE; y += SPSI_VISIBILITY_BLOCK)
+        for (int x = x0; x < x0 + SPSI_VISIBILITY_TILE; x += SPSI_VISIBILITY_BLOCK)
+            job->rays[worker] += (uint64_t)spsi_visibility_block(job, x, y);
 }
 
 /* Finds the share of a light that reaches each place: an exact ray for each point of the light that the polygon faces.
    All pixels have the same points: turning them from pixel to pixel would trade the steps of a penumbra
    for noise, which neither a filter nor the next frame of an animation could tell from the picture. */
-SPSI_COLD void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                          const spsi_visible *visible, const spsi_lamp *lamp, uint64_t *rays, float *lit,
-                          unsigned char *open) {
+SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                               const spsi_visible *visible, const spsi_light *lamp, uint64_t *rays, float *lit,
+                               unsigned char *open) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
-    spsi_sight_job job = {frame, faces, visible, lamp, lit, open, rays};
-    memset(job.lit, 0, spsi_place_count(frame, visible) * (size_t)spsi_lit_channels(frame, lamp) * sizeof *lit);
-    if (open) memset(open, 0, spsi_place_count(frame, visible) * (size_t)lamp->point_count);
+    spsi_visibility_job job = {frame, faces, visible, lamp, lit, open, rays};
+    memset(job.lit, 0, spsi_shading_point_count(frame, visible) * (size_t)spsi_lit_channels(frame, lamp) * sizeof *lit);
+    if (open) memset(open, 0, spsi_shading_point_count(frame, visible) * (size_t)lamp->point_count);
     memset(job.rays, 0, (size_t)spsi_worker_count(context) * sizeof *rays);
-    spsi_parallel(context, spsi_sight_tiles(region[0], region[2]) * spsi_sight_tiles(region[1], region[3]),
-                  spsi_sight_task, &job);
-    spsi_parallel(context, (int)((visible->layers.count + SPSI_PACKET - 1) / SPSI_PACKET), spsi_sight_layers_task,
+    spsi_parallel(context, spsi_visibility_tiles(region[0], region[2]) * spsi_visibility_tiles(region[1], region[3]),
+                  spsi_visibility_task, &job);
+    spsi_parallel(context, (int)((visible->layers.count + SPSI_PACKET - 1) / SPSI_PACKET), spsi_visibility_layers_task,
                   &job);
     for (int i = 0; i < spsi_worker_count(context); ++i) context->stats.shadow_rays += rays[i];
     context->stats.seconds_shadow_rays += spsi_clock(context) - start;
 }
 
 /* The sweep's shadow of a light; NULL: it belongs to another sweep, or the light casts none. */
-static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_lamp *lamp) {
+static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_light *lamp) {
     for (int i = 0; i < shader->shadow_count; ++i)
         if (shader->shadows[i].lamp == lamp) return &shader->shadows[i];
     return NULL;
@@ -22103,7 +22145,7 @@ static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_l
 
 /* What gas of an optical depth lets pass of a light to surfaces, or of what they send to the eye (`lamp`, `to`: NULL).
    What a phase function's peak scatters goes straight on; to surfaces outside of the cells, patches may send it. */
-static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_lamp *lamp, int c, spsi_v depth,
+static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *lamp, int c, spsi_v depth,
                                    const spsi_points *to) {
     const spsi_content *content = frame->content;
     const int index = lamp ? lamp->index : -1;
@@ -22155,8 +22197,8 @@ typedef struct spsi_receive_tile {
 static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_grid *grid, const spsi_surface *surface,
                                        int face, float irradiance[3]) {
     float patches[SPSI_CELL_SHEET];
-    const spsi_cell_sight sight = {grid, faces, surface, surface->normal, face};
-    const int hidden = spsi_cells_sight(&sight, patches);
+    const spsi_cell_visibility sight = {grid, faces, surface, surface->normal, face};
+    const int hidden = spsi_cells_visibility(&sight, patches);
     const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL};
     const double distance = spsi_cells_distance(grid, surface->point);
     double own[3];
@@ -22177,11 +22219,11 @@ static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, const
     spsi_surface_at(&content->eye, job->faces, hit, at[0], at[1], &surface);
     if (!spsi_normalise(surface.normal)) return;
     for (int n = 0; n < content->cell_grid_count && !flown; ++n)
-        reach = spsi_fmin(reach, spsi_add_grid_irradiance(job->faces, &content->cells[n], &surface, hit->face,
-                                                          to->irradiance));
+        reach = spsi_dmin(
+            reach, spsi_add_grid_irradiance(job->faces, &content->cells[n], &surface, hit->face, to->irradiance));
     if (flown) reach = spsi_flights_irradiance(&point, content->flights, irradiance);
-    for (int c = 0; c < 3 && flown; ++c) to->irradiance[c] = (float)spsi_fmin(irradiance[c], (double)FLT_MAX);
-    to->reach = (float)spsi_fmin(reach, (double)FLT_MAX);
+    for (int c = 0; c < 3 && flown; ++c) to->irradiance[c] = (float)spsi_dmin(irradiance[c], (double)FLT_MAX);
+    to->reach = (float)spsi_dmin(reach, (double)FLT_MAX);
 }
 
 /* What a place of a block receives, from -1 to 1 along each side, by the quadratic through nine knots. */
@@ -22204,10 +22246,10 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, c
     for (int n = 0; n < size[0] * size[1]; ++n) {
         const int column = n % size[0], row = n / size[0], x = x0 + column, y = y0 + row;
         const float at[2] = {2 * (float)column / (float)size[0] - 1, 2 * (float)row / (float)size[1] - 1};
-        spsi_place place;
+        spsi_shading_point place;
         spsi_received own;
         if (tile->shows[y][x] != 2 || !spsi_in_region(frame, tile->x0 + x, tile->y0 + y)) continue;
-        spsi_place_of_pixel(frame, tile->job->visible, tile->x0 + x, tile->y0 + y, &place);
+        spsi_shading_point_of_pixel(frame, tile->job->visible, tile->x0 + x, tile->y0 + y, &place);
         if (!knots) spsi_receive(tile->job, place.hit, place.at, tile->flown, 0, &own);
         for (size_t c = 0; c < channels; ++c)
             tile->job->received[place.index * channels + c] +=
@@ -22257,7 +22299,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int 
         const double a = (double)knots[first]->irradiance[c] + tile->least[c];
         const double middle = (double)knots[first + step]->irradiance[c] + tile->least[c];
         const double b = (double)knots[first + 2 * step]->irradiance[c] + tile->least[c];
-        if (!(fabs(middle - 0.5 * (a + b)) <= (clear ? 0.03 : 0.014) * spsi_fmin(a, b))) return clear ? longer : 2;
+        if (!(fabs(middle - 0.5 * (a + b)) <= (clear ? 0.03 : 0.014) * spsi_dmin(a, b))) return clear ? longer : 2;
     }
     return -1;
 }
@@ -22287,7 +22329,7 @@ static int spsi_faces_share_plane(const spsi_face *face, const spsi_face *other)
     for (int i = 0; i < 3; ++i) {
         double offset[3];
         spsi_along(other->position[i], face->position[0], -1, offset);
-        apart = spsi_fmax(apart, fabs(spsi_dot(plane, offset)) - 1e-6 * spsi_length(plane) * spsi_length(offset));
+        apart = spsi_dmax(apart, fabs(spsi_dot(plane, offset)) - 1e-6 * spsi_length(plane) * spsi_length(offset));
     }
     return !(apart > 0) && memcmp(face->normal[0], other->normal[0], sizeof face->normal[0]) == 0;
 }
@@ -22314,7 +22356,7 @@ static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
         for (int c = 0; c < 3; ++c) tile->least[c] = HUGE_VAL;
         for (int n = 0; n < SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS; ++n)
             for (int c = 0; c < 3 && tile->knots[n].reach > 0; ++c)
-                tile->least[c] = spsi_fmin(tile->least[c], (double)tile->knots[n].irradiance[c]);
+                tile->least[c] = spsi_dmin(tile->least[c], (double)tile->knots[n].irradiance[c]);
         for (int c = 0; c < 3; ++c) tile->least[c] = tile->least[c] < HUGE_VAL ? tile->least[c] : 0; /* no knot */
     }
     for (int n = first; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n)
@@ -22335,8 +22377,8 @@ static void spsi_receive_task(void *data, int index, int worker) {
     if (tile->x0 >= region[0] + region[2] || tile->x0 + SPSI_RECEIVED_TILE <= region[0]) return;
     if (tile->y0 >= region[1] + region[3] || tile->y0 + SPSI_RECEIVED_TILE <= region[1]) return;
     memset(tile->shows, 0, sizeof tile->shows);
-    for (int y = 0; y < spsi_least(SPSI_RECEIVED_TILE, height - tile->y0); ++y)
-        for (int x = 0; x < spsi_least(SPSI_RECEIVED_TILE, width - tile->x0); ++x) {
+    for (int y = 0; y < spsi_imin(SPSI_RECEIVED_TILE, height - tile->y0); ++y)
+        for (int x = 0; x < spsi_imin(SPSI_RECEIVED_TILE, width - tile->x0); ++x) {
             const int face = job->visible->hits[(size_t)(tile->y0 + y) * (size_t)width + (size_t)(tile->x0 + x)].face;
             if (face >= 0) tile->shows[y][x] = spsi_face_is_flat(&job->faces->list[face]) ? 1 : 2;
         }
@@ -22389,7 +22431,7 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
 }
 
 /* Adds what a place reflects of the light that cells send; of ambient light they lack some. */
-static void spsi_add_flux(const spsi_shader *shader, const spsi_place *place, const double color[3],
+static void spsi_add_flux(const spsi_shader *shader, const spsi_shading_point *place, const double color[3],
                           float radiance[3]) {
     const spsi_content *content = shader->frame->content;
     const spsi_receive_job job = {NULL, shader->frame, shader->faces, shader->visible, {spsi_nowhere, spsi_nowhere},
@@ -22405,24 +22447,24 @@ static void spsi_add_flux(const spsi_shader *shader, const spsi_place *place, co
             for (int c = 0; c < 3; ++c) irradiance[c] += own.irradiance[c];
         }
     for (int c = 0; c < 3; ++c) {
-        const double received = (double)irradiance[spsi_least(c, content->cells->channels - 1)];
-        radiance[c] = spsi_higher(radiance[c] + (float)(color[c] * received / SPSI_PI), 0);
+        const double received = (double)irradiance[spsi_imin(c, content->cells->channels - 1)];
+        radiance[c] = spsi_fmax(radiance[c] + (float)(color[c] * received / SPSI_PI), 0);
     }
 }
 
 /* Adds what a surface reflects of light that has scattered on its way from a light. It is looked up a sheet before the
    surface, which stops it. */
-static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_place *on,
+static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_shading_point *on,
                                const double color[3], float radiance[3]) {
     const spsi_spread *spread = shadow->spread;
-    const spsi_lamp *lamp = shadow->lamp;
+    const spsi_light *lamp = shadow->lamp;
     spsi_surface surface;
     double normal[3], toward[3], distance, cosine;
     spsi_v at[3];
     spsi_spread_place place;
     spsi_surface_at(shader->eye, shader->faces, on->hit, on->at[0], on->at[1], &surface);
     memcpy(normal, surface.normal, sizeof normal);
-    spsi_toward_lamp(lamp, surface.point, toward);
+    spsi_toward_light(lamp, surface.point, toward);
     distance = spsi_length(toward);
     if (!spsi_normalise(normal) || !spsi_normalise(toward)) return;
     cosine = spsi_dot(normal, toward) / (lamp->falls_off ? distance * distance : 1);
@@ -22430,10 +22472,10 @@ static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *sha
     spsi_spread_coordinates(spread, surface.point, at);
     spsi_spread_find(spread, at, &place);
     for (int c = 0; c < 3; ++c) {
-        const size_t own = (size_t)(spsi_least(c, spread->channels - 1) * (spread->sheet_count + 1)) * spread->plane;
+        const size_t own = (size_t)(spsi_imin(c, spread->channels - 1) * (spread->sheet_count + 1)) * spread->plane;
         const double flux = (double)spsi_one(spsi_spread_lookup(spread, spread->onward + own, &place));
-        radiance[c] += (float)spsi_fmin(color[c] * cosine / SPSI_PI * flux * (double)lamp->color[c],
-                                        (double)SPSI_RADIANCE_MAX);
+        radiance[c] +=
+            (float)spsi_dmin(color[c] * cosine / SPSI_PI * flux * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
     }
 }
 
@@ -22452,9 +22494,9 @@ typedef struct spsi_facet {
 } spsi_facet;
 
 typedef struct spsi_surfaces {
-    spsi_place place[SPSI_LANES]; /* of the lanes in use */
+    spsi_shading_point place[SPSI_LANES]; /* of the lanes in use */
     spsi_facet facet;             /* of the last one */
-    spsi_meetings meetings;
+    spsi_intersections meetings;
     spsi_points points;
     float normal[3][SPSI_LANES], turn[SPSI_LANES]; /* of unit length; turn: as a facet's, before they face the eye */
     float albedo[3][SPSI_LANES], emission[3][SPSI_LANES];
@@ -22490,11 +22532,11 @@ static void spsi_facet_build(const spsi_faces *faces, int number, spsi_facet *fa
 
 /* Adds the place of a lane, which is set. */
 static void spsi_surfaces_add(const spsi_shader *shader, int n, spsi_surfaces *list) {
-    const spsi_place *place = &list->place[n];
+    const spsi_shading_point *place = &list->place[n];
     const sps_surface *set = spsi_surface_set(shader->frame, shader->visible->set, place);
     const spsi_face *face = &shader->faces->list[place->hit->face];
     spsi_facet *facet = &list->facet;
-    spsi_meetings *meetings = &list->meetings;
+    spsi_intersections *meetings = &list->meetings;
     spsi_appearance look;
     if (facet->number != place->hit->face) spsi_facet_build(shader->faces, place->hit->face, facet);
     if (!facet->flat) {
@@ -22524,8 +22566,8 @@ static void spsi_surfaces_add(const spsi_shader *shader, int n, spsi_surfaces *l
 /* Finds where all places are, and turns their normals towards the eye. */
 static void spsi_surfaces_place(const spsi_shader *shader, spsi_surfaces *list) {
     double facing[SPSI_LANES];
-    spsi_meetings_fill(&list->meetings);
-    spsi_meetings_place(shader->eye, &list->meetings, &list->points, facing);
+    spsi_intersections_fill(&list->meetings);
+    spsi_intersections_hit(shader->eye, &list->meetings, &list->points, facing);
     for (int n = 0; n < SPSI_LANES; ++n) {
         const float turn = facing[n] > 0 ? -list->turn[n] : list->turn[n];
         for (int i = 0; i < 3; ++i) list->normal[i][n] *= turn;
@@ -22541,13 +22583,13 @@ static spsi_v spsi_surfaces_pixels(const spsi_shader *shader, const spsi_surface
 
 /* A power of two near the largest distance of a light from the places, in which squares of distances stay in range;
    1 for directional light. */
-static double spsi_surfaces_unit(const spsi_lamp *lamp, const spsi_surfaces *list) {
+static double spsi_surfaces_unit(const spsi_light *lamp, const spsi_surfaces *list) {
     double largest = 1e-100;
     int power;
     if (!lamp->is_point) return 1;
     for (int i = 0; i < 3; ++i)
         for (int n = 0; n < SPSI_LANES; ++n)
-            largest = spsi_fmax(largest, fabs(lamp->position[i] - list->points.at[i][n]));
+            largest = spsi_dmax(largest, fabs(lamp->position[i] - list->points.at[i][n]));
     frexp(largest, &power);
     return ldexp(1, power);
 }
@@ -22563,20 +22605,20 @@ static void spsi_surfaces_ways(const spsi_surfaces *list, const double from[3], 
 }
 
 /* The places in a light's frame. */
-static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_lamp *lamp, spsi_v place[3]) {
+static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_light *lamp, spsi_v place[3]) {
     float lanes[3][SPSI_LANES];
     for (int n = 0; n < SPSI_LANES; ++n) {
         double offset[3], at[3];
         for (int i = 0; i < 3; ++i) offset[i] = list->points.at[i][n] - lamp->position[i];
-        spsi_to_lamp(lamp, offset, at);
+        spsi_to_light(lamp, offset, at);
         for (int i = 0; i < 3; ++i) lanes[i][n] = (float)at[i];
     }
     for (int i = 0; i < 3; ++i) place[i] = spsi_load(lanes[i]);
 }
 
 /* Adds the irradiance from a point of a light per unit of the light's color, before any shadow; where light falls off,
-   times the square of the unit. Only the shading normal decides which side is lit, as for spsi_sight. */
-static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_lamp *point, const spsi_surfaces *list,
+   times the square of the unit. Only the shading normal decides which side is lit, as for spsi_visibility. */
+static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light *point, const spsi_surfaces *list,
                                     double unit, spsi_v irradiance[3]) {
     const spsi_v zero = spsi_set(0);
     spsi_v travel[3], normal[3], image[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, square = spsi_set(1), share;
@@ -22591,7 +22633,7 @@ static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_lamp *
     share = spsi_max(spsi_sub(zero, spsi_dot_v(normal, travel)), zero);
     if (point->falls_off) share = spsi_div(share, square);
     if (point->cone.exists || point->projection.exists) spsi_surfaces_places(list, point, place);
-    if (point->cone.exists) share = spsi_mul(share, spsi_cone_share(&point->cone, spsi_versine_v(place)));
+    if (point->cone.exists) share = spsi_mul(share, spsi_cone_fraction(&point->cone, spsi_versine_v(place)));
     if (point->projection.exists)
         spsi_projection_lookup(shader->frame, point, place, spsi_surfaces_pixels(shader, list), image);
     for (int c = 0; c < 3; ++c) irradiance[c] = spsi_fma(share, image[c], irradiance[c]);
@@ -22630,7 +22672,7 @@ static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces
    irradiance that polygons let pass from it. */
 static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_shadow *shadow,
                                          const spsi_surfaces *list, spsi_v lit[3]) {
-    const spsi_lamp *lamp = shadow->lamp;
+    const spsi_light *lamp = shadow->lamp;
     const double unit = spsi_surfaces_unit(lamp, list);
     spsi_v all = spsi_set(FLT_MIN), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     for (int i = 0; i < lamp->point_count; ++i) {
@@ -22666,8 +22708,8 @@ static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow
 }
 
 /* Adds what the places reflect of a light. */
-static void spsi_surfaces_add_lamp(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_v lit[3],
-                                   spsi_surfaces *list) {
+static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light *lamp, const spsi_v lit[3],
+                                    spsi_surfaces *list) {
     const double unit = spsi_surfaces_unit(lamp, list), scale = lamp->falls_off ? 1 / (unit * unit) : 1;
     spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     for (int i = 0; i < lamp->point_count; ++i)
@@ -22675,7 +22717,7 @@ static void spsi_surfaces_add_lamp(const spsi_shader *shader, const spsi_lamp *l
     for (int c = 0; c < 3; ++c) {
         const double color = (double)lamp->color[c] * scale / (SPSI_PI * lamp->point_count);
         const spsi_v share = spsi_mul(spsi_mul(irradiance[c], lit[c]), spsi_load(list->albedo[c]));
-        const spsi_v sent = spsi_mul(share, spsi_set((float)spsi_fmin(color, (double)FLT_MAX)));
+        const spsi_v sent = spsi_mul(share, spsi_set((float)spsi_dmin(color, (double)FLT_MAX)));
         spsi_store(list->radiance[c],
                    spsi_add(spsi_load(list->radiance[c]), spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX))));
     }
@@ -22685,7 +22727,7 @@ static void spsi_surfaces_add_lamp(const spsi_shader *shader, const spsi_lamp *l
    (`shadow`; NULL: none). */
 static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_shadow *shadow, spsi_surfaces *list) {
     for (int n = 0; list->points.lanes >> n; ++n) {
-        const spsi_place *place = &list->place[n];
+        const spsi_shading_point *place = &list->place[n];
         double color[3];
         float radiance[3];
         if (!(list->points.lanes >> n & 1)) continue;
@@ -22708,37 +22750,37 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
                                                spsi_load(list->emission[c])));
     if (shader->sweep->first && frame->content->cells) spsi_surfaces_add_scattered(shader, NULL, list);
     for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
+        const spsi_light *lamp = &frame->lamps.list[i];
         const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
         spsi_v lit[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
         if (shadow && shadow->spread) spsi_surfaces_add_scattered(shader, shadow, list);
         if (shadow ? !spsi_surfaces_lit(frame, shadow, list, lit) : !shader->sweep->first || lamp->shadows) continue;
         if (shadow) spsi_surfaces_attenuate(shader, shadow, list, lit);
-        spsi_surfaces_add_lamp(shader, lamp, lit, list);
+        spsi_surfaces_add_light(shader, lamp, lit, list);
     }
 }
 
 /* The layers of a vector of pixels that the sweep has not yet reached. */
-typedef struct spsi_ahead {
+typedef struct spsi_pending {
     const spsi_layer *list;
     uint32_t first[SPSI_LANES], end[SPSI_LANES]; /* of each pixel's list, in order of depth */
     int nearest[SPSI_LANES];                     /* 1: `first` is the nearest of all to the eye */
     float depth[SPSI_LANES];                     /* of the next one, t - depth_reference; infinity: none */
     float filter[3][SPSI_LANES];                 /* what layers in front let pass of light from here */
     spsi_v slab;                                 /* slab coordinate of the next one; infinity: none */
-} spsi_ahead;
+} spsi_pending;
 
 /* The number of a pixel's next layer. */
-static size_t spsi_ahead_next(const spsi_shader *shader, const spsi_ahead *ahead, int lane) {
+static size_t spsi_pending_next(const spsi_shader *shader, const spsi_pending *ahead, int lane) {
     return shader->sweep->back_to_front ? ahead->end[lane] - 1 : ahead->first[lane];
 }
 
 /* Looks at a pixel's next layer, and at what those in front of it let pass. */
-static void spsi_ahead_look(const spsi_shader *shader, int lane, spsi_ahead *ahead) {
+static void spsi_pending_look(const spsi_shader *shader, int lane, spsi_pending *ahead) {
     const int backwards = shader->sweep->back_to_front, left = ahead->first[lane] < ahead->end[lane];
     const int filtered = backwards ? left : !ahead->nearest[lane];
     ahead->depth[lane] = SPSI_INFINITY;
-    if (left) ahead->depth[lane] = ahead->list[spsi_ahead_next(shader, ahead, lane)].hit.depth;
+    if (left) ahead->depth[lane] = ahead->list[spsi_pending_next(shader, ahead, lane)].hit.depth;
     for (int c = 0; c < 3; ++c) {
         ahead->filter[c][lane] = 1;
         if (filtered)
@@ -22747,28 +22789,29 @@ static void spsi_ahead_look(const spsi_shader *shader, int lane, spsi_ahead *ahe
 }
 
 /* Goes on to the layer after the next one. */
-static void spsi_ahead_pass(const spsi_shader *shader, int lane, spsi_ahead *ahead) {
+static void spsi_pending_pass(const spsi_shader *shader, int lane, spsi_pending *ahead) {
     if (shader->sweep->back_to_front)
         ahead->end[lane] -= 1;
     else
         ahead->first[lane] += 1, ahead->nearest[lane] = 0;
-    spsi_ahead_look(shader, lane, ahead);
+    spsi_pending_look(shader, lane, ahead);
 }
 
 /* Finds the slab coordinates of the next layers. */
-static void spsi_ahead_measure(const spsi_shader *shader, const spsi_pixels *p, spsi_ahead *ahead) {
+static void spsi_pending_measure(const spsi_shader *shader, const spsi_pixels *p, spsi_pending *ahead) {
     const spsi_v d = spsi_load(ahead->depth), at = p->line.at, infinity = spsi_set(SPSI_INFINITY);
     ahead->slab = spsi_linear_find(&shader->slab, at, (float)p->line.y, d);
     ahead->slab = spsi_select(spsi_less(d, infinity), ahead->slab, infinity);
 }
 
 /* Bit mask of the pixels whose next layer lies before a slab coordinate. */
-static int spsi_ahead_before(const spsi_ahead *ahead, float slab) {
+static int spsi_pending_before(const spsi_pending *ahead, float slab) {
     return spsi_bits(spsi_less(ahead->slab, spsi_set(slab)));
 }
 
 /* Begins with the layers at or behind a slab coordinate, in the sweep's order. */
-static void spsi_ahead_begin(const spsi_shader *shader, const spsi_pixels *p, int width, float low, spsi_ahead *ahead) {
+static void spsi_pending_begin(const spsi_shader *shader, const spsi_pixels *p, int width, float low,
+                               spsi_pending *ahead) {
     const spsi_layers *layers = &shader->visible->layers;
     const size_t pixel = (size_t)p->line.y * (size_t)shader->eye->width + (size_t)p->line.x;
     ahead->list = layers->list;
@@ -22776,18 +22819,18 @@ static void spsi_ahead_begin(const spsi_shader *shader, const spsi_pixels *p, in
         ahead->first[lane] = lane < width ? layers->first[pixel + (size_t)lane] : 0;
         ahead->end[lane] = lane < width ? layers->first[pixel + (size_t)lane + 1] : 0;
         ahead->nearest[lane] = 1;
-        spsi_ahead_look(shader, lane, ahead);
+        spsi_pending_look(shader, lane, ahead);
     }
-    spsi_ahead_measure(shader, p, ahead);
-    for (int bits = spsi_ahead_before(ahead, low); bits; bits = spsi_ahead_before(ahead, low)) {
+    spsi_pending_measure(shader, p, ahead);
+    for (int bits = spsi_pending_before(ahead, low); bits; bits = spsi_pending_before(ahead, low)) {
         for (int lane = 0; bits >> lane; ++lane)
-            if (bits >> lane & 1) spsi_ahead_pass(shader, lane, ahead);
-        spsi_ahead_measure(shader, p, ahead);
+            if (bits >> lane & 1) spsi_pending_pass(shader, lane, ahead);
+        spsi_pending_measure(shader, p, ahead);
     }
 }
 
 /* What layers in front let pass of light from here: the mean of colors. */
-static spsi_v spsi_ahead_mean(const spsi_ahead *ahead) {
+static spsi_v spsi_pending_mean(const spsi_pending *ahead) {
     const spsi_v sum = spsi_add(spsi_load(ahead->filter[0]), spsi_load(ahead->filter[1]));
     return spsi_mul(spsi_add(sum, spsi_load(ahead->filter[2])), spsi_set(1.0f / 3));
 }
@@ -22796,14 +22839,14 @@ static spsi_v spsi_ahead_mean(const spsi_ahead *ahead) {
 typedef struct spsi_row {
     spsi_pixels pixels;
     spsi_slab slab;
-    spsi_ahead ahead;
+    spsi_pending ahead;
     int has_layers; /* 1: `ahead` is in use */
     int width;      /* number of pixels */
     spsi_gathered sum;
 } spsi_row;
 
 /* NULL without layers. */
-static const spsi_ahead *spsi_row_ahead(const spsi_row *row) { return row->has_layers ? &row->ahead : NULL; }
+static const spsi_pending *spsi_row_pending(const spsi_row *row) { return row->has_layers ? &row->ahead : NULL; }
 
 /* Adds what peaks of phase functions scatter straight on to the eye of light from surfaces behind gas of optical depth
    t: exp(-k t) - exp(-t) of it. */
@@ -22834,7 +22877,7 @@ static void spsi_add_sent(const spsi_shader *shader, float sent[3][SPSI_LANES], 
 /* Composites the next layers of some pixels, given as a bit mask, and passes them. Front to back, a ray that its last
    layer has covered in all colors becomes opaque. */
 static void spsi_add_layers(const spsi_shader *shader, int bits, spsi_row *row) {
-    spsi_ahead *ahead = &row->ahead;
+    spsi_pending *ahead = &row->ahead;
     const int backwards = shader->sweep->back_to_front;
     const spsi_v d = spsi_load(ahead->depth), before = row->sum.depth;
     const spsi_v open = backwards ? spsi_set(1) : spsi_exp(spsi_sub(spsi_set(0), before));
@@ -22843,30 +22886,31 @@ static void spsi_add_layers(const spsi_shader *shader, int bits, spsi_row *row) 
     spsi_surfaces_begin(&list);
     for (int lane = 0; bits >> lane; ++lane) {
         if (!(bits >> lane & 1)) continue;
-        spsi_place_of_layer(shader->frame, shader->visible, spsi_ahead_next(shader, ahead, lane), &list.place[lane]);
+        spsi_shading_point_of_layer(shader->frame, shader->visible, spsi_pending_next(shader, ahead, lane),
+                                    &list.place[lane]);
         spsi_surfaces_add(shader, lane, &list);
     }
     spsi_surfaces_shade(shader, &list);
     for (int lane = 0; bits >> lane; ++lane) {
         const spsi_layer *layer;
         if (!(bits >> lane & 1)) continue;
-        layer = &ahead->list[spsi_ahead_next(shader, ahead, lane)];
+        layer = &ahead->list[spsi_pending_next(shader, ahead, lane)];
         for (int c = 0; c < 3; ++c) sent[c][lane] = list.radiance[c][lane] * layer->seen[c];
         covered[lane] = layer->covered;
-        spsi_ahead_pass(shader, lane, ahead);
+        spsi_pending_pass(shader, lane, ahead);
         if (!backwards && ahead->first[lane] == ahead->end[lane] && spsi_black(layer->behind))
             opaque[lane] = SPSI_DEPTH_MAX;
     }
     spsi_add_sent(shader, sent, open, spsi_mul(spsi_load(covered), open), d, row);
     row->sum.depth = spsi_min(spsi_add(before, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
-    spsi_ahead_measure(shader, &row->pixels, ahead);
+    spsi_pending_measure(shader, &row->pixels, ahead);
 }
 
 /* Composites the opaque polygons of a vector of pixels whose slab coordinate lies in [low, high), which makes their
    rays opaque. */
 static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
-    const spsi_ahead *ahead = spsi_row_ahead(row);
+    const spsi_pending *ahead = spsi_row_pending(row);
     const spsi_m here =
         spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY)));
     const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, spsi_set(low)));
@@ -22877,7 +22921,7 @@ static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, 
     spsi_surfaces_begin(&list);
     for (int i = 0; i < row->width; ++i) {
         if (!(bits >> i & 1)) continue;
-        spsi_place_of_pixel(shader->frame, shader->visible, p->line.x + i, p->line.y, &list.place[i]);
+        spsi_shading_point_of_pixel(shader->frame, shader->visible, p->line.x + i, p->line.y, &list.place[i]);
         if (list.place[i].hit->face < 0) continue; /* an edge, which layers show */
         spsi_surfaces_add(shader, i, &list);
         opaque[i] = SPSI_DEPTH_MAX;
@@ -22886,7 +22930,7 @@ static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, 
     for (int c = 0; c < 3 && ahead; ++c)
         spsi_store(list.radiance[c], spsi_mul(spsi_load(list.radiance[c]), spsi_load(ahead->filter[c])));
     spsi_v share = spsi_select(spsi_less(spsi_set(0), spsi_load(opaque)), open, spsi_set(0));
-    if (ahead) share = spsi_mul(share, spsi_ahead_mean(ahead));
+    if (ahead) share = spsi_mul(share, spsi_pending_mean(ahead));
     spsi_add_sent(shader, list.radiance, open, share, p->line.polygon, row);
     row->sum.depth = spsi_min(spsi_add(row->sum.depth, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
 }
@@ -22900,7 +22944,7 @@ typedef struct spsi_scratch {
 } spsi_scratch;
 
 /* Number of samples of a worker's scratch memory. */
-static int spsi_scratch_samples(const spsi_frame *frame) { return frame->matter.material_count * (SPSI_PARTS + 1); }
+static int spsi_scratch_samples(const spsi_frame *frame) { return frame->matter.material_count * (SPSI_SUBSLABS + 1); }
 
 /* Sums what a slab holds, or each of a group, one sum for each material. Returns 0 if there is nothing. */
 static int spsi_group_sum(const spsi_tile *tile, size_t at, spsi_v length, spsi_slab *slab) {
@@ -22917,8 +22961,8 @@ static int spsi_group_sum(const spsi_tile *tile, size_t at, spsi_v length, spsi_
 }
 
 /* The shares of optical depth that slabs of a group have. */
-static void spsi_group_shares(const spsi_shader *shader, const spsi_tile *tile, size_t at, spsi_v length,
-                              spsi_slab *slab) {
+static void spsi_group_fractions(const spsi_shader *shader, const spsi_tile *tile, size_t at, spsi_v length,
+                                 spsi_slab *slab) {
     const spsi_v zero = spsi_set(0);
     spsi_v whole = zero;
     slab->filled = spsi_scatters_forward(shader->frame) ? ~0 : 0; /* then light at all planes is used */
@@ -22946,7 +22990,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     if (!spsi_group_sum(tile, at, p->length, slab)) return 0;
     slab->k = k;
     slab->filled = ~0;
-    if (slab->group > 1) spsi_group_shares(shader, tile, at, p->length, slab);
+    if (slab->group > 1) spsi_group_fractions(shader, tile, at, p->length, slab);
     spsi_slab_range(shader, &p->line, k, slab->group, &slab->enter, &slab->leave);
     spsi_v way = spsi_sub(slab->leave, slab->enter);
     if (!spsi_bits(spsi_less(zero, way))) return 0;
@@ -22976,7 +23020,8 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
 
 /* The i-th part of a slab. `depth` is the optical depth that the ray has accumulated: front to back, that in front of
    the part. The share of it begins where that of the part before ended, which `part` still holds. */
-static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth, spsi_part *part) {
+static void spsi_subslab_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth,
+                               spsi_subslab *part) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
     const float count = (float)slab->part_count;
@@ -22997,8 +23042,8 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
 
 /* Cuts a part to the shares from cut[0] to cut[1] of its slab's way. Within a part, matter is even. `samples` receives
    what is left of its samples. Returns 0 if nothing is left. */
-static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], spsi_sample *samples,
-                         spsi_v depth, spsi_part *part) {
+static int spsi_subslab_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], spsi_sample *samples,
+                            spsi_v depth, spsi_subslab *part) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v zero = spsi_set(0), one = spsi_set(1), count = spsi_set((float)slab->part_count);
     const spsi_v number = spsi_set((float)part->number), end = part->ends[0], first = part->first;
@@ -23029,8 +23074,8 @@ static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, const
 
 /* Where a part adds what it sends: to the sums, or, if layers filter it, to `filtered`. No more gas of a part counts
    than hides what is behind it, so that sums stay precise. */
-static spsi_sent spsi_part_sent(const spsi_shader *shader, const spsi_part *part, spsi_v filtered[2][3],
-                                spsi_gathered *sum) {
+static spsi_sent spsi_subslab_sent(const spsi_shader *shader, const spsi_subslab *part, spsi_v filtered[2][3],
+                                   spsi_gathered *sum) {
     spsi_sent sent;
     sent.once = filtered ? filtered[0] : sum->radiance;
     sent.again = sent.once;
@@ -23043,13 +23088,13 @@ static spsi_sent spsi_part_sent(const spsi_shader *shader, const spsi_part *part
 }
 
 /* Composites one part of a slab. */
-static void spsi_add_part(const spsi_shader *shader, const spsi_part *part, spsi_row *row) {
+static void spsi_add_subslab(const spsi_shader *shader, const spsi_subslab *part, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
-    const spsi_ahead *ahead = spsi_row_ahead(row);
+    const spsi_pending *ahead = spsi_row_pending(row);
     const spsi_v zero = spsi_set(0);
     spsi_gathered *sum = &row->sum;
     spsi_v filtered[2][3] = {{zero, zero, zero}, {zero, zero, zero}};
-    const spsi_sent sent = spsi_part_sent(shader, part, ahead ? filtered : NULL, sum);
+    const spsi_sent sent = spsi_subslab_sent(shader, part, ahead ? filtered : NULL, sum);
     if (shader->sweep->back_to_front) {
         const spsi_v through = spsi_exp(spsi_sub(zero, part->depth));
         for (int c = 0; c < shader->frame->channels; ++c) sum->radiance[c] = spsi_mul(sum->radiance[c], through);
@@ -23063,11 +23108,11 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_part *part, spsi
         sum->again[c] = spsi_fma(filtered[1][c], spsi_load(ahead->filter[c]), sum->again[c]);
     }
     if (shader->distance) { /* the part is seen there with weight T (1 - exp(-depth)) */
-        const spsi_v ahead_of = spsi_sub(spsi_mean_way(part->depth), spsi_set(0.5f));
+        const spsi_v ahead_of = spsi_sub(spsi_mean_length(part->depth), spsi_set(0.5f));
         const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead_of, part->middle);
         const spsi_v t = spsi_add(seen, spsi_set((float)shader->eye->depth_reference));
         spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
-        if (ahead) covered = spsi_mul(covered, spsi_ahead_mean(ahead));
+        if (ahead) covered = spsi_mul(covered, spsi_pending_mean(ahead));
         sum->distance = spsi_fma(covered, spsi_mul(t, p->length), sum->distance);
     }
     sum->depth = spsi_min(spsi_add(sum->depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
@@ -23084,17 +23129,17 @@ typedef struct spsi_shading {
 } spsi_shading;
 
 /* Composites the parts of a slab; of its way the shares from cut[0] to cut[1], or all (NULL). */
-static void spsi_add_parts(const spsi_shading *shading, const spsi_v *cut, spsi_row *row) {
+static void spsi_add_subslabs(const spsi_shading *shading, const spsi_v *cut, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
-    spsi_sample *samples = shading->scratch.samples + SPSI_PARTS * row->slab.material_count;
-    spsi_part part;
+    spsi_sample *samples = shading->scratch.samples + SPSI_SUBSLABS * row->slab.material_count;
+    spsi_subslab part;
     for (int i = 0; i < row->slab.part_count; ++i) {
         spsi_v last; /* where the next part's share begins */
-        spsi_part_build(shader, &row->slab, i, row->sum.depth, &part);
+        spsi_subslab_build(shader, &row->slab, i, row->sum.depth, &part);
         last = part.last;
-        if ((!cut || spsi_part_cut(shader, &row->slab, cut, samples, row->sum.depth, &part)) &&
+        if ((!cut || spsi_subslab_cut(shader, &row->slab, cut, samples, row->sum.depth, &part)) &&
             (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth))))
-            spsi_add_part(shader, &part, row);
+            spsi_add_subslab(shader, &part, row);
         part.last = last;
     }
 }
@@ -23116,7 +23161,7 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
         const spsi_v d = spsi_select(here, spsi_load(row->ahead.depth), from);
         cut[1] = spsi_div(spsi_sub(d, from), spsi_select(spsi_less(zero, spsi_abs(way)), way, one));
         cut[1] = spsi_select(here, spsi_clamp(cut[1], cut[0], one), one);
-        if (held) spsi_add_parts(shading, cut, row);
+        if (held) spsi_add_subslabs(shading, cut, row);
         if (!bits) return;
         spsi_add_layers(shader, bits, row);
         cut[0] = cut[1];
@@ -23133,10 +23178,10 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     row->slab.open = backwards ? SPSI_ALL_LANES : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
     int held = shading->slab_count > 0 && spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
     if (shader->hits && backwards) spsi_add_surfaces(shader, low, high, row);
-    if (row->has_layers && spsi_ahead_before(&row->ahead, high))
+    if (row->has_layers && spsi_pending_before(&row->ahead, high))
         spsi_add_layered(shading, held, high, row);
     else if (held)
-        spsi_add_parts(shading, NULL, row);
+        spsi_add_subslabs(shading, NULL, row);
     if (shader->hits && !backwards) spsi_add_surfaces(shader, low, high, row);
     return held;
 }
@@ -23174,7 +23219,7 @@ static int spsi_end_rays(const spsi_shader *shader, int k, spsi_row *row) {
         const spsi_v t = spsi_add(d, spsi_set((float)shader->eye->depth_reference));
         const spsi_v way = spsi_mul(t, row->pixels.length);
         spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
-        if (row->has_layers) left = spsi_mul(left, spsi_ahead_mean(&row->ahead));
+        if (row->has_layers) left = spsi_mul(left, spsi_pending_mean(&row->ahead));
         sum->distance = spsi_select(open, sum->distance, spsi_fma(left, way, sum->distance));
         sum->depth = spsi_select(open, sum->depth, spsi_set(SPSI_DEPTH_MAX));
     }
@@ -23199,15 +23244,15 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     row.slab.samples = shading->scratch.samples;
     row.slab.arrivals = shading->scratch.arrivals;
     row.slab.material_count = shader->frame->matter.material_count;
-    row.slab.part_count = shader->frame->matter.classifies ? SPSI_PARTS : 1;
+    row.slab.part_count = shader->frame->matter.classifies ? SPSI_SUBSLABS : 1;
     row.width = width;
     spsi_pixels_build(shader, x, y, &row.pixels);
     for (int i = 0; i < shader->shadow_count; ++i)
         spsi_arrival_begin(&shader->shadows[i], &row.pixels, &row.slab.arrivals[i]);
     row.has_layers = spsi_pixels_layered(shader, x, y, width);
-    if (row.has_layers) spsi_ahead_begin(shader, &row.pixels, width, shading->low, &row.ahead);
+    if (row.has_layers) spsi_pending_begin(shader, &row.pixels, width, shading->low, &row.ahead);
     spsi_gathered_load(shader, at, &row.sum);
-    for (int k = 0; k < spsi_most(shading->slab_count, 1); k += group) {
+    for (int k = 0; k < spsi_imax(shading->slab_count, 1); k += group) {
         held += width * spsi_add_slab(shading, k, &row);
         if (!shader->sweep->back_to_front && shading->slab_count > 0 &&
             !spsi_end_rays(shader, k + group, &row))
@@ -23230,14 +23275,14 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
    one from there to each light. What polygons send to each other is left out, as it is elsewhere. */
 
 /* Opaque polygons as cells see them: on the mean of those that close a cell's links. */
-typedef struct spsi_cell_walls {
+typedef struct spsi_cell_blockers {
     uint32_t *closed;      /* bits of closed links, as in a level; NULL: there are no polygons */
     unsigned char *walled; /* per row, as in a level */
     float *color, *lit;    /* per channel: reflectance; radiance by the lights */
     float *place, *normal; /* per axis: relative to the grid's corner */
     float *sent;           /* per cell: radiance in the channel that is being solved, less ambient light */
     float *patch;          /* per cell: the most that a lit polygon sends; then minus the fraction that flies */
-} spsi_cell_walls;
+} spsi_cell_blockers;
 
 /* Optical depth, scattered share and emission of a material in a vector of the sheets' samples, along a slab. */
 typedef struct spsi_cell_sample {
@@ -23282,7 +23327,7 @@ typedef struct spsi_cell_job {
     spsi_flights *flights; /* all trees */
     int grid_count;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
-    spsi_cell_walls walls;
+    spsi_cell_blockers walls;
     const float *wall_light; /* per term: moments of what polygons send, in the channel that is being solved; NULL: 0 */
     spsi_shadow *shadows;
     spsi_shader shader;
@@ -23310,10 +23355,10 @@ typedef struct spsi_groups {
 SPSI_COLD double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {
     double square = 0;
     for (int k = 0; k < 3; ++k) {
-        const double gap = spsi_fmax(spsi_fmax(a->low[k] - b->high[k], b->low[k] - a->high[k]), 0);
+        const double gap = spsi_dmax(spsi_dmax(a->low[k] - b->high[k], b->low[k] - a->high[k]), 0);
         square += gap * gap;
     }
-    return sqrt(square) / spsi_fmax(spsi_fmax(spsi_bounds_longest(a), spsi_bounds_longest(b)), DBL_MIN);
+    return sqrt(square) / spsi_dmax(spsi_dmax(spsi_bounds_longest(a), spsi_bounds_longest(b)), DBL_MIN);
 }
 
 /* Joins the two groups that are least far apart. Returns 0 if all are farther apart than `far_apart`. */
@@ -23377,7 +23422,7 @@ SPSI_COLD int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bound
     for (int k = 0; k < 3; ++k) {
         const double extent = bounds->high[k] - bounds->low[k];
         grid->size[k] =
-            spsi_most(1, spsi_least(frame->view.scattering_resolution, (int)ceil(extent / grid->edge - 1e-6)));
+            spsi_imax(1, spsi_imin(frame->view.scattering_resolution, (int)ceil(extent / grid->edge - 1e-6)));
         grid->corner[k] = 0.5 * (bounds->low[k] + bounds->high[k] - grid->edge * grid->size[k]);
     }
     return 1;
@@ -23386,11 +23431,11 @@ SPSI_COLD int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bound
 /* Sets what follows from the size. */
 SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     grid->pitch = spsi_cell_pitch(grid->size[0]);
-    grid->count = spsi_cell_stride((size_t)grid->pitch * (size_t)spsi_most(2, grid->size[1] * grid->size[2]));
-    grid->orders = frame->meshes.count > 0 ? spsi_most(2, frame->matter.orders) : frame->matter.orders;
+    grid->count = spsi_cell_stride((size_t)grid->pitch * (size_t)spsi_imax(2, grid->size[1] * grid->size[2]));
+    grid->orders = frame->meshes.count > 0 ? spsi_imax(2, frame->matter.orders) : frame->matter.orders;
     grid->terms = grid->orders * grid->orders;
     grid->across = SPSI_CELL_PATCHES;
-    grid->flux_terms = frame->meshes.count > 0 ? spsi_least(9, grid->terms) : 0;
+    grid->flux_terms = frame->meshes.count > 0 ? spsi_imin(9, grid->terms) : 0;
     grid->channels = frame->channels;
     for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
@@ -23401,11 +23446,11 @@ SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid)
         for (int l = 0; l < grid->orders; ++l) grid->lobes[m][l] = (float)(spsi_phase_moment(material, l) - peak);
     }
     if (grid->flux_terms > 0 && grid->peak_count > 0) /* at most; spsi_cells_choose_lights takes those with weight */
-        grid->light_count = spsi_least(SPSI_CELL_SETS / grid->peak_count, frame->lamps.whole_count);
+        grid->light_count = spsi_imin(SPSI_CELL_SETS / grid->peak_count, frame->lamps.whole_count);
 }
 
 /* Starts a ray of a cone, from its axis by an angle of that versine (1 - cosine), turned about it. */
-static void spsi_cone_ray(const spsi_lamp *lamp, double versine, double turn, spsi_ray *ray) {
+static void spsi_cone_ray(const spsi_light *lamp, double versine, double turn, spsi_ray *ray) {
     const double sine = sqrt(versine * (2 - versine));
     ray->low = 0;
     ray->high = HUGE_VAL;
@@ -23418,18 +23463,18 @@ static void spsi_cone_ray(const spsi_lamp *lamp, double versine, double turn, sp
 /* The fraction of a light that narrow beams send to gas, or to polygons: all of it where they are narrower than an
    eighth of the grid at its far end, or at the polygon that their axis meets. Translucent polygons would have to be
    followed. */
-static double spsi_cells_beams(const spsi_cell_job *job, const spsi_lamp *lamp, int to_polygons) {
+static double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *lamp, int to_polygons) {
     const spsi_cell_grid *grid = job->grid;
     const double versine = lamp->cone.none, longest = grid->edge * job->frame->view.scattering_resolution;
     double to[3];
     spsi_ray ray;
     spsi_hit hit;
-    if (!spsi_lamp_has_beam(lamp) || job->grid_count > 1 || job->frame->meshes.translucent) return 0;
+    if (!spsi_light_has_beam(lamp) || job->grid_count > 1 || job->frame->meshes.translucent) return 0;
     for (int k = 0; k < 3; ++k) to[k] = grid->corner[k] + 0.5 * grid->edge * grid->size[k] - lamp->position[k];
     spsi_cone_ray(lamp, 0, 0, &ray);
     ray.high = spsi_length(to) + 0.87 * longest;
-    if (to_polygons && job->faces->count > 0) (void)spsi_ray_to_wall(job->faces, &ray, &hit);
-    return spsi_fmax(0, spsi_fmin(2 - 16 * sqrt(versine * (2 - versine)) / (1 - versine) * ray.high / longest, 1));
+    if (to_polygons && job->faces->count > 0) (void)spsi_ray_to_opaque(job->faces, &ray, &hit);
+    return spsi_dmax(0, spsi_dmin(2 - 16 * sqrt(versine * (2 - versine)) / (1 - versine) * ray.high / longest, 1));
 }
 
 /* Floats per cell while it is filled and lit. */
@@ -23446,9 +23491,9 @@ SPSI_COLD int spsi_samples_fineness(const spsi_frame *frame, double sample) {
     double voxel = HUGE_VAL;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-        if (material->table) voxel = spsi_fmin(voxel, (double)material->voxel_length);
+        if (material->table) voxel = spsi_dmin(voxel, (double)material->voxel_length);
     }
-    return voxel < HUGE_VAL ? (int)spsi_fmin(4, spsi_fmax(1, ceil(sample / voxel))) : 1;
+    return voxel < HUGE_VAL ? (int)spsi_dmin(4, spsi_dmax(1, ceil(sample / voxel))) : 1;
 }
 
 /* Rays along z, through the samples, or, finer, through those of the sheets. */
@@ -23505,7 +23550,7 @@ static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker
     const int column = index % sheets->target.columns, row = index / sheets->target.columns;
     spsi_tile_place(&sheets->target, column, row, worker, tile);
     if (!spsi_tile_splat(&sheets->target, &sheets->contents, column, row, tile)) return 0;
-    return spsi_least(SPSI_CHUNK, sheets->slabs.count - sheets->contents.first_slab);
+    return spsi_imin(SPSI_CHUNK, sheets->slabs.count - sheets->contents.first_slab);
 }
 
 /* Passes on what materials have at a place of a tile. */
@@ -23566,7 +23611,7 @@ static void spsi_cells_add_sample(const void *data, const spsi_sample_place *pla
     spsi_cells_deposit(job->samples + 2 * sample_row * (size_t)grid->pitch, x, end, fine, per_sample, sample->depth);
     spsi_cells_deposit(grid->depth + row, x, end, 2 * fine, per_cell, sample->depth);
     if (job->frame->content->flies[m] > 0)
-        spsi_cells_deposit(spsi_cell_pyramid(grid, 1 + m) + row, x, end, 2 * fine, per_cell, sample->depth);
+        spsi_cells_deposit(spsi_cell_mips(grid, 1 + m) + row, x, end, 2 * fine, per_cell, sample->depth);
     for (int c = 0; c < grid->channels; ++c) {
         float *scattered = job->scattered + (size_t)(m * grid->channels + c) * grid->count;
         float *emitted = job->emitted + (size_t)c * grid->count;
@@ -23577,7 +23622,7 @@ static void spsi_cells_add_sample(const void *data, const spsi_sample_place *pla
 }
 
 /* Fills samples and cells. */
-SPSI_COLD sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_call_stage *part) {
     sps_context *context = job->context;
     spsi_sampling *sheets = &job->sheets;
     if (!spsi_cells_aim(job->grid, job->fine, &sheets->rays, &sheets->slabs))
@@ -23586,7 +23631,7 @@ SPSI_COLD sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call
                                "cells of that size cannot be told apart in the world");
     if (spsi_sampling_begin(context, job->frame, sheets)) return context->result;
     for (int chunk = 0; chunk < spsi_chunk_count(&sheets->slabs); ++chunk) {
-        if (spsi_progress(context, spsi_part_done(part, (double)chunk / spsi_chunk_count(&sheets->slabs))))
+        if (spsi_progress(context, spsi_call_stage_done(part, (double)chunk / spsi_chunk_count(&sheets->slabs))))
             return context->result;
         spsi_sampling_chunk(sheets, chunk, spsi_cells_add_sample, job);
     }
@@ -23611,7 +23656,7 @@ SPSI_COLD void spsi_cells_mean_scale(const spsi_cell_job *job) {
             all += (double)grid->depth[at];
             straight += (double)spsi_cell_straight(job, c, at);
         }
-        grid->scale[c] = all > 0 ? (float)spsi_fmax(1 - straight / all, 0) : 1;
+        grid->scale[c] = all > 0 ? (float)spsi_dmax(1 - straight / all, 0) : 1;
     }
 }
 
@@ -23624,11 +23669,11 @@ SPSI_COLD void spsi_cells_mean_scale(const spsi_cell_job *job) {
    same time. */
 SPSI_COLD int spsi_cell_texels(const spsi_frame *frame) {
     const int cells = frame->view.scattering_resolution;
-    return spsi_most(16, spsi_least(4 * cells, spsi_most(SPSI_CELL_TEXELS_MOST, 2 * cells)));
+    return spsi_imax(16, spsi_imin(4 * cells, spsi_imax(SPSI_CELL_TEXELS_MOST, 2 * cells)));
 }
 
 /* Turns a light into one that has a table, with `texels` on its longer side. `served`: the gas in it; NULL: all. */
-SPSI_COLD void spsi_cells_lamp(int texels, const spsi_bounds *served, spsi_lamp *lamp) {
+SPSI_COLD void spsi_cells_map_light(int texels, const spsi_bounds *served, spsi_light *lamp) {
     lamp->map_bounds = served;
     memset(&lamp->map, 0, sizeof lamp->map);
     lamp->map.technique = SPS_TMAP_TABLE;
@@ -23638,12 +23683,12 @@ SPSI_COLD void spsi_cells_lamp(int texels, const spsi_bounds *served, spsi_lamp 
 }
 
 /* Makes that table, for a light that has none of its own. */
-SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
+SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_light *lamp, const spsi_call_stage *part,
                                     sps_tmap *map) {
-    spsi_lamp coarse = *lamp;
+    spsi_light coarse = *lamp;
     spsi_occluders occluders;
-    spsi_cells_lamp(spsi_cell_texels(job->frame), &job->bounds, &coarse);
-    if (spsi_lamp_tmap_aim(job->context, job->frame, &coarse, map)) return job->context->result;
+    spsi_cells_map_light(spsi_cell_texels(job->frame), &job->bounds, &coarse);
+    if (spsi_light_tmap_aim(job->context, job->frame, &coarse, map)) return job->context->result;
     memset(&occluders, 0, sizeof occluders);
     occluders.frame = job->frame;
     occluders.coarse = 1;
@@ -23652,34 +23697,34 @@ SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *l
 }
 
 /* Makes a light's table, unless it has its own from an earlier grid, which waits for the sweeps. */
-SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
+SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light *lamp, const spsi_call_stage *part,
                                       spsi_shadow *shadow, sps_tmap *map) {
     shadow->lamp = lamp;
     shadow->kind = SPSI_SHADOW_MAP;
     shadow->tmap = map;
     if (map->waits) return SPS_OK;
     if (!spsi_has_shadow_table(lamp)) return spsi_cells_map(job, lamp, part, map);
-    if (!spsi_lamp_tmap_begin(job->context, job->frame, lamp, job->gas, map))
-        map->waits = !spsi_lamp_tmap_fill(job->context, job->frame, lamp, part, map);
+    if (!spsi_light_tmap_begin(job->context, job->frame, lamp, job->gas, map))
+        map->waits = !spsi_light_tmap_fill(job->context, job->frame, lamp, part, map);
     return job->context->result;
 }
 
 /* Makes the maps of the lights that cast shadows. Tables are a grid's own, unless they are the light's; depth maps and
    pane maps serve all grids. */
-SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call *part, sps_tmap *maps) {
+SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_call_stage *part, sps_tmap *maps) {
     const spsi_frame *frame = job->frame;
     const int shadows = frame->lamps.shadow_count;
-    spsi_part_of_call each = *part;
-    each.share /= spsi_most(1, shadows);
+    spsi_call_stage each = *part;
+    each.share /= spsi_imax(1, shadows);
     for (int i = 0, at = 0; at < shadows; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
+        const spsi_light *lamp = &frame->lamps.list[i];
         if (!lamp->shadows) continue;
         if (spsi_cells_table(job, lamp, &each, &job->shadows[at], &maps[at])) return job->context->result;
         each.progress += each.share;
         ++at;
     }
     if (!job->later && (spsi_depth_maps_build(job->context, frame, job->faces, 0, job->shadows, shadows) ||
-                        spsi_pane_maps_build(job->context, frame, job->faces, job->shadows, shadows)))
+                        spsi_translucency_maps_build(job->context, frame, job->faces, job->shadows, shadows)))
         return job->context->result;
     for (int i = 0; i < shadows; ++i) spsi_shadow_aim(&job->sheets.rays, &job->shadows[i]);
     return SPS_OK;
@@ -23699,7 +23744,7 @@ SPSI_COLD void spsi_cells_shader(const spsi_frame *frame, const spsi_faces *face
 typedef struct spsi_cell_spot {
     spsi_pixels pixels;
     spsi_slab slab;
-    spsi_part part;
+    spsi_subslab part;
     spsi_v depth;    /* of the samples */
     spsi_v scale[3]; /* of their cells' extinction, by channel */
     size_t row;      /* of cells */
@@ -23735,9 +23780,9 @@ static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *s
                                   spsi_v passes[3]) {
     const spsi_v found = spsi_pixels_shadow(shadow, &spot->pixels, 0, spot->part.middle);
     const spsi_m dark = spsi_less(spsi_set(0.999f * shadow->tmap->table_end), found);
-    spsi_v lit[SPSI_PARTS], filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
-    spsi_lit_shares(&job->shader, &shadow->depth_map, &spot->pixels, &spot->slab, lit);
-    if (shadow->pane_map_count > 0) spsi_part_filter(&job->shader, shadow, &spot->pixels, &spot->part, filter);
+    spsi_v lit[SPSI_SUBSLABS], filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
+    spsi_lit_fractions(&job->shader, &shadow->depth_map, &spot->pixels, &spot->slab, lit);
+    if (shadow->pane_map_count > 0) spsi_subslab_filter(&job->shader, shadow, &spot->pixels, &spot->part, filter);
     for (int c = 0; c < job->grid->channels; ++c) {
         const spsi_v share = spsi_mul(lit[0], filter[c]);
         passes[c] = spsi_select(dark, spsi_set(0), spsi_mul(share, spsi_cell_spot_straight(spot, found, c)));
@@ -23756,24 +23801,24 @@ static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spo
 
 /* The mean of 1 / r^2 over the cubes of samples, over that along a ray through them. By the latter, cells about a lamp
    receive 5 % less than it sends. */
-static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_cell_spot *spot) {
+static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_light *lamp, const spsi_cell_spot *spot) {
     const float edge = (float)job->sheets.slabs.thickness;
     const spsi_v scale = spsi_set(1 / (edge * edge));
     spsi_reach reach;
     spsi_reach_build(&job->shader, lamp, &spot->pixels, &spot->part, &reach);
-    spsi_v square = spsi_ball_square(spsi_mul(spsi_dot_v(reach.middle, reach.middle), scale), spsi_set(0));
-    return spsi_div(scale, spsi_mul(square, spsi_lamp_falloff(&spot->pixels, &reach)));
+    spsi_v square = spsi_sphere_square(spsi_mul(spsi_dot_v(reach.middle, reach.middle), scale), spsi_set(0));
+    return spsi_div(scale, spsi_mul(square, spsi_light_falloff(&spot->pixels, &reach)));
 }
 
 /* Adds what one light sends to a vector of samples, weighted by their optical depth. */
-static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot) {
-    const spsi_lamp *lamp = shadow->lamp;
+static void spsi_cells_add_light(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot) {
+    const spsi_light *lamp = shadow->lamp;
     const int light = spsi_cells_light_of(job->grid, lamp->index);
     const int channels = job->grid->channels;
     const float fraction = (float)(1 - spsi_cells_beams(job, lamp, 0));
     spsi_v passes[3], harmonic[SPSI_CELL_TERMS], cubes = spsi_set(1);
     spsi_incident incident;
-    spsi_lamp_at(&job->shader, lamp, &spot->pixels, &spot->part, spsi_set(0), &incident);
+    spsi_light_at(&job->shader, lamp, &spot->pixels, &spot->part, spsi_set(0), &incident);
     if (lamp->falls_off && lamp->few_count == 1) cubes = spsi_cell_spot_near(job, lamp, spot);
     spsi_cell_spot_passes(job, shadow, spot, passes);
     spsi_harmonics_v(incident.travel, job->grid->terms, harmonic);
@@ -23795,8 +23840,8 @@ static spsi_v spsi_cells_scale(const spsi_cell_job *job, size_t row, int channel
     const spsi_cell_grid *grid = job->grid;
     float scale[SPSI_LANES];
     for (int i = 0; i < SPSI_LANES; ++i) {
-        const size_t at = row + (size_t)(spsi_least(x + i, job->sheets.rays.width - 1) / 2);
-        scale[i] = grid->depth[at] > 0 ? spsi_higher(1 - spsi_cell_straight(job, channel, at) / grid->depth[at], 0) : 1;
+        const size_t at = row + (size_t)(spsi_imin(x + i, job->sheets.rays.width - 1) / 2);
+        scale[i] = grid->depth[at] > 0 ? spsi_fmax(1 - spsi_cell_straight(job, channel, at) / grid->depth[at], 0) : 1;
     }
     return spsi_load(scale);
 }
@@ -23832,7 +23877,7 @@ static int spsi_cell_view_link(const spsi_cell_view *view, int link, spsi_ray *r
     }
     ray->low = 0;
     ray->high = 1;
-    return link != 13 && spsi_ray_to_wall(view->faces, ray, hit);
+    return link != 13 && spsi_ray_to_opaque(view->faces, ray, hit);
 }
 
 /* Whether light in a direction that enters the grid in this cell comes from a polygon, at any distance. Each cell takes
@@ -23855,7 +23900,7 @@ static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_di
     }
     ray->low = 0;
     ray->high = HUGE_VAL;
-    return spsi_ray_to_wall(view->faces, ray, hit);
+    return spsi_ray_to_opaque(view->faces, ray, hit);
 }
 
 /* Whether any link within the grid may be closed, of that many cells of a row from this one on. */
@@ -23901,10 +23946,10 @@ static void spsi_cell_hits_points(const spsi_cell_hits *hits, int first, int end
 }
 
 /* Lights up to SPSI_PACKET of them, from number `first` on, by a fraction of one lamp. */
-static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp, double fraction,
+static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_light *lamp, double fraction,
                                  const spsi_shadow *shadow, int first, spsi_cell_hits *hits) {
-    const spsi_lamp *point = &lamp->points[first / SPSI_PACKET % lamp->point_count];
-    const int end = spsi_least(hits->count, first + SPSI_PACKET);
+    const spsi_light *point = &lamp->points[first / SPSI_PACKET % lamp->point_count];
+    const int end = spsi_imin(hits->count, first + SPSI_PACKET);
     double irradiance[SPSI_PACKET][3], toward[3];
     spsi_packet packet;
     float depths[SPSI_PACKET] = {0};
@@ -23912,7 +23957,7 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
     spsi_packet_begin(job->faces, !point->is_point, 1, &packet);
     for (int i = first; i < end; ++i) {
         if (!spsi_surface_point_irradiance(job->frame, point, &hits->surface[i], irradiance[i - first])) continue;
-        spsi_toward_lamp(point, hits->surface[i].start, toward);
+        spsi_toward_light(point, hits->surface[i].start, toward);
         spsi_packet_add(&job->faces->tree, i - first, hits->face[i], hits->surface[i].start, toward, &packet);
         faces |= 1 << (i - first);
     }
@@ -23929,7 +23974,7 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
         if (!((faces & packet.open) >> (i - first) & 1)) continue;
         if (packet.filtered >> (i - first) & 1) spsi_packet_through(&packet, i - first, through);
         for (int c = 0; c < job->grid->channels; ++c)
-            hits->lit[i][c] += spsi_fmin(irradiance[i - first][c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX) *
+            hits->lit[i][c] += spsi_dmin(irradiance[i - first][c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX) *
                                fraction * through[c] *
                                exp(-depth * spsi_cells_scale_at(job->grid, 1, c, lamp->index, hits->surface[i].point));
     }
@@ -23939,7 +23984,7 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
 static void spsi_cell_hits_light_all(const spsi_cell_job *job, spsi_cell_hits *hits) {
     memset(hits->lit, 0, sizeof hits->lit);
     for (int i = 0, shadow = 0; i < job->frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &job->frame->lamps.list[i];
+        const spsi_light *lamp = &job->frame->lamps.list[i];
         const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
         const double fraction = 1 - spsi_cells_beams(job, lamp, 1);
         for (int first = 0; first < hits->count; first += SPSI_PACKET)
@@ -23948,7 +23993,7 @@ static void spsi_cell_hits_light_all(const spsi_cell_job *job, spsi_cell_hits *h
 }
 
 /* The mean of a cell's polygons. Returns 0 if they face all ways. */
-static int spsi_cell_walls_mean(const spsi_cell_job *job, size_t at, double point[3], double normal[3]) {
+static int spsi_cell_blockers_mean(const spsi_cell_job *job, size_t at, double point[3], double normal[3]) {
     const size_t count = job->grid->count;
     for (size_t k = 0; k < 3; ++k) {
         point[k] = job->grid->corner[k] + (double)job->walls.place[k * count + at];
@@ -23958,12 +24003,12 @@ static int spsi_cell_walls_mean(const spsi_cell_job *job, size_t at, double poin
 }
 
 /* Adds what a cell's polygons reflect of first flights, on the mean of them. */
-static void spsi_cell_walls_fly(const spsi_cell_job *job, size_t at) {
-    const spsi_cell_walls *walls = &job->walls;
+static void spsi_cell_blockers_fly(const spsi_cell_job *job, size_t at) {
+    const spsi_cell_blockers *walls = &job->walls;
     const spsi_cell_grid *grid = job->grid;
     double point[3], start[3], normal[3], irradiance[3] = {0, 0, 0};
     const spsi_flight_place place = {job->frame, job->faces, point, start, normal, -1};
-    if (!spsi_cell_walls_mean(job, at, point, normal)) return;
+    if (!spsi_cell_blockers_mean(job, at, point, normal)) return;
     spsi_along(point, normal, 0.02 * grid->edge, start);
     spsi_flights_irradiance(&place, job->flights, irradiance);
     for (size_t c = 0; c < (size_t)grid->channels; ++c)
@@ -23972,8 +24017,8 @@ static void spsi_cell_walls_fly(const spsi_cell_job *job, size_t at) {
 }
 
 /* Sets what a cell knows of its polygons. */
-static void spsi_cell_walls_set(const spsi_cell_job *job, const spsi_cell_hits *hits, size_t at) {
-    const spsi_cell_walls *walls = &job->walls;
+static void spsi_cell_blockers_set(const spsi_cell_job *job, const spsi_cell_hits *hits, size_t at) {
+    const spsi_cell_blockers *walls = &job->walls;
     const size_t count = job->grid->count;
     double all = 0;
     for (int i = 0; i < hits->count; ++i) all += hits->weight[i];
@@ -23985,7 +24030,7 @@ static void spsi_cell_walls_set(const spsi_cell_job *job, const spsi_cell_hits *
             walls->lit[c * count + at] += (float)(share * hits->color[i][c] * hits->lit[i][c] / SPSI_PI);
             sent += (float)(hits->color[i][c] * hits->lit[i][c]);
         }
-        walls->patch[at] = spsi_higher(walls->patch[at], hits->weight[i] > 0.1 ? sent : 0); /* up to three edges away */
+        walls->patch[at] = spsi_fmax(walls->patch[at], hits->weight[i] > 0.1 ? sent : 0); /* up to three edges away */
         for (size_t k = 0; k < 3; ++k) {
             walls->place[k * count + at] += (float)(share * (hits->surface[i].point[k] - job->grid->corner[k]));
             walls->normal[k * count + at] += (float)(share * hits->surface[i].normal[k]);
@@ -24007,8 +24052,8 @@ static uint32_t spsi_cell_view_closed(const spsi_cell_view *view, spsi_cell_hits
 }
 
 /* Finds the polygons about a cell. */
-static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view *view, int near_by, size_t at,
-                                 spsi_cell_hits *hits) {
+static void spsi_cell_blockers_find(const spsi_cell_job *job, const spsi_cell_view *view, int near_by, size_t at,
+                                    spsi_cell_hits *hits) {
     int last = 0; /* 1: at the end of the grid */
     for (int k = 0; k < 3; ++k) last |= view->at[k] == 0 || view->at[k] == view->size[k] - 1;
     hits->count = 0;
@@ -24029,7 +24074,7 @@ static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view 
 }
 
 /* Finds and lights the polygons about a row of cells. */
-static void spsi_cells_walls_task(void *data, int row) {
+static void spsi_cells_blockers_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
@@ -24040,10 +24085,10 @@ static void spsi_cells_walls_task(void *data, int row) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         spsi_cell_hits hits;
         spsi_cell_view_move(&view, x, y, z);
-        spsi_cell_walls_find(job, &view, near_row && spsi_cell_view_near(&view, 1), at, &hits);
+        spsi_cell_blockers_find(job, &view, near_row && spsi_cell_view_near(&view, 1), at, &hits);
         if (hits.count == 0) continue;
         spsi_cell_hits_light_all(job, &hits);
-        spsi_cell_walls_set(job, &hits, at);
+        spsi_cell_blockers_set(job, &hits, at);
         job->walls.walled[row] = job->walls.walled[row] == 1 || hits.within ? 1 : 2;
     }
 }
@@ -24052,17 +24097,17 @@ static void spsi_cells_walls_task(void *data, int row) {
 SPSI_COLD size_t spsi_cell_rows_floats(const int size[3]) { return (size_t)(size[1] * size[2] / 4 + 1); }
 
 /* Floats of all walls. */
-SPSI_COLD size_t spsi_cell_walls_floats(const spsi_cell_grid *grid) {
+SPSI_COLD size_t spsi_cell_blockers_floats(const spsi_cell_grid *grid) {
     return (size_t)(10 + 2 * grid->channels) * grid->count + spsi_cell_rows_floats(grid->size);
 }
 
-SPSI_COLD sps_result spsi_cell_walls_begin(spsi_cell_job *job) {
-    const size_t floats = spsi_cell_walls_floats(job->grid), count = job->grid->count;
+SPSI_COLD sps_result spsi_cell_blockers_begin(spsi_cell_job *job) {
+    const size_t floats = spsi_cell_blockers_floats(job->grid), count = job->grid->count;
     const size_t channels = (size_t)job->grid->channels;
-    spsi_cell_walls *walls = &job->walls;
+    spsi_cell_blockers *walls = &job->walls;
     float *memory;
     if (job->faces->count == 0) return SPS_OK;
-    memory = (float *)spsi_reserve(job->context, SPSI_BUFFER_CELL_WALLS, floats, sizeof(float));
+    memory = (float *)spsi_reserve(job->context, SPSI_BUFFER_CELL_BLOCKERS, floats, sizeof(float));
     if (!memory) return job->context->result;
     memset(memory, 0, floats * sizeof *memory);
     walls->closed = (uint32_t *)(void *)memory;
@@ -24078,8 +24123,8 @@ SPSI_COLD sps_result spsi_cell_walls_begin(spsi_cell_job *job) {
 
 /* Sets the radiance that polygons send to cells in one channel, less ambient light: what is in the cells so far lights
    them, too. Returns how much it has changed, as a share of all that they send. */
-static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
-    const spsi_cell_walls *walls = &job->walls;
+static double spsi_cell_blockers_send(const spsi_cell_job *job, int c) {
+    const spsi_cell_blockers *walls = &job->walls;
     const spsi_cell_grid *grid = job->grid;
     const double ambient = (double)job->frame->given.ambient[c];
     const size_t count = grid->count, own = (size_t)c * count;
@@ -24089,7 +24134,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
         if (!walls->closed[at] && !walls->closed[count + at]) continue;
         color = (double)walls->color[own + at];
         sent = color * ambient + (double)walls->lit[own + at] - ambient;
-        if (job->wall_light && spsi_cell_walls_mean(job, at, point, normal)) {
+        if (job->wall_light && spsi_cell_blockers_mean(job, at, point, normal)) {
             const spsi_cell_receiver to = {point, normal, NULL};
             double irradiance[3] = {0, 0, 0};
             spsi_cells_irradiance(&job->coarse, c, 1, &to, irradiance);
@@ -24107,7 +24152,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
 #define SPSI_BEAM_RINGS 12 /* of as many rays each, in the cone of a narrow beam */
 
 /* Light of a beam's ray at a distance, by channel: irradiance there, before any shadow, times its width. */
-static void spsi_beam_light(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_ray *ray, double solid,
+static void spsi_beam_light(const spsi_cell_job *job, const spsi_light *lamp, const spsi_ray *ray, double solid,
                             double distance, float sent[3]) {
     double irradiance[3];
     spsi_surface surface;
@@ -24117,12 +24162,12 @@ static void spsi_beam_light(const spsi_cell_job *job, const spsi_lamp *lamp, con
     surface.pixel = job->grid->edge;
     spsi_surface_point_irradiance(job->frame, lamp, &surface, irradiance);
     for (int c = 0; c < 3; ++c)
-        sent[c] = (float)spsi_fmin(irradiance[c] * (double)lamp->color[c] * solid * distance * distance,
+        sent[c] = (float)spsi_dmin(irradiance[c] * (double)lamp->color[c] * solid * distance * distance,
                                    (double)SPSI_RADIANCE_MAX);
 }
 
 /* Adds what gas scatters of a beam, an emitter for each cell's edge on its way. */
-static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_ray *ray, double solid,
+static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *lamp, const spsi_ray *ray, double solid,
                                   spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
     double low[3], high[3], range[2], depth = 0;
@@ -24132,18 +24177,18 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_lamp *lam
     }
     if (!(solid > 0) || !spsi_ray_meets_box(ray, low, high, range)) return;
     for (double from = range[0]; from < range[1]; from += grid->edge) {
-        const double length = spsi_fmin(grid->edge, range[1] - from), middle = from + 0.5 * length;
+        const double length = spsi_dmin(grid->edge, range[1] - from), middle = from + 0.5 * length;
         double point[3], ahead = 0, all = 0, own;
         spsi_emitter like;
         size_t at;
         memset(&like, 0, sizeof like);
         spsi_along(ray->origin, ray->direction, middle, point);
-        (void)spsi_cell_holding(grid, point, &at);
+        (void)spsi_cell_containing(grid, point, &at);
         own = (double)grid->depth[at] * length / grid->edge;
         if (!(own > 0)) continue;
         spsi_beam_light(job, lamp, ray, solid, middle, like.sent);
         for (int c = 0; c < 3; ++c) {
-            const int channel = spsi_least(c, grid->channels - 1);
+            const int channel = spsi_imin(c, grid->channels - 1);
             const double scale = (double)grid->scale[channel], x = scale * own;
             double scattered = 0;
             for (int m = 0; m < job->frame->matter.material_count; ++m) {
@@ -24157,7 +24202,7 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_lamp *lam
         }
         depth += own;
         for (int k = 0; k < 3; ++k) /* 4 max(0, cos) has a mean cosine of 2 / 3 */
-            like.axis[k] = all > 0 ? (float)(spsi_fmin(1.5 * spsi_fmax(ahead / all, 0), 1) * ray->direction[k]) : 0;
+            like.axis[k] = all > 0 ? (float)(spsi_dmin(1.5 * spsi_dmax(ahead / all, 0), 1) * ray->direction[k]) : 0;
         like.radius = (float)(0.37 * length);
         spsi_emitters_add(&job->flights[SPSI_FLIGHTS_BEAMS], point, 0.25 / SPSI_PI, -1, &like, items);
     }
@@ -24179,8 +24224,8 @@ static void spsi_hits_reflect(const spsi_cell_job *job, const spsi_cell_hits *hi
             const double normal = hits->surface[i].normal[k], *lit = hits->lit[i];
             own->at[k] = (float)(hits->surface[i].point[k] + 1e-3 * job->grid->edge * normal - flights->centre[k]);
             own->axis[k] = (float)normal;
-            own->sent[k] = (float)spsi_fmin(hits->weight[i] * hits->color[i][k] * lit[k < job->grid->channels ? k : 0],
-                                      (double)SPSI_RADIANCE_MAX);
+            own->sent[k] = (float)spsi_dmin(hits->weight[i] * hits->color[i][k] * lit[k < job->grid->channels ? k : 0],
+                                            (double)SPSI_RADIANCE_MAX);
         }
         count += !spsi_black(own->sent);
     }
@@ -24192,7 +24237,7 @@ static void spsi_hits_reflect(const spsi_cell_job *job, const spsi_cell_hits *hi
 }
 
 /* Adds a narrow beam's emitters, in gas and on polygons: its rays stand for equal solid angles. */
-static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *shadow,
+static void spsi_beams_list(const spsi_cell_job *job, const spsi_light *lamp, const spsi_shadow *shadow,
                             spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_cell_view view = {job->faces, job->grid, job->grid->size, 1, {0, 0, 0}, {0, 0, 0}};
     const double solid = 2 * SPSI_PI * lamp->cone.none / (SPSI_BEAM_RINGS * SPSI_BEAM_RINGS);
@@ -24206,10 +24251,10 @@ static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, con
             spsi_hit hit;
             spsi_cone_ray(lamp, lamp->cone.none * (n + 0.5) / SPSI_BEAM_RINGS,
                           2 * SPSI_PI * (i + 0.5 * (n % 2)) / SPSI_BEAM_RINGS, &ray);
-            if (job->faces->count > 0 && spsi_ray_to_wall(job->faces, &ray, &hit)) {
+            if (job->faces->count > 0 && spsi_ray_to_opaque(job->faces, &ray, &hit)) {
                 spsi_cell_hits_add(&view, &ray, &hit, &hits);
                 hits.weight[last] = to_polygons * ray.high * ray.high /
-                                    spsi_fmax(-spsi_dot(hits.surface[last].normal, ray.direction), 1e-3);
+                                    spsi_dmax(-spsi_dot(hits.surface[last].normal, ray.direction), 1e-3);
             }
             if (shadow) spsi_beam_through_gas(job, lamp, &ray, to_gas, items[SPSI_FLIGHTS_BEAMS]);
         }
@@ -24223,11 +24268,11 @@ static void spsi_beams_list(const spsi_cell_job *job, const spsi_lamp *lamp, con
    its face's area: links along three axes stand for all of it. */
 static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t most, spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
-    const int *size = grid->size, rays = (int)spsi_fmax(4, spsi_fmin(4 / covered, 64));
+    const int *size = grid->size, rays = (int)spsi_dmax(4, spsi_dmin(4 / covered, 64));
     spsi_cell_view view = {job->faces, grid, size, 1, {0, 0, 0}, {0, 0, 0}};
     for (int n = 0; n < size[0] * size[1] * size[2]; ++n) {
         const size_t at = (size_t)(n / size[0] * grid->pitch + n % size[0]);
-        const double flies = -(double)job->walls.patch[at] * spsi_fmin(2 - 6 * covered, 1);
+        const double flies = -(double)job->walls.patch[at] * spsi_dmin(2 - 6 * covered, 1);
         if (!(flies > 1e-6) || (size_t)job->flights[SPSI_FLIGHTS_SPOTS].count + 6 > most) continue;
         spsi_cell_view_move(&view, n % size[0], n / size[0] % size[1], n / size[0] / size[1]);
         for (int way = 0; way < 6; ++way) {
@@ -24241,7 +24286,7 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
                 spsi_hit hit;
                 for (int k = 0; k < 2; ++k) ray.origin[(axis + 1 + k) % 3] += grid->edge * (aside[k] - 0.5);
                 ray.direction[axis] = back * grid->edge;
-                if (spsi_ray_to_wall(job->faces, &ray, &hit)) spsi_cell_hits_add(&view, &ray, &hit, &hits);
+                if (spsi_ray_to_opaque(job->faces, &ray, &hit)) spsi_cell_hits_add(&view, &ray, &hit, &hits);
             }
             for (int i = 0; i < hits.count; ++i)
                 hits.weight[i] = flies * grid->edge * grid->edge / hits.count * fabs(hits.surface[i].normal[axis]);
@@ -24260,14 +24305,14 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
    Returns what part of it they cover; 0: nothing flies. */
 static double spsi_patches_find(const spsi_cell_job *job) {
     const int *size = job->grid->size, pitch = job->grid->pitch;
-    const double side = (double)size[0] * size[1] * size[2] / spsi_least(size[0], spsi_least(size[1], size[2]));
+    const double side = (double)size[0] * size[1] * size[2] / spsi_imin(size[0], spsi_imin(size[1], size[2]));
     float *patch = job->walls.patch;
     int *queue = (int *)(void *)job->walls.sent; /* is set later; -1 - a cell: it is at a patch's rim, and dark */
     double covered = 0;
     size_t count = 0, end = 0;
     const size_t cells = (size_t)(pitch * size[1] * size[2]);
     float most = 0;
-    for (size_t at = 0; at < cells; ++at) most = spsi_higher(most, patch[at]);
+    for (size_t at = 0; at < cells; ++at) most = spsi_fmax(most, patch[at]);
     for (size_t n = 5 * cells, start = 0; n > 0; --n, start = start > 0 ? start - 1 : cells - 1) {
         double sum = 0;
         if (start == 0) most *= 0.01f; /* the brightest begin: others may light their rims a little */
@@ -24286,7 +24331,7 @@ static double spsi_patches_find(const spsi_cell_job *job) {
         }
         for (; count < end; ++count) {
             float *own = &patch[queue[count] < 0 ? -1 - queue[count] : queue[count]];
-            *own = -(float)spsi_fmax(1e-9, spsi_fmin(2 + 6 * sum / (side * (double)*own), 1));
+            *own = -(float)spsi_dmax(1e-9, spsi_dmin(2 + 6 * sum / (side * (double)*own), 1));
             covered -= queue[count] < 0 ? 0 : (double)*own / side;
         }
     }
@@ -24304,10 +24349,10 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     spsi_flights *trees = job->flights;
     spsi_tree_item *items[SPSI_FLIGHT_TREES];
     size_t most[SPSI_FLIGHT_TREES];
-    const int blocks = spsi_emitter_blocks(job->context, frame, &most[SPSI_FLIGHTS_GLOW]);
+    const int blocks = spsi_emitter_blocks(job->context, frame, &most[SPSI_FLIGHTS_EMISSION]);
     const double covered = job->walls.closed && job->grid_count == 1 ? spsi_patches_find(job) : 0;
     int shadow = 0;
-    most[SPSI_FLIGHTS_GLOW] += frame->matter.emits ? (size_t)frame->content->particle_count : 0;
+    most[SPSI_FLIGHTS_EMISSION] += frame->matter.emits ? (size_t)frame->content->particle_count : 0;
     most[SPSI_FLIGHTS_SPOTS] = 0;
     for (int i = 0; i < frame->lamps.count; ++i)
         most[SPSI_FLIGHTS_SPOTS] += spsi_cells_beams(job, &frame->lamps.list[i], 1) > 0;
@@ -24325,7 +24370,7 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     spsi_emitters_list(job->context, frame, blocks, trees, items);
     for (int i = 0; i < 2; ++i) spsi_emitters_cut(job->faces, &trees[i]);
     for (int i = 0; i < frame->lamps.count && most[1] > 0; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
+        const spsi_light *lamp = &frame->lamps.list[i];
         const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
         if (spsi_cells_beams(job, lamp, 1) > 0) spsi_beams_list(job, lamp, own, items);
     }
@@ -24363,7 +24408,7 @@ static void spsi_cells_light_task(void *data, int row) {
     spsi_cell_spot spot;
     spot.row = (size_t)row * (size_t)grid->pitch;
     for (size_t at = spot.row; at < spot.row + (size_t)grid->size[0] && job->walls.closed && grid->pyramid; ++at)
-        spsi_cell_walls_fly(job, at);
+        spsi_cell_blockers_fly(job, at);
     for (int n = 0; n < 4; ++n)
         for (int x = 0; x < job->sheets.rays.width; x += SPSI_LANES) {
             const int sy = 2 * y + (n & 1), sz = 2 * z + (n >> 1);
@@ -24372,17 +24417,17 @@ static void spsi_cells_light_task(void *data, int row) {
             if (!spsi_bits(spsi_less(spsi_set(0), spot.depth))) continue;
             for (int c = 0; c < grid->channels; ++c) spot.scale[c] = spsi_cells_scale(job, spot.row, c, x);
             spsi_cell_spot_build(&job->shader, job->sheets.slabs.thickness, x, sy, sz, &spot);
-            for (int i = 0; i < job->frame->lamps.shadow_count; ++i) spsi_cells_add_lamp(job, &job->shadows[i], &spot);
+            for (int i = 0; i < job->frame->lamps.shadow_count; ++i) spsi_cells_add_light(job, &job->shadows[i], &spot);
         }
 }
 
 /* Lights all cells, and the polygons about them. */
-SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage *part) {
     sps_context *context = job->context;
     const int count = job->frame->lamps.shadow_count, rows = job->grid->size[1] * job->grid->size[2];
     sps_tmap *maps;
     spsi_cell_directions(job->directions);
-    if (spsi_cell_walls_begin(job)) return context->result;
+    if (spsi_cell_blockers_begin(job)) return context->result;
     if (count == 0 && !job->walls.closed) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
     job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
@@ -24398,7 +24443,7 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_cal
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
     if (!spsi_cells_shadows(job, part, maps)) {
-        if (job->walls.closed) spsi_parallel_items(context, rows, spsi_cells_walls_task, job);
+        if (job->walls.closed) spsi_parallel_items(context, rows, spsi_cells_blockers_task, job);
         if (!job->grid->pyramid || !spsi_cells_fly_to(job))
             spsi_parallel_items(context, rows, spsi_cells_light_task, job);
     }
@@ -24428,10 +24473,10 @@ static void spsi_cells_equations_task(void *data, int row) {
             depth -= scattered * grid->peak[m];
             for (int l = 0; l < grid->orders; ++l) degree[l] += scattered * grid->lobes[m][l];
         }
-        depth = spsi_higher(depth, emitted > 0 ? SPSI_CELL_EMITTING : 0);
+        depth = spsi_fmax(depth, emitted > 0 ? SPSI_CELL_EMITTING : 0);
         level->depth[at] = depth;
         for (int l = 0; l < grid->orders; ++l) {
-            keep[l] = depth > 0 ? spsi_lower(degree[l] / depth, 1) : 0;
+            keep[l] = depth > 0 ? spsi_fmin(degree[l] / depth, 1) : 0;
             level->keep[l][at] = keep[l];
         }
         for (int t = 0; t < grid->terms; ++t) {
@@ -24462,7 +24507,7 @@ SPSI_COLD size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, flo
 }
 
 /* Floats for light of polygons: moments and a source of none, links and rows of coarse levels. */
-SPSI_COLD size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
+SPSI_COLD size_t spsi_cell_solver_blocker_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
         floats += 2 * solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
@@ -24481,15 +24526,15 @@ SPSI_COLD size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_sol
         level->solver = solver;
         for (int k = 0; k < 3; ++k) {
             level->size[k] = n == 0 ? grid->size[k] : (solver->levels[n - 1].size[k] + 1) / 2;
-            longest = spsi_most(longest, level->size[k]);
+            longest = spsi_imax(longest, level->size[k]);
         }
         level->pitch = spsi_cell_pitch(level->size[0]);
-        level->count = spsi_cell_stride((size_t)level->pitch * (size_t)spsi_most(2, level->size[1] * level->size[2]));
+        level->count = spsi_cell_stride((size_t)level->pitch * (size_t)spsi_imax(2, level->size[1] * level->size[2]));
         floats += spsi_cell_level_lay_out(level, grid->orders, NULL);
         if (longest <= 4) break;
     }
     floats += spsi_cell_scratch_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
-    return grid->flux_terms > 0 ? floats + spsi_cell_solver_wall_floats(solver) : floats;
+    return grid->flux_terms > 0 ? floats + spsi_cell_solver_blocker_floats(solver) : floats;
 }
 
 SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_grid *grid,
@@ -24536,7 +24581,7 @@ SPSI_COLD void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     spsi_cell_solver *solver = job->solver;
     const size_t floats = (size_t)solver->terms * solver->levels[0].count;
     float *memory = solver->scratch + spsi_cell_scratch_floats(&solver->levels[0]);
-    memset(memory, 0, spsi_cell_solver_wall_floats(solver) * sizeof *memory);
+    memset(memory, 0, spsi_cell_solver_blocker_floats(solver) * sizeof *memory);
     solver->levels[0].closed = job->walls.closed;
     solver->levels[0].walled = job->walls.walled;
     for (int n = 0; n < job->grid->size[1] * job->grid->size[2]; ++n) solver->walled |= job->walls.walled[n] == 1;
@@ -24574,7 +24619,7 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
             like.sent[c] = 1;
             mean[c] = grid->terms > 1 ? sqrt(0.75) * (double)(sent[(size_t)term[c] * grid->count] / sent[0]) : 0;
         }
-        for (int k = 0; k < 3; ++k) like.axis[k] = (float)(mean[k] / spsi_fmax(spsi_length(mean), 1));
+        for (int k = 0; k < 3; ++k) like.axis[k] = (float)(mean[k] / spsi_dmax(spsi_length(mean), 1));
         spsi_cell_centre(grid, 1, column, row % grid->size[1], row / grid->size[1], point);
         spsi_emitters_add(flights, point, 1, -1, &like, items);
         if (flights->count > before) {
@@ -24599,10 +24644,10 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     double all = 0, cells = 0;
     if (channel == 0) memset(numbers, 0, grid->count * sizeof *numbers);
     for (size_t at = 0; at < grid->count; ++at) {
-        const double power = (double)spsi_higher(level->depth[at] * level->sent[at], 0);
+        const double power = (double)spsi_fmax(level->depth[at] * level->sent[at], 0);
         all += power, cells += power > 0;
     }
-    cells += (whole - cells) * spsi_fmin(spsi_fmax(2 - 8 * cells / whole, 0), 1);
+    cells += (whole - cells) * spsi_dmin(spsi_dmax(2 - 8 * cells / whole, 0), 1);
     const float most = (float)(4 * all / cells);
     for (int row = 0; row < rows; ++row)
         for (int x = 0; x < grid->size[0]; ++x) {
@@ -24611,10 +24656,10 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
             spsi_emitter *emitter = seen > most ? spsi_cell_emitter(job, x, row, &numbers[at]) : NULL;
             if (!emitter) continue;
             some = 1;
-            float share = spsi_lower(2 - 2 * most / seen, 1);
-            for (int c = channel; c < 3 && spsi_least(c, grid->channels - 1) == channel; ++c)
+            float share = spsi_fmin(2 - 2 * most / seen, 1);
+            for (int c = channel; c < 3 && spsi_imin(c, grid->channels - 1) == channel; ++c)
                 emitter->sent[c] =
-                    (float)spsi_fmin(area * (double)(share * power * emitter->leaves[c]), (double)SPSI_RADIANCE_MAX);
+                    (float)spsi_dmin(area * (double)(share * power * emitter->leaves[c]), (double)SPSI_RADIANCE_MAX);
             for (int t = 0; t < grid->terms; ++t) level->sent[(size_t)t * grid->count + at] *= 1 - share;
             for (int t = 0; t < grid->terms; ++t)
                 job->incoming[(size_t)(channel * grid->terms + t) * grid->count + at] *= 1 - share;
@@ -24625,7 +24670,7 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
 }
 
 /* Adds so many times what glows and is swept to what cells send in a channel. */
-static void spsi_cells_send_glow(const spsi_cell_job *job, int channel, float fraction) {
+static void spsi_cells_send_emission(const spsi_cell_job *job, int channel, float fraction) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
     for (size_t at = 0; at < job->grid->count && fraction != 0; ++at)
@@ -24640,14 +24685,14 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *
     const float fraction = job->walls.closed && all > cells ? (all - cells) / (1 - cells) : 0;
     const int flies = cells > 0 && job->grid->flown;
     if (!job->walls.closed && !flies) return;
-    spsi_cells_send_glow(job, channel, -fraction);
+    spsi_cells_send_emission(job, channel, -fraction);
     int apart = spsi_cells_set_apart(job, channel);
     if (apart && flies) {
-        spsi_cells_send_glow(job, channel, fraction);
+        spsi_cells_send_emission(job, channel, fraction);
         spsi_cells_sweep(level);
         for (size_t i = 0; i < (size_t)job->grid->terms * job->grid->count; ++i)
             light[i] += cells * (level->moments[0][i] - light[i]);
-        spsi_cells_send_glow(job, channel, -fraction);
+        spsi_cells_send_emission(job, channel, -fraction);
     }
     if (fraction > 0 || (apart && !flies)) spsi_cells_sweep(level);
 }
@@ -24782,7 +24827,7 @@ static void spsi_cell_patches_task(void *data, int patch) {
     for (int i = 0; i <= job->solver->set_count; ++i, sent += set) {
         float terms[SPSI_CELL_TERMS] = {0}, flux = 0, made = 0;
         for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
-            const float ratio = seen[i][n] / spsi_higher(taken[n], FLT_MIN);
+            const float ratio = seen[i][n] / spsi_fmax(taken[n], FLT_MIN);
             flux += rays->weight[n] * seen[i][n];
             for (int t = 0; t < SPSI_CELL_TERMS; ++t) terms[t] += ratio * rays->fit[n][t];
         }
@@ -24853,7 +24898,7 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_
     }
     out *= job->solver->walled || !(fabs(found + apart) > 0) ? 0 : grid->edge * grid->edge / (found + apart);
     /* what gas takes may make up for what it sends; light of lobes leaves in other directions, and is not scaled */
-    out = out > 0 ? 1 + (spsi_fmin(spsi_fmax(out, 0.95), 1.05) - 1) * spsi_fmax(0, found / (found + apart)) : 1;
+    out = out > 0 ? 1 + (spsi_dmin(spsi_dmax(out, 0.95), 1.05) - 1) * spsi_dmax(0, found / (found + apart)) : 1;
     for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET; ++n) sent[n] *= (float)out;
 }
 
@@ -24861,7 +24906,7 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_
    changed. Returns by how much. */
 SPSI_COLD double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_level *plain) {
     if (job->wall_light) spsi_cells_take_flux(job, channel, &job->coarse);
-    double change = spsi_cell_walls_send(job, channel);
+    double change = spsi_cell_blockers_send(job, channel);
     if (change < SPSI_CELL_CHANGE && job->wall_light) return change;
     if (change > 0)
         spsi_cells_sweep(plain);
@@ -24872,14 +24917,13 @@ SPSI_COLD double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_l
 }
 
 /* Solves for one channel; beside polygons, again with what they reflect. */
-SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_level *plain,
-                                              const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_level *plain, const spsi_call_stage *part) {
     spsi_cell_solver *solver = job->solver;
     const spsi_cell_grid *grid = job->grid;
     const size_t moments = (size_t)grid->terms * grid->count;
     const float *found = solver->levels[0].moments[0];
     float *light = grid->moments + (size_t)job->channel * moments;
-    spsi_part_of_call each = *part;
+    spsi_call_stage each = *part;
     double last = 0, change = 0;
     memset(solver->levels[0].depth, 0, (size_t)(solver->scratch - solver->levels[0].depth) * sizeof(float));
     job->wall_light = NULL;
@@ -24907,10 +24951,10 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_leve
 }
 
 /* Solves for one channel after the other. */
-SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_call_stage *part) {
     sps_context *context = job->context;
     const spsi_cell_grid *grid = job->grid;
-    spsi_part_of_call each = *part;
+    spsi_call_stage each = *part;
     spsi_cell_level plain;
     spsi_cell_solver solver;
     if (spsi_cell_solver_build(context, grid, &solver)) return context->result;
@@ -24969,7 +25013,7 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
     }
     if (bricks > 0) count += bricks > SPSI_EMITTERS_MOST ? bricks : SPSI_EMITTERS_MOST;
     for (int i = 0; i < frame->lamps.count; ++i)
-        if (spsi_lamp_has_beam(&frame->lamps.list[i]))
+        if (spsi_light_has_beam(&frame->lamps.list[i]))
             count += (spsi_beam_steps(grid) + 1) * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
     count += spsi_emitting_cells(frame) + (size_t)(grid->size[0] * grid->size[1]);
     count += 2 * SPSI_FLIGHT_TREES; /* nodes of trees of none */
@@ -24988,20 +25032,20 @@ SPSI_COLD size_t spsi_cells_bytes(const spsi_frame *frame) {
     floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
     floats += SPSI_CELL_GRIDS * spsi_cell_grid_lay_out(frame, &grid, NULL);
     if (grid.flux_terms > 0) /* there are polygons, which receive light from cells */
-        floats += spsi_cell_walls_floats(&grid) + spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
+        floats += spsi_cell_blockers_floats(&grid) + spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
     for (int i = 0; i < frame->lamps.count; ++i) { /* lights' tables */
-        spsi_lamp coarse = frame->lamps.list[i];
+        spsi_light coarse = frame->lamps.list[i];
         size_t held, filling;
         if (!coarse.shadows || spsi_has_shadow_table(&coarse)) continue;
-        spsi_cells_lamp(spsi_cell_texels(frame), NULL, &coarse);
-        spsi_lamp_tmap_bytes(frame, &coarse, &held, &filling);
+        spsi_cells_map_light(spsi_cell_texels(frame), NULL, &coarse);
+        spsi_light_tmap_bytes(frame, &coarse, &held, &filling);
         bytes += sizeof(sps_tmap) + held + filling;
     }
     return bytes + floats * sizeof(float) + spsi_flights_bytes(frame, &grid);
 }
 
 /* A hash of what a light sends; 0 if it may change without notice. */
-static uint64_t spsi_lamp_fingerprint(uint64_t hash, const spsi_lamp *lamp) {
+static uint64_t spsi_light_fingerprint(uint64_t hash, const spsi_light *lamp) {
     const double numbers[] = {lamp->position[0],   lamp->position[1],        lamp->position[2],
                               lamp->direction[0],  lamp->direction[1],       lamp->direction[2],
                               lamp->extent.radius, lamp->cone.none,          lamp->cone.rim};
@@ -25038,7 +25082,7 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
         hash = spsi_fingerprint(hash, material->emission, sizeof material->emission);
         hash = spsi_fingerprint(hash, material->lobes, (size_t)material->lobe_count * sizeof(sps_lobe));
     }
-    for (int i = 0; i < frame->lamps.count; ++i) hash = spsi_lamp_fingerprint(hash, &frame->lamps.list[i]);
+    for (int i = 0; i < frame->lamps.count; ++i) hash = spsi_light_fingerprint(hash, &frame->lamps.list[i]);
     return hash;
 }
 
@@ -25065,11 +25109,11 @@ SPSI_COLD int spsi_scattered_take(sps_context *context, uint64_t key) {
 
 /* Sums over the cells of all grids, by which what glows is shared out: what they send; times `parts`, by how many times
    a grid's cells are more than those that glow; times the depth across what glows. */
-typedef struct spsi_glow {
+typedef struct spsi_emission_sums {
     double sum, parts, depth;
-} spsi_glow;
+} spsi_emission_sums;
 
-static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
+static void spsi_emission_add(const spsi_cell_job *job, spsi_emission_sums *glow) {
     const spsi_cell_grid *grid = job->grid;
     const double cells = (double)grid->size[0] * grid->size[1] * grid->size[2];
     double sum = 0, squares = 0, depth = 0;
@@ -25088,7 +25132,7 @@ static void spsi_glow_add(const spsi_cell_job *job, spsi_glow *glow) {
 
 /* Sets up a grid's job, and fills it. */
 static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                   const spsi_bounds *bounds, const spsi_part_of_call *part, spsi_cell_grid *grid,
+                                   const spsi_bounds *bounds, const spsi_call_stage *part, spsi_cell_grid *grid,
                                    spsi_cell_job **begun) {
     const size_t channels = (size_t)grid->channels, floats = spsi_cell_job_floats(frame, grid) * grid->count;
     spsi_cell_job *job = (spsi_cell_job *)spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof *job);
@@ -25114,7 +25158,7 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
     spsi_cells_mean_scale(job);
     if (grid->pyramid) memcpy(grid->pyramid, grid->depth, cells * sizeof *grid->depth);
     for (int m = -1; m < frame->matter.material_count && grid->pyramid; ++m)
-        if (m < 0 || frame->content->flies[m] > 0) spsi_cell_pyramid_fill(grid, spsi_cell_pyramid(grid, 1 + m));
+        if (m < 0 || frame->content->flies[m] > 0) spsi_cell_mips_fill(grid, spsi_cell_mips(grid, 1 + m));
     return SPS_OK;
 }
 
@@ -25142,7 +25186,7 @@ static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *gr
     spsi_cell_light lights[SPSI_CELL_SETS + 1], light;
     memset(lights, 0, sizeof lights);
     for (int i = 0; i < frame->lamps.whole_count && most > 0; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.whole[i];
+        const spsi_light *lamp = &frame->lamps.whole[i];
         const double sum = (double)lamp->color[0] + (double)lamp->color[1] + (double)lamp->color[2];
         double weight = lamp->cone.exists ? lamp->cone.none / 0.3 - 1 : 1;
         if (!lamp->shadows || lamp->projection.exists) continue;
@@ -25153,12 +25197,12 @@ static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *gr
             for (int k = 0; k < 3; ++k) {
                 const double half = 0.5 * grids[n].edge * grids[n].size[k], centre = grids[n].corner[k] + half;
                 light.at[k] = lamp->is_point ? lamp->position[k] : centre - 1e5 * longest * lamp->direction[k];
-                apart += pow(spsi_fmax(fabs(lamp->position[k] - centre) - half, 0), 2);
+                apart += pow(spsi_dmax(fabs(lamp->position[k] - centre) - half, 0), 2);
             }
-            if (lamp->is_point) weight = spsi_fmin(weight, 4 * (sqrt(apart) - lamp->extent.radius) / longest - 1);
-            light.brings = spsi_fmax(light.brings, sum / (lamp->falls_off ? apart + longest * longest : 1));
+            if (lamp->is_point) weight = spsi_dmin(weight, 4 * (sqrt(apart) - lamp->extent.radius) / longest - 1);
+            light.brings = spsi_dmax(light.brings, sum / (lamp->falls_off ? apart + longest * longest : 1));
         }
-        light.weight = (float)spsi_fmin(weight, 1), light.brings *= (double)light.weight;
+        light.weight = (float)spsi_dmin(weight, 1), light.brings *= (double)light.weight;
         for (int k = most; k >= 0 && light.brings > lights[k].brings; --k) {
             if (k < most) lights[k + 1] = lights[k];
             lights[k] = light;
@@ -25167,7 +25211,7 @@ static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *gr
     for (int n = 0; n < count; ++n)
         for (int i = grids[n].light_count = 0; i < most && lights[i].brings > lights[most].brings; ++i) {
             grids[n].lights[grids[n].light_count++] = lights[i];
-            grids[n].lights[i].weight *= (float)spsi_fmin(2 - 2 * lights[most].brings / lights[i].brings, 1);
+            grids[n].lights[i].weight *= (float)spsi_dmin(2 - 2 * lights[most].brings / lights[i].brings, 1);
         }
 }
 
@@ -25205,26 +25249,26 @@ SPSI_COLD void spsi_cells_share_scale(spsi_cell_grid *grids, int count) {
 
 /* Makes the light in all cells. What glows in one grid must know the gas in all others: these are filled beforehand. */
 SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                     const spsi_groups *groups, const spsi_part_of_call *part, spsi_cell_grid *grids,
+                                     const spsi_groups *groups, const spsi_call_stage *part, spsi_cell_grid *grids,
                                      int count, spsi_flights *flights) {
     const int flies = spsi_cells_fly(frame);
-    spsi_part_of_call third = *part;
-    spsi_glow glow = {0, 0, 0};
+    spsi_call_stage third = *part;
+    spsi_emission_sums glow = {0, 0, 0};
     spsi_cell_job *job;
     memset(flights, 0, SPSI_FLIGHT_TREES * sizeof *flights);
     third.share /= 3 * count;
     for (int n = 0; n < count && count > 1 && flies; ++n) {
         if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
-        spsi_glow_add(job, &glow);
+        spsi_emission_add(job, &glow);
     }
     for (int n = 0; n < count; ++n) {
         if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
-        if (count == 1 && flies) spsi_glow_add(job, &glow);
+        if (count == 1 && flies) spsi_emission_add(job, &glow);
         if (n == 0) { /* what flies; beyond depths of 20/3, nodes are 10 % too dark and cells 20 % too bright */
-            const double sum = glow.sum > 0 ? glow.sum : 1, alone = log(spsi_fmax(glow.parts / sum, 1) / 32) / log(4);
-            const double bare = glow.sum > 0 ? spsi_fmin(spsi_fmax(1.5 - glow.depth / sum / 8, 2.0 / 3), 1) : 0;
-            flights->to_cells = (float)(frame->matter.scatters ? spsi_fmax(0, spsi_fmin(alone, 1)) : bare);
-            flights->to_polygons = (float)spsi_fmax((double)flights->to_cells, bare);
+            const double sum = glow.sum > 0 ? glow.sum : 1, alone = log(spsi_dmax(glow.parts / sum, 1) / 32) / log(4);
+            const double bare = glow.sum > 0 ? spsi_dmin(spsi_dmax(1.5 - glow.depth / sum / 8, 2.0 / 3), 1) : 0;
+            flights->to_cells = (float)(frame->matter.scatters ? spsi_dmax(0, spsi_dmin(alone, 1)) : bare);
+            flights->to_polygons = (float)spsi_dmax((double)flights->to_cells, bare);
         }
         for (size_t i = 0; i < (size_t)grids[n].channels * grids[n].count && flies; ++i)
             job->emitted[i] *= 1 - flights->to_cells;
@@ -25250,7 +25294,7 @@ SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *fra
 
 /* Finds the light in the cells, unless it is held from the last call, and what the eye sees of it. */
 static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                  const spsi_part_of_call *part) {
+                                  const spsi_call_stage *part) {
     const double start = spsi_clock(context);
     spsi_cell_grid *grids =
         (spsi_cell_grid *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, SPSI_CELL_GRIDS, sizeof *grids);
@@ -25273,11 +25317,11 @@ static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame,
     if (!held) spsi_cells_share_scale(grids, count);
     context->cells_held = key;
     for (int n = 0; n < count; ++n) {
-        spsi_cell_look look = {frame, &grids[n]};
+        spsi_cell_viewer look = {frame, &grids[n]};
         for (int m = 0; m < frame->matter.material_count; ++m)
             grids[n].swept[m] = (1 - flights->to_cells) * (1 - frame->content->flies[m]);
-        spsi_parallel_items(context, grids[n].size[1] * grids[n].size[2], spsi_cells_look_task, &look);
-        spsi_parallel_items(context, grids[n].size[1] * grids[n].size[2], spsi_cells_continue_task, &look);
+        spsi_parallel_items(context, grids[n].size[1] * grids[n].size[2], spsi_cells_viewer_task, &look);
+        spsi_parallel_items(context, grids[n].size[1] * grids[n].size[2], spsi_cells_extrapolate_task, &look);
     }
     frame->content->cells = grids;
     frame->content->cell_grid_count = count;
@@ -25288,12 +25332,12 @@ static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame,
 
 /* The same on the finest levels of all volumes: what gas sends does not depend on how large the eye's pixels are. */
 SPSI_COLD sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                      const spsi_part_of_call *part) {
+                                      const spsi_call_stage *part) {
     spsi_content *content = frame->content;
     const spsi_bounds bounds = content->bounds;
     float levels[SPSI_VOLUMES_MAX];
     memcpy(levels, content->levels, sizeof levels);
-    for (int m = 0; m < frame->medium_count; ++m) content->levels[m] = spsi_lower(levels[m], 0);
+    for (int m = 0; m < frame->medium_count; ++m) content->levels[m] = spsi_fmin(levels[m], 0);
     (void)spsi_cells_find(context, frame, faces, part);
     if (memcmp(content->levels, levels, sizeof levels)) /* lights' own tables of these levels are not the picture's */
         spsi_tmaps_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count);
@@ -25312,7 +25356,7 @@ typedef struct spsi_spread_job {
     spsi_spread *spread;
     int face, fine; /* fine: samples along each side of a texel */
     spsi_sampling sheets;
-    spsi_lamp lamp; /* its centre, without falloff */
+    spsi_light lamp; /* its centre, without falloff */
     spsi_shadow shadow;
     spsi_rays rays; /* through the texels */
     spsi_shader shader;
@@ -25350,11 +25394,11 @@ static void spsi_spread_add_sample(const void *data, const spsi_sample_place *pl
 static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spot *spot, size_t texel, size_t at,
                                  spsi_v filter[3]) {
     const spsi_v one = spsi_set(1);
-    spsi_v lit[SPSI_PARTS];
+    spsi_v lit[SPSI_SUBSLABS];
     for (int c = 0; c < 3; ++c) filter[c] = one;
-    spsi_lit_shares(&job->shader, &job->shadow.depth_map, &spot->pixels, &spot->slab, lit);
+    spsi_lit_fractions(&job->shader, &job->shadow.depth_map, &spot->pixels, &spot->slab, lit);
     if (job->shadow.pane_map_count > 0)
-        spsi_part_filter(&job->shader, &job->shadow, &spot->pixels, &spot->part, filter);
+        spsi_subslab_filter(&job->shader, &job->shadow, &spot->pixels, &spot->part, filter);
     for (int c = 0; c < job->spread->channels; ++c) {
         float *lit_before = job->lit + (size_t)c * job->plane + texel;
         const spsi_v before = spsi_load(lit_before), dark = spsi_set(1e-6f);
@@ -25368,9 +25412,9 @@ static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spo
 
 /* Mean of what a spotlight's cone lets pass over a square of texels, about column x and row y: by quarters along the
    rim, until they are small against cone and texel, so that no light is made or lost however few texels it meets. */
-static double spsi_spread_cone(const spsi_lamp *lamp, const spsi_rays *rays, double x, double y, double size) {
-    const double outer = 2 * asin(spsi_fmin(sqrt(0.5 * lamp->cone.none), 1));
-    const double inner = 2 * asin(spsi_fmin(sqrt(0.5 * spsi_fmax(lamp->cone.none - lamp->cone.rim, 0)), 1));
+static double spsi_spread_cone(const spsi_light *lamp, const spsi_rays *rays, double x, double y, double size) {
+    const double outer = 2 * asin(spsi_dmin(sqrt(0.5 * lamp->cone.none), 1));
+    const double inner = 2 * asin(spsi_dmin(sqrt(0.5 * spsi_dmax(lamp->cone.none - lamp->cone.rim, 0)), 1));
     double ray[3], across[3], angle, reach, sum = 0;
     spsi_ray_direction(rays, x, y, ray);
     spsi_cross(lamp->direction, ray, across);
@@ -25380,7 +25424,7 @@ static double spsi_spread_cone(const spsi_lamp *lamp, const spsi_rays *rays, dou
     if (angle + reach <= inner) return 1;
     if (size < 0.2 && reach < 0.1 * outer) {
         const double share = (lamp->cone.none - 2 * pow(sin(0.5 * angle), 2)) / lamp->cone.rim;
-        return pow(spsi_fmin(spsi_fmax(share, 0), 1), 2);
+        return pow(spsi_dmin(spsi_dmax(share, 0), 1), 2);
     }
     for (int i = 0; i < 4; ++i)
         sum += spsi_spread_cone(lamp, rays, x + (i % 2 - 0.5) * 0.5 * size, y + (i / 2 - 0.5) * 0.5 * size, 0.5 * size);
@@ -25399,13 +25443,13 @@ static void spsi_spread_light_task(void *data, int y) {
             const size_t texel = (size_t)y * (size_t)pitch + (size_t)x, at = (size_t)k * job->plane + texel;
             spsi_incident incident;
             spsi_cell_spot spot;
-            spsi_part middle; /* a texel has one direction: at a sheet's ends, a lamp amid gas may itself be */
+            spsi_subslab middle; /* a texel has one direction: at a sheet's ends, a lamp amid gas may itself be */
             spsi_v filter[3];
             spsi_cell_spot_build(&job->shader, thickness, x, y, job->first + k, &spot);
             middle = spot.part;
             middle.half = spsi_set(0);
             middle.ends[0] = middle.ends[1] = middle.middle;
-            spsi_lamp_at(&job->shader, &job->lamp, &spot.pixels, &middle, spsi_set(0), &incident);
+            spsi_light_at(&job->shader, &job->lamp, &spot.pixels, &middle, spsi_set(0), &incident);
             spsi_spread_polygons(job, &spot, texel, at, filter);
             for (int c = 0; c < job->spread->channels; ++c)
                 spsi_store(job->source + (size_t)c * SPSI_CHUNK * job->plane + at,
@@ -25446,7 +25490,7 @@ static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
 }
 
 /* Carries one channel through the chunk's sheets. */
-static void spsi_spread_carry_task(void *data, int c) {
+static void spsi_spread_propagate_task(void *data, int c) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
     const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
     for (int k = 0; k < job->count; ++k) {
@@ -25520,19 +25564,19 @@ SPSI_COLD sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory)
 }
 
 /* Carries light through a face. */
-SPSI_COLD sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const spsi_call_stage *part) {
     sps_context *context = job->context;
     const spsi_spread *spread = job->spread;
     const int chunks = (spread->sheet_count * job->fine + SPSI_CHUNK - 1) / SPSI_CHUNK;
     if (spsi_spread_face_begin(job, memory)) return context->result;
     for (int chunk = 0; chunk < chunks; ++chunk) {
-        if (spsi_progress(context, spsi_part_done(part, (double)chunk / chunks))) return context->result;
+        if (spsi_progress(context, spsi_call_stage_done(part, (double)chunk / chunks))) return context->result;
         job->first = chunk * (SPSI_CHUNK / job->fine);
-        job->count = spsi_least(SPSI_CHUNK / job->fine, spread->sheet_count - job->first);
+        job->count = spsi_imin(SPSI_CHUNK / job->fine, spread->sheet_count - job->first);
         memset(job->depth, 0, (size_t)(1 + 3 * spread->channels) * SPSI_CHUNK * job->plane * sizeof(float));
         spsi_sampling_chunk(&job->sheets, chunk, spsi_spread_add_sample, job);
         spsi_parallel_items(context, job->light[0].size[1], spsi_spread_light_task, job);
-        spsi_parallel_items(context, spread->channels, spsi_spread_carry_task, job);
+        spsi_parallel_items(context, spread->channels, spsi_spread_propagate_task, job);
     }
     return SPS_OK;
 }
@@ -25541,22 +25585,22 @@ SPSI_COLD sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const
 SPSI_COLD int spsi_spread_sheets_most(int texels) { return 2 * texels; }
 
 /* Aims a light's sheets at the gas. They are as thick as texels in the middle are wide. */
-SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame, const spsi_light *lamp,
                                      spsi_spread *spread) {
     const sps_tmap_settings *range = &spread->map.settings;
-    spsi_lamp coarse = *lamp;
-    spsi_cells_lamp(spsi_most(16, 2 * frame->view.scattering_resolution), NULL, &coarse);
+    spsi_light coarse = *lamp;
+    spsi_cells_map_light(spsi_imax(16, 2 * frame->view.scattering_resolution), NULL, &coarse);
     spread->lamp = lamp;
     spread->channels = frame->channels;
-    if (spsi_lamp_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
+    if (spsi_light_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
     if (spread->map.face_count > 1) { /* twice as many around as across */
-        coarse.map_size = spsi_most(16, coarse.map_size / 2);
-        if (spsi_lamp_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
+        coarse.map_size = spsi_imax(16, coarse.map_size / 2);
+        if (spsi_light_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
     }
     double texel = spsi_pixel_size_at(&spread->map.rays[0], 0.5 * (range->near_depth + range->far_depth));
     spread->sheet_count =
-        (int)spsi_fmin(spsi_fmax(ceil((range->far_depth - range->near_depth) / spsi_fmax(texel, DBL_MIN)), 4),
-                                    spsi_spread_sheets_most(coarse.map_size));
+        (int)spsi_dmin(spsi_dmax(ceil((range->far_depth - range->near_depth) / spsi_dmax(texel, DBL_MIN)), 4),
+                       spsi_spread_sheets_most(coarse.map_size));
     spread->pitch = spsi_cell_pitch(spread->map.rays[0].width);
     spread->plane = (size_t)(spread->pitch * spread->map.face_count * spread->map.rays[0].height);
     return SPS_OK;
@@ -25585,21 +25629,21 @@ SPSI_COLD size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spr
 
 /* Carries the light of all lamps. */
 SPSI_COLD sps_result spsi_spreads_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                       const spsi_spreads *spreads, const spsi_part_of_call *part) {
+                                       const spsi_spreads *spreads, const spsi_call_stage *part) {
     spsi_spread_job *job = (spsi_spread_job *)spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof *job);
     const size_t count = (size_t)spreads->count;
     spsi_shadow *shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, count, sizeof *shadows);
-    spsi_part_of_call each = *part;
+    spsi_call_stage each = *part;
     if (!job || !shadows) return context->result;
     memset(shadows, 0, count * sizeof *shadows);
     for (size_t i = 0; i < count; ++i) shadows[i].lamp = spreads->list[i].lamp;
     if (spsi_depth_maps_build(context, frame, faces, 0, shadows, spreads->count) ||
-        spsi_pane_maps_build(context, frame, faces, shadows, spreads->count))
+        spsi_translucency_maps_build(context, frame, faces, shadows, spreads->count))
         return context->result;
     each.share /= spreads->count;
     for (size_t i = 0; i < count; ++i) {
         spsi_spread *spread = &spreads->list[i];
-        spsi_part_of_call face = each;
+        spsi_call_stage face = each;
         float *memory;
         memset(job, 0, sizeof *job);
         memory =
@@ -25622,7 +25666,7 @@ SPSI_COLD sps_result spsi_spreads_make(sps_context *context, const spsi_frame *f
 
 /* Finds the light that spreads from each lamp which casts shadows, unless it is held from the last call. */
 SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                        const spsi_part_of_call *part, spsi_spreads *spreads) {
+                                        const spsi_call_stage *part, spsi_spreads *spreads) {
     const size_t count = (size_t)frame->lamps.shadow_count;
     const double start = spsi_clock(context);
     const uint64_t key = spsi_scattered_fingerprint(context, frame);
@@ -25660,7 +25704,7 @@ SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *
 SPSI_COLD size_t spsi_spreads_bytes(const spsi_frame *frame) {
     size_t floats = 0, most = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        const int side = spsi_most(16, 2 * frame->view.scattering_resolution);
+        const int side = spsi_imax(16, 2 * frame->view.scattering_resolution);
         spsi_spread_job job;
         spsi_spread spread;
         if (!frame->lamps.list[i].shadows) continue;
@@ -25691,10 +25735,10 @@ typedef struct spsi_region {
     uint64_t *open;            /* per tile, bits: patches whose rays have not all ended */
     int outside;               /* number of tiles without a pixel of the sweep's part of the image */
     float (*polygon_range)[3]; /* per tile: minimum and maximum slab coordinate of its polygons, and minimum depth */
-    spsi_turns turns;          /* of tiles */
+    spsi_task_order turns;     /* of tiles */
 } spsi_region;
 
-#define SPSI_REGION_TILE_BYTES (sizeof(uint64_t) + 3 * sizeof(float) + SPSI_TURN_BYTES)
+#define SPSI_REGION_TILE_BYTES (sizeof(uint64_t) + 3 * sizeof(float) + SPSI_TASK_ORDER_BYTES)
 
 /* Data shared by the tasks of a sweep. A task writes only its own tile's pixels, planes and flags, and its own worker's
    sheets, scratch memory and counters. */
@@ -25724,9 +25768,9 @@ static const float *spsi_tile_depth(const spsi_run *run, int x0, int y0) {
 /* The patches of a tile of the image whose rays have not all ended. */
 static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
     const spsi_shader *shader = &run->shader;
-    return spsi_patches_open(spsi_tile_depth(run, x0, y0), (size_t)shader->pitch,
-                             spsi_least(SPSI_TILE_WIDTH, shader->eye->width - x0),
-                             spsi_least(SPSI_TILE_HEIGHT, shader->eye->height - y0), shader->end_depth);
+    return spsi_patches_unfinished(spsi_tile_depth(run, x0, y0), (size_t)shader->pitch,
+                                   spsi_imin(SPSI_TILE_WIDTH, shader->eye->width - x0),
+                                   spsi_imin(SPSI_TILE_HEIGHT, shader->eye->height - y0), shader->end_depth);
 }
 
 /* Cuts a tile's sections at polygons, where any may lie in the chunk or nearer to the eye, and at the near plane, where
@@ -25752,10 +25796,10 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const int width = run->shader.frame->content->eye.width, height = run->shader.frame->content->eye.height;
     const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
-    const spsi_lamps *lamps = &run->shader.frame->lamps;
+    const spsi_lights *lamps = &run->shader.frame->lamps;
     int points = 1; /* and those of all lights */
     for (int i = 0; i < lamps->count; ++i) points += lamps->list[i].extent.exists ? lamps->list[i].point_count : 1;
-    const int tick_rows = spsi_most(8 * SPSI_TILE_HEIGHT / points, 1); /* a few milliseconds' work */
+    const int tick_rows = spsi_imax(8 * SPSI_TILE_HEIGHT / points, 1); /* a few milliseconds' work */
     uint64_t shaded = 0;
     int touched = 0;
     spsi_tile tile;
@@ -25773,10 +25817,10 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (run->slab_count > 0) touched = spsi_tile_splat(&run->eye, &run->contents, column, row, &tile);
     if (!touched && !polygons) return;
     const spsi_shading shading = {&run->shader, &tile, scratch, touched ? SPSI_CHUNK : 0, run->low, run->high};
-    for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
-        for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y) { /* down: see spsi_plane_light */
+    for (int x = x0; x < spsi_imin(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
+        for (int y = y0; y < spsi_imin(height, y0 + SPSI_TILE_HEIGHT); ++y) { /* down: see spsi_plane_light */
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
-                shaded += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_least(SPSI_LANES, width - x));
+                shaded += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_imin(SPSI_LANES, width - x));
             if ((y + 1) % tick_rows == 0) spsi_task_tick(run->context);
         }
     run->shaded[worker] += shaded;
@@ -25787,19 +25831,20 @@ static void spsi_eye_task(void *data, int index, int worker) {
 
 /* Widens a range of slab coordinates to the layers of a vector of pixels. */
 static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, int width, float *low, float *high) {
-    spsi_ahead ahead;
+    spsi_pending ahead;
     if (!spsi_pixels_layered(shader, p->line.x, p->line.y, width)) return;
-    spsi_ahead_begin(shader, p, width, -SPSI_INFINITY, &ahead);
-    for (int left = spsi_ahead_before(&ahead, SPSI_INFINITY); left; left = spsi_ahead_before(&ahead, SPSI_INFINITY)) {
+    spsi_pending_begin(shader, p, width, -SPSI_INFINITY, &ahead);
+    for (int left = spsi_pending_before(&ahead, SPSI_INFINITY); left;
+         left = spsi_pending_before(&ahead, SPSI_INFINITY)) {
         float slabs[SPSI_LANES];
         spsi_store(slabs, ahead.slab);
         for (int lane = 0; left >> lane; ++lane) {
             if (!(left >> lane & 1)) continue;
             *low = slabs[lane] < *low ? slabs[lane] : *low;
             *high = slabs[lane] > *high ? slabs[lane] : *high;
-            spsi_ahead_pass(shader, lane, &ahead);
+            spsi_pending_pass(shader, lane, &ahead);
         }
-        spsi_ahead_measure(shader, p, &ahead);
+        spsi_pending_measure(shader, p, &ahead);
     }
 }
 
@@ -25809,14 +25854,14 @@ static void spsi_polygon_range_task(void *data, int index) {
     spsi_region *region = &run->region;
     const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
     const int top = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
-    const int x1 = spsi_least(run->shader.frame->content->eye.width, left + SPSI_TILE_WIDTH);
-    const int y1 = spsi_least(run->shader.frame->content->eye.height, top + SPSI_TILE_HEIGHT);
+    const int x1 = spsi_imin(run->shader.frame->content->eye.width, left + SPSI_TILE_WIDTH);
+    const int y1 = spsi_imin(run->shader.frame->content->eye.height, top + SPSI_TILE_HEIGHT);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     const uint32_t *layers = run->shader.visible->layers.first;
     for (int y = top; y < y1 && run->shader.hits; ++y)
         for (int x = left; x < x1; x += SPSI_LANES) {
             float lanes[SPSI_LANES], depths[SPSI_LANES];
-            const int width = spsi_least(SPSI_LANES, x1 - x);
+            const int width = spsi_imin(SPSI_LANES, x1 - x);
             spsi_pixels p;
             spsi_pixels_build(&run->shader, x, y, &p);
             spsi_store(lanes, p.polygon_slab);
@@ -25851,7 +25896,7 @@ SPSI_COLD sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
 }
 
 /* Lays out gas and light of a sweep from back to front. What was measured of all gas stays from the pass before. */
-SPSI_COLD void spsi_run_again(const spsi_frame *frame, size_t pixels, float *memory, spsi_again *again) {
+SPSI_COLD void spsi_run_again(const spsi_frame *frame, size_t pixels, float *memory, spsi_multiple *again) {
     const size_t channels = (size_t)frame->channels;
     again->whole = memory;
     again->gas = again->measures ? memory : memory + pixels;
@@ -25879,14 +25924,14 @@ SPSI_COLD sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     if (!region->open || !memory) return context->result;
     memset(memory, 0, pixels * planes * sizeof(float));
     region->polygon_range = (float(*)[3])(void *)(region->open + tiles);
-    spsi_turns_begin(&region->turns, (int)tiles, region->polygon_range + tiles);
+    spsi_task_order_begin(&region->turns, (int)tiles, region->polygon_range + tiles);
     shader->x_origin = region->x0 * SPSI_TILE_WIDTH;
     shader->y_origin = region->y0 * SPSI_TILE_HEIGHT;
     shader->pitch = region->columns * SPSI_TILE_WIDTH;
     shader->depth = memory;
     for (int c = 0; c < 3; ++c) shader->radiance[c] = memory + pixels * (size_t)(1 + (c < frame->channels ? c : 0));
     shader->distance = frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
-    for (int y = 0; y < region->rows * SPSI_TILE_HEIGHT && spsi_part_count(frame) > 1; ++y)
+    for (int y = 0; y < region->rows * SPSI_TILE_HEIGHT && spsi_subslab_count(frame) > 1; ++y)
         for (int x = 0; x < shader->pitch; ++x) /* other sweeps serve what is outside of this one's part */
             if (shader->x_origin + x < part[0] || shader->x_origin + x >= part[2] || shader->y_origin + y < part[1] ||
                 shader->y_origin + y >= part[3])
@@ -25966,7 +26011,7 @@ SPSI_COLD void spsi_run_polygons(spsi_run *run, float low, float high) {
     else if (run->has_sliced)
         spsi_parallel_items(run->context, run->sliced.planes.tiles_x * run->sliced.planes.tiles_y, spsi_planes_level,
                             &run->sliced.planes);
-    spsi_parallel_turns(run->context, &run->region.turns, spsi_eye_task, run);
+    spsi_parallel_ordered(run->context, &run->region.turns, spsi_eye_task, run);
 }
 
 /* Splats and composites the current chunk. */
@@ -25978,7 +26023,7 @@ SPSI_COLD void spsi_run_chunk(spsi_run *run) {
     run->high = run->low + SPSI_CHUNK;
     spsi_contents_bin_particles(&run->contents);
     if (run->has_sliced) spsi_sliced_advance(context, &run->sliced);
-    spsi_parallel_turns(context, &run->region.turns, spsi_eye_task, run);
+    spsi_parallel_ordered(context, &run->region.turns, spsi_eye_task, run);
 }
 
 /* Adds the workers' counts and the tiles' flags to the statistics. */
@@ -25994,22 +26039,22 @@ SPSI_COLD void spsi_run_count(spsi_run *run) {
         stats->light_fragments += run->sliced.target.counts[i][1];
         stats->light_samples += run->sliced.target.counts[i][2];
     }
-    stats->eye_bound = spsi_higher(stats->eye_bound, spsi_target_spent(&run->eye));
-    if (run->has_sliced) stats->light_bound = spsi_higher(stats->light_bound, spsi_target_spent(&run->sliced.target));
+    stats->eye_bound = spsi_fmax(stats->eye_bound, spsi_target_spent(&run->eye));
+    if (run->has_sliced) stats->light_bound = spsi_fmax(stats->light_bound, spsi_target_spent(&run->sliced.target));
     stats->tiles_finished += (uint64_t)(spsi_region_ended(&run->region) - run->region.outside);
 }
 
-SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
+SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_call_stage *part) {
     sps_context *context = run->context;
     const int held = spsi_holds_gas(context, run->shader.frame), slabs = held ? run->shader.sweep->slabs.count : 0;
     const int chunks = held ? spsi_chunk_count(&run->shader.sweep->slabs) : 0;
     float done = -SPSI_INFINITY;
     context->stats.slabs += (uint64_t)slabs;
     for (int chunk = 0; chunk < chunks; ++chunk) {
-        if (spsi_progress(context, spsi_part_done(part, (double)chunk / chunks))) return context->result;
+        if (spsi_progress(context, spsi_call_stage_done(part, (double)chunk / chunks))) return context->result;
         spsi_contents_advance(&run->contents, chunk);
         if (run->contents.bricks.current == 0 && run->contents.particles.current == 0) {
-            context->stats.slabs_empty += (uint64_t)spsi_least(SPSI_CHUNK, slabs - chunk * SPSI_CHUNK);
+            context->stats.slabs_empty += (uint64_t)spsi_imin(SPSI_CHUNK, slabs - chunk * SPSI_CHUNK);
             continue;
         }
         spsi_run_polygons(run, done, (float)(chunk * SPSI_CHUNK));
@@ -26034,49 +26079,49 @@ SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part
 /* --- the ladders --- */
 
 /* A rung of gas: slabs in voxels, 0: as quality has them. */
-typedef struct spsi_grade {
+typedef struct spsi_preset {
     sps_quality quality;
     double slab_thickness;
     float tolerance;
-} spsi_grade;
+} spsi_preset;
 
-static const spsi_grade spsi_grades[SPSI_GRADES] = {{SPS_QUALITY_DRAFT, 8, 0.1f},  {SPS_QUALITY_DRAFT, 4, 0.1f},
-                                                    {SPS_QUALITY_DRAFT, 0, 0.02f}, {SPS_QUALITY_MEDIUM, 0, 0.02f},
-                                                    {SPS_QUALITY_HIGH, 0, 0.005f}, {SPS_QUALITY_ULTRA, 0.5, 0.001f},
-                                                    {SPS_QUALITY_ULTRA, 0, 0}};
-static const int spsi_point_grades[SPSI_POINT_GRADES] = {4, 16, 64, 256};
-static const int spsi_cell_grades[SPSI_CELL_GRADES] = {24, 48, 96, 192};
+static const spsi_preset spsi_presets[SPSI_PRESETS] = {{SPS_QUALITY_DRAFT, 8, 0.1f},  {SPS_QUALITY_DRAFT, 4, 0.1f},
+                                                       {SPS_QUALITY_DRAFT, 0, 0.02f}, {SPS_QUALITY_MEDIUM, 0, 0.02f},
+                                                       {SPS_QUALITY_HIGH, 0, 0.005f}, {SPS_QUALITY_ULTRA, 0.5, 0.001f},
+                                                       {SPS_QUALITY_ULTRA, 0, 0}};
+static const int spsi_point_presets[SPSI_POINT_PRESETS] = {4, 16, 64, 256};
+static const int spsi_cell_presets[SPSI_CELL_PRESETS] = {24, 48, 96, 192};
 
 /* Classified volumes have no use for thick slabs, nor tolerances: their lowest rungs are one. */
-static spsi_grade spsi_grade_of(const spsi_frame *frame, int rung) {
-    spsi_grade grade = spsi_grades[rung];
+static spsi_preset spsi_preset_of(const spsi_frame *frame, int rung) {
+    spsi_preset grade = spsi_presets[rung];
     if (frame->matter.classifies) grade.slab_thickness = 0, grade.tolerance = 0;
     return grade;
 }
 
 /* Whether a budget chooses the number of a light's points. */
-SPSI_COLD int spsi_lamp_is_open(const spsi_lamp *lamp) { return lamp->extent.exists && lamp->samples == 0; }
+SPSI_COLD int spsi_light_is_open(const spsi_light *lamp) { return lamp->extent.exists && lamp->samples == 0; }
 
-SPSI_COLD int spsi_lamps_are_open(const spsi_frame *frame) {
+SPSI_COLD int spsi_lights_are_open(const spsi_frame *frame) {
     for (int i = 0; i < frame->lamps.count; ++i)
-        if (spsi_lamp_is_open(&frame->lamps.list[i])) return 1;
+        if (spsi_light_is_open(&frame->lamps.list[i])) return 1;
     return 0;
 }
 
 /* Applies a setting to the frame. Lights' choices between sheets and tables are open then. */
 SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
-    const spsi_grade grade = spsi_grade_of(frame, setting->gas);
-    spsi_lamps *lamps = &frame->lamps;
+    const spsi_preset grade = spsi_preset_of(frame, setting->gas);
+    spsi_lights *lamps = &frame->lamps;
     frame->view.quality = grade.quality;
     frame->view.slab_thickness = 0;
     frame->view.tolerance = grade.tolerance;
-    frame->view.scattering_resolution = spsi_cell_grades[setting->cells];
+    frame->view.scattering_resolution = spsi_cell_presets[setting->cells];
     spsi_resolve_quality(frame);
     if (grade.slab_thickness > 0) frame->view.slab_thickness = grade.slab_thickness, frame->accuracy.slab_pixels = 0;
-    frame->accuracy.light_points = spsi_point_grades[setting->points];
+    frame->accuracy.light_points = spsi_point_presets[setting->points];
     for (int i = 0; i < lamps->whole_count; ++i)
-        if (lamps->whole[i].choice != SPSI_CHOICE_CALLER) spsi_lamp_take(&lamps->whole[i], 0, SPSI_CHOICE_OPEN);
-    spsi_lamps_list(lamps, lamps->whole, lamps->whole_count);
+        if (lamps->whole[i].choice != SPSI_CHOICE_CALLER) spsi_light_take(&lamps->whole[i], 0, SPSI_CHOICE_OPEN);
+    spsi_lights_list(lamps, lamps->whole, lamps->whole_count);
     return spsi_resolve_points(context, frame);
 }
 
@@ -26092,10 +26137,10 @@ SPSI_COLD double spsi_covered_pixels(const spsi_frame *frame) {
         spsi_bounds_corner(&frame->content->bounds, corner, point);
         spsi_project(&frame->content->eye, point, q);
         if (frame->content->eye.perspective && !(q[2] > 0)) return (double)region[2] * region[3];
-        for (int k = 0; k < 2; ++k) low[k] = spsi_fmin(low[k], q[k]), high[k] = spsi_fmax(high[k], q[k]);
+        for (int k = 0; k < 2; ++k) low[k] = spsi_dmin(low[k], q[k]), high[k] = spsi_dmax(high[k], q[k]);
     }
     for (int k = 0; k < 2; ++k)
-        area *= spsi_fmax(0, spsi_fmin(high[k] + 0.5, region[k] + region[2 + k]) - spsi_fmax(low[k] - 0.5, region[k]));
+        area *= spsi_dmax(0, spsi_dmin(high[k] + 0.5, region[k] + region[2 + k]) - spsi_dmax(low[k] - 0.5, region[k]));
     return area;
 }
 
@@ -26130,11 +26175,11 @@ SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
 }
 
 /* Whether a light's table is held from an earlier call; `gas` is the fingerprint of the gas. */
-SPSI_COLD int spsi_table_is_held(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp, uint64_t gas) {
+SPSI_COLD int spsi_table_is_held(sps_context *context, const spsi_frame *frame, const spsi_light *lamp, uint64_t gas) {
     const sps_tmap *held = (const sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     sps_tmap map;
     if (!gas || !spsi_has_shadow_table(lamp) || context->shadow_table_count == 0) return 0;
-    if (spsi_lamp_tmap_aim(context, frame, lamp, &map)) return 0;
+    if (spsi_light_tmap_aim(context, frame, lamp, &map)) return 0;
     const uint64_t key = spsi_shadow_table_key(frame, spsi_shadow_table_aim(&map), gas);
     for (int i = 0; i < context->shadow_table_count; ++i)
         if (held[i].key == key) return 1;
@@ -26144,8 +26189,8 @@ SPSI_COLD int spsi_table_is_held(sps_context *context, const spsi_frame *frame, 
 /* Tables and maps, except for those by which cells are lit, which are made with these. */
 SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, uint64_t gas, spsi_work *work) {
     for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
-        const int is_empty = spsi_bounds_empty(spsi_lamp_bounds(frame, lamp)); /* volumes hold nothing */
+        const spsi_light *lamp = &frame->lamps.list[i];
+        const int is_empty = spsi_bounds_empty(spsi_light_bounds(frame, lamp)); /* volumes hold nothing */
         size_t side;
         if (!lamp->has_map || spsi_scatters_fully(frame) || (is_empty && frame->particles.set_count == 0)) continue;
         if (!is_empty && spsi_table_is_held(context, frame, lamp, gas)) {
@@ -26153,7 +26198,7 @@ SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame,
             continue;
         }
         work->units[SPSI_STAGE_LIGHT] +=
-            (double)spsi_lamp_tmap_texels(frame, lamp, &side) * (double)spsi_lamp_tmap_components(frame, lamp);
+            (double)spsi_light_tmap_texels(frame, lamp, &side) * (double)spsi_light_tmap_components(frame, lamp);
     }
 }
 
@@ -26177,7 +26222,7 @@ SPSI_COLD void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) 
     const int shades_gas = frame->matter.scatters && !spsi_bounds_empty(&frame->content->bounds);
     *units += pixels + (double)frame->meshes.triangle_count;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
+        const spsi_light *lamp = &frame->lamps.list[i];
         spsi_depth_map map;
         if (!lamp->shadows) continue;
         *units += pixels * lamp->point_count;
@@ -26196,8 +26241,8 @@ SPSI_COLD void spsi_work_count(sps_context *context, spsi_frame *frame, double v
     spsi_choose_shadows(context, frame);
     spsi_work_add_sweeps(frame, work);
     spsi_work_add_maps(context, frame, gas, work);
-    if (context->fields_held != spsi_fields_wanted(frame) && spsi_fields_wanted(frame))
-        work->units[SPSI_STAGE_FIELDS] = voxels;
+    if (context->fields_held != spsi_pyramids_wanted(frame) && spsi_pyramids_wanted(frame))
+        work->units[SPSI_STAGE_PYRAMIDS] = voxels;
     work->units[SPSI_STAGE_REST] = pixels;
     if (frame->meshes.triangle_count > 0) spsi_work_add_surfaces(frame, work);
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage)
@@ -26205,26 +26250,25 @@ SPSI_COLD void spsi_work_count(sps_context *context, spsi_frame *frame, double v
 }
 
 /* Seconds per unit and worker until the context has its own, by rung of the stage's ladder. */
-static const double spsi_start_rates[SPSI_STAGE_COUNT][SPSI_GRADES] = {
-    {40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9}, {22e-9, 22e-9, 22e-9, 26e-9, 40e-9, 40e-9, 33e-9},
-    {21e-9, 19e-9, 21e-9, 39e-9, 58e-9, 59e-9, 71e-9}, {20e-9, 11e-9, 8.2e-9, 4.4e-9, 3.5e-9, 3.5e-9, 4.7e-9},
-    {2900e-9, 1300e-9, 1200e-9, 2300e-9, 0, 0, 0},     {40e-9, 40e-9, 40e-9, 40e-9, 0, 0, 0},
-    {16e-9, 8.8e-9, 6.4e-9, 6.6e-9, 8.9e-9, 13e-9, 12e-9},
-    {5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9}};
+static const double spsi_start_rates[SPSI_STAGE_COUNT][SPSI_PRESETS] = {
+    {40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9},     {22e-9, 22e-9, 22e-9, 26e-9, 40e-9, 40e-9, 33e-9},
+    {21e-9, 19e-9, 21e-9, 39e-9, 58e-9, 59e-9, 71e-9},     {20e-9, 11e-9, 8.2e-9, 4.4e-9, 3.5e-9, 3.5e-9, 4.7e-9},
+    {2900e-9, 1300e-9, 1200e-9, 2300e-9, 0, 0, 0},         {40e-9, 40e-9, 40e-9, 40e-9, 0, 0, 0},
+    {16e-9, 8.8e-9, 6.4e-9, 6.6e-9, 8.9e-9, 13e-9, 12e-9}, {5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9}};
 
 /* The rung on which a stage stands. */
-SPSI_COLD int spsi_stage_grade(spsi_stage stage, const spsi_setting *setting) {
+SPSI_COLD int spsi_stage_preset(spsi_stage stage, const spsi_setting *setting) {
     return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD ? setting->cells : setting->gas;
 }
 
 /* The rate of a stage: the context's own or, from the nearest rung that has one, in the proportion of start values. */
 SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
     const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
-    const int grade = spsi_stage_grade(stage, setting), cells = stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD;
-    for (int away = 0; away < SPSI_GRADES; ++away) /* of two that are as near, the coarser one */
+    const int grade = spsi_stage_preset(stage, setting), cells = stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD;
+    for (int away = 0; away < SPSI_PRESETS; ++away) /* of two that are as near, the coarser one */
         for (int sign = -1; sign <= 1; sign += 2) {
             const int at = grade + sign * away;
-            if (at < 0 || at >= SPSI_GRADES || !(known[at] > 0)) continue;
+            if (at < 0 || at >= SPSI_PRESETS || !(known[at] > 0)) continue;
             /* that of thick slabs which were splatted says nothing of others */
             if (away == 0 || cells || !context->pace.splats[at]) return known[at] * (start[grade] / start[at]);
         }
@@ -26236,26 +26280,26 @@ SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const s
 /* Twice the worst root mean square error, relative to the mean, in the list of scenes and in a puff of 25 voxels, had
    gas filled the picture; three times for the thickest slabs, in which a lamp's surroundings vary most. The finest
    rungs show what voxels do not resolve, too. */
-static const double spsi_gas_errors[2][SPSI_GRADES] = {{0.4, 0.2, 0.055, 0.02, 0.006, 0.004, 0.0035},
-                                                       {0.14, 0.14, 0.14, 0.07, 0.036, 0.029, 0.028}};
+static const double spsi_gas_errors[2][SPSI_PRESETS] = {{0.4, 0.2, 0.055, 0.02, 0.006, 0.004, 0.0035},
+                                                        {0.14, 0.14, 0.14, 0.07, 0.036, 0.029, 0.028}};
 /* The same of balls that scatter light which has shadows, per optical depth along their diameters. */
-static const double spsi_ball_errors[SPSI_GRADES] = {5, 3.1, 1.7, 0.83, 0.26, 0.26, 0.097};
-static const double spsi_point_errors[SPSI_POINT_GRADES] = {0.31, 0.11, 0.038, 0.014};
-static const double spsi_cell_errors[SPSI_CELL_GRADES] = {0.28, 0.13, 0.065, 0.043};
+static const double spsi_sphere_errors[SPSI_PRESETS] = {5, 3.1, 1.7, 0.83, 0.26, 0.26, 0.097};
+static const double spsi_point_errors[SPSI_POINT_PRESETS] = {0.31, 0.11, 0.038, 0.014};
+static const double spsi_cell_errors[SPSI_CELL_PRESETS] = {0.28, 0.13, 0.065, 0.043};
 
 /* What the points of a light are off by: their number is on a rung, or above one. Below the lowest, error is as their
    distance. */
-SPSI_COLD double spsi_lamp_error(const spsi_lamp *lamp, const spsi_setting *setting) {
+SPSI_COLD double spsi_light_error(const spsi_light *lamp, const spsi_setting *setting) {
     int at = 0;
     if (!lamp->extent.exists || !lamp->shadows) return 0;
-    if (spsi_lamp_is_open(lamp)) return spsi_point_errors[setting->points];
-    while (at + 1 < SPSI_POINT_GRADES && spsi_point_grades[at + 1] <= lamp->samples) ++at;
-    return spsi_point_errors[at] * spsi_fmax(1, sqrt((double)spsi_point_grades[0] / lamp->samples));
+    if (spsi_light_is_open(lamp)) return spsi_point_errors[setting->points];
+    while (at + 1 < SPSI_POINT_PRESETS && spsi_point_presets[at + 1] <= lamp->samples) ++at;
+    return spsi_point_errors[at] * spsi_dmax(1, sqrt((double)spsi_point_presets[0] / lamp->samples));
 }
 
 /* Mean optical depth along the diameters of the particles that scatter light, by the light that each takes: what meets
    its disc, or its depth's share of that. 0 before they are read. */
-SPSI_COLD double spsi_balls_depth(const spsi_frame *frame) {
+SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
     double sum = 0, weights = 0;
     for (int i = 0, n = 0; i < frame->particles.set_count && frame->content->particle_count > 0; ++i) {
         const spsi_particle_set *set = &frame->particles.sets[i];
@@ -26263,8 +26307,8 @@ SPSI_COLD double spsi_balls_depth(const spsi_frame *frame) {
             const sps_particle *ball = &frame->content->particles[n];
             const double radius = (double)ball->radius, depth = spsi_particle_depth(ball, set);
             if (!frame->matter.materials[set->channel].scatters) continue;
-            sum += radius * radius * spsi_fmin(depth, 1) * depth;
-            weights += radius * radius * spsi_fmin(depth, 1);
+            sum += radius * radius * spsi_dmin(depth, 1) * depth;
+            weights += radius * radius * spsi_dmin(depth, 1);
         }
     }
     return weights > 0 ? sum / weights : 0;
@@ -26275,45 +26319,45 @@ SPSI_COLD double spsi_balls_depth(const spsi_frame *frame) {
    depth of particles that scatter light. */
 SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double balls) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
-    const double covered = spsi_fmin(spsi_covered_pixels(frame), pixels);
+    const double covered = spsi_dmin(spsi_covered_pixels(frame), pixels);
     const double shown = covered > 0 ? pixels / covered : frame->meshes.triangle_count > 0 ? 1 : 0;
     const int again = spsi_scatters_fully(frame) || spsi_scatters_aside(frame);
     const double cells = again ? spsi_cell_errors[setting->cells] : 0;
-    const double ball = frame->lamps.shadow_count > 0 ? spsi_ball_errors[setting->gas] * balls : 0;
+    const double ball = frame->lamps.shadow_count > 0 ? spsi_sphere_errors[setting->gas] * balls : 0;
     double gas = 0, points = 0, most = 0; /* depth of a voxel: puffs of 0.5 to 3.2 err 1.1 to 3.2 times the table's */
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         if (!material->table)
-            most = spsi_fmax(most, (double)material->extinction * cbrt(frame->lattices[i].voxel_volume));
+            most = spsi_dmax(most, (double)material->extinction * cbrt(frame->lattices[i].voxel_volume));
     }
     if (frame->matter.material_count > 0)
-        gas = spsi_gas_errors[frame->matter.classifies][setting->gas] * spsi_fmax(1, pow(most / 0.3, 0.55));
+        gas = spsi_gas_errors[frame->matter.classifies][setting->gas] * spsi_dmax(1, pow(most / 0.3, 0.55));
     for (int i = 0; i < frame->lamps.count; ++i)
-        points = spsi_fmax(points, spsi_lamp_error(&frame->lamps.list[i], setting));
+        points = spsi_dmax(points, spsi_light_error(&frame->lamps.list[i], setting));
     return sqrt(points * points + (gas * gas + ball * ball + cells * cells) * shown);
 }
 
 /* --- the choice --- */
 
-enum { SPSI_OFFERS = SPSI_GRADES * SPSI_POINT_GRADES * SPSI_CELL_GRADES };
+enum { SPSI_CANDIDATES = SPSI_PRESETS * SPSI_POINT_PRESETS * SPSI_CELL_PRESETS };
 
 /* What is expected of a setting. */
-typedef struct spsi_offer {
+typedef struct spsi_candidate {
     int exists;   /* rendering would not refuse it */
     int is_known; /* 1: the context has rates of its own for all of its stages */
     int is_held;  /* 1: less is to be done than for others, since something of it is held */
     double seconds, error;
-} spsi_offer;
+} spsi_candidate;
 
-SPSI_COLD spsi_setting spsi_offer_setting(int n) {
-    const spsi_setting setting = {n / (SPSI_POINT_GRADES * SPSI_CELL_GRADES), n / SPSI_CELL_GRADES % SPSI_POINT_GRADES,
-                                  n % SPSI_CELL_GRADES};
+SPSI_COLD spsi_setting spsi_candidate_setting(int n) {
+    const spsi_setting setting = {n / (SPSI_POINT_PRESETS * SPSI_CELL_PRESETS),
+                                  n / SPSI_CELL_PRESETS % SPSI_POINT_PRESETS, n % SPSI_CELL_PRESETS};
     return setting;
 }
 
 /* Whether an offer is better than another: within the budget, by what the budget leaves open; else, the one that is
    nearer to it. */
-SPSI_COLD int spsi_offer_beats(const sps_view *view, const spsi_offer *a, const spsi_offer *b) {
+SPSI_COLD int spsi_candidate_beats(const sps_view *view, const spsi_candidate *a, const spsi_candidate *b) {
     const int timed = view->budget_seconds > 0;
     const double most = timed ? view->budget_seconds : view->budget_error;
     const double bound[2] = {timed ? a->seconds : a->error, timed ? b->seconds : b->error};
@@ -26328,7 +26372,7 @@ SPSI_COLD int spsi_offer_beats(const sps_view *view, const spsi_offer *a, const 
    that of the frame which made it. */
 SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting,
                                      spsi_work *work) {
-    const spsi_pace *pace = &context->pace;
+    const spsi_rates *pace = &context->pace;
     const double cells = spsi_work_cells(frame);
     const int are_held = cells > 0 && context->cells_held != 0 && pace->scattered != 0 &&
                          memcmp(&pace->scattered_by, setting, sizeof *setting) == 0 &&
@@ -26339,30 +26383,30 @@ SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_fram
 }
 
 /* Sets the seconds that are expected of a setting, and whether the rates of all stages are known. */
-static void spsi_offer_time(const sps_context *context, const spsi_work *work, const spsi_setting *setting,
-                            spsi_offer *offer) {
+static void spsi_candidate_time(const sps_context *context, const spsi_work *work, const spsi_setting *setting,
+                                spsi_candidate *offer) {
     offer->is_known = 1;
     for (int n = 0; n < SPSI_STAGE_COUNT; ++n) {
         const spsi_stage stage = (spsi_stage)n;
         if (!(work->units[n] > 0)) continue;
         offer->seconds += work->units[n] * spsi_rate(context, stage, setting);
-        if (stage > SPSI_STAGE_FIELDS) /* fields are alike at most rungs */
-            offer->is_known &= context->pace.rates[n][spsi_stage_grade(stage, setting)] > 0;
+        if (stage > SPSI_STAGE_PYRAMIDS) /* fields are alike at most rungs */
+            offer->is_known &= context->pace.rates[n][spsi_stage_preset(stage, setting)] > 0;
     }
 }
 
 /* Offers of all numbers of cells of the frame's setting, from number `first` on. `work` has all but these. */
-SPSI_COLD void spsi_cell_offers(sps_context *context, spsi_frame *frame, double spent, double balls, spsi_work *work,
-                                int first, spsi_offer *offers) {
+SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, double spent, double balls,
+                                    spsi_work *work, int first, spsi_candidate *offers) {
     const spsi_setting *only = context->pace.only;
-    const int cells = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_CELL_GRADES : 1;
+    const int cells = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_CELL_PRESETS : 1;
     for (int n = 0; n < cells; ++n) {
-        const spsi_setting setting = spsi_offer_setting(first + n);
-        spsi_offer *offer = &offers[first + n];
+        const spsi_setting setting = spsi_candidate_setting(first + n);
+        spsi_candidate *offer = &offers[first + n];
         if (only && n != only->cells) continue;
-        frame->view.scattering_resolution = spsi_cell_grades[n];
+        frame->view.scattering_resolution = spsi_cell_presets[n];
         spsi_work_count_cells(context, frame, &setting, work);
-        spsi_offer_time(context, work, &setting, offer);
+        spsi_candidate_time(context, work, &setting, offer);
         offer->seconds += spent;
         offer->error = spsi_expected_error(frame, &setting, balls);
         offer->exists = offer->seconds < HUGE_VAL;
@@ -26371,14 +26415,14 @@ SPSI_COLD void spsi_cell_offers(sps_context *context, spsi_frame *frame, double 
 }
 
 /* The largest bound of offers one rung below, if `sign` is 1, or the least of those one above, if it is -1. */
-SPSI_COLD double spsi_offer_bound(const double *bounds, int n, int sign) {
-    static const int strides[3] = {SPSI_POINT_GRADES * SPSI_CELL_GRADES, SPSI_CELL_GRADES, 1};
-    static const int sizes[3] = {SPSI_GRADES, SPSI_POINT_GRADES, SPSI_CELL_GRADES};
+SPSI_COLD double spsi_candidate_bound(const double *bounds, int n, int sign) {
+    static const int strides[3] = {SPSI_POINT_PRESETS * SPSI_CELL_PRESETS, SPSI_CELL_PRESETS, 1};
+    static const int sizes[3] = {SPSI_PRESETS, SPSI_POINT_PRESETS, SPSI_CELL_PRESETS};
     double bound = sign > 0 ? 0 : HUGE_VAL;
     for (int k = 0; k < 3; ++k) {
         const int at = n / strides[k] % sizes[k] - sign;
         if (at < 0 || at >= sizes[k]) continue;
-        bound = sign > 0 ? spsi_fmax(bound, bounds[n - strides[k]]) : spsi_fmin(bound, bounds[n + strides[k]]);
+        bound = sign > 0 ? spsi_dmax(bound, bounds[n - strides[k]]) : spsi_dmin(bound, bounds[n + strides[k]]);
     }
     return bound;
 }
@@ -26387,25 +26431,25 @@ SPSI_COLD double spsi_offer_bound(const double *bounds, int n, int sign) {
    two settings, the other's time is bounded by that, and where it knows neither, the coarser one's by the finer
    one's. Start values are of other scenes, in which work was shared out among stages otherwise. Thick slabs that were
    splatted bound nothing, since that may take longer than to gather thinner ones. */
-SPSI_COLD void spsi_offers_order(const spsi_pace *pace, spsi_offer *offers) {
-    double bounds[SPSI_OFFERS];
-    for (int n = 0; n < SPSI_OFFERS; ++n) {
-        spsi_offer *offer = &offers[n];
-        bounds[n] = spsi_offer_bound(bounds, n, 1);
+SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *offers) {
+    double bounds[SPSI_CANDIDATES];
+    for (int n = 0; n < SPSI_CANDIDATES; ++n) {
+        spsi_candidate *offer = &offers[n];
+        bounds[n] = spsi_candidate_bound(bounds, n, 1);
         if (!offer->exists) continue;
-        if (offer->is_known && !pace->splats[spsi_offer_setting(n).gas]) bounds[n] = offer->seconds;
-        if (!offer->is_held) offer->seconds = spsi_fmax(offer->seconds, bounds[n]);
+        if (offer->is_known && !pace->splats[spsi_candidate_setting(n).gas]) bounds[n] = offer->seconds;
+        if (!offer->is_held) offer->seconds = spsi_dmax(offer->seconds, bounds[n]);
     }
-    for (int n = SPSI_OFFERS - 1; n >= 0; --n) {
-        spsi_offer *offer = &offers[n];
-        bounds[n] = spsi_offer_bound(bounds, n, -1);
+    for (int n = SPSI_CANDIDATES - 1; n >= 0; --n) {
+        spsi_candidate *offer = &offers[n];
+        bounds[n] = spsi_candidate_bound(bounds, n, -1);
         if (!offer->exists) continue;
-        if (!offer->is_known) offer->seconds = spsi_fmin(offer->seconds, bounds[n]);
+        if (!offer->is_known) offer->seconds = spsi_dmin(offer->seconds, bounds[n]);
         if (!offer->is_held) bounds[n] = offer->seconds;
     }
 }
 
-SPSI_COLD void spsi_budget_report(const spsi_frame *frame, const spsi_offer *best, const spsi_setting *setting,
+SPSI_COLD void spsi_budget_report(const spsi_frame *frame, const spsi_candidate *best, const spsi_setting *setting,
                                   sps_budget_report *report) {
     const int timed = frame->view.budget_seconds > 0;
     report->is_met = best->exists && (timed ? best->seconds <= frame->view.budget_seconds
@@ -26413,9 +26457,9 @@ SPSI_COLD void spsi_budget_report(const spsi_frame *frame, const spsi_offer *bes
     report->seconds = best->seconds;
     report->error = best->error;
     report->quality = frame->view.quality;
-    report->slab_thickness = spsi_grade_of(frame, setting->gas).slab_thickness;
+    report->slab_thickness = spsi_preset_of(frame, setting->gas).slab_thickness;
     report->tolerance = frame->view.tolerance;
-    report->samples = spsi_lamps_are_open(frame) ? frame->accuracy.light_points : 0;
+    report->samples = spsi_lights_are_open(frame) ? frame->accuracy.light_points : 0;
     report->scattering_resolution =
         spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? frame->view.scattering_resolution : 0;
 }
@@ -26426,26 +26470,26 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
                                         sps_budget_report *report) {
     const spsi_setting *only = context->pace.only;
     const uint64_t gas = spsi_gas_fingerprint(frame);
-    const double balls = spsi_balls_depth(frame);
-    const int points = spsi_lamps_are_open(frame) ? SPSI_POINT_GRADES : 1;
-    spsi_offer offers[SPSI_OFFERS];
+    const double balls = spsi_spheres_depth(frame);
+    const int points = spsi_lights_are_open(frame) ? SPSI_POINT_PRESETS : 1;
+    spsi_candidate offers[SPSI_CANDIDATES];
     spsi_work work;
     spsi_setting setting;
     int best = 0;
     memset(offers, 0, sizeof offers);
-    for (int n = 0; n < SPSI_OFFERS; n += SPSI_CELL_GRADES) {
-        setting = spsi_offer_setting(n);
+    for (int n = 0; n < SPSI_CANDIDATES; n += SPSI_CELL_PRESETS) {
+        setting = spsi_candidate_setting(n);
         if (setting.points >= points) continue;
         if (only && (setting.gas != only->gas || setting.points != only->points)) continue;
         if (spsi_setting_apply(context, frame, &setting)) return context->result;
         spsi_work_count(context, frame, voxels, gas, &work);
-        spsi_cell_offers(context, frame, spsi_fmax(spent, 0), balls, &work, n, offers); /* clocks may jump */
+        spsi_cell_candidates(context, frame, spsi_dmax(spent, 0), balls, &work, n, offers); /* clocks may jump */
     }
-    spsi_offers_order(&context->pace, offers);
-    for (int n = 1; n < SPSI_OFFERS; ++n) /* of those that are alike, the coarsest */
-        if (offers[n].exists && (!offers[best].exists || spsi_offer_beats(&frame->view, &offers[n], &offers[best])))
+    spsi_candidates_order(&context->pace, offers);
+    for (int n = 1; n < SPSI_CANDIDATES; ++n) /* of those that are alike, the coarsest */
+        if (offers[n].exists && (!offers[best].exists || spsi_candidate_beats(&frame->view, &offers[n], &offers[best])))
             best = n;
-    setting = spsi_offer_setting(best);
+    setting = spsi_candidate_setting(best);
     if (spsi_setting_apply(context, frame, &setting)) return context->result;
     spsi_work_count(context, frame, voxels, gas, &work);
     spsi_work_count_cells(context, frame, &setting, &work);
@@ -26477,38 +26521,38 @@ SPSI_COLD sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
 /* --- what the context learns --- */
 
 /* Learns from a frame that had a budget and is finished. */
-SPSI_COLD void spsi_pace_learn(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
     static const spsi_stage makers[] = {SPSI_STAGE_CELLS, SPSI_STAGE_LIGHT, SPSI_STAGE_EYE};
     const sps_stats_report *stats = &context->stats;
     const double total = spsi_clock(context) - context->clock_start;
-    spsi_pace *pace = &context->pace;
+    spsi_rates *pace = &context->pace;
     double seconds[SPSI_STAGE_COUNT] = {0}, sum = 0;
     pace->scattered = pace->counts && context->cells_held ? spsi_scattered_fingerprint(context, frame) : 0;
     pace->scattered_by = pace->setting;
     if (!pace->counts || !(total > 0)) return;
     pace->splats[pace->setting.gas] = /* all volumes, in thick slabs of the eye or of lights */
-        frame->medium_count > 0 && spsi_grade_of(frame, pace->setting.gas).slab_thickness > 0 &&
+        frame->medium_count > 0 && spsi_preset_of(frame, pace->setting.gas).slab_thickness > 0 &&
         ((stats->eye_footprints > 0 && stats->eye_samples == 0) ||
          (stats->light_footprints > 0 && stats->light_samples == 0));
     seconds[SPSI_STAGE_READ] = stats->seconds_gather;
-    seconds[SPSI_STAGE_FIELDS] = pace->seconds_fields;
+    seconds[SPSI_STAGE_PYRAMIDS] = pace->seconds_fields;
     seconds[SPSI_STAGE_SURFACES] =
         stats->seconds_polygons + stats->seconds_textures + stats->seconds_tree + stats->seconds_shadow_rays;
     seconds[SPSI_STAGE_LIGHT] = stats->seconds_light;
     seconds[stats->cells > 0 ? SPSI_STAGE_CELLS : SPSI_STAGE_HELD] = stats->seconds_cells;
     seconds[SPSI_STAGE_EYE] = stats->seconds_eye + stats->seconds_bin;
     for (int i = 0; i < 3; ++i) { /* fields were made in the time of one of these */
-        if (seconds[makers[i]] < seconds[SPSI_STAGE_FIELDS]) continue;
-        seconds[makers[i]] -= seconds[SPSI_STAGE_FIELDS];
+        if (seconds[makers[i]] < seconds[SPSI_STAGE_PYRAMIDS]) continue;
+        seconds[makers[i]] -= seconds[SPSI_STAGE_PYRAMIDS];
         break;
     }
     for (int stage = 0; stage < SPSI_STAGE_REST; ++stage) sum += seconds[stage];
-    seconds[SPSI_STAGE_REST] = spsi_fmax(total - sum, 0);
+    seconds[SPSI_STAGE_REST] = spsi_dmax(total - sum, 0);
     pace->work.units[SPSI_STAGE_READ] =
         spsi_fixed_units[SPSI_STAGE_READ] + (double)(stats->voxels_read + stats->particles);
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage) {
         const double units = pace->work.units[stage];
-        double *rate = &pace->rates[stage][spsi_stage_grade((spsi_stage)stage, &pace->setting)];
+        double *rate = &pace->rates[stage][spsi_stage_preset((spsi_stage)stage, &pace->setting)];
         if (units > 0 && seconds[stage] > 0) *rate = seconds[stage] / units;
     }
 }
@@ -26575,7 +26619,7 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float c
     for (int c = 0; c < 3 && shader->sweep->first; ++c) pixel[c] = pixel[c] * (1 - covered) * (behind ? behind[c] : 1);
     for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
     for (int c = 0; c < 3 && shader->again.gas; ++c) pixel[c] = spsi_flush(pixel[c] + shader->again.radiance[c][at]);
-    for (int c = 0; c < 3 && spsi_scatters_again(shader->frame); ++c) pixel[c] = spsi_higher(pixel[c], 0);
+    for (int c = 0; c < 3 && spsi_scatters_multiply(shader->frame); ++c) pixel[c] = spsi_fmax(pixel[c], 0);
     if (!shader->sweep->first) return;
     pixel[3] = covered;
     if (behind) pixel[3] = spsi_flush(1 - (1 - covered) * (behind[0] + behind[1] + behind[2]) / 3);
@@ -26590,13 +26634,13 @@ static void spsi_sum_task(void *data, int index) {
     const spsi_shader *shader = &run->shader;
     const spsi_frame *frame = shader->frame;
     const int *region = frame->view.region, *part = shader->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
-    const int x1 = spsi_least(part[2], region[0] + region[2]);
-    const int y1 = spsi_least(part[3], spsi_least(region[1] + region[3], top + SPSI_SUM_ROWS));
-    for (int y = spsi_most(part[1], top); y < y1; ++y)
-        for (int x = spsi_most(part[0], region[0]); x < x1; x += SPSI_LANES) {
+    const int x1 = spsi_imin(part[2], region[0] + region[2]);
+    const int y1 = spsi_imin(part[3], spsi_imin(region[1] + region[3], top + SPSI_SUM_ROWS));
+    for (int y = spsi_imax(part[1], top); y < y1; ++y)
+        for (int x = spsi_imax(part[0], region[0]); x < x1; x += SPSI_LANES) {
             const size_t pixel = (size_t)(y - region[1]) * (size_t)region[2] + (size_t)(x - region[0]);
             const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
-            const int count = spsi_least(SPSI_LANES, x1 - x);
+            const int count = spsi_imin(SPSI_LANES, x1 - x);
             float covered[SPSI_LANES];
             spsi_store(covered, spsi_coverage(spsi_load_first(shader->depth + at, count)));
             for (int i = 0; i < count; ++i)
@@ -26626,7 +26670,7 @@ SPSI_COLD void spsi_eye_reference(const spsi_frame *frame) {
     if (spsi_bounds_empty(&all)) return;
     spsi_bounds_centre(&all, centre);
     spsi_project(&frame->content->eye, centre, q);
-    frame->content->eye.depth_reference = frame->content->eye.perspective ? spsi_fmax(q[2], 0) : q[2];
+    frame->content->eye.depth_reference = frame->content->eye.perspective ? spsi_dmax(q[2], 0) : q[2];
 }
 
 /* Finds what the eye sees of polygons. */
@@ -26660,7 +26704,7 @@ typedef struct spsi_picture {
 
 /* Runs one sweep whose depth maps and transmittance maps are ready, from set-up to total; or measures its gas. */
 SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
-                                     int measures, spsi_run *run, const spsi_part_of_call *part) {
+                                     int measures, spsi_run *run, const spsi_call_stage *part) {
     const double start = spsi_clock(context);
     memset(run, 0, sizeof *run);
     run->shadows = picture->shadows;
@@ -26681,9 +26725,9 @@ SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *p
 }
 
 /* Reserves the workers' counters, and what shadow rays find: `shares` per place for all lights. */
-static uint64_t *spsi_sight_reserve(sps_context *context, size_t places, int shares) {
+static uint64_t *spsi_visibility_reserve(sps_context *context, size_t places, int shares) {
     size_t bytes = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
-    spsi_bytes_add(&bytes, places, (size_t)spsi_most(1, shares) * sizeof(float));
+    spsi_bytes_add(&bytes, places, (size_t)spsi_imax(1, shares) * sizeof(float));
     return (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, bytes);
 }
 
@@ -26692,7 +26736,7 @@ static uint64_t *spsi_sight_reserve(sps_context *context, size_t places, int sha
 SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
-    const size_t places = spsi_place_count(frame, &picture->visible);
+    const size_t places = spsi_shading_point_count(frame, &picture->visible);
     int shares = 0;
     spsi_shadow *shadow = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *shadow);
     if (!shadow) return context->result;
@@ -26700,7 +26744,7 @@ SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *
     picture->shadows = shadow;
     picture->shadow_count = count;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
+        const spsi_light *lamp = &frame->lamps.list[i];
         if (!(lamp->sliced ? lamp == sweep->lamp : sweep->first && lamp->shadows)) continue;
         shadow->lamp = lamp;
         shadow->soft = sweep->soft && lamp == sweep->lamp;
@@ -26710,26 +26754,26 @@ SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *
     }
     if (!picture->visible.hits || count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i)
-        shares += spsi_sight_floats(frame, picture->shadows[i].lamp, picture->shadows[i].soft);
-    uint64_t *rays = spsi_sight_reserve(context, places, shares);
+        shares += spsi_visibility_floats(frame, picture->shadows[i].lamp, picture->shadows[i].soft);
+    uint64_t *rays = spsi_visibility_reserve(context, places, shares);
     if (!rays) return context->result;
     float *lit = (float *)(void *)(rays + spsi_worker_count(context));
     for (shadow = picture->shadows; shadow < picture->shadows + count; ++shadow) {
         unsigned char *open = (unsigned char *)(lit + places * (size_t)spsi_lit_channels(frame, shadow->lamp));
         if (!shadow->soft) open = NULL;
-        spsi_sight(context, frame, &picture->faces, &picture->visible, shadow->lamp, rays, lit, open);
+        spsi_visibility(context, frame, &picture->faces, &picture->visible, shadow->lamp, rays, lit, open);
         shadow->lit = lit;
         shadow->open = open;
-        lit += places * (size_t)spsi_sight_floats(frame, shadow->lamp, shadow->soft);
+        lit += places * (size_t)spsi_visibility_floats(frame, shadow->lamp, shadow->soft);
     }
     return SPS_OK;
 }
 
 /* Renders the region's pixels in a part of the image, whose shadows are ready. */
 SPSI_COLD sps_result spsi_render_part(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
-                                      spsi_run *run, const spsi_part_of_call *part) {
-    spsi_part_of_call half = *part;
-    if (!spsi_part_meets(sweep->part, picture->frame->view.region)) return SPS_OK;
+                                      spsi_run *run, const spsi_call_stage *part) {
+    spsi_call_stage half = *part;
+    if (!spsi_subslab_meets(sweep->part, picture->frame->view.region)) return SPS_OK;
     if (spsi_sweep_measures(picture->frame, sweep)) {
         half.share *= 0.5;
         if (spsi_sweep_once(context, picture, sweep, 1, run, &half)) return context->result;
@@ -26740,10 +26784,10 @@ SPSI_COLD sps_result spsi_render_part(sps_context *context, const spsi_picture *
 
 SPSI_COLD sps_result spsi_render_sweep(sps_context *context, spsi_picture *picture, spsi_run *run, int n) {
     const spsi_frame *frame = picture->frame;
-    const int parts = spsi_part_count(frame);
+    const int parts = spsi_subslab_count(frame);
     const double begin =
         SPSI_PROGRESS_GATHER + (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_PROGRESS_CELLS : 0);
-    spsi_part_of_call part = {0, (1 - begin) / spsi_sweep_count(frame)};
+    spsi_call_stage part = {0, (1 - begin) / spsi_sweep_count(frame)};
     spsi_sweep sweep;
     part.progress = begin + n * part.share;
     if (spsi_sweep_build(context, frame, n, 0, &sweep) || spsi_shadows_begin(context, &sweep, n, picture))
@@ -26751,7 +26795,7 @@ SPSI_COLD sps_result spsi_render_sweep(sps_context *context, spsi_picture *pictu
     double start = spsi_clock(context);
     if (spsi_depth_maps_build(context, frame, &picture->faces, spsi_depth_map_texel(frame), picture->shadows,
                               picture->shadow_count) ||
-        spsi_pane_maps_build(context, frame, &picture->faces, picture->shadows, picture->shadow_count))
+        spsi_translucency_maps_build(context, frame, &picture->faces, picture->shadows, picture->shadow_count))
         return context->result;
     context->stats.seconds_polygons += spsi_clock(context) - start;
     start = spsi_clock(context);
@@ -26767,7 +26811,7 @@ SPSI_COLD sps_result spsi_render_sweep(sps_context *context, spsi_picture *pictu
 
 SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
     const double start = spsi_clock(context);
-    const spsi_part_of_call cells = {SPSI_PROGRESS_GATHER, SPSI_PROGRESS_CELLS};
+    const spsi_call_stage cells = {SPSI_PROGRESS_GATHER, SPSI_PROGRESS_CELLS};
     spsi_picture picture;
     spsi_sweep sweep;
     memset(&picture, 0, sizeof picture);
@@ -26776,7 +26820,7 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
     if (spsi_gather_images(context, frame) || spsi_gather_faces(context, frame, &picture.faces)) return context->result;
     if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
     if (spsi_has_budget(&frame->view) && spsi_budget_take(context, frame)) return context->result;
-    if (spsi_fields_place(context, frame)) return context->result;
+    if (spsi_pyramids_place(context, frame)) return context->result;
     spsi_levels_choose(frame);
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame))
@@ -26806,7 +26850,7 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
         if (spsi_render_sweep(context, &picture, run, n)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
     spsi_write_image(frame, picture.total, image);
-    spsi_pace_learn(context, frame);
+    spsi_rates_learn(context, frame);
     return SPS_OK;
 }
 
@@ -26867,24 +26911,24 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
 
 /* Places fields by which filling is judged: of what is held, or of all that will be read: as if its bricks lay side by
    side or, if that is less, each apart from the others. */
-SPSI_COLD sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
-    if (!spsi_fields_wanted(frame)) return SPS_OK;
-    if (reading->held) return spsi_fields_place(context, frame);
+SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
+    if (!spsi_pyramids_wanted(frame)) return SPS_OK;
+    if (reading->held) return spsi_pyramids_place(context, frame);
     context->fields_held = 0; /* they are not what is held */
-    spsi_fields *fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
+    spsi_pyramid *fields = (spsi_pyramid *)spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
     fields->taps = spsi_taps_wanted(frame);
     memset(fields->list, 0, sizeof fields->list);
     for (int m = 0; m < frame->medium_count; ++m) {
-        spsi_voxel_field *field = &fields->list[m];
+        spsi_pyramid_level *field = &fields->list[m];
         const double bricks = (double)reading->bricks_of[m], most = pow(SPSI_BRICK + fields->taps, 3);
         double volume = 1;
-        spsi_field_whole(&frame->media[m], field);
+        spsi_pyramid_whole(&frame->media[m], field);
         for (int k = 0; k < 3; ++k) volume *= frame->media[m].given.size[k] + fields->taps;
         spsi_levels_place(fields, m);
-        field->count = spsi_field_cells(field) <= spsi_field_cells_most(frame, (size_t)reading->bricks_of[m]);
-        field->volume = spsi_fmin(volume, most * bricks);
+        field->count = spsi_pyramid_cells(field) <= spsi_pyramid_cells_most(frame, (size_t)reading->bricks_of[m]);
+        field->volume = spsi_dmin(volume, most * bricks);
         field->voxels = (double)reading->voxels_of[m];
     }
     return SPS_OK;
@@ -26906,18 +26950,18 @@ SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *fr
         spsi_reserve(context, SPSI_BUFFER_BRICKS, (size_t)reading->bricks + 2, 3 * sizeof(spsi_brick));
     }
     for (int i = 0; i < frame->medium_count; ++i)
-        at_once = spsi_most(at_once, spsi_blocks_at_once(context, &frame->media[i]));
+        at_once = spsi_imax(at_once, spsi_blocks_at_once(context, &frame->media[i]));
     spsi_reserve(context, SPSI_BUFFER_BLOCKS, (size_t)at_once, sizeof(spsi_voxels));
     spsi_reserve(context, SPSI_BUFFER_PARTICLES, frame->particles.count, sizeof(sps_particle));
-    if (spsi_fields_wanted(frame)) spsi_fields_count(context, frame, reading->bricks_of);
+    if (spsi_pyramids_wanted(frame)) spsi_pyramids_count(context, frame, reading->bricks_of);
 }
 
 /* Maximum number of texels on the longer side of a sweep's light. Particles have not been read, so the bounds that were
    planned with are not those of the render. */
 SPSI_COLD size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sweep) {
-    const int planned = spsi_most(sweep->rays.width, sweep->rays.height);
+    const int planned = spsi_imax(sweep->rays.width, sweep->rays.height);
     if (frame->particles.set_count == 0) return (size_t)planned;
-    return (size_t)spsi_most(2, frame->view.shadow_resolution > 0 ? frame->view.shadow_resolution
+    return (size_t)spsi_imax(2, frame->view.shadow_resolution > 0 ? frame->view.shadow_resolution
                                                                   : spsi_light_texels_most(frame));
 }
 
@@ -26961,7 +27005,7 @@ SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_f
 /* --- the choice between sheets and tables --- */
 
 /* Whether slabs about the camera's axis serve a directional light, wherever the gas is. */
-SPSI_COLD int spsi_axis_serves(const spsi_frame *frame, const spsi_lamp *lamp) {
+SPSI_COLD int spsi_axis_serves(const spsi_frame *frame, const spsi_light *lamp) {
     double axis[3], toward[3];
     spsi_sweep sweep;
     if (lamp->is_point) return 0;
@@ -26978,23 +27022,23 @@ SPSI_COLD void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
     int open = 0, sliced = 0;
     spsi_choose_shadows(context, frame);
     if (frame->particles.set_count == 0) return;
-    spsi_lamps_list(&frame->lamps, frame->lamps.whole, frame->lamps.whole_count);
+    spsi_lights_list(&frame->lamps, frame->lamps.whole, frame->lamps.whole_count);
     for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_lamp *lamp = &frame->lamps.list[i];
+        spsi_light *lamp = &frame->lamps.list[i];
         const int is_known = lamp->choice == SPSI_CHOICE_CALLER ||
                              ((open + sliced == 0 || lamp->extent.exists) && spsi_axis_serves(frame, lamp));
         if (!is_known || lamp->choice == SPSI_CHOICE_OPEN)
             lamp->choice = is_known ? SPSI_CHOICE_SHEETS : SPSI_CHOICE_OPEN;
         lamp->has_map |= !is_known; /* as well as sheets */
-        if (lamp->extent.exists && lamp->has_map) lamp->tables = spsi_lamp_tables(lamp);
+        if (lamp->extent.exists && lamp->has_map) lamp->tables = spsi_light_tables(lamp);
         open += !is_known;
         sliced += is_known && lamp->sliced;
     }
 }
 
 /* Number of tables that a light of the list has, if it has any. */
-static int spsi_plan_tables(const spsi_frame *frame, const spsi_lamp *lamp) {
-    return frame->lamps.list == frame->lamps.whole ? spsi_most(1, lamp->tables) : 1;
+static int spsi_plan_tables(const spsi_frame *frame, const spsi_light *lamp) {
+    return frame->lamps.list == frame->lamps.whole ? spsi_imax(1, lamp->tables) : 1;
 }
 
 /* Number of lights that have sheets, or may. */
@@ -27012,12 +27056,12 @@ SPSI_COLD int spsi_plan_sweep_count(const spsi_frame *frame) {
     int parts = 0, part[4], sheets = 0;
     for (int i = 0; i < frame->lamps.count; ++i)
         sheets |= frame->lamps.list[i].sliced && frame->lamps.list[i].choice != SPSI_CHOICE_OPEN;
-    for (int n = 0; n < spsi_part_count(frame); ++n) {
-        spsi_part_place(frame, n, part);
-        parts += spsi_part_meets(part, frame->view.region);
+    for (int n = 0; n < spsi_subslab_count(frame); ++n) {
+        spsi_subslab_place(frame, n, part);
+        parts += spsi_subslab_meets(part, frame->view.region);
     }
     if (frame->particles.set_count > 0 && !sheets) parts = spsi_eye_is_wide(frame) ? 4 : 1;
-    return spsi_most(parts, sliced);
+    return spsi_imax(parts, sliced);
 }
 
 /* Number of lights whose shadows the n-th sweep carries, at most. */
@@ -27055,7 +27099,7 @@ SPSI_COLD void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays,
         count += spsi_gathers(target.verdicts[i]);
     }
     if (first && (!again || count > *gathered)) *why = first;
-    *gathered = spsi_most(*gathered, count);
+    *gathered = spsi_imax(*gathered, count);
 }
 
 /* Aims at the samples of cells about all gas, or at those of the first light that spreads. Returns 0 if there is
@@ -27085,7 +27129,7 @@ SPSI_COLD sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_fram
     square.width = square.height = (int)side;
     run->shader.frame = frame;
     run->shader.sweep = sweep;
-    run->shader.shadow_count = spsi_most(1, spsi_plan_shadow_count(frame, n));
+    run->shader.shadow_count = spsi_imax(1, spsi_plan_shadow_count(frame, n));
     context->counts_only = 1;
     spsi_run_region(context, run);
     spsi_run_scratch(context, run);
@@ -27094,26 +27138,26 @@ SPSI_COLD sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_fram
     spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)run->shader.shadow_count, sizeof(spsi_shadow));
     spsi_reserve(context, SPSI_BUFFER_SHEETS, (size_t)spsi_worker_count(context),
                  spsi_sheet_tiles(frame) * spsi_shape_floats(&shape) * sizeof(float) + 7 * sizeof(uint64_t));
-    if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_EYE_BALLS, eye, particles, &lists);
+    if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_EYE_SPHERES, eye, particles, &lists);
     if (spsi_may_interpolate(frame))
         spsi_reserve(context, SPSI_BUFFER_EYE_SPENT, 1, spsi_spent_bytes(eye) + spsi_spent_bytes(&square));
     spsi_plan_take(context, report, SPS_PASS_EYE_SHEETS);
     if (sweep->lamp) {
         spsi_reserve(context, SPSI_BUFFER_PLANES, side * side + spsi_list_starts(&square), SPSI_PLANES_TEXEL_BYTES);
-        if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_LIGHT_BALLS, &square, particles, &lists);
+        if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_LIGHT_SPHERES, &square, particles, &lists);
         spsi_plan_take(context, report, SPS_PASS_LIGHT_SHEETS);
     }
     context->counts_only = 0;
-    report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
+    report->slab_count = spsi_imax(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
     spsi_plan_filling(frame, eye, &sweep->slabs, SPSI_TARGET_EYE, !sweep->first, &report->eye_gathered,
                       &report->eye_filling);
     if (!sweep->lamp) return SPS_OK;
     if (sweep->lamp->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report)) return context->result;
     spsi_plan_filling(frame, &sweep->rays, &sweep->slabs, SPSI_TARGET_SHEETS, !sweep->first, &report->light_gathered,
                       &report->light_filling);
-    report->shadow_width = spsi_most(report->shadow_width, frame->particles.set_count ? (int)side : sweep->rays.width);
+    report->shadow_width = spsi_imax(report->shadow_width, frame->particles.set_count ? (int)side : sweep->rays.width);
     report->shadow_height =
-        spsi_most(report->shadow_height, frame->particles.set_count ? (int)side : sweep->rays.height);
+        spsi_imax(report->shadow_height, frame->particles.set_count ? (int)side : sweep->rays.height);
     return SPS_OK;
 }
 
@@ -27155,10 +27199,10 @@ SPSI_COLD void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_p
     int maps = 0, extended = 0;
     report->light_points = frame->lamps.count > 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
+        const spsi_light *lamp = &frame->lamps.list[i];
         if (lamp->has_map) maps += spsi_plan_tables(frame, lamp);
         extended |= lamp->extent.exists && lamp->shadows;
-        report->light_points = spsi_most(report->light_points, lamp->point_count);
+        report->light_points = spsi_imax(report->light_points, lamp->point_count);
     }
     spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, spsi_plan_sliced_count(frame), "volumes or particles cast shadows",
                    !shade                      ? nothing
@@ -27271,17 +27315,17 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
     if (spsi_needs_tree(frame)) spsi_faces_tree(context, &faces);
     spsi_plan_take(context, report, SPS_PASS_TRIANGLE_TREE);
     for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
-        shares += spsi_plan_tables(frame, lamp) * spsi_sight_floats(frame, lamp, lamp->extent.exists) - 1;
+        const spsi_light *lamp = &frame->lamps.list[i];
+        shares += spsi_plan_tables(frame, lamp) * spsi_visibility_floats(frame, lamp, lamp->extent.exists) - 1;
         lights += (size_t)spsi_plan_tables(frame, lamp) - 1;
     }
-    if (spsi_scatters_fully(frame)) lights = (size_t)spsi_most((int)lights, frame->lamps.shadow_count); /* of cells */
+    if (spsi_scatters_fully(frame)) lights = (size_t)spsi_imax((int)lights, frame->lamps.shadow_count); /* of cells */
     if (frame->lamps.shadow_count == 0) return;
     if (frame->matter.scatters)
         spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, lights,
                      spsi_depth_map_floats_most((size_t)spsi_depth_map_size(frame)) * sizeof(float));
     spsi_plan_take(context, report, SPS_PASS_LIGHT_POLYGONS);
-    spsi_sight_reserve(context, pixels, shares);
+    spsi_visibility_reserve(context, pixels, shares);
     spsi_plan_take(context, report, SPS_PASS_SHADOW_RAYS);
 }
 
@@ -27307,10 +27351,10 @@ SPSI_COLD void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const sp
 SPSI_COLD void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_report *report) {
     size_t most = 0, prints = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
+        const spsi_light *lamp = &frame->lamps.list[i];
         size_t held, filling;
         if (!lamp->has_map) continue;
-        spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
+        spsi_light_tmap_bytes(frame, lamp, &held, &filling);
         report->pass[SPS_PASS_LIGHT_MAPS].bytes += (size_t)spsi_plan_tables(frame, lamp) * held;
         if (filling > most) most = filling;
         if (spsi_has_shadow_table(lamp)) prints = (size_t)bricks * sizeof(uint64_t);
@@ -27325,7 +27369,7 @@ SPSI_COLD sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *fr
     spsi_sweep sweep;
     if (!run) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
-        for (int part = 0; part < spsi_part_count(frame); ++part) {
+        for (int part = 0; part < spsi_subslab_count(frame); ++part) {
             if (spsi_sweep_build(context, frame, n, part, &sweep) ||
                 spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, run, report))
                 return context->result;
@@ -27361,7 +27405,7 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
         spsi_budget_choose(context, frame, reads * spsi_rate(context, SPSI_STAGE_READ, &coarsest),
                            reading.held ? (double)context->voxel_count : (double)reading.voxels_kept, &report->budget))
         return context->result;
-    if (spsi_plan_fields(context, frame, &reading)) return context->result;
+    if (spsi_plan_pyramids(context, frame, &reading)) return context->result;
     spsi_levels_choose(frame);
     spsi_plan_choices(context, frame);
     const uint64_t bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
@@ -27419,20 +27463,20 @@ typedef struct spsi_dense {
     double corner[3];     /* in the world */
 } spsi_dense;
 
-typedef struct spsi_between {
+typedef struct spsi_enclosure {
     double low, high;
-} spsi_between;
+} spsi_enclosure;
 
 /* The ray of a pixel, on its way from one translucent face to the next. Without bounds, low and high are equal. */
 typedef struct spsi_walker {
-    spsi_between colors[3];        /* sums over the samples that have ended */
+    spsi_enclosure colors[3];      /* sums over the samples that have ended */
     double coverage, distance_sum; /* likewise: distance weighted by coverage */
     double paths[3], squares[3];   /* sums over the pixel's paths: their radiance, and its square */
-    spsi_between radiance[3];      /* of what lies before `low` */
-    spsi_between scattered[3];     /* by gas there, or emitted: with bounds, where it is not in `radiance` */
+    spsi_enclosure radiance[3];    /* of what lies before `low` */
+    spsi_enclosure scattered[3];   /* by gas there, or emitted: with bounds, where it is not in `radiance` */
     double source[3];              /* radiance of that gas, were it opaque, at most */
     double filter[3];              /* share of each color that passes its polygons */
-    spsi_between gas;              /* optical depth of its gas */
+    spsi_enclosure gas;            /* optical depth of its gas */
     double distance;               /* weighted by what is taken from the ray */
     double low, high;              /* the part of the ray before the next face, in world length */
     double depth;                  /* of the next face: t - depth_reference; where the part begins if there is none */
@@ -27468,23 +27512,23 @@ typedef struct spsi_marcher {
     /* Follows a ray through a step, halved `halvings` times already. Returns 0 if nothing behind it matters. */
     int (*follow)(const struct spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                   spsi_walker *walker);
-    spsi_between (*shade)(const struct spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]);
+    spsi_enclosure (*shade)(const struct spsi_marcher *marcher, const spsi_light *lamp, const double point[3]);
 } spsi_marcher;
 
-SPSI_COLD spsi_between spsi_between_of(double low, double high) {
-    const spsi_between interval = {low, high};
+SPSI_COLD spsi_enclosure spsi_enclosure_of(double low, double high) {
+    const spsi_enclosure interval = {low, high};
     return interval;
 }
 
 /* Adds low..high, neither of them negative. */
-SPSI_COLD void spsi_between_add(spsi_between *sum, double low, double high) {
+SPSI_COLD void spsi_enclosure_add(spsi_enclosure *sum, double low, double high) {
     sum->low += low;
     sum->high += high;
 }
 
 /* exp(-depth). */
-SPSI_COLD spsi_between spsi_between_passes(spsi_between depth) {
-    return spsi_between_of(exp(-depth.high), exp(-depth.low));
+SPSI_COLD spsi_enclosure spsi_enclosure_transmittance(spsi_enclosure depth) {
+    return spsi_enclosure_of(exp(-depth.high), exp(-depth.low));
 }
 
 /* --- the field --- */
@@ -27504,10 +27548,10 @@ static void spsi_gauss_taps(double d, double scale, int count, double *weights, 
 
 /* Computes the weights of the taps around `at` along one axis, and their derivatives. Returns the first tap. */
 static int spsi_field_taps(double at, int size, int *count, double *weights, double *slopes) {
-    const int first = spsi_most(0, (int)ceil(spsi_fmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
-    const int last = spsi_least(size - 1, (int)floor(spsi_fmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
+    const int first = spsi_imax(0, (int)ceil(spsi_dmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
+    const int last = spsi_imin(size - 1, (int)floor(spsi_dmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
     const double reached = erf(SPSI_REFERENCE_REACH / SPSI_SIGMA / sqrt(2.0));
-    *count = spsi_most(0, last - first + 1);
+    *count = spsi_imax(0, last - first + 1);
     spsi_gauss_taps((at - 0.5 - first) / SPSI_SIGMA, 1 / reached, *count, weights, slopes);
     return first;
 }
@@ -27516,7 +27560,7 @@ static int spsi_field_taps(double at, int size, int *count, double *weights, dou
 static int spsi_dense_empty(const spsi_dense *grid, const double at[3], double reach) {
     int index = 0;
     for (int i = 2; i >= 0; --i) {
-        const int brick = (int)floor(spsi_fmin(spsi_fmax(at[i], 0), grid->size[i] - 1)) / SPSI_BRICK;
+        const int brick = (int)floor(spsi_dmin(spsi_dmax(at[i], 0), grid->size[i] - 1)) / SPSI_BRICK;
         if (at[i] < -reach || at[i] > grid->size[i] + reach) return 1;
         index = index * grid->bricks[i] + brick;
     }
@@ -27567,8 +27611,8 @@ typedef struct spsi_ray_chord {
 } spsi_ray_chord;
 
 /* Returns 0 if the ray's line does not meet the ball. */
-static int spsi_ray_chord_in_ball(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
-                                  spsi_ray_chord *chord) {
+static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
+                                    spsi_ray_chord *chord) {
     const double radius = (double)particle->radius;
     double offset[3], square;
     for (int i = 0; i < 3; ++i) offset[i] = (double)particle->position[i] - ray->origin[i];
@@ -27577,10 +27621,10 @@ static int spsi_ray_chord_in_ball(const spsi_ray *ray, const sps_particle *parti
     square = 1 - spsi_dot(offset, offset) / (radius * radius);
     if (!(square > 0)) return 0;
     chord->half = radius * sqrt(square);
-    chord->depth = spsi_fmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX) * sqrt(square);
+    chord->depth = spsi_dmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX) * sqrt(square);
     if (set->soft) chord->depth *= square;
-    chord->at[0] = spsi_fmin(spsi_fmax((ray->low - chord->middle) / chord->half, -1), 1);
-    chord->at[1] = spsi_fmin(spsi_fmax((ray->high - chord->middle) / chord->half, -1), 1);
+    chord->at[0] = spsi_dmin(spsi_dmax((ray->low - chord->middle) / chord->half, -1), 1);
+    chord->at[1] = spsi_dmin(spsi_dmax((ray->high - chord->middle) / chord->half, -1), 1);
     for (int i = 0; i < 2; ++i) chord->at[i] *= set->soft ? (3 - chord->at[i] * chord->at[i]) / 4 : 0.5;
     return 1;
 }
@@ -27596,7 +27640,7 @@ static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *
     while (ray->high > ray->low && (particle = spsi_walk_on(&walk, ray)) >= 0) {
         const spsi_particle_set *set = spsi_set_of(frame, particle);
         spsi_ray_chord chord;
-        if (spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord))
+        if (spsi_ray_chord_in_sphere(ray, &frame->content->particles[particle], set, &chord))
             depths[set - frame->particles.sets] += chord.depth * (chord.at[1] - chord.at[0]);
     }
     for (int i = 0; i < frame->particles.set_count; ++i) sum += depths[i];
@@ -27641,7 +27685,7 @@ static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walk
     spsi_ray ray;
     const double length = spsi_march_ray(eye, x, y, &ray);
     int number;
-    next.low = ray.low = spsi_fmax(ray.low, walker->high);
+    next.low = ray.low = spsi_dmax(ray.low, walker->high);
     next.depth = next.high = HUGE_VAL;
     next.hit.face = -1;
     spsi_walk_begin(&marcher->faces->tree, &walk);
@@ -27653,8 +27697,8 @@ static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walk
 
 /* Share of a light's red, green and blue that polygons let pass to a point on face `own` (-1: on none). Returns 0 if
    they let nothing pass. */
-static int spsi_march_sight(const spsi_faces *faces, const spsi_lamp *lamp, const double point[3], int own,
-                            double passes[3]) {
+static int spsi_march_visibility(const spsi_faces *faces, const spsi_light *lamp, const double point[3], int own,
+                                 double passes[3]) {
     spsi_packet packet;
     spsi_walk walk;
     spsi_ray ray;
@@ -27662,7 +27706,7 @@ static int spsi_march_sight(const spsi_faces *faces, const spsi_lamp *lamp, cons
     passes[0] = passes[1] = passes[2] = 1;
     if (faces->tree.count == 0) return 1;
     memcpy(ray.origin, point, sizeof ray.origin);
-    spsi_toward_lamp(lamp, point, ray.direction);
+    spsi_toward_light(lamp, point, ray.direction);
     spsi_packet_begin(faces, !lamp->is_point, own >= 0, &packet);
     spsi_packet_add(&faces->tree, 0, own, ray.origin, ray.direction, &packet);
     ray.low = 0;
@@ -27680,7 +27724,7 @@ static int spsi_march_sight(const spsi_faces *faces, const spsi_lamp *lamp, cons
 
 /* --- transport --- */
 
-static const spsi_material *spsi_part_material(const spsi_frame *frame, int part) {
+static const spsi_material *spsi_material_of(const spsi_frame *frame, int part) {
     return &frame->matter
                 .materials[part < frame->medium_count ? frame->media[part].channel
                                                       : frame->particles.sets[part - frame->medium_count].channel];
@@ -27690,7 +27734,7 @@ static const spsi_material *spsi_part_material(const spsi_frame *frame, int part
 SPSI_COLD int spsi_march_range(const spsi_marcher *marcher, const spsi_ray *ray, double range[2]) {
     if (marcher->part_count == 0) return 0;
     if (!spsi_ray_meets_box(ray, marcher->bounds.low, marcher->bounds.high, range) || !(range[1] > range[0])) return 0;
-    return (int)spsi_fmin(spsi_fmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
+    return (int)spsi_dmin(spsi_dmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
 }
 
 /* The i-th of `count` steps of a ray's part. */
@@ -27703,9 +27747,9 @@ static spsi_ray spsi_march_part(const spsi_ray *ray, const double range[2], int 
 }
 
 /* The ray from a point to a light. Returns 0 if the light is there. */
-static int spsi_lamp_ray(const spsi_lamp *lamp, const double point[3], spsi_ray *ray) {
+static int spsi_light_ray(const spsi_light *lamp, const double point[3], spsi_ray *ray) {
     memcpy(ray->origin, point, sizeof ray->origin);
-    spsi_toward_lamp(lamp, point, ray->direction);
+    spsi_toward_light(lamp, point, ray->direction);
     ray->low = 0;
     ray->high = lamp->is_point ? spsi_length(ray->direction) : HUGE_VAL;
     return spsi_normalise(ray->direction);
@@ -27723,10 +27767,10 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
 }
 
 /* Optical depth of all gas between a point and a light. */
-static spsi_between spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
+static spsi_enclosure spsi_march_light(const spsi_marcher *marcher, const spsi_light *lamp, const double point[3]) {
     double range[2], depths[SPSI_SETS_MAX], depth;
     spsi_ray ray;
-    if (!spsi_lamp_ray(lamp, point, &ray)) return spsi_between_of(0, 0);
+    if (!spsi_light_ray(lamp, point, &ray)) return spsi_enclosure_of(0, 0);
     depth = spsi_particles_depth(marcher, &ray, depths);
     const int count = marcher->frame->medium_count > 0 ? spsi_march_range(marcher, &ray, range) : 0;
     for (int i = 0; i < count; ++i) {
@@ -27734,13 +27778,13 @@ static spsi_between spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp
         double at[3];
         spsi_along(point, ray.direction, range[0] + (i + 0.5) * h, at);
         for (int m = 0; m < marcher->frame->medium_count; ++m) {
-            const spsi_material *material = spsi_part_material(marcher->frame, m);
+            const spsi_material *material = spsi_material_of(marcher->frame, m);
             float appearance[4];
             if (material->extinguishes)
                 depth += h * spsi_extinction_at(material, spsi_field(&marcher->grids[m], at, NULL), appearance);
         }
     }
-    return spsi_between_of(depth, depth);
+    return spsi_enclosure_of(depth, depth);
 }
 
 /* Fills a sample with a volume's color at a point, and with the normal from the field's gradient. */
@@ -27753,7 +27797,7 @@ static void spsi_march_sample(const spsi_material *material, const float appeara
     if (!material->table || material->shading != SPS_SHADING_SURFACE) return;
     spsi_normalise(n);
     spsi_set3(n, sample->normal);
-    sample->surface = spsi_set((float)spsi_fmin(1, size * (double)(material->voxel_length * material->gradient_scale)));
+    sample->surface = spsi_set((float)spsi_dmin(1, size * (double)(material->voxel_length * material->gradient_scale)));
     sample->has_normal = 1;
 }
 
@@ -27790,7 +27834,7 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
     spsi_to_rays(&frame->content->eye, ray->direction, depth);
     point->pixel = spsi_pixel_size_at(&frame->content->eye, 0.5 * (ray->low + ray->high) * depth[2]);
     for (int m = 0; m < frame->medium_count; ++m) {
-        const spsi_material *material = spsi_part_material(frame, m);
+        const spsi_material *material = spsi_material_of(frame, m);
         const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
         double gradient[3] = {0, 0, 0}, value;
         memset(appearance, 0, sizeof appearance);
@@ -27803,19 +27847,19 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
         const int part = frame->medium_count + i;
         const double extinction = depths[i] / (ray->high - ray->low), none[3] = {0, 0, 0};
         spsi_point_take(point, part, extinction, extinction);
-        spsi_march_sample(spsi_part_material(frame, part), appearance, none, &point->samples[part]);
+        spsi_march_sample(spsi_material_of(frame, part), appearance, none, &point->samples[part]);
     }
 }
 
 /* Number of points by which the reference samples a light at each place. */
-SPSI_COLD int spsi_reference_points(const spsi_lamp *lamp) {
+SPSI_COLD int spsi_reference_points(const spsi_light *lamp) {
     if (!lamp->extent.exists) return 1;
     return lamp->samples > 0 ? lamp->samples : SPSI_REFERENCE_POINTS;
 }
 
 /* The n-th of these points: a low-discrepancy sequence [Roberts 2018, R2] that starts elsewhere at every place, by a
    hash of its bits, so that what the points miss is noise and averages out along a ray. */
-static void spsi_reference_point(const spsi_lamp *lamp, const double place[3], int n, spsi_lamp *point) {
+static void spsi_reference_point(const spsi_light *lamp, const double place[3], int n, spsi_light *point) {
     const uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, place, 3 * sizeof *place);
     const double x = 0.75487766624669276 * (n + 1) + (double)(hash >> 40) / 16777216;
     const double y = 0.56984029099805327 * (n + 1) + (double)(hash >> 16 & 0xffffff) / 16777216;
@@ -27823,9 +27867,9 @@ static void spsi_reference_point(const spsi_lamp *lamp, const double place[3], i
     if (!lamp->extent.exists)
         *point = *lamp;
     else if (lamp->extent.is_disc)
-        spsi_lamp_place(lamp, sqrt(u) * cos(turn), sqrt(u) * sin(turn), point);
+        spsi_light_place(lamp, sqrt(u) * cos(turn), sqrt(u) * sin(turn), point);
     else
-        spsi_lamp_place(lamp, 2 * u - 1, 2 * v - 1, point);
+        spsi_light_place(lamp, 2 * u - 1, 2 * v - 1, point);
 }
 
 /* The mean of 1 / r^2 over a step, computed as the renderer does over a part of a slab, but in double precision. */
@@ -27834,7 +27878,7 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
     spsi_along(point->position, from, -1, offset);
     s = spsi_dot(offset, point->direction);
     spsi_along(offset, point->direction, -s, foot);
-    q = spsi_fmax(spsi_length(foot), spsi_fmax((double)SPSI_LAMP_PIXELS * point->pixel, DBL_MIN));
+    q = spsi_dmax(spsi_length(foot), spsi_dmax((double)SPSI_LIGHT_PIXELS * point->pixel, DBL_MIN));
     x = q * q + (s - point->half) * (s + point->half);
     y = 2 * point->half * q;
     return y < 1e-6 * x ? 1 / x : atan2(y, x) / y;
@@ -27842,16 +27886,16 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
 
 /* Irradiance at a point in gas from one point of a light, past all polygons but through no gas. Returns 0 if there is
    none. */
-static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
+static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *lamp,
                               double travel[3], double arrives[3]) {
     double image[3] = {1, 1, 1}, passes[3] = {1, 1, 1}, irradiance = 1;
-    spsi_lamp_direction(lamp, point->position, travel);
+    spsi_light_direction(lamp, point->position, travel);
     if (lamp->falls_off) irradiance *= spsi_point_inverse_square(point, lamp->position);
     if (lamp->projection.exists) spsi_projection_at(marcher->frame, lamp, point->position, point->pixel, image);
     if (!(image[0] > 0 || image[1] > 0 || image[2] > 0)) return 0;
     irradiance *= spsi_cone_at(&lamp->cone, spsi_versine(lamp, travel));
     if (!(irradiance > 0)) return 0;
-    if (lamp->shadows && !spsi_march_sight(marcher->faces, lamp, point->position, -1, passes)) return 0;
+    if (lamp->shadows && !spsi_march_visibility(marcher->faces, lamp, point->position, -1, passes)) return 0;
     for (int c = 0; c < 3; ++c) arrives[c] = irradiance * image[c] * passes[c] * (double)lamp->color[c];
     return 1;
 }
@@ -27875,9 +27919,9 @@ typedef struct spsi_source {
 /* The share of X that is shown at depth t, and the depth at which X is taken for it. */
 SPSI_COLD double spsi_forward_fade(double t, double *taken) {
     const double from = spsi_forward_depth(SPSI_FORWARD_SIZE - 2), end = (double)SPSI_FORWARD_END;
-    *taken = spsi_fmin(t, from);
+    *taken = spsi_dmin(t, from);
     if (!(t < end)) return 0;
-    return spsi_fmin((4 / (t + 4) - 4 / (end + 4)) / (4 / (from + 4) - 4 / (end + 4)), 1); /* 1 - u = 4 / (t + 4) */
+    return spsi_dmin((4 / (t + 4) - 4 / (end + 4)) / (4 / (from + 4) - 4 / (end + 4)), 1); /* 1 - u = 4 / (t + 4) */
 }
 
 /* Light scattered forward more than once, from the series itself, per unit of a sample's optical depth and of
@@ -27903,13 +27947,13 @@ SPSI_COLD void spsi_march_forward(const spsi_material *material, const spsi_samp
 }
 
 /* Adds the radiance per unit of length that all gas at a point scatters from one point of a light. */
-SPSI_COLD void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
-                                   double weight, spsi_source *source) {
+SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *lamp,
+                                    double weight, spsi_source *source) {
     double travel[3], arrives[3], response[3], depth = 0;
     if (!spsi_point_arrival(marcher, point, lamp, travel, arrives)) return;
-    if (lamp->shadows) depth = spsi_march_lamp(marcher, lamp, point->position).low;
+    if (lamp->shadows) depth = spsi_march_light(marcher, lamp, point->position).low;
     for (int m = 0; m < marcher->part_count; ++m) {
-        const spsi_material *material = spsi_part_material(marcher->frame, m);
+        const spsi_material *material = spsi_material_of(marcher->frame, m);
         const double share = point->extinction[m] * weight;
         if (!material->scatters || !(point->extinction[m] > 0)) continue;
         spsi_march_response(material, &point->samples[m], point->direction, travel, response);
@@ -27926,7 +27970,7 @@ SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *
     const spsi_frame *frame = marcher->frame;
     memset(source, 0, sizeof *source);
     for (int m = 0; m < marcher->part_count; ++m) {
-        const spsi_material *material = spsi_part_material(marcher->frame, m);
+        const spsi_material *material = spsi_material_of(marcher->frame, m);
         for (int c = 0; c < 3; ++c) {
             const double albedo = (double)spsi_one(point->samples[m].color[c]);
             if (marcher->settings->samples == 0) /* otherwise paths find it */
@@ -27936,53 +27980,53 @@ SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *
     }
     for (int i = 0; i < frame->lamps.count && point->extinction_sum > 0; ++i)
         for (int n = 0; n < spsi_reference_points(&frame->lamps.list[i]); ++n) {
-            spsi_lamp at;
+            spsi_light at;
             spsi_reference_point(&frame->lamps.list[i], point->position, n, &at);
-            spsi_point_add_lamp(marcher, point, &at, 1.0 / spsi_reference_points(&frame->lamps.list[i]), source);
+            spsi_point_add_light(marcher, point, &at, 1.0 / spsi_reference_points(&frame->lamps.list[i]), source);
         }
 }
 
 /* Irradiance that reaches a surface from all points of a light, per unit of its color. */
-SPSI_COLD void spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lamp, int face,
-                                  const spsi_surface *surface, spsi_between arrives[3]) {
+SPSI_COLD void spsi_march_arrival(const spsi_marcher *marcher, const spsi_light *lamp, int face,
+                                  const spsi_surface *surface, spsi_enclosure arrives[3]) {
     const int count = spsi_reference_points(lamp);
     memset(arrives, 0, 3 * sizeof *arrives);
     for (int n = 0; n < count; ++n) {
-        spsi_lamp at;
+        spsi_light at;
         double irradiance[3], passes[3] = {1, 1, 1};
-        spsi_between through = {1, 1};
+        spsi_enclosure through = {1, 1};
         spsi_reference_point(lamp, surface->point, n, &at);
         if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
-        if (lamp->shadows && !spsi_march_sight(marcher->faces, &at, surface->start, face, passes)) continue;
-        if (lamp->shadows) through = spsi_between_passes(marcher->shade(marcher, &at, surface->point));
+        if (lamp->shadows && !spsi_march_visibility(marcher->faces, &at, surface->start, face, passes)) continue;
+        if (lamp->shadows) through = spsi_enclosure_transmittance(marcher->shade(marcher, &at, surface->point));
         for (int c = 0; c < 3; ++c) {
             const double arrives_all = irradiance[c] * passes[c] / count;
-            spsi_between_add(&arrives[c], arrives_all * through.low, arrives_all * through.high);
+            spsi_enclosure_add(&arrives[c], arrives_all * through.low, arrives_all * through.high);
         }
     }
 }
 
 /* Radiance of the polygon that a ray meets, from all lights and ambient light. */
 SPSI_COLD void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
-                                  spsi_between radiance[3]) {
+                                  spsi_enclosure radiance[3]) {
     const spsi_frame *frame = marcher->frame;
     const double ambient = marcher->settings->samples == 0 ? 1 : 0; /* otherwise paths find it */
     spsi_appearance look;
     spsi_surface surface;
-    spsi_place place = {hit, x, y, {(double)x, (double)y}, 0};
+    spsi_shading_point place = {hit, x, y, {(double)x, (double)y}, 0};
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
     spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
     for (int c = 0; c < 3; ++c) {
         const double own = look.color[c] * ambient * (double)frame->given.ambient[c] + (double)look.emission[c];
-        radiance[c] = spsi_between_of(own, own);
+        radiance[c] = spsi_enclosure_of(own, own);
     }
     for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
-        spsi_between arrives[3];
+        const spsi_light *lamp = &frame->lamps.list[i];
+        spsi_enclosure arrives[3];
         spsi_march_arrival(marcher, lamp, hit->face, &surface, arrives);
         for (int c = 0; c < 3; ++c) {
             const double reflected = look.color[c] / SPSI_PI * (double)lamp->color[c];
-            spsi_between_add(&radiance[c], reflected * arrives[c].low, reflected * arrives[c].high);
+            spsi_enclosure_add(&radiance[c], reflected * arrives[c].low, reflected * arrives[c].high);
         }
     }
 }
@@ -28007,18 +28051,18 @@ static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, in
     const double mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
     point.gas = walker->gas.low + 0.5 * depth;
     spsi_point_source(marcher, &point, &source);
-    spsi_between_add(&walker->gas, depth, depth);
+    spsi_enclosure_add(&walker->gas, depth, depth);
     walker->distance += passes * spsi_color_mean(walker->filter) * -expm1(-depth) * 0.5 * (step->low + step->high);
     for (int c = 0; c < 3; ++c) {
         const double sent = walker->filter[c] * h * (passes * source.once[c] * mean + source.again[c]);
-        spsi_between_add(&walker->radiance[c], sent, sent);
+        spsi_enclosure_add(&walker->radiance[c], sent, sent);
     }
     return 1;
 }
 
 /* Follows a pixel's ray up to its next face and through that. */
 SPSI_COLD void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
-    spsi_between surface[3], passes;
+    spsi_enclosure surface[3], passes;
     double range[2], before;
     spsi_ray ray;
     int count, goes_on = 1;
@@ -28034,12 +28078,12 @@ SPSI_COLD void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sam
     walker->ended = walker->hit.face < 0;
     if (walker->ended) return;
     const spsi_face *face = &marcher->faces->list[walker->hit.face];
-    passes = spsi_between_passes(walker->gas);
+    passes = spsi_enclosure_transmittance(walker->gas);
     before = spsi_color_mean(walker->filter);
     spsi_march_surface(marcher, &walker->hit, x, y, surface);
     for (int c = 0; c < 3; ++c) {
-        spsi_between_add(&walker->radiance[c], walker->filter[c] * passes.low * surface[c].low,
-                         walker->filter[c] * passes.high * surface[c].high);
+        spsi_enclosure_add(&walker->radiance[c], walker->filter[c] * passes.low * surface[c].low,
+                           walker->filter[c] * passes.high * surface[c].high);
         walker->filter[c] *= (double)face->transmittance[c];
     }
     before -= spsi_color_mean(walker->filter);
@@ -28057,7 +28101,7 @@ static void spsi_march_span_task(void *data, int index, int worker) {
     const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
     const int row = marcher->first_row + index / spans, first = index % spans * SPSI_MARCH_SPAN;
     spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
-    for (int x = first; x < spsi_least(region[2], first + SPSI_MARCH_SPAN); ++x)
+    for (int x = first; x < spsi_imin(region[2], first + SPSI_MARCH_SPAN); ++x)
         marcher->pixel(marcher, region[0] + x, region[1] + row, samples,
                        &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x]);
 }
@@ -28068,7 +28112,7 @@ static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher,
     const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
     for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
         if (spsi_progress(context, done + share * marcher->first_row / region[3])) return context->result;
-        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
+        spsi_parallel(context, spsi_imin(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
                       spsi_march_span_task, marcher);
     }
     return SPS_OK;
@@ -28110,13 +28154,14 @@ SPSI_COLD void spsi_march_add(const spsi_marcher *marcher) {
     for (size_t i = 0; i < pixels; ++i) {
         spsi_walker *walker = &marcher->walkers[i];
         const float *behind = marcher->total + i * spsi_total_floats(marcher->frame);
-        const spsi_between passes = spsi_between_passes(walker->gas);
+        const spsi_enclosure passes = spsi_enclosure_transmittance(walker->gas);
         for (int c = 0; c < 3; ++c) {
             const double sky = walker->filter[c] * (double)behind[c];
             const double most = walker->source[c] * -expm1(-walker->gas.high);
-            spsi_between_add(&walker->colors[c], walker->radiance[c].low, walker->radiance[c].high);
-            spsi_between_add(&walker->colors[c], walker->scattered[c].low, spsi_fmin(walker->scattered[c].high, most));
-            spsi_between_add(&walker->colors[c], sky * passes.low, sky * passes.high);
+            spsi_enclosure_add(&walker->colors[c], walker->radiance[c].low, walker->radiance[c].high);
+            spsi_enclosure_add(&walker->colors[c], walker->scattered[c].low,
+                               spsi_dmin(walker->scattered[c].high, most));
+            spsi_enclosure_add(&walker->colors[c], sky * passes.low, sky * passes.high);
         }
         walker->coverage += 1 - spsi_color_mean(walker->filter) * 0.5 * (passes.low + passes.high);
         walker->distance_sum += walker->distance;
@@ -28129,7 +28174,7 @@ static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *imag
     const sps_reference_settings *settings = marcher->settings;
     const size_t width = (size_t)marcher->frame->view.region[2], height = (size_t)marcher->frame->view.region[3];
     const size_t pitch = image->row_pixels ? image->row_pixels : width;
-    const double samples = marcher->side * marcher->side, paths = spsi_most(1, settings->samples);
+    const double samples = marcher->side * marcher->side, paths = spsi_imax(1, settings->samples);
     for (size_t i = 0; i < width * height; ++i) {
         const spsi_walker *walker = &marcher->walkers[i];
         const size_t at = 3 * (i / width * pitch + i % width);
@@ -28138,11 +28183,11 @@ static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *imag
             const double low = walker->colors[c].low / samples, high = walker->colors[c].high / samples;
             const double room = SPSI_MARCH_ROUNDING * (fabs(low) + fabs(high));
             const double mean = walker->paths[c] / paths, square = walker->squares[c] / paths;
-            pixel[c] = (float)spsi_fmin(0.5 * (low + high) + mean, (double)FLT_MAX);
-            if (settings->lower) settings->lower[at + c] = (float)spsi_fmin(low - room, (double)FLT_MAX);
+            pixel[c] = (float)spsi_dmin(0.5 * (low + high) + mean, (double)FLT_MAX);
+            if (settings->lower) settings->lower[at + c] = (float)spsi_dmin(low - room, (double)FLT_MAX);
             if (settings->lower) settings->upper[at + c] = (float)(high + room);
             if (settings->error)
-                settings->error[at + c] = (float)sqrt(spsi_fmax(0, square - mean * mean) / (paths - 1));
+                settings->error[at + c] = (float)sqrt(spsi_dmax(0, square - mean * mean) / (paths - 1));
         }
         pixel[3] = (float)(walker->coverage / samples);
         if (!marcher->frame->wants_depth) continue;
@@ -28213,8 +28258,8 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
                     const int at[3] = {b[0] + n % 3 - 1, b[1] + n / 3 % 3 - 1, b[2] + n / 9 - 1};
                     int brick = 0;
                     for (int k = 2; k >= 0; --k)
-                        brick = brick * grid->bricks[k] + spsi_least(spsi_most(at[k], 0), grid->bricks[k] - 1);
-                    grid->most[brick] = spsi_higher(grid->most[brick], value);
+                        brick = brick * grid->bricks[k] + spsi_imin(spsi_imax(at[k], 0), grid->bricks[k] - 1);
+                    grid->most[brick] = spsi_fmax(grid->most[brick], value);
                 }
             }
     return SPS_OK;
@@ -28283,12 +28328,12 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
     marcher->frame = frame;
     marcher->faces = faces;
     for (int i = 0; i < frame->medium_count; ++i)
-        for (int k = 0; k < 3; ++k) extent = spsi_fmin(extent, spsi_length(frame->media[i].lattice->step[k]));
+        for (int k = 0; k < 3; ++k) extent = spsi_dmin(extent, spsi_length(frame->media[i].lattice->step[k]));
     if (spsi_march_grids(context, frame, marcher) || spsi_gather_faces(context, frame, faces)) return context->result;
     spsi_tell_replaced(context, 0, SPSI_VALUES_REPLACED);
     if (spsi_gather_particles(context, frame) || spsi_gather_images(context, frame)) return context->result;
     if (frame->content->particle_count > 0)
-        extent = spsi_fmin(extent, SPSI_PARTICLE_EDGE * frame->content->particle_radius);
+        extent = spsi_dmin(extent, SPSI_PARTICLE_EDGE * frame->content->particle_radius);
     marcher->step = marcher->settings->step * extent;
     marcher->bounds = frame->content->bounds;
     marcher->part_count = frame->medium_count + frame->particles.set_count;
@@ -28298,7 +28343,7 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
     marcher->walkers = (spsi_walker *)spsi_reserve(context, SPSI_BUFFER_WALKERS, pixels, sizeof *marcher->walkers);
     if (!marcher->samples || !marcher->walkers) return context->result;
     memset(marcher->walkers, 0, pixels * sizeof *marcher->walkers);
-    marcher->side = spsi_most(1, frame->view.coverage_samples);
+    marcher->side = spsi_imax(1, frame->view.coverage_samples);
     if (faces->textures) {
         marcher->hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, spsi_ray_count(&frame->content->eye),
                                                  sizeof *marcher->hits);
@@ -28402,7 +28447,7 @@ typedef struct spsi_step_gas {
     double value[3];     /* of the field, at the step's points */
     double half, middle; /* values of voxels about all of it: middle +- half */
     double tail;         /* by which values may be larger */
-    spsi_between length; /* of the field's integral over the step */
+    spsi_enclosure length; /* of the field's integral over the step */
 } spsi_step_gas;
 
 /* The field at a world point, and what voxels about it are, unless `gas` is NULL. Returns 0 if none about it is above
@@ -28469,7 +28514,7 @@ SPSI_COLD int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ra
     memset(&series, 0, sizeof series);
     if (any) spsi_series_add_field(1, speed, gas->half, gas->middle, most, &series);
     off = spsi_gauss_error(h, series.term[SPSI_BRACKET_ORDER]);
-    gas->length = spsi_between_of(spsi_fmax(0, sum - off), sum + off + h * gas->tail);
+    gas->length = spsi_enclosure_of(spsi_dmax(0, sum - off), sum + off + h * gas->tail);
     return any;
 }
 
@@ -28482,28 +28527,28 @@ SPSI_COLD double spsi_step_most(const spsi_step_gas *gas, double most) {
 
 /* Gas between a point and a light. */
 typedef struct spsi_shade {
-    spsi_between depth;
+    spsi_enclosure depth;
     double way;                                              /* length, in the gas's bounds */
     double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* integrals over that of voxels' values */
 } spsi_shade;
 
 /* Gas between a point and a light, with what else bounds its derivatives. */
-SPSI_COLD void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3],
+SPSI_COLD void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_light *lamp, const double point[3],
                                   spsi_shade *shade) {
     const spsi_frame *frame = marcher->frame;
     double depths[SPSI_SETS_MAX], range[2];
     spsi_ray ray;
     memset(shade, 0, sizeof *shade);
-    if (!spsi_lamp_ray(lamp, point, &ray)) return;
+    if (!spsi_light_ray(lamp, point, &ray)) return;
     shade->depth.low = shade->depth.high = spsi_particles_depth(marcher, &ray, depths);
     const int count = spsi_march_range(marcher, &ray, range);
     for (int i = 0; i < count; ++i) {
         const spsi_ray part = spsi_march_part(&ray, range, i, count);
         for (int m = 0; m < frame->medium_count; ++m) {
-            const double extinction = (double)spsi_part_material(frame, m)->extinction, h = part.high - part.low;
+            const double extinction = (double)spsi_material_of(frame, m)->extinction, h = part.high - part.low;
             spsi_step_gas gas;
             spsi_step_sample(marcher, m, &part, &gas);
-            spsi_between_add(&shade->depth, extinction * gas.length.low, extinction * gas.length.high);
+            spsi_enclosure_add(&shade->depth, extinction * gas.length.low, extinction * gas.length.high);
             shade->half[m] += h * gas.half;
             shade->middle[m] += h * gas.middle;
         }
@@ -28512,7 +28557,7 @@ SPSI_COLD void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_lamp *
 }
 
 /* Its optical depth alone. */
-static spsi_between spsi_bracket_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
+static spsi_enclosure spsi_bracket_light(const spsi_marcher *marcher, const spsi_light *lamp, const double point[3]) {
     spsi_shade shade;
     spsi_bracket_shade(marcher, lamp, point, &shade);
     return shade.depth;
@@ -28525,23 +28570,23 @@ typedef struct spsi_step {
     double ends[2][3], points[3][3];     /* in the world */
     spsi_step_gas gas[SPSI_VOLUMES_MAX]; /* of each volume */
     double particles[SPSI_SETS_MAX];     /* optical depth of each set */
-    spsi_between before, depth;          /* optical depth up to the step, and in it */
-    spsi_between within[3];              /* from its beginning to its points */
+    spsi_enclosure before, depth;        /* optical depth up to the step, and in it */
+    spsi_enclosure within[3];            /* from its beginning to its points */
     spsi_series passes;                  /* of optical depth from the eye; term 0 is left out */
     int lit;                             /* 1: shadows of light matter */
     int smooth;                          /* 1: there are no particles */
 } spsi_step;
 
 /* Light on its way to a step: optical depth before it, and its falloff. */
-typedef struct spsi_coming {
-    spsi_between depth[3]; /* at the step's points */
-    spsi_between passes;   /* transmittance anywhere on it */
+typedef struct spsi_incoming {
+    spsi_enclosure depth[3]; /* at the step's points */
+    spsi_enclosure passes;   /* transmittance anywhere on it */
     spsi_series series;    /* of optical depth; term 0 is left out */
     double falls[3];       /* falloff at the points, and of a gas its phase function */
-    spsi_between range;    /* of these, anywhere */
+    spsi_enclosure range;  /* of these, anywhere */
     spsi_series falloff;   /* of these */
     int smooth;            /* 1: both series hold */
-} spsi_coming;
+} spsi_incoming;
 
 /* Optical depth from a step's beginning to its points, by the parabola through its values there, and what that misses:
    the third derivative / 6 times the integral of |(x - x1)(x - x2)(x - x3)|. */
@@ -28554,17 +28599,18 @@ SPSI_COLD void spsi_step_within(const spsi_marcher *marcher, double third, spsi_
     for (int j = 0; j < 3; ++j) {
         double sum = 0, tail = 0;
         for (int m = 0; m < marcher->frame->medium_count; ++m) {
-            const double extinction = (double)spsi_part_material(marcher->frame, m)->extinction;
+            const double extinction = (double)spsi_material_of(marcher->frame, m)->extinction;
             for (int k = 0; k < 3; ++k) sum += h * extinction * weights[j][k] * step->gas[m].value[k];
             tail += h * extinction * step->gas[m].tail;
         }
-        step->within[j].low = spsi_fmax(0, sum - h * (h * h) * h * third * missed[j] - 0.04 * tail);
-        step->within[j].high = spsi_fmin(step->depth.high, sum + h * (h * h) * h * third * missed[j] + tail);
+        step->within[j].low = spsi_dmax(0, sum - h * (h * h) * h * third * missed[j] - 0.04 * tail);
+        step->within[j].high = spsi_dmin(step->depth.high, sum + h * (h * h) * h * third * missed[j] + tail);
     }
 }
 
 /* Samples all gas on a step. */
-SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_between before, spsi_step *step) {
+SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_enclosure before,
+                               spsi_step *step) {
     const spsi_frame *frame = marcher->frame;
     const double h = ray->high - ray->low;
     spsi_series extinction;
@@ -28572,23 +28618,23 @@ SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray,
     step->ray = *ray;
     step->before = before;
     step->smooth = 1;
-    step->depth = spsi_between_of(0, 0);
+    step->depth = spsi_enclosure_of(0, 0);
     memset(&extinction, 0, sizeof extinction);
     for (int i = 0; i < 2; ++i) spsi_along(ray->origin, ray->direction, i ? ray->high : ray->low, step->ends[i]);
     for (int j = 0; j < 3; ++j)
         spsi_along(ray->origin, ray->direction, ray->low + spsi_gauss_places[j] * h, step->points[j]);
     for (int m = 0; m < frame->medium_count; ++m) {
-        const double scale = (double)spsi_part_material(frame, m)->extinction, most = marcher->grids[m].all_most;
+        const double scale = (double)spsi_material_of(frame, m)->extinction, most = marcher->grids[m].all_most;
         const double speed = spsi_vicinity_speed(&marcher->grids[m], ray->direction);
         spsi_step_gas *gas = &step->gas[m];
         any |= spsi_step_sample(marcher, m, ray, gas);
-        spsi_between_add(&step->depth, scale * gas->length.low, scale * gas->length.high);
+        spsi_enclosure_add(&step->depth, scale * gas->length.low, scale * gas->length.high);
         spsi_series_add_field(scale, speed, gas->half, gas->middle, most, &extinction);
         extinction.term[0] += scale * spsi_step_most(gas, most);
     }
     spsi_particles_depth(marcher, ray, step->particles);
     for (int i = 0; i < frame->particles.set_count; ++i) {
-        spsi_between_add(&step->depth, step->particles[i], step->particles[i]);
+        spsi_enclosure_add(&step->depth, step->particles[i], step->particles[i]);
         if (step->particles[i] > 0) any = 1, step->smooth = 0;
     }
     step->passes.term[0] = 0;
@@ -28599,20 +28645,20 @@ SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray,
 
 /* Bounds of the integral over a step of a volume's value times what is left of it on the way to the eye, and times the
    light that is coming. */
-SPSI_COLD spsi_between spsi_step_integral(const spsi_marcher *marcher, const spsi_step *step, int m,
-                                          const spsi_coming *coming) {
+SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const spsi_step *step, int m,
+                                            const spsi_incoming *coming) {
     const spsi_step_gas *gas = &step->gas[m];
     const double h = step->ray.high - step->ray.low;
     const double speed = spsi_vicinity_speed(&marcher->grids[m], step->ray.direction);
-    const double extinction = (double)spsi_part_material(marcher->frame, m)->extinction;
-    spsi_between result, points = {0, 0};
+    const double extinction = (double)spsi_material_of(marcher->frame, m)->extinction;
+    spsi_enclosure result, points = {0, 0};
     spsi_series f, w, product;
     if (!(gas->length.high > 0)) return points;
     result.low = gas->length.low * exp(-step->before.high - step->depth.high);
     result.high = gas->length.high * exp(-step->before.low);
     if (marcher->part_count == 1 && extinction > 0) { /* what is missing behind it is what it has taken */
-        result.low = spsi_fmax(result.low, exp(-step->before.high) * -expm1(-step->depth.low) / extinction);
-        result.high = spsi_fmin(result.high, exp(-step->before.low) * -expm1(-step->depth.high) / extinction);
+        result.low = spsi_dmax(result.low, exp(-step->before.high) * -expm1(-step->depth.low) / extinction);
+        result.high = spsi_dmin(result.high, exp(-step->before.low) * -expm1(-step->depth.high) / extinction);
     }
     result.low *= coming->passes.low * coming->range.low;
     result.high *= coming->passes.high * coming->range.high;
@@ -28638,9 +28684,9 @@ SPSI_COLD spsi_between spsi_step_integral(const spsi_marcher *marcher, const sps
 }
 
 /* Light that comes from everywhere alike, as ambient light does, or from the gas itself. */
-SPSI_COLD void spsi_coming_plain(spsi_coming *coming) {
+SPSI_COLD void spsi_incoming_plain(spsi_incoming *coming) {
     memset(coming, 0, sizeof *coming);
-    coming->passes = coming->range = spsi_between_of(1, 1);
+    coming->passes = coming->range = spsi_enclosure_of(1, 1);
     for (int j = 0; j < 3; ++j) coming->falls[j] = 1;
     coming->falloff.term[0] = 1;
     coming->smooth = 1;
@@ -28648,8 +28694,8 @@ SPSI_COLD void spsi_coming_plain(spsi_coming *coming) {
 
 /* The falloff of a lamp along a step, 1 / r^2 as in >>reference. About a point at distance r, its series in the way t
    has terms of (k + 1) / r^(k + 2) at most [of 1 / (1 - x)^2]. */
-SPSI_COLD void spsi_coming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
-                                spsi_coming *coming) {
+SPSI_COLD void spsi_incoming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *lamp,
+                                  spsi_incoming *coming) {
     const spsi_rays *eye = &marcher->frame->content->eye;
     const double h = step->ray.high - step->ray.low, middle = 0.5 * (step->ray.low + step->ray.high);
     double offset[3], foot[3], depth[3] = {0}, beside[2], along, nearest, farthest;
@@ -28660,12 +28706,12 @@ SPSI_COLD void spsi_coming_fall(const spsi_marcher *marcher, const spsi_step *st
     spsi_to_rays(eye, step->ray.direction, depth);
     for (int i = 0; i < 2; ++i) {
         const double pixel = spsi_pixel_size_at(eye, (middle + (i ? 0.5 : -0.5) * h) * depth[2]);
-        beside[i] = spsi_fmax(spsi_length(foot), spsi_fmax((double)SPSI_LAMP_PIXELS * pixel, DBL_MIN));
+        beside[i] = spsi_dmax(spsi_length(foot), spsi_dmax((double)SPSI_LIGHT_PIXELS * pixel, DBL_MIN));
     }
-    nearest = spsi_fmax(fabs(along) - 0.5 * h, 0);
+    nearest = spsi_dmax(fabs(along) - 0.5 * h, 0);
     farthest = fabs(along) + 0.5 * h;
-    coming->range.high = 1 / (nearest * nearest + spsi_fmin(beside[0], beside[1]) * spsi_fmin(beside[0], beside[1]));
-    coming->range.low = 1 / (farthest * farthest + spsi_fmax(beside[0], beside[1]) * spsi_fmax(beside[0], beside[1]));
+    coming->range.high = 1 / (nearest * nearest + spsi_dmin(beside[0], beside[1]) * spsi_dmin(beside[0], beside[1]));
+    coming->range.low = 1 / (farthest * farthest + spsi_dmax(beside[0], beside[1]) * spsi_dmax(beside[0], beside[1]));
     coming->smooth &= !(beside[0] < beside[1] || beside[1] < beside[0]);
     for (int j = 0; j < 3; ++j) {
         const double t = along - (spsi_gauss_places[j] - 0.5) * h;
@@ -28676,7 +28722,7 @@ SPSI_COLD void spsi_coming_fall(const spsi_marcher *marcher, const spsi_step *st
 }
 
 /* Distance of a lamp from a step's middle; infinity: it is a directional light. */
-static double spsi_step_distance(const spsi_step *step, const spsi_lamp *lamp) {
+static double spsi_step_distance(const spsi_step *step, const spsi_light *lamp) {
     double offset[3];
     spsi_along(lamp->position, step->points[1], -1, offset);
     return lamp->is_point ? spsi_length(offset) : HUGE_VAL;
@@ -28684,15 +28730,15 @@ static double spsi_step_distance(const spsi_step *step, const spsi_lamp *lamp) {
 
 /* Gas before a light along a step: its optical depth at the points, and how that may change. Towards a lamp at distance
    r, places near it move less, and r itself has a series of terms of r^(1 - k) at most. */
-SPSI_COLD void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
-                                 spsi_coming *coming) {
+SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *lamp,
+                                   spsi_incoming *coming) {
     const double h = step->ray.high - step->ray.low, distance = spsi_step_distance(step, lamp);
     spsi_shade middle;
     spsi_bracket_shade(marcher, lamp, step->points[1], &middle);
     coming->depth[1] = middle.depth;
-    for (int j = 0; j < 3; j += 2) coming->depth[j] = spsi_bracket_lamp(marcher, lamp, step->points[j]);
+    for (int j = 0; j < 3; j += 2) coming->depth[j] = spsi_bracket_light(marcher, lamp, step->points[j]);
     for (int m = 0; m < marcher->frame->medium_count; ++m)
-        spsi_series_add_field((double)spsi_part_material(marcher->frame, m)->extinction,
+        spsi_series_add_field((double)spsi_material_of(marcher->frame, m)->extinction,
                               spsi_vicinity_speed(&marcher->grids[m], step->ray.direction), middle.half[m],
                               middle.middle[m], marcher->grids[m].all_most * middle.way, &coming->series);
     if (lamp->is_point) {
@@ -28705,39 +28751,39 @@ SPSI_COLD void spsi_coming_shade(const spsi_marcher *marcher, const spsi_step *s
     }
     const double change = 0.5 * h * coming->series.term[1];
     coming->series.term[0] = 0;
-    coming->passes = spsi_between_of(0, 1);
+    coming->passes = spsi_enclosure_of(0, 1);
     if (distance > h) {
         coming->passes.low = exp(-middle.depth.high - change);
-        coming->passes.high = exp(-spsi_fmax(0, middle.depth.low - change));
+        coming->passes.high = exp(-spsi_dmax(0, middle.depth.low - change));
     }
 }
 
 /* Angle by which light that comes to a step turns at most, from its middle. */
-SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_lamp *lamp) {
+SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_light *lamp) {
     const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, lamp);
     return half < distance ? asin(half / distance) : 4;
 }
 
 /* Range of 1 - cos between light that comes to a step and the light's axis: at an angle a, its root is
    sqrt(2) sin(a / 2), and changes by at most 1 / sqrt(2) of what a does. */
-SPSI_COLD spsi_between spsi_step_axis(const spsi_step *step, const spsi_lamp *lamp) {
+SPSI_COLD spsi_enclosure spsi_step_axis(const spsi_step *step, const spsi_light *lamp) {
     const double turn = sqrt(0.5) * spsi_step_turn(step, lamp);
     double travel[3], root;
-    spsi_lamp_direction(lamp, step->points[1], travel);
+    spsi_light_direction(lamp, step->points[1], travel);
     root = sqrt(spsi_versine(lamp, travel));
-    return spsi_between_of(pow(spsi_fmax(root - turn, 0), 2), spsi_fmin(pow(root + turn, 2), 2));
+    return spsi_enclosure_of(pow(spsi_dmax(root - turn, 0), 2), spsi_dmin(pow(root + turn, 2), 2));
 }
 
 /* Whether a cone begins or ends in a range of 1 - cos. */
-SPSI_COLD int spsi_cone_bends(const spsi_cone *cone, spsi_between range) {
+SPSI_COLD int spsi_cone_bends(const spsi_cone *cone, spsi_enclosure range) {
     const double low = (cone->none - range.high) / cone->rim, high = (cone->none - range.low) / cone->rim;
     return cone->exists && ((low < 0 && high > 0) || (low < 1 && high > 1));
 }
 
 /* What a light's cone lets pass on a step, in which 1 - cos from its axis is within `range`. Where it begins and where
    it ends it has corners, and between them it is the square of a linear function. */
-SPSI_COLD void spsi_coming_cone(const spsi_cone *cone, const double versines[3], spsi_between range,
-                                const spsi_series *turning, spsi_coming *coming) {
+SPSI_COLD void spsi_incoming_cone(const spsi_cone *cone, const double versines[3], spsi_enclosure range,
+                                  const spsi_series *turning, spsi_incoming *coming) {
     spsi_series share = *turning;
     for (int j = 0; j < 3; ++j) coming->falls[j] *= spsi_cone_at(cone, versines[j]);
     coming->range.low *= spsi_cone_at(cone, range.high);
@@ -28745,7 +28791,7 @@ SPSI_COLD void spsi_coming_cone(const spsi_cone *cone, const double versines[3],
     if (!cone->exists || spsi_cone_at(cone, range.high) >= 1) return;
     coming->smooth &= !spsi_cone_bends(cone, range);
     for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) share.term[k] /= cone->rim;
-    share.term[0] = spsi_fmax((cone->none - range.low) / cone->rim, 0);
+    share.term[0] = spsi_dmax((cone->none - range.low) / cone->rim, 0);
     coming->falloff = spsi_series_product(&coming->falloff, &share);
     coming->falloff = spsi_series_product(&coming->falloff, &share);
 }
@@ -28767,16 +28813,16 @@ SPSI_COLD spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const
 /* What a gas sends to the eye of the light that comes to a step, per unit of optical depth and of albedo. A lobe rises
    or falls with the cosine, so that it is between its values at the ends. A lamp's light turns by less than the step
    seen from it, and its direction has a series of 2 / r^k at most. */
-SPSI_COLD void spsi_coming_phase(const spsi_step *step, const spsi_lamp *lamp, const spsi_material *material,
-                                 spsi_coming *coming) {
+SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *lamp, const spsi_material *material,
+                                   spsi_incoming *coming) {
     const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, lamp);
     const double distance = spsi_step_distance(step, lamp);
     double cosines[3], axis[3], phases[3] = {0, 0, 0};
-    spsi_between range = {0, 0};
+    spsi_enclosure range = {0, 0};
     spsi_series turning, series;
     for (int j = 0; j < 3; ++j) {
         double travel[3];
-        spsi_lamp_direction(lamp, step->points[j], travel);
+        spsi_light_direction(lamp, step->points[j], travel);
         cosines[j] = -spsi_dot(travel, step->ray.direction);
         axis[j] = spsi_versine(lamp, travel);
     }
@@ -28786,48 +28832,48 @@ SPSI_COLD void spsi_coming_phase(const spsi_step *step, const spsi_lamp *lamp, c
     for (int i = 0; i < material->lobe_count; ++i) {
         const sps_lobe *lobe = &material->lobes[i];
         const double g = (double)lobe->asymmetry;
-        const double most = spsi_fmin(spsi_fmax(cosines[1] + (g > 0 ? turn : -turn), -1), 1);
+        const double most = spsi_dmin(spsi_dmax(cosines[1] + (g > 0 ? turn : -turn), -1), 1);
         const spsi_series own = spsi_series_lobe(lobe, 1 + g * g - 2 * g * most, &turning);
         for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) series.term[k] += own.term[k];
         for (int j = 0; j < 3; ++j) phases[j] += spsi_lobe_at(lobe, cosines[j]);
-        spsi_between_add(&range, spsi_lobe_at(lobe, cosines[1] - (g > 0 ? turn : -turn)), spsi_lobe_at(lobe, most));
+        spsi_enclosure_add(&range, spsi_lobe_at(lobe, cosines[1] - (g > 0 ? turn : -turn)), spsi_lobe_at(lobe, most));
     }
     for (int j = 0; j < 3; ++j) coming->falls[j] *= phases[j];
     coming->range.low *= range.low;
     coming->range.high *= range.high;
     coming->falloff = spsi_series_product(&coming->falloff, &series);
-    if (lamp->is_point) spsi_coming_cone(&lamp->cone, axis, spsi_step_axis(step, lamp), &turning, coming);
+    if (lamp->is_point) spsi_incoming_cone(&lamp->cone, axis, spsi_step_axis(step, lamp), &turning, coming);
 }
 
 /* What gas on a step sends to the eye. */
 typedef struct spsi_step_light {
-    spsi_between light[3];
+    spsi_enclosure light[3];
     double source[3]; /* radiance, were it opaque, at most */
-    spsi_between depth;
+    spsi_enclosure depth;
 } spsi_step_light;
 
 /* Adds what all volumes on a step scatter from a light. */
-SPSI_COLD void spsi_step_add_lamp(const spsi_marcher *marcher, const spsi_step *step, const spsi_lamp *lamp,
-                                  const spsi_between passes[3], spsi_step_light *sum) {
+SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *lamp,
+                                   const spsi_enclosure passes[3], spsi_step_light *sum) {
     double source[3] = {0, 0, 0};
-    spsi_coming coming;
-    spsi_coming_plain(&coming);
-    spsi_coming_fall(marcher, step, lamp, &coming);
+    spsi_incoming coming;
+    spsi_incoming_plain(&coming);
+    spsi_incoming_fall(marcher, step, lamp, &coming);
     if (lamp->shadows && step->lit)
-        spsi_coming_shade(marcher, step, lamp, &coming);
+        spsi_incoming_shade(marcher, step, lamp, &coming);
     else if (lamp->shadows)
         coming.passes.low = 0, coming.smooth = 0;
     for (int m = 0; m < marcher->frame->medium_count; ++m) {
-        const spsi_material *material = spsi_part_material(marcher->frame, m);
-        spsi_coming sent = coming;
+        const spsi_material *material = spsi_material_of(marcher->frame, m);
+        spsi_incoming sent = coming;
         if (!material->scatters) continue;
-        spsi_coming_phase(step, lamp, material, &sent);
-        spsi_between light = spsi_step_integral(marcher, step, m, &sent);
+        spsi_incoming_phase(step, lamp, material, &sent);
+        spsi_enclosure light = spsi_step_integral(marcher, step, m, &sent);
         for (int c = 0; c < 3; ++c) {
             const double share = (double)material->albedo[c] * (double)lamp->color[c];
-            spsi_between_add(&sum->light[c], share * (double)material->extinction * light.low * passes[c].low,
-                             share * (double)material->extinction * light.high * passes[c].high);
-            source[c] = spsi_fmax(source[c], share * sent.range.high);
+            spsi_enclosure_add(&sum->light[c], share * (double)material->extinction * light.low * passes[c].low,
+                               share * (double)material->extinction * light.high * passes[c].high);
+            source[c] = spsi_dmax(source[c], share * sent.range.high);
         }
     }
     for (int c = 0; c < 3; ++c) sum->source[c] += source[c];
@@ -28837,22 +28883,22 @@ SPSI_COLD void spsi_step_add_lamp(const spsi_marcher *marcher, const spsi_step *
 SPSI_COLD void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *step, spsi_step_light *sum) {
     const spsi_frame *frame = marcher->frame;
     double source[3] = {0, 0, 0};
-    spsi_coming coming;
-    spsi_coming_plain(&coming);
+    spsi_incoming coming;
+    spsi_incoming_plain(&coming);
     for (int part = 0; part < marcher->part_count; ++part) {
-        const spsi_material *material = spsi_part_material(frame, part);
+        const spsi_material *material = spsi_material_of(frame, part);
         const int is_volume = part < frame->medium_count;
         const double taken = is_volume ? 0 : step->particles[part - frame->medium_count];
-        spsi_between light = spsi_between_of(taken * exp(-step->before.high - step->depth.high),
-                                               taken * exp(-step->before.low));
+        spsi_enclosure light =
+            spsi_enclosure_of(taken * exp(-step->before.high - step->depth.high), taken * exp(-step->before.low));
         if (spsi_black(material->ambient) && !material->emits) continue;
         if (is_volume) light = spsi_step_integral(marcher, step, part, &coming);
         for (int c = 0; c < 3; ++c) {
             const double extinction = is_volume ? (double)material->extinction : 1;
             const double share = extinction * (double)material->albedo[c] * (double)material->ambient[c] +
                                  (double)material->emission[c];
-            spsi_between_add(&sum->light[c], share * light.low, share * light.high);
-            if (share > 0) source[c] = spsi_fmax(source[c], extinction > 0 ? share / extinction : HUGE_VAL);
+            spsi_enclosure_add(&sum->light[c], share * light.low, share * light.high);
+            if (share > 0) source[c] = spsi_dmax(source[c], extinction > 0 ? share / extinction : HUGE_VAL);
         }
     }
     for (int c = 0; c < 3; ++c) sum->source[c] += source[c];
@@ -28870,7 +28916,7 @@ SPSI_COLD int spsi_plane_side(const double normal[3], const double on[3], const 
 }
 
 /* The normal of the plane in which light passes two points. */
-SPSI_COLD void spsi_light_plane(const spsi_lamp *lamp, const double a[3], const double b[3], double normal[3]) {
+SPSI_COLD void spsi_light_plane(const spsi_light *lamp, const double a[3], const double b[3], double normal[3]) {
     double u[3], v[3];
     spsi_along(b, a, -1, u);
     if (lamp->is_point)
@@ -28884,7 +28930,7 @@ typedef enum spsi_cover { SPSI_COVER_CLEAR, SPSI_COVER_BEHIND, SPSI_COVER_PARTLY
 
 /* Whether a face is before a light, seen from all points between two. Planes tell: that of the face, which must be
    between them and the light, and those in which light passes its edges; or that through both points and the light. */
-SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_lamp *lamp, const spsi_step *step) {
+SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_light *lamp, const spsi_step *step) {
     double normal[3], beyond[3];
     int side, sides[3], inside = 1;
     spsi_face_plane(face, normal);
@@ -28908,15 +28954,15 @@ SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_lamp *lam
 
 /* Bounds of the share of a light that polygons let pass to all points of a step. Returns 0 if a polygon is before the
    light for some of them only, so that a shorter step tells more. */
-SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_lamp *lamp, const spsi_step *step,
-                              spsi_between passes[3]) {
+SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_light *lamp, const spsi_step *step,
+                              spsi_enclosure passes[3]) {
     int number, sure = 1;
     spsi_walk walk;
     spsi_ray ray;
-    for (int c = 0; c < 3; ++c) passes[c] = spsi_between_of(1, 1);
+    for (int c = 0; c < 3; ++c) passes[c] = spsi_enclosure_of(1, 1);
     if (faces->tree.count == 0 || !lamp->shadows) return 1;
     for (int i = 0; i < 3; ++i) ray.origin[i] = 0.5 * (step->ends[0][i] + step->ends[1][i]);
-    spsi_toward_lamp(lamp, ray.origin, ray.direction);
+    spsi_toward_light(lamp, ray.origin, ray.direction);
     ray.low = 0;
     ray.high = lamp->is_point ? 1 : HUGE_VAL;
     spsi_walk_begin(&faces->tree, &walk);
@@ -28946,8 +28992,8 @@ SPSI_COLD int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *s
     if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
         return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* else no halving is enough */
     for (int i = 0; i < marcher->lamp_count && halvings < SPSI_BRACKET_EDGES; ++i) {
-        const spsi_lamp *lamp = &marcher->frame->lamps.list[i];
-        spsi_between passes[3];
+        const spsi_light *lamp = &marcher->frame->lamps.list[i];
+        spsi_enclosure passes[3];
         if (spsi_cone_bends(&lamp->cone, spsi_step_axis(step, lamp))) return 1;
         if (!spsi_step_cover(marcher->faces, lamp, step, passes)) return 1;
     }
@@ -28955,7 +29001,7 @@ SPSI_COLD int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *s
 }
 
 /* Bounds of what a step sends to the eye. Returns 0 if its halves should be followed instead. */
-SPSI_COLD int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_between before,
+SPSI_COLD int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_enclosure before,
                                spsi_step_light *sum) {
     const spsi_frame *frame = marcher->frame;
     spsi_step step;
@@ -28963,9 +29009,9 @@ SPSI_COLD int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray,
     spsi_step_build(marcher, ray, before, &step);
     if (spsi_step_too_long(marcher, &step, halvings)) return 0;
     for (int i = 0; i < marcher->lamp_count; ++i) {
-        spsi_between passes[3] = {{0, 1}, {0, 1}, {0, 1}};
+        spsi_enclosure passes[3] = {{0, 1}, {0, 1}, {0, 1}};
         if (step.lit) spsi_step_cover(marcher->faces, &frame->lamps.list[i], &step, passes);
-        spsi_step_add_lamp(marcher, &step, &frame->lamps.list[i], passes, sum);
+        spsi_step_add_light(marcher, &step, &frame->lamps.list[i], passes, sum);
     }
     spsi_step_add_own(marcher, &step, sum);
     sum->depth = step.depth;
@@ -28987,12 +29033,12 @@ SPSI_COLD int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray
         return 1;
     }
     for (int c = 0; c < 3; ++c) {
-        spsi_between_add(&walker->scattered[c], walker->filter[c] * sum.light[c].low,
-                         walker->filter[c] * sum.light[c].high);
-        walker->source[c] = spsi_fmax(walker->source[c], sum.source[c]);
+        spsi_enclosure_add(&walker->scattered[c], walker->filter[c] * sum.light[c].low,
+                           walker->filter[c] * sum.light[c].high);
+        walker->source[c] = spsi_dmax(walker->source[c], sum.source[c]);
     }
     const double before = exp(-0.5 * (walker->gas.low + walker->gas.high));
-    spsi_between_add(&walker->gas, sum.depth.low, sum.depth.high);
+    spsi_enclosure_add(&walker->gas, sum.depth.low, sum.depth.high);
     walker->distance += spsi_color_mean(walker->filter) * 0.5 * (ray->low + ray->high) *
                         (before - exp(-0.5 * (walker->gas.low + walker->gas.high)));
     return 1;
@@ -29007,14 +29053,14 @@ SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
                               "must be SPS_SCATTERING_SINGLE: light has bounds as long as it scatters once");
     for (int m = 0; m < frame->medium_count; ++m) {
-        const spsi_material *material = spsi_part_material(frame, m);
+        const spsi_material *material = spsi_material_of(frame, m);
         if (material->table)
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, frame->media[m].index, "transfer",
                                   0, "makes looks that have corners, and normals, of which no bounds are known");
     }
     for (int m = 0; m < frame->matter.material_count; ++m) scatters |= frame->matter.materials[m].scatters;
     for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps.list[i];
+        const spsi_light *lamp = &frame->lamps.list[i];
         if (lamp->extent.exists || lamp->projection.exists)
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0,
                                   "has an extent or throws an image, for which no bounds are known");
@@ -29030,13 +29076,13 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
     const spsi_frame *frame = marcher->frame;
     double across[3];
     for (int m = 0; m < frame->medium_count; ++m)
-        if (spsi_part_material(frame, m)->scatters) marcher->lamp_count = frame->lamps.count;
+        if (spsi_material_of(frame, m)->scatters) marcher->lamp_count = frame->lamps.count;
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_dense *grid = &marcher->grids[m];
         const size_t bricks = (size_t)grid->bricks[0] * (size_t)grid->bricks[1] * (size_t)grid->bricks[2];
-        for (size_t i = 0; i < bricks; ++i) grid->all_most = spsi_fmax(grid->all_most, (double)grid->most[i]);
+        for (size_t i = 0; i < bricks; ++i) grid->all_most = spsi_dmax(grid->all_most, (double)grid->most[i]);
         for (int k = 0; k < 3; ++k)
-            marcher->step = spsi_fmin(marcher->step, SPSI_BRACKET_STEP / spsi_length(grid->inverse[k]));
+            marcher->step = spsi_dmin(marcher->step, SPSI_BRACKET_STEP / spsi_length(grid->inverse[k]));
         spsi_medium_bounds(&frame->media[m], 0.5 * SPSI_BRACKET_TAPS, &marcher->bounds);
     }
     spsi_along(marcher->bounds.high, marcher->bounds.low, -1, across);
@@ -29045,7 +29091,7 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
                               "volumes and particles are too far apart for lower and upper: a ray through all of them "
                               "would have more than 1e8 steps");
     marcher->follow = spsi_bracket_step;
-    marcher->shade = spsi_bracket_lamp;
+    marcher->shade = spsi_bracket_light;
     return SPS_OK;
 }
 
@@ -29094,7 +29140,7 @@ static double spsi_random_depth(uint64_t *state) { return -log1p(-spsi_random(st
 
 /* A unit vector at a given cosine from another one, in any direction about it. */
 static void spsi_random_about(uint64_t *state, const double axis[3], double cosine, double out[3]) {
-    const double turn = 2 * SPSI_PI * spsi_random(state), sine = sqrt(spsi_fmax(0, 1 - cosine * cosine));
+    const double turn = 2 * SPSI_PI * spsi_random(state), sine = sqrt(spsi_dmax(0, 1 - cosine * cosine));
     double across[3], other[3];
     spsi_basis(axis, other, across);
     for (int i = 0; i < 3; ++i) out[i] = cosine * axis[i] + sine * (cos(turn) * other[i] + sin(turn) * across[i]);
@@ -29111,7 +29157,7 @@ static double spsi_random_phase(uint64_t *state, const spsi_material *material) 
     }
     if (fabs(g) < 1e-3) return 2 * u - 1 + 1.5 * g * (1 - (2 * u - 1) * (2 * u - 1)); /* its error is of order g^2 */
     part = (1 - g * g) / (1 - g + 2 * g * u);
-    return spsi_fmin(spsi_fmax((1 + g * g - part * part) / (2 * g), -1), 1);
+    return spsi_dmin(spsi_dmax((1 + g * g - part * part) / (2 * g), -1), 1);
 }
 
 /* --- volumes: tentative collisions --- */
@@ -29121,16 +29167,16 @@ SPSI_COLD void spsi_dense_bound(const spsi_material *material, const spsi_dense 
     const int count = grid->bricks[0] * grid->bricks[1] * grid->bricks[2];
     float up_to[SPSI_TABLE_SIZE + 1] = {0}, most = SPSI_PATH_BRICK;
     double plane = 0;
-    for (int i = 0; i < 3; ++i) plane = spsi_fmax(plane, spsi_length(grid->inverse[i]));
+    for (int i = 0; i < 3; ++i) plane = spsi_dmax(plane, spsi_length(grid->inverse[i]));
     most *= (float)(plane / SPSI_BRICK);
     for (int i = 0; i <= SPSI_TABLE_SIZE && material->table; ++i)
-        up_to[i] = spsi_higher(material->table->entry[i][3], i > 0 ? up_to[i - 1] : 0);
+        up_to[i] = spsi_fmax(material->table->entry[i][3], i > 0 ? up_to[i - 1] : 0);
     for (int b = 0; b < count; ++b) {
         const float value = 1.01f * grid->most[b], entry = ceilf(value * material->table_scale);
         float bound = value * material->extinction;
         if (material->table)
             bound = value > 0 ? up_to[entry < (float)SPSI_TABLE_SIZE ? (int)entry : SPSI_TABLE_SIZE] : 0;
-        grid->bound[b] = spsi_lower(bound, most);
+        grid->bound[b] = spsi_fmin(bound, most);
     }
 }
 
@@ -29155,15 +29201,15 @@ static void spsi_tracker_enter(spsi_tracker *tracker) {
     tracker->leave = HUGE_VAL;
     for (int i = 2; i >= 0; --i) {
         const double p = tracker->at[i] + (tracker->t + room) * tracker->along[i];
-        const int brick = (int)spsi_fmin(spsi_fmax(p, 0), grid->size[i] - 1) / SPSI_BRICK, last = grid->bricks[i] - 1;
+        const int brick = (int)spsi_dmin(spsi_dmax(p, 0), grid->size[i] - 1) / SPSI_BRICK, last = grid->bricks[i] - 1;
         const double low = brick > 0 ? brick * SPSI_BRICK : -SPSI_REFERENCE_REACH;
         const double high = brick < last ? (brick + 1) * SPSI_BRICK : grid->size[i] + SPSI_REFERENCE_REACH;
         if (fabs(tracker->along[i]) > 0)
             tracker->leave =
-                spsi_fmin(tracker->leave, ((tracker->along[i] > 0 ? high : low) - tracker->at[i]) / tracker->along[i]);
+                spsi_dmin(tracker->leave, ((tracker->along[i] > 0 ? high : low) - tracker->at[i]) / tracker->along[i]);
         index = index * grid->bricks[i] + brick;
     }
-    tracker->leave = spsi_fmin(spsi_fmax(tracker->leave, tracker->t + room), tracker->end);
+    tracker->leave = spsi_dmin(spsi_dmax(tracker->leave, tracker->t + room), tracker->end);
     tracker->bound = (double)grid->bound[index];
 }
 
@@ -29172,7 +29218,7 @@ static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const sps
     spsi_ray local = *ray;
     double offset[3], low[3], high[3], range[2];
     tracker->grid = &marcher->grids[medium];
-    tracker->material = spsi_part_material(marcher->frame, medium);
+    tracker->material = spsi_material_of(marcher->frame, medium);
     tracker->ray = ray;
     if (!tracker->material->extinguishes) return 0;
     spsi_along(ray->origin, tracker->grid->corner, -1, offset);
@@ -29205,7 +29251,7 @@ static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
         spsi_tracker_enter(tracker);
     }
     spsi_along(tracker->ray->origin, tracker->ray->direction, tracker->t, point);
-    return spsi_fmin(
+    return spsi_dmin(
         spsi_extinction_at(tracker->material, spsi_field(tracker->grid, point, NULL), appearance) / tracker->bound, 1);
 }
 
@@ -29236,11 +29282,11 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
     while ((particle = spsi_walk_on(&walk, ray)) >= 0) {
         const spsi_particle_set *set = spsi_set_of(frame, particle);
         spsi_ray_chord chord;
-        if (!spsi_ray_chord_in_ball(ray, &frame->content->particles[particle], set, &chord)) continue;
+        if (!spsi_ray_chord_in_sphere(ray, &frame->content->particles[particle], set, &chord)) continue;
         double at = chord.at[0] + spsi_random_depth(random) / chord.depth;
         if (!(at < chord.at[1])) continue;
-        at = set->soft ? 2 * sin(asin(spsi_fmax(2 * at, -1)) / 3) : 2 * at; /* s, of 3 s / 4 - s^3 / 4 */
-        ray->high = spsi_fmax(chord.middle + at * chord.half, ray->low);
+        at = set->soft ? 2 * sin(asin(spsi_dmax(2 * at, -1)) / 3) : 2 * at; /* s, of 3 s / 4 - s^3 / 4 */
+        ray->high = spsi_dmax(chord.middle + at * chord.half, ray->low);
         *part = frame->medium_count + (int)(set - frame->particles.sets);
     }
 }
@@ -29248,23 +29294,23 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
 /* --- what emits --- */
 
 /* What a part emits per unit of its value: the mean of its colors. */
-static double spsi_glow_of(const spsi_material *material) {
+static double spsi_emission_of(const spsi_material *material) {
     return ((double)material->emission[0] + (double)material->emission[1] + (double)material->emission[2]) / 3;
 }
 
 static size_t spsi_dense_rows(const spsi_dense *grid) { return (size_t)grid->size[1] * (size_t)grid->size[2]; }
 
 /* Adds all emission up. */
-static sps_result spsi_glow_build(sps_context *context, spsi_marcher *marcher) {
+static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marcher) {
     const spsi_frame *frame = marcher->frame;
     size_t count = (size_t)frame->content->particle_count;
     double sum = 0, *sums;
     for (int m = 0; m < frame->medium_count; ++m) count += spsi_dense_rows(&marcher->grids[m]);
     marcher->glow_count = count;
-    marcher->glow = sums = (double *)spsi_reserve(context, SPSI_BUFFER_GLOW, count + 1, sizeof *sums);
+    marcher->glow = sums = (double *)spsi_reserve(context, SPSI_BUFFER_EMISSION, count + 1, sizeof *sums);
     if (!sums) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
-        const double glow = spsi_glow_of(spsi_part_material(frame, m)) * frame->media[m].lattice->voxel_volume;
+        const double glow = spsi_emission_of(spsi_material_of(frame, m)) * frame->media[m].lattice->voxel_volume;
         const float *value = marcher->grids[m].values;
         for (size_t row = 0; row < spsi_dense_rows(&marcher->grids[m]); *sums++ = sum, ++row) {
             if (row % (size_t)marcher->grids[m].size[1] == 0) spsi_tick(context, 0);
@@ -29274,9 +29320,10 @@ static sps_result spsi_glow_build(sps_context *context, spsi_marcher *marcher) {
     for (int i = 0; i < frame->content->particle_count; *sums++ = sum, ++i) {
         const sps_particle *particle = &frame->content->particles[i];
         const spsi_particle_set *set = spsi_set_of(frame, i);
-        const double depth = spsi_fmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX);
+        const double depth = spsi_dmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX);
         const double section = SPSI_PI * (double)particle->radius * (double)particle->radius;
-        sum += spsi_glow_of(&frame->matter.materials[set->channel]) * depth * section * (set->soft ? 2.0 / 5 : 2.0 / 3);
+        sum += spsi_emission_of(&frame->matter.materials[set->channel]) * depth * section *
+               (set->soft ? 2.0 / 5 : 2.0 / 3);
     }
     marcher->glow_sum = sum;
     return SPS_OK;
@@ -29284,7 +29331,7 @@ static sps_result spsi_glow_build(sps_context *context, spsi_marcher *marcher) {
 
 /* Draws a point that emits, as a light with the color of its part, whose mean is 1: in a ball by its density; by the
    kernel of a voxel, which ends nowhere: 1e-6 of it lies beyond SPSI_REFERENCE_REACH, where nothing emits. */
-static void spsi_glow_draw(const spsi_marcher *marcher, uint64_t *random, spsi_lamp *lamp) {
+static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, spsi_light *lamp) {
     const spsi_frame *frame = marcher->frame;
     const double pick = (1 - DBL_EPSILON) * spsi_random(random) * marcher->glow_sum; /* rounded, it is below the sum */
     const spsi_material *material;
@@ -29305,8 +29352,8 @@ static void spsi_glow_draw(const spsi_marcher *marcher, uint64_t *random, spsi_l
         const spsi_dense *grid = &marcher->grids[m];
         const float *value = grid->values + low * (size_t)grid->size[0];
         double at[3] = {0.5, 0.5 + (double)(low % (size_t)grid->size[1]), 0.5 + (double)(low / (size_t)grid->size[1])};
-        material = spsi_part_material(frame, m);
-        left /= spsi_glow_of(material) * frame->media[m].lattice->voxel_volume;
+        material = spsi_material_of(frame, m);
+        left /= spsi_emission_of(material) * frame->media[m].lattice->voxel_volume;
         for (; at[0] + 1 < grid->size[0] && left >= (double)*value; at[0] += 1) left -= (double)*value++;
         for (int k = 0; k < 3; ++k)
             at[k] += SPSI_SIGMA * sqrt(2 * spsi_random_depth(random)) * cos(2 * SPSI_PI * spsi_random(random));
@@ -29323,13 +29370,13 @@ static void spsi_glow_draw(const spsi_marcher *marcher, uint64_t *random, spsi_l
         for (int i = 0; i < 3; ++i)
             lamp->position[i] = (double)particle->position[i] + r * (double)particle->radius * way[i];
     }
-    for (int c = 0; c < 3; ++c) lamp->color[c] = (float)((double)material->emission[c] / spsi_glow_of(material));
+    for (int c = 0; c < 3; ++c) lamp->color[c] = (float)((double)material->emission[c] / spsi_emission_of(material));
 }
 
 /* Finds what all gas emits at a point per unit of length. `density`: per steradian, with which an event sends paths
    towards it. Returns the weight of drawing the point; the rest of 1 is the weight of a path that meets it. */
-static double spsi_glow_at(const spsi_marcher *marcher, const double event[3], double density, const double point[3],
-                           double emitted[3]) {
+static double spsi_emission_at(const spsi_marcher *marcher, const double event[3], double density,
+                               const double point[3], double emitted[3]) {
     const spsi_bounds *bounds = &marcher->frame->content->bounds;
     spsi_ray ray = {{event[0], event[1], event[2]}, {0, 0, 0}, 0, 0};
     double depths[SPSI_SETS_MAX], across[3], way, room, drawn;
@@ -29343,7 +29390,7 @@ static double spsi_glow_at(const spsi_marcher *marcher, const double event[3], d
     ray.high = way + room;
     spsi_particles_depth(marcher, &ray, depths);
     for (int m = 0; m < marcher->part_count; ++m) {
-        const spsi_material *material = spsi_part_material(marcher->frame, m);
+        const spsi_material *material = spsi_material_of(marcher->frame, m);
         const int set = m - marcher->frame->medium_count;
         double value = 0;
         if (material->emits) value = set < 0 ? spsi_field(&marcher->grids[m], point, NULL) : depths[set] / (2 * room);
@@ -29356,11 +29403,11 @@ static double spsi_glow_at(const spsi_marcher *marcher, const double event[3], d
 /* --- events --- */
 
 /* Estimate of the transmittance of all gas between a point and a light. */
-static double spsi_path_transmittance(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3],
+static double spsi_path_transmittance(const spsi_marcher *marcher, const spsi_light *lamp, const double point[3],
                                       uint64_t *random) {
     double depths[SPSI_SETS_MAX], passes;
     spsi_ray ray;
-    if (!lamp->shadows || !spsi_lamp_ray(lamp, point, &ray)) return 1;
+    if (!lamp->shadows || !spsi_light_ray(lamp, point, &ray)) return 1;
     passes = exp(-spsi_particles_depth(marcher, &ray, depths));
     for (int m = 0; m < marcher->frame->medium_count; ++m) {
         spsi_tracker tracker;
@@ -29388,7 +29435,7 @@ static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
     if (!(marcher->glow_sum > 0) || !spsi_ray_meets_box(&path->ray, bounds->low, bounds->high, range)) return;
     spsi_along(path->ray.origin, path->ray.direction, range[0] + spsi_random(&path->random) * (range[1] - range[0]),
                point);
-    weight = 1 - spsi_glow_at(marcher, path->from, path->density, point, emitted);
+    weight = 1 - spsi_emission_at(marcher, path->from, path->density, point, emitted);
     for (int c = 0; c < 3; ++c) emitted[c] *= weight * (range[1] - range[0]);
     spsi_path_take(path, emitted);
 }
@@ -29419,15 +29466,16 @@ static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *p
     const int lamps = path->scattered > 0 ? marcher->frame->lamps.count : 0; /* the first event's are marched */
     for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lamps; ++i) { /* -1: what emits */
         double travel[3], arrives[3], response[3], passes, density;
-        spsi_lamp at;
+        spsi_light at;
         if (i < 0)
-            spsi_glow_draw(marcher, &path->random, &at);
+            spsi_emission_draw(marcher, &path->random, &at);
         else
             spsi_reference_point(&marcher->frame->lamps.list[i], point->position, 0, &at);
         if (!at.shadows || !spsi_point_arrival(marcher, point, &at, travel, arrives)) continue;
         passes = spsi_path_transmittance(marcher, &at, point->position, &path->random);
         density = spsi_path_density(material, -spsi_dot(travel, point->direction));
-        if (i < 0) passes *= marcher->glow_sum * spsi_glow_at(marcher, point->position, density, at.position, response);
+        if (i < 0)
+            passes *= marcher->glow_sum * spsi_emission_at(marcher, point->position, density, at.position, response);
         if (!(passes > 0)) continue;
         spsi_march_response(material, point->samples, point->direction, travel, response);
         for (int c = 0; c < 3; ++c) response[c] *= arrives[c] * passes;
@@ -29437,7 +29485,7 @@ static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *p
 
 /* Scatters a path in a volume or a set of particles. Gas draws the way on by its phase function, surfaces any way. */
 static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample *sample, spsi_path *path) {
-    const spsi_material *material = spsi_part_material(marcher->frame, part);
+    const spsi_material *material = spsi_material_of(marcher->frame, part);
     const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
     float appearance[4] = {0, 0, 0, 0};
     double gradient[3] = {0, 0, 0}, way[3], back[3], response[3], cosine;
@@ -29471,18 +29519,19 @@ static void spsi_path_light_face(const spsi_marcher *marcher, int face, const do
     const int lamp_count = path->scattered > 0 ? marcher->frame->lamps.count : 0;
     for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lamp_count; ++i) {
         double irradiance[3], passes[3] = {1, 1, 1}, toward[3], emitted[3], through, density;
-        spsi_lamp at;
+        spsi_light at;
         if (i < 0)
-            spsi_glow_draw(marcher, &path->random, &at);
+            spsi_emission_draw(marcher, &path->random, &at);
         else
             spsi_reference_point(&marcher->frame->lamps.list[i], surface->point, 0, &at);
         if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
-        spsi_toward_lamp(&at, surface->point, toward);
+        spsi_toward_light(&at, surface->point, toward);
         if (i < 0 && spsi_dot(toward, plane) * spsi_dot(path->ray.direction, plane) >= 0) continue;
-        if (at.shadows && !spsi_march_sight(marcher->faces, &at, surface->start, face, passes)) continue;
+        if (at.shadows && !spsi_march_visibility(marcher->faces, &at, surface->start, face, passes)) continue;
         through = spsi_path_transmittance(marcher, &at, surface->point, &path->random);
         density = irradiance[0] * spsi_dot(toward, toward) / SPSI_PI;
-        if (i < 0) through *= marcher->glow_sum * spsi_glow_at(marcher, surface->point, density, at.position, emitted);
+        if (i < 0)
+            through *= marcher->glow_sum * spsi_emission_at(marcher, surface->point, density, at.position, emitted);
         if (!(through > 0)) continue;
         for (int c = 0; c < 3; ++c) irradiance[c] *= color[c] / SPSI_PI * passes[c] * through * (double)at.color[c];
         spsi_path_take(path, irradiance);
@@ -29517,15 +29566,15 @@ static int spsi_path_on_face(const spsi_marcher *marcher, const spsi_hit *hit, s
     spsi_random_about(&path->random, surface.normal, sqrt(spsi_random(&path->random)), way);
     if (spsi_dot(way, plane) * spsi_dot(path->ray.direction, plane) >= 0) return 0; /* into the face */
     for (int c = 0; c < 3; ++c) path->weight[c] *= color[c];
-    spsi_path_turn(path, way, hit->face, spsi_fmax(spsi_dot(way, surface.normal), 0) / SPSI_PI);
+    spsi_path_turn(path, way, hit->face, spsi_dmax(spsi_dot(way, surface.normal), 0) / SPSI_PI);
     path->off_face = 1;
     return 1;
 }
 
 /* Ends paths that no longer matter, at random, so that those which go on stand for them. */
 static int spsi_path_goes_on(spsi_path *path) {
-    const double most = spsi_fmax(path->weight[0], spsi_fmax(path->weight[1], path->weight[2]));
-    const double chance = spsi_fmin(most, SPSI_PATH_GOES_ON);
+    const double most = spsi_dmax(path->weight[0], spsi_dmax(path->weight[1], path->weight[2]));
+    const double chance = spsi_dmin(most, SPSI_PATH_GOES_ON);
     if (!(most > 0)) return 0;
     if (path->scattered < SPSI_PATH_WEIGHTY) return 1;
     if (spsi_random(&path->random) >= chance) return 0;
@@ -29600,12 +29649,12 @@ static void spsi_paths_pixel(const spsi_marcher *marcher, int x, int y, spsi_sam
 SPSI_COLD sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher) {
     const int samples = marcher->settings->samples;
     const double share = (1 - SPSI_MARCH_SHARE) / samples; /* of a path of each pixel */
-    if (spsi_glow_build(context, marcher)) return context->result;
+    if (spsi_emission_build(context, marcher)) return context->result;
     for (int m = 0; m < marcher->frame->medium_count; ++m)
-        spsi_dense_bound(spsi_part_material(marcher->frame, m), &marcher->grids[m]);
+        spsi_dense_bound(spsi_material_of(marcher->frame, m), &marcher->grids[m]);
     marcher->pixel = spsi_paths_pixel;
     for (; marcher->from < samples; marcher->from = marcher->to) {
-        marcher->to = spsi_least(samples, marcher->from + SPSI_PATH_ROUND);
+        marcher->to = spsi_imin(samples, marcher->from + SPSI_PATH_ROUND);
         if (spsi_march_pixels(context, marcher, SPSI_MARCH_SHARE + share * marcher->from,
                               share * (marcher->to - marcher->from)))
             return context->result;
@@ -29647,7 +29696,7 @@ SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame
     marcher->settings = settings;
     marcher->pixel = spsi_march_on;
     marcher->follow = spsi_march_step;
-    marcher->shade = spsi_march_lamp;
+    marcher->shade = spsi_march_light;
     if (settings->lower && spsi_bracket_check(context, frame)) return context->result;
     if ((spsi_scatters_fully(frame) || spsi_scatters_aside(frame)) && settings->samples == 0)
         return spsi_fail_that(
@@ -29947,7 +29996,7 @@ SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float
     for (int z = lo[2]; z < lo[2] + size[2]; ++z)
         for (int y = lo[1]; y < lo[1] + size[1]; ++y)
             for (int x = 0; x < size[0]; x += SPSI_BLOCK) {
-                const int count = spsi_least(SPSI_BLOCK, size[0] - x);
+                const int count = spsi_imin(SPSI_BLOCK, size[0] - x);
                 const char *at = (const char *)from->voxels + z * stride[2] + y * stride[1] + (lo[0] + x) * stride[0];
                 spsi_voxel_row(from, at, stride[0], count, row);
                 for (int i = count; i % SPSI_LANES; ++i) row[i] = row[0];
@@ -29960,7 +30009,7 @@ SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float
             }
     spsi_store(lows, low), spsi_store(highs, high);
     for (int i = 1; i < SPSI_LANES; ++i)
-        lows[0] = spsi_lower(lows[i], lows[0]), highs[0] = spsi_higher(highs[i], highs[0]);
+        lows[0] = spsi_fmin(lows[i], lows[0]), highs[0] = spsi_fmax(highs[i], highs[0]);
     out_min_max[0] = invalid ? 0 : lows[0];
     out_min_max[1] = invalid ? SPSI_VALUE_MAX : highs[0];
     return 0;

@@ -256,10 +256,10 @@ static void test_step(void) {
     for (int n = 0; n < 40; ++n) {
         const spsi_ray ray = {{12.3, 11.6, 11}, {0, 0, 1}, 0.05 * n, 0.05 * n + 0.75};
         double wanted = 0;
-        spsi_between bounds[2];
-        spsi_coming coming;
-        spsi_step_build(&marcher, &ray, spsi_between_of(0, 0), &step);
-        spsi_coming_plain(&coming);
+        spsi_enclosure bounds[2];
+        spsi_incoming coming;
+        spsi_step_build(&marcher, &ray, spsi_enclosure_of(0, 0), &step);
+        spsi_incoming_plain(&coming);
         CHECK(step.lit && step.smooth);
         bounds[0] = step.gas[0].length, bounds[1] = spsi_step_integral(&marcher, &step, 0, &coming);
         for (int z = 1; z < EDGE; z += 2) /* kernels across sum up to 1, but for 5e-4 by axis */
@@ -294,14 +294,14 @@ static void test_shade(void) {
     for (int n = 0; n < 12; ++n) {
         const double away = 1.5 + n / 4, turn = 0.5 * (n % 4);
         const spsi_ray ray = {{12, 12, 12 + away}, {sin(turn), 0, cos(turn)}, -0.25, 0.25};
-        spsi_coming coming;
-        spsi_lamp lamp;
+        spsi_incoming coming;
+        spsi_light lamp;
         memset(&lamp, 0, sizeof lamp);
         lamp.is_point = 1;
         memcpy(lamp.position, place, sizeof lamp.position);
-        spsi_step_build(&marcher, &ray, spsi_between_of(0, 0), &step);
-        spsi_coming_plain(&coming);
-        spsi_coming_shade(&marcher, &step, &lamp, &coming);
+        spsi_step_build(&marcher, &ray, spsi_enclosure_of(0, 0), &step);
+        spsi_incoming_plain(&coming);
+        spsi_incoming_shade(&marcher, &step, &lamp, &coming);
         CHECK(coming.smooth);
         for (int i = 0; i < 9; ++i) {
             const double t = ray.low + i / 16.0,
@@ -325,15 +325,15 @@ static void test_falloff(void) {
     for (int n = 0; n < 30; ++n) {
         const double q = 0.1 + 0.1 * (n % 3), t = 1 + 0.1 * n, r = sqrt(t * t + q * q);
         static spsi_step step;
-        spsi_lamp lamp;
-        spsi_coming coming;
+        spsi_light lamp;
+        spsi_incoming coming;
         memset(&lamp, 0, sizeof lamp);
         memset(&step, 0, sizeof step);
         lamp.is_point = lamp.falls_off = 1;
         lamp.position[0] = q, lamp.position[1] = t;
         step.ray.direction[1] = 1, step.ray.low = -0.01, step.ray.high = 0.01;
-        spsi_coming_plain(&coming);
-        spsi_coming_fall(&marcher, &step, &lamp, &coming);
+        spsi_incoming_plain(&coming);
+        spsi_incoming_fall(&marcher, &step, &lamp, &coming);
         CHECK(coming.range.low <= 1 / (r * r) && 1 / (r * r) <= coming.range.high && coming.smooth);
         CHECK_NEAR(coming.falls[1], 1 / (r * r), 1e-9);
         for (int k = 0; k <= 6; ++k) {
@@ -611,7 +611,7 @@ static void test_corners_of_cones(void) {
     for (int n = 0; n < 1000; ++n) {
         const double from = check_next(&random), to = from + 0.5 * check_next(&random);
         double share[3];
-        spsi_between range;
+        spsi_enclosure range;
         range.low = from, range.high = to;
         for (int i = 0; i < 3; ++i) share[i] = fmin(fmax((0.7 - from - 0.5 * i * (to - from)) / 0.4, 0), 1);
         CHECK(spsi_cone_bends(&cone, range) == (fabs(share[0] + share[2] - 2 * share[1]) > 1e-12));

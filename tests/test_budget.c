@@ -603,7 +603,7 @@ static void test_held(void) {
 static void test_held_apart(void) {
     clock_of_tests clock = {0, 0, 0};
     sps_context *context = timed_context(&clock);
-    spsi_pace *pace = &context->pace;
+    spsi_rates *pace = &context->pace;
     sps_budget_report chosen;
     sps_plan_report plan;
     check_scene s;
@@ -621,8 +621,8 @@ static void test_held_apart(void) {
     CHECK(plan.budget.scattering_resolution == chosen.scattering_resolution &&
           plan.budget.seconds < 0.2 * chosen.seconds);
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage)
-        for (int grade = 0; grade < SPSI_GRADES; ++grade)
-            pace->rates[stage][grade] = grade != spsi_stage_grade((spsi_stage)stage, &pace->setting) ? 0
+        for (int grade = 0; grade < SPSI_PRESETS; ++grade)
+            pace->rates[stage][grade] = grade != spsi_stage_preset((spsi_stage)stage, &pace->setting) ? 0
                                         : stage == SPSI_STAGE_CELLS                                  ? 1e-5
                                                                                                      : 1e-9;
     s.view.budget_error = 0, s.view.budget_seconds = 1e-12;

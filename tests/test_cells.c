@@ -246,7 +246,7 @@ static int begin_solver(int nx, int ny, int nz, double g) {
 /* Solves what `exact` has, and takes over what was found, with moments of a sweep of its own. The sum of differences of
    moments goes into `off`, relative to the sum of all; in thin cells they are small differences of what is sent. */
 static int run_solver(double *off) {
-    static const spsi_part_of_call whole = {0, 1};
+    static const spsi_call_stage whole = {0, 1};
     const spsi_cell_level *level = &solver.levels[0];
     double difference = 0, sum = 0;
     for (int i = 0; i < exact.count; ++i) {
@@ -561,7 +561,7 @@ static void test_filling(void) {
         made = grid_of(context);
         CHECK(cells_made(context) == (uint64_t)(made->size[0] * made->size[1] * made->size[2]));
         for (int k = 0; k < 3; ++k) {
-            longest = spsi_most(longest, made->size[k]);
+            longest = spsi_imax(longest, made->size[k]);
             if (n >= 3) continue;
             CHECK(made->corner[k] <= 1 + k + 1e-6 &&
                   made->corner[k] + made->size[k] * made->edge >= 1 + k + width[k] - 1e-6);
@@ -936,17 +936,17 @@ static void test_continued(void) {
     memset(&small, 0, sizeof small);
     small.size[0] = 7, small.size[1] = small.size[2] = 3;
     small.pitch = 8, small.count = 72, small.depth = depth;
-    CHECK_NEAR((double)spsi_cells_continued(&small, seen, middle_cell), 0, 0);
+    CHECK_NEAR((double)spsi_cells_extrapolated(&small, seen, middle_cell), 0, 0);
     depth[here + 1] = 1, seen[here + 1] = 3; /* one cell only */
-    CHECK_NEAR((double)spsi_cells_continued(&small, seen, middle_cell), 3, 0);
+    CHECK_NEAR((double)spsi_cells_extrapolated(&small, seen, middle_cell), 3, 0);
     depth[here + 2] = 1, seen[here + 2] = 1;
-    CHECK_NEAR((double)spsi_cells_continued(&small, seen, middle_cell), 5, 0);
+    CHECK_NEAR((double)spsi_cells_extrapolated(&small, seen, middle_cell), 5, 0);
     seen[here + 2] = 7;
-    CHECK_NEAR((double)spsi_cells_continued(&small, seen, middle_cell), 0, 0);
+    CHECK_NEAR((double)spsi_cells_extrapolated(&small, seen, middle_cell), 0, 0);
     depth[here - 8] = 1, seen[here - 8] = 5; /* at the grid's end: as it is */
-    CHECK_NEAR((double)spsi_cells_continued(&small, seen, middle_cell), 2.5, 0);
+    CHECK_NEAR((double)spsi_cells_extrapolated(&small, seen, middle_cell), 2.5, 0);
     depth[24] = 1, seen[24] = 6;
-    CHECK_NEAR((double)spsi_cells_continued(&small, seen, corner_cell), 6, 0);
+    CHECK_NEAR((double)spsi_cells_extrapolated(&small, seen, corner_cell), 6, 0);
 }
 
 /* What is rendered continues in that way: into all empty cells beside gas, and no others. */
@@ -961,7 +961,7 @@ static void test_continued_in_scene(void) {
         const int at[3] = {i % made->size[0], i / made->size[0] % made->size[1], i / (made->size[0] * made->size[1])};
         const size_t cell = (size_t)(i / made->size[0]) * (size_t)made->pitch + (size_t)at[0];
         if (made->depth[cell] > 0) continue;
-        CHECK_NEAR((double)made->seen[cell], (double)spsi_cells_continued(made, made->seen, at), 0);
+        CHECK_NEAR((double)made->seen[cell], (double)spsi_cells_extrapolated(made, made->seen, at), 0);
         beside += made->seen[cell] > 0;
     }
     CHECK(beside > 20);
@@ -2159,7 +2159,7 @@ static void test_plan(void) {
         if (n == 4 || n == 6) { /* nothing but cells, and polygons about them */
             /* the bound is a cube's, as the gas is, whose light is held four times */
             static const int own[] = {SPSI_BUFFER_CELL_GRID,  SPSI_BUFFER_CELL_JOB,    SPSI_BUFFER_CELLS,
-                                      SPSI_BUFFER_CELL_WALLS, SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_MOMENTS};
+                                      SPSI_BUFFER_CELL_BLOCKERS, SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_MOMENTS};
             size_t bytes = 0;
             for (int i = 0; i < 6; ++i) bytes += (i < 5 ? 1 : SPSI_CELL_GRIDS) * by->buffers[own[i]].size;
             if (figures()) printf("plan: %zu of %zu bytes for cells alone\n", bytes, report.pass[SPS_PASS_CELLS].bytes);

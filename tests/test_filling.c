@@ -39,17 +39,17 @@ static double sum_of_kernels(const float *values, const double at[3]) {
 }
 
 /* The sample of a field at such a place, in a vector whose other lanes are left out. */
-static double sample_at(const spsi_fields *fields, const spsi_voxel_field *field, const double at[3]) {
+static double sample_at(const spsi_pyramid *fields, const spsi_pyramid_level *field, const double at[3]) {
     float values[SPSI_LANES];
     uint64_t count = 0;
-    spsi_tapper tapper;
+    spsi_sampler tapper;
     spsi_v place[3];
     memset(&tapper, 0, sizeof tapper);
     tapper.fields = fields;
     tapper.field = field;
     tapper.cells = (const uint32_t(*)[2])field->cells[0];
     for (int k = 0; k < 3; ++k) place[k] = spsi_set((float)(at[k] - SPSI_BRICK * field->low[k]));
-    spsi_store(values, spsi_tap_values(&tapper, place, 1, &count));
+    spsi_store(values, spsi_sampler_values(&tapper, place, 1, &count));
     return (double)values[0];
 }
 
@@ -81,15 +81,15 @@ static void test_samples(void) {
         const double allowed = 3 * (2 * cut + 5e-4 + 0.7 / 2048);
         check_random random = {4};
         check_scene s;
-        const spsi_fields *fields;
+        const spsi_pyramid *fields;
         double worst = 0;
         start(&s, noise);
         s.view.quality = (sps_quality)quality;
         if (!check_render(context, &s, image_a)) return;
-        fields = (const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data;
+        fields = (const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data;
         CHECK(fields->taps == (quality == SPS_QUALITY_MEDIUM ? 4 : 6));
         for (int i = 0; i < 4000; ++i) {
-            const spsi_voxel_field *field = &fields->list[0];
+            const spsi_pyramid_level *field = &fields->list[0];
             double at[3];
             for (int k = 0; k < 3; ++k) at[k] = -4 + (GRID + 7) * check_next(&random);
             worst = fmax(worst, fabs(sample_at(fields, field, at) - sum_of_kernels(noise, at)));
@@ -112,17 +112,17 @@ static void gradient_of_kernels(const float *values, const double at[3], double 
 }
 
 /* A field's gradient at such a place, from that in the world of sheared voxels. */
-static void gradient_at(const spsi_fields *fields, const double at[3], double gradient[3]) {
+static void gradient_at(const spsi_pyramid *fields, const double at[3], double gradient[3]) {
     static const float rows[3][3] = {{8, 0, 0}, {-2.8f, 8, -2}, {0, 0, 8}};
     float world[3][SPSI_LANES];
-    spsi_tapper tapper;
+    spsi_sampler tapper;
     spsi_v place[3], slope[3];
     memset(&tapper, 0, sizeof tapper);
     tapper.fields = fields;
     tapper.field = &fields->list[0];
     memcpy(tapper.rows, rows, sizeof rows);
     for (int k = 0; k < 3; ++k) place[k] = spsi_set((float)(at[k] - SPSI_BRICK * tapper.field->low[k]));
-    spsi_tap_gradient(&tapper, place, 1, slope);
+    spsi_sampler_gradient(&tapper, place, 1, slope);
     for (int i = 0; i < 3; ++i) spsi_store(world[i], slope[i]);
     gradient[1] = (double)world[1][0] / 8;
     gradient[0] = ((double)world[0][0] + 2.8 * gradient[1]) / 8;
@@ -148,7 +148,7 @@ static void test_gradients(void) {
         for (int i = 0; i < 2000; ++i) {
             double at[3], gradient[3], exact[3];
             for (int k = 0; k < 3; ++k) at[k] = -4 + (GRID + 7) * check_next(&random);
-            gradient_at((const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data, at, gradient);
+            gradient_at((const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data, at, gradient);
             gradient_of_kernels(noise, at, exact);
             for (int k = 0; k < 3; ++k) worst = fmax(worst, fabs(gradient[k] - exact[k]));
         }
@@ -160,11 +160,11 @@ static void test_gradients(void) {
 /* The mean depth at which parts of a slab are seen, by closed form, from either side: the light's order is the eye's or
    runs against it. Floats add up to 1e-6 of it. */
 static void test_seen(void) {
-    static const float depths[SPSI_PARTS] = {0.4f, 2, 0, 1.5f};
+    static const float depths[SPSI_SUBSLABS] = {0.4f, 2, 0, 1.5f};
     for (int backwards = 0; backwards < 2; ++backwards) {
         double left = 1, seen = 0, sum = 0;
         float found[SPSI_LANES];
-        spsi_sample samples[SPSI_PARTS];
+        spsi_sample samples[SPSI_SUBSLABS];
         spsi_sweep sweep;
         spsi_shader shader;
         spsi_slab slab;
@@ -174,14 +174,14 @@ static void test_seen(void) {
         sweep.back_to_front = backwards;
         shader.sweep = &sweep;
         slab.samples = samples;
-        slab.part_count = SPSI_PARTS, slab.material_count = 1, slab.open = 1;
+        slab.part_count = SPSI_SUBSLABS, slab.material_count = 1, slab.open = 1;
         slab.enter = spsi_set(3), slab.leave = spsi_set(5);
-        for (int i = 0; i < SPSI_PARTS; ++i) {
+        for (int i = 0; i < SPSI_SUBSLABS; ++i) {
             const double own = (double)depths[i], weight = left * -expm1(-own);
-            samples[backwards ? SPSI_PARTS - 1 - i : i].depth = spsi_set(depths[i]);
+            samples[backwards ? SPSI_SUBSLABS - 1 - i : i].depth = spsi_set(depths[i]);
             left -= weight;
             seen += weight;
-            sum += weight * (3 + 2 * (i + 0.5) / SPSI_PARTS);
+            sum += weight * (3 + 2 * (i + 0.5) / SPSI_SUBSLABS);
         }
         CHECK(spsi_slab_seen(&shader, &slab, 0, &depth) == 1);
         spsi_store(found, depth);
@@ -331,23 +331,23 @@ static void test_pictures_alike(void) {
 /* --- small pictures --- */
 
 /* A voxel of a field or a level, counted from the volume's first one; 0 where none is held. */
-static double voxel_of(const spsi_fields *fields, const spsi_voxel_field *field, const int at[3]) {
-    const int border = fields->taps / 2 - 1, edge = spsi_field_edge(fields->taps);
+static double voxel_of(const spsi_pyramid *fields, const spsi_pyramid_level *field, const int at[3]) {
+    const int border = fields->taps / 2 - 1, edge = spsi_pyramid_edge(fields->taps);
     int brick[3], in[3], number;
     for (int k = 0; k < 3; ++k) {
         brick[k] = (at[k] + 8 * SPSI_BRICK) / SPSI_BRICK - 8;
         in[k] = at[k] - SPSI_BRICK * brick[k] + border;
         if (brick[k] < field->low[k] || brick[k] >= field->low[k] + field->size[k]) return 0;
     }
-    number = field->grid[spsi_field_cell(field, brick)];
+    number = field->grid[spsi_pyramid_cell(field, brick)];
     if (number < 0) return 0;
-    return (double)field->values[(size_t)number * spsi_field_floats(fields->taps) +
-                                 (size_t)((in[2] * edge + in[1]) * spsi_field_pitch(fields->taps) + in[0])];
+    return (double)field->values[(size_t)number * spsi_pyramid_floats(fields->taps) +
+                                 (size_t)((in[2] * edge + in[1]) * spsi_pyramid_pitch(fields->taps) + in[0])];
 }
 
 /* Samples of a level against the sum of its kernels; see test_samples, here times the largest voxel. Its last voxels
    lie near the end of a brick, so that samples in the next one reach them. */
-static void check_level(const spsi_fields *fields, const spsi_voxel_field *level, int last) {
+static void check_level(const spsi_pyramid *fields, const spsi_pyramid_level *level, int last) {
     const double allowed = 3 * (2 * (fields->taps == 4 ? 0.0054 : 1.4e-5) + 5e-4 + 0.7 / 2048);
     check_random random = {5};
     for (int n = 0; n < 400; ++n) {
@@ -372,17 +372,17 @@ static void check_level(const spsi_fields *fields, const spsi_voxel_field *level
    of three such sums. None is lost: their sum is an eighth of the finer one's. */
 static void check_levels(sps_quality quality, int taps) {
     static const double weights[4] = {0.125, 0.375, 0.375, 0.125};
-    const spsi_fields *fields;
+    const spsi_pyramid *fields;
     check_scene s;
     start(&s, noise);
     check_orthographic(&s.view.camera, 20);
     s.view.quality = quality;
     for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 15;
     if (!check_render(context, &s, image_a)) return;
-    fields = (const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data;
+    fields = (const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data;
     if (!CHECK(samples_of(context) > 0 && fields->leveled && fields->taps == taps)) return;
     for (int n = 0; n < fields->leveled; ++n) {
-        const spsi_voxel_field *fine = n ? &fields->levels[0][n - 1] : &fields->list[0], *level = &fields->levels[0][n];
+        const spsi_pyramid_level *fine = n ? &fields->levels[0][n - 1] : &fields->list[0], *level = &fields->levels[0][n];
         double sums[2] = {0, 0}, worst = 0;
         for (int at = 0; at < 32 * 32 * 32; ++at) {
             const int coarse[3] = {at % 32 - 8, at / 32 % 32 - 8, at / 1024 - 8};
@@ -599,7 +599,7 @@ static void test_middle(void) {
     s.volume[0].extinction = 0.3f;
     check_color(s.volume[0].albedo, 0, 0, 0);
     if (!check_render(context, &s, image_a)) return;
-    CHECK(((const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data)->leveled);
+    CHECK(((const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data)->leveled);
     for (int i = 0; i < SIDE * SIDE; ++i) {
         const double depth = (double)-log1pf(-image_a[4 * i + 3]);
         sum += depth;
@@ -672,9 +672,9 @@ static void test_hidden_beside(void) {
 
 /* Whether any voxel of lumps that lies within a range is shown: 0.6 and more if it is classified. */
 static int shows_within(int classified, const int low[3], const int high[3]) {
-    for (int z = spsi_most(low[2], 0); z <= spsi_least(high[2], GRID - 1); ++z)
-        for (int y = spsi_most(low[1], 0); y <= spsi_least(high[1], GRID - 1); ++y)
-            for (int x = spsi_most(low[0], 0); x <= spsi_least(high[0], GRID - 1); ++x) {
+    for (int z = spsi_imax(low[2], 0); z <= spsi_imin(high[2], GRID - 1); ++z)
+        for (int y = spsi_imax(low[1], 0); y <= spsi_imin(high[1], GRID - 1); ++y)
+            for (int x = spsi_imax(low[0], 0); x <= spsi_imin(high[0], GRID - 1); ++x) {
                 const float value = lumps[(z * GRID + y) * GRID + x];
                 if (classified ? value > 0.601f : value > 0) return 1;
             }
@@ -682,13 +682,13 @@ static int shows_within(int classified, const int low[3], const int high[3]) {
 }
 
 /* Number of a field's cells that are marked in a reach and should not be, or the other way round. */
-static int cells_wrong(const spsi_fields *fields, int classified, int number) {
-    const spsi_voxel_field *field = &fields->list[0];
+static int cells_wrong(const spsi_pyramid *fields, int classified, int number) {
+    const spsi_pyramid_level *field = &fields->list[0];
     const int farther = classified ? number : 0, taps = fields->taps;
     int wrong = 0;
     for (int held = 0; held < field->count; ++held) {
         int at[3];
-        spsi_field_at(field, field->places[held], at);
+        spsi_pyramid_at(field, field->places[held], at);
         for (int n = 0; n < 64; ++n) {
             const int cell[3] = {n % 4, n / 4 % 4, n / 16};
             int low[3], high[3];
@@ -706,14 +706,14 @@ static int cells_wrong(const spsi_fields *fields, int classified, int number) {
 static void test_cells(void) {
     for (int classified = 0; classified < 2; ++classified)
         for (int quality = SPS_QUALITY_MEDIUM; quality <= SPS_QUALITY_HIGH; ++quality) {
-            const spsi_fields *fields;
+            const spsi_pyramid *fields;
             check_scene s;
             start(&s, lumps);
             s.view.quality = (sps_quality)quality;
             if (classified) s.volume[0].transfer = &high_looks;
             if (!check_render(context, &s, image_a)) return;
-            fields = (const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data;
-            for (int n = 0; n < (classified ? SPSI_FIELD_REACHES : 1); ++n) {
+            fields = (const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data;
+            for (int n = 0; n < (classified ? SPSI_PYRAMID_REACHES : 1); ++n) {
                 const int wrong = cells_wrong(fields, classified, n);
                 if (!CHECK(wrong == 0)) printf("    %d, %d, %d: %d cells\n", classified, quality, n, wrong);
             }
@@ -752,8 +752,8 @@ static void test_steps(void) {
 }
 
 /* Marks all cells of all bricks that are held. */
-static void mark_all_cells(const spsi_voxel_field *field) {
-    for (int n = 0; n < SPSI_FIELD_REACHES; ++n)
+static void mark_all_cells(const spsi_pyramid_level *field) {
+    for (int n = 0; n < SPSI_PYRAMID_REACHES; ++n)
         for (int held = 0; held < field->count; ++held)
             memset(field->cells[n][field->places[held]], 0xff, sizeof field->cells[n][0]);
 }
@@ -777,7 +777,7 @@ static void test_left_out(void) {
         if (n & 2) check_orthographic(&s.view.camera, 1);
         if (!check_render(context, &s, image_a)) return;
         samples = samples_of(context);
-        mark_all_cells(&((const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data)->list[0]);
+        mark_all_cells(&((const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data)->list[0]);
         if (!check_render(context, &s, image_b)) return;
         if (!CHECK(samples < 0.9 * samples_of(context) && memcmp(image_a, image_b, sizeof image_a) == 0))
             printf("    %d: %g of %g samples\n", n, samples, samples_of(context));
@@ -800,12 +800,12 @@ static void test_profiles(void) {
         for (int n = -1; n <= 1; ++n) values[n + 1] = spsi_set((float)(middle + slope * n + bend * n * n + more));
         table.last_clear = 1;
         CHECK(spsi_values_through(&material, values, means, &p));
-        for (int part = 0; part < SPSI_PARTS; ++part) {
+        for (int part = 0; part < SPSI_SUBSLABS; ++part) {
             const spsi_portion portion = spsi_portion_of(spsi_set(0), spsi_set(1), part);
-            const double low = (double)part / SPSI_PARTS - 0.5, high = low + 1.0 / SPSI_PARTS;
+            const double low = (double)part / SPSI_SUBSLABS - 0.5, high = low + 1.0 / SPSI_SUBSLABS;
             const double whole = middle * (high - low) + slope * (high * high - low * low) / 2 +
                                  bend * (high * high * high - low * low * low) / 3;
-            CHECK_NEAR((double)spsi_lane(spsi_parabola_mean(&p, &portion), 0), whole * SPSI_PARTS, 8 * 1.2e-7 * middle);
+            CHECK_NEAR((double)spsi_lane(spsi_parabola_mean(&p, &portion), 0), whole * SPSI_SUBSLABS, 8 * 1.2e-7 * middle);
         }
         table.last_clear = 3; /* more than any of the three */
         CHECK(spsi_values_through(&material, values, means, &p) == means);
@@ -944,14 +944,14 @@ static void test_bends(void) {
     static float values[13 * 13 * 16];
     for (int taps = 4; taps <= 6; taps += 2)
         for (int n = 0; n < 10; ++n) {
-            const int *power = powers[n], edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps);
+            const int *power = powers[n], edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps);
             const double exact = n < 3 ? 6 : n < 9 ? sqrt(3) * 2 : sqrt(6);
             float bends[8];
             for (int i = 0; i < edge * edge * pitch; ++i) {
                 const double x = i % pitch - 5, y = i / pitch % edge - 5, z = i / pitch / edge - 5;
                 values[i] = (float)(pow(x, power[0]) * pow(y, power[1]) * pow(z, power[2]));
             }
-            spsi_field_bend(taps, values, bends);
+            spsi_pyramid_thirds(taps, values, bends);
             for (int i = 0; i < 8; ++i) CHECK_NEAR((double)bends[i], exact, 1e-5);
         }
 }
@@ -961,17 +961,17 @@ static void test_bends(void) {
 static void test_boxes_bend(void) {
     check_random random = {8};
     check_scene s;
-    const spsi_fields *fields;
-    const spsi_voxel_field *field;
+    const spsi_pyramid *fields;
+    const spsi_pyramid_level *field;
     float alone[8], all[SPSI_LANES];
     start(&s, noise);
     s.view.tolerance = 0.1f;
     if (!check_render(context, &s, image_a)) return;
-    fields = (const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data;
+    fields = (const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data;
     field = &fields->list[0];
     for (int i = 0; i < 500; ++i) {
-        spsi_tapper tapper;
-        spsi_tap_boxes boxes;
+        spsi_sampler tapper;
+        spsi_sampler_boxes boxes;
         int low[3], high[3];
         float least = 0, most = 0;
         memset(&tapper, 0, sizeof tapper);
@@ -983,21 +983,21 @@ static void test_boxes_bend(void) {
             low[k] = (int)floor((at - 1) / 4), high[k] = (int)floor((at + wide + 2) / 4); /* rows of 4 taps */
         }
         for (int n = 0; n < field->count; ++n) {
-            spsi_field_bend(fields->taps, field->values + (size_t)n * spsi_field_floats(fields->taps), alone);
+            spsi_pyramid_thirds(fields->taps, field->values + (size_t)n * spsi_pyramid_floats(fields->taps), alone);
             for (int m = 0; m < 8; ++m) {
                 int at[3], in = 1, beside = 1;
-                spsi_field_at(field, field->places[n], at);
+                spsi_pyramid_at(field, field->places[n], at);
                 for (int k = 0; k < 3; ++k) {
                     const int eighth = 2 * (at[k] - field->low[k]) + (m >> k & 1);
                     in &= eighth >= low[k] && eighth <= high[k];
-                    beside &= eighth >= spsi_least(low[k], 2 * field->size[k] - 1);
-                    beside &= eighth <= spsi_most(high[k], 0) + 1;
+                    beside &= eighth >= spsi_imin(low[k], 2 * field->size[k] - 1);
+                    beside &= eighth <= spsi_imax(high[k], 0) + 1;
                 }
                 if (in) least = fmaxf(least, alone[m]);
                 if (beside || in) most = fmaxf(most, alone[m]);
             }
         }
-        spsi_store(all, spsi_tap_boxes_bend(&tapper, &boxes));
+        spsi_store(all, spsi_sampler_boxes_thirds(&tapper, &boxes));
         if (!CHECK(all[0] >= least && all[0] <= most))
             printf("    box %d: %g, eighths %g to %g\n", i, (double)all[0], (double)least, (double)most);
     }
@@ -1009,13 +1009,13 @@ static void test_slabs_in_need(void) {
     static float whole[SLABS * SIZE], some[SLABS * SIZE];
     check_random random = {5};
     check_scene s;
-    spsi_tapper tapper;
+    spsi_sampler tapper;
     spsi_tile tile;
     start(&s, noise);
     if (!check_render(context, &s, image_a)) return;
     memset(&tapper, 0, sizeof tapper);
     memset(&tile, 0, sizeof tile);
-    tapper.fields = (const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data;
+    tapper.fields = (const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data;
     tapper.field = tapper.finest = &tapper.fields->list[0];
     tapper.cells = (const uint32_t(*)[2])tapper.field->cells[0];
     tapper.rays = tapper.side = 1, tapper.scale = 1, tapper.slab.slope[0] = 1;
@@ -1026,14 +1026,14 @@ static void test_slabs_in_need(void) {
     tile.slab_count = SLABS, tile.pitch = 64, tile.sheet_size = SIZE;
     for (int i = 0; i < 60; ++i) {
         const int steps = 1 + i % 3;
-        int all[SPSI_TAP_SLABS + 3] = {0}, need[SPSI_TAP_SLABS + 3] = {0}, wrong = 0, seen = 0;
+        int all[SPSI_SAMPLER_SLABS + 3] = {0}, need[SPSI_SAMPLER_SLABS + 3] = {0}, wrong = 0, seen = 0;
         memset(whole, 0, sizeof whole), memset(some, 0, sizeof some);
         for (int n = 1; n <= SLABS; ++n) {
             all[n] = SPSI_ALL_LANES;
             need[n] = (int)(check_next(&random) * (SPSI_ALL_LANES + 1)) & SPSI_ALL_LANES;
         }
-        spsi_tap_row(&tapper, &tile, 3, i % 8, SPSI_ALL_LANES, all, steps, whole);
-        spsi_tap_row(&tapper, &tile, 3, i % 8, SPSI_ALL_LANES, need, steps, some);
+        spsi_sampler_row(&tapper, &tile, 3, i % 8, SPSI_ALL_LANES, all, steps, whole);
+        spsi_sampler_row(&tapper, &tile, 3, i % 8, SPSI_ALL_LANES, need, steps, some);
         for (int n = 0; n < SLABS * SPSI_LANES; ++n) {
             const int slab = n / SPSI_LANES, lane = n % SPSI_LANES, at = slab * SIZE + i % 8 * 64 + 3 + lane;
             const float is = need[1 + slab] >> lane & 1 ? whole[at] : 0;
@@ -1396,7 +1396,7 @@ static void test_splatted(void) {
         if (n > 4) s.view.quality = SPS_QUALITY_HIGH, s.volume[0].placement.axis[0][0] *= n == 5 ? 1.9 : 2.1;
         if (!check_render(context, &s, image_a)) return;
         if (!CHECK((samples_of(context) > 0) == (n == 0 || n > 4))) printf("    case %d\n", n);
-        if (n > 4) CHECK(((const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data)->leveled == (n == 5));
+        if (n > 4) CHECK(((const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data)->leveled == (n == 5));
     }
 }
 
@@ -1529,7 +1529,7 @@ static void test_scattered_thinly(void) {
         check_render(context, &s, image_a);
         sps_get_stats(context, &stats);
         CHECK((stats.eye_samples > 0) == beside && stats.eye_footprints > 0);
-        CHECK(((const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data)->list[0].grid == NULL);
+        CHECK(((const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data)->list[0].grid == NULL);
     }
 }
 
@@ -1553,7 +1553,7 @@ static void test_scattered_surface(void) {
         s.volume[0].gradient_full = 1e-3f;
         s.view.filling = (sps_filling)filling;
         if (!check_render(context, &s, image_a)) return;
-        CHECK(((const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data)->list[0].count > 0);
+        CHECK(((const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data)->list[0].count > 0);
         for (int i = 0; i < SIDE * SIDE; ++i) sum[i % SIDE >= SIDE / 2] += (double)image_a[4 * i];
         CHECK(sum[0] > 0 && sum[1] <= 0.01 * sum[0]);
     }
@@ -1573,7 +1573,7 @@ static void test_thin_bytes(void) {
         if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
         bytes[i] = plan.pass[SPS_PASS_GATHER].bytes;
     }
-    CHECK(bytes[1] - bytes[0] <= sizeof(spsi_fields) + 9 * (27 * 128 * 5873 + 9 * (65536 + 64 * 128) * 36));
+    CHECK(bytes[1] - bytes[0] <= sizeof(spsi_pyramid) + 9 * (27 * 128 * 5873 + 9 * (65536 + 64 * 128) * 36));
 }
 
 /* --- what is held, counted, planned --- */
@@ -1618,11 +1618,11 @@ static void test_held_table(void) {
 /* The plan's pass of reading includes fields, whose bound is the difference from splatting. In pictures as small as
    these a gas has levels, and what is classified beside it has none: a mean's look is not the mean of looks. */
 static void test_bytes(void) {
-    static const int own[] = {SPSI_BUFFER_FIELDS,      SPSI_BUFFER_FIELD_GRIDS,  SPSI_BUFFER_FIELD_VALUES,
-                              SPSI_BUFFER_LEVEL_GRIDS, SPSI_BUFFER_LEVEL_VALUES, SPSI_BUFFER_BENDS};
+    static const int own[] = {SPSI_BUFFER_PYRAMIDS,      SPSI_BUFFER_PYRAMID_GRIDS,  SPSI_BUFFER_PYRAMID_VALUES,
+                              SPSI_BUFFER_LEVEL_GRIDS, SPSI_BUFFER_LEVEL_VALUES, SPSI_BUFFER_THIRDS};
     for (int kind = GAS; kind <= MIXED; kind += MIXED) {
         sps_context *fresh = check_context(NULL);
-        const spsi_fields *fields;
+        const spsi_pyramid *fields;
         sps_plan_report plans[2];
         sps_stats_report stats;
         check_scene s;
@@ -1639,7 +1639,7 @@ static void test_bytes(void) {
         CHECK(stats.bytes_peak <= plans[1].bytes);
         for (int i = 0; i < 6; ++i) bytes += fresh->buffers[own[i]].size;
         CHECK(fresh->buffers[SPSI_BUFFER_LEVEL_VALUES].size > 0);
-        fields = (const spsi_fields *)fresh->buffers[SPSI_BUFFER_FIELDS].data;
+        fields = (const spsi_pyramid *)fresh->buffers[SPSI_BUFFER_PYRAMIDS].data;
         for (int i = 0; i < s.scene.volume_count; ++i)
             CHECK((fields->levels[i][0].count == 0) == (s.volume[i].transfer != NULL));
         CHECK(bytes > 0 && bytes <= plans[1].pass[SPS_PASS_GATHER].bytes - plans[0].pass[SPS_PASS_GATHER].bytes);

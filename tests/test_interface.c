@@ -300,7 +300,7 @@ static size_t counted_bytes(sps_context *context, const spsi_rays *rays, size_t 
     spsi_lists lists;
     context->counted = 0;
     context->counts_only = 1;
-    if (rays) CHECK(spsi_lists_reserve(context, SPSI_BUFFER_EYE_BALLS, rays, count, &lists) == SPS_OK);
+    if (rays) CHECK(spsi_lists_reserve(context, SPSI_BUFFER_EYE_SPHERES, rays, count, &lists) == SPS_OK);
     if (!rays) CHECK(!spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, (int)count, size));
     context->counts_only = 0;
     return context->counted;
@@ -309,7 +309,7 @@ static size_t counted_bytes(sps_context *context, const spsi_rays *rays, size_t 
 /* Sizes in bytes that exceed a size_t cannot be reserved. What is only counted is not reserved, and no failure. */
 static void test_sizes_overflow(void) {
     sps_context *context = check_context(NULL);
-    const size_t each = sizeof(spsi_seen) + 2 * sizeof(int), starts = 3 * sizeof(int);
+    const size_t each = sizeof(spsi_projected_sphere) + 2 * sizeof(int), starts = 3 * sizeof(int);
     spsi_rays rays;
     memset(&rays, 0, sizeof rays);
     rays.width = rays.height = 2; /* one tile: its list, that of wide particles, and the end */
@@ -403,13 +403,13 @@ static void test_turns(void) {
     static const uint32_t work[TASKS] = {0, 70, 3, 4000000000u, 900, 0, 65, 1, 2047};
     static const int order[TASKS] = {3, 8, 4, 1, 6, 2, 7, 0, 5};
     int note[1 + TASKS] = {0};
-    uint32_t memory[TASKS * SPSI_TURN_BYTES / sizeof(uint32_t)];
+    uint32_t memory[TASKS * SPSI_TASK_ORDER_BYTES / sizeof(uint32_t)];
     sps_context *context = sps_create(NULL, NULL);
-    spsi_turns turns;
-    spsi_turns_begin(&turns, TASKS, memory);
+    spsi_task_order turns;
+    spsi_task_order_begin(&turns, TASKS, memory);
     for (int i = 0; i < TASKS; ++i) CHECK(turns.work[i] == 0);
     memcpy(turns.work, work, sizeof work);
-    spsi_parallel_turns(context, &turns, note_task, note);
+    spsi_parallel_ordered(context, &turns, note_task, note);
     CHECK(note[0] == TASKS && memcmp(note + 1, order, sizeof order) == 0);
     for (int i = 0; i < TASKS; ++i) CHECK(turns.work[i] == 0); /* of a task that says nothing of what it did */
     sps_destroy(context);

@@ -110,7 +110,7 @@ static void test_small_particles(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 8; ++n) {
         const int soft = n % 2;
-        const double r = radii[n / 2], depth = r < SPSI_BALL_LEAST ? 0.0009 : 0.1; /* denser ones keep what they stop */
+        const double r = radii[n / 2], depth = r < SPSI_SPHERE_LEAST ? 0.0009 : 0.1; /* denser ones keep what they stop */
         const double whole = depth * r * r * PI * (soft ? 2.0 / 5 : 2.0 / 3);
         for (int i = 0; i < 256; ++i) {
             const double px = (i % 16 + 0.5) / 16, py = (i / 16 + 0.5) / 16;

@@ -295,7 +295,7 @@ static void test_crowded_tiles(void) {
             add(&f, i % 2, check_next(&random), check_next(&random), 4 * check_next(&random), 8 + check_next(&random),
                 0.2 * check_next(&random));
         map = must_build(&f, context);
-        CHECK(context->buffers[SPSI_BUFFER_BALL_LIST].data == NULL);
+        CHECK(context->buffers[SPSI_BUFFER_SPHERE_LIST].data == NULL);
         for (int i = 0; i < 400 && map; ++i) {
             double point[3];
             answer exact;

@@ -669,7 +669,7 @@ static void test_shadow_edge_in_slabs(void) {
         for (int i = 0; i < PIXELS; ++i) { /* in gas that absorbs 2e-4 of it along either path */
             const double x = (i % SIDE - (SIDE - 1) / 2.0) * 1.2 / SIDE, lit = 1 + x / 0.75;
             if (!CHECK_NEAR((double)image_a[4 * i], lit,
-                            lit * (0.0037 + 5e-4) + 0.5 * way / SPSI_PARTS + texel * 5 / 3))
+                            lit * (0.0037 + 5e-4) + 0.5 * way / SPSI_SUBSLABS + texel * 5 / 3))
                 printf("    %d, x %g\n", n, x);
         }
     }

@@ -1340,23 +1340,23 @@ static void test_sizes_on_six_faces(void) {
     memset(&set, 0, sizeof set);
     for (int n = 0; n < 3; ++n)
         for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
-            const double wide = SPSI_BALL_LEAST * 2 / (SIZE - 1) * largest[n];
+            const double wide = SPSI_SPHERE_LEAST * 2 / (SIZE - 1) * largest[n];
             sps_particle particle;
             spsi_rays rays;
-            spsi_ball ball;
+            spsi_sphere ball;
             double radius;
             memset(&particle, 0, sizeof particle);
             memset(&ball, 0, sizeof ball);
             particle.radius = 0.01f;
             particle.optical_depth = 0.0005f;
             CHECK(spsi_rays_of_cube_face(origin, face, SIZE, 0, &rays));
-            radius = spsi_ball_radius(&rays, &particle, offsets[n]);
-            spsi_ball_dilute(&set, &particle, radius, &ball);
+            radius = spsi_sphere_radius(&rays, &particle, offsets[n]);
+            spsi_sphere_dilute(&set, &particle, radius, &ball);
             CHECK_NEAR(radius, wide, 1e-12);
             CHECK_NEAR((double)ball.depth * wide * wide / 5e-8, 1, 4 * ROUNDING);
             particle.radius = 2, particle.optical_depth = 3;
-            radius = spsi_ball_radius(&rays, &particle, offsets[n]);
-            spsi_ball_dilute(&set, &particle, radius, &ball);
+            radius = spsi_sphere_radius(&rays, &particle, offsets[n]);
+            spsi_sphere_dilute(&set, &particle, radius, &ball);
             CHECK(radius >= 2 && radius <= 2 && ball.depth >= 3 && ball.depth <= 3);
         }
 }
@@ -1368,12 +1368,12 @@ typedef struct chord_errors {
 } chord_errors;
 
 /* The vector of pixels from (x, y) on. */
-static void compare_chords(const spsi_rays *rays, const sps_particle *particle, const spsi_ball *ball, int x, int y,
+static void compare_chords(const spsi_rays *rays, const sps_particle *particle, const spsi_sphere *ball, int x, int y,
                            chord_errors *errors) {
     const double radius = (double)particle->radius;
     float share[SPSI_LANES], middle[SPSI_LANES];
     spsi_chord chord;
-    spsi_ball_chord(rays, ball, x, y, &chord);
+    spsi_sphere_chord(rays, ball, x, y, &chord);
     spsi_store(share, chord.share);
     spsi_store(middle, chord.middle);
     for (int i = 0; i < SPSI_LANES; ++i) {
@@ -1406,7 +1406,7 @@ static void test_chords_close_by(void) {
         sps_particle particle;
         sps_view view;
         spsi_rays rays;
-        spsi_ball ball;
+        spsi_sphere ball;
         memset(&set, 0, sizeof set);
         memset(&view, 0, sizeof view);
         memset(&rays, 0, sizeof rays);
@@ -1419,7 +1419,7 @@ static void test_chords_close_by(void) {
                     -ahead);
         particle.radius = (float)radius;
         particle.optical_depth = 1;
-        spsi_ball_build(&rays, &set, &particle, &ball);
+        spsi_sphere_build(&rays, &set, &particle, &ball);
         for (int y = 0; y < HEIGHT; ++y)
             for (int x = 0; x < WIDTH; x += SPSI_LANES) compare_chords(&rays, &particle, &ball, x, y, &errors);
         if (!CHECK(errors.missed == 0 && errors.square < 2 * ROUNDING && errors.middle < 4 * 1.5 * ROUNDING))

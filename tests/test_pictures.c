@@ -234,7 +234,7 @@ static void test_border(void) {
     for (int point = 0; point < 2; ++point) {
         double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
         spsi_rays rays;
-        spsi_lamp lamp;
+        spsi_light lamp;
         memset(&lamp, 0, sizeof lamp);
         memset(&rays, 0, sizeof rays);
         lamp.is_point = point;
@@ -272,8 +272,8 @@ static void check_parabola(int means) {
     for (int n = 0; n < 3; ++n) three[n] = (float)(means ? integral(n - 1.5, n - 0.5) : value_at(n - 1));
     p = spsi_parabola_through(spsi_set(three[0]), spsi_set(three[1]), spsi_set(three[2]), means);
     for (int cut = 0; cut < 2; ++cut)
-        for (int part = 0; part < SPSI_PARTS; ++part) {
-            const double first = cut ? 0.3 : 0, width = (cut ? 0.45 : 1) / SPSI_PARTS,
+        for (int part = 0; part < SPSI_SUBSLABS; ++part) {
+            const double first = cut ? 0.3 : 0, width = (cut ? 0.45 : 1) / SPSI_SUBSLABS,
                          from = first + part * width - 0.5;
             const spsi_portion portion = spsi_portion_of(spsi_set((float)first), spsi_set(cut ? 0.75f : 1), part);
             spsi_store(lanes, spsi_parabola_mean(&p, &portion));
@@ -292,7 +292,7 @@ static void test_mean_way(void) {
     for (double d = 1e-12; d < 100; d *= 1.3) {
         const double exact = d < 1e-3 ? 0.5 - d / 12 : 1 / d - 1 / expm1(d);
         float lanes[SPSI_LANES];
-        spsi_store(lanes, spsi_mean_way(spsi_set((float)d)));
+        spsi_store(lanes, spsi_mean_length(spsi_set((float)d)));
         CHECK_NEAR((double)lanes[0], exact, ROUND);
     }
 }

@@ -635,9 +635,9 @@ static void test_particles(void) {
         check_render(context, &s, rgba);
         CHECK(plan.particle_calls == calls && calls == (count + 4095) / 4096);
         CHECK(plan.pass[SPS_PASS_EYE_SHEETS].bytes >=
-              context->buffers[SPSI_BUFFER_EYE_BALLS].size + context->buffers[SPSI_BUFFER_PARTICLE_QUEUE].size);
-        CHECK(plan.pass[SPS_PASS_LIGHT_SHEETS].bytes >= context->buffers[SPSI_BUFFER_LIGHT_BALLS].size);
-        CHECK(context->buffers[SPSI_BUFFER_EYE_BALLS].size >= count * sizeof(spsi_seen));
+              context->buffers[SPSI_BUFFER_EYE_SPHERES].size + context->buffers[SPSI_BUFFER_PARTICLE_QUEUE].size);
+        CHECK(plan.pass[SPS_PASS_LIGHT_SHEETS].bytes >= context->buffers[SPSI_BUFFER_LIGHT_SPHERES].size);
+        CHECK(context->buffers[SPSI_BUFFER_EYE_SPHERES].size >= count * sizeof(spsi_projected_sphere));
         sps_destroy(context);
     }
 }

@@ -896,7 +896,7 @@ static void test_vectors_of_places(void) {
         const double way[3] = {check_next(&random) - 0.5, check_next(&random) - 0.5, grazes ? 0 : 1};
         spsi_face face;
         spsi_rays eye;
-        spsi_meetings meetings;
+        spsi_intersections meetings;
         spsi_points points;
         double facing[SPSI_LANES], plane[3], most = 0;
         memset(&face, 0, sizeof face), memset(&eye, 0, sizeof eye);
@@ -917,8 +917,8 @@ static void test_vectors_of_places(void) {
             meetings.t[n] = 10 + check_next(&random);
             for (int i = 0; i < 3; ++i) meetings.corner[i][n] = face.position[0][i], meetings.plane[i][n] = plane[i];
         }
-        spsi_meetings_fill(&meetings);
-        spsi_meetings_place(&eye, &meetings, &points, facing);
+        spsi_intersections_fill(&meetings);
+        spsi_intersections_hit(&eye, &meetings, &points, facing);
         CHECK(points.lanes == meetings.lanes);
         for (int n = 0; n < SPSI_LANES; ++n) {
             double exact[3], ray[3], rasterised[3];

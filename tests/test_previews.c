@@ -198,7 +198,7 @@ static void test_errors(void) {
             s.view.slab_thickness = 0, s.view.shadow_resolution = 0;
             if (!check_render(context, &s, image_a)) return;
             s.view.slab_thickness = high ? 0.5 : draft ? 2 : kind > 0 ? 0.7 : 1;
-            s.view.shadow_resolution = spsi_most(plan.shadow_width, plan.shadow_height);
+            s.view.shadow_resolution = spsi_imax(plan.shadow_width, plan.shadow_height);
             if (!check_render(context, &s, image_b)) return;
             error = preview_error(image_a, sizes[i]);
             exact = preview_error(image_b, sizes[i]);

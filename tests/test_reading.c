@@ -161,10 +161,10 @@ static float most[VOXELS];
 static float most_near(const float *from, int n, int reach) {
     const int x = n % NX, y = n / NX % NY, z = n / (NX * NY);
     float found = 0;
-    for (int k = spsi_most(0, z - reach); k <= spsi_least(NZ - 1, z + reach); ++k)
-        for (int j = spsi_most(0, y - reach); j <= spsi_least(NY - 1, y + reach); ++j)
-            for (int i = spsi_most(0, x - reach); i <= spsi_least(NX - 1, x + reach); ++i)
-                found = spsi_higher(found, from[(k * NY + j) * NX + i]);
+    for (int k = spsi_imax(0, z - reach); k <= spsi_imin(NZ - 1, z + reach); ++k)
+        for (int j = spsi_imax(0, y - reach); j <= spsi_imin(NY - 1, y + reach); ++j)
+            for (int i = spsi_imax(0, x - reach); i <= spsi_imin(NX - 1, x + reach); ++i)
+                found = spsi_fmax(found, from[(k * NY + j) * NX + i]);
     return found;
 }
 
@@ -186,7 +186,7 @@ static int check_brick(const sps_context *context, const int base[3], int *at) {
         const int x = base[0] + step[0], y = base[1] + step[1], z = base[2] + step[2], voxel = (z * NY + y) * NX + x;
         const spsi_segment *segment;
         if (x >= NX || y >= NY || z >= NZ || !wanted[voxel]) continue;
-        for (int k = 0; k < 3; ++k) low[k] = spsi_least(low[k], step[k]), high[k] = spsi_most(high[k], step[k]);
+        for (int k = 0; k < 3; ++k) low[k] = spsi_imin(low[k], step[k]), high[k] = spsi_imax(high[k], step[k]);
         good = *at < context->brick_count && count < brick->count;
         if (!good) continue;
         segment = spsi_segment_at(context, brick->segment);

@@ -266,7 +266,7 @@ static void test_closed_body_is_tight(void) {
 
 /* ---------------------------------------------------------------------------------- what needs no rays to be lit */
 
-enum { VIEW = 4 * SPSI_SIGHT_TILE - 5 };
+enum { VIEW = 4 * SPSI_VISIBILITY_TILE - 5 };
 
 /* A ground, and boxes, lone triangles or a smooth globe on it, at a place far or near; seen and lit from anywhere
    above. Some grounds reflect light by a normal that is not their own, or by different ones. */
@@ -316,20 +316,20 @@ static void random_town(check_scene *s, check_random *random, int kind) {
 }
 
 /* Compares a tile with rays, if none are needed there. Returns whether they are not. */
-static int open_tile(const spsi_sight_job *job, int x0, int y0, int *wrong) {
+static int open_tile(const spsi_visibility_job *job, int x0, int y0, int *wrong) {
     static float lit[3 * VIEW * VIEW];
     const int channels = spsi_lit_channels(job->frame, job->lamp);
     const size_t bytes = (size_t)(channels * VIEW * VIEW) * sizeof(float);
     uint64_t rays;
     job->rays[0] = 0;
-    if (!spsi_sight_open(job, x0, y0, 0)) return 0;
+    if (!spsi_visibility_open(job, x0, y0, 0)) return 0;
     rays = job->rays[0];
     memcpy(lit, job->lit, bytes);
     memset(job->lit, 0, bytes);
     job->rays[0] = 0;
-    for (int y = y0; y < y0 + SPSI_SIGHT_TILE; y += SPSI_SIGHT_BLOCK)
-        for (int x = x0; x < x0 + SPSI_SIGHT_TILE; x += SPSI_SIGHT_BLOCK)
-            job->rays[0] += (uint64_t)spsi_sight_block(job, x, y);
+    for (int y = y0; y < y0 + SPSI_VISIBILITY_TILE; y += SPSI_VISIBILITY_BLOCK)
+        for (int x = x0; x < x0 + SPSI_VISIBILITY_TILE; x += SPSI_VISIBILITY_BLOCK)
+            job->rays[0] += (uint64_t)spsi_visibility_block(job, x, y);
     *wrong += memcmp(lit, job->lit, bytes) != 0 || rays != job->rays[0];
     memset(job->lit, 0, bytes);
     return rays > 0;
@@ -345,7 +345,7 @@ static void test_tiles_without_rays(void) {
         uint64_t rays = 0;
         spsi_faces faces;
         spsi_visible visible;
-        spsi_sight_job job;
+        spsi_visibility_job job;
         spsi_frame *frame;
         check_scene s;
         random_town(&s, &random, kind);
@@ -358,8 +358,8 @@ static void test_tiles_without_rays(void) {
         memset(&job, 0, sizeof job), memset(lit, 0, sizeof lit);
         job.frame = frame, job.faces = &faces, job.visible = &visible, job.lamp = &frame->lamps.list[0];
         job.lit = lit, job.rays = &rays;
-        for (int y = 0; y < VIEW; y += SPSI_SIGHT_TILE)
-            for (int x = 0; x < VIEW; x += SPSI_SIGHT_TILE) open += open_tile(&job, x, y, &wrong);
+        for (int y = 0; y < VIEW; y += SPSI_VISIBILITY_TILE)
+            for (int x = 0; x < VIEW; x += SPSI_VISIBILITY_TILE) open += open_tile(&job, x, y, &wrong);
     }
     if (!CHECK(wrong == 0 && open > 2 * TOWNS)) printf("    %d of %d tiles wrong\n", wrong, open);
 }

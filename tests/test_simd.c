@@ -278,7 +278,7 @@ static void test_exp(void) {
 
 static double share_of(double v) {
     float out[SPSI_LANES];
-    spsi_store(out, spsi_kernel_share(spsi_set((float)v)));
+    spsi_store(out, spsi_kernel_fraction(spsi_set((float)v)));
     return (double)out[0];
 }
 

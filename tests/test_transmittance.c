@@ -199,7 +199,7 @@ static void test_turn(void) {
         const float u = (float)(n < 100000 ? between(-1, 1) : pow(10, between(-9, 3)));
         const double angle = 2 * pi * fmod((double)u, 1);
         spsi_v cosine, sine;
-        spsi_turn(spsi_set(u), &cosine, &sine);
+        spsi_cos_sin(spsi_set(u), &cosine, &sine);
         spsi_store(c, cosine), spsi_store(s, sine);
         worst = fmax(worst, fmax(fabs((double)c[0] - cos(angle)), fabs((double)s[0] - sin(angle))));
         if (fabs((double)u) < 0.25 && u < 0) worst_sine = fmax(worst_sine, fabs((double)s[0] / sin(angle) - 1));
@@ -211,11 +211,11 @@ static void test_turn(void) {
 
 static void test_before(void) {
     const spsi_interval even = {0.25f, 0.75f, 1, 0}, soft = {0.25f, 0.75f, 1, 1}, sheet = {0.5f, 0.5f, 1, 0};
-    CHECK_NEAR((double)spsi_interval_share(&even, 0.375f), 0.25, 0);
-    CHECK_NEAR((double)spsi_interval_share(&soft, 0.375f), 0.0625 * 2.5, 0);
-    CHECK_NEAR((double)spsi_interval_share(&even, 0.75f), 1, 0);
-    CHECK_NEAR((double)spsi_interval_share(&sheet, 0.5f), 1, 0);
-    CHECK_NEAR((double)spsi_interval_share(&sheet, 0.49999997f), 0, 0);
+    CHECK_NEAR((double)spsi_interval_fraction(&even, 0.375f), 0.25, 0);
+    CHECK_NEAR((double)spsi_interval_fraction(&soft, 0.375f), 0.0625 * 2.5, 0);
+    CHECK_NEAR((double)spsi_interval_fraction(&even, 0.75f), 1, 0);
+    CHECK_NEAR((double)spsi_interval_fraction(&sheet, 0.5f), 1, 0);
+    CHECK_NEAR((double)spsi_interval_fraction(&sheet, 0.49999997f), 0, 0);
     for (int n = 0; n < 4000; ++n) { /* and the vector's; whole and cut, with ends outside and inside 0..1 */
         const float soft_one = n % 4 == 3 ? (float)(0.25 + 0.75 * check_next(&numbers)) : (float)(n % 2);
         const float u0 = (float)between(n % 3 ? 0 : -1, 1);

@@ -464,7 +464,7 @@ static spsi_faces faces_of(const sps_context *by) {
 
 /* A point of the picture's polygons, which looks up. */
 static void look_up(const spsi_faces *held, int face, double x, double y, double z, spsi_surface *surface,
-                    spsi_cell_sight *sight) {
+                    spsi_cell_visibility *sight) {
     static const double up[3] = {0, 1, 0};
     check_set3(surface->point, x, y, z);
     memcpy(surface->start, surface->point, sizeof surface->start);
@@ -551,11 +551,11 @@ static void test_roof(void) {
             for (double z = -6.1; z < 6.2; z += step) {
                 float open[SPSI_CELL_SHEET];
                 spsi_surface surface;
-                spsi_cell_sight sight;
+                spsi_cell_visibility sight;
                 double all, off, exact, found;
                 int some;
                 look_up(&held, x > z ? 0 : 1, x, -3, z, &surface, &sight);
-                some = spsi_cells_sight(&sight, open);
+                some = spsi_cells_visibility(&sight, open);
                 exact = roofed(grid_of(context), surface.point, -2, low, high, &all, &off);
                 found = irradiance_of(grid_of(context), 0, 0, surface.point, sight.normal, some ? open : NULL);
                 CHECK_NEAR(found, exact, off + 1e-5 * all);
@@ -596,12 +596,12 @@ static void test_free(void) {
             for (double z = -6.1; z < 6.2; z += step) {
                 float open[SPSI_CELL_SHEET];
                 spsi_surface surface;
-                spsi_cell_sight sight;
+                spsi_cell_visibility sight;
                 const double normal[3] = {-slant / sqrt(1 + slant * slant), 1 / sqrt(1 + slant * slant), 0};
                 look_up(&held, -1, x, -3 + slant * x, z, &surface, &sight);
                 sight.normal = normal;
-                rays += spsi_cell_sight_near(&sight) != 0;
-                hidden += spsi_cells_sight(&sight, open);
+                rays += spsi_cell_visibility_near(&sight) != 0;
+                hidden += spsi_cells_visibility(&sight, open);
             }
         if (figures()) printf("floor %d: %d with rays, %d hidden\n", n, rays, hidden);
         CHECK(n == 5 || rays == 0);
@@ -991,7 +991,7 @@ static void test_failures(void) {
 static void test_plan(void) {
     for (int n = 0; n < 2; ++n) {
         static const int own[] = {SPSI_BUFFER_CELL_GRID,   SPSI_BUFFER_CELL_JOB,     SPSI_BUFFER_CELLS,
-                                  SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_MOMENTS, SPSI_BUFFER_CELL_WALLS};
+                                  SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_MOMENTS, SPSI_BUFFER_CELL_BLOCKERS};
         sps_context *by = check_context(NULL);
         sps_plan_report report;
         size_t bytes = 0;

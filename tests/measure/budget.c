@@ -121,15 +121,15 @@ enum { SAMPLES_MOST = 200 };
 
 /* What was found on each rung. */
 static struct {
-    double rates[SPSI_STAGE_COUNT][SPSI_GRADES][SAMPLES_MOST];
-    int count[SPSI_STAGE_COUNT][SPSI_GRADES];
-    double gas[2][SPSI_GRADES], points[SPSI_POINT_GRADES], cells[SPSI_CELL_GRADES]; /* worst errors */
-    double balls[SPSI_GRADES];                                                      /* per optical depth */
+    double rates[SPSI_STAGE_COUNT][SPSI_PRESETS][SAMPLES_MOST];
+    int count[SPSI_STAGE_COUNT][SPSI_PRESETS];
+    double gas[2][SPSI_PRESETS], points[SPSI_POINT_PRESETS], cells[SPSI_CELL_PRESETS]; /* worst errors */
+    double balls[SPSI_PRESETS];                                                      /* per optical depth */
 } found;
 
 static void keep_rates(const ex_session *session, const spsi_setting *setting) {
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage) {
-        const int grade = spsi_stage_grade((spsi_stage)stage, setting);
+        const int grade = spsi_stage_preset((spsi_stage)stage, setting);
         const double rate = session->context->pace.rates[stage][grade];
         int *count = &found.count[stage][grade];
         if (rate > 0 && *count < SAMPLES_MOST) found.rates[stage][grade][(*count)++] = WORKERS * rate;
@@ -161,7 +161,7 @@ static double fit_setting(trial *t, const char *name, const spsi_setting *settin
            1e3 * seconds);
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage)
         printf(" %8.3g",
-               1e9 * WORKERS * session.context->pace.rates[stage][spsi_stage_grade((spsi_stage)stage, setting)]);
+               1e9 * WORKERS * session.context->pace.rates[stage][spsi_stage_preset((spsi_stage)stage, setting)]);
     printf("\n");
     ex_session_end(&session);
     return error;
@@ -171,17 +171,17 @@ static void fit_view(const char *name, trial *t) {
     const int again = t->shown.view.scattering == SPS_SCATTERING_MULTIPLE, soft = t->shown.light.angular_diameter > 0;
     const int looks = t->shown.volume.transfer != NULL;
     spsi_setting setting = {0, 0, 0};
-    for (int g = 0; g < SPSI_GRADES && !soft && !again; ++g) {
+    for (int g = 0; g < SPSI_PRESETS && !soft && !again; ++g) {
         if (looks && g < 2) continue;
         setting.gas = g;
         found.gas[looks][g] = fmax(found.gas[looks][g], fit_setting(t, name, &setting));
     }
     setting.gas = 3;
-    for (int g = 0; g < SPSI_POINT_GRADES && soft; ++g) {
+    for (int g = 0; g < SPSI_POINT_PRESETS && soft; ++g) {
         setting.points = g;
         found.points[g] = fmax(found.points[g], fit_setting(t, name, &setting));
     }
-    for (int g = 0; g < SPSI_CELL_GRADES && again; ++g) {
+    for (int g = 0; g < SPSI_CELL_PRESETS && again; ++g) {
         setting.cells = g;
         found.cells[g] = fmax(found.cells[g], fit_setting(t, name, &setting));
     }
@@ -282,7 +282,7 @@ static void fit_balls(void) {
         ex_stop_unless_ok(sps_reference(session.context, &b.scene, &b.view, &settings, &image), program, &session);
         ex_session_end(&session);
         printf("balls, radius %g, depth %g, %s, %s: ", radius, depth, soft ? "soft" : "even", lamp ? "lamp" : "sun");
-        for (int g = 0; g < SPSI_GRADES; ++g) {
+        for (int g = 0; g < SPSI_PRESETS; ++g) {
             const double error = balls_error(&b, g, exact);
             found.balls[g] = fmax(found.balls[g], error / depth);
             printf(" %9.5f", error);
@@ -299,15 +299,15 @@ static void print_row(const char *name, const double *worst, int count) {
 
 static void print_tables(void) {
     printf("\nerrors, twice the worst:\n");
-    print_row("gas", found.gas[0], SPSI_GRADES);
-    print_row("classified", found.gas[1], SPSI_GRADES);
-    print_row("balls, per depth", found.balls, SPSI_GRADES);
-    print_row("points", found.points, SPSI_POINT_GRADES);
-    print_row("cells", found.cells, SPSI_CELL_GRADES);
+    print_row("gas", found.gas[0], SPSI_PRESETS);
+    print_row("classified", found.gas[1], SPSI_PRESETS);
+    print_row("balls, per depth", found.balls, SPSI_PRESETS);
+    print_row("points", found.points, SPSI_POINT_PRESETS);
+    print_row("cells", found.cells, SPSI_CELL_PRESETS);
     printf("\nrates, the middle ones:\n");
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage) {
         printf("{");
-        for (int g = 0; g < SPSI_GRADES; ++g) {
+        for (int g = 0; g < SPSI_PRESETS; ++g) {
             const int count = found.count[stage][g];
             const double rate = count ? ex_percentile(found.rates[stage][g], (size_t)count, 0.5) : 0;
             printf("%s%.2ge-9", g ? ", " : "", 1e9 * rate);

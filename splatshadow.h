@@ -4407,7 +4407,7 @@ typedef struct spsi_frame {
     spsi_particle_sets particles;
     spsi_matter matter;
     spsi_meshes meshes;
-    spsi_lights lamps;
+    spsi_lights lights;
     int has_ambient;   /* 1: there is light from everywhere */
     int has_gradients; /* 1: some volume is shaded as a surface; its field has the gradients */
     int channels;    /* channels of radiance: 1 if every color is grey, otherwise 3 */
@@ -5262,13 +5262,13 @@ static void spsi_projection_move(const spsi_light *centre, spsi_light *point) {
 
 /* The light without extent at place (x, y) of an extended one. Places on a directional light's disc are spread evenly
    over its solid angle: 1 - cos grows with the square of the distance from its middle. */
-static void spsi_light_place(const spsi_light *lamp, double x, double y, spsi_light *point) {
-    const spsi_light_extent *extent = &lamp->extent;
-    *point = *lamp;
+static void spsi_light_place(const spsi_light *light, double x, double y, spsi_light *point) {
+    const spsi_light_extent *extent = &light->extent;
+    *point = *light;
     memset(&point->extent, 0, sizeof point->extent);
     point->points = point->few = point;
     point->point_count = point->few_count = 1;
-    if (lamp->is_point) {
+    if (light->is_point) {
         spsi_along(point->position, extent->axis[0], x, point->position);
         spsi_along(point->position, extent->axis[1], y, point->position);
     } else {
@@ -5276,56 +5276,56 @@ static void spsi_light_place(const spsi_light *lamp, double x, double y, spsi_li
         const double per = r > 0 ? sqrt(less * (2 - less)) / r : 0;
         for (int i = 0; i < 3; ++i)
             point->direction[i] =
-                (1 - less) * lamp->direction[i] + per * (x * extent->axis[0][i] + y * extent->axis[1][i]);
+                (1 - less) * light->direction[i] + per * (x * extent->axis[0][i] + y * extent->axis[1][i]);
         spsi_normalise(point->direction);
         spsi_basis(point->direction, point->across[0], point->across[1]);
     }
-    if (lamp->projection.exists) spsi_projection_move(lamp, point);
+    if (light->projection.exists) spsi_projection_move(light, point);
 }
 
 /* Places `count` points evenly over an extended light: a disc's on a spiral of equal areas and golden angles [Vogel
    1979], a rectangle's on a lattice of one point per column whose rows advance by the golden ratio. They are moved so
    that their mean is the centre, which a few points would miss. */
-SPSI_COLD void spsi_extent_points(const spsi_light *lamp, int count, spsi_light *points) {
+SPSI_COLD void spsi_extent_points(const spsi_light *light, int count, spsi_light *points) {
     double places[SPSI_POINTS_MAX][2], mean[2] = {0, 0};
     for (int i = 0; i < count; ++i) {
         const double share = (i + 0.5) / count, turn = 2.39996322972865332 * i, row = 0.61803398874989485 * (i + 0.5);
-        places[i][0] = lamp->extent.is_disc ? sqrt(share) * cos(turn) : 2 * share - 1;
-        places[i][1] = lamp->extent.is_disc ? sqrt(share) * sin(turn) : 2 * (row - floor(row)) - 1;
+        places[i][0] = light->extent.is_disc ? sqrt(share) * cos(turn) : 2 * share - 1;
+        places[i][1] = light->extent.is_disc ? sqrt(share) * sin(turn) : 2 * (row - floor(row)) - 1;
         for (int k = 0; k < 2; ++k) mean[k] += places[i][k] / count;
     }
-    for (int i = 0; i < count; ++i) spsi_light_place(lamp, places[i][0] - mean[0], places[i][1] - mean[1], &points[i]);
+    for (int i = 0; i < count; ++i) spsi_light_place(light, places[i][0] - mean[0], places[i][1] - mean[1], &points[i]);
 }
 
-SPSI_COLD void spsi_light_build(const spsi_frame *frame, const sps_light *light, int index, spsi_light *lamp) {
-    const double inner = light->inner_cone, outer = light->outer_cone;
+SPSI_COLD void spsi_light_build(const spsi_frame *frame, const sps_light *given, int index, spsi_light *light) {
+    const double inner = given->inner_cone, outer = given->outer_cone;
     sps_tmap_settings table;
-    memset(lamp, 0, sizeof *lamp);
-    lamp->index = index;
-    lamp->is_point = light->kind != SPS_LIGHT_DIRECTIONAL;
-    memcpy(lamp->position, light->position, sizeof lamp->position);
-    memcpy(lamp->direction, light->direction, sizeof lamp->direction);
-    spsi_normalise(lamp->direction);
-    memcpy(lamp->color, light->color, sizeof lamp->color);
-    lamp->samples = light->samples;
-    lamp->cone.exists = outer > 0;
-    lamp->cone.none = spsi_dmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* what is narrower has no rim in floats */
-    lamp->cone.rim = spsi_dmax(2 * sin(0.5 * (outer + inner)) * sin(0.5 * (outer - inner)), 1e-7 * lamp->cone.none);
-    spsi_basis(lamp->direction, lamp->across[0], lamp->across[1]);
-    if (light->projector) spsi_projection_build(light, lamp->direction, &lamp->projection);
-    lamp->falls_off = lamp->is_point && light->falloff == SPS_FALLOFF_INVERSE_SQUARE;
-    lamp->points = lamp->few = lamp;
-    lamp->point_count = lamp->few_count = 1;
-    if (spsi_light_extended(light)) spsi_extent_build(light, lamp->direction, &lamp->extent);
-    lamp->shadows = !light->no_shadow && !frame->view.no_shadows;
-    if (!lamp->shadows || !frame->matter.extinguishes) return;
-    lamp->has_map = light->shadow_map || light->shadow_source == SPS_SHADOW_TABLE;
-    lamp->sliced = !lamp->has_map;
-    if (lamp->sliced && light->shadow_source == SPS_SHADOW_AUTO) lamp->choice = SPSI_CHOICE_OPEN;
+    memset(light, 0, sizeof *light);
+    light->index = index;
+    light->is_point = given->kind != SPS_LIGHT_DIRECTIONAL;
+    memcpy(light->position, given->position, sizeof light->position);
+    memcpy(light->direction, given->direction, sizeof light->direction);
+    spsi_normalise(light->direction);
+    memcpy(light->color, given->color, sizeof light->color);
+    light->samples = given->samples;
+    light->cone.exists = outer > 0;
+    light->cone.none = spsi_dmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* what is narrower has no rim in floats */
+    light->cone.rim = spsi_dmax(2 * sin(0.5 * (outer + inner)) * sin(0.5 * (outer - inner)), 1e-7 * light->cone.none);
+    spsi_basis(light->direction, light->across[0], light->across[1]);
+    if (given->projector) spsi_projection_build(given, light->direction, &light->projection);
+    light->falls_off = light->is_point && given->falloff == SPS_FALLOFF_INVERSE_SQUARE;
+    light->points = light->few = light;
+    light->point_count = light->few_count = 1;
+    if (spsi_light_extended(given)) spsi_extent_build(given, light->direction, &light->extent);
+    light->shadows = !given->no_shadow && !frame->view.no_shadows;
+    if (!light->shadows || !frame->matter.extinguishes) return;
+    light->has_map = given->shadow_map || given->shadow_source == SPS_SHADOW_TABLE;
+    light->sliced = !light->has_map;
+    if (light->sliced && given->shadow_source == SPS_SHADOW_AUTO) light->choice = SPSI_CHOICE_OPEN;
     memset(&table, 0, sizeof table);
-    lamp->map = spsi_settings_resolve(light->shadow_map ? light->shadow_map : &table, 1);
-    lamp->map_omnidirectional = light->shadow_map_omnidirectional;
-    lamp->map_size = light->shadow_map_resolution > 0 ? light->shadow_map_resolution : frame->view.shadow_resolution;
+    light->map = spsi_settings_resolve(given->shadow_map ? given->shadow_map : &table, 1);
+    light->map_omnidirectional = given->shadow_map_omnidirectional;
+    light->map_size = given->shadow_map_resolution > 0 ? given->shadow_map_resolution : frame->view.shadow_resolution;
 }
 
 #define SPSI_TABLES_MOST 13 /* that the points of an area light share */
@@ -5334,41 +5334,41 @@ SPSI_COLD void spsi_light_build(const spsi_frame *frame, const sps_light *light,
    squared distance. A cone and an image need all points. */
 SPSI_COLD sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
     size_t count = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_light *lamp = &frame->lamps.list[i];
-        if (!lamp->extent.exists) continue;
-        lamp->point_count = lamp->samples > 0 ? lamp->samples : frame->accuracy.light_points;
-        if (lamp->is_point) lamp->few_count = spsi_imin(lamp->point_count, 4);
-        if (lamp->cone.exists || lamp->projection.exists) lamp->few_count = lamp->point_count;
-        count += (size_t)(2 * lamp->point_count + lamp->few_count);
+    for (int i = 0; i < frame->lights.count; ++i) {
+        spsi_light *light = &frame->lights.list[i];
+        if (!light->extent.exists) continue;
+        light->point_count = light->samples > 0 ? light->samples : frame->accuracy.light_points;
+        if (light->is_point) light->few_count = spsi_imin(light->point_count, 4);
+        if (light->cone.exists || light->projection.exists) light->few_count = light->point_count;
+        count += (size_t)(2 * light->point_count + light->few_count);
     }
     if (count == 0) return SPS_OK;
     spsi_light *points = (spsi_light *)spsi_reserve(context, SPSI_BUFFER_LIGHT_POINTS, count, sizeof(spsi_light));
     if (!points) return context->result;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_light *lamp = &frame->lamps.list[i];
-        if (!lamp->extent.exists) continue;
-        spsi_extent_points(lamp, lamp->point_count, points);
-        lamp->points = points;
-        points += lamp->point_count;
-        if (lamp->few_count == 1) continue;
-        spsi_extent_points(lamp, lamp->few_count, points);
-        lamp->few = points;
-        points += lamp->few_count;
+    for (int i = 0; i < frame->lights.count; ++i) {
+        spsi_light *light = &frame->lights.list[i];
+        if (!light->extent.exists) continue;
+        spsi_extent_points(light, light->point_count, points);
+        light->points = points;
+        points += light->point_count;
+        if (light->few_count == 1) continue;
+        spsi_extent_points(light, light->few_count, points);
+        light->few = points;
+        points += light->few_count;
     }
-    frame->lamps.split_points = points;
+    frame->lights.split_points = points;
     return SPS_OK;
 }
 
 /* Copies the planes of lights' maps. */
 SPSI_COLD sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame) {
     size_t count = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) count += (size_t)spsi_settings_planes(&frame->lamps.list[i].map);
+    for (int i = 0; i < frame->lights.count; ++i) count += (size_t)spsi_settings_planes(&frame->lights.list[i].map);
     if (count == 0) return SPS_OK;
     float *planes = (float *)spsi_reserve(context, SPSI_BUFFER_LIGHT_PLANES, count, sizeof(float));
     if (!planes) return context->result;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        sps_tmap_settings *map = &frame->lamps.list[i].map;
+    for (int i = 0; i < frame->lights.count; ++i) {
+        sps_tmap_settings *map = &frame->lights.list[i].map;
         const int own = spsi_settings_planes(map);
         if (own == 0) continue;
         memcpy(planes, map->planes, (size_t)own * sizeof *planes);
@@ -5379,13 +5379,13 @@ SPSI_COLD sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame
 }
 
 /* Sets the list of lamps. */
-static void spsi_lights_list(spsi_lights *lamps, spsi_light *list, int count) {
-    lamps->list = list;
-    lamps->count = count;
-    lamps->shadow_count = lamps->sliced_count = 0;
+static void spsi_lights_list(spsi_lights *lights, spsi_light *list, int count) {
+    lights->list = list;
+    lights->count = count;
+    lights->shadow_count = lights->sliced_count = 0;
     for (int i = 0; i < count; ++i) {
-        lamps->shadow_count += list[i].shadows;
-        lamps->sliced_count += list[i].sliced;
+        lights->shadow_count += list[i].shadows;
+        lights->sliced_count += list[i].sliced;
     }
 }
 
@@ -5393,7 +5393,7 @@ static void spsi_lights_list(spsi_lights *lamps, spsi_light *list, int count) {
 SPSI_COLD sps_result spsi_resolve_lights(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
     size_t lit = 0;
-    spsi_lights *lamps = &frame->lamps;
+    spsi_lights *lights = &frame->lights;
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         frame->matter.extinguishes |= material->extinguishes;
@@ -5402,25 +5402,25 @@ SPSI_COLD sps_result spsi_resolve_lights(sps_context *context, spsi_frame *frame
     for (int i = 0; i < count; ++i)
         if (!spsi_black(scene->lights[i].color))
             lit += spsi_light_extended(&scene->lights[i]) ? (size_t)(1 + SPSI_TABLES_MOST) : 2;
-    lamps->whole = (spsi_light *)spsi_reserve(context, SPSI_BUFFER_LIGHTS, lit, sizeof(spsi_light));
-    if (!lamps->whole) return context->result;
+    lights->whole = (spsi_light *)spsi_reserve(context, SPSI_BUFFER_LIGHTS, lit, sizeof(spsi_light));
+    if (!lights->whole) return context->result;
     for (int i = 0; i < count; ++i) {
-        spsi_light *lamp = &lamps->whole[lamps->whole_count];
+        spsi_light *light = &lights->whole[lights->whole_count];
         if (spsi_black(scene->lights[i].color)) continue;
-        spsi_light_build(frame, &scene->lights[i], i, lamp);
-        if (lamp->projection.exists) lamp->projection.image = lamps->image_count++;
-        lamps->whole_count += 1;
+        spsi_light_build(frame, &scene->lights[i], i, light);
+        if (light->projection.exists) light->projection.image = lights->image_count++;
+        lights->whole_count += 1;
     }
-    spsi_lights_list(lamps, lamps->whole, lamps->whole_count);
-    if (lamps->count == 0) frame->has_gradients = 0;
+    spsi_lights_list(lights, lights->whole, lights->whole_count);
+    if (lights->count == 0) frame->has_gradients = 0;
     return spsi_resolve_planes(context, frame) ? context->result : spsi_resolve_points(context, frame);
 }
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
 SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
     int grey = spsi_grey(frame->given.ambient) && spsi_grey(frame->given.background) && !frame->given.background_fn;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
+    for (int i = 0; i < frame->lights.count; ++i)
+        grey &= spsi_grey(frame->lights.list[i].color) && !frame->lights.list[i].projection.exists;
     for (int i = 0; i < frame->meshes.count; ++i)
         grey &= !frame->meshes.list[i].given.has_albedos && !frame->meshes.list[i].given.shade_fn &&
                 spsi_grey(frame->meshes.list[i].given.albedo) && spsi_grey(frame->meshes.list[i].given.transmittance);
@@ -6207,7 +6207,7 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 /* Whether there is light that gas may scatter again, or that it lights polygons by or keeps from them. */
 static int spsi_light_meets_gas(const spsi_frame *frame) {
     const int own = frame->matter.emits || frame->has_ambient, polygons = frame->meshes.triangle_count > 0;
-    const int lit = own || frame->lamps.shadow_count > 0 || (frame->lamps.count > 0 && polygons);
+    const int lit = own || frame->lights.shadow_count > 0 || (frame->lights.count > 0 && polygons);
     const int gas = frame->medium_count + frame->particles.set_count; /* which may scatter nothing */
     return (lit && frame->matter.scatters) || (own && gas > 0 && polygons);
 }
@@ -8601,11 +8601,11 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
 
 /* Unit vector along which light travels at a point. */
-static void spsi_light_direction(const spsi_light *lamp, const double point[3], double direction[3]) {
-    if (!lamp->is_point)
-        memcpy(direction, lamp->direction, sizeof lamp->direction);
+static void spsi_light_direction(const spsi_light *light, const double point[3], double direction[3]) {
+    if (!light->is_point)
+        memcpy(direction, light->direction, sizeof light->direction);
     else
-        spsi_along(point, lamp->position, -1, direction);
+        spsi_along(point, light->position, -1, direction);
     spsi_normalise(direction);
 }
 
@@ -8627,15 +8627,15 @@ static double spsi_particle_fineness(const spsi_frame *frame) {
    A border of two texels stays free on every side. As a light turns, texels keep their places about the middle of the
    bounds, and come and go in pairs at the borders: errors that jump would be visible. Returns 0 if a point light does
    not see the bounds within a cone, or if spsi_rays_complete fails. */
-static int spsi_rays_fit(const spsi_light *lamp, const spsi_bounds *bounds, double texel, int size, int most,
+static int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
-    double eye[3], *const first = lamp->is_point ? rays->c : rays->origin, pitch, extent, distance;
+    double eye[3], *const first = light->is_point ? rays->c : rays->origin, pitch, extent, distance;
     spsi_bounds_centre(bounds, centre);
-    spsi_light_direction(lamp, centre, forward);
+    spsi_light_direction(light, centre, forward);
     spsi_basis(forward, right, down);
-    rays->perspective = lamp->is_point;
-    memcpy(eye, rays->perspective ? lamp->position : centre, sizeof eye);
+    rays->perspective = light->is_point;
+    memcpy(eye, rays->perspective ? light->position : centre, sizeof eye);
     for (int corner = 0; corner < 8; ++corner) {
         double offset[3], depth, at[2];
         spsi_bounds_corner(bounds, corner, offset);
@@ -8678,18 +8678,18 @@ static int spsi_scatters_fully(const spsi_frame *frame) {
 
 /* Whether rays are traced through the polygons. */
 static int spsi_needs_tree(const spsi_frame *frame) {
-    return frame->lamps.shadow_count > 0 || spsi_scatters_fully(frame);
+    return frame->lights.shadow_count > 0 || spsi_scatters_fully(frame);
 }
 
 /* Whether light spreads on its way from lights, >>spreading. */
 static int spsi_scatters_aside(const spsi_frame *frame) {
     return frame->view.scattering == SPS_SCATTERING_CONVOLUTION && frame->matter.scatters &&
-           frame->lamps.shadow_count > 0;
+           frame->lights.shadow_count > 0;
 }
 
 /* Whether gas needs tables of light that is scattered forward. */
 static int spsi_scatters_forward(const spsi_frame *frame) {
-    const int lit = frame->matter.scatters && frame->lamps.shadow_count > 0;
+    const int lit = frame->matter.scatters && frame->lights.shadow_count > 0;
     if (spsi_scatters_fully(frame)) return lit && frame->matter.orders > 1;
     return lit && (frame->view.scattering == SPS_SCATTERING_FORWARD || spsi_scatters_aside(frame));
 }
@@ -8704,31 +8704,31 @@ SPSI_COLD float spsi_light_end(const spsi_frame *frame) {
     return spsi_scatters_forward(frame) ? SPSI_FORWARD_END : SPSI_LIGHT_END;
 }
 
-SPSI_COLD int spsi_has_shadow_table(const spsi_light *lamp) {
-    return lamp->has_map && lamp->map.technique == SPS_TMAP_TABLE;
+SPSI_COLD int spsi_has_shadow_table(const spsi_light *light) {
+    return light->has_map && light->map.technique == SPS_TMAP_TABLE;
 }
 
 #define SPSI_SHADOW_TABLE_TEXELS_MOST 256 /* on a side of a shadow table whose size is not set */
 
 /* The same of a light's map. */
-SPSI_COLD int spsi_map_texels_most(const spsi_frame *frame, const spsi_light *lamp) {
-    const double share = cbrt((double)spsi_imax(1, lamp->tables)); /* together they take the memory of one */
-    return spsi_has_shadow_table(lamp) ? (int)(SPSI_SHADOW_TABLE_TEXELS_MOST / share) : spsi_light_texels_most(frame);
+SPSI_COLD int spsi_map_texels_most(const spsi_frame *frame, const spsi_light *light) {
+    const double share = cbrt((double)spsi_imax(1, light->tables)); /* together they take the memory of one */
+    return spsi_has_shadow_table(light) ? (int)(SPSI_SHADOW_TABLE_TEXELS_MOST / share) : spsi_light_texels_most(frame);
 }
 
 SPSI_COLD int spsi_has_shadow_tables(const spsi_frame *frame) {
-    for (int i = 0; i < frame->lamps.count; ++i)
-        if (spsi_has_shadow_table(&frame->lamps.list[i])) return 1;
+    for (int i = 0; i < frame->lights.count; ++i)
+        if (spsi_has_shadow_table(&frame->lights.list[i])) return 1;
     return 0;
 }
 
 /* Desired size of a light's texels: that of a voxel, or half of the voxel edge that stands for a particle, whose rim is
    sharper, divided by the quality's texels per voxel. Particles alone do not call for more texels than a depth map
    has. For a light in the very centre, where no direction is that of the gas, voxels are measured across z. */
-SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *lamp) {
+SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *light) {
     double centre[3], forward[3], right[3], down[3], across[3], size = HUGE_VAL, own;
     spsi_bounds_centre(&frame->content->bounds, centre);
-    spsi_light_direction(lamp, centre, forward);
+    spsi_light_direction(light, centre, forward);
     if (!(spsi_dot(forward, forward) > 0)) forward[2] = 1;
     spsi_basis(forward, right, down);
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -8737,7 +8737,7 @@ SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *lam
     }
     if (frame->content->particle_count == 0) return size;
     own = 0.5 * SPSI_PARTICLE_EDGE * frame->content->particle_radius / frame->accuracy.shadow_texels;
-    if (spsi_has_shadow_table(lamp)) own /= sqrt(spsi_particle_fineness(frame)); /* whose time is its texels' cube */
+    if (spsi_has_shadow_table(light)) own /= sqrt(spsi_particle_fineness(frame)); /* whose time is its texels' cube */
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
     return spsi_dmin(size, spsi_dmax(own, spsi_length(across) / frame->accuracy.depth_map_texels));
 }
@@ -8799,32 +8799,32 @@ SPSI_COLD double spsi_depth_map_texel(const spsi_frame *frame) {
 }
 
 /* Bounds of the gas that a light's map serves. */
-SPSI_COLD const spsi_bounds *spsi_light_bounds(const spsi_frame *frame, const spsi_light *lamp) {
-    return lamp->map_bounds ? lamp->map_bounds : &frame->content->bounds;
+SPSI_COLD const spsi_bounds *spsi_light_bounds(const spsi_frame *frame, const spsi_light *light) {
+    return light->map_bounds ? light->map_bounds : &frame->content->bounds;
 }
 
 /* Aims a light's transmittance map at the gas: one grid of rays if the light sees all of it within a cone, otherwise
    six, whose texels have the desired size where the gas is farthest. Returns the number of grids; 0: the light is too
    far from the world's origin to tell its rays apart. */
-SPSI_COLD int spsi_light_rays(const spsi_frame *frame, const spsi_light *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
-    const spsi_bounds *bounds = spsi_light_bounds(frame, lamp);
-    const double texel = spsi_light_texel(frame, lamp);
-    const int most = spsi_map_texels_most(frame, lamp);
+SPSI_COLD int spsi_light_rays(const spsi_frame *frame, const spsi_light *light, spsi_rays rays[SPSI_CUBE_FACES]) {
+    const spsi_bounds *bounds = spsi_light_bounds(frame, light);
+    const double texel = spsi_light_texel(frame, light);
+    const int most = spsi_map_texels_most(frame, light);
     double farthest = 0;
-    int size = lamp->map_size;
-    if (!lamp->map_omnidirectional && spsi_rays_fit(lamp, bounds, texel, size, most, &rays[0])) return 1;
+    int size = light->map_size;
+    if (!light->map_omnidirectional && spsi_rays_fit(light, bounds, texel, size, most, &rays[0])) return 1;
     for (int i = 0; i < 3; ++i)
         farthest =
-            spsi_dmax(farthest, spsi_dmax(bounds->high[i] - lamp->position[i], lamp->position[i] - bounds->low[i]));
+            spsi_dmax(farthest, spsi_dmax(bounds->high[i] - light->position[i], light->position[i] - bounds->low[i]));
     if (size == 0) size = (int)spsi_dmin(spsi_dmax(ceil(2 * farthest / texel), 16), most);
     for (int face = 0; face < SPSI_CUBE_FACES; ++face)
-        if (!lamp->is_point || !spsi_rays_of_cube_face(lamp->position, face, size, 0, &rays[face])) return 0;
+        if (!light->is_point || !spsi_rays_of_cube_face(light->position, face, size, 0, &rays[face])) return 0;
     return SPSI_CUBE_FACES;
 }
 
 /* Components of an offset in a light's frame, where small angles from the axis stay precise in floats. */
-static void spsi_to_light(const spsi_light *lamp, const double offset[3], double place[3]) {
-    for (int k = 0; k < 3; ++k) place[k] = spsi_dot(k < 2 ? lamp->across[k] : lamp->direction, offset);
+static void spsi_to_light(const spsi_light *light, const double offset[3], double place[3]) {
+    for (int k = 0; k < 3; ++k) place[k] = spsi_dot(k < 2 ? light->across[k] : light->direction, offset);
 }
 
 /* What a spotlight's cone lets pass at an angle from its axis, given by 1 - cos. */
@@ -8847,21 +8847,21 @@ static inline spsi_v spsi_versine_v(const spsi_v place[3]) {
     return spsi_div(spsi_select(spsi_less(z, spsi_set(0)), spsi_sub(r, z), ahead), r);
 }
 
-static double spsi_versine(const spsi_light *lamp, const double travel[3]) {
+static double spsi_versine(const spsi_light *light, const double travel[3]) {
     double place[3], aside;
-    spsi_to_light(lamp, travel, place);
+    spsi_to_light(light, travel, place);
     aside = place[0] * place[0] + place[1] * place[1];
     return place[2] > 0 ? aside / (1 + place[2]) : 1 - place[2];
 }
 
 /* Vector from a point to a light, in units of a packet's reach: the whole way to a point light, a unit vector towards a
    directional one. */
-static void spsi_toward_light(const spsi_light *lamp, const double point[3], double toward[3]) {
-    if (lamp->is_point) {
-        spsi_along(lamp->position, point, -1, toward);
+static void spsi_toward_light(const spsi_light *light, const double point[3], double toward[3]) {
+    if (light->is_point) {
+        spsi_along(light->position, point, -1, toward);
         return;
     }
-    spsi_light_direction(lamp, point, toward);
+    spsi_light_direction(light, point, toward);
     for (int i = 0; i < 3; ++i) toward[i] = -toward[i];
 }
 
@@ -8898,10 +8898,10 @@ SPSI_COLD void spsi_image_lay_out(const spsi_projection *projection, float *memo
 /* Lays out all lights' images in memory, or counts only. Returns the number of floats. */
 static uint64_t spsi_images_lay_out(const spsi_frame *frame, float *memory) {
     uint64_t laid = 0;
-    const uint64_t bytes = (uint64_t)frame->lamps.image_count * sizeof(spsi_image);
+    const uint64_t bytes = (uint64_t)frame->lights.image_count * sizeof(spsi_image);
     spsi_image *images = (spsi_image *)(void *)spsi_lay(memory, &laid, bytes / sizeof(float));
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_projection *projection = &frame->lamps.list[i].projection;
+    for (int i = 0; i < frame->lights.count; ++i) {
+        const spsi_projection *projection = &frame->lights.list[i].projection;
         spsi_image counted;
         if (projection->exists)
             spsi_image_lay_out(projection, memory, &laid, images ? &images[projection->image] : &counted);
@@ -8910,10 +8910,10 @@ static uint64_t spsi_images_lay_out(const spsi_frame *frame, float *memory) {
 }
 
 /* Fails on an invalid color of a texel, or makes it black. */
-SPSI_COLD sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_light *lamp,
+SPSI_COLD sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                          float *rgb) {
     if (!frame->given.replace_invalid)
-        return spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn's color",
+        return spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_LIGHT, light->index, "projector.sample_fn's color",
                               rgb, SPSI_VALUE_MAX);
     if (!spsi_bad_color(rgb, SPSI_VALUE_MAX)) return SPS_OK;
     rgb[0] = rgb[1] = rgb[2] = 0;
@@ -8922,9 +8922,9 @@ SPSI_COLD sps_result spsi_texel_validate(sps_context *context, const spsi_frame 
 }
 
 /* Reads an image row by row. */
-SPSI_COLD sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_light *lamp,
+SPSI_COLD sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                      const spsi_image *image) {
-    const spsi_projection *projection = &lamp->projection;
+    const spsi_projection *projection = &light->projection;
     const size_t width = (size_t)projection->given.width, pitch = (size_t)image->width[0];
     const size_t plane = pitch * (size_t)image->height[0];
     float *row = image->row, *rgb = row + 2 * width;
@@ -8936,12 +8936,12 @@ SPSI_COLD sps_result spsi_image_read(sps_context *context, const spsi_frame *fra
         }
         memset(rgb, 0, 3 * width * sizeof *rgb);
         context->stats.projector_calls += 1;
-        if (spsi_check_call(context, SPS_OBJECT_LIGHT, lamp->index, "projector.sample_fn",
+        if (spsi_check_call(context, SPS_OBJECT_LIGHT, light->index, "projector.sample_fn",
                             projection->given.sample_fn(projection->given.user, width, row, rgb)))
             return context->result;
         for (size_t x = 0; x < width; ++x) {
             float *to = image->texels[0] + (size_t)(y + 1) * pitch + x + 1;
-            if (spsi_texel_validate(context, frame, lamp, rgb + 3 * x)) return context->result;
+            if (spsi_texel_validate(context, frame, light, rgb + 3 * x)) return context->result;
             for (size_t c = 0; c < 3; ++c) to[c * plane] = rgb[3 * x + c];
         }
     }
@@ -8980,17 +8980,17 @@ static void spsi_image_halve_texel(const spsi_image *image, int level, int x, in
 /* Reads the images of all lights. */
 SPSI_COLD sps_result spsi_gather_images(sps_context *context, const spsi_frame *frame) {
     const uint64_t floats = spsi_images_lay_out(frame, NULL);
-    if (frame->lamps.image_count == 0) return SPS_OK;
+    if (frame->lights.image_count == 0) return SPS_OK;
     float *memory = spsi_floats_reserve(context, SPSI_BUFFER_IMAGES, floats);
     if (!memory) return context->result;
     memset(memory, 0, (size_t)floats * sizeof *memory);
     spsi_images_lay_out(frame, memory);
     spsi_image *images = (spsi_image *)(void *)memory;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_light *lamp = &frame->lamps.list[i];
-        const spsi_image *own = &images[lamp->projection.image];
-        if (!lamp->projection.exists) continue;
-        if (spsi_image_read(context, frame, lamp, own)) return context->result;
+    for (int i = 0; i < frame->lights.count; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
+        const spsi_image *own = &images[light->projection.image];
+        if (!light->projection.exists) continue;
+        if (spsi_image_read(context, frame, light, own)) return context->result;
         for (int level = 1; level < own->level_count; ++level)
             for (int y = 0; y < own->height[level] - 2; ++y)
                 for (int x = 0; x < own->width[level] - 2; ++x) spsi_image_halve_texel(own, level, x, y);
@@ -9037,20 +9037,20 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
 
 /* Color that a light's image has at places in the light's frame, as seen by pixels of world size `pixel`. Nothing is
    thrown backwards. */
-static void spsi_projection_lookup(const spsi_frame *frame, const spsi_light *lamp, const spsi_v place[3], spsi_v pixel,
-                                   spsi_v rgb[3]) {
-    const spsi_projection *projection = &lamp->projection;
+static void spsi_projection_lookup(const spsi_frame *frame, const spsi_light *light, const spsi_v place[3],
+                                   spsi_v pixel, spsi_v rgb[3]) {
+    const spsi_projection *projection = &light->projection;
     const float per_edge = (float)(1 / spsi_dmin(projection->edge[0], projection->edge[1]));
     spsi_v row[3], at[2], way = spsi_set(1), size = spsi_mul(pixel, spsi_set(per_edge));
     spsi_m ahead = spsi_less(spsi_set(0), way);
-    if (lamp->is_point) {
+    if (light->is_point) {
         ahead = spsi_less(spsi_set(FLT_MIN), place[2]);
         way = spsi_max(place[2], spsi_set(FLT_MIN));
         size = spsi_div(size, way);
     }
     for (int k = 0; k < 2; ++k) {
         double across[3];
-        spsi_to_light(lamp, projection->across[k], across);
+        spsi_to_light(light, projection->across[k], across);
         spsi_set3(across, row);
         at[k] = spsi_add(spsi_div(spsi_dot_v(row, place), way), spsi_set((float)projection->add[k]));
     }
@@ -9059,14 +9059,14 @@ static void spsi_projection_lookup(const spsi_frame *frame, const spsi_light *la
 }
 
 /* The same for one point. */
-static void spsi_projection_at(const spsi_frame *frame, const spsi_light *lamp, const double point[3], double pixel,
+static void spsi_projection_at(const spsi_frame *frame, const spsi_light *light, const double point[3], double pixel,
                                double rgb[3]) {
     double offset[3], at[3];
     spsi_v place[3], color[3];
-    spsi_along(point, lamp->position, -1, offset);
-    spsi_to_light(lamp, offset, at);
+    spsi_along(point, light->position, -1, offset);
+    spsi_to_light(light, offset, at);
     spsi_set3(at, place);
-    spsi_projection_lookup(frame, lamp, place, spsi_set((float)pixel), color);
+    spsi_projection_lookup(frame, light, place, spsi_set((float)pixel), color);
     for (int c = 0; c < 3; ++c) rgb[c] = (double)spsi_one(color[c]);
 }
 
@@ -9123,13 +9123,13 @@ SPSI_COLD size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, f
 
 /* Aims a light's depth map: a single face fitted to the gas, however far the polygons reach, whose texels need not be
    finer than `texel`, or six where a point light does not see all gas within a cone. */
-SPSI_COLD void spsi_depth_map_aim(const spsi_frame *frame, const spsi_light *lamp, int size, double texel,
+SPSI_COLD void spsi_depth_map_aim(const spsi_frame *frame, const spsi_light *light, int size, double texel,
                                   spsi_depth_map *map) {
     map->face_count = 1;
-    if (spsi_rays_fit(lamp, &frame->content->bounds, texel, texel > 0 ? 0 : size, size, &map->rays[0])) return;
+    if (spsi_rays_fit(light, &frame->content->bounds, texel, texel > 0 ? 0 : size, size, &map->rays[0])) return;
     map->face_count = SPSI_CUBE_FACES;
     for (int face = 0; face < SPSI_CUBE_FACES; ++face) /* they overlap by a texel */
-        spsi_rays_of_cube_face(lamp->position, face, spsi_imax(8, size / 2), 1, &map->rays[face]);
+        spsi_rays_of_cube_face(light->position, face, spsi_imax(8, size / 2), 1, &map->rays[face]);
 }
 
 /* --- filling a depth map --- */
@@ -9152,7 +9152,7 @@ typedef struct spsi_planes_job {
     const spsi_faces *faces;
     const spsi_depth_map *map;
     int face;
-    const spsi_translucency_map *panes; /* the map is its grid; NULL: it is of opaque polygons */
+    const spsi_translucency_map *translucent; /* the map is its grid; NULL: it is of opaque polygons */
     const spsi_fragment *fragments;
 } spsi_planes_job;
 
@@ -9199,7 +9199,7 @@ static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int 
    the slopes of their planes. Lowers the row's cells to the minimum that its planes reach within a texel. */
 static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     const spsi_rays *rays = &job->map->rays[job->face];
-    const uint32_t *first = job->panes ? job->panes->first[job->face] : NULL;
+    const uint32_t *first = job->translucent ? job->translucent->first[job->face] : NULL;
     float *const *slopes = job->map->slopes[job->face];
     spsi_map_plane plane = {job->faces, rays, -1, 0, 0, {0, 0, 0}, 0};
     for (int x = 0; x < rays->width; ++x) {
@@ -9208,10 +9208,10 @@ static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
         int number = -1;
         for (uint32_t i = first ? first[at] : 0; first && i < first[at + 1]; ++i) {
             const spsi_fragment *fragment = &job->fragments[i];
-            spsi_translucent_plane *pane = &job->panes->list[job->face][i];
-            spsi_map_plane_slopes(&plane, fragment->face, x, y, fragment->depth, pane->slope, cells);
-            pane->depth = fragment->depth;
-            pane->face = fragment->face;
+            spsi_translucent_plane *translucent = &job->translucent->list[job->face][i];
+            spsi_map_plane_slopes(&plane, fragment->face, x, y, fragment->depth, translucent->slope, cells);
+            translucent->depth = fragment->depth;
+            translucent->face = fragment->face;
         }
         if (first) continue;
         memcpy(&number, &slopes[1][at], sizeof number);
@@ -9458,7 +9458,7 @@ typedef struct spsi_translucent_planes {
 /* Finds them in the i-th texels around ways; where there are fewer, panes behind all. Returns 0 if all have fewer. */
 static int spsi_translucent_planes_find(const spsi_translucency_map *map, int face, const spsi_faces *faces,
                                         const spsi_map_segment *way, int i, uint32_t n,
-                                        spsi_translucent_planes *panes) {
+                                        spsi_translucent_planes *translucent) {
     const spsi_translucent_plane none = {SPSI_INFINITY, {0, 0}, 0};
     float column[SPSI_LANES], row[SPSI_LANES];
     int any = 0;
@@ -9469,11 +9469,11 @@ static int spsi_translucent_planes_find(const spsi_translucency_map *map, int fa
         const size_t texel = (size_t)((int)row[lane] + (i >> 1)) * width + (size_t)((int)column[lane] + (i & 1));
         const uint32_t *first = map->first[face] + texel;
         const int is = first[0] + n < first[1];
-        const spsi_translucent_plane *pane = is ? &map->list[face][first[0] + n] : &none;
+        const spsi_translucent_plane *plane = is ? &map->list[face][first[0] + n] : &none;
         any |= is;
-        panes->depth[lane] = pane->depth;
-        for (int k = 0; k < 2; ++k) panes->slope[k][lane] = pane->slope[k];
-        for (int c = 0; c < 3; ++c) panes->passes[c][lane] = faces->list[pane->face].transmittance[c];
+        translucent->depth[lane] = plane->depth;
+        for (int k = 0; k < 2; ++k) translucent->slope[k][lane] = plane->slope[k];
+        for (int c = 0; c < 3; ++c) translucent->passes[c][lane] = faces->list[plane->face].transmittance[c];
     }
     return any;
 }
@@ -9483,14 +9483,16 @@ static void spsi_translucent_transmittance(const spsi_translucency_map *map, int
                                            const spsi_map_segment *way, spsi_v through[3]) {
     const spsi_v one = spsi_set(1);
     spsi_v texels[3][4];
-    spsi_translucent_planes panes;
+    spsi_translucent_planes translucent;
     for (int i = 0; i < 4; ++i) {
         for (int c = 0; c < 3; ++c) texels[c][i] = one;
-        for (uint32_t n = 0; spsi_translucent_planes_find(map, face, faces, way, i, n, &panes); ++n) {
-            const spsi_v slope[2] = {spsi_load(panes.slope[0]), spsi_load(panes.slope[1])};
-            const spsi_v lit = spsi_map_segment_fraction(way, &map->grid.rays[face], i, spsi_load(panes.depth), slope);
+        for (uint32_t n = 0; spsi_translucent_planes_find(map, face, faces, way, i, n, &translucent); ++n) {
+            const spsi_v slope[2] = {spsi_load(translucent.slope[0]), spsi_load(translucent.slope[1])};
+            const spsi_v lit =
+                spsi_map_segment_fraction(way, &map->grid.rays[face], i, spsi_load(translucent.depth), slope);
             for (int c = 0; c < 3; ++c)
-                texels[c][i] = spsi_mul(texels[c][i], spsi_fma(spsi_sub(one, lit), spsi_load(panes.passes[c]), lit));
+                texels[c][i] =
+                    spsi_mul(texels[c][i], spsi_fma(spsi_sub(one, lit), spsi_load(translucent.passes[c]), lit));
         }
     }
     for (int c = 0; c < 3; ++c) through[c] = spsi_map_segment_mean(way, texels[c]);
@@ -9591,12 +9593,12 @@ static double spsi_sphere_radius(const spsi_rays *rays, const sps_particle *part
 
 /* Sets the optical depth of a ball that is widened to a radius. Below 1e-3 it falls as the area grows, within 4e-4. */
 static void spsi_sphere_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius,
-                               spsi_sphere *ball) {
+                               spsi_sphere *sphere) {
     const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
     const double depth = spsi_particle_depth(particle, set);
     const double wide = depth < 1e-3 || !(share < 1) ? share * depth : spsi_sphere_widen(depth, set->soft, share);
-    ball->depth = (float)spsi_dmin(wide, (double)SPSI_DEPTH_MAX);
-    ball->soft = set->soft;
+    sphere->depth = (float)spsi_dmin(wide, (double)SPSI_DEPTH_MAX);
+    sphere->soft = set->soft;
 }
 
 /* The outline of a ball: a dx^2 + 2 b dx dy + c dy^2 - 2 d dx - 2 e dy = 1. */
@@ -9619,7 +9621,7 @@ static void spsi_outline_range(const spsi_outline *outline, double centre, int s
 /* Fills in what depends on the direction of the rays. `c`: the ray's direction at the centre; q: the centre's pixel and
    t. */
 static void spsi_sphere_shape(const spsi_rays *rays, const double c[3], const double q[3], double radius,
-                              spsi_sphere *ball) {
+                              spsi_sphere *sphere) {
     const double per_square = 1 / spsi_dot(c, c), t = rays->perspective ? q[2] : 1;
     const double per_radius = t * t * per_square / (radius * radius);
     double ca[3], cb[3], cross[3], bend[3] = {0, 0, 0}, tilt[2];
@@ -9640,13 +9642,13 @@ static void spsi_sphere_shape(const spsi_rays *rays, const double c[3], const do
         const spsi_outline along_x = {cross[0] - bend[0], cross[1] - bend[1], cross[2] - bend[2], flat * tilt[0],
                                       flat * tilt[1]};
         const spsi_outline along_y = {along_x.c, along_x.b, along_x.a, along_x.e, along_x.d};
-        spsi_outline_range(&along_x, q[0], rays->width, &ball->x0, &ball->x1);
-        spsi_outline_range(&along_y, q[1], rays->height, &ball->y0, &ball->y1);
+        spsi_outline_range(&along_x, q[0], rays->width, &sphere->x0, &sphere->x1);
+        spsi_outline_range(&along_y, q[1], rays->height, &sphere->y0, &sphere->y1);
     }
-    for (int i = 0; i < 3; ++i) ball->cross[i] = (float)cross[i], ball->bend[i] = (float)bend[i];
-    for (int i = 0; i < 2; ++i) ball->tilt[i] = (float)tilt[i];
-    ball->shift = (float)-t;
-    ball->radius = (float)(radius * sqrt(per_square));
+    for (int i = 0; i < 3; ++i) sphere->cross[i] = (float)cross[i], sphere->bend[i] = (float)bend[i];
+    for (int i = 0; i < 2; ++i) sphere->tilt[i] = (float)tilt[i];
+    sphere->shift = (float)-t;
+    sphere->radius = (float)(radius * sqrt(per_square));
 }
 
 /* Range of pixels along one axis between the two planes through the rays' origin that touch a ball: x solves
@@ -9667,39 +9669,41 @@ static void spsi_sphere_near_range(const double across[3], const double along[3]
 
 /* Returns the radius in the world, raised to the minimum. */
 static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
-                                spsi_sphere *ball) {
+                                spsi_sphere *sphere) {
     double centre[3], offset[3], q[3], c[3], radius, ahead;
-    memset(ball, 0, sizeof *ball);
+    memset(sphere, 0, sizeof *sphere);
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
     spsi_project(rays, centre, q);
     radius = spsi_sphere_radius(rays, particle, offset);
-    spsi_sphere_dilute(set, particle, radius, ball);
-    ball->x1 = ball->y1 = -1;
+    spsi_sphere_dilute(set, particle, radius, sphere);
+    sphere->x1 = sphere->y1 = -1;
     ahead = q[2] / rays->per_length; /* distance from the origin's plane, in the world */
-    if (!(ball->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return radius;
-    ball->near_by =
+    if (!(sphere->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return radius;
+    sphere->near_by =
         rays->perspective && !(ahead > SPSI_SPHERE_NEAR * radius && ahead > SPSI_SPHERE_ASIDE * spsi_length(offset));
-    ball->t = (float)(q[2] - rays->depth_reference);
-    for (int i = 0; i < 3; ++i) ball->offset[i] = (float)offset[i];
-    if (ball->near_by) {
-        spsi_sphere_near_range(rays->inverse[0], rays->inverse[2], offset, radius, rays->width, &ball->x0, &ball->x1);
-        spsi_sphere_near_range(rays->inverse[1], rays->inverse[2], offset, radius, rays->height, &ball->y0, &ball->y1);
-        ball->world_radius = (float)radius;
+    sphere->t = (float)(q[2] - rays->depth_reference);
+    for (int i = 0; i < 3; ++i) sphere->offset[i] = (float)offset[i];
+    if (sphere->near_by) {
+        spsi_sphere_near_range(rays->inverse[0], rays->inverse[2], offset, radius, rays->width, &sphere->x0,
+                               &sphere->x1);
+        spsi_sphere_near_range(rays->inverse[1], rays->inverse[2], offset, radius, rays->height, &sphere->y0,
+                               &sphere->y1);
+        sphere->world_radius = (float)radius;
         return radius;
     }
     spsi_ray_direction(rays, q[0], q[1], c);
-    spsi_sphere_shape(rays, c, q, radius, ball);
-    ball->x = (float)(q[0] - ball->x0);
-    ball->y = (float)(q[1] - ball->y0);
+    spsi_sphere_shape(rays, c, q, radius, sphere);
+    sphere->x = (float)(q[0] - sphere->x0);
+    sphere->y = (float)(q[1] - sphere->y0);
     return radius;
 }
 
 /* Intersects one ray with a near ball; returns 0 if it misses. The chord is as in spsi_chord. */
-static int spsi_sphere_meets(const spsi_rays *rays, const spsi_sphere *ball, int x, int y, double chord[3]) {
-    const double radius = (double)ball->world_radius;
+static int spsi_sphere_meets(const spsi_rays *rays, const spsi_sphere *sphere, int x, int y, double chord[3]) {
+    const double radius = (double)sphere->world_radius;
     double centre[3], e[3], nearest[3], square, middle, share;
-    for (int i = 0; i < 3; ++i) centre[i] = (double)ball->offset[i];
+    for (int i = 0; i < 3; ++i) centre[i] = (double)sphere->offset[i];
     spsi_ray_direction(rays, x, y, e);
     square = spsi_dot(e, e);
     middle = spsi_dot(centre, e) / square;
@@ -9713,11 +9717,11 @@ static int spsi_sphere_meets(const spsi_rays *rays, const spsi_sphere *ball, int
     return 1;
 }
 
-static void spsi_sphere_chord_near(const spsi_rays *rays, const spsi_sphere *ball, int x, int y, spsi_chord *chord) {
+static void spsi_sphere_chord_near(const spsi_rays *rays, const spsi_sphere *sphere, int x, int y, spsi_chord *chord) {
     float lanes[3][SPSI_LANES] = {{0}};
     for (int i = 0; i < SPSI_LANES; ++i) {
         double one[3];
-        if (!spsi_sphere_meets(rays, ball, x + i, y, one)) continue;
+        if (!spsi_sphere_meets(rays, sphere, x + i, y, one)) continue;
         for (int k = 0; k < 3; ++k) lanes[k][i] = (float)one[k];
     }
     chord->middle = spsi_load(lanes[0]);
@@ -9727,42 +9731,44 @@ static void spsi_sphere_chord_near(const spsi_rays *rays, const spsi_sphere *bal
 
 /* The chords of a vector of rays, given by the places of their pixels from a distant ball's centre. They also hold
    outside of x0 .. x1, wherever there is a ray. */
-static inline void spsi_sphere_chord_far(const spsi_rays *rays, const spsi_sphere *ball, spsi_v dx, spsi_v dy,
+static inline void spsi_sphere_chord_far(const spsi_rays *rays, const spsi_sphere *sphere, spsi_v dx, spsi_v dy,
                                          spsi_chord *chord) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), twice = spsi_add(dy, dy), down = spsi_mul(dy, dy);
-    const spsi_v p = spsi_fma(dx, spsi_set(ball->tilt[0]), spsi_mul(dy, spsi_set(ball->tilt[1])));
-    spsi_v q = spsi_fma(dx, spsi_set(ball->bend[0]), spsi_mul(twice, spsi_set(ball->bend[1])));
-    q = spsi_fma(dx, q, spsi_mul(down, spsi_set(ball->bend[2])));
-    spsi_v d = spsi_fma(dx, spsi_set(ball->cross[0]), spsi_mul(twice, spsi_set(ball->cross[1])));
-    d = spsi_fma(dx, d, spsi_mul(down, spsi_set(ball->cross[2])));
+    const spsi_v p = spsi_fma(dx, spsi_set(sphere->tilt[0]), spsi_mul(dy, spsi_set(sphere->tilt[1])));
+    spsi_v q = spsi_fma(dx, spsi_set(sphere->bend[0]), spsi_mul(twice, spsi_set(sphere->bend[1])));
+    q = spsi_fma(dx, q, spsi_mul(down, spsi_set(sphere->bend[2])));
+    spsi_v d = spsi_fma(dx, spsi_set(sphere->cross[0]), spsi_mul(twice, spsi_set(sphere->cross[1])));
+    d = spsi_fma(dx, d, spsi_mul(down, spsi_set(sphere->cross[2])));
     const spsi_v square = rays->perspective ? spsi_add(one, spsi_fma(spsi_set(2), p, q)) : one;
     const spsi_v root = spsi_div(one, spsi_sqrt(spsi_max(square, spsi_set(FLT_MIN))));
     chord->share = spsi_sqrt(spsi_max(spsi_sub(one, spsi_mul(d, spsi_mul(root, root))), zero));
-    chord->half = spsi_mul(spsi_mul(chord->share, root), spsi_set(ball->radius));
-    chord->middle = spsi_fma(spsi_mul(spsi_add(p, q), spsi_set(ball->shift)), spsi_mul(root, root), spsi_set(ball->t));
+    chord->half = spsi_mul(spsi_mul(chord->share, root), spsi_set(sphere->radius));
+    chord->middle =
+        spsi_fma(spsi_mul(spsi_add(p, q), spsi_set(sphere->shift)), spsi_mul(root, root), spsi_set(sphere->t));
 }
 
 /* The places of a vector of pixels, from (x, y) on, from a distant ball's centre. */
-static inline void spsi_sphere_offsets(const spsi_sphere *ball, int x, int y, spsi_v *dx, spsi_v *dy) {
-    *dx = spsi_add(spsi_set((float)(x - ball->x0) - ball->x), spsi_iota());
-    *dy = spsi_set((float)(y - ball->y0) - ball->y);
+static inline void spsi_sphere_offsets(const spsi_sphere *sphere, int x, int y, spsi_v *dx, spsi_v *dy) {
+    *dx = spsi_add(spsi_set((float)(x - sphere->x0) - sphere->x), spsi_iota());
+    *dy = spsi_set((float)(y - sphere->y0) - sphere->y);
 }
 
 /* The chords of a vector of pixels' rays, from (x, y) on. */
-static inline void spsi_sphere_chord(const spsi_rays *rays, const spsi_sphere *ball, int x, int y, spsi_chord *chord) {
+static inline void spsi_sphere_chord(const spsi_rays *rays, const spsi_sphere *sphere, int x, int y,
+                                     spsi_chord *chord) {
     spsi_v dx, dy;
-    if (ball->near_by) {
-        spsi_sphere_chord_near(rays, ball, x, y, chord);
+    if (sphere->near_by) {
+        spsi_sphere_chord_near(rays, sphere, x, y, chord);
         return;
     }
-    spsi_sphere_offsets(ball, x, y, &dx, &dy);
-    spsi_sphere_chord_far(rays, ball, dx, dy, chord);
+    spsi_sphere_offsets(sphere, x, y, &dx, &dy);
+    spsi_sphere_chord_far(rays, sphere, dx, dy, chord);
 }
 
 /* Optical depth along a vector of chords: the integral of 1, or of 1 - s^2 for a soft ball, over them. */
-static inline spsi_v spsi_chord_depth(const spsi_sphere *ball, const spsi_chord *chord) {
-    const spsi_v depth = spsi_mul(chord->share, spsi_set(ball->depth));
-    return ball->soft ? spsi_mul(depth, spsi_mul(chord->share, chord->share)) : depth;
+static inline spsi_v spsi_chord_depth(const spsi_sphere *sphere, const spsi_chord *chord) {
+    const spsi_v depth = spsi_mul(chord->share, spsi_set(sphere->depth));
+    return sphere->soft ? spsi_mul(depth, spsi_mul(chord->share, chord->share)) : depth;
 }
 
 /* The share of a chord that lies before position v in it, which is clamped to -1..1. */
@@ -9783,15 +9789,15 @@ static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
 
 /* Sum of a ball's chords, each 1 in its middle, over the texels of a box; around a light, texels are weighted by their
    solid angle. */
-static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *ball, const int box[4], int round) {
+static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *sphere, const int box[4], int round) {
     float lanes[SPSI_LANES];
     spsi_v sums = spsi_set(0);
     for (int y = box[1]; y <= box[3]; ++y)
         for (int x = box[0]; x <= box[2]; x += SPSI_LANES) {
             const spsi_m inside = spsi_less(spsi_iota(), spsi_set((float)(box[2] - x) + 0.5f));
             spsi_chord chord;
-            spsi_sphere_chord(rays, ball, x, y, &chord);
-            spsi_v share = ball->soft ? spsi_mul(chord.share, spsi_mul(chord.share, chord.share)) : chord.share;
+            spsi_sphere_chord(rays, sphere, x, y, &chord);
+            spsi_v share = sphere->soft ? spsi_mul(chord.share, spsi_mul(chord.share, chord.share)) : chord.share;
             for (int i = 0; i < SPSI_LANES && round; ++i) lanes[i] = (float)spsi_ray_angle(rays, x + i, y);
             if (round) share = spsi_mul(share, spsi_load(lanes));
             sums = spsi_add(sums, spsi_select(inside, share, spsi_set(0)));
@@ -9800,13 +9806,13 @@ static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *ball, co
 }
 
 /* Mean of a ball's chords, which are 1 in the middle, over its outline. */
-static double spsi_sphere_mean(const spsi_sphere *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
+static double spsi_sphere_mean(const spsi_sphere *sphere) { return sphere->soft ? 2.0 / 5 : 2.0 / 3; }
 
 /* Box of texels that a ball which is not near may cover, also beyond its face's edges: that of an ellipse. Returns the
    ellipse's area, or 0 where the angle is so grazing that there is none. */
-static double spsi_sphere_box(const spsi_sphere *ball, int box[4]) {
-    const double a = (double)ball->cross[0], b = (double)ball->cross[1], c = (double)ball->cross[2];
-    const double square = a * c - b * b, x = ball->x0 + (double)ball->x, y = ball->y0 + (double)ball->y;
+static double spsi_sphere_box(const spsi_sphere *sphere, int box[4]) {
+    const double a = (double)sphere->cross[0], b = (double)sphere->cross[1], c = (double)sphere->cross[2];
+    const double square = a * c - b * b, x = sphere->x0 + (double)sphere->x, y = sphere->y0 + (double)sphere->y;
     double across, down;
     if (!(square > 0)) return 0;
     across = sqrt(c / square) + 1, down = sqrt(a / square) + 1; /* perspective shifts it a little */
@@ -9819,13 +9825,13 @@ static double spsi_sphere_box(const spsi_sphere *ball, int box[4]) {
 /* Ratio of the sum of a ball's chords in all faces around a light to the exact sum. It is the same for each face that
    sees the ball, so that there is no seam. */
 static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *faces, const spsi_particle_set *set,
-                                     const sps_particle *particle, const spsi_sphere *ball, const double offset[3]) {
+                                     const sps_particle *particle, const spsi_sphere *sphere, const double offset[3]) {
     const double texel = spsi_length(own->a) * spsi_length(offset), radius = spsi_sphere_radius(own, particle, offset);
     const int last = own->width - 1;
     double sum = 0;
     spsi_sphere other;
     int box[4], alone;
-    alone = !ball->near_by && spsi_sphere_box(ball, box) > 0;
+    alone = !sphere->near_by && spsi_sphere_box(sphere, box) > 0;
     alone = alone && box[0] > 0 && box[1] > 0 && box[2] < last && box[3] < last; /* no other face sees it */
     for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
         const spsi_rays *rays = &faces[face];
@@ -9834,29 +9840,29 @@ static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *face
         box[0] = other.x0, box[1] = other.y0, box[2] = other.x1, box[3] = other.y1;
         sum += spsi_sphere_sum(rays, &other, box, 1);
     }
-    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_sphere_mean(ball));
+    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_sphere_mean(sphere));
 }
 
 /* Adjusts the optical depth of a small ball so that its mass is exact wherever its centre lies among the texels: of
    two thirds of `coarse` texels or less. Chords of `coarse` texels are exact; in between, the two are blended.
    `faces`: of a cube, in all of which a particle has one mass; NULL: there is only one face. */
 static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse,
-                              const spsi_particle_set *set, const sps_particle *particle, spsi_sphere *ball) {
+                              const spsi_particle_set *set, const sps_particle *particle, spsi_sphere *sphere) {
     double centre[3], offset[3], texel, share, mass;
     int box[4];
     /* most are much too large: the sum of the inverse squares of the outline's half axes is small */
-    if (!ball->near_by && (double)ball->cross[0] + (double)ball->cross[2] < 1 / (coarse * coarse)) return;
+    if (!sphere->near_by && (double)sphere->cross[0] + (double)sphere->cross[2] < 1 / (coarse * coarse)) return;
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
     texel = rays->pixel * spsi_distance_to(rays, offset);
     share = 3 - 3 * (double)particle->radius / (coarse * texel);
-    if (!(share > 0) || ball->x1 < ball->x0 || ball->y1 < ball->y0) return;
+    if (!(share > 0) || sphere->x1 < sphere->x0 || sphere->y1 < sphere->y0) return;
     /* a face of too few texels, or a ball as wide as its distance */
     if (faces && (rays->width < 3 || !(2 * (double)particle->radius < spsi_length(offset)))) return;
-    const double area = faces || ball->near_by ? 0 : spsi_sphere_box(ball, box);
-    mass = area > 0 ? spsi_sphere_sum(rays, ball, box, 0) / (area * spsi_sphere_mean(ball)) : 1;
-    if (faces) mass = spsi_sphere_mass_round(rays, faces, set, particle, ball, offset);
-    if (mass > 0) ball->depth *= (float)(1 + spsi_dmin(share, 1) * (1 / mass - 1));
+    const double area = faces || sphere->near_by ? 0 : spsi_sphere_box(sphere, box);
+    mass = area > 0 ? spsi_sphere_sum(rays, sphere, box, 0) / (area * spsi_sphere_mean(sphere)) : 1;
+    if (faces) mass = spsi_sphere_mass_round(rays, faces, set, particle, sphere, offset);
+    if (mass > 0) sphere->depth *= (float)(1 + spsi_dmin(share, 1) * (1 / mass - 1));
 }
 
 /* ============================================================================================== >>slicing
@@ -9894,7 +9900,7 @@ SPSI_COLD void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *sla
 }
 
 typedef struct spsi_sweep {
-    const spsi_light *lamp; /* the light whose sheets this sweep has; NULL: none */
+    const spsi_light *light; /* the light whose sheets this sweep has; NULL: none */
     int first;             /* 1: also carries coverage, ambient light, emission, and all lights without sheets */
     int back_to_front;
     double cosine_of_light, cosine_of_eye; /* minimum of the rays with s */
@@ -9944,7 +9950,7 @@ SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], 
 
 /* Number of parts of the image. Sweeps with a light's sheets serve all of it. */
 SPSI_COLD int spsi_subslab_count(const spsi_frame *frame) {
-    return frame->lamps.sliced_count > 0 ? 1 : frame->content->parts[0] * frame->content->parts[1];
+    return frame->lights.sliced_count > 0 ? 1 : frame->content->parts[0] * frame->content->parts[1];
 }
 
 /* The n-th part: its first column and row, and those beyond its last. */
@@ -9977,10 +9983,10 @@ SPSI_COLD void spsi_subslab_direction(const spsi_rays *eye, double direction[3])
 }
 
 /* Clears a sweep with the sheets of a light, or without (NULL), for the n-th part of the image. */
-SPSI_COLD void spsi_sweep_clear(const spsi_frame *frame, const spsi_light *lamp, int part, spsi_sweep *sweep) {
+SPSI_COLD void spsi_sweep_clear(const spsi_frame *frame, const spsi_light *light, int part, spsi_sweep *sweep) {
     double *corner = frame->content->eye.perspective ? sweep->eye.c : sweep->eye.origin;
     memset(sweep, 0, sizeof *sweep);
-    sweep->lamp = lamp;
+    sweep->light = light;
     sweep->slabs.normal[2] = sweep->slabs.thickness = 1;
     sweep->slabs.group = 1;
     sweep->eye = frame->content->eye;
@@ -10035,12 +10041,12 @@ SPSI_COLD sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_fr
                      "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
                      "needed; move it away, or set shadow_source or no_shadow on it",
                      spsi_gases(frame), cosine);
-    else if (sweep->lamp->is_point)
+    else if (sweep->light->is_point)
         SPS_SNPRINTF(rest, sizeof rest,
                      "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
                      "middle; move it away, or set shadow_source or no_shadow on it",
                      spsi_gases(frame));
-    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->lamp->index, "", cosine, rest);
+    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->light->index, "", cosine, rest);
 }
 
 /* The same for the camera's rays. */
@@ -10050,9 +10056,9 @@ SPSI_COLD sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_f
     char rest[SPSI_SENTENCE_SIZE], camera[64] = "is too wide";
     char way_out[64] = "it to 168 degrees from corner to corner";
     if (!frame->has_matrix) SPS_SNPRINTF(camera, sizeof camera, "is %g", value);
-    if (sweep->lamp)
+    if (sweep->light)
         SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_source or no_shadow on light[%d]",
-                     sweep->lamp->index);
+                     sweep->light->index);
     SPS_SNPRINTF(rest, sizeof rest,
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; narrow %s", camera,
                  sweep->cosine_of_eye, way_out);
@@ -10064,10 +10070,10 @@ SPSI_COLD sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_f
 }
 
 /* Minimum cosine between s and a light's rays through the gas. */
-SPSI_COLD double spsi_cosine_of_light(const spsi_frame *frame, const spsi_light *lamp, const double s[3]) {
+SPSI_COLD double spsi_cosine_of_light(const spsi_frame *frame, const spsi_light *light, const double s[3]) {
     double least = HUGE_VAL;
-    for (int i = 0; i < lamp->point_count; ++i) {
-        const spsi_light *point = &lamp->points[i];
+    for (int i = 0; i < light->point_count; ++i) {
+        const spsi_light *point = &light->points[i];
         least = spsi_dmin(least, !point->is_point ? spsi_dot(s, point->direction)
                                                   : spsi_cosine_to_bounds(s, point->position, &frame->content->bounds));
     }
@@ -10081,13 +10087,13 @@ SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi
     memcpy(sweep->slabs.normal, eye, sizeof sweep->slabs.normal);
     sweep->back_to_front = 0;
     sweep->cosine_of_light = 1;
-    if (sweep->lamp) {
+    if (sweep->light) {
         spsi_bounds_centre(&frame->content->bounds, centre);
-        spsi_light_direction(sweep->lamp, centre, toward);
+        spsi_light_direction(sweep->light, centre, toward);
         sweep->back_to_front = spsi_dot(eye, toward) < 0;
         spsi_along(toward, eye, sweep->back_to_front ? -1 : 1, sweep->slabs.normal);
         spsi_normalise(sweep->slabs.normal);
-        sweep->cosine_of_light = spsi_cosine_of_light(frame, sweep->lamp, sweep->slabs.normal);
+        sweep->cosine_of_light = spsi_cosine_of_light(frame, sweep->light, sweep->slabs.normal);
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
     sweep->cosine_of_eye = spsi_cosine_to_corners(toward, &sweep->eye); /* rays in the sweep's part of the image */
@@ -10101,7 +10107,7 @@ SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi
    its middle. Returns whether it serves. */
 SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     double eye[3], axis[3];
-    if (!sweep->lamp && spsi_subslab_count(frame) > 1) {
+    if (!sweep->light && spsi_subslab_count(frame) > 1) {
         spsi_subslab_direction(&sweep->eye, eye);
         return spsi_sweep_turn(frame, eye, sweep);
     }
@@ -10160,16 +10166,16 @@ SPSI_COLD double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice 
    so for it the length is what the eye's and the light's rays cross of a voxel, if that is less than the voxel's extent
    along s. A sixteenth of the extent is the minimum, since voxels as flat as paper would need slabs without end. */
 SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
-                                 const spsi_light *lamp, const double s[3]) {
+                                 const spsi_light *light, const double s[3]) {
     const double extent = spsi_voxel_extent(lattice, s), flattest = 1.0 / 16;
     double chord, travel[3];
     if (!frame->matter.materials[frame->media[lattice->medium].channel].table) return extent;
     chord = spsi_chord_of_rays(frame, lattice, s, rays);
-    if (lamp && !lamp->is_point) {
-        spsi_light_direction(lamp, lamp->position, travel);
+    if (light && !light->is_point) {
+        spsi_light_direction(light, light->position, travel);
         chord = spsi_dmin(chord, spsi_slab_chord(lattice, s, travel));
-    } else if (lamp) {
-        chord = spsi_dmin(chord, spsi_chord_to_bounds(lattice, s, lamp->position, &frame->content->bounds));
+    } else if (light) {
+        chord = spsi_dmin(chord, spsi_chord_to_bounds(lattice, s, light->position, &frame->content->bounds));
     }
     return spsi_dmin(extent, spsi_dmax(chord, flattest * extent));
 }
@@ -10194,7 +10200,7 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
 /* Places slabs over the bounds of volumes and particles, along their normal, that serve the rays of a target and those
    of a light (NULL: none). `edge` is the voxel edge that stands for particles, or infinite. Slabs need not be thinner
    than `least`, or than what makes a chunk of them. Returns their number. */
-SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_light *lamp, double edge,
+SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_light *light, double edge,
                                   double least, spsi_slabs *slabs) {
     double low = HUGE_VAL, high = -HUGE_VAL, beyond = 0, particles;
     for (int corner = 0; corner < 8; ++corner) {
@@ -10206,7 +10212,7 @@ SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays
     edge = spsi_dmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits the slabs that a stray particle calls for */
     particles = edge;
     for (int i = 0; i < frame->medium_count; ++i)
-        edge = spsi_dmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, lamp, slabs->normal));
+        edge = spsi_dmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, light, slabs->normal));
     slabs->start = low;
     for (int k = 0; k < 3; ++k) beyond += 2 * frame->content->beyond[k] * fabs(slabs->normal[k]);
     least = spsi_dmin(least, spsi_dmax(high - low - beyond, 0) / SPSI_CHUNK);
@@ -10219,8 +10225,8 @@ SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays
 
 /* Cuts the same slabs, and refuses them if they are too many. */
 SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                    const spsi_light *lamp, double edge, double least, spsi_slabs *slabs) {
-    const double count = spsi_slabs_place(frame, rays, lamp, edge, least, slabs);
+                                    const spsi_light *light, double edge, double least, spsi_slabs *slabs) {
+    const double count = spsi_slabs_place(frame, rays, light, edge, least, slabs);
     if (!(count <= SPSI_SLABS_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, frame->viewer, -1, "slab_thickness",
                                frame->view.slab_thickness, "it makes more than 2^20 slabs");
@@ -10231,13 +10237,13 @@ SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *fram
 /* Width, in texels, of the widest penumbra that gas can cast on gas or polygons, or polygons on gas: that of an edge at
    one end of everything, at the other end. What is beside or behind a lamp counts as touching it. */
 SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sweep) {
-    const spsi_light *lamp = sweep->lamp;
+    const spsi_light *light = sweep->light;
     const double texel = spsi_dmin(spsi_length(sweep->rays.a), spsi_length(sweep->rays.b));
     spsi_bounds all = frame->content->mesh_bounds;
     double near_by = HUGE_VAL, far_off = 0, across[3];
     spsi_bounds_join(&all, &frame->content->bounds);
     spsi_along(all.high, all.low, -1, across);
-    if (!lamp->is_point) return 2 * tan(lamp->extent.radius) * spsi_length(across) / texel;
+    if (!light->is_point) return 2 * tan(light->extent.radius) * spsi_length(across) / texel;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3], q[3];
         spsi_bounds_corner(&all, corner, point);
@@ -10246,40 +10252,40 @@ SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep 
         far_off = spsi_dmax(far_off, q[2]);
     }
     if (!(near_by > 0)) return HUGE_VAL;
-    return 2 * lamp->extent.radius * (1 / near_by - 1 / far_off) / texel;
+    return 2 * light->extent.radius * (1 / near_by - 1 / far_off) / texel;
 }
 
 /* Fits the rays of the light's sheets. Returns whether that is possible. */
 static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
-    const spsi_light *lamp = sweep->lamp;
-    const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, lamp);
-    const double texel = spsi_dmax(spsi_light_texel(frame, lamp), pixels);
+    const spsi_light *light = sweep->light;
+    const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, light);
+    const double texel = spsi_dmax(spsi_light_texel(frame, light), pixels);
     const double fine = spsi_dmax(texel / spsi_particle_fineness(frame), spsi_dmin(texel, SPSI_FINE_PIXELS * pixels));
-    if (!spsi_rays_fit(lamp, &frame->content->bounds, fine, frame->view.shadow_resolution,
+    if (!spsi_rays_fit(light, &frame->content->bounds, fine, frame->view.shadow_resolution,
                        spsi_light_texels_most(frame), &sweep->rays))
         return 0;
-    sweep->soft = lamp->extent.exists && spsi_penumbra_texels(frame, sweep) >= 0.5;
+    sweep->soft = light->extent.exists && spsi_penumbra_texels(frame, sweep) >= 0.5;
     return 1;
 }
 
 /* Aims a sweep's slabs and its light's rays at the content's bounds. Returns whether they serve. */
 SPSI_COLD int spsi_sweep_aim(const spsi_frame *frame, spsi_sweep *sweep) {
-    return spsi_sweep_direction(frame, sweep) && (!sweep->lamp || spsi_sweep_fit(frame, sweep));
+    return spsi_sweep_direction(frame, sweep) && (!sweep->light || spsi_sweep_fit(frame, sweep));
 }
 
 /* Number of sweeps in a frame: one for each light that shades by sheets, and at least one. */
-static int spsi_sweep_count(const spsi_frame *frame) { return spsi_imax(1, frame->lamps.sliced_count); }
+static int spsi_sweep_count(const spsi_frame *frame) { return spsi_imax(1, frame->lights.sliced_count); }
 
 /* The n-th lamp that shades by sheets; NULL if there is none. */
 SPSI_COLD const spsi_light *spsi_sliced_light(const spsi_frame *frame, int n) {
-    for (int i = 0; i < frame->lamps.count; ++i)
-        if (frame->lamps.list[i].sliced && n-- == 0) return &frame->lamps.list[i];
+    for (int i = 0; i < frame->lights.count; ++i)
+        if (frame->lights.list[i].sliced && n-- == 0) return &frame->lights.list[i];
     return NULL;
 }
 
 /* Number of lights whose shadows the n-th sweep carries; no sweep has more than the first. */
 SPSI_COLD int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
-    return (n < frame->lamps.sliced_count) + (n == 0 ? frame->lamps.shadow_count - frame->lamps.sliced_count : 0);
+    return (n < frame->lights.sliced_count) + (n == 0 ? frame->lights.shadow_count - frame->lights.sliced_count : 0);
 }
 
 /* Aims a sweep at the gas or, where that does not serve, at the bounds by which shadows were chosen: what serves these
@@ -10299,7 +10305,7 @@ SPSI_COLD int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
    so much that rays through the light's texels would need many samples in a slab. */
 SPSI_COLD double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) {
     const double least = frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame, NULL);
-    if (!sweep->lamp) return least;
+    if (!sweep->light) return least;
     return spsi_dmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
 }
 
@@ -10322,7 +10328,8 @@ SPSI_COLD sps_result spsi_sweep_build(sps_context *context, const spsi_frame *fr
         return !(sweep->cosine_of_light >= SPSI_COSINE_MIN) || sweep->cosine_of_eye >= SPSI_COSINE_MIN
                    ? spsi_sweep_refuse_light(context, frame, sweep)
                    : spsi_sweep_refuse_camera(context, frame, sweep);
-    return spsi_slabs_cut(context, frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
+    return spsi_slabs_cut(context, frame, &sweep->eye, sweep->light, edge, spsi_slab_least(frame, sweep),
+                          &sweep->slabs);
 }
 
 /* Cuts the image into as few parts as slabs serve well, or else can serve, for sweeps without a light's sheets. If even
@@ -11006,14 +11013,14 @@ static void spsi_splat_near_voxels(spsi_tile *tile, const spsi_splatter *s, cons
 }
 
 /* Ray coordinates, depth and slab coordinate of a vector of a brick's voxels. */
-static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_brick_origin *anchor, const spsi_v at[3],
+static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_brick_origin *origin, const spsi_v at[3],
                                      spsi_v q[3], spsi_v *depth, spsi_v *slab) {
     for (int i = 0; i < 3; ++i) {
-        q[i] = spsi_fma(at[2], spsi_set(s->step[2][i]), spsi_set(anchor->q[i]));
+        q[i] = spsi_fma(at[2], spsi_set(s->step[2][i]), spsi_set(origin->q[i]));
         q[i] = spsi_fma(at[0], spsi_set(s->step[0][i]), spsi_fma(at[1], spsi_set(s->step[1][i]), q[i]));
     }
-    *depth = spsi_add(spsi_sub(q[2], spsi_set(anchor->q[2])), spsi_set(anchor->depth));
-    *slab = spsi_fma(at[2], spsi_set(s->slab_step[2]), spsi_set(anchor->slab));
+    *depth = spsi_add(spsi_sub(q[2], spsi_set(origin->q[2])), spsi_set(origin->depth));
+    *slab = spsi_fma(at[2], spsi_set(s->slab_step[2]), spsi_set(origin->slab));
     *slab = spsi_fma(at[0], spsi_set(s->slab_step[0]), spsi_fma(at[1], spsi_set(s->slab_step[1]), *slab));
 }
 
@@ -11048,7 +11055,7 @@ static inline void spsi_footprints_even(const spsi_splatter *s, spsi_footprints 
 }
 
 /* Splats the voxels of one brick into a tile. */
-static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *anchor,
+static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *origin,
                              const spsi_segment *segment, const spsi_brick *brick, float *channel) {
     const spsi_v reach = spsi_set(s->reach_slabs);
     spsi_footprints f;
@@ -11062,7 +11069,7 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
         const spsi_v value = spsi_load(segment->value + at);
         const spsi_v steps[3] = {spsi_load(segment->x + at), spsi_load(segment->y + at), spsi_load(segment->z + at)};
         spsi_v q[3], depth, slab;
-        spsi_voxels_place(s, anchor, steps, q, &depth, &slab);
+        spsi_voxels_place(s, origin, steps, q, &depth, &slab);
         int bits = all & spsi_bits(spsi_and(spsi_less(spsi_sub(slab, reach), spsi_set((float)tile->slab_count)),
                                             spsi_less(spsi_set(0), spsi_add(slab, reach))));
         if (!bits) continue;
@@ -11090,14 +11097,14 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
 
 /* Position of a brick for these rays and slabs; slab coordinates are relative to `first_slab`. */
 static void spsi_brick_origin_build(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_rays *rays,
-                                    const spsi_slabs *slabs, int first_slab, spsi_brick_origin *anchor) {
+                                    const spsi_slabs *slabs, int first_slab, spsi_brick_origin *origin) {
     double at[3], point[3], q[3];
     for (int i = 0; i < 3; ++i) at[i] = brick->base[i] + 0.5;
     spsi_voxel_position(lattice, at, point);
     spsi_point_to_rays(rays, point, q);
-    for (int i = 0; i < 3; ++i) anchor->q[i] = (float)q[i];
-    anchor->depth = (float)(q[2] - rays->depth_reference);
-    anchor->slab = (float)(spsi_slab_at(slabs, point) - first_slab);
+    for (int i = 0; i < 3; ++i) origin->q[i] = (float)q[i];
+    origin->depth = (float)(q[2] - rays->depth_reference);
+    origin->slab = (float)(spsi_slab_at(slabs, point) - first_slab);
 }
 
 /* --- small voxels ---
@@ -11145,7 +11152,7 @@ SPSI_COLD void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *
 typedef struct spsi_deposit {
     const spsi_tile *tile;
     const spsi_splatter *splatter;
-    const spsi_brick_origin *anchor;
+    const spsi_brick_origin *origin;
     float breadth[3];    /* of its voxels */
     int low[3], high[3]; /* the tile's first and last samples */
     int edges[2][3];     /* the first and last samples of all */
@@ -11160,14 +11167,14 @@ typedef struct spsi_deposit_weights {
 
 /* Sets up a brick. Parallel rays hold all gas, of which nothing is lost at their edges; what a perspective's edges cut
    off belongs to the rays beside them. `edges`: the first and last samples. */
-static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *anchor,
+static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *origin,
                                const spsi_brick *brick, const int edges[2][3], spsi_deposit *deposit) {
     const int last[3] = {tile->x1 - tile->x0, tile->y1 - tile->y0, tile->slab_count - 1};
     float q[3];
-    memcpy(q, anchor->q, sizeof q);
+    memcpy(q, origin->q, sizeof q);
     deposit->tile = tile;
     deposit->splatter = s;
-    deposit->anchor = anchor;
+    deposit->origin = origin;
     deposit->kept = !s->perspective;
     memcpy(deposit->edges, edges, sizeof deposit->edges);
     for (int k = 0; k < 3; ++k) {
@@ -11238,7 +11245,7 @@ static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *
         const spsi_v steps[3] = {spsi_load(segment->x + at), spsi_load(segment->y + at), spsi_load(segment->z + at)};
         spsi_v mass = spsi_mul(spsi_load(segment->value + at), spsi_set(s->mass)), q[3], depth, slab;
         spsi_deposit_weights shares;
-        spsi_voxels_place(s, deposit->anchor, steps, q, &depth, &slab);
+        spsi_voxels_place(s, deposit->origin, steps, q, &depth, &slab);
         if (s->perspective) {
             const spsi_v per_t = spsi_div(one, q[2]);
             for (int k = 0; k < 2; ++k) q[k] = spsi_mul(q[k], per_t);
@@ -11271,7 +11278,7 @@ typedef struct spsi_sphere_setup {
 
 /* A particle as one set of rays sees it, in one chunk of slabs. */
 typedef struct spsi_projected_sphere {
-    spsi_sphere ball;
+    spsi_sphere sphere;
     float weight;         /* extinction in the middle */
     float slab;           /* slab coordinate of the centre, relative to the chunk's first slab */
     float reach;          /* radius in slabs */
@@ -11309,28 +11316,29 @@ static void spsi_particle_slabs(const spsi_sphere_setup *crossing, const sps_par
 
 static void spsi_projected_sphere_build(const spsi_sphere_setup *crossing, const spsi_particle_set *set,
                                         const sps_particle *particle, int channel, int first_slab, double coarse,
-                                        spsi_projected_sphere *seen) {
+                                        spsi_projected_sphere *projected) {
     const spsi_rays *rays = crossing->rays;
-    const double radius = spsi_sphere_build(rays, set, particle, &seen->ball);
+    const double radius = spsi_sphere_build(rays, set, particle, &projected->sphere);
     double centre[3], t;
-    spsi_sphere_weigh(rays, NULL, coarse, set, particle, &seen->ball);
+    spsi_sphere_weigh(rays, NULL, coarse, set, particle, &projected->sphere);
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
-    if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* widened, it is too thin to count */
-    t = rays->perspective ? (double)seen->ball.t + rays->depth_reference : 1;
-    seen->slab = (float)(spsi_dot(crossing->row, centre) - crossing->slab_origin - first_slab);
-    seen->reach = (float)(radius * crossing->reach);
-    seen->reach_depth = (float)(radius * crossing->reach_depth);
-    seen->weight = (float)spsi_dmin((double)seen->ball.depth / (seen->ball.soft ? 4.0 / 3 : 2.0) / radius, 1e30);
-    seen->tilt_x = (float)(spsi_dot(crossing->row, rays->a) * t);
-    seen->tilt_y = (float)(spsi_dot(crossing->row, rays->b) * t);
-    seen->channel = channel;
+    if (!(projected->sphere.depth >= SPSI_VALUE_MIN)) projected->sphere.x1 = -1; /* widened, it is too thin to count */
+    t = rays->perspective ? (double)projected->sphere.t + rays->depth_reference : 1;
+    projected->slab = (float)(spsi_dot(crossing->row, centre) - crossing->slab_origin - first_slab);
+    projected->reach = (float)(radius * crossing->reach);
+    projected->reach_depth = (float)(radius * crossing->reach_depth);
+    projected->weight =
+        (float)spsi_dmin((double)projected->sphere.depth / (projected->sphere.soft ? 4.0 / 3 : 2.0) / radius, 1e30);
+    projected->tilt_x = (float)(spsi_dot(crossing->row, rays->a) * t);
+    projected->tilt_y = (float)(spsi_dot(crossing->row, rays->b) * t);
+    projected->channel = channel;
 }
 
 /* A ball that is being splatted into a tile: its box there, and its slabs. */
 typedef struct spsi_sphere_footprint {
     const spsi_tile *tile;
     const spsi_sphere_setup *crossing;
-    const spsi_projected_sphere *seen;
+    const spsi_projected_sphere *projected;
     int x0, x1, y0, y1; /* inclusive */
     int first, last;    /* slabs; the last is exclusive */
     int starts;         /* 1: the first slab also receives what a widened particle has before it */
@@ -11342,23 +11350,23 @@ static inline void spsi_print_planes(const spsi_sphere_footprint *print, const s
                                      int clamped, spsi_sections *sections) {
     const spsi_tile *tile = print->tile;
     const spsi_sphere_setup *crossing = print->crossing;
-    const spsi_projected_sphere *seen = print->seen;
+    const spsi_projected_sphere *projected = print->projected;
     const spsi_v zero = spsi_set(0);
     const spsi_v slope =
         spsi_fma(spsi_add(spsi_set((float)x), spsi_iota()), spsi_set(crossing->slab_x),
                  spsi_add(spsi_set(crossing->slab_t), spsi_mul(spsi_set((float)y), spsi_set(crossing->slab_y))));
     const spsi_v rate = spsi_max(spsi_mul(slope, spsi_set(crossing->sign)), spsi_set(1e-20f));
     spsi_v middle, step;
-    if (seen->ball.near_by) {
+    if (projected->sphere.near_by) {
         const float eye_slab = tile->eye_slab - (float)(tile->slab_count - SPSI_CHUNK) / 2;
         middle = spsi_fma(spsi_add(chord->middle, spsi_set((float)crossing->rays->depth_reference)), slope,
                           spsi_set(eye_slab));
     } else {
         spsi_v dx, dy;
-        spsi_sphere_offsets(&seen->ball, x, y, &dx, &dy);
-        middle = spsi_fma(dx, spsi_set(seen->tilt_x),
-                          spsi_add(spsi_set(seen->slab), spsi_mul(dy, spsi_set(seen->tilt_y))));
-        middle = spsi_fma(spsi_sub(chord->middle, spsi_set(seen->ball.t)), slope, middle);
+        spsi_sphere_offsets(&projected->sphere, x, y, &dx, &dy);
+        middle = spsi_fma(dx, spsi_set(projected->tilt_x),
+                          spsi_add(spsi_set(projected->slab), spsi_mul(dy, spsi_set(projected->tilt_y))));
+        middle = spsi_fma(spsi_sub(chord->middle, spsi_set(projected->sphere.t)), slope, middle);
     }
     step = spsi_div(spsi_set(1), spsi_max(spsi_mul(rate, chord->half), spsi_set(1e-20f)));
     sections->per_plane = step;
@@ -11375,25 +11383,25 @@ static inline void spsi_print_planes(const spsi_sphere_footprint *print, const s
 /* Splats a vector of a row of a ball, from (x, y) on, which begins at `sheet` in the first slab. */
 static inline void spsi_splat_sphere_at(const spsi_sphere_footprint *print, int x, int y, int clamped, float *sheet,
                                         spsi_sections *sections) {
-    const spsi_sphere *ball = &print->seen->ball;
+    const spsi_sphere *sphere = &print->projected->sphere;
     const spsi_v zero = spsi_set(0);
     spsi_chord chord;
     spsi_m inside;
-    spsi_sphere_chord(print->crossing->rays, ball, x, y, &chord);
+    spsi_sphere_chord(print->crossing->rays, sphere, x, y, &chord);
     inside = spsi_and(spsi_less(zero, chord.share), spsi_less(spsi_iota(), spsi_set((float)(print->x1 - x) + 0.5f)));
     if (!spsi_bits(inside)) return;
     spsi_print_planes(print, &chord, x, y, clamped, sections);
-    spsi_v weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->seen->weight));
-    if (ball->soft) weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
+    spsi_v weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->projected->weight));
+    if (sphere->soft) weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
     sections->weight = spsi_select(inside, weight, zero);
     sections->sheet = sheet;
-    spsi_add_sections(sections, ball->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD, clamped);
+    spsi_add_sections(sections, sphere->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD, clamped);
 }
 
 static inline void spsi_splat_sphere(const spsi_sphere_footprint *print, int clamped) {
     const spsi_tile *tile = print->tile;
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    float *first = tile->sheets + (size_t)print->seen->channel * tile->channel_size +
+    float *first = tile->sheets + (size_t)print->projected->channel * tile->channel_size +
                    (size_t)(print->first + margin) * tile->sheet_size;
     spsi_sections sections;
     sections.sheet_size = tile->sheet_size;
@@ -11408,19 +11416,21 @@ static inline void spsi_splat_sphere(const spsi_sphere_footprint *print, int cla
 
 /* Splats a particle into a tile's slabs of a chunk. `starts`: this chunk is the first; `left`: number of slabs from its
    first one to the last of all. */
-static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossing, const spsi_projected_sphere *seen,
-                                int starts, int left) {
-    const spsi_sphere *ball = &seen->ball;
-    const float rounding = 1e-4f + 1e-6f * (fabsf(seen->slab) + seen->reach);
-    const float low = seen->slab - seen->reach - rounding, high = seen->slab + seen->reach + rounding;
-    const int clamped = ball->near_by || (tile->clamped && (ball->t + seen->reach_depth > tile->nearest_limit ||
-                                                            ball->t - seen->reach_depth < crossing->eye_near));
+static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossing,
+                                const spsi_projected_sphere *projected, int starts, int left) {
+    const spsi_sphere *sphere = &projected->sphere;
+    const float rounding = 1e-4f + 1e-6f * (fabsf(projected->slab) + projected->reach);
+    const float low = projected->slab - projected->reach - rounding,
+                high = projected->slab + projected->reach + rounding;
+    const int clamped =
+        sphere->near_by || (tile->clamped && (sphere->t + projected->reach_depth > tile->nearest_limit ||
+                                              sphere->t - projected->reach_depth < crossing->eye_near));
     const int first = (int)floorf(spsi_fmin(spsi_fmax(low, 0), (float)(spsi_imin(left, SPSI_CHUNK) - 1)));
     const int last = (int)ceilf(spsi_fmin(spsi_fmax(high, (float)(first + 1)), (float)spsi_imin(left, SPSI_CHUNK)));
-    const int x0 = spsi_imax(ball->x0, tile->x0), x1 = spsi_imin(ball->x1, tile->x1);
-    const int y0 = spsi_imax(ball->y0, tile->y0), y1 = spsi_imin(ball->y1, tile->y1);
-    const spsi_sphere_footprint p = {tile,        crossing, seen, x0, x1, y0, y1, first, last, starts && first == 0,
-                                     last == left};
+    const int x0 = spsi_imax(sphere->x0, tile->x0), x1 = spsi_imin(sphere->x1, tile->x1);
+    const int y0 = spsi_imax(sphere->y0, tile->y0), y1 = spsi_imin(sphere->y1, tile->y1);
+    const spsi_sphere_footprint p = {
+        tile, crossing, projected, x0, x1, y0, y1, first, last, starts && first == 0, last == left};
     if (x0 > x1 || y0 > y1 || !(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) * (uint64_t)(last - first);
@@ -12551,34 +12561,34 @@ static int spsi_sampler_steps(const spsi_sampler *t, float way) {
 }
 
 SPSI_COLD void spsi_sampler_build(const spsi_pyramid *fields, const spsi_lattice *lattice, const spsi_rays *rays,
-                                  const spsi_slabs *slabs, int level, int count, spsi_sampler *tapper) {
+                                  const spsi_slabs *slabs, int level, int count, spsi_sampler *sampler) {
     const int medium = lattice->medium;
     const double edge = cbrt(lattice->voxel_volume);
     double rows[3][3];
-    memset(tapper, 0, sizeof *tapper);
-    tapper->fields = fields;
-    tapper->level = level;
-    tapper->rays = count;
-    for (tapper->side = 1; tapper->side * tapper->side < count;) ++tapper->side;
-    tapper->aside = 0.5f - 0.5f / (float)tapper->side;
+    memset(sampler, 0, sizeof *sampler);
+    sampler->fields = fields;
+    sampler->level = level;
+    sampler->rays = count;
+    for (sampler->side = 1; sampler->side * sampler->side < count;) ++sampler->side;
+    sampler->aside = 0.5f - 0.5f / (float)sampler->side;
     for (int k = 0; k < 3; ++k)
-        tapper->breadth = spsi_dmax(tapper->breadth, SPSI_SIGMA * (1 << level) * spsi_length(lattice->step[k]));
-    tapper->finest = &fields->list[medium];
-    tapper->field = level ? &fields->levels[medium][level - 1] : tapper->finest;
+        sampler->breadth = spsi_dmax(sampler->breadth, SPSI_SIGMA * (1 << level) * spsi_length(lattice->step[k]));
+    sampler->finest = &fields->list[medium];
+    sampler->field = level ? &fields->levels[medium][level - 1] : sampler->finest;
     spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
     for (int k = 0; k < 3; ++k) {
         for (int i = 0; i < 3; ++i) rows[k][i] /= 1 << level;
-        for (int i = 0; i < 3; ++i) tapper->rows[k][i] = (float)(rows[k][i] * edge);
-        spsi_linear_build(rays, rows[k], lattice->corner, -0.5 - SPSI_BRICK * tapper->field->low[k], &tapper->at[k]);
+        for (int i = 0; i < 3; ++i) sampler->rows[k][i] = (float)(rows[k][i] * edge);
+        spsi_linear_build(rays, rows[k], lattice->corner, -0.5 - SPSI_BRICK * sampler->field->low[k], &sampler->at[k]);
     }
-    spsi_linear_of_slabs(rays, slabs, &tapper->slab);
-    tapper->near_d = spsi_rays_begin(rays);
+    spsi_linear_of_slabs(rays, slabs, &sampler->slab);
+    sampler->near_d = spsi_rays_begin(rays);
 }
 
 /* How far voxels reach, in those that were read: a level's weights are for up to 1.5 finer voxels more. */
-static double spsi_sampler_reach(const spsi_sampler *tapper) {
-    const double reach = tapper->fields->taps / 2.0;
-    const int level = tapper->level + (tapper->mix > 0);
+static double spsi_sampler_reach(const spsi_sampler *sampler) {
+    const double reach = sampler->fields->taps / 2.0;
+    const int level = sampler->level + (sampler->mix > 0);
     return level ? (reach + 1.5) * (1 << level) : reach;
 }
 
@@ -12613,56 +12623,56 @@ typedef enum spsi_verdict {
 static inline int spsi_gathers(spsi_verdict verdict) { return verdict >= SPSI_GATHER_ASKED; }
 
 /* The way through a slab, in voxels of the field along each axis, of the ray through a point in ray coordinates. */
-SPSI_COLD void spsi_sampler_longest(const spsi_sampler *tapper, const spsi_rays *rays, const double q[3],
+SPSI_COLD void spsi_sampler_longest(const spsi_sampler *sampler, const spsi_rays *rays, const double q[3],
                                     double way[3]) {
     const double x = rays->perspective ? q[0] / q[2] : q[0], y = rays->perspective ? q[1] / q[2] : q[1];
-    const float *slab = tapper->slab.slope;
+    const float *slab = sampler->slab.slope;
     const double slope = fabs((double)slab[0] + x * (double)slab[1] + y * (double)slab[2]);
     for (int k = 0; k < 3; ++k) {
-        const float *change = tapper->at[k].slope;
+        const float *change = sampler->at[k].slope;
         way[k] = ((double)change[0] + x * (double)change[1] + y * (double)change[2]) / slope;
     }
 }
 
 /* Samples per voxel's volume at a point in ray coordinates: rays to its cross-section times steps to its length. More
    than four rays count as four: otherwise gas in perspective would be splatted instead, and look wider. */
-SPSI_COLD double spsi_sampler_density(const spsi_sampler *tapper, const spsi_rays *rays, const double q[3]) {
+SPSI_COLD double spsi_sampler_density(const spsi_sampler *sampler, const spsi_rays *rays, const double q[3]) {
     const double depth = q[2] - rays->depth_reference;
     double across[2][3], way[3], steps;
-    spsi_sampler_longest(tapper, rays, q, way);
+    spsi_sampler_longest(sampler, rays, q, way);
     for (int k = 0; k < 3; ++k)
         for (int i = 0; i < 2; ++i)
-            across[i][k] = (double)tapper->at[k].base[1 + i] + depth * (double)tapper->at[k].slope[1 + i];
-    steps = tapper->lone ? 1 : spsi_dmax(ceil(sqrt(spsi_dot(way, way)) / spsi_sampler_step(tapper->fields)), 1);
-    return steps * spsi_imin(tapper->rays, 4) / fabs(spsi_determinant(across[0], across[1], way));
+            across[i][k] = (double)sampler->at[k].base[1 + i] + depth * (double)sampler->at[k].slope[1 + i];
+    steps = sampler->lone ? 1 : spsi_dmax(ceil(sqrt(spsi_dot(way, way)) / spsi_sampler_step(sampler->fields)), 1);
+    return steps * spsi_imin(sampler->rays, 4) / fabs(spsi_determinant(across[0], across[1], way));
 }
 
 /* Whether a field serves the rays at a point in ray coordinates. */
-SPSI_COLD spsi_verdict spsi_sampler_serves_at(spsi_sampler *tapper, const spsi_rays *rays,
+SPSI_COLD spsi_verdict spsi_sampler_serves_at(spsi_sampler *sampler, const spsi_rays *rays,
                                               const spsi_splatter *splatter, const double q[3]) {
     const double pitch = spsi_dmin(spsi_length(rays->a), spsi_length(rays->b));
-    const double finer = (double)(tapper->side << tapper->level);
-    const int many = tapper->level > 0 && tapper->side > 2; /* a lone voxel's mass depends less on its place */
-    const double least = tapper->rays == 2 ? SPSI_SAMPLER_TWO : many ? SPSI_SAMPLER_LONE : SPSI_SAMPLER_VARIANCE;
+    const double finer = (double)(sampler->side << sampler->level);
+    const int many = sampler->level > 0 && sampler->side > 2; /* a lone voxel's mass depends less on its place */
+    const double least = sampler->rays == 2 ? SPSI_SAMPLER_TWO : many ? SPSI_SAMPLER_LONE : SPSI_SAMPLER_VARIANCE;
     double way[3], widest, variance, area;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
     spsi_footprint_variances(splatter, q, &variance, &area);
     variance *= finer * finer;
     if (variance < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
-    widest = spsi_imin(tapper->side, 2) * tapper->breadth / (rays->perspective ? pitch * q[2] : pitch);
-    if (widest * widest > SPSI_SAMPLER_WIDEST && tapper->level > tapper->wanted) return SPSI_SPLAT_SMALL;
-    tapper->least = spsi_fmin(tapper->least, (float)(variance * 4 / (tapper->side * tapper->side)));
-    tapper->widest = spsi_fmax(tapper->widest, (float)widest);
-    spsi_sampler_longest(tapper, rays, q, way);
-    if (!(sqrt(spsi_dot(way, way)) <= SPSI_SAMPLER_MOST * spsi_sampler_step(tapper->fields)) && !tapper->lone)
+    widest = spsi_imin(sampler->side, 2) * sampler->breadth / (rays->perspective ? pitch * q[2] : pitch);
+    if (widest * widest > SPSI_SAMPLER_WIDEST && sampler->level > sampler->wanted) return SPSI_SPLAT_SMALL;
+    sampler->least = spsi_fmin(sampler->least, (float)(variance * 4 / (sampler->side * sampler->side)));
+    sampler->widest = spsi_fmax(sampler->widest, (float)widest);
+    spsi_sampler_longest(sampler, rays, q, way);
+    if (!(sqrt(spsi_dot(way, way)) <= SPSI_SAMPLER_MOST * spsi_sampler_step(sampler->fields)) && !sampler->lone)
         return SPSI_SPLAT_THICK;
     return SPSI_GATHER_ASKED;
 }
 
 /* The ray coordinates of a corner of the box of the bricks that were read, or, of number 8, of its middle. */
-SPSI_COLD void spsi_sampler_point(const spsi_sampler *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+SPSI_COLD void spsi_sampler_point(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                   int corner, double q[3]) {
-    const spsi_pyramid_level *field = &tapper->fields->list[lattice->medium];
+    const spsi_pyramid_level *field = &sampler->fields->list[lattice->medium];
     double at[3], point[3];
     for (int k = 0; k < 3; ++k) {
         const double share = corner == 8 ? 0.5 : corner >> k & 1;
@@ -12674,12 +12684,12 @@ SPSI_COLD void spsi_sampler_point(const spsi_sampler *tapper, const spsi_lattice
 
 /* Whether a field serves these rays: voxels are no smaller than texels may be and not near the origin of rays, and
    slabs are not too thick. */
-SPSI_COLD spsi_verdict spsi_sampler_serves(spsi_sampler *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+SPSI_COLD spsi_verdict spsi_sampler_serves(spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                            const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
         double q[3];
-        spsi_sampler_point(tapper, lattice, rays, corner, q);
-        spsi_verdict verdict = spsi_sampler_serves_at(tapper, rays, splatter, q);
+        spsi_sampler_point(sampler, lattice, rays, corner, q);
+        spsi_verdict verdict = spsi_sampler_serves_at(sampler, rays, splatter, q);
         if (!spsi_gathers(verdict)) return verdict;
     }
     return SPSI_GATHER_ASKED;
@@ -12687,17 +12697,17 @@ SPSI_COLD spsi_verdict spsi_sampler_serves(spsi_sampler *tapper, const spsi_latt
 
 /* Whether samples of a field that serves cost less than footprints of its voxels, from their numbers and sizes in its
    middle. */
-SPSI_COLD int spsi_sampler_pays(const spsi_sampler *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                 const spsi_splatter *splatter) {
-    const spsi_pyramid_level *field = &tapper->fields->list[lattice->medium];
-    const double cut = (double)splatter->cut, size = (double)(1 << tapper->level);
+    const spsi_pyramid_level *field = &sampler->fields->list[lattice->medium];
+    const double cut = (double)splatter->cut, size = (double)(1 << sampler->level);
     double q[3], area, least, fragments, samples;
-    spsi_sampler_point(tapper, lattice, rays, 8, q);
+    spsi_sampler_point(sampler, lattice, rays, 8, q);
     spsi_footprint_variances(splatter, q, &least, &area);
     area *= SPSI_PI * cut * cut;
     fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a ball of that radius */
-    samples = field->volume / (size * size * size) * spsi_sampler_density(tapper, rays, q);
-    return samples * (tapper->fields->taps == 4 ? SPSI_COST_SAMPLE : SPSI_COST_SAMPLE_WIDE) <
+    samples = field->volume / (size * size * size) * spsi_sampler_density(sampler, rays, q);
+    return samples * (sampler->fields->taps == 4 ? SPSI_COST_SAMPLE : SPSI_COST_SAMPLE_WIDE) <
            field->voxels * (SPSI_COST_FOOTPRINT + SPSI_COST_FRAGMENT * fragments);
 }
 
@@ -12730,12 +12740,12 @@ typedef enum spsi_sample_pattern {
 } spsi_sample_pattern;
 
 /* Whether rays cross no more of a volume in any slab than may lie between two samples. */
-SPSI_COLD int spsi_sampler_is_fine(const spsi_sampler *tapper, const spsi_lattice *lattice, const spsi_rays *rays) {
+SPSI_COLD int spsi_sampler_is_fine(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays) {
     for (int corner = 0; corner < 8; ++corner) {
         double q[3], way[3];
-        spsi_sampler_point(tapper, lattice, rays, corner, q);
-        spsi_sampler_longest(tapper, rays, q, way);
-        if (!(sqrt(spsi_dot(way, way)) <= spsi_sampler_step(tapper->fields))) return 0;
+        spsi_sampler_point(sampler, lattice, rays, corner, q);
+        spsi_sampler_longest(sampler, rays, q, way);
+        if (!(sqrt(spsi_dot(way, way)) <= spsi_sampler_step(sampler->fields))) return 0;
     }
     return 1;
 }
@@ -12759,16 +12769,17 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
    are taken if they are few for a lone voxel's mass, or if 4 taps cut its edge off. */
 SPSI_COLD spsi_verdict spsi_sampler_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                         const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
-                                        spsi_sampler *tapper) {
-    spsi_sampler_build(frame->content->fields, lattice, rays, slabs, level, count, tapper);
-    tapper->wanted = (int)frame->content->levels[lattice->medium];
-    tapper->least = FLT_MAX;
-    tapper->mix = level == tapper->wanted ? frame->content->levels[lattice->medium] - (float)level : 0;
-    tapper->lone = !(splatter->filter > 0) && (slabs->wide || spsi_sampler_is_fine(tapper, lattice, rays));
-    spsi_verdict verdict = spsi_sampler_serves(tapper, lattice, rays, splatter);
-    tapper->side += level > 0 && count == 4 && (tapper->fields->taps == 4 || tapper->least < (float)SPSI_SAMPLER_LONE);
-    tapper->rays = tapper->side == 3 ? 9 : count;
-    tapper->aside = 0.5f - 0.5f / (float)tapper->side;
+                                        spsi_sampler *sampler) {
+    spsi_sampler_build(frame->content->fields, lattice, rays, slabs, level, count, sampler);
+    sampler->wanted = (int)frame->content->levels[lattice->medium];
+    sampler->least = FLT_MAX;
+    sampler->mix = level == sampler->wanted ? frame->content->levels[lattice->medium] - (float)level : 0;
+    sampler->lone = !(splatter->filter > 0) && (slabs->wide || spsi_sampler_is_fine(sampler, lattice, rays));
+    spsi_verdict verdict = spsi_sampler_serves(sampler, lattice, rays, splatter);
+    sampler->side +=
+        level > 0 && count == 4 && (sampler->fields->taps == 4 || sampler->least < (float)SPSI_SAMPLER_LONE);
+    sampler->rays = sampler->side == 3 ? 9 : count;
+    sampler->aside = 0.5f - 0.5f / (float)sampler->side;
     return verdict;
 }
 
@@ -12777,39 +12788,39 @@ SPSI_COLD spsi_verdict spsi_sampler_try(const spsi_frame *frame, const spsi_latt
    else of the coarsest with the fewest rays, which costs least. */
 SPSI_COLD spsi_verdict spsi_sampler_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                           const spsi_slabs *slabs, const spsi_splatter *splatter,
-                                          spsi_sample_pattern tapping, spsi_sampler *tapper) {
+                                          spsi_sample_pattern pattern, spsi_sampler *sampler) {
     const spsi_pyramid *fields = frame->content->fields;
     const float chosen = frame->content->levels[lattice->medium];
     const int levels = spsi_levels_wanted(frame, lattice->medium), wanted = (int)chosen;
-    const int most = tapping == SPSI_SAMPLER_SHEETS || chosen > 0 ? SPSI_SAMPLER_RAYS : 0, few = wanted > 0 ? 4 : 2;
+    const int most = pattern == SPSI_SAMPLER_SHEETS || chosen > 0 ? SPSI_SAMPLER_RAYS : 0, few = wanted > 0 ? 4 : 2;
     spsi_verdict verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
     if (wanted < 0) return SPSI_SPLAT_CHEAPER;
     if (spsi_medium_is_behind(&frame->media[lattice->medium], rays)) return SPSI_SPLAT_NEAR;
-    for (int n = wanted > 0 && tapping == SPSI_SAMPLER_PIXELS; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
-        verdict = spsi_sampler_try(frame, lattice, rays, slabs, splatter, wanted, n == 1 ? few : n * n + !n, tapper);
+    for (int n = wanted > 0 && pattern == SPSI_SAMPLER_PIXELS; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
+        verdict = spsi_sampler_try(frame, lattice, rays, slabs, splatter, wanted, n == 1 ? few : n * n + !n, sampler);
     for (int n = wanted; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
         for (int count = n > 0 ? 4 : 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
-            verdict = spsi_sampler_try(frame, lattice, rays, slabs, splatter, n, count, tapper);
+            verdict = spsi_sampler_try(frame, lattice, rays, slabs, splatter, n, count, sampler);
     for (int side = 3; side * side <= SPSI_SAMPLER_RAYS && verdict == SPSI_SPLAT_SMALL; ++side)
         for (int n = levels; n >= wanted && verdict == SPSI_SPLAT_SMALL; --n)
-            verdict = spsi_sampler_try(frame, lattice, rays, slabs, splatter, n, side * side, tapper);
-    tapper->whole = splatter->whole;
+            verdict = spsi_sampler_try(frame, lattice, rays, slabs, splatter, n, side * side, sampler);
+    sampler->whole = splatter->whole;
     if (frame->view.filling == SPS_FILLING_SPLAT) return SPSI_SPLAT_ASKED;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (spsi_medium_depth(frame, lattice) > SPSI_SAMPLER_OPAQUE) return SPSI_SPLAT_OPAQUE;
-    return chosen > 0 || spsi_sampler_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
+    return chosen > 0 || spsi_sampler_pays(sampler, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
 
 /* Weight of the level behind a tapper's, in 128ths: from 0 to 1 over the last octave of variance before that level
    replaces its own, so that nothing jumps there. It replaces it where four rays are too few and its voxels are narrow
    enough. In perspective, the far side of a volume decides the first, the side close to the eye the second. */
-static float spsi_levels_mix(const spsi_frame *frame, const spsi_sampler *tapper) {
-    const double wide = 4 * (double)tapper->widest * (double)tapper->widest / SPSI_SAMPLER_WIDEST;
-    const double octaves = log(spsi_dmax((double)tapper->least / SPSI_SAMPLER_VARIANCE, wide)) / log(2.0);
-    if (tapper->side < 2 || tapper->level >= spsi_levels_wanted(frame, (int)(tapper->finest - tapper->fields->list)) ||
-        !(octaves < 1))
+static float spsi_levels_mix(const spsi_frame *frame, const spsi_sampler *sampler) {
+    const double wide = 4 * (double)sampler->widest * (double)sampler->widest / SPSI_SAMPLER_WIDEST;
+    const double octaves = log(spsi_dmax((double)sampler->least / SPSI_SAMPLER_VARIANCE, wide)) / log(2.0);
+    if (sampler->side < 2 ||
+        sampler->level >= spsi_levels_wanted(frame, (int)(sampler->finest - sampler->fields->list)) || !(octaves < 1))
         return 0;
     return (float)floor(128 * spsi_dmin(1 - octaves, 0.9925)) / 128;
 }
@@ -12821,15 +12832,16 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_lattice *lattice = frame->media[m].lattice;
         spsi_splatter splatter;
-        spsi_sampler tapper;
+        spsi_sampler sampler;
         if (!spsi_splatter_build(lattice, rays, slabs, 1, frame->accuracy.cut, &splatter)) continue; /* it is refused */
-        spsi_verdict verdict = spsi_sampler_judge(frame, lattice, rays, slabs, &splatter, SPSI_SAMPLER_PIXELS, &tapper);
-        if (verdict == SPSI_SPLAT_CHEAPER && chooses && tapper.level > 0) frame->content->levels[m] = -1;
+        spsi_verdict verdict =
+            spsi_sampler_judge(frame, lattice, rays, slabs, &splatter, SPSI_SAMPLER_PIXELS, &sampler);
+        if (verdict == SPSI_SPLAT_CHEAPER && chooses && sampler.level > 0) frame->content->levels[m] = -1;
         if (!spsi_gathers(verdict)) continue;
-        if (chooses) tapper.mix = spsi_levels_mix(frame, &tapper);
-        if (chooses) frame->content->levels[m] = (float)tapper.level + tapper.mix;
-        for (int n = 0; n < 9 && (tapper.level > 0 || tapper.mix > 0); ++n) {
-            const double reach = fabs(lattice->step[n / 3][n % 3]) * (spsi_sampler_reach(&tapper) - SPSI_REACH);
+        if (chooses) sampler.mix = spsi_levels_mix(frame, &sampler);
+        if (chooses) frame->content->levels[m] = (float)sampler.level + sampler.mix;
+        for (int n = 0; n < 9 && (sampler.level > 0 || sampler.mix > 0); ++n) {
+            const double reach = fabs(lattice->step[n / 3][n % 3]) * (spsi_sampler_reach(&sampler) - SPSI_REACH);
             bounds->low[n % 3] -= reach;
             bounds->high[n % 3] += reach;
             frame->content->beyond[n % 3] += chooses ? reach : 0;
@@ -13182,7 +13194,7 @@ SPSI_COLD int spsi_holds_gas(const sps_context *context, const spsi_frame *frame
 /* A chunk's particles as a target's rays see them, binned by tile. A particle that reaches into at most two by two
    tiles is listed with the top left one; wider particles are in the last list, which every tile reads. */
 typedef struct spsi_lists {
-    spsi_projected_sphere *seen;
+    spsi_projected_sphere *projected;
     int *places;  /* of each in `seen`: 4 * its list, plus what its member has; -1: none */
     int *members; /* 4 * index in `seen`, plus 1 if the particle reaches the next column of tiles, plus 2: the next row
                    */
@@ -13220,7 +13232,7 @@ typedef struct spsi_target {
     spsi_shape shape;
     int channels[SPSI_VOLUMES_MAX];          /* of each lattice; -1: it is not splatted */
     spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* whether they are gathered, by `tappers` */
-    spsi_sampler tappers[SPSI_VOLUMES_MAX];
+    spsi_sampler samplers[SPSI_VOLUMES_MAX];
     int set_channels[SPSI_SETS_MAX]; /* of each set of particles */
     spsi_target_kind kind;
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
@@ -13238,9 +13250,9 @@ typedef struct spsi_target {
 static int spsi_target_interpolates(const spsi_target *target, int medium) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
-    const spsi_sampler *tapper = &target->tappers[medium];
-    return target->tolerance > 0 && spsi_gathers(target->verdicts[medium]) && tapper->level <= 1 &&
-           !material->table && !material->emits;
+    const spsi_sampler *sampler = &target->samplers[medium];
+    return target->tolerance > 0 && spsi_gathers(target->verdicts[medium]) && sampler->level <= 1 && !material->table &&
+           !material->emits;
 }
 
 SPSI_COLD size_t spsi_spent_bytes(const spsi_rays *rays) {
@@ -13331,7 +13343,7 @@ static int spsi_target_judge(spsi_target *target, int i) {
     const int keeps = target->kind == SPSI_TARGET_SAMPLES && !material->table;
     const float scale = target->kind < SPSI_TARGET_MAP || material->table ? 1 : material->extinction;
     const double cut = looks ? frame->accuracy.light_cut : frame->accuracy.cut;
-    const spsi_sample_pattern tapping =
+    const spsi_sample_pattern pattern =
         looks || target->kind == SPSI_TARGET_SHEETS ? SPSI_SAMPLER_SHEETS : SPSI_SAMPLER_PIXELS;
     spsi_splatter *splatter = &target->splatters[i];
     if (!spsi_splatter_build(&frame->lattices[i], target->rays, target->slabs, scale, cut, splatter)) return 0;
@@ -13341,8 +13353,8 @@ static int spsi_target_judge(spsi_target *target, int i) {
     if (splatter->whole || looks) splatter->filter = 0; /* nor footprints widened */
     if (!keeps) {
         target->verdicts[i] = spsi_sampler_judge(frame, &frame->lattices[i], target->rays, target->slabs, splatter,
-                                                 tapping, &target->tappers[i]);
-        target->tappers[i].scale = scale;
+                                                 pattern, &target->samplers[i]);
+        target->samplers[i].scale = scale;
         return 1;
     }
     spsi_splatter_deposits(splatter, target->rays, &frame->content->bounds);
@@ -13433,7 +13445,7 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
     const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + 1;
     const int gathers = spsi_gathers(target->verdicts[brick->lattice]);
     const double reach =
-        gathers ? spsi_dmax(SPSI_REACH, spsi_sampler_reach(&target->tappers[brick->lattice])) : SPSI_REACH;
+        gathers ? spsi_dmax(SPSI_REACH, spsi_sampler_reach(&target->samplers[brick->lattice])) : SPSI_REACH;
     double at[3], point[3], first[3], edges[3][3];
     int ahead = 0, back = 0;
     for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + 0.5 + brick->low[k] - reach;
@@ -13474,7 +13486,7 @@ static double spsi_target_reach(const spsi_target *target, int lattice) {
     double reach = 0;
     if (!spsi_gathers(target->verdicts[lattice])) return (double)splatter->reach_slabs;
     for (int axis = 0; axis < 3; ++axis) reach += fabs((double)splatter->slab_step[axis]);
-    return (target->tappers[lattice].lone ? 0 : 1) + reach * spsi_sampler_reach(&target->tappers[lattice]);
+    return (target->samplers[lattice].lone ? 0 : 1) + reach * spsi_sampler_reach(&target->samplers[lattice]);
 }
 
 static void spsi_bricks_task(void *data, int i) {
@@ -13520,9 +13532,9 @@ SPSI_COLD sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id,
                                         spsi_lists *lists) {
     size_t bytes = spsi_list_starts(rays) * sizeof(int);
     spsi_bytes_add(&bytes, most, sizeof(spsi_projected_sphere) + 2 * sizeof(int));
-    lists->seen = (spsi_projected_sphere *)spsi_reserve(context, id, 1, bytes);
-    if (!lists->seen) return context->result;
-    lists->places = (int *)(void *)(lists->seen + most);
+    lists->projected = (spsi_projected_sphere *)spsi_reserve(context, id, 1, bytes);
+    if (!lists->projected) return context->result;
+    lists->places = (int *)(void *)(lists->projected + most);
     lists->members = lists->places + most;
     lists->starts = lists->members + most;
     return SPS_OK;
@@ -13535,11 +13547,11 @@ SPSI_COLD sps_result spsi_contents_pyramids(const spsi_contents *contents) {
     int gathers = contents->frame->has_gradients, level = 0, interpolates = 0;
     for (int n = 0; n < contents->target_count; ++n)
         for (int i = 0; i < contents->frame->medium_count; ++i) {
-            const spsi_sampler *tapper = &contents->targets[n]->tappers[i];
+            const spsi_sampler *sampler = &contents->targets[n]->samplers[i];
             if (!spsi_gathers(contents->targets[n]->verdicts[i])) continue;
             gathers = 1;
             interpolates |= spsi_target_interpolates(contents->targets[n], i);
-            level = spsi_imax(level, tapper->level + (tapper->mix > 0));
+            level = spsi_imax(level, sampler->level + (sampler->mix > 0));
         }
     if (gathers && spsi_pyramids_fill(context, contents->frame)) return context->result;
     if (interpolates && spsi_pyramids_thirds(context, contents->frame)) return context->result;
@@ -13594,10 +13606,10 @@ SPSI_COLD sps_result spsi_contents_add_particles(spsi_contents *contents) {
 /* --- a chunk's particles, by tile --- */
 
 /* The list that a particle belongs in, as spsi_lists.places has it. */
-static int spsi_list_place(const spsi_target *target, const spsi_sphere *ball) {
-    const int x0 = ball->x0 / SPSI_TILE_WIDTH, x1 = ball->x1 / SPSI_TILE_WIDTH;
-    const int y0 = ball->y0 / SPSI_TILE_HEIGHT, y1 = ball->y1 / SPSI_TILE_HEIGHT;
-    if (ball->x1 < ball->x0 || ball->y1 < ball->y0) return -1;
+static int spsi_list_place(const spsi_target *target, const spsi_sphere *sphere) {
+    const int x0 = sphere->x0 / SPSI_TILE_WIDTH, x1 = sphere->x1 / SPSI_TILE_WIDTH;
+    const int y0 = sphere->y0 / SPSI_TILE_HEIGHT, y1 = sphere->y1 / SPSI_TILE_HEIGHT;
+    if (sphere->x1 < sphere->x0 || sphere->y1 < sphere->y0) return -1;
     if (x1 - x0 > 1 || y1 - y0 > 1) return 4 * target->columns * target->rows;
     return 4 * (y0 * target->columns + x0) + (x1 > x0) + 2 * (y1 > y0);
 }
@@ -13612,12 +13624,12 @@ static void spsi_projected_sphere_task(void *data, int i) {
         spsi_prefetch(&particles[contents->particles.present[ahead]], sizeof *particles);
     for (int n = 0; n < contents->target_count; ++n) {
         const spsi_target *target = contents->targets[n];
-        spsi_projected_sphere *seen = &target->particles.seen[i];
+        spsi_projected_sphere *projected = &target->particles.projected[i];
         spsi_projected_sphere_build(
             &target->crossing, set, &particles[particle], target->set_channels[set - frame->particles.sets],
             contents->first_slab, target->rays == &frame->content->eye ? SPSI_SPHERE_COARSE : SPSI_SPHERE_COARSE_LIGHT,
-            seen);
-        target->particles.places[i] = spsi_list_place(target, &seen->ball);
+            projected);
+        target->particles.places[i] = spsi_list_place(target, &projected->sphere);
     }
 }
 
@@ -13713,7 +13725,7 @@ static float spsi_target_depth(const spsi_target *target, int medium, const spsi
     float most = 0;
     for (int corner = 0; corner < 4; ++corner) {
         const float x = patch->x[spsi_sampler_corner(corner)], y = patch->y[spsi_sampler_corner(corner)];
-        const float slabs = fabsf(spsi_sampler_slabs_per_depth(&target->tappers[medium], x, y));
+        const float slabs = fabsf(spsi_sampler_slabs_per_depth(&target->samplers[medium], x, y));
         most = spsi_fmax(most, spsi_lane(spsi_ray_lengths(target->rays, spsi_set(x), y), 0) / slabs);
     }
     return extinction * most;
@@ -13808,8 +13820,8 @@ static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t liv
    more exact than that. */
 static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
     const spsi_frame *frame = target->frame;
-    const float taps = (float)(target->tappers[medium].fields->taps / 2);
-    const float farthest = target->tappers[medium].lone
+    const float taps = (float)(target->samplers[medium].fields->taps / 2);
+    const float farthest = target->samplers[medium].lone
                                ? ceilf(2 * way + 1.25f - taps)
                                : ceilf(2 * way) - (float)(frame->view.quality == SPS_QUALITY_DRAFT);
     if (!frame->matter.materials[frame->media[medium].channel].table) return 0;
@@ -13863,7 +13875,7 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
    on. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
-    spsi_sampler here = target->tappers[medium], next = here;
+    spsi_sampler here = target->samplers[medium], next = here;
     here.mix = 1 - next.mix;
     spsi_tile_gather_level(fill, medium, patches, here);
     if (!(next.mix > 0)) return;
@@ -13900,7 +13912,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         const spsi_segment *segment = spsi_segment_at(contents->context, brick->segment);
         const spsi_splatter *splatter = &target->splatters[brick->lattice];
         const int channel = target->channels[brick->lattice];
-        spsi_brick_origin anchor;
+        spsi_brick_origin origin;
         spsi_deposit deposit;
         if (channel < 0 || !spsi_box_meets_tile(box, fill->column, fill->row)) continue;
         const uint64_t patches = tile->open & spsi_patches(tile, box[0], box[1], box[2], box[3]);
@@ -13912,24 +13924,24 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         if (++splatted % SPSI_TICK_BRICKS == 0) spsi_task_tick(contents->context);
         spsi_tile_touch(fill);
         spsi_brick_origin_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs,
-                                first_slab, &anchor);
+                                first_slab, &origin);
         float *sheets = tile->sheets + (size_t)channel * tile->channel_size;
         if (splatter->deposits) {
-            spsi_deposit_begin(tile, splatter, &anchor, brick, edges, &deposit);
+            spsi_deposit_begin(tile, splatter, &origin, brick, edges, &deposit);
             spsi_deposit_brick(&deposit, segment, brick, sheets);
         } else {
-            spsi_splat_brick(tile, splatter, &anchor, segment, brick, sheets);
+            spsi_splat_brick(tile, splatter, &origin, segment, brick, sheets);
         }
     }
     for (int m = 0; m < contents->frame->medium_count; ++m)
         if (gathered[m]) spsi_tile_gather(fill, m, gathered[m]);
 }
 
-static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_projected_sphere *seen) {
+static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_projected_sphere *projected) {
     const int left = fill->target->slabs->count - fill->contents->first_slab;
     spsi_tile_touch(fill);
     if (fill->summed++ == SPSI_SUMMED_MOST) spsi_tile_carry(fill);
-    spsi_splat_particle(fill->tile, &fill->target->crossing, seen, fill->contents->first_slab == 0, left);
+    spsi_splat_particle(fill->tile, &fill->target->crossing, projected, fill->contents->first_slab == 0, left);
 }
 
 /* Splats those particles of a list that reach beyond its tile: 0: all, 1: to the right, 2: down, 3: both. */
@@ -13939,8 +13951,8 @@ static void spsi_tile_splat_list(spsi_tile_fill *fill, int list, int beyond) {
     for (int i = first; i < end; ++i) {
         const int member = lists->members[i];
         if (i + ahead < end && (lists->members[i + ahead] & beyond) == beyond)
-            spsi_prefetch(&lists->seen[lists->members[i + ahead] / 4], sizeof(spsi_projected_sphere));
-        if ((member & beyond) == beyond) spsi_tile_splat_one(fill, &lists->seen[member / 4]);
+            spsi_prefetch(&lists->projected[lists->members[i + ahead] / 4], sizeof(spsi_projected_sphere));
+        if ((member & beyond) == beyond) spsi_tile_splat_one(fill, &lists->projected[member / 4]);
     }
 }
 
@@ -13949,11 +13961,11 @@ static void spsi_tile_splat_wide(spsi_tile_fill *fill) {
     const spsi_lists *lists = &fill->target->particles;
     const int list = fill->target->columns * fill->target->rows;
     for (int i = lists->starts[list]; i < lists->starts[list + 1]; ++i) {
-        const spsi_projected_sphere *seen = &lists->seen[lists->members[i] / 4];
-        const spsi_sphere *ball = &seen->ball;
-        if (ball->x0 / SPSI_TILE_WIDTH <= fill->column && ball->x1 / SPSI_TILE_WIDTH >= fill->column &&
-            ball->y0 / SPSI_TILE_HEIGHT <= fill->row && ball->y1 / SPSI_TILE_HEIGHT >= fill->row)
-            spsi_tile_splat_one(fill, seen);
+        const spsi_projected_sphere *projected = &lists->projected[lists->members[i] / 4];
+        const spsi_sphere *sphere = &projected->sphere;
+        if (sphere->x0 / SPSI_TILE_WIDTH <= fill->column && sphere->x1 / SPSI_TILE_WIDTH >= fill->column &&
+            sphere->y0 / SPSI_TILE_HEIGHT <= fill->row && sphere->y1 / SPSI_TILE_HEIGHT >= fill->row)
+            spsi_tile_splat_one(fill, projected);
     }
 }
 
@@ -14010,7 +14022,7 @@ static inline spsi_parabola spsi_parabola_through(spsi_v before, spsi_v here, sp
 
 /* Whether a target's sheets hold means of a volume over slabs, rather than samples in their middles. */
 static int spsi_target_has_means(const spsi_target *target, int medium) {
-    return !spsi_gathers(target->verdicts[medium]) || !target->tappers[medium].lone;
+    return !spsi_gathers(target->verdicts[medium]) || !target->samplers[medium].lone;
 }
 
 /* The values of a classified volume in a slab, by those of the slabs before, here and after. Of samples, one of the
@@ -14490,8 +14502,8 @@ typedef struct spsi_map_volumes {
 typedef struct spsi_occluders {
     const spsi_frame *frame;
     spsi_faces faces;
-    const spsi_sphere *balls;                 /* for the current face */
-    const uint32_t *tile_starts, *tile_balls; /* of each tile, plus one more; tile_balls NULL: all, for every tile */
+    const spsi_sphere *spheres;                 /* for the current face */
+    const uint32_t *tile_starts, *tile_spheres; /* of each tile, plus one more; tile_balls NULL: all, for every tile */
     int *boxes;                               /* of triangles, in texels of the current face */
     spsi_map_volumes *volumes;                /* NULL: none */
     int coarse;                               /* 1: texels are meant to be wider than classified voxels */
@@ -14721,41 +14733,41 @@ static void spsi_insert_cut_chords(const spsi_map_tile *into, int soft, int x, i
 }
 
 /* Inserts a vector of a ball's texels in a row, from x on. */
-static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *ball, int x, int y, int last) {
+static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sphere, int x, int y, int last) {
     const spsi_filling *filling = into->filling;
     const spsi_v per_t = spsi_set((float)filling->map->per_depth), zero = spsi_set(0), one = spsi_set(1);
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
     spsi_chord chord;
-    spsi_sphere_chord(&filling->map->rays[filling->band.face], ball, x, y, &chord);
+    spsi_sphere_chord(&filling->map->rays[filling->band.face], sphere, x, y, &chord);
     spsi_intervals intervals = {spsi_mul(spsi_sub(chord.middle, chord.half), per_t),
                                 spsi_mul(spsi_add(chord.middle, chord.half), per_t),
-                                spsi_select(here, spsi_chord_depth(ball, &chord), zero), (float)ball->soft};
+                                spsi_select(here, spsi_chord_depth(sphere, &chord), zero), (float)sphere->soft};
     const int bits = spsi_bits(spsi_less(zero, intervals.depth));
     if (!bits) return;
     if (bits & (spsi_bits(spsi_less(intervals.u0, zero)) | spsi_bits(spsi_less(one, intervals.u1))))
-        spsi_insert_cut_chords(into, ball->soft, x, y, &chord, &intervals);
+        spsi_insert_cut_chords(into, sphere->soft, x, y, &chord, &intervals);
     else
         spsi_insert(into, x, y, &intervals);
 }
 
-static void spsi_insert_sphere(const spsi_map_tile *into, const spsi_sphere *ball) {
-    const int x0 = spsi_imax(ball->x0, into->x0), x1 = spsi_imin(ball->x1, into->x0 + into->width - 1);
-    const int y0 = spsi_imax(ball->y0, into->y0), y1 = spsi_imin(ball->y1, into->y0 + into->height - 1);
+static void spsi_insert_sphere(const spsi_map_tile *into, const spsi_sphere *sphere) {
+    const int x0 = spsi_imax(sphere->x0, into->x0), x1 = spsi_imin(sphere->x1, into->x0 + into->width - 1);
+    const int y0 = spsi_imax(sphere->y0, into->y0), y1 = spsi_imin(sphere->y1, into->y0 + into->height - 1);
     if (x0 > x1 || y0 > y1 || !spsi_map_tile_is_open(into, x0, y0, x1, y1)) return;
     for (int y = y0; y <= y1; ++y)
-        for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(into, ball, x, y, x1);
+        for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(into, sphere, x, y, x1);
 }
 
 /* Number of balls that a tile may meet. */
 static uint32_t spsi_tile_sphere_count(const spsi_occluders *occluders, int tile) {
-    if (!occluders->balls) return 0;
-    if (occluders->tile_balls) return occluders->tile_starts[tile + 1] - occluders->tile_starts[tile];
+    if (!occluders->spheres) return 0;
+    if (occluders->tile_spheres) return occluders->tile_starts[tile + 1] - occluders->tile_starts[tile];
     return (uint32_t)occluders->frame->content->particle_count;
 }
 
 /* The number of the i-th of them. */
 static uint32_t spsi_tile_sphere(const spsi_occluders *occluders, int tile, uint32_t i) {
-    return occluders->tile_balls ? occluders->tile_balls[occluders->tile_starts[tile] + i] : i;
+    return occluders->tile_spheres ? occluders->tile_spheres[occluders->tile_starts[tile] + i] : i;
 }
 
 /* --- triangles --- */
@@ -14806,7 +14818,7 @@ static void spsi_fill_task(void *data, int index) {
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
     for (uint32_t i = 0; i < spsi_tile_sphere_count(occluders, tile); ++i) {
-        spsi_insert_sphere(&into, &occluders->balls[spsi_tile_sphere(occluders, tile, i)]);
+        spsi_insert_sphere(&into, &occluders->spheres[spsi_tile_sphere(occluders, tile, i)]);
         if (i % SPSI_BATCH == SPSI_BATCH - 1) spsi_task_tick(filling->context);
     }
     spsi_insert_triangles(&into);
@@ -15116,7 +15128,7 @@ typedef struct spsi_sphere_job {
     double near_depth, steps_per_depth;
     uint32_t *order; /* of particles; NULL: in their own order */
     uint16_t *steps; /* the depth step, from near_depth on, at which each particle begins */
-    spsi_sphere *balls;
+    spsi_sphere *spheres;
 } spsi_sphere_job;
 
 static void spsi_sphere_steps_task(void *data, int i) {
@@ -15155,9 +15167,9 @@ static void spsi_spheres_task(void *data, int i) {
     const spsi_frame *frame = job->frame;
     const int particle = job->order ? (int)job->order[i] : i;
     const spsi_particle_set *set = spsi_set_of(frame, particle);
-    spsi_sphere_build(job->rays, set, &frame->content->particles[particle], &job->balls[i]);
+    spsi_sphere_build(job->rays, set, &frame->content->particles[particle], &job->spheres[i]);
     spsi_sphere_weigh(job->rays, job->faces, SPSI_SPHERE_COARSE_LIGHT, set, &frame->content->particles[particle],
-                      &job->balls[i]);
+                      &job->spheres[i]);
 }
 
 #define SPSI_OUTSIDE 1e-3 /* share of a map's depth range: reaching less beyond it is negligible */
@@ -15166,13 +15178,13 @@ static void spsi_spheres_task(void *data, int i) {
 #define SPSI_SPHERE_TILES 8
 
 /* Counts the balls of each tile in `starts`; or, if there is a list, stores them at `starts`, which are advanced. */
-SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *balls, size_t count, int tiles_x, uint32_t *starts,
+SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, size_t count, int tiles_x, uint32_t *starts,
                                        uint32_t *list) {
     for (size_t i = 0; i < count; ++i) {
-        const spsi_sphere *ball = &balls[i];
-        if (ball->x1 < ball->x0 || ball->y1 < ball->y0) continue;
-        for (int y = ball->y0 / SPSI_TILE_HEIGHT; y <= ball->y1 / SPSI_TILE_HEIGHT; ++y)
-            for (int x = ball->x0 / SPSI_TILE_WIDTH; x <= ball->x1 / SPSI_TILE_WIDTH; ++x) {
+        const spsi_sphere *sphere = &spheres[i];
+        if (sphere->x1 < sphere->x0 || sphere->y1 < sphere->y0) continue;
+        for (int y = sphere->y0 / SPSI_TILE_HEIGHT; y <= sphere->y1 / SPSI_TILE_HEIGHT; ++y)
+            for (int x = sphere->x0 / SPSI_TILE_WIDTH; x <= sphere->x1 / SPSI_TILE_WIDTH; ++x) {
                 uint32_t *start = &starts[y * tiles_x + x];
                 if (list) list[*start] = (uint32_t)i;
                 *start += 1;
@@ -15182,18 +15194,19 @@ SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *balls, size_t count, i
 
 /* Counts the balls that reach beyond the map's depth range; with six faces, on the face through which the centre is
    seen. */
-SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const spsi_sphere *balls, size_t count) {
+SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const spsi_sphere *spheres, size_t count) {
     const double per_length = rays->per_length;
     const double light = rays->perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
     for (size_t i = 0; i < count; ++i) {
-        const spsi_sphere *ball = &balls[i];
-        const double radius = ball->near_by ? (double)ball->world_radius * per_length : (double)ball->radius;
+        const spsi_sphere *sphere = &spheres[i];
+        const double radius = sphere->near_by ? (double)sphere->world_radius * per_length : (double)sphere->radius;
         const double low =
-            spsi_dmax(((double)ball->t - radius) * map->per_depth, light); /* behind the light, none is lost */
-        const double high = ((double)ball->t + radius) * map->per_depth;
+            spsi_dmax(((double)sphere->t - radius) * map->per_depth, light); /* behind the light, none is lost */
+        const double high = ((double)sphere->t + radius) * map->per_depth;
         double offset[3];
-        if (ball->x1 < ball->x0 || ball->y1 < ball->y0 || (low > -SPSI_OUTSIDE && high < 1 + SPSI_OUTSIDE)) continue;
-        for (int k = 0; k < 3; ++k) offset[k] = (double)ball->offset[k];
+        if (sphere->x1 < sphere->x0 || sphere->y1 < sphere->y0 || (low > -SPSI_OUTSIDE && high < 1 + SPSI_OUTSIDE))
+            continue;
+        for (int k = 0; k < 3; ++k) offset[k] = (double)sphere->offset[k];
         if (map->face_count > 1 && rays != &map->rays[spsi_cube_face_of(offset)]) continue;
         map->context->stats.particles_outside += 1;
     }
@@ -15216,24 +15229,24 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
                            NULL};
     if (count == 0) return SPS_OK;
     if (map->technique->lists && spsi_spheres_order(context, &job)) return context->result;
-    job.balls = (spsi_sphere *)spsi_reserve(context, SPSI_BUFFER_SPHERES, count, sizeof(spsi_sphere));
+    job.spheres = (spsi_sphere *)spsi_reserve(context, SPSI_BUFFER_SPHERES, count, sizeof(spsi_sphere));
     uint32_t *starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_STARTS, tiles + 1, sizeof *starts);
-    if (!job.balls || !starts) return context->result;
+    if (!job.spheres || !starts) return context->result;
     spsi_parallel_batches(context, occluders->frame->content->particle_count, spsi_spheres_task, &job);
-    spsi_spheres_outside(map, rays, job.balls, count);
+    spsi_spheres_outside(map, rays, job.spheres, count);
     memset(starts, 0, (tiles + 1) * sizeof *starts);
-    spsi_spheres_into_tiles(job.balls, count, tiles_x, starts + 1, NULL);
+    spsi_spheres_into_tiles(job.spheres, count, tiles_x, starts + 1, NULL);
     const uint64_t sum = spsi_running_sums(starts, tiles + 1);
-    occluders->balls = job.balls;
-    occluders->tile_balls = NULL;
+    occluders->spheres = job.spheres;
+    occluders->tile_spheres = NULL;
     if (sum > SPSI_SPHERE_TILES * (uint64_t)(count + tiles) || sum > UINT32_MAX) return SPS_OK;
     uint32_t *list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_LIST, (size_t)sum, sizeof *list);
     if (!list) return context->result;
-    spsi_spheres_into_tiles(job.balls, count, tiles_x, starts, list);
+    spsi_spheres_into_tiles(job.spheres, count, tiles_x, starts, list);
     memmove(starts + 1, starts, tiles * sizeof *starts); /* each was advanced to where the next begins */
     starts[0] = 0;
     occluders->tile_starts = starts;
-    occluders->tile_balls = list;
+    occluders->tile_spheres = list;
     return SPS_OK;
 }
 
@@ -15325,13 +15338,13 @@ static void spsi_fingerprint_spheres(const spsi_fingerprint_job *job, int column
     const uint32_t count = spsi_tile_sphere_count(occluders, tile);
     for (uint32_t i = 0; i < count; ++i) {
         const int number = (int)spsi_tile_sphere(occluders, tile, i);
-        const spsi_sphere *ball = &occluders->balls[number];
-        if (ball->x1 < spsi_imax(x, ball->x0) || ball->x0 >= x + SPSI_TILE_WIDTH) continue;
-        if (ball->y1 < spsi_imax(y, ball->y0) || ball->y0 >= y + SPSI_TILE_HEIGHT) continue;
+        const spsi_sphere *sphere = &occluders->spheres[number];
+        if (sphere->x1 < spsi_imax(x, sphere->x0) || sphere->x0 >= x + SPSI_TILE_WIDTH) continue;
+        if (sphere->y1 < spsi_imax(y, sphere->y0) || sphere->y0 >= y + SPSI_TILE_HEIGHT) continue;
         uint64_t print = spsi_fingerprint(SPSI_FINGERPRINT_START, &occluders->frame->content->particles[number],
                                           sizeof(sps_particle));
         print = spsi_set_fingerprint(print, spsi_set_of(occluders->frame, number));
-        spsi_fingerprint_patches(prints, ball->x0 - x, ball->y0 - y, ball->x1 - x, ball->y1 - y, print);
+        spsi_fingerprint_patches(prints, sphere->x0 - x, sphere->y0 - y, sphere->x1 - x, sphere->y1 - y, print);
     }
 }
 
@@ -15360,7 +15373,7 @@ SPSI_COLD void spsi_fingerprint_face(const spsi_filling *filling) {
     job.start = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->accuracy.cut, sizeof frame->accuracy.cut);
     for (int i = 0; i < frame->medium_count && volumes; ++i) {
         const int gathers = spsi_gathers(volumes->target.verdicts[i]);
-        const int way = gathers ? volumes->target.tappers[i].rays + 128 * volumes->target.tappers[i].level : 0;
+        const int way = gathers ? volumes->target.samplers[i].rays + 128 * volumes->target.samplers[i].level : 0;
         job.media[i] = spsi_fingerprint_word(spsi_medium_fingerprint(frame, i), (uint64_t)way);
         job.media[i] = spsi_fingerprint(job.media[i], &frame->content->levels[i], sizeof(float));
     }
@@ -15837,29 +15850,29 @@ static void spsi_tmaps_drop(sps_context *context, spsi_buffer_id id, int *count)
 }
 
 /* Aims the map by which gas casts a light's shadow. */
-SPSI_COLD sps_result spsi_light_tmap_aim(sps_context *context, const spsi_frame *frame, const spsi_light *lamp,
+SPSI_COLD sps_result spsi_light_tmap_aim(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                          sps_tmap *map) {
     memset(map, 0, sizeof *map);
     map->context = context;
-    map->light = lamp->index;
-    map->settings = lamp->map;
+    map->light = light->index;
+    map->settings = light->map;
     map->table_end = spsi_light_end(frame);
     map->technique = &spsi_techniques[map->settings.technique];
-    map->face_count = spsi_light_rays(frame, lamp, map->rays);
+    map->face_count = spsi_light_rays(frame, light, map->rays);
     if (map->face_count == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
                               SPSI_TEXELS_ALIKE);
     map->has_range = spsi_settings_have_range(&map->settings);
-    spsi_tmap_fit_range(map, spsi_light_bounds(frame, lamp));
+    spsi_tmap_fit_range(map, spsi_light_bounds(frame, light));
     return spsi_tmap_resolve(map);
 }
 
 /* Begins that map: takes its table, or one to start from, if it is held. `gas` is the fingerprint of the gas. */
-SPSI_COLD sps_result spsi_light_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_light *lamp,
+SPSI_COLD sps_result spsi_light_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                            uint64_t gas, sps_tmap *map) {
-    const spsi_subject at = spsi_settings_of(context, lamp->index);
-    if (spsi_light_tmap_aim(context, frame, lamp, map)) return context->result;
-    if (!spsi_has_shadow_table(lamp)) return SPS_OK;
+    const spsi_subject at = spsi_settings_of(context, light->index);
+    if (spsi_light_tmap_aim(context, frame, light, map)) return context->result;
+    if (!spsi_has_shadow_table(light)) return SPS_OK;
     if (spsi_shadow_table_blocks(map) * map->settings.components > SPSI_SHADOW_TABLE_BLOCKS_MOST)
         return spsi_fail_member(&at, SPS_ERROR_MEMORY, "components", map->settings.components,
                                 "a table of this size would have more than 2^28 entries");
@@ -15870,14 +15883,14 @@ SPSI_COLD sps_result spsi_light_tmap_begin(sps_context *context, const spsi_fram
 }
 
 /* Fills it, unless it was held. */
-SPSI_COLD sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_light *lamp,
+SPSI_COLD sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                           const spsi_call_stage *part, sps_tmap *map) {
     spsi_occluders occluders;
     memset(&occluders, 0, sizeof occluders);
     occluders.frame = frame;
     occluders.part = *part;
     if (map->finished) return SPS_OK;
-    if (spsi_tmap_fill(map, &occluders) || !spsi_has_shadow_table(lamp)) return context->result;
+    if (spsi_tmap_fill(map, &occluders) || !spsi_has_shadow_table(light)) return context->result;
     context->stats.tables_made += 1;
     spsi_shadow_table_count(map, 0);
     return SPS_OK;
@@ -15888,19 +15901,19 @@ SPSI_COLD sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame
 /* Maximum size of a light's transmittance map: texels of all faces, and of the longer side. Particles have not been
    read. A light amid the volumes' boxes may turn out to be in front of what they hold: a single face then, of up to
    2 tan 78 degrees times its distance, which is up to sqrt(3) times as long as along an axis. */
-SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_light *lamp, size_t *side) {
+SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_light *light, size_t *side) {
     spsi_rays rays[SPSI_CUBE_FACES];
-    const size_t most = (size_t)(lamp->map_size > 0 ? lamp->map_size : spsi_map_texels_most(frame, lamp));
+    const size_t most = (size_t)(light->map_size > 0 ? light->map_size : spsi_map_texels_most(frame, light));
     const int known = frame->particles.set_count == 0;
-    const int faces = known ? spsi_light_rays(frame, lamp, rays) : 0;
+    const int faces = known ? spsi_light_rays(frame, light, rays) : 0;
     *side = most;
     if (faces == 1) {
         *side = (size_t)spsi_imax(rays[0].width, rays[0].height);
         return spsi_ray_count(&rays[0]);
     }
-    if (faces == 0) return most * most * (lamp->is_point ? SPSI_CUBE_FACES : 1);
+    if (faces == 0) return most * most * (light->is_point ? SPSI_CUBE_FACES : 1);
     const size_t six = SPSI_CUBE_FACES * spsi_ray_count(&rays[0]);
-    if (lamp->map_omnidirectional) {
+    if (light->map_omnidirectional) {
         *side = (size_t)rays[0].width;
         return six;
     }
@@ -15909,26 +15922,26 @@ SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_ligh
 }
 
 /* Maximum number of components. A table's planes are a texel apart in the middle of its depths. */
-SPSI_COLD size_t spsi_light_tmap_components(const spsi_frame *frame, const spsi_light *lamp) {
+SPSI_COLD size_t spsi_light_tmap_components(const spsi_frame *frame, const spsi_light *light) {
     const int most = spsi_techniques[SPS_TMAP_TABLE].usual;
     double across[3], planes;
-    if (!spsi_has_shadow_table(lamp) || lamp->map.components > 0) return (size_t)spsi_components_of(&lamp->map);
+    if (!spsi_has_shadow_table(light) || light->map.components > 0) return (size_t)spsi_components_of(&light->map);
     if (frame->particles.set_count > 0) return (size_t)most;
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
-    planes = ceil(2 * spsi_length(across) / spsi_light_texel(frame, lamp)) + spsi_techniques[SPS_TMAP_TABLE].least;
+    planes = ceil(2 * spsi_length(across) / spsi_light_texel(frame, light)) + spsi_techniques[SPS_TMAP_TABLE].least;
     return (size_t)spsi_dmin(planes, most);
 }
 
 /* Bytes of a light's transmittance map, and those needed to fill it, except for lists of intervals, whose length is not
    known, and what is fitted to them. A light's map holds no surfaces. */
-SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *lamp, size_t *held, size_t *filling) {
+SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *light, size_t *held, size_t *filling) {
     size_t side;
-    const size_t texels = spsi_light_tmap_texels(frame, lamp, &side);
+    const size_t texels = spsi_light_tmap_texels(frame, light, &side);
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    const size_t components = spsi_light_tmap_components(frame, lamp);
-    const int lists = spsi_techniques[lamp->map.technique].lists > 0;
+    const size_t components = spsi_light_tmap_components(frame, light);
+    const int lists = spsi_techniques[light->map.technique].lists > 0;
     *held = sizeof(sps_tmap) + (texels + 1) * (lists ? 1 : components) * sizeof(float); /* one more for the planes */
-    if (spsi_has_shadow_table(lamp)) /* also fingerprints, the map that holds it, and blocks beyond two edges */
+    if (spsi_has_shadow_table(light)) /* also fingerprints, the map that holds it, and blocks beyond two edges */
         *held += SPSI_CUBE_FACES * tiles * tiles * sizeof(spsi_tile_fingerprints) + sizeof(sps_tmap) +
                  SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * components * sizeof(float);
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
@@ -16286,7 +16299,7 @@ static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *fra
     penumbra->end = spsi_light_end(frame);
     penumbra->tiles_x = spsi_tile_columns(rays);
     penumbra->tiles_y = spsi_tile_rows(rays);
-    penumbra->beam_count = sweep->lamp->point_count;
+    penumbra->beam_count = sweep->light->point_count;
     penumbra->beams =
         (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count, sizeof *penumbra->beams);
     return context->result;
@@ -16295,11 +16308,11 @@ static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *fra
 /* Aims all beams of a sweep's light. */
 SPSI_COLD sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                        spsi_penumbra *penumbra) {
-    const spsi_light *lamp = sweep->lamp;
+    const spsi_light *light = sweep->light;
     if (spsi_penumbra_open(context, frame, sweep, &sweep->rays, penumbra)) return context->result;
-    for (int i = 0; i < lamp->point_count; ++i)
-        if (!spsi_beam_aim(frame, sweep, &lamp->points[i], &penumbra->beams[i]))
-            return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0,
+    for (int i = 0; i < light->point_count; ++i)
+        if (!spsi_beam_aim(frame, sweep, &light->points[i], &penumbra->beams[i]))
+            return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, light->index, "", 0,
                                   "is so wide or so close that some of its points have gas beside or behind them; make "
                                   "it smaller, move it away, or set shadow_source or no_shadow on it");
     return SPS_OK;
@@ -16794,7 +16807,7 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
 
 /* What a light has spread, at the planes between its sheets. */
 typedef struct spsi_spread {
-    const spsi_light *lamp;
+    const spsi_light *light;
     sps_tmap map; /* its rays and their range; it holds nothing */
     int channels, sheet_count;
     int pitch;    /* texels per row, rounded up to whole vectors */
@@ -17321,7 +17334,7 @@ typedef enum spsi_shadow_kind {
 } spsi_shadow_kind;
 
 typedef struct spsi_shadow {
-    const spsi_light *lamp;
+    const spsi_light *light;
     spsi_shadow_kind kind;
     const spsi_sliced *sliced; /* with sheets */
     const sps_tmap *tmap;      /* with a map */
@@ -17330,8 +17343,8 @@ typedef struct spsi_shadow {
     const unsigned char *open; /* per pixel and point of the light, if it is soft: likewise */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
-    spsi_translucency_map *pane_maps; /* of the light's points */
-    int pane_map_count;          /* 0: no translucent polygons */
+    spsi_translucency_map *translucency_maps; /* of the light's points */
+    int translucency_map_count;               /* 0: no translucent polygons */
     const spsi_spread *spread;   /* NULL: light keeps to its rays */
     spsi_linear spread_along[3]; /* arguments of spsi_spread_find along the eye's rays */
 } spsi_shadow;
@@ -17452,7 +17465,8 @@ SPSI_COLD void spsi_tmap_follow(const spsi_rays *eye, const sps_tmap *map, spsi_
 /* Prepares lookups along the eye's rays. */
 SPSI_COLD void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
     spsi_depth_map_follow(eye, &shadow->depth_map);
-    for (int i = 0; i < shadow->pane_map_count; ++i) spsi_depth_map_follow(eye, &shadow->pane_maps[i].grid);
+    for (int i = 0; i < shadow->translucency_map_count; ++i)
+        spsi_depth_map_follow(eye, &shadow->translucency_maps[i].grid);
     if (shadow->spread) spsi_tmap_follow(eye, &shadow->spread->map, shadow->spread_along);
     if (shadow->kind == SPSI_SHADOW_MAP) spsi_tmap_follow(eye, shadow->tmap, shadow->along);
     for (int i = 0; i < 3 && shadow->kind == SPSI_SHADOW_SHEETS; ++i) {
@@ -17586,14 +17600,14 @@ static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, cons
 
 /* Whether a light's table has entries as fine as the texels of its sheets in a large picture, along the light too: as a
    small one is enlarged, the choice stays. */
-SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_light *lamp) {
+SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_light *light) {
     sps_tmap map;
     const double *near_depth = &map.settings.near_depth, *far_depth = &map.settings.far_depth;
     const spsi_rays *rays = &map.rays[0];
     spsi_rays sheets;
-    if (!spsi_rays_fit(lamp, &frame->content->bounds, spsi_light_texel(frame, lamp), frame->view.shadow_resolution,
+    if (!spsi_rays_fit(light, &frame->content->bounds, spsi_light_texel(frame, light), frame->view.shadow_resolution,
                        spsi_light_texels_most(frame), &sheets) ||
-        spsi_light_tmap_aim(context, frame, lamp, &map))
+        spsi_light_tmap_aim(context, frame, light, &map))
         return 0;
     if (map.face_count > 1 || rays->width < sheets.width || rays->height < sheets.height) return 0;
     return ceil((*far_depth - *near_depth) / spsi_pixel_size_at(rays, 0.5 * (*near_depth + *far_depth))) <=
@@ -17606,7 +17620,7 @@ SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, 
 SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const spsi_frame *frame,
                                            const spsi_sweep *sheets) {
     const double pixels = (double)(frame->eye.width + SPSI_TILE_WIDTH) * (frame->eye.height + SPSI_TILE_HEIGHT);
-    const double map = spsi_depth_map_size(frame), lights = frame->lamps.shadow_count;
+    const double map = spsi_depth_map_size(frame), lights = frame->lights.shadow_count;
     const double triangles = (double)frame->meshes.triangle_count;
     double bytes = (double)spsi_worker_count(context) * 3e5 * (frame->matter.material_count + 1);
     for (int i = 0; i < frame->medium_count; ++i)
@@ -17617,88 +17631,88 @@ SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const sps
 }
 
 /* Makes a light shade gas by a table (1), or by sheets (0). */
-SPSI_COLD void spsi_light_take(spsi_light *lamp, int table, spsi_choice choice) {
-    lamp->has_map = table;
-    lamp->sliced = !table;
-    lamp->choice = choice;
-    lamp->tables = 0;
+SPSI_COLD void spsi_light_take(spsi_light *light, int table, spsi_choice choice) {
+    light->has_map = table;
+    light->sliced = !table;
+    light->choice = choice;
+    light->tables = 0;
 }
 
 /* Whether slabs that serve a light and the eye also serve the rays of all its points. */
 static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
     spsi_beam beam;
     int i = 0;
-    spsi_slabs_place(frame, &sweep->eye, sweep->lamp, HUGE_VAL, HUGE_VAL, &sweep->slabs);
-    while (i < sweep->lamp->point_count && spsi_beam_aim(frame, sweep, &sweep->lamp->points[i], &beam)) ++i;
-    return i == sweep->lamp->point_count;
+    spsi_slabs_place(frame, &sweep->eye, sweep->light, HUGE_VAL, HUGE_VAL, &sweep->slabs);
+    while (i < sweep->light->point_count && spsi_beam_aim(frame, sweep, &sweep->light->points[i], &beam)) ++i;
+    return i == sweep->light->point_count;
 }
 
 /* Number of tables that an area light's points share. */
-static int spsi_light_tables(const spsi_light *lamp) {
-    const int count = lamp->point_count;
+static int spsi_light_tables(const spsi_light *light) {
+    const int count = light->point_count;
     return count < 32 ? spsi_imin(count, 5) : count < 64 ? 8 : SPSI_TABLES_MOST;
 }
 
 /* Sets the number of tables that a light's points share, as far as `room` bytes hold them. One is
    enough where penumbrae are narrower than half a texel; where that cannot be known before reading, they count as
    wider. */
-static void spsi_light_fraction(const sps_context *context, const spsi_frame *frame, double *room, spsi_light *lamp) {
+static void spsi_light_fraction(const sps_context *context, const spsi_frame *frame, double *room, spsi_light *light) {
     const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
     spsi_rays rays[SPSI_CUBE_FACES];
     spsi_sweep sweep;
     size_t held, filling;
     double sum = 0;
-    spsi_sweep_clear(frame, lamp, 0, &sweep);
-    if (!lamp->extent.exists || !lamp->has_map || !spsi_light_rays(frame, lamp, rays)) return;
+    spsi_sweep_clear(frame, light, 0, &sweep);
+    if (!light->extent.exists || !light->has_map || !spsi_light_rays(frame, light, rays)) return;
     sweep.rays = rays[0];
-    lamp->tables = known && spsi_penumbra_texels(frame, &sweep) < 0.5 ? 1 : spsi_light_tables(lamp);
-    for (; lamp->tables > 1; lamp->tables /= 2) {
-        spsi_light_tmap_bytes(frame, lamp, &held, &filling);
-        sum = lamp->tables * (double)held + (double)filling;
+    light->tables = known && spsi_penumbra_texels(frame, &sweep) < 0.5 ? 1 : spsi_light_tables(light);
+    for (; light->tables > 1; light->tables /= 2) {
+        spsi_light_tmap_bytes(frame, light, &held, &filling);
+        sum = light->tables * (double)held + (double)filling;
         if (sum + spsi_bytes_without_tables(context, frame, &sweep) <= *room) break;
     }
-    if (lamp->tables > 1) *room -= sum;
+    if (light->tables > 1) *room -= sum;
 }
 
 /* A table for a light that no slabs serve, or several, which the points of an area light share. */
 SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                        double *room, spsi_light *lamp) {
+                                        double *room, spsi_light *light) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
     spsi_rays rays[SPSI_CUBE_FACES];
-    spsi_light_take(lamp, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
-    if (!spsi_light_rays(frame, lamp, rays)) spsi_light_take(lamp, 0, SPSI_CHOICE_SHEETS);
-    spsi_light_fraction(context, frame, room, lamp);
-    if (lamp->tables > 1) lamp->choice = SPSI_CHOICE_TABLES;
+    spsi_light_take(light, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
+    if (!spsi_light_rays(frame, light, rays)) spsi_light_take(light, 0, SPSI_CHOICE_SHEETS);
+    spsi_light_fraction(context, frame, room, light);
+    if (light->tables > 1) light->choice = SPSI_CHOICE_TABLES;
 }
 
 /* Chooses between sheets and a table for a light for which the caller has not. `others`: 1 if an earlier light has
    sheets; `room`: bytes that tables may take, less those that they take already. `plain`: the gas, by which a table's
    detail is judged, or shadows would jump where a level fades in. */
 SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *frame, const spsi_bounds *plain,
-                                     int others, double *room, spsi_light *lamp) {
+                                     int others, double *room, spsi_light *light) {
     const spsi_bounds all = frame->content->bounds;
     spsi_sweep sweep;
     size_t held, filling;
-    spsi_sweep_clear(frame, lamp, 0, &sweep);
-    lamp->choice = SPSI_CHOICE_SHEETS;
+    spsi_sweep_clear(frame, light, 0, &sweep);
+    light->choice = SPSI_CHOICE_SHEETS;
     int serves = spsi_sweep_aim(frame, &sweep) && (!sweep.soft || spsi_beams_serve(frame, &sweep));
-    if (spsi_eye_is_wide(frame) && !others && !lamp->extent.exists) /* parts of the image serve better */
+    if (spsi_eye_is_wide(frame) && !others && !light->extent.exists) /* parts of the image serve better */
         serves &= sweep.cosine_of_eye >= SPSI_COSINE_EVEN;
     if (!serves) {
-        spsi_choose_for_unserved(context, frame, &sweep, room, lamp);
+        spsi_choose_for_unserved(context, frame, &sweep, room, light);
         return;
     }
-    if ((!others && !spsi_scatters_fully(frame)) || frame->matter.classifies || lamp->extent.exists) return;
-    spsi_light_take(lamp, 1, others ? SPSI_CHOICE_TABLE_SHARED : SPSI_CHOICE_TABLE_AGAIN);
-    spsi_light_tmap_bytes(frame, lamp, &held, &filling);
+    if ((!others && !spsi_scatters_fully(frame)) || frame->matter.classifies || light->extent.exists) return;
+    spsi_light_take(light, 1, others ? SPSI_CHOICE_TABLE_SHARED : SPSI_CHOICE_TABLE_AGAIN);
+    spsi_light_tmap_bytes(frame, light, &held, &filling);
     const double bytes = (double)held + (double)filling;
     frame->content->bounds = *plain;
-    const int fine = spsi_table_is_fine(context, frame, lamp);
+    const int fine = spsi_table_is_fine(context, frame, light);
     frame->content->bounds = all;
     if (fine && bytes + spsi_bytes_without_tables(context, frame, &sweep) <= *room)
         *room -= bytes;
     else
-        spsi_light_take(lamp, 0, SPSI_CHOICE_SHEETS);
+        spsi_light_take(light, 0, SPSI_CHOICE_SHEETS);
 }
 
 /* The square of how far two lights are apart: in place, or in direction. */
@@ -17712,59 +17726,60 @@ static double spsi_lights_apart(const spsi_light *a, const spsi_light *b) {
    is made from the mean of its points. These means move away from the light's centre until their variance is that of
    all points: then what gas passes is right up to the third order of the light's size. Returns the number of lights:
    a place that is nearest to no point has none. */
-static int spsi_light_split(const spsi_light *lamp, spsi_light *parts, spsi_light *points) {
-    const double *centre = lamp->is_point ? lamp->position : lamp->direction;
+static int spsi_light_split(const spsi_light *light, spsi_light *parts, spsi_light *points) {
+    const double *centre = light->is_point ? light->position : light->direction;
     double variance = 0, kept = 0;
     int nearest[SPSI_POINTS_MAX], count = 0;
-    spsi_extent_points(lamp, lamp->tables, parts);
-    for (int i = 0; i < lamp->point_count; ++i) {
-        const spsi_light *point = &lamp->points[i];
+    spsi_extent_points(light, light->tables, parts);
+    for (int i = 0; i < light->point_count; ++i) {
+        const spsi_light *point = &light->points[i];
         nearest[i] = 0;
-        for (int n = 1; n < lamp->tables; ++n)
+        for (int n = 1; n < light->tables; ++n)
             if (spsi_lights_apart(point, &parts[n]) < spsi_lights_apart(point, &parts[nearest[i]])) nearest[i] = n;
-        variance += spsi_lights_apart(point, lamp);
+        variance += spsi_lights_apart(point, light);
     }
-    for (int n = 0; n < lamp->tables; ++n) {
+    for (int n = 0; n < light->tables; ++n) {
         spsi_light *part = &parts[count];
         double sum[3] = {0, 0, 0};
-        *part = *lamp;
+        *part = *light;
         part->points = part->few = points; /* the light may be as close as gas gets */
-        for (int i = 0; i < lamp->point_count; ++i) {
+        for (int i = 0; i < light->point_count; ++i) {
             if (nearest[i] != n) continue;
-            *points++ = lamp->points[i];
-            spsi_along(sum, lamp->is_point ? points[-1].position : points[-1].direction, 1, sum);
+            *points++ = light->points[i];
+            spsi_along(sum, light->is_point ? points[-1].position : points[-1].direction, 1, sum);
         }
         part->point_count = part->few_count = (int)(points - part->points);
         if (part->point_count == 0) continue;
-        for (int i = 0; i < 3; ++i) (lamp->is_point ? part->position : part->direction)[i] = sum[i] / part->point_count;
-        for (int c = 0; c < 3; ++c) part->color[c] *= (float)part->point_count / (float)lamp->point_count;
-        kept += part->point_count * spsi_lights_apart(part, lamp);
+        for (int i = 0; i < 3; ++i)
+            (light->is_point ? part->position : part->direction)[i] = sum[i] / part->point_count;
+        for (int c = 0; c < 3; ++c) part->color[c] *= (float)part->point_count / (float)light->point_count;
+        kept += part->point_count * spsi_lights_apart(part, light);
         ++count;
     }
     for (int n = 0; n < count && kept > 0; ++n) {
-        double *place = lamp->is_point ? parts[n].position : parts[n].direction;
+        double *place = light->is_point ? parts[n].position : parts[n].direction;
         for (int i = 0; i < 3; ++i) place[i] = centre[i] + sqrt(variance / kept) * (place[i] - centre[i]);
-        if (!lamp->is_point) spsi_normalise(place);
+        if (!light->is_point) spsi_normalise(place);
     }
     return count;
 }
 
 /* Lists lights as they are, except for those whose points share tables: as several. */
-static void spsi_lights_split(spsi_lights *lamps) {
-    spsi_light *list = lamps->whole + lamps->whole_count, *points = lamps->split_points;
+static void spsi_lights_split(spsi_lights *lights) {
+    spsi_light *list = lights->whole + lights->whole_count, *points = lights->split_points;
     int count = 0;
-    for (int i = 0; i < lamps->whole_count; ++i) {
-        const spsi_light *lamp = &lamps->whole[i];
-        if (lamp->tables > 1) {
-            count += spsi_light_split(lamp, list + count, points);
-            points += lamp->point_count;
+    for (int i = 0; i < lights->whole_count; ++i) {
+        const spsi_light *light = &lights->whole[i];
+        if (light->tables > 1) {
+            count += spsi_light_split(light, list + count, points);
+            points += light->point_count;
             continue;
         }
-        list[count] = *lamp;
-        if (!lamp->extent.exists) list[count].points = list[count].few = &list[count];
+        list[count] = *light;
+        if (!light->extent.exists) list[count].points = list[count].few = &list[count];
         ++count;
     }
-    spsi_lights_list(lamps, count > lamps->whole_count ? list : lamps->whole, count);
+    spsi_lights_list(lights, count > lights->whole_count ? list : lights->whole, count);
 }
 
 /* Chooses how gas is shaded by each light that leaves it open, and how the image is cut, from the volumes' boxes and
@@ -17784,18 +17799,18 @@ SPSI_COLD void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     spsi_bounds_join(&plain, &gas);
     spsi_bounds_join(&content->outer, &tight);
     content->bounds = content->outer;
-    spsi_lights_list(&frame->lamps, frame->lamps.whole, frame->lamps.whole_count);
-    frame->lamps.sliced_count = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_light *lamp = &frame->lamps.list[i];
-        if (lamp->choice == SPSI_CHOICE_OPEN)
-            spsi_choose_for_light(context, frame, &plain, frame->lamps.sliced_count > 0, &room, lamp);
+    spsi_lights_list(&frame->lights, frame->lights.whole, frame->lights.whole_count);
+    frame->lights.sliced_count = 0;
+    for (int i = 0; i < frame->lights.count; ++i) {
+        spsi_light *light = &frame->lights.list[i];
+        if (light->choice == SPSI_CHOICE_OPEN)
+            spsi_choose_for_light(context, frame, &plain, frame->lights.sliced_count > 0, &room, light);
         else
-            spsi_light_fraction(context, frame, &room, lamp);
-        frame->lamps.sliced_count += lamp->sliced;
+            spsi_light_fraction(context, frame, &room, light);
+        frame->lights.sliced_count += light->sliced;
     }
-    spsi_lights_split(&frame->lamps);
-    if (frame->lamps.sliced_count == 0) spsi_image_divide(frame);
+    spsi_lights_split(&frame->lights);
+    if (frame->lights.sliced_count == 0) spsi_image_divide(frame);
     content->bounds = tight;
 }
 
@@ -17809,7 +17824,7 @@ SPSI_COLD sps_result spsi_depth_maps_build(sps_context *context, const spsi_fram
     if (faces->count == 0 || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     for (int i = 0; i < count; ++i) {
         if (shadows[i].soft) continue;
-        spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), texel, &shadows[i].depth_map);
+        spsi_depth_map_aim(frame, shadows[i].light, spsi_depth_map_size(frame), texel, &shadows[i].depth_map);
         if (!spsi_depth_map_met(faces, &shadows[i].depth_map)) shadows[i].depth_map.face_count = 0;
         floats += spsi_depth_map_lay_out(&shadows[i].depth_map, NULL, NULL);
     }
@@ -17834,13 +17849,13 @@ SPSI_COLD sps_result spsi_translucency_maps_lay_out(sps_context *context, const 
     size_t floats = 0;
     spsi_translucency_map *next = maps;
     for (int i = 0; i < count; ++i) {
-        const spsi_light *lamp = shadows[i].lamp;
-        shadows[i].pane_maps = next;
-        shadows[i].pane_map_count = shadows[i].soft ? lamp->point_count : 1;
-        for (int k = 0; k < shadows[i].pane_map_count; ++k, ++next) {
-            const double share = 1 / sqrt((double)shadows[i].pane_map_count);
+        const spsi_light *light = shadows[i].light;
+        shadows[i].translucency_maps = next;
+        shadows[i].translucency_map_count = shadows[i].soft ? light->point_count : 1;
+        for (int k = 0; k < shadows[i].translucency_map_count; ++k, ++next) {
+            const double share = 1 / sqrt((double)shadows[i].translucency_map_count);
             memset(next, 0, sizeof *next);
-            spsi_depth_map_aim(frame, shadows[i].soft ? &lamp->points[k] : lamp,
+            spsi_depth_map_aim(frame, shadows[i].soft ? &light->points[k] : light,
                                spsi_imax(8, (int)(share * spsi_depth_map_size(frame))), 0, &next->grid);
             floats += spsi_depth_map_lay_out(&next->grid, next->first, NULL);
         }
@@ -17861,13 +17876,14 @@ SPSI_COLD sps_result spsi_translucency_maps_fill(sps_context *context, const sps
             sum = maps[i].counts[face] > SIZE_MAX - sum ? SIZE_MAX : sum + maps[i].counts[face];
             most = maps[i].counts[face] > most ? maps[i].counts[face] : most;
         }
-    spsi_translucent_plane *panes =
-        (spsi_translucent_plane *)spsi_reserve(context, SPSI_BUFFER_PANES, sum, sizeof *panes);
-    if (!panes || !spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, most, sizeof(spsi_fragment))) return context->result;
+    spsi_translucent_plane *translucent =
+        (spsi_translucent_plane *)spsi_reserve(context, SPSI_BUFFER_PANES, sum, sizeof *translucent);
+    if (!translucent || !spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, most, sizeof(spsi_fragment)))
+        return context->result;
     for (size_t i = 0; i < map_count; ++i) {
         for (int face = 0; face < maps[i].grid.face_count; ++face) {
-            maps[i].list[face] = panes;
-            panes += maps[i].counts[face];
+            maps[i].list[face] = translucent;
+            translucent += maps[i].counts[face];
         }
         spsi_translucency_map_fill(context, frame, faces, &maps[i]);
     }
@@ -17881,7 +17897,7 @@ SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const sp
     int widest = 0;
     if (!frame->meshes.translucent || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     if (count == 0) return SPS_OK;
-    for (int i = 0; i < count; ++i) map_count += (size_t)(shadows[i].soft ? shadows[i].lamp->point_count : 1);
+    for (int i = 0; i < count; ++i) map_count += (size_t)(shadows[i].soft ? shadows[i].light->point_count : 1);
     spsi_translucency_map *maps =
         (spsi_translucency_map *)spsi_reserve(context, SPSI_BUFFER_TRANSLUCENCY_MAPS, map_count, sizeof *maps);
     if (!maps || spsi_translucency_maps_lay_out(context, frame, shadows, count, maps)) return context->result;
@@ -17895,10 +17911,10 @@ SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const sp
 }
 
 /* Moves a light's own map, if the light in the cells has needed it already. Returns 0 if it has not. */
-SPSI_COLD int spsi_light_tmap_take(sps_context *context, const spsi_light *lamp, sps_tmap *map) {
+SPSI_COLD int spsi_light_tmap_take(sps_context *context, const spsi_light *light, sps_tmap *map) {
     sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
     for (int i = 0; i < context->cell_tmap_count; ++i) {
-        if (maps[i].light != lamp->index || !maps[i].waits) continue;
+        if (maps[i].light != light->index || !maps[i].waits) continue;
         *map = maps[i];
         map->waits = 0;
         memset(&maps[i], 0, sizeof maps[i]);
@@ -17914,7 +17930,7 @@ SPSI_COLD sps_result spsi_shadow_maps_build(sps_context *context, const spsi_fra
                                             int count, spsi_call_stage *sweep) {
     spsi_call_stage part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
     int mapped = 0;
-    for (int i = 0; i < count; ++i) mapped += shadows[i].lamp->has_map;
+    for (int i = 0; i < count; ++i) mapped += shadows[i].light->has_map;
     if (mapped == 0 || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     sweep->progress += part.share;
     sweep->share -= part.share;
@@ -17924,11 +17940,11 @@ SPSI_COLD sps_result spsi_shadow_maps_build(sps_context *context, const spsi_fra
     const uint64_t gas = spsi_has_shadow_tables(frame) ? spsi_gas_fingerprint(frame) : 0;
     sps_tmap *next = maps;
     for (int i = 0; i < count; ++i) {
-        if (!shadows[i].lamp->has_map) continue;
+        if (!shadows[i].light->has_map) continue;
         shadows[i].tmap = next;
         shadows[i].kind = SPSI_SHADOW_MAP;
-        if (!spsi_light_tmap_take(context, shadows[i].lamp, next) &&
-            spsi_light_tmap_begin(context, frame, shadows[i].lamp, gas, next))
+        if (!spsi_light_tmap_take(context, shadows[i].light, next) &&
+            spsi_light_tmap_begin(context, frame, shadows[i].light, gas, next))
             return context->result;
         ++next;
     }
@@ -17937,7 +17953,7 @@ SPSI_COLD sps_result spsi_shadow_maps_build(sps_context *context, const spsi_fra
     next = maps;
     for (int i = 0; i < count; ++i) {
         if (!shadows[i].tmap) continue;
-        if (spsi_light_tmap_fill(context, frame, shadows[i].lamp, &part, next++)) return context->result;
+        if (spsi_light_tmap_fill(context, frame, shadows[i].light, &part, next++)) return context->result;
         part.progress += part.share;
     }
     return SPS_OK;
@@ -18221,7 +18237,7 @@ typedef struct spsi_cell_level {
     float *average[SPSI_CELL_LENGTHS]; /* the mean of transmittance along it */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
     float *given, *sent, *moments[2];  /* each an array per term; moments[1] is scratch after a sweep */
-    const float *walls;                /* per cell: radiance that enters it by closed links; NULL: none */
+    const float *blockers;             /* per cell: radiance that enters it by closed links; NULL: none */
     /* Per cell: bit i closes the link of step i, >>lighting; then the same from outside the grid, by direction at a
        slant. NULL: all are open. */
     uint32_t *closed;
@@ -18405,7 +18421,7 @@ SPSI_COLD size_t spsi_cell_scratch_floats(const spsi_cell_level *finest) {
 static int spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
     const int number = (int)(row / (size_t)level->pitch), y = number % level->size[1], z = number / level->size[1];
     const int walled = level->closed ? level->walled[number] : 0;
-    if (!walled || (walled == 2 && !level->walls)) return 0;
+    if (!walled || (walled == 2 && !level->blockers)) return 0;
     if (walled == 1 || y == 0 || y == level->size[1] - 1 || z == 0 || z == level->size[2] - 1) return 1;
     return spsi_imax(1, level->size[0] - 1);
 }
@@ -18424,7 +18440,7 @@ static const float *spsi_cell_row_enters(const spsi_cell_level *level, size_t ro
     if (x >= size) return in;
     for (int n = 0; n < level->pitch; n += SPSI_LANES) spsi_store(own + n, spsi_load(in + n));
     for (; x < size; x += stride)
-        if (closed[x] >> link & 1) own[x] = level->walls ? level->walls[row + (size_t)x] : 0;
+        if (closed[x] >> link & 1) own[x] = level->blockers ? level->blockers[row + (size_t)x] : 0;
     return own;
 }
 
@@ -18478,8 +18494,8 @@ static void spsi_cell_row_follow_closed(const spsi_cell_level *level, size_t row
     float radiance = 0;
     for (int n = 0; n < level->pitch; ++n) {
         const int x = back ? level->pitch - 1 - n : n;
-        const float wall = level->walls ? level->walls[row + (size_t)x] : 0;
-        in[x] += share * (spsi_cell_link_blocked(&links, x) ? wall : radiance);
+        const float blocker = level->blockers ? level->blockers[row + (size_t)x] : 0;
+        in[x] += share * (spsi_cell_link_blocked(&links, x) ? blocker : radiance);
         radiance = sent[x] + (in[x] - sent[x]) * through[x];
     }
 }
@@ -18489,7 +18505,7 @@ static void spsi_cell_row_end(const spsi_cell_level *level, size_t row, const sp
                               float share, float *in) {
     const int step[3] = {direction->step[0], 0, 0};
     const spsi_cell_links links = spsi_cell_links_of(level, direction, row, step);
-    if (spsi_cell_link_blocked(&links, links.end)) in[links.end] += share * level->walls[row + (size_t)links.end];
+    if (spsi_cell_link_blocked(&links, links.end)) in[links.end] += share * level->blockers[row + (size_t)links.end];
 }
 
 /* The radiance that enters each cell of a row in two directions, the first with a step back along x, the second with
@@ -18565,13 +18581,13 @@ static void spsi_cell_slant_closed(const spsi_cell_level *level, const spsi_cell
     int found = 0;
     for (int n = 0; n < level->size[0] && stride; n += stride) {
         const size_t at = row + (size_t)n;
-        const float wall = level->walls ? level->walls[at] : 0;
+        const float blocker = level->blockers ? level->blockers[at] : 0;
         if (!closed[at] && !closed[level->count + at]) continue;
         for (int k = 0; k < 4 && !found; ++k) links[k] = spsi_cell_links_of(level, direction, row, steps[k]);
         found = 1;
         in[n] = 0;
         for (int k = axis == 0 ? 1 : 0; k < 4; ++k)
-            in[n] += spsi_cell_weights[k] * (spsi_cell_link_blocked(&links[k], n) ? wall : from[k][n]);
+            in[n] += spsi_cell_weights[k] * (spsi_cell_link_blocked(&links[k], n) ? blocker : from[k][n]);
     }
 }
 
@@ -19169,16 +19185,16 @@ typedef struct spsi_cell_visibility {
 
 /* Bit mask of the sides of the grid that a surface is before, with polygons that may be between. What is above the
    surface by the round-off of floats only is not, or the triangles of a flat floor would be between. */
-static int spsi_cell_visibility_near(const spsi_cell_visibility *sight) {
-    const spsi_cell_grid *grid = sight->grid;
-    const double *point = sight->surface->point, *start = sight->surface->start;
+static int spsi_cell_visibility_near(const spsi_cell_visibility *visibility) {
+    const spsi_cell_grid *grid = visibility->grid;
+    const double *point = visibility->surface->point, *start = visibility->surface->start;
     const double begins[1][3] = {{start[0], start[1], start[2]}};
     double below[3], offset[3], farthest = 0;
     spsi_bounds from;
     int near_sides = 0;
     memcpy(from.low, start, sizeof from.low), memcpy(from.high, start, sizeof from.high);
-    spsi_along(start, sight->faces->tree.centre, -1, offset);
-    for (int k = 0; k < 3; ++k) below[k] = -sight->normal[k], farthest = spsi_dmax(farthest, fabs(offset[k]));
+    spsi_along(start, visibility->faces->tree.centre, -1, offset);
+    for (int k = 0; k < 3; ++k) below[k] = -visibility->normal[k], farthest = spsi_dmax(farthest, fabs(offset[k]));
     for (int axis = 0; axis < 3; ++axis) {
         const double extent = grid->edge * grid->size[axis], at = point[axis] - grid->corner[axis];
         const int upper = at > extent;
@@ -19190,9 +19206,9 @@ static int spsi_cell_visibility_near(const spsi_cell_visibility *sight) {
             to.high[k] = to.low[k] + grid->edge * grid->size[k];
         }
         to.low[axis] = to.high[axis] = to.low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
-        spsi_shaft_build(sight->faces, &from, &to, &shaft);
-        spsi_shaft_add(sight->faces, &from, &from, below, -9e-7 * farthest * spsi_reach_of(below), &shaft);
-        if (!spsi_shaft_is_clear(sight->faces, &shaft, &sight->face, 1, begins, 1))
+        spsi_shaft_build(visibility->faces, &from, &to, &shaft);
+        spsi_shaft_add(visibility->faces, &from, &from, below, -9e-7 * farthest * spsi_reach_of(below), &shaft);
+        if (!spsi_shaft_is_clear(visibility->faces, &shaft, &visibility->face, 1, begins, 1))
             near_sides |= 1 << (2 * axis + upper);
     }
     return near_sides;
@@ -19201,10 +19217,10 @@ static int spsi_cell_visibility_near(const spsi_cell_visibility *sight) {
 /* The way from a surface to where one of a patch's four rays ends: next to the centres of the outermost cells, between
    which links tell what is in the way. Along either edge of a side, no two rays of the same number end at the same
    place, nor do the four of a patch: the edge of a shadow that is parallel to it takes them one by one. */
-static void spsi_cell_visibility_ray(const spsi_cell_visibility *sight, int patch, int number, double toward[3]) {
+static void spsi_cell_visibility_ray(const spsi_cell_visibility *visibility, int patch, int number, double toward[3]) {
     static const int reversed[SPSI_CELL_PATCHES] = {0, 4, 2, 6, 1, 5, 3, 7};
-    const spsi_cell_grid *grid = sight->grid;
-    const double *start = sight->surface->start;
+    const spsi_cell_grid *grid = visibility->grid;
+    const double *start = visibility->surface->start;
     const int axis = patch / SPSI_CELL_SIDE / 2, upper = patch / SPSI_CELL_SIDE % 2;
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2}, bits[2] = {number % 2, number / 2};
     const int at[2] = {patch % SPSI_CELL_PATCHES, patch / SPSI_CELL_PATCHES % SPSI_CELL_PATCHES};
@@ -19219,25 +19235,28 @@ static void spsi_cell_visibility_ray(const spsi_cell_visibility *sight, int patc
 }
 
 /* Traces one of the rays to each of a side's patches in a bit mask. Returns those that polygons stop. */
-static uint64_t spsi_cell_visibility_trace(const spsi_cell_visibility *sight, int side, uint64_t patches, int number) {
+static uint64_t spsi_cell_visibility_trace(const spsi_cell_visibility *visibility, int side, uint64_t patches,
+                                           int number) {
     uint64_t hidden = 0;
     for (int n = 0; n < SPSI_CELL_SIDE;) {
         int patch[SPSI_PACKET], count = 0;
         spsi_packet packet;
-        spsi_packet_begin(sight->faces, 0, 1, &packet);
+        spsi_packet_begin(visibility->faces, 0, 1, &packet);
         for (; n < SPSI_CELL_SIDE && count < SPSI_PACKET; ++n) {
-            const float *middle = sight->grid->patches + side * SPSI_CELL_SIDE + n;
+            const float *middle = visibility->grid->patches + side * SPSI_CELL_SIDE + n;
             double toward[3];
             if (!(patches >> n & 1)) continue;
             for (int k = 0; k < 3; ++k)
-                toward[k] = sight->grid->corner[k] + (double)middle[k * SPSI_CELL_SHEET] - sight->surface->point[k];
-            if (!(spsi_dot(toward, sight->normal) > 0)) continue;
-            spsi_cell_visibility_ray(sight, side * SPSI_CELL_SIDE + n, number, toward);
-            spsi_packet_add(&sight->faces->tree, count, sight->face, sight->surface->start, toward, &packet);
+                toward[k] =
+                    visibility->grid->corner[k] + (double)middle[k * SPSI_CELL_SHEET] - visibility->surface->point[k];
+            if (!(spsi_dot(toward, visibility->normal) > 0)) continue;
+            spsi_cell_visibility_ray(visibility, side * SPSI_CELL_SIDE + n, number, toward);
+            spsi_packet_add(&visibility->faces->tree, count, visibility->face, visibility->surface->start, toward,
+                            &packet);
             patch[count++] = n;
         }
         if (count == 0) break;
-        spsi_packet_trace(sight->faces, &packet);
+        spsi_packet_trace(visibility->faces, &packet);
         for (int i = 0; i < count; ++i) hidden |= (uint64_t)(~packet.open >> i & 1) << patch[i];
     }
     return hidden;
@@ -19252,13 +19271,13 @@ static uint64_t spsi_cell_patches_about(uint64_t patches) {
 
 /* Sets how much of a side's patches the surface sees: one ray each, four where seen and hidden patches meet. Returns 1
    if any is hidden. */
-static int spsi_cell_visibility_side(const spsi_cell_visibility *sight, int side, float *open) {
-    const uint64_t hidden = spsi_cell_visibility_trace(sight, side, ~(uint64_t)0, 0), seen = ~hidden;
+static int spsi_cell_visibility_side(const spsi_cell_visibility *visibility, int side, float *open) {
+    const uint64_t hidden = spsi_cell_visibility_trace(visibility, side, ~(uint64_t)0, 0), seen = ~hidden;
     const uint64_t edge = (spsi_cell_patches_about(hidden) & seen) | (spsi_cell_patches_about(seen) & hidden);
     for (int n = 0; n < SPSI_CELL_SIDE && hidden; ++n)
         if (hidden >> n & 1) open[n] = edge >> n & 1 ? 0.75f : 0;
     for (int number = 1; number < 4 && edge; ++number) {
-        const uint64_t more = spsi_cell_visibility_trace(sight, side, edge, number);
+        const uint64_t more = spsi_cell_visibility_trace(visibility, side, edge, number);
         for (int n = 0; n < SPSI_CELL_SIDE; ++n)
             if (more >> n & 1) open[n] -= 0.25f;
     }
@@ -19268,13 +19287,13 @@ static int spsi_cell_visibility_side(const spsi_cell_visibility *sight, int side
 /* Sets the share of each patch that a surface sees past opaque polygons. Returns 0 if it sees all of them. Without
    polygons between a surface and the grid there are no rays. All surfaces have the same rays, so that shadows have fine
    steps, not noise. */
-static int spsi_cells_visibility(const spsi_cell_visibility *sight, float open[SPSI_CELL_SHEET]) {
-    const int near_sides = spsi_cell_visibility_near(sight);
+static int spsi_cells_visibility(const spsi_cell_visibility *visibility, float open[SPSI_CELL_SHEET]) {
+    const int near_sides = spsi_cell_visibility_near(visibility);
     int hidden = 0;
     if (!near_sides) return 0;
     for (int n = 0; n < SPSI_CELL_SHEET; ++n) open[n] = 1;
     for (int side = 0; side < 6; ++side)
-        if (near_sides >> side & 1) hidden |= spsi_cell_visibility_side(sight, side, open + side * SPSI_CELL_SIDE);
+        if (near_sides >> side & 1) hidden |= spsi_cell_visibility_side(visibility, side, open + side * SPSI_CELL_SIDE);
     return hidden;
 }
 
@@ -19521,14 +19540,14 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 #define SPSI_FLIGHT_STEP   0.15f /* length of a step per distance from the nearer end; at least a cell's edge */
 
 /* Whether a light may be a narrow beam, which cells are too wide for: a cone of up to 0.8 is, close to a polygon. */
-static int spsi_light_has_beam(const spsi_light *lamp) {
-    return lamp->is_point && lamp->cone.exists && !lamp->extent.exists && lamp->cone.none < 0.3;
+static int spsi_light_has_beam(const spsi_light *light) {
+    return light->is_point && light->cone.exists && !light->extent.exists && light->cone.none < 0.3;
 }
 
 /* Whether first flights reach cells: from what glows, narrow beams, or lit polygons. */
 static int spsi_flies_to_cells(const spsi_frame *frame) {
-    int some = frame->matter.emits || (frame->meshes.count > 0 && frame->lamps.count > 0);
-    for (int i = 0; i < frame->lamps.count; ++i) some |= spsi_light_has_beam(&frame->lamps.list[i]);
+    int some = frame->matter.emits || (frame->meshes.count > 0 && frame->lights.count > 0);
+    for (int i = 0; i < frame->lights.count; ++i) some |= spsi_light_has_beam(&frame->lights.list[i]);
     return frame->matter.scatters && some;
 }
 
@@ -19541,7 +19560,7 @@ static int spsi_cells_fly(const spsi_frame *frame) {
 static size_t spsi_emitting_cells(const spsi_frame *frame) {
     const size_t side = (size_t)frame->view.scattering_resolution;
     int some = frame->matter.emits;
-    for (int i = 0; i < frame->lamps.count; ++i) some |= frame->lamps.list[i].is_point;
+    for (int i = 0; i < frame->lights.count; ++i) some |= frame->lights.list[i].is_point;
     return some && spsi_cells_fly(frame) ? side * side * side / 8 : 0;
 }
 
@@ -21045,7 +21064,7 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
     /* gradients decide how much of a surface it is, and its normal */
     if (shader->frame->has_gradients && material->shading == SPS_SHADING_SURFACE &&
         shader->frame->content->fields->list[material->medium].count > 0)
-        spsi_samples_gradient(shader, &target->tappers[material->medium], p, channel, slab);
+        spsi_samples_gradient(shader, &target->samplers[material->medium], p, channel, slab);
 }
 
 /* Blinn-Phong highlight (n + 8) / (8 pi) (n.h)^n, normalised to reflect about what arrives: at perpendicular incidence
@@ -21142,22 +21161,23 @@ typedef struct spsi_reach {
     spsi_v width;                 /* lit[1] - lit[0], precise */
 } spsi_reach;
 
-static void spsi_reach_build(const spsi_shader *shader, const spsi_light *lamp, const spsi_pixels *p,
+static void spsi_reach_build(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                              const spsi_subslab *part, spsi_reach *reach) {
     reach->half = spsi_mul(part->half, p->length);
     reach->pixel = spsi_pixel_size(shader->eye, part->middle);
     for (int i = 0; i < 3; ++i) {
         const spsi_v at = spsi_linear_find(&shader->position[i], p->line.at, (float)p->line.y, part->middle);
-        reach->middle[i] = spsi_add(at, spsi_set((float)(shader->position_origin[i] - lamp->position[i])));
+        reach->middle[i] = spsi_add(at, spsi_set((float)(shader->position_origin[i] - light->position[i])));
     }
 }
 
 /* The direction in which light travels at a part. To a light with a position, equal angles along the part have equal
    weight, so the ray that halves the angle stands for all. */
-static void spsi_light_travel(const spsi_light *lamp, const spsi_pixels *p, const spsi_reach *reach, spsi_v travel[3]) {
+static void spsi_light_travel(const spsi_light *light, const spsi_pixels *p, const spsi_reach *reach,
+                              spsi_v travel[3]) {
     spsi_v ends[2][3], square;
-    if (!lamp->is_point) {
-        spsi_set3(lamp->direction, travel);
+    if (!light->is_point) {
+        spsi_set3(light->direction, travel);
         return;
     }
     for (int end = 0; end < 2; ++end) {
@@ -21181,18 +21201,18 @@ static spsi_v spsi_light_falloff(const spsi_pixels *p, const spsi_reach *reach) 
 }
 
 /* Sets a part's ends in a light's frame. Small offsets from the axis are small in floats, too. */
-static void spsi_reach_place(const spsi_shader *shader, const spsi_light *lamp, const spsi_pixels *p,
+static void spsi_reach_place(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                              const spsi_subslab *part, spsi_reach *reach) {
     const spsi_rays *eye = shader->eye;
     const double turned = eye->perspective ? 1 : 0, moved = 1 - turned, y = (double)p->line.y;
     double origin[3], a[3], b[3], c[3], from[3][SPSI_LANES], step[3][SPSI_LANES];
     float t[2][SPSI_LANES], at[3][3][SPSI_LANES];
     for (int k = 0; k < 2; ++k) spsi_store(t[k], part->ends[k]);
-    spsi_along(eye->origin, lamp->position, -1, c);
-    spsi_to_light(lamp, c, origin);
-    spsi_to_light(lamp, eye->a, a);
-    spsi_to_light(lamp, eye->b, b);
-    spsi_to_light(lamp, eye->c, c);
+    spsi_along(eye->origin, light->position, -1, c);
+    spsi_to_light(light, c, origin);
+    spsi_to_light(light, eye->a, a);
+    spsi_to_light(light, eye->b, b);
+    spsi_to_light(light, eye->c, c);
     for (int k = 0; k < 3; ++k)
         for (int n = 0; n < SPSI_LANES; ++n) {
             const double aside = (p->line.x + n) * a[k] + y * b[k];
@@ -21232,18 +21252,19 @@ static spsi_v spsi_spot_segment_fraction(const spsi_spot_segment *g, spsi_v u, s
 
 /* Integral of a cone's light from u = a to b over half of phi, or where light does not fall off, over the share of the
    segment. [Gauss and Legendre] */
-static spsi_v spsi_spot_segment_sum(const spsi_spot_segment *g, const spsi_light *lamp, spsi_v a, spsi_v b) {
+static spsi_v spsi_spot_segment_sum(const spsi_spot_segment *g, const spsi_light *light, spsi_v a, spsi_v b) {
     const spsi_v way = spsi_sub(b, a), one = spsi_set(1);
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 3; ++i) {
         const spsi_v u = spsi_fma(way, spsi_set((float)spsi_gauss_places[i]), a);
         const spsi_v square = spsi_mul(u, u), q = spsi_add(one, square);
         const spsi_v more = spsi_div(spsi_mul(g->axial, spsi_add(square, square)), q);
-        const spsi_v light = spsi_cone_fraction(&lamp->cone, spsi_add(g->versine, more));
+        const spsi_v arriving = spsi_cone_fraction(&light->cone, spsi_add(g->versine, more));
         spsi_v across, speed = spsi_div(one, q);
         spsi_spot_segment_fraction(g, u, &across);
-        if (!lamp->falls_off) speed = spsi_div(spsi_div(spsi_mul(spsi_add(g->area, g->area), q), across), across);
-        sum = spsi_fma(spsi_mul(light, spsi_set((float)spsi_gauss_weights[i])), spsi_min(speed, spsi_set(1e30f)), sum);
+        if (!light->falls_off) speed = spsi_div(spsi_div(spsi_mul(spsi_add(g->area, g->area), q), across), across);
+        sum =
+            spsi_fma(spsi_mul(arriving, spsi_set((float)spsi_gauss_weights[i])), spsi_min(speed, spsi_set(1e30f)), sum);
     }
     return spsi_mul(way, sum);
 }
@@ -21265,12 +21286,12 @@ static void spsi_spot_segment_centre(const spsi_spot_segment *g, const spsi_v n[
 
 /* Mean of what a cone lets pass to a part, weighted by 1 / r^2 if light falls off, and where that is. Parts that lie in
    one direction from the light, or behind it, take the light of their middle. */
-static spsi_v spsi_cone_mean(const spsi_light *lamp, spsi_reach *reach) {
+static spsi_v spsi_cone_mean(const spsi_light *light, spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), tiny = spsi_set(FLT_MIN);
     const spsi_v size = spsi_sqrt(spsi_max(spsi_dot_v(reach->normal, reach->normal), tiny));
     const spsi_v nx = spsi_div(reach->normal[0], size), ny = spsi_div(reach->normal[1], size);
     const spsi_v nz = spsi_div(reach->normal[2], size);
-    spsi_v even = spsi_cone_fraction(&lamp->cone, spsi_versine_v(reach->centre));
+    spsi_v even = spsi_cone_fraction(&light->cone, spsi_versine_v(reach->centre));
     spsi_v n[3], s[2], u[2], outer[2], inner[2], across[2], sum, share;
     spsi_spot_segment g;
     g.axial = spsi_sqrt(spsi_fma(nx, nx, spsi_mul(ny, ny)));
@@ -21286,7 +21307,7 @@ static spsi_v spsi_cone_mean(const spsi_light *lamp, spsi_reach *reach) {
     g.area = spsi_sub(spsi_mul(g.z, g.ds), spsi_mul(g.s, g.dz));
     spsi_m turns = spsi_less(spsi_mul(spsi_abs(u[0]), spsi_set(1e-5f)), spsi_sub(u[1], u[0]));
     for (int k = 0; k < 2; ++k) {
-        const spsi_v edge = spsi_sub(spsi_set((float)(lamp->cone.none - k * lamp->cone.rim)), g.versine);
+        const spsi_v edge = spsi_sub(spsi_set((float)(light->cone.none - k * light->cone.rim)), g.versine);
         const spsi_v square = spsi_max(spsi_div(edge, spsi_max(spsi_add(g.axial, g.axial), tiny)), zero);
         const spsi_v rim = spsi_sqrt(spsi_div(square, spsi_max(spsi_sub(one, square), spsi_set(1e-12f))));
         spsi_v *end = k ? inner : outer;
@@ -21296,14 +21317,14 @@ static spsi_v spsi_cone_mean(const spsi_light *lamp, spsi_reach *reach) {
     spsi_m lit = spsi_and(turns, spsi_less(outer[0], outer[1]));
     even = spsi_select(turns, spsi_select(lit, one, zero), even);
     if (!spsi_bits(spsi_and(lit, spsi_less(spsi_sub(inner[1], inner[0]), spsi_sub(u[1], u[0]))))) return even;
-    sum = spsi_add(spsi_spot_segment_sum(&g, lamp, outer[0], inner[0]),
-                   spsi_spot_segment_sum(&g, lamp, inner[1], outer[1]));
-    if (lamp->falls_off) {
+    sum = spsi_add(spsi_spot_segment_sum(&g, light, outer[0], inner[0]),
+                   spsi_spot_segment_sum(&g, light, inner[1], outer[1]));
+    if (light->falls_off) {
         const spsi_v all = spsi_angle(spsi_fma(u[0], u[1], one), spsi_sub(u[1], u[0]));
         const spsi_v bright = spsi_angle(spsi_fma(inner[0], inner[1], one), spsi_sub(inner[1], inner[0]));
         sum = spsi_div(spsi_add(sum, bright), spsi_max(all, tiny));
     } else
-        sum = spsi_add(sum, spsi_spot_segment_sum(&g, lamp, inner[0], inner[1]));
+        sum = spsi_add(sum, spsi_spot_segment_sum(&g, light, inner[0], inner[1]));
     for (int k = 0; k < 2; ++k)
         reach->lit[k] = spsi_select(lit, spsi_spot_segment_fraction(&g, outer[k], &across[k]), reach->lit[k]);
     share = spsi_mul(spsi_mul(spsi_sub(outer[1], outer[0]), spsi_fma(outer[0], outer[1], one)), g.area);
@@ -21316,13 +21337,13 @@ static spsi_v spsi_cone_mean(const spsi_light *lamp, spsi_reach *reach) {
 
 /* What a cone lets pass to a part, along which optical depth changes by `change`: what is lit of it is attenuated by
    less or more than all of it is. `travel` receives the direction of the light at its centre. */
-static spsi_v spsi_cone_over(const spsi_light *lamp, spsi_v change, spsi_reach *reach, spsi_v travel[3]) {
-    const spsi_v mean = spsi_cone_mean(lamp, reach), less = spsi_max(spsi_sub(spsi_set(0), change), spsi_set(0));
+static spsi_v spsi_cone_over(const spsi_light *light, spsi_v change, spsi_reach *reach, spsi_v travel[3]) {
+    const spsi_v mean = spsi_cone_mean(light, reach), less = spsi_max(spsi_sub(spsi_set(0), change), spsi_set(0));
     const spsi_v first = spsi_fma(change, reach->lit[0], less), last = spsi_fma(change, reach->lit[1], less);
     const spsi_v all = spsi_mean_transmittance(less, spsi_add(change, less));
     const spsi_v r = spsi_sqrt(spsi_max(spsi_dot_v(reach->centre, reach->centre), spsi_set(FLT_MIN)));
     for (int i = 0; i < 3; ++i) {
-        const double axis[3] = {lamp->across[0][i], lamp->across[1][i], lamp->direction[i]};
+        const double axis[3] = {light->across[0][i], light->across[1][i], light->direction[i]};
         spsi_v row[3];
         spsi_set3(axis, row);
         travel[i] = spsi_div(spsi_dot_v(row, reach->centre), r);
@@ -21332,16 +21353,16 @@ static spsi_v spsi_cone_over(const spsi_light *lamp, spsi_v change, spsi_reach *
 
 /* Whether a cone's light covers a vector of parts, 1, none of them, -1, or may end in one, 0. At an angle a from the
    axis, the root of 1 - cos is sqrt(2) sin(a / 2). */
-static int spsi_cone_meets(const spsi_light *lamp, const spsi_reach *reach) {
+static int spsi_cone_meets(const spsi_light *light, const spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), error = spsi_set(4e-6f), *middle = reach->middle;
     const spsi_v r = spsi_sqrt(spsi_max(spsi_dot_v(middle, middle), spsi_set(FLT_MIN)));
     const spsi_v turn = spsi_div(spsi_mul(reach->half, spsi_set(1.2f)), r); /* sqrt(1/2) pi/2 of its sine */
     spsi_v axis[3], versine, none, whole;
-    if (!lamp->cone.exists) return 1;
-    spsi_set3(lamp->direction, axis);
+    if (!light->cone.exists) return 1;
+    spsi_set3(light->direction, axis);
     versine = spsi_sub(spsi_set(1), spsi_div(spsi_dot_v(axis, middle), r));
-    none = spsi_add(spsi_set((float)sqrt(lamp->cone.none)), turn);
-    whole = spsi_sub(spsi_set((float)sqrt(spsi_dmax(lamp->cone.none - lamp->cone.rim, 0))), turn);
+    none = spsi_add(spsi_set((float)sqrt(light->cone.none)), turn);
+    whole = spsi_sub(spsi_set((float)sqrt(spsi_dmax(light->cone.none - light->cone.rim, 0))), turn);
     if (!spsi_bits(spsi_less(versine, spsi_fma(none, none, error)))) return -1;
     whole = spsi_max(whole, zero);
     return spsi_bits(spsi_less(spsi_mul(whole, whole), spsi_add(versine, error))) ? 0 : 1;
@@ -21351,7 +21372,7 @@ static int spsi_cone_meets(const spsi_light *lamp, const spsi_reach *reach) {
 
 /* Colors the light at a part by the mean of the light's image along it, weighted by its cone. [Gauss and Legendre]
    Pixels are at least as large as a step across the light's rays: what lies between lookups would show as moire. */
-static void spsi_incident_color(const spsi_frame *frame, const spsi_light *lamp, const spsi_pixels *p,
+static void spsi_incident_color(const spsi_frame *frame, const spsi_light *light, const spsi_pixels *p,
                                 const spsi_reach *reach, spsi_incident *incident) {
     static const float places[] = {-0.430568156f, -0.169990522f, 0.169990522f, 0.430568156f};
     static const float weights[] = {0.173927423f, 0.326072577f, 0.326072577f, 0.173927423f};
@@ -21364,8 +21385,8 @@ static void spsi_incident_color(const spsi_frame *frame, const spsi_light *lamp,
         spsi_v at[3], here[3], weight = spsi_set(weights[n]);
         for (int i = 0; i < 3; ++i)
             at[i] = spsi_fma(along, spsi_sub(reach->ends[1][i], reach->ends[0][i]), reach->centre[i]);
-        spsi_projection_lookup(frame, lamp, at, spsi_max(reach->pixel, step), here);
-        if (lamp->cone.exists) weight = spsi_mul(weight, spsi_cone_fraction(&lamp->cone, spsi_versine_v(at)));
+        spsi_projection_lookup(frame, light, at, spsi_max(reach->pixel, step), here);
+        if (light->cone.exists) weight = spsi_mul(weight, spsi_cone_fraction(&light->cone, spsi_versine_v(at)));
         for (int c = 0; c < 3; ++c) color[c] = spsi_fma(weight, here[c], color[c]);
         sum = spsi_add(sum, weight);
     }
@@ -21374,38 +21395,38 @@ static void spsi_incident_color(const spsi_frame *frame, const spsi_light *lamp,
 
 /* Irradiance from a point of a light at a part of a slab. `incident` holds the direction in which light travels, and
    gets that of what a cone lights. Returns 0 if there is none. */
-static int spsi_light_point_at(const spsi_shader *shader, const spsi_light *lamp, const spsi_pixels *p,
+static int spsi_light_point_at(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                                const spsi_subslab *part, spsi_v change, spsi_reach *reach, spsi_incident *incident) {
-    const int rim = spsi_cone_meets(lamp, reach);
+    const int rim = spsi_cone_meets(light, reach);
     spsi_v irradiance = spsi_set(rim < 0 ? 0.0f : 1.0f);
-    if (lamp->falls_off && rim >= 0) irradiance = spsi_light_falloff(p, reach);
-    if (rim >= 0 && (lamp->projection.exists || rim == 0)) spsi_reach_place(shader, lamp, p, part, reach);
-    if (rim == 0) irradiance = spsi_mul(irradiance, spsi_cone_over(lamp, change, reach, incident->travel));
+    if (light->falls_off && rim >= 0) irradiance = spsi_light_falloff(p, reach);
+    if (rim >= 0 && (light->projection.exists || rim == 0)) spsi_reach_place(shader, light, p, part, reach);
+    if (rim == 0) irradiance = spsi_mul(irradiance, spsi_cone_over(light, change, reach, incident->travel));
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = irradiance;
-    if (rim >= 0 && lamp->projection.exists) spsi_incident_color(shader->frame, lamp, p, reach, incident);
+    if (rim >= 0 && light->projection.exists) spsi_incident_color(shader->frame, light, p, reach, incident);
     return rim >= 0;
 }
 
 /* Light at a part of a slab, along which optical depth changes by `change` on its way: from a light with an extent the
    direction from its centre, and the mean irradiance of its points. Returns 0 if there is none. */
-static int spsi_light_at(const spsi_shader *shader, const spsi_light *lamp, const spsi_pixels *p,
+static int spsi_light_at(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                          const spsi_subslab *part, spsi_v change, spsi_incident *incident) {
-    const spsi_v share = spsi_set(1.0f / (float)lamp->few_count), zero = spsi_set(0);
+    const spsi_v share = spsi_set(1.0f / (float)light->few_count), zero = spsi_set(0);
     spsi_v sum[3] = {zero, zero, zero};
     spsi_reach reach;
     int any = 0;
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_set(1);
-    if (!lamp->is_point && !lamp->projection.exists) { /* the same everywhere */
-        spsi_set3(lamp->direction, incident->travel);
+    if (!light->is_point && !light->projection.exists) { /* the same everywhere */
+        spsi_set3(light->direction, incident->travel);
         return 1;
     }
-    spsi_reach_build(shader, lamp, p, part, &reach);
-    spsi_light_travel(lamp, p, &reach, incident->travel);
-    if (lamp->few_count == 1) return spsi_light_point_at(shader, lamp, p, part, change, &reach, incident);
-    for (int i = 0; i < lamp->few_count; ++i) {
+    spsi_reach_build(shader, light, p, part, &reach);
+    spsi_light_travel(light, p, &reach, incident->travel);
+    if (light->few_count == 1) return spsi_light_point_at(shader, light, p, part, change, &reach, incident);
+    for (int i = 0; i < light->few_count; ++i) {
         spsi_incident own = *incident;
-        spsi_reach_build(shader, &lamp->few[i], p, part, &reach);
-        any |= spsi_light_point_at(shader, &lamp->few[i], p, part, change, &reach, &own);
+        spsi_reach_build(shader, &light->few[i], p, part, &reach);
+        any |= spsi_light_point_at(shader, &light->few[i], p, part, change, &reach, &own);
         for (int c = 0; c < 3; ++c) sum[c] = spsi_add(sum[c], own.irradiance[c]);
     }
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(sum[c], share);
@@ -21446,19 +21467,19 @@ typedef struct spsi_spread_light_at {
 } spsi_spread_light_at;
 
 /* Adds what a unit of a light's color would make of one channel of radiance. */
-static inline void spsi_add_light(const spsi_light *lamp, int c, spsi_v share, spsi_v radiance[3]) {
+static inline void spsi_add_light(const spsi_light *light, int c, spsi_v share, spsi_v radiance[3]) {
     radiance[c] =
-        spsi_add(radiance[c], spsi_min(spsi_mul(share, spsi_set(lamp->color[c])), spsi_set(SPSI_RADIANCE_MAX)));
+        spsi_add(radiance[c], spsi_min(spsi_mul(share, spsi_set(light->color[c])), spsi_set(SPSI_RADIANCE_MAX)));
 }
 
 /* Adds one light's contribution from all samples of a part. */
 static void spsi_shade_by_light(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part,
-                                const spsi_light *lamp, const spsi_carried *carried, const spsi_sent *sent) {
+                                const spsi_light *light, const spsi_carried *carried, const spsi_sent *sent) {
     const int forward = carried->is_attenuated && spsi_scatters_forward(shader->frame);
     spsi_incident incident;
     spsi_forward_part place;
     spsi_v once[3], again[3];
-    if (!spsi_light_at(shader, lamp, p, part, spsi_sub(carried->end, carried->start), &incident)) return;
+    if (!spsi_light_at(shader, light, p, part, spsi_sub(carried->end, carried->start), &incident)) return;
     if (forward)
         spsi_forward_part_build(spsi_sub(spsi_set(0), spsi_dot_v(incident.travel, p->toward)),
                                 spsi_add(carried->start, sent->ahead), spsi_add(carried->end, sent->ahead), &place);
@@ -21473,57 +21494,58 @@ static void spsi_shade_by_light(const spsi_shader *shader, const spsi_pixels *p,
         if (!material->scatters) continue;
         spsi_sample_response(material, sample, p->toward, incident.travel, response);
         for (int c = 0; c < shader->frame->channels; ++c)
-            spsi_add_light(lamp, c, spsi_mul(spsi_mul(once[c], sample->depth), response[c]), sent->once);
+            spsi_add_light(light, c, spsi_mul(spsi_mul(once[c], sample->depth), response[c]), sent->once);
         if (!forward) continue;
         spsi_sample_forward(shader, material, sample, &place, more);
         for (int c = 0; c < shader->frame->channels; ++c)
-            spsi_add_light(lamp, c, spsi_mul(spsi_mul(again[c], sample->depth), more[c]), sent->again);
+            spsi_add_light(light, c, spsi_mul(spsi_mul(again[c], sample->depth), more[c]), sent->again);
     }
 }
 
 /* Adds what one gas sends of one channel of light that has scattered on its way: per unit of its flux, what X has more
    of the whole way than of light that comes straight, of which exp(-t) arrives. */
 static void spsi_add_spread_sample(const spsi_shader *shader, const spsi_shadow *shadow,
-                                   const spsi_spread_light_at *light, int m, const spsi_sample *sample,
+                                   const spsi_spread_light_at *arriving, int m, const spsi_sample *sample,
                                    const spsi_sent *sent) {
     const spsi_material *material = &shader->frame->matter.materials[m];
-    const int c = light->channel;
-    const spsi_v zero = spsi_set(0), albedo = sample->color[c], depth = light->depth;
+    const int c = arriving->channel;
+    const spsi_v zero = spsi_set(0), albedo = sample->color[c], depth = arriving->depth;
     const spsi_v straight = spsi_exp(spsi_sub(zero, depth));
     const spsi_v all = spsi_exp(spsi_mul(spsi_sub(albedo, spsi_set(1)), depth));
     const spsi_v scattered = spsi_max(spsi_sub(all, straight), spsi_set(1e-6f));
-    spsi_v more = spsi_forward_channel(material, c, albedo, &light->ways[0]);
-    more = spsi_sub(more, spsi_mul(straight, spsi_forward_channel(material, c, albedo, &light->ways[1])));
-    more = spsi_div(spsi_mul(spsi_mul(more, albedo), light->flux), scattered);
+    spsi_v more = spsi_forward_channel(material, c, albedo, &arriving->ways[0]);
+    more = spsi_sub(more, spsi_mul(straight, spsi_forward_channel(material, c, albedo, &arriving->ways[1])));
+    more = spsi_div(spsi_mul(spsi_mul(more, albedo), arriving->flux), scattered);
     if (sample->has_normal) more = spsi_mul(more, spsi_sub(spsi_set(1), sample->surface));
-    spsi_add_light(shadow->lamp, c, spsi_mul(more, sample->depth), sent->again);
+    spsi_add_light(shadow->light, c, spsi_mul(more, sample->depth), sent->again);
 }
 
 /* Adds what a part sends of one of the lights that the sweep carries, of what has scattered on its way and spread. */
 static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                             const spsi_subslab *part, const spsi_sent *sent) {
-    const spsi_light *lamp = shadow->lamp;
+    const spsi_light *light = shadow->light;
     const spsi_v start = spsi_add(part->before, sent->ahead), end = spsi_add(part->after, sent->ahead);
     spsi_v at[3], travel[3], cosine, falloff = spsi_set(1);
     spsi_spread_place place;
-    spsi_spread_light_at light;
+    spsi_spread_light_at arriving;
     spsi_reach reach;
     for (int i = 0; i < 3; ++i)
         at[i] = spsi_linear_find(&shadow->spread_along[i], p->line.at, (float)p->line.y, part->middle);
     spsi_spread_find(shadow->spread, at, &place);
-    spsi_reach_build(shader, lamp, p, part, &reach);
-    spsi_light_travel(lamp, p, &reach, travel);
+    spsi_reach_build(shader, light, p, part, &reach);
+    spsi_light_travel(light, p, &reach, travel);
     cosine = spsi_sub(spsi_set(0), spsi_dot_v(travel, p->toward));
-    if (lamp->falls_off) falloff = spsi_light_falloff(p, &reach);
-    for (light.channel = 0; light.channel < shader->frame->channels; ++light.channel) {
-        light.flux = spsi_mul(spsi_spread_flux(shadow->spread, light.channel, &place, &light.depth), falloff);
-        if (!spsi_bits(spsi_less(spsi_set(0), light.flux))) continue;
-        light.depth = spsi_max(light.depth, spsi_set(SPSI_SPREAD_NEAR));
-        spsi_forward_part_build(cosine, spsi_add(light.depth, start), spsi_add(light.depth, end), &light.ways[0]);
-        spsi_forward_part_build(cosine, start, end, &light.ways[1]);
+    if (light->falls_off) falloff = spsi_light_falloff(p, &reach);
+    for (arriving.channel = 0; arriving.channel < shader->frame->channels; ++arriving.channel) {
+        arriving.flux = spsi_mul(spsi_spread_flux(shadow->spread, arriving.channel, &place, &arriving.depth), falloff);
+        if (!spsi_bits(spsi_less(spsi_set(0), arriving.flux))) continue;
+        arriving.depth = spsi_max(arriving.depth, spsi_set(SPSI_SPREAD_NEAR));
+        spsi_forward_part_build(cosine, spsi_add(arriving.depth, start), spsi_add(arriving.depth, end),
+                                &arriving.ways[0]);
+        spsi_forward_part_build(cosine, start, end, &arriving.ways[1]);
         for (int m = 0; m < shader->frame->matter.material_count; ++m)
             if (shader->frame->matter.materials[m].scatters)
-                spsi_add_spread_sample(shader, shadow, &light, m, &part->samples[m], sent);
+                spsi_add_spread_sample(shader, shadow, &arriving, m, &part->samples[m], sent);
     }
 }
 
@@ -21617,14 +21639,15 @@ static void spsi_subslab_filter(const spsi_shader *shader, const spsi_shadow *sh
     const spsi_v from = spsi_sub(part->middle, part->half);
     const spsi_v step = spsi_mul(part->half, spsi_set(2.0f / (float)steps));
     spsi_v sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-    for (int i = 0; i < shadow->pane_map_count * steps; ++i) {
+    for (int i = 0; i < shadow->translucency_map_count * steps; ++i) {
         const float n = (float)(i % steps);
         const spsi_v d[2] = {spsi_fma(step, spsi_set(n), from), spsi_fma(step, spsi_set(n + 1), from)};
-        spsi_translucency_map_filter(&shadow->pane_maps[i / steps], shader->faces, p->line.at, (float)p->line.y, d,
-                                     filter);
+        spsi_translucency_map_filter(&shadow->translucency_maps[i / steps], shader->faces, p->line.at, (float)p->line.y,
+                                     d, filter);
         for (int c = 0; c < 3; ++c) sum[c] = spsi_add(sum[c], filter[c]);
     }
-    for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->pane_map_count * steps)));
+    for (int c = 0; c < 3; ++c)
+        filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->translucency_map_count * steps)));
 }
 
 /* The fraction of what gas lets pass to a part that opaque polygons stop on the way from a light's points. */
@@ -21645,7 +21668,7 @@ static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *
 /* Multiplies by what polygons let pass from a light to a part: translucent ones, and opaque ones from its points. */
 static void spsi_subslab_pass(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
                               const spsi_pixels *p, const spsi_subslab *part, spsi_v filter[3]) {
-    if (shadow->pane_map_count > 0) spsi_subslab_filter(shader, shadow, p, part, filter);
+    if (shadow->translucency_map_count > 0) spsi_subslab_filter(shader, shadow, p, part, filter);
     if (shadow->soft && shadow->sliced->penumbra.hidden) {
         const spsi_v seen = spsi_sub(spsi_set(1), spsi_subslab_hidden(shader, shadow, arrival, p, part));
         for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(filter[c], seen);
@@ -21687,29 +21710,29 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
     const spsi_v *ends = arrival->light, last = ends[slab->group];
     /* neither layers nor the edge of a polygon's shadow cut it */
     const spsi_m whole = spsi_less(spsi_set(0.9999995f), spsi_min(lit, spsi_sub(part->last, part->first)));
-    const spsi_v light[2] = {spsi_mix(ends[0], last, part->first), spsi_mix(ends[0], last, end_share)};
+    const spsi_v lit_depth[2] = {spsi_mix(ends[0], last, part->first), spsi_mix(ends[0], last, end_share)};
     const spsi_v eye[2] = {part->before, spsi_mix(part->before, part->after, lit)};
     spsi_v passes, arrives = lit, filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
     spsi_carried carried;
     if (shadow->spread) spsi_add_spread(shader, shadow, p, part, sent);
     if (!spsi_bits(spsi_less(spsi_set(0), lit))) return;
     carried.is_attenuated = 1;
-    carried.start = spsi_add(light[0], eye[0]);
-    carried.end = spsi_add(light[1], eye[1]);
+    carried.start = spsi_add(lit_depth[0], eye[0]);
+    carried.end = spsi_add(lit_depth[1], eye[1]);
     passes = spsi_mul(lit, spsi_mean_transmittance(carried.start, carried.end));
     if (slab->group > 1) passes = spsi_select(whole, spsi_group_passes(slab, arrival, part, 1), passes);
     if (shadow->spread) {
         carried.start = eye[0];
         carried.end = eye[1];
-        arrives = spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
+        arrives = spsi_mul(lit, spsi_mean_transmittance(lit_depth[0], lit_depth[1]));
         if (slab->group > 1) arrives = spsi_select(whole, spsi_group_passes(slab, arrival, part, 0), arrives);
     }
-    if (shadow->soft || shadow->pane_map_count > 0) spsi_subslab_pass(shader, shadow, arrival, p, part, filter);
+    if (shadow->soft || shadow->translucency_map_count > 0) spsi_subslab_pass(shader, shadow, arrival, p, part, filter);
     for (int c = 0; c < 3; ++c) {
         carried.passes[c] = spsi_mul(passes, filter[c]);
         carried.lit[c] = spsi_mul(arrives, filter[c]);
     }
-    spsi_shade_by_light(shader, p, part, shadow->lamp, &carried, sent);
+    spsi_shade_by_light(shader, p, part, shadow->light, &carried, sent);
 }
 
 /* Points of a part among a grid of cells. */
@@ -21801,9 +21824,9 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
             into->once[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, into->once[c]);
         }
     }
-    for (int i = 0; i < shader->frame->lamps.count; ++i)
-        if (!shader->frame->lamps.list[i].shadows)
-            spsi_shade_by_light(shader, p, part, &shader->frame->lamps.list[i], &carried, into);
+    for (int i = 0; i < shader->frame->lights.count; ++i)
+        if (!shader->frame->lights.list[i].shadows)
+            spsi_shade_by_light(shader, p, part, &shader->frame->lights.list[i], &carried, into);
     if (shader->frame->content->cells) spsi_add_cells(shader, p, part, into);
 }
 
@@ -21812,20 +21835,20 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
 /* Irradiance on a surface per unit of a light's color, before any shadow: all three numbers are the same without an
    image. Only the shading normal decides which side is lit; testing the facet as well would draw its outline where
    light grazes a curved mesh. Returns 0 if there is none. */
-static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_light *lamp, const spsi_surface *surface,
+static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_light *light, const spsi_surface *surface,
                                          double irradiance[3]) {
     double toward[3], square, cosine;
     irradiance[0] = irradiance[1] = irradiance[2] = 0;
-    spsi_toward_light(lamp, surface->point, toward);
+    spsi_toward_light(light, surface->point, toward);
     cosine = spsi_dot(surface->normal, toward);
     if (!(cosine > 0)) return 0;
     square = spsi_dmax(spsi_dot(toward, toward), DBL_MIN);
     cosine /= sqrt(square) * spsi_length(surface->normal);
-    if (lamp->falls_off) cosine /= square;
+    if (light->falls_off) cosine /= square;
     for (int i = 0; i < 3; ++i) toward[i] /= -sqrt(square);
-    if (lamp->is_point) cosine *= spsi_cone_at(&lamp->cone, spsi_versine(lamp, toward));
+    if (light->is_point) cosine *= spsi_cone_at(&light->cone, spsi_versine(light, toward));
     irradiance[0] = irradiance[1] = irradiance[2] = 1;
-    if (lamp->projection.exists) spsi_projection_at(frame, lamp, surface->point, surface->pixel, irradiance);
+    if (light->projection.exists) spsi_projection_at(frame, light, surface->point, surface->pixel, irradiance);
     for (int c = 0; c < 3; ++c) irradiance[c] *= cosine;
     return irradiance[0] > 0 || irradiance[1] > 0 || irradiance[2] > 0;
 }
@@ -21838,7 +21861,7 @@ typedef struct spsi_visibility_job {
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_visible *visible;
-    const spsi_light *lamp;
+    const spsi_light *light;
     float *lit;     /* per place: spsi_lit_channels shares of a light's irradiance that polygons let pass */
     unsigned char *open; /* per place and point: 255 times the root of what they let pass, for gas; NULL: not needed */
     uint64_t *rays; /* per worker: number of rays */
@@ -21855,19 +21878,19 @@ typedef struct spsi_visibility_surfaces {
 
 /* Shares per place that a light's sight needs: where each point of it throws the image to a place of its own, a polygon
    keeps off a share of each color, as translucent ones do. */
-static int spsi_lit_channels(const spsi_frame *frame, const spsi_light *lamp) {
-    return frame->meshes.translucent || (lamp->projection.exists && lamp->point_count > 1) ? 3 : 1;
+static int spsi_lit_channels(const spsi_frame *frame, const spsi_light *light) {
+    return frame->meshes.translucent || (light->projection.exists && light->point_count > 1) ? 3 : 1;
 }
 
 /* What shadow rays find at a place, in floats. */
-static int spsi_visibility_floats(const spsi_frame *frame, const spsi_light *lamp, int soft) {
-    return spsi_lit_channels(frame, lamp) + (soft ? (lamp->point_count + 3) / 4 : 0);
+static int spsi_visibility_floats(const spsi_frame *frame, const spsi_light *light, int soft) {
+    return spsi_lit_channels(frame, light) + (soft ? (light->point_count + 3) / 4 : 0);
 }
 
 /* Traces rays from a block's polygons to the n-th point of the light. Returns their number. */
 static int spsi_visibility_point(const spsi_visibility_job *job, int n, spsi_visibility_surfaces *block) {
-    const spsi_light *point = &job->lamp->points[n];
-    const size_t pitch = (size_t)job->lamp->point_count;
+    const spsi_light *point = &job->light->points[n];
+    const size_t pitch = (size_t)job->light->point_count;
     spsi_packet packet;
     double toward[3], irradiance[SPSI_PACKET][3];
     int rays = 0, open;
@@ -21898,9 +21921,9 @@ static int spsi_visibility_point(const spsi_visibility_job *job, int n, spsi_vis
 /* Stores the shares that are lit at a place. A single point is seen or not, whatever its color. */
 static void spsi_visibility_store(const spsi_visibility_job *job, size_t index, const double all[3],
                                   const double seen[3]) {
-    const int channels = spsi_lit_channels(job->frame, job->lamp);
+    const int channels = spsi_lit_channels(job->frame, job->light);
     float *lit = job->lit + (size_t)channels * index;
-    if (channels == 1 && job->lamp->projection.exists) {
+    if (channels == 1 && job->light->projection.exists) {
         lit[0] = (float)(seen[0] > 0 || seen[1] > 0 || seen[2] > 0);
         return;
     }
@@ -21919,7 +21942,7 @@ static void spsi_visibility_add(const spsi_visibility_job *job, const spsi_shadi
 /* Traces the shadow rays of a block. Returns their number. */
 static int spsi_visibility_trace(const spsi_visibility_job *job, spsi_visibility_surfaces *block) {
     int rays = 0;
-    for (int i = 0; i < job->lamp->point_count && block->facing; ++i) rays += spsi_visibility_point(job, i, block);
+    for (int i = 0; i < job->light->point_count && block->facing; ++i) rays += spsi_visibility_point(job, i, block);
     for (int at = 0; at < SPSI_PACKET; ++at)
         if (block->facing >> at & 1) spsi_visibility_store(job, block->index[at], block->all[at], block->seen[at]);
     return rays;
@@ -22082,13 +22105,14 @@ static int spsi_visibility_is_clear(const spsi_visibility_job *job, const spsi_l
    as unseen where the image is black, which only rays find. */
 static int spsi_visibility_open(const spsi_visibility_job *job, int x0, int y0, int worker) {
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
-    const int channels = spsi_lit_channels(job->frame, job->lamp), x1 = spsi_imin(x0 + SPSI_VISIBILITY_TILE, width) - 1;
-    const size_t pitch = (size_t)job->lamp->point_count;
+    const int channels = spsi_lit_channels(job->frame, job->light),
+              x1 = spsi_imin(x0 + SPSI_VISIBILITY_TILE, width) - 1;
+    const size_t pitch = (size_t)job->light->point_count;
     const int y1 = spsi_imin(y0 + SPSI_VISIBILITY_TILE, job->frame->content->eye.height) - 1;
     spsi_visibility_view view = {x0, y0, x1, y1, {0}, 0, {0}, 0, 0};
-    if (job->lamp->projection.exists || !spsi_visibility_list(job, &view)) return 0;
-    for (int i = 0; i < job->lamp->point_count && view.count > 0; ++i)
-        if (!spsi_visibility_is_clear(job, &job->lamp->points[i], &view)) return 0;
+    if (job->light->projection.exists || !spsi_visibility_list(job, &view)) return 0;
+    for (int i = 0; i < job->light->point_count && view.count > 0; ++i)
+        if (!spsi_visibility_is_clear(job, &job->light->points[i], &view)) return 0;
     for (int y = spsi_imax(y0, region[1]); y <= spsi_imin(y1, region[1] + region[3] - 1); ++y)
         for (int x = spsi_imax(x0, region[0]); x <= spsi_imin(x1, region[0] + region[2] - 1); ++x) {
             const size_t index = (size_t)y * (size_t)width + (size_t)x;
@@ -22120,13 +22144,14 @@ static void spsi_visibility_task(void *data, int index, int worker) {
    All pixels have the same points: turning them from pixel to pixel would trade the steps of a penumbra
    for noise, which neither a filter nor the next frame of an animation could tell from the picture. */
 SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                               const spsi_visible *visible, const spsi_light *lamp, uint64_t *rays, float *lit,
+                               const spsi_visible *visible, const spsi_light *light, uint64_t *rays, float *lit,
                                unsigned char *open) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
-    spsi_visibility_job job = {frame, faces, visible, lamp, lit, open, rays};
-    memset(job.lit, 0, spsi_shading_point_count(frame, visible) * (size_t)spsi_lit_channels(frame, lamp) * sizeof *lit);
-    if (open) memset(open, 0, spsi_shading_point_count(frame, visible) * (size_t)lamp->point_count);
+    spsi_visibility_job job = {frame, faces, visible, light, lit, open, rays};
+    memset(job.lit, 0,
+           spsi_shading_point_count(frame, visible) * (size_t)spsi_lit_channels(frame, light) * sizeof *lit);
+    if (open) memset(open, 0, spsi_shading_point_count(frame, visible) * (size_t)light->point_count);
     memset(job.rays, 0, (size_t)spsi_worker_count(context) * sizeof *rays);
     spsi_parallel(context, spsi_visibility_tiles(region[0], region[2]) * spsi_visibility_tiles(region[1], region[3]),
                   spsi_visibility_task, &job);
@@ -22137,19 +22162,19 @@ SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, co
 }
 
 /* The sweep's shadow of a light; NULL: it belongs to another sweep, or the light casts none. */
-static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_light *lamp) {
+static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_light *light) {
     for (int i = 0; i < shader->shadow_count; ++i)
-        if (shader->shadows[i].lamp == lamp) return &shader->shadows[i];
+        if (shader->shadows[i].light == light) return &shader->shadows[i];
     return NULL;
 }
 
 /* What gas of an optical depth lets pass of a light to surfaces, or of what they send to the eye (`lamp`, `to`: NULL).
    What a phase function's peak scatters goes straight on; to surfaces outside of the cells, patches may send it. */
-static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *lamp, int c, spsi_v depth,
+static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *light, int c, spsi_v depth,
                                    const spsi_points *to) {
     const spsi_content *content = frame->content;
-    const int index = lamp ? lamp->index : -1;
-    const int lobes = lamp && content->cells && content->cells->light_count > 0;
+    const int index = light ? light->index : -1;
+    const int lobes = light && content->cells && content->cells->light_count > 0;
     float scales[SPSI_LANES];
     for (int lane = 0; lane < SPSI_LANES; ++lane) {
         double point[3];
@@ -22197,8 +22222,8 @@ typedef struct spsi_receive_tile {
 static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_grid *grid, const spsi_surface *surface,
                                        int face, float irradiance[3]) {
     float patches[SPSI_CELL_SHEET];
-    const spsi_cell_visibility sight = {grid, faces, surface, surface->normal, face};
-    const int hidden = spsi_cells_visibility(&sight, patches);
+    const spsi_cell_visibility visibility = {grid, faces, surface, surface->normal, face};
+    const int hidden = spsi_cells_visibility(&visibility, patches);
     const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL};
     const double distance = spsi_cells_distance(grid, surface->point);
     double own[3];
@@ -22457,17 +22482,17 @@ static void spsi_add_flux(const spsi_shader *shader, const spsi_shading_point *p
 static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_shading_point *on,
                                const double color[3], float radiance[3]) {
     const spsi_spread *spread = shadow->spread;
-    const spsi_light *lamp = shadow->lamp;
+    const spsi_light *light = shadow->light;
     spsi_surface surface;
     double normal[3], toward[3], distance, cosine;
     spsi_v at[3];
     spsi_spread_place place;
     spsi_surface_at(shader->eye, shader->faces, on->hit, on->at[0], on->at[1], &surface);
     memcpy(normal, surface.normal, sizeof normal);
-    spsi_toward_light(lamp, surface.point, toward);
+    spsi_toward_light(light, surface.point, toward);
     distance = spsi_length(toward);
     if (!spsi_normalise(normal) || !spsi_normalise(toward)) return;
-    cosine = spsi_dot(normal, toward) / (lamp->falls_off ? distance * distance : 1);
+    cosine = spsi_dot(normal, toward) / (light->falls_off ? distance * distance : 1);
     if (!(cosine > 0)) return;
     spsi_spread_coordinates(spread, surface.point, at);
     spsi_spread_find(spread, at, &place);
@@ -22475,7 +22500,7 @@ static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *sha
         const size_t own = (size_t)(spsi_imin(c, spread->channels - 1) * (spread->sheet_count + 1)) * spread->plane;
         const double flux = (double)spsi_one(spsi_spread_lookup(spread, spread->onward + own, &place));
         radiance[c] +=
-            (float)spsi_dmin(color[c] * cosine / SPSI_PI * flux * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
+            (float)spsi_dmin(color[c] * cosine / SPSI_PI * flux * (double)light->color[c], (double)SPSI_RADIANCE_MAX);
     }
 }
 
@@ -22583,13 +22608,13 @@ static spsi_v spsi_surfaces_pixels(const spsi_shader *shader, const spsi_surface
 
 /* A power of two near the largest distance of a light from the places, in which squares of distances stay in range;
    1 for directional light. */
-static double spsi_surfaces_unit(const spsi_light *lamp, const spsi_surfaces *list) {
+static double spsi_surfaces_unit(const spsi_light *light, const spsi_surfaces *list) {
     double largest = 1e-100;
     int power;
-    if (!lamp->is_point) return 1;
+    if (!light->is_point) return 1;
     for (int i = 0; i < 3; ++i)
         for (int n = 0; n < SPSI_LANES; ++n)
-            largest = spsi_dmax(largest, fabs(lamp->position[i] - list->points.at[i][n]));
+            largest = spsi_dmax(largest, fabs(light->position[i] - list->points.at[i][n]));
     frexp(largest, &power);
     return ldexp(1, power);
 }
@@ -22605,12 +22630,12 @@ static void spsi_surfaces_ways(const spsi_surfaces *list, const double from[3], 
 }
 
 /* The places in a light's frame. */
-static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_light *lamp, spsi_v place[3]) {
+static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_light *light, spsi_v place[3]) {
     float lanes[3][SPSI_LANES];
     for (int n = 0; n < SPSI_LANES; ++n) {
         double offset[3], at[3];
-        for (int i = 0; i < 3; ++i) offset[i] = list->points.at[i][n] - lamp->position[i];
-        spsi_to_light(lamp, offset, at);
+        for (int i = 0; i < 3; ++i) offset[i] = list->points.at[i][n] - light->position[i];
+        spsi_to_light(light, offset, at);
         for (int i = 0; i < 3; ++i) lanes[i][n] = (float)at[i];
     }
     for (int i = 0; i < 3; ++i) place[i] = spsi_load(lanes[i]);
@@ -22642,7 +22667,7 @@ static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light 
 /* The shares of a light's irradiance that polygons let pass to the places. Returns 0 if there are none. */
 static int spsi_surfaces_lit(const spsi_frame *frame, const spsi_shadow *shadow, const spsi_surfaces *list,
                              spsi_v lit[3]) {
-    const size_t channels = (size_t)spsi_lit_channels(frame, shadow->lamp);
+    const size_t channels = (size_t)spsi_lit_channels(frame, shadow->light);
     float lanes[3][SPSI_LANES] = {{0}};
     int any = 0;
     for (int n = 0; list->points.lanes >> n; ++n) {
@@ -22672,23 +22697,23 @@ static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces
    irradiance that polygons let pass from it. */
 static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_shadow *shadow,
                                          const spsi_surfaces *list, spsi_v lit[3]) {
-    const spsi_light *lamp = shadow->lamp;
-    const double unit = spsi_surfaces_unit(lamp, list);
+    const spsi_light *light = shadow->light;
+    const double unit = spsi_surfaces_unit(light, list);
     spsi_v all = spsi_set(FLT_MIN), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-    for (int i = 0; i < lamp->point_count; ++i) {
+    for (int i = 0; i < light->point_count; ++i) {
         spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, weight, depth;
         float open[SPSI_LANES] = {0};
         for (int n = 0; list->points.lanes >> n; ++n)
             if (list->points.lanes >> n & 1)
-                open[n] = shadow->open[list->place[n].index * (size_t)lamp->point_count + (size_t)i];
-        spsi_surfaces_add_point(shader, &lamp->points[i], list, unit, irradiance);
+                open[n] = shadow->open[list->place[n].index * (size_t)light->point_count + (size_t)i];
+        spsi_surfaces_add_point(shader, &light->points[i], list, unit, irradiance);
         weight = spsi_add(irradiance[0], spsi_add(irradiance[1], irradiance[2]));
         weight = spsi_mul(weight, spsi_mul(spsi_load(open), spsi_load(open)));
         if (!spsi_bits(spsi_less(spsi_set(0), weight))) continue;
         depth = spsi_surfaces_depth(shadow, list, i, weight);
         all = spsi_add(all, weight);
         for (int c = 0; c < 3; ++c)
-            sum[c] = spsi_fma(weight, spsi_straight_passes(shader->frame, lamp, c, depth, &list->points), sum[c]);
+            sum[c] = spsi_fma(weight, spsi_straight_passes(shader->frame, light, c, depth, &list->points), sum[c]);
     }
     for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_div(sum[c], all));
 }
@@ -22703,19 +22728,19 @@ static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow
     }
     spsi_shadow_surfaces(shadow, shader->first_slab, &list->points, lanes);
     for (int c = 0; c < 3; ++c)
-        lit[c] = spsi_mul(lit[c],
-                          spsi_straight_passes(shader->frame, shadow->lamp, c, spsi_load(lanes), &list->points));
+        lit[c] =
+            spsi_mul(lit[c], spsi_straight_passes(shader->frame, shadow->light, c, spsi_load(lanes), &list->points));
 }
 
 /* Adds what the places reflect of a light. */
-static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light *lamp, const spsi_v lit[3],
+static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light *light, const spsi_v lit[3],
                                     spsi_surfaces *list) {
-    const double unit = spsi_surfaces_unit(lamp, list), scale = lamp->falls_off ? 1 / (unit * unit) : 1;
+    const double unit = spsi_surfaces_unit(light, list), scale = light->falls_off ? 1 / (unit * unit) : 1;
     spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-    for (int i = 0; i < lamp->point_count; ++i)
-        spsi_surfaces_add_point(shader, &lamp->points[i], list, unit, irradiance);
+    for (int i = 0; i < light->point_count; ++i)
+        spsi_surfaces_add_point(shader, &light->points[i], list, unit, irradiance);
     for (int c = 0; c < 3; ++c) {
-        const double color = (double)lamp->color[c] * scale / (SPSI_PI * lamp->point_count);
+        const double color = (double)light->color[c] * scale / (SPSI_PI * light->point_count);
         const spsi_v share = spsi_mul(spsi_mul(irradiance[c], lit[c]), spsi_load(list->albedo[c]));
         const spsi_v sent = spsi_mul(share, spsi_set((float)spsi_dmin(color, (double)FLT_MAX)));
         spsi_store(list->radiance[c],
@@ -22749,14 +22774,14 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
         spsi_store(list->radiance[c], spsi_fma(spsi_load(list->albedo[c]), spsi_set(frame->given.ambient[c]),
                                                spsi_load(list->emission[c])));
     if (shader->sweep->first && frame->content->cells) spsi_surfaces_add_scattered(shader, NULL, list);
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_light *lamp = &frame->lamps.list[i];
-        const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
+    for (int i = 0; i < frame->lights.count; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
+        const spsi_shadow *shadow = spsi_shadow_of(shader, light);
         spsi_v lit[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
         if (shadow && shadow->spread) spsi_surfaces_add_scattered(shader, shadow, list);
-        if (shadow ? !spsi_surfaces_lit(frame, shadow, list, lit) : !shader->sweep->first || lamp->shadows) continue;
+        if (shadow ? !spsi_surfaces_lit(frame, shadow, list, lit) : !shader->sweep->first || light->shadows) continue;
         if (shadow) spsi_surfaces_attenuate(shader, shadow, list, lit);
-        spsi_surfaces_add_light(shader, lamp, lit, list);
+        spsi_surfaces_add_light(shader, light, lit, list);
     }
 }
 
@@ -23327,8 +23352,9 @@ typedef struct spsi_cell_job {
     spsi_flights *flights; /* all trees */
     int grid_count;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
-    spsi_cell_blockers walls;
-    const float *wall_light; /* per term: moments of what polygons send, in the channel that is being solved; NULL: 0 */
+    spsi_cell_blockers blockers;
+    const float
+        *blocker_light; /* per term: moments of what polygons send, in the channel that is being solved; NULL: 0 */
     spsi_shadow *shadows;
     spsi_shader shader;
     spsi_sweep sweep;
@@ -23446,32 +23472,32 @@ SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid)
         for (int l = 0; l < grid->orders; ++l) grid->lobes[m][l] = (float)(spsi_phase_moment(material, l) - peak);
     }
     if (grid->flux_terms > 0 && grid->peak_count > 0) /* at most; spsi_cells_choose_lights takes those with weight */
-        grid->light_count = spsi_imin(SPSI_CELL_SETS / grid->peak_count, frame->lamps.whole_count);
+        grid->light_count = spsi_imin(SPSI_CELL_SETS / grid->peak_count, frame->lights.whole_count);
 }
 
 /* Starts a ray of a cone, from its axis by an angle of that versine (1 - cosine), turned about it. */
-static void spsi_cone_ray(const spsi_light *lamp, double versine, double turn, spsi_ray *ray) {
+static void spsi_cone_ray(const spsi_light *light, double versine, double turn, spsi_ray *ray) {
     const double sine = sqrt(versine * (2 - versine));
     ray->low = 0;
     ray->high = HUGE_VAL;
-    memcpy(ray->origin, lamp->position, sizeof lamp->position);
+    memcpy(ray->origin, light->position, sizeof light->position);
     for (int k = 0; k < 3; ++k)
-        ray->direction[k] = (1 - versine) * lamp->direction[k] +
-                            sine * (cos(turn) * lamp->across[0][k] + sin(turn) * lamp->across[1][k]);
+        ray->direction[k] = (1 - versine) * light->direction[k] +
+                            sine * (cos(turn) * light->across[0][k] + sin(turn) * light->across[1][k]);
 }
 
 /* The fraction of a light that narrow beams send to gas, or to polygons: all of it where they are narrower than an
    eighth of the grid at its far end, or at the polygon that their axis meets. Translucent polygons would have to be
    followed. */
-static double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *lamp, int to_polygons) {
+static double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *light, int to_polygons) {
     const spsi_cell_grid *grid = job->grid;
-    const double versine = lamp->cone.none, longest = grid->edge * job->frame->view.scattering_resolution;
+    const double versine = light->cone.none, longest = grid->edge * job->frame->view.scattering_resolution;
     double to[3];
     spsi_ray ray;
     spsi_hit hit;
-    if (!spsi_light_has_beam(lamp) || job->grid_count > 1 || job->frame->meshes.translucent) return 0;
-    for (int k = 0; k < 3; ++k) to[k] = grid->corner[k] + 0.5 * grid->edge * grid->size[k] - lamp->position[k];
-    spsi_cone_ray(lamp, 0, 0, &ray);
+    if (!spsi_light_has_beam(light) || job->grid_count > 1 || job->frame->meshes.translucent) return 0;
+    for (int k = 0; k < 3; ++k) to[k] = grid->corner[k] + 0.5 * grid->edge * grid->size[k] - light->position[k];
+    spsi_cone_ray(light, 0, 0, &ray);
     ray.high = spsi_length(to) + 0.87 * longest;
     if (to_polygons && job->faces->count > 0) (void)spsi_ray_to_opaque(job->faces, &ray, &hit);
     return spsi_dmax(0, spsi_dmin(2 - 16 * sqrt(versine * (2 - versine)) / (1 - versine) * ray.high / longest, 1));
@@ -23673,19 +23699,19 @@ SPSI_COLD int spsi_cell_texels(const spsi_frame *frame) {
 }
 
 /* Turns a light into one that has a table, with `texels` on its longer side. `served`: the gas in it; NULL: all. */
-SPSI_COLD void spsi_cells_map_light(int texels, const spsi_bounds *served, spsi_light *lamp) {
-    lamp->map_bounds = served;
-    memset(&lamp->map, 0, sizeof lamp->map);
-    lamp->map.technique = SPS_TMAP_TABLE;
-    lamp->map_size = texels;
-    lamp->has_map = 1;
-    lamp->sliced = 0;
+SPSI_COLD void spsi_cells_map_light(int texels, const spsi_bounds *served, spsi_light *light) {
+    light->map_bounds = served;
+    memset(&light->map, 0, sizeof light->map);
+    light->map.technique = SPS_TMAP_TABLE;
+    light->map_size = texels;
+    light->has_map = 1;
+    light->sliced = 0;
 }
 
 /* Makes that table, for a light that has none of its own. */
-SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_light *lamp, const spsi_call_stage *part,
+SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
                                     sps_tmap *map) {
-    spsi_light coarse = *lamp;
+    spsi_light coarse = *light;
     spsi_occluders occluders;
     spsi_cells_map_light(spsi_cell_texels(job->frame), &job->bounds, &coarse);
     if (spsi_light_tmap_aim(job->context, job->frame, &coarse, map)) return job->context->result;
@@ -23697,15 +23723,15 @@ SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_light *
 }
 
 /* Makes a light's table, unless it has its own from an earlier grid, which waits for the sweeps. */
-SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light *lamp, const spsi_call_stage *part,
+SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
                                       spsi_shadow *shadow, sps_tmap *map) {
-    shadow->lamp = lamp;
+    shadow->light = light;
     shadow->kind = SPSI_SHADOW_MAP;
     shadow->tmap = map;
     if (map->waits) return SPS_OK;
-    if (!spsi_has_shadow_table(lamp)) return spsi_cells_map(job, lamp, part, map);
-    if (!spsi_light_tmap_begin(job->context, job->frame, lamp, job->gas, map))
-        map->waits = !spsi_light_tmap_fill(job->context, job->frame, lamp, part, map);
+    if (!spsi_has_shadow_table(light)) return spsi_cells_map(job, light, part, map);
+    if (!spsi_light_tmap_begin(job->context, job->frame, light, job->gas, map))
+        map->waits = !spsi_light_tmap_fill(job->context, job->frame, light, part, map);
     return job->context->result;
 }
 
@@ -23713,13 +23739,13 @@ SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light
    pane maps serve all grids. */
 SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_call_stage *part, sps_tmap *maps) {
     const spsi_frame *frame = job->frame;
-    const int shadows = frame->lamps.shadow_count;
+    const int shadows = frame->lights.shadow_count;
     spsi_call_stage each = *part;
     each.share /= spsi_imax(1, shadows);
     for (int i = 0, at = 0; at < shadows; ++i) {
-        const spsi_light *lamp = &frame->lamps.list[i];
-        if (!lamp->shadows) continue;
-        if (spsi_cells_table(job, lamp, &each, &job->shadows[at], &maps[at])) return job->context->result;
+        const spsi_light *light = &frame->lights.list[i];
+        if (!light->shadows) continue;
+        if (spsi_cells_table(job, light, &each, &job->shadows[at], &maps[at])) return job->context->result;
         each.progress += each.share;
         ++at;
     }
@@ -23782,7 +23808,8 @@ static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *s
     const spsi_m dark = spsi_less(spsi_set(0.999f * shadow->tmap->table_end), found);
     spsi_v lit[SPSI_SUBSLABS], filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
     spsi_lit_fractions(&job->shader, &shadow->depth_map, &spot->pixels, &spot->slab, lit);
-    if (shadow->pane_map_count > 0) spsi_subslab_filter(&job->shader, shadow, &spot->pixels, &spot->part, filter);
+    if (shadow->translucency_map_count > 0)
+        spsi_subslab_filter(&job->shader, shadow, &spot->pixels, &spot->part, filter);
     for (int c = 0; c < job->grid->channels; ++c) {
         const spsi_v share = spsi_mul(lit[0], filter[c]);
         passes[c] = spsi_select(dark, spsi_set(0), spsi_mul(share, spsi_cell_spot_straight(spot, found, c)));
@@ -23801,36 +23828,36 @@ static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spo
 
 /* The mean of 1 / r^2 over the cubes of samples, over that along a ray through them. By the latter, cells about a lamp
    receive 5 % less than it sends. */
-static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_light *lamp, const spsi_cell_spot *spot) {
+static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_light *light, const spsi_cell_spot *spot) {
     const float edge = (float)job->sheets.slabs.thickness;
     const spsi_v scale = spsi_set(1 / (edge * edge));
     spsi_reach reach;
-    spsi_reach_build(&job->shader, lamp, &spot->pixels, &spot->part, &reach);
+    spsi_reach_build(&job->shader, light, &spot->pixels, &spot->part, &reach);
     spsi_v square = spsi_sphere_square(spsi_mul(spsi_dot_v(reach.middle, reach.middle), scale), spsi_set(0));
     return spsi_div(scale, spsi_mul(square, spsi_light_falloff(&spot->pixels, &reach)));
 }
 
 /* Adds what one light sends to a vector of samples, weighted by their optical depth. */
 static void spsi_cells_add_light(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot) {
-    const spsi_light *lamp = shadow->lamp;
-    const int light = spsi_cells_light_of(job->grid, lamp->index);
+    const spsi_light *light = shadow->light;
+    const int number = spsi_cells_light_of(job->grid, light->index);
     const int channels = job->grid->channels;
-    const float fraction = (float)(1 - spsi_cells_beams(job, lamp, 0));
+    const float fraction = (float)(1 - spsi_cells_beams(job, light, 0));
     spsi_v passes[3], harmonic[SPSI_CELL_TERMS], cubes = spsi_set(1);
     spsi_incident incident;
-    spsi_light_at(&job->shader, lamp, &spot->pixels, &spot->part, spsi_set(0), &incident);
-    if (lamp->falls_off && lamp->few_count == 1) cubes = spsi_cell_spot_near(job, lamp, spot);
+    spsi_light_at(&job->shader, light, &spot->pixels, &spot->part, spsi_set(0), &incident);
+    if (light->falls_off && light->few_count == 1) cubes = spsi_cell_spot_near(job, light, spot);
     spsi_cell_spot_passes(job, shadow, spot, passes);
     spsi_harmonics_v(incident.travel, job->grid->terms, harmonic);
     for (int c = 0; c < channels; ++c) {
-        const spsi_v color = spsi_set(lamp->color[c] * (float)(0.25 / SPSI_PI));
+        const spsi_v color = spsi_set(light->color[c] * (float)(0.25 / SPSI_PI));
         spsi_v amount = spsi_min(spsi_mul(incident.irradiance[c], color), spsi_set(SPSI_RADIANCE_MAX));
         amount = spsi_mul(spsi_mul(amount, cubes), spsi_mul(spot->depth, spsi_set(fraction)));
         amount = spsi_mul(amount, passes[c]);
         spsi_cells_add_moments(job, spot, c, amount, harmonic);
-        if (light < job->grid->light_count)
-            spsi_cells_deposit(job->lit + (size_t)(light * channels + c) * job->grid->count + spot->row,
-                               spot->pixels.line.x, job->sheets.rays.width - 1, 2, job->grid->lights[light].weight,
+        if (number < job->grid->light_count)
+            spsi_cells_deposit(job->lit + (size_t)(number * channels + c) * job->grid->count + spot->row,
+                               spot->pixels.line.x, job->sheets.rays.width - 1, 2, job->grid->lights[number].weight,
                                amount);
     }
 }
@@ -23946,9 +23973,9 @@ static void spsi_cell_hits_points(const spsi_cell_hits *hits, int first, int end
 }
 
 /* Lights up to SPSI_PACKET of them, from number `first` on, by a fraction of one lamp. */
-static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_light *lamp, double fraction,
+static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_light *light, double fraction,
                                  const spsi_shadow *shadow, int first, spsi_cell_hits *hits) {
-    const spsi_light *point = &lamp->points[first / SPSI_PACKET % lamp->point_count];
+    const spsi_light *point = &light->points[first / SPSI_PACKET % light->point_count];
     const int end = spsi_imin(hits->count, first + SPSI_PACKET);
     double irradiance[SPSI_PACKET][3], toward[3];
     spsi_packet packet;
@@ -23974,21 +24001,21 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_light *lam
         if (!((faces & packet.open) >> (i - first) & 1)) continue;
         if (packet.filtered >> (i - first) & 1) spsi_packet_through(&packet, i - first, through);
         for (int c = 0; c < job->grid->channels; ++c)
-            hits->lit[i][c] += spsi_dmin(irradiance[i - first][c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX) *
-                               fraction * through[c] *
-                               exp(-depth * spsi_cells_scale_at(job->grid, 1, c, lamp->index, hits->surface[i].point));
+            hits->lit[i][c] +=
+                spsi_dmin(irradiance[i - first][c] * (double)light->color[c], (double)SPSI_RADIANCE_MAX) * fraction *
+                through[c] * exp(-depth * spsi_cells_scale_at(job->grid, 1, c, light->index, hits->surface[i].point));
     }
 }
 
 /* Lights all of them by all lamps, but for what goes as narrow beams. */
 static void spsi_cell_hits_light_all(const spsi_cell_job *job, spsi_cell_hits *hits) {
     memset(hits->lit, 0, sizeof hits->lit);
-    for (int i = 0, shadow = 0; i < job->frame->lamps.count; ++i) {
-        const spsi_light *lamp = &job->frame->lamps.list[i];
-        const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
-        const double fraction = 1 - spsi_cells_beams(job, lamp, 1);
+    for (int i = 0, shadow = 0; i < job->frame->lights.count; ++i) {
+        const spsi_light *light = &job->frame->lights.list[i];
+        const spsi_shadow *own = light->shadows ? &job->shadows[shadow++] : NULL;
+        const double fraction = 1 - spsi_cells_beams(job, light, 1);
         for (int first = 0; first < hits->count; first += SPSI_PACKET)
-            spsi_cell_hits_light(job, lamp, fraction, own, first, hits);
+            spsi_cell_hits_light(job, light, fraction, own, first, hits);
     }
 }
 
@@ -23996,15 +24023,15 @@ static void spsi_cell_hits_light_all(const spsi_cell_job *job, spsi_cell_hits *h
 static int spsi_cell_blockers_mean(const spsi_cell_job *job, size_t at, double point[3], double normal[3]) {
     const size_t count = job->grid->count;
     for (size_t k = 0; k < 3; ++k) {
-        point[k] = job->grid->corner[k] + (double)job->walls.place[k * count + at];
-        normal[k] = (double)job->walls.normal[k * count + at];
+        point[k] = job->grid->corner[k] + (double)job->blockers.place[k * count + at];
+        normal[k] = (double)job->blockers.normal[k * count + at];
     }
     return spsi_normalise(normal);
 }
 
 /* Adds what a cell's polygons reflect of first flights, on the mean of them. */
 static void spsi_cell_blockers_fly(const spsi_cell_job *job, size_t at) {
-    const spsi_cell_blockers *walls = &job->walls;
+    const spsi_cell_blockers *blockers = &job->blockers;
     const spsi_cell_grid *grid = job->grid;
     double point[3], start[3], normal[3], irradiance[3] = {0, 0, 0};
     const spsi_flight_place place = {job->frame, job->faces, point, start, normal, -1};
@@ -24012,13 +24039,13 @@ static void spsi_cell_blockers_fly(const spsi_cell_job *job, size_t at) {
     spsi_along(point, normal, 0.02 * grid->edge, start);
     spsi_flights_irradiance(&place, job->flights, irradiance);
     for (size_t c = 0; c < (size_t)grid->channels; ++c)
-        walls->lit[c * grid->count + at] +=
-            (float)((double)walls->color[c * grid->count + at] * irradiance[c] / SPSI_PI);
+        blockers->lit[c * grid->count + at] +=
+            (float)((double)blockers->color[c * grid->count + at] * irradiance[c] / SPSI_PI);
 }
 
 /* Sets what a cell knows of its polygons. */
 static void spsi_cell_blockers_set(const spsi_cell_job *job, const spsi_cell_hits *hits, size_t at) {
-    const spsi_cell_blockers *walls = &job->walls;
+    const spsi_cell_blockers *blockers = &job->blockers;
     const size_t count = job->grid->count;
     double all = 0;
     for (int i = 0; i < hits->count; ++i) all += hits->weight[i];
@@ -24026,14 +24053,15 @@ static void spsi_cell_blockers_set(const spsi_cell_job *job, const spsi_cell_hit
         const double share = hits->weight[i] / all;
         float sent = 0;
         for (size_t c = 0; c < (size_t)job->grid->channels; ++c) {
-            walls->color[c * count + at] += (float)(share * hits->color[i][c]);
-            walls->lit[c * count + at] += (float)(share * hits->color[i][c] * hits->lit[i][c] / SPSI_PI);
+            blockers->color[c * count + at] += (float)(share * hits->color[i][c]);
+            blockers->lit[c * count + at] += (float)(share * hits->color[i][c] * hits->lit[i][c] / SPSI_PI);
             sent += (float)(hits->color[i][c] * hits->lit[i][c]);
         }
-        walls->patch[at] = spsi_fmax(walls->patch[at], hits->weight[i] > 0.1 ? sent : 0); /* up to three edges away */
+        blockers->patch[at] =
+            spsi_fmax(blockers->patch[at], hits->weight[i] > 0.1 ? sent : 0); /* up to three edges away */
         for (size_t k = 0; k < 3; ++k) {
-            walls->place[k * count + at] += (float)(share * (hits->surface[i].point[k] - job->grid->corner[k]));
-            walls->normal[k * count + at] += (float)(share * hits->surface[i].normal[k]);
+            blockers->place[k * count + at] += (float)(share * (hits->surface[i].point[k] - job->grid->corner[k]));
+            blockers->normal[k * count + at] += (float)(share * hits->surface[i].normal[k]);
         }
     }
 }
@@ -24057,8 +24085,8 @@ static void spsi_cell_blockers_find(const spsi_cell_job *job, const spsi_cell_vi
     int last = 0; /* 1: at the end of the grid */
     for (int k = 0; k < 3; ++k) last |= view->at[k] == 0 || view->at[k] == view->size[k] - 1;
     hits->count = 0;
-    if (near_by) job->walls.closed[at] = spsi_cell_view_closed(view, hits);
-    hits->within = job->walls.closed[at] != 0;
+    if (near_by) job->blockers.closed[at] = spsi_cell_view_closed(view, hits);
+    hits->within = job->blockers.closed[at] != 0;
     for (int i = 0; i < SPSI_CELL_DIRECTIONS && last; ++i) {
         const spsi_cell_direction *direction = &job->directions[i];
         const int *step = direction->step;
@@ -24066,9 +24094,9 @@ static void spsi_cell_blockers_find(const spsi_cell_job *job, const spsi_cell_vi
         spsi_hit hit;
         if (!spsi_cell_view_outside(view, direction, i, &ray, &hit)) continue;
         if (direction->axis < 0)
-            job->walls.closed[at] |= 1u << spsi_cell_link(step[0], step[1], step[2]);
+            job->blockers.closed[at] |= 1u << spsi_cell_link(step[0], step[1], step[2]);
         else
-            job->walls.closed[job->grid->count + at] |= 1u << (i - SPSI_CELL_STRAIGHT);
+            job->blockers.closed[job->grid->count + at] |= 1u << (i - SPSI_CELL_STRAIGHT);
         spsi_cell_hits_add(view, &ray, &hit, hits);
     }
 }
@@ -24089,7 +24117,7 @@ static void spsi_cells_blockers_task(void *data, int row) {
         if (hits.count == 0) continue;
         spsi_cell_hits_light_all(job, &hits);
         spsi_cell_blockers_set(job, &hits, at);
-        job->walls.walled[row] = job->walls.walled[row] == 1 || hits.within ? 1 : 2;
+        job->blockers.walled[row] = job->blockers.walled[row] == 1 || hits.within ? 1 : 2;
     }
 }
 
@@ -24104,45 +24132,45 @@ SPSI_COLD size_t spsi_cell_blockers_floats(const spsi_cell_grid *grid) {
 SPSI_COLD sps_result spsi_cell_blockers_begin(spsi_cell_job *job) {
     const size_t floats = spsi_cell_blockers_floats(job->grid), count = job->grid->count;
     const size_t channels = (size_t)job->grid->channels;
-    spsi_cell_blockers *walls = &job->walls;
+    spsi_cell_blockers *blockers = &job->blockers;
     float *memory;
     if (job->faces->count == 0) return SPS_OK;
     memory = (float *)spsi_reserve(job->context, SPSI_BUFFER_CELL_BLOCKERS, floats, sizeof(float));
     if (!memory) return job->context->result;
     memset(memory, 0, floats * sizeof *memory);
-    walls->closed = (uint32_t *)(void *)memory;
-    walls->color = memory + 2 * count;
-    walls->lit = walls->color + channels * count;
-    walls->place = walls->lit + channels * count;
-    walls->normal = walls->place + 3 * count;
-    walls->sent = walls->normal + 3 * count;
-    walls->patch = walls->sent + count;
-    walls->walled = (unsigned char *)(walls->patch + count);
+    blockers->closed = (uint32_t *)(void *)memory;
+    blockers->color = memory + 2 * count;
+    blockers->lit = blockers->color + channels * count;
+    blockers->place = blockers->lit + channels * count;
+    blockers->normal = blockers->place + 3 * count;
+    blockers->sent = blockers->normal + 3 * count;
+    blockers->patch = blockers->sent + count;
+    blockers->walled = (unsigned char *)(blockers->patch + count);
     return SPS_OK;
 }
 
 /* Sets the radiance that polygons send to cells in one channel, less ambient light: what is in the cells so far lights
    them, too. Returns how much it has changed, as a share of all that they send. */
 static double spsi_cell_blockers_send(const spsi_cell_job *job, int c) {
-    const spsi_cell_blockers *walls = &job->walls;
+    const spsi_cell_blockers *blockers = &job->blockers;
     const spsi_cell_grid *grid = job->grid;
     const double ambient = (double)job->frame->given.ambient[c];
     const size_t count = grid->count, own = (size_t)c * count;
     double changed = 0, all = 0;
     for (size_t at = 0; at < count; ++at) {
         double point[3], normal[3], color, sent;
-        if (!walls->closed[at] && !walls->closed[count + at]) continue;
-        color = (double)walls->color[own + at];
-        sent = color * ambient + (double)walls->lit[own + at] - ambient;
-        if (job->wall_light && spsi_cell_blockers_mean(job, at, point, normal)) {
+        if (!blockers->closed[at] && !blockers->closed[count + at]) continue;
+        color = (double)blockers->color[own + at];
+        sent = color * ambient + (double)blockers->lit[own + at] - ambient;
+        if (job->blocker_light && spsi_cell_blockers_mean(job, at, point, normal)) {
             const spsi_cell_receiver to = {point, normal, NULL};
             double irradiance[3] = {0, 0, 0};
             spsi_cells_irradiance(&job->coarse, c, 1, &to, irradiance);
             sent += color / SPSI_PI * irradiance[0];
         }
-        changed += fabs(sent - (double)walls->sent[at]);
+        changed += fabs(sent - (double)blockers->sent[at]);
         all += fabs(sent);
-        walls->sent[at] = (float)sent;
+        blockers->sent[at] = (float)sent;
     }
     return all > 0 ? changed / all : 0;
 }
@@ -24152,7 +24180,7 @@ static double spsi_cell_blockers_send(const spsi_cell_job *job, int c) {
 #define SPSI_BEAM_RINGS 12 /* of as many rays each, in the cone of a narrow beam */
 
 /* Light of a beam's ray at a distance, by channel: irradiance there, before any shadow, times its width. */
-static void spsi_beam_light(const spsi_cell_job *job, const spsi_light *lamp, const spsi_ray *ray, double solid,
+static void spsi_beam_light(const spsi_cell_job *job, const spsi_light *light, const spsi_ray *ray, double solid,
                             double distance, float sent[3]) {
     double irradiance[3];
     spsi_surface surface;
@@ -24160,14 +24188,14 @@ static void spsi_beam_light(const spsi_cell_job *job, const spsi_light *lamp, co
     spsi_along(ray->origin, ray->direction, distance, surface.point);
     for (int k = 0; k < 3; ++k) surface.normal[k] = -ray->direction[k];
     surface.pixel = job->grid->edge;
-    spsi_surface_point_irradiance(job->frame, lamp, &surface, irradiance);
+    spsi_surface_point_irradiance(job->frame, light, &surface, irradiance);
     for (int c = 0; c < 3; ++c)
-        sent[c] = (float)spsi_dmin(irradiance[c] * (double)lamp->color[c] * solid * distance * distance,
+        sent[c] = (float)spsi_dmin(irradiance[c] * (double)light->color[c] * solid * distance * distance,
                                    (double)SPSI_RADIANCE_MAX);
 }
 
 /* Adds what gas scatters of a beam, an emitter for each cell's edge on its way. */
-static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *lamp, const spsi_ray *ray, double solid,
+static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *light, const spsi_ray *ray, double solid,
                                   spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
     double low[3], high[3], range[2], depth = 0;
@@ -24186,7 +24214,7 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *la
         (void)spsi_cell_containing(grid, point, &at);
         own = (double)grid->depth[at] * length / grid->edge;
         if (!(own > 0)) continue;
-        spsi_beam_light(job, lamp, ray, solid, middle, like.sent);
+        spsi_beam_light(job, light, ray, solid, middle, like.sent);
         for (int c = 0; c < 3; ++c) {
             const int channel = spsi_imin(c, grid->channels - 1);
             const double scale = (double)grid->scale[channel], x = scale * own;
@@ -24237,11 +24265,12 @@ static void spsi_hits_reflect(const spsi_cell_job *job, const spsi_cell_hits *hi
 }
 
 /* Adds a narrow beam's emitters, in gas and on polygons: its rays stand for equal solid angles. */
-static void spsi_beams_list(const spsi_cell_job *job, const spsi_light *lamp, const spsi_shadow *shadow,
+static void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light, const spsi_shadow *shadow,
                             spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_cell_view view = {job->faces, job->grid, job->grid->size, 1, {0, 0, 0}, {0, 0, 0}};
-    const double solid = 2 * SPSI_PI * lamp->cone.none / (SPSI_BEAM_RINGS * SPSI_BEAM_RINGS);
-    const double to_gas = solid * spsi_cells_beams(job, lamp, 0), to_polygons = solid * spsi_cells_beams(job, lamp, 1);
+    const double solid = 2 * SPSI_PI * light->cone.none / (SPSI_BEAM_RINGS * SPSI_BEAM_RINGS);
+    const double to_gas = solid * spsi_cells_beams(job, light, 0),
+                 to_polygons = solid * spsi_cells_beams(job, light, 1);
     for (int n = 0; n < SPSI_BEAM_RINGS; ++n) {
         spsi_cell_hits hits;
         memset(&hits, 0, sizeof hits);
@@ -24249,16 +24278,16 @@ static void spsi_beams_list(const spsi_cell_job *job, const spsi_light *lamp, co
             const int last = hits.count;
             spsi_ray ray;
             spsi_hit hit;
-            spsi_cone_ray(lamp, lamp->cone.none * (n + 0.5) / SPSI_BEAM_RINGS,
+            spsi_cone_ray(light, light->cone.none * (n + 0.5) / SPSI_BEAM_RINGS,
                           2 * SPSI_PI * (i + 0.5 * (n % 2)) / SPSI_BEAM_RINGS, &ray);
             if (job->faces->count > 0 && spsi_ray_to_opaque(job->faces, &ray, &hit)) {
                 spsi_cell_hits_add(&view, &ray, &hit, &hits);
                 hits.weight[last] = to_polygons * ray.high * ray.high /
                                     spsi_dmax(-spsi_dot(hits.surface[last].normal, ray.direction), 1e-3);
             }
-            if (shadow) spsi_beam_through_gas(job, lamp, &ray, to_gas, items[SPSI_FLIGHTS_BEAMS]);
+            if (shadow) spsi_beam_through_gas(job, light, &ray, to_gas, items[SPSI_FLIGHTS_BEAMS]);
         }
-        spsi_cell_hits_light(job, lamp, 1, shadow, 0, &hits);
+        spsi_cell_hits_light(job, light, 1, shadow, 0, &hits);
         for (int i = 0; i < hits.count; ++i) spsi_hits_reflect(job, &hits, i, i + 1, items[SPSI_FLIGHTS_SPOTS]);
     }
 }
@@ -24272,14 +24301,14 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
     spsi_cell_view view = {job->faces, grid, size, 1, {0, 0, 0}, {0, 0, 0}};
     for (int n = 0; n < size[0] * size[1] * size[2]; ++n) {
         const size_t at = (size_t)(n / size[0] * grid->pitch + n % size[0]);
-        const double flies = -(double)job->walls.patch[at] * spsi_dmin(2 - 6 * covered, 1);
+        const double flies = -(double)job->blockers.patch[at] * spsi_dmin(2 - 6 * covered, 1);
         if (!(flies > 1e-6) || (size_t)job->flights[SPSI_FLIGHTS_SPOTS].count + 6 > most) continue;
         spsi_cell_view_move(&view, n % size[0], n / size[0] % size[1], n / size[0] / size[1]);
         for (int way = 0; way < 6; ++way) {
             const int axis = way / 2, back = way % 2 ? 1 : -1, last = view.at[axis] == (way % 2 ? size[axis] - 1 : 0);
             spsi_cell_hits hits;
             hits.count = 0;
-            if (!(job->walls.closed[at] >> (13 - back * (axis == 0 ? 1 : axis == 1 ? 3 : 9)) & 1)) continue;
+            if (!(job->blockers.closed[at] >> (13 - back * (axis == 0 ? 1 : axis == 1 ? 3 : 9)) & 1)) continue;
             for (int i = 0; i < rays; ++i) {
                 const double turn = i * 0.6180339887498949, aside[2] = {(i + 0.5) / rays, turn - floor(turn)};
                 spsi_ray ray = {{view.centre[0], view.centre[1], view.centre[2]}, {0, 0, 0}, 0, last ? 3.0 : 1.0};
@@ -24293,7 +24322,8 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
             spsi_cell_hits_light_all(job, &hits);
             spsi_hits_reflect(job, &hits, 0, hits.count, items);
         }
-        for (size_t c = 0; c < (size_t)grid->channels; ++c) job->walls.lit[c * grid->count + at] *= (float)(1 - flies);
+        for (size_t c = 0; c < (size_t)grid->channels; ++c)
+            job->blockers.lit[c * grid->count + at] *= (float)(1 - flies);
     }
 }
 
@@ -24306,8 +24336,8 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
 static double spsi_patches_find(const spsi_cell_job *job) {
     const int *size = job->grid->size, pitch = job->grid->pitch;
     const double side = (double)size[0] * size[1] * size[2] / spsi_imin(size[0], spsi_imin(size[1], size[2]));
-    float *patch = job->walls.patch;
-    int *queue = (int *)(void *)job->walls.sent; /* is set later; -1 - a cell: it is at a patch's rim, and dark */
+    float *patch = job->blockers.patch;
+    int *queue = (int *)(void *)job->blockers.sent; /* is set later; -1 - a cell: it is at a patch's rim, and dark */
     double covered = 0;
     size_t count = 0, end = 0;
     const size_t cells = (size_t)(pitch * size[1] * size[2]);
@@ -24324,7 +24354,7 @@ static double spsi_patches_find(const spsi_cell_job *job) {
                 const int x = own % pitch + 1 - link % 3, y = own / pitch % size[1] + 1 - link / 3 % 3;
                 const int z = own / pitch / size[1] + 1 - link / 9, at = (z * size[1] + y) * pitch + x;
                 if (x < 0 || y < 0 || z < 0 || x >= size[0] || y >= size[1] || z >= size[2]) continue;
-                if ((job->walls.closed[own] >> link & 1) || patch[at] < 0 || patch[at] > -100 * patch[own]) continue;
+                if ((job->blockers.closed[own] >> link & 1) || patch[at] < 0 || patch[at] > -100 * patch[own]) continue;
                 queue[end++] = -100 * patch[at] < patch[own] ? at : -1 - at;
                 patch[at] = -100 * patch[at] < patch[own] ? -patch[at] : patch[own];
             }
@@ -24350,12 +24380,12 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     spsi_tree_item *items[SPSI_FLIGHT_TREES];
     size_t most[SPSI_FLIGHT_TREES];
     const int blocks = spsi_emitter_blocks(job->context, frame, &most[SPSI_FLIGHTS_EMISSION]);
-    const double covered = job->walls.closed && job->grid_count == 1 ? spsi_patches_find(job) : 0;
+    const double covered = job->blockers.closed && job->grid_count == 1 ? spsi_patches_find(job) : 0;
     int shadow = 0;
     most[SPSI_FLIGHTS_EMISSION] += frame->matter.emits ? (size_t)frame->content->particle_count : 0;
     most[SPSI_FLIGHTS_SPOTS] = 0;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        most[SPSI_FLIGHTS_SPOTS] += spsi_cells_beams(job, &frame->lamps.list[i], 1) > 0;
+    for (int i = 0; i < frame->lights.count; ++i)
+        most[SPSI_FLIGHTS_SPOTS] += spsi_cells_beams(job, &frame->lights.list[i], 1) > 0;
     most[SPSI_FLIGHTS_SPOTS] *= SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
     most[SPSI_FLIGHTS_BEAMS] = most[SPSI_FLIGHTS_SPOTS] * spsi_beam_steps(job->grid) +
                                (frame->matter.emits ? (size_t)frame->content->particle_count : 0) + SPSI_VOLUMES_MAX;
@@ -24369,10 +24399,10 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     for (int i = 1; i < SPSI_FLIGHT_TREES; ++i) items[i] = items[i - 1] + most[i - 1];
     spsi_emitters_list(job->context, frame, blocks, trees, items);
     for (int i = 0; i < 2; ++i) spsi_emitters_cut(job->faces, &trees[i]);
-    for (int i = 0; i < frame->lamps.count && most[1] > 0; ++i) {
-        const spsi_light *lamp = &frame->lamps.list[i];
-        const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
-        if (spsi_cells_beams(job, lamp, 1) > 0) spsi_beams_list(job, lamp, own, items);
+    for (int i = 0; i < frame->lights.count && most[1] > 0; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
+        const spsi_shadow *own = light->shadows ? &job->shadows[shadow++] : NULL;
+        if (spsi_cells_beams(job, light, 1) > 0) spsi_beams_list(job, light, own, items);
     }
     if (covered > 0) spsi_patches_list(job, covered, most[SPSI_FLIGHTS_SPOTS], items[SPSI_FLIGHTS_SPOTS]);
     for (int i = 0; i < SPSI_FLIGHT_TREES; ++i)
@@ -24407,7 +24437,7 @@ static void spsi_cells_light_task(void *data, int row) {
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_spot spot;
     spot.row = (size_t)row * (size_t)grid->pitch;
-    for (size_t at = spot.row; at < spot.row + (size_t)grid->size[0] && job->walls.closed && grid->pyramid; ++at)
+    for (size_t at = spot.row; at < spot.row + (size_t)grid->size[0] && job->blockers.closed && grid->pyramid; ++at)
         spsi_cell_blockers_fly(job, at);
     for (int n = 0; n < 4; ++n)
         for (int x = 0; x < job->sheets.rays.width; x += SPSI_LANES) {
@@ -24417,18 +24447,19 @@ static void spsi_cells_light_task(void *data, int row) {
             if (!spsi_bits(spsi_less(spsi_set(0), spot.depth))) continue;
             for (int c = 0; c < grid->channels; ++c) spot.scale[c] = spsi_cells_scale(job, spot.row, c, x);
             spsi_cell_spot_build(&job->shader, job->sheets.slabs.thickness, x, sy, sz, &spot);
-            for (int i = 0; i < job->frame->lamps.shadow_count; ++i) spsi_cells_add_light(job, &job->shadows[i], &spot);
+            for (int i = 0; i < job->frame->lights.shadow_count; ++i)
+                spsi_cells_add_light(job, &job->shadows[i], &spot);
         }
 }
 
 /* Lights all cells, and the polygons about them. */
 SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage *part) {
     sps_context *context = job->context;
-    const int count = job->frame->lamps.shadow_count, rows = job->grid->size[1] * job->grid->size[2];
+    const int count = job->frame->lights.shadow_count, rows = job->grid->size[1] * job->grid->size[2];
     sps_tmap *maps;
     spsi_cell_directions(job->directions);
     if (spsi_cell_blockers_begin(job)) return context->result;
-    if (count == 0 && !job->walls.closed) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
+    if (count == 0 && !job->blockers.closed) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
     job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
     if (!job->shadows || !maps) return context->result;
@@ -24443,7 +24474,7 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
     if (!spsi_cells_shadows(job, part, maps)) {
-        if (job->walls.closed) spsi_parallel_items(context, rows, spsi_cells_blockers_task, job);
+        if (job->blockers.closed) spsi_parallel_items(context, rows, spsi_cells_blockers_task, job);
         if (!job->grid->pyramid || !spsi_cells_fly_to(job))
             spsi_parallel_items(context, rows, spsi_cells_light_task, job);
     }
@@ -24481,10 +24512,10 @@ static void spsi_cells_equations_task(void *data, int row) {
         }
         for (int t = 0; t < grid->terms; ++t) {
             const float light = job->incoming[(size_t)(c * grid->terms + t) * grid->count + at];
-            const float wall = job->wall_light ? job->wall_light[(size_t)t * grid->count + at] : 0;
+            const float blocker = job->blocker_light ? job->blocker_light[(size_t)t * grid->count + at] : 0;
             const float flown = grid->flown ? grid->flown[(size_t)(c * grid->terms + t) * grid->count + at] : 0;
             level->given[(size_t)t * grid->count + at] =
-                whole > 0 ? keep[spsi_term_degree(t)] * (light / (4 * whole) + wall + flown) : 0;
+                whole > 0 ? keep[spsi_term_degree(t)] * (light / (4 * whole) + blocker + flown) : 0;
         }
         if (depth > 0) level->given[at] += emitted / depth - (1 - keep[0]) * job->frame->given.ambient[c];
     }
@@ -24582,11 +24613,11 @@ SPSI_COLD void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     const size_t floats = (size_t)solver->terms * solver->levels[0].count;
     float *memory = solver->scratch + spsi_cell_scratch_floats(&solver->levels[0]);
     memset(memory, 0, spsi_cell_solver_blocker_floats(solver) * sizeof *memory);
-    solver->levels[0].closed = job->walls.closed;
-    solver->levels[0].walled = job->walls.walled;
-    for (int n = 0; n < job->grid->size[1] * job->grid->size[2]; ++n) solver->walled |= job->walls.walled[n] == 1;
+    solver->levels[0].closed = job->blockers.closed;
+    solver->levels[0].walled = job->blockers.walled;
+    for (int n = 0; n < job->grid->size[1] * job->grid->size[2]; ++n) solver->walled |= job->blockers.walled[n] == 1;
     *plain = solver->levels[0];
-    plain->walls = job->walls.sent;
+    plain->blockers = job->blockers.sent;
     plain->sent = memory;
     plain->moments[0] = memory + floats;
     plain->moments[1] = memory + 2 * floats;
@@ -24682,9 +24713,9 @@ static void spsi_cells_send_emission(const spsi_cell_job *job, int channel, floa
 static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
     spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
-    const float fraction = job->walls.closed && all > cells ? (all - cells) / (1 - cells) : 0;
+    const float fraction = job->blockers.closed && all > cells ? (all - cells) / (1 - cells) : 0;
     const int flies = cells > 0 && job->grid->flown;
-    if (!job->walls.closed && !flies) return;
+    if (!job->blockers.closed && !flies) return;
     spsi_cells_send_emission(job, channel, -fraction);
     int apart = spsi_cells_set_apart(job, channel);
     if (apart && flies) {
@@ -24905,14 +24936,14 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_
 /* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly
    changed. Returns by how much. */
 SPSI_COLD double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_level *plain) {
-    if (job->wall_light) spsi_cells_take_flux(job, channel, &job->coarse);
+    if (job->blocker_light) spsi_cells_take_flux(job, channel, &job->coarse);
     double change = spsi_cell_blockers_send(job, channel);
-    if (change < SPSI_CELL_CHANGE && job->wall_light) return change;
+    if (change < SPSI_CELL_CHANGE && job->blocker_light) return change;
     if (change > 0)
         spsi_cells_sweep(plain);
     else
         memset(plain->moments[0], 0, (size_t)job->solver->terms * plain->count * sizeof(float));
-    job->wall_light = plain->moments[0];
+    job->blocker_light = plain->moments[0];
     return change;
 }
 
@@ -24926,9 +24957,9 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_leve
     spsi_call_stage each = *part;
     double last = 0, change = 0;
     memset(solver->levels[0].depth, 0, (size_t)(solver->scratch - solver->levels[0].depth) * sizeof(float));
-    job->wall_light = NULL;
+    job->blocker_light = NULL;
     if (plain) {
-        memset(job->walls.sent, 0, grid->count * sizeof(float));
+        memset(job->blockers.sent, 0, grid->count * sizeof(float));
         spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         spsi_cells_levels(solver);
         change = spsi_cells_reflect(job, job->channel, plain);
@@ -24946,7 +24977,7 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_leve
     }
     if (grid->pyramid) spsi_cells_sweep_rest(job, job->channel, light);
     if (plain) spsi_cells_take_flux(job, job->channel, grid);
-    for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
+    for (size_t i = 0; i < moments && plain; ++i) light[i] += job->blocker_light[i];
     return SPS_OK;
 }
 
@@ -24961,7 +24992,7 @@ SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_call_st
     job->solver = &solver;
     solver.single = job->samples + grid->count; /* after the numbers of emitters */
     solver.set_count = grid->light_count * grid->peak_count;
-    if (job->walls.closed) {
+    if (job->blockers.closed) {
         spsi_cells_close(job, &plain);
         job->coarse = *grid;
         job->coarse.across /= 2;
@@ -24971,7 +25002,7 @@ SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_call_st
     }
     each.share /= grid->channels;
     for (job->channel = 0; job->channel < grid->channels; ++job->channel, each.progress += each.share)
-        if (spsi_cells_solve_channel(job, job->walls.closed ? &plain : NULL, &each)) return context->result;
+        if (spsi_cells_solve_channel(job, job->blockers.closed ? &plain : NULL, &each)) return context->result;
     return SPS_OK;
 }
 
@@ -25012,8 +25043,8 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
             bricks += across * up * (size_t)(size[2] / SPSI_BRICK + 1);
     }
     if (bricks > 0) count += bricks > SPSI_EMITTERS_MOST ? bricks : SPSI_EMITTERS_MOST;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        if (spsi_light_has_beam(&frame->lamps.list[i]))
+    for (int i = 0; i < frame->lights.count; ++i)
+        if (spsi_light_has_beam(&frame->lights.list[i]))
             count += (spsi_beam_steps(grid) + 1) * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
     count += spsi_emitting_cells(frame) + (size_t)(grid->size[0] * grid->size[1]);
     count += 2 * SPSI_FLIGHT_TREES; /* nodes of trees of none */
@@ -25033,8 +25064,8 @@ SPSI_COLD size_t spsi_cells_bytes(const spsi_frame *frame) {
     floats += SPSI_CELL_GRIDS * spsi_cell_grid_lay_out(frame, &grid, NULL);
     if (grid.flux_terms > 0) /* there are polygons, which receive light from cells */
         floats += spsi_cell_blockers_floats(&grid) + spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
-    for (int i = 0; i < frame->lamps.count; ++i) { /* lights' tables */
-        spsi_light coarse = frame->lamps.list[i];
+    for (int i = 0; i < frame->lights.count; ++i) { /* lights' tables */
+        spsi_light coarse = frame->lights.list[i];
         size_t held, filling;
         if (!coarse.shadows || spsi_has_shadow_table(&coarse)) continue;
         spsi_cells_map_light(spsi_cell_texels(frame), NULL, &coarse);
@@ -25045,19 +25076,19 @@ SPSI_COLD size_t spsi_cells_bytes(const spsi_frame *frame) {
 }
 
 /* A hash of what a light sends; 0 if it may change without notice. */
-static uint64_t spsi_light_fingerprint(uint64_t hash, const spsi_light *lamp) {
-    const double numbers[] = {lamp->position[0],   lamp->position[1],        lamp->position[2],
-                              lamp->direction[0],  lamp->direction[1],       lamp->direction[2],
-                              lamp->extent.radius, lamp->cone.none,          lamp->cone.rim};
+static uint64_t spsi_light_fingerprint(uint64_t hash, const spsi_light *light) {
+    const double numbers[] = {light->position[0],   light->position[1],  light->position[2],
+                              light->direction[0],  light->direction[1], light->direction[2],
+                              light->extent.radius, light->cone.none,    light->cone.rim};
     const int flags[] = {
-        lamp->is_point,      lamp->falls_off,           lamp->shadows,        lamp->cone.exists,
-        lamp->extent.exists, lamp->extent.is_disc,      lamp->point_count,    lamp->has_map,
-        lamp->map_size,      lamp->map_omnidirectional, lamp->map.components, (int)lamp->map.technique};
-    if (lamp->projection.exists || !hash) return 0;
+        light->is_point,      light->falls_off,           light->shadows,        light->cone.exists,
+        light->extent.exists, light->extent.is_disc,      light->point_count,    light->has_map,
+        light->map_size,      light->map_omnidirectional, light->map.components, (int)light->map.technique};
+    if (light->projection.exists || !hash) return 0;
     hash = spsi_fingerprint(hash, numbers, sizeof numbers);
     hash = spsi_fingerprint(hash, flags, sizeof flags);
-    hash = spsi_fingerprint(hash, lamp->extent.axis, sizeof lamp->extent.axis);
-    return spsi_fingerprint(hash, lamp->color, sizeof lamp->color);
+    hash = spsi_fingerprint(hash, light->extent.axis, sizeof light->extent.axis);
+    return spsi_fingerprint(hash, light->color, sizeof light->color);
 }
 
 /* A hash of all that light scattered in gas depends on, except where it is kept; 0 if some of it may change without
@@ -25082,7 +25113,7 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
         hash = spsi_fingerprint(hash, material->emission, sizeof material->emission);
         hash = spsi_fingerprint(hash, material->lobes, (size_t)material->lobe_count * sizeof(sps_lobe));
     }
-    for (int i = 0; i < frame->lamps.count; ++i) hash = spsi_light_fingerprint(hash, &frame->lamps.list[i]);
+    for (int i = 0; i < frame->lights.count; ++i) hash = spsi_light_fingerprint(hash, &frame->lights.list[i]);
     return hash;
 }
 
@@ -25183,35 +25214,35 @@ SPSI_COLD sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *
    to 1 at half of it. Projectors, narrow cones and lights without shadows have no weight. */
 static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *grids, int count) {
     const int most = count > 0 ? grids->light_count : 0;
-    spsi_cell_light lights[SPSI_CELL_SETS + 1], light;
-    memset(lights, 0, sizeof lights);
-    for (int i = 0; i < frame->lamps.whole_count && most > 0; ++i) {
-        const spsi_light *lamp = &frame->lamps.whole[i];
-        const double sum = (double)lamp->color[0] + (double)lamp->color[1] + (double)lamp->color[2];
-        double weight = lamp->cone.exists ? lamp->cone.none / 0.3 - 1 : 1;
-        if (!lamp->shadows || lamp->projection.exists) continue;
-        light.index = lamp->index, light.places = 1 + lamp->is_point, light.brings = 0;
+    spsi_cell_light list[SPSI_CELL_SETS + 1], entry;
+    memset(list, 0, sizeof list);
+    for (int i = 0; i < frame->lights.whole_count && most > 0; ++i) {
+        const spsi_light *light = &frame->lights.whole[i];
+        const double sum = (double)light->color[0] + (double)light->color[1] + (double)light->color[2];
+        double weight = light->cone.exists ? light->cone.none / 0.3 - 1 : 1;
+        if (!light->shadows || light->projection.exists) continue;
+        entry.index = light->index, entry.places = 1 + light->is_point, entry.brings = 0;
         for (int n = 0; n < count; ++n) {
             const double longest = grids[n].edge * frame->view.scattering_resolution;
             double apart = 0;
             for (int k = 0; k < 3; ++k) {
                 const double half = 0.5 * grids[n].edge * grids[n].size[k], centre = grids[n].corner[k] + half;
-                light.at[k] = lamp->is_point ? lamp->position[k] : centre - 1e5 * longest * lamp->direction[k];
-                apart += pow(spsi_dmax(fabs(lamp->position[k] - centre) - half, 0), 2);
+                entry.at[k] = light->is_point ? light->position[k] : centre - 1e5 * longest * light->direction[k];
+                apart += pow(spsi_dmax(fabs(light->position[k] - centre) - half, 0), 2);
             }
-            if (lamp->is_point) weight = spsi_dmin(weight, 4 * (sqrt(apart) - lamp->extent.radius) / longest - 1);
-            light.brings = spsi_dmax(light.brings, sum / (lamp->falls_off ? apart + longest * longest : 1));
+            if (light->is_point) weight = spsi_dmin(weight, 4 * (sqrt(apart) - light->extent.radius) / longest - 1);
+            entry.brings = spsi_dmax(entry.brings, sum / (light->falls_off ? apart + longest * longest : 1));
         }
-        light.weight = (float)spsi_dmin(weight, 1), light.brings *= (double)light.weight;
-        for (int k = most; k >= 0 && light.brings > lights[k].brings; --k) {
-            if (k < most) lights[k + 1] = lights[k];
-            lights[k] = light;
+        entry.weight = (float)spsi_dmin(weight, 1), entry.brings *= (double)entry.weight;
+        for (int k = most; k >= 0 && entry.brings > list[k].brings; --k) {
+            if (k < most) list[k + 1] = list[k];
+            list[k] = entry;
         }
     }
     for (int n = 0; n < count; ++n)
-        for (int i = grids[n].light_count = 0; i < most && lights[i].brings > lights[most].brings; ++i) {
-            grids[n].lights[grids[n].light_count++] = lights[i];
-            grids[n].lights[i].weight *= (float)spsi_dmin(2 - 2 * lights[most].brings / lights[i].brings, 1);
+        for (int i = grids[n].light_count = 0; i < most && list[i].brings > list[most].brings; ++i) {
+            grids[n].lights[grids[n].light_count++] = list[i];
+            grids[n].lights[i].weight *= (float)spsi_dmin(2 - 2 * list[most].brings / list[i].brings, 1);
         }
 }
 
@@ -25356,12 +25387,12 @@ typedef struct spsi_spread_job {
     spsi_spread *spread;
     int face, fine; /* fine: samples along each side of a texel */
     spsi_sampling sheets;
-    spsi_light lamp; /* its centre, without falloff */
+    spsi_light light; /* its centre, without falloff */
     spsi_shadow shadow;
     spsi_rays rays; /* through the texels */
     spsi_shader shader;
     spsi_sweep sweep;
-    spsi_spread_light light[3]; /* per channel */
+    spsi_spread_light flow[3];  /* per channel */
     int first, count;           /* of the chunk's sheets */
     size_t plane;               /* floats of one of them */
     /* spsi_spread_sheet's, per sheet, and all but depth and reach per channel, too */
@@ -25397,7 +25428,7 @@ static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spo
     spsi_v lit[SPSI_SUBSLABS];
     for (int c = 0; c < 3; ++c) filter[c] = one;
     spsi_lit_fractions(&job->shader, &job->shadow.depth_map, &spot->pixels, &spot->slab, lit);
-    if (job->shadow.pane_map_count > 0)
+    if (job->shadow.translucency_map_count > 0)
         spsi_subslab_filter(&job->shader, &job->shadow, &spot->pixels, &spot->part, filter);
     for (int c = 0; c < job->spread->channels; ++c) {
         float *lit_before = job->lit + (size_t)c * job->plane + texel;
@@ -25412,22 +25443,23 @@ static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spo
 
 /* Mean of what a spotlight's cone lets pass over a square of texels, about column x and row y: by quarters along the
    rim, until they are small against cone and texel, so that no light is made or lost however few texels it meets. */
-static double spsi_spread_cone(const spsi_light *lamp, const spsi_rays *rays, double x, double y, double size) {
-    const double outer = 2 * asin(spsi_dmin(sqrt(0.5 * lamp->cone.none), 1));
-    const double inner = 2 * asin(spsi_dmin(sqrt(0.5 * spsi_dmax(lamp->cone.none - lamp->cone.rim, 0)), 1));
+static double spsi_spread_cone(const spsi_light *light, const spsi_rays *rays, double x, double y, double size) {
+    const double outer = 2 * asin(spsi_dmin(sqrt(0.5 * light->cone.none), 1));
+    const double inner = 2 * asin(spsi_dmin(sqrt(0.5 * spsi_dmax(light->cone.none - light->cone.rim, 0)), 1));
     double ray[3], across[3], angle, reach, sum = 0;
     spsi_ray_direction(rays, x, y, ray);
-    spsi_cross(lamp->direction, ray, across);
-    angle = atan2(spsi_length(across), spsi_dot(lamp->direction, ray));
+    spsi_cross(light->direction, ray, across);
+    angle = atan2(spsi_length(across), spsi_dot(light->direction, ray));
     reach = 0.5 * size * (spsi_length(rays->a) + spsi_length(rays->b)) / spsi_length(ray);
     if (angle >= outer + reach) return 0;
     if (angle + reach <= inner) return 1;
     if (size < 0.2 && reach < 0.1 * outer) {
-        const double share = (lamp->cone.none - 2 * pow(sin(0.5 * angle), 2)) / lamp->cone.rim;
+        const double share = (light->cone.none - 2 * pow(sin(0.5 * angle), 2)) / light->cone.rim;
         return pow(spsi_dmin(spsi_dmax(share, 0), 1), 2);
     }
     for (int i = 0; i < 4; ++i)
-        sum += spsi_spread_cone(lamp, rays, x + (i % 2 - 0.5) * 0.5 * size, y + (i / 2 - 0.5) * 0.5 * size, 0.5 * size);
+        sum +=
+            spsi_spread_cone(light, rays, x + (i % 2 - 0.5) * 0.5 * size, y + (i / 2 - 0.5) * 0.5 * size, 0.5 * size);
     return 0.25 * sum;
 }
 
@@ -25449,7 +25481,7 @@ static void spsi_spread_light_task(void *data, int y) {
             middle = spot.part;
             middle.half = spsi_set(0);
             middle.ends[0] = middle.ends[1] = middle.middle;
-            spsi_light_at(&job->shader, &job->lamp, &spot.pixels, &middle, spsi_set(0), &incident);
+            spsi_light_at(&job->shader, &job->light, &spot.pixels, &middle, spsi_set(0), &incident);
             spsi_spread_polygons(job, &spot, texel, at, filter);
             for (int c = 0; c < job->spread->channels; ++c)
                 spsi_store(job->source + (size_t)c * SPSI_CHUNK * job->plane + at,
@@ -25464,7 +25496,7 @@ static void spsi_spread_light_task(void *data, int y) {
    turns back, for which half of what has turned back so far makes up. */
 static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
     const spsi_spread *spread = job->spread;
-    const spsi_spread_light *light = &job->light[c];
+    const spsi_spread_light *light = &job->flow[c];
     const size_t count = (size_t)light->size[1] * (size_t)spread->pitch;
     const size_t to = (size_t)(c * (spread->sheet_count + 1) + plane) * spread->plane + (size_t)job->face * count;
     float *const *narrow = light->part[SPSI_SPREAD_NARROW][0], *const *wide = light->part[SPSI_SPREAD_WIDE][0];
@@ -25501,7 +25533,7 @@ static void spsi_spread_propagate_task(void *data, int c) {
         const spsi_spread_sheet sheet = {job->depth + at, job->scattered + own, job->turned + own, job->back + own,
                                          job->source + own, job->open + own, job->reach + at, growth,
                                          is_last ? 3 : 1 << (k & 1), is_last};
-        spsi_spread_step(&job->light[c], &sheet);
+        spsi_spread_step(&job->flow[c], &sheet);
         spsi_spread_keep(job, c, job->first + k + 1);
     }
 }
@@ -25539,7 +25571,7 @@ SPSI_COLD sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory)
     job->rays = spread->map.rays[job->face];
     memset(&job->sheets, 0, sizeof job->sheets);
     if (!spsi_spread_aim_fine(spread, job->face, job->fine, &job->sheets.rays, slabs))
-        return spsi_fail_that(job->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, job->lamp.index, "position", 0,
+        return spsi_fail_that(job->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, job->light.index, "position", 0,
                               SPSI_TEXELS_ALIKE);
     spsi_cells_shader(frame, job->faces, &job->rays, slabs, &job->sweep, &job->shader);
     spsi_shadow_aim(&job->rays, &job->shadow);
@@ -25555,11 +25587,11 @@ SPSI_COLD sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory)
     memory = job->cone + job->plane;
     for (size_t i = 0; i < job->plane; ++i) {
         const double x = (double)(i % (size_t)spread->pitch), y = (double)(i / (size_t)spread->pitch);
-        job->cone[i] = spread->lamp->cone.exists ? (float)spsi_spread_cone(spread->lamp, &job->rays, x, y, 1) : 1;
+        job->cone[i] = spread->light->cone.exists ? (float)spsi_spread_cone(spread->light, &job->rays, x, y, 1) : 1;
     }
     for (size_t i = 0; i < channels * job->plane; ++i) job->lit[i] = 1;
-    for (size_t c = 0; c < channels; ++c, memory += spsi_spread_light_floats(&job->light[0]))
-        spsi_spread_light_begin(&job->light[c], &job->rays, memory);
+    for (size_t c = 0; c < channels; ++c, memory += spsi_spread_light_floats(&job->flow[0]))
+        spsi_spread_light_begin(&job->flow[c], &job->rays, memory);
     return spsi_sampling_begin(job->context, frame, &job->sheets);
 }
 
@@ -25575,7 +25607,7 @@ SPSI_COLD sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const
         job->count = spsi_imin(SPSI_CHUNK / job->fine, spread->sheet_count - job->first);
         memset(job->depth, 0, (size_t)(1 + 3 * spread->channels) * SPSI_CHUNK * job->plane * sizeof(float));
         spsi_sampling_chunk(&job->sheets, chunk, spsi_spread_add_sample, job);
-        spsi_parallel_items(context, job->light[0].size[1], spsi_spread_light_task, job);
+        spsi_parallel_items(context, job->flow[0].size[1], spsi_spread_light_task, job);
         spsi_parallel_items(context, spread->channels, spsi_spread_propagate_task, job);
     }
     return SPS_OK;
@@ -25585,12 +25617,12 @@ SPSI_COLD sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const
 SPSI_COLD int spsi_spread_sheets_most(int texels) { return 2 * texels; }
 
 /* Aims a light's sheets at the gas. They are as thick as texels in the middle are wide. */
-SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame, const spsi_light *lamp,
+SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                      spsi_spread *spread) {
     const sps_tmap_settings *range = &spread->map.settings;
-    spsi_light coarse = *lamp;
+    spsi_light coarse = *light;
     spsi_cells_map_light(spsi_imax(16, 2 * frame->view.scattering_resolution), NULL, &coarse);
-    spread->lamp = lamp;
+    spread->light = light;
     spread->channels = frame->channels;
     if (spsi_light_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
     if (spread->map.face_count > 1) { /* twice as many around as across */
@@ -25612,19 +25644,19 @@ SPSI_COLD size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spr
     job->spread = spread;
     job->fine = spsi_spread_fineness(frame, spread);
     job->plane = (size_t)spread->pitch * (size_t)rays->height;
-    job->lamp = *spread->lamp;
-    job->lamp.falls_off = job->lamp.extent.exists = job->lamp.cone.exists = 0;
-    job->lamp.few_count = 1;
+    job->light = *spread->light;
+    job->light.falls_off = job->light.extent.exists = job->light.cone.exists = 0;
+    job->light.few_count = 1;
     for (int c = 0; c < spread->channels; ++c) {
-        spsi_spread_light *light = &job->light[c];
-        light->size[0] = rays->width;
-        light->size[1] = rays->height;
-        light->pitch[0] = spread->pitch;
-        light->pitch[1] = spsi_cell_pitch(rays->height);
-        light->mirrored = spread->map.face_count > 1;
+        spsi_spread_light *flow = &job->flow[c];
+        flow->size[0] = rays->width;
+        flow->size[1] = rays->height;
+        flow->pitch[0] = spread->pitch;
+        flow->pitch[1] = spsi_cell_pitch(rays->height);
+        flow->mirrored = spread->map.face_count > 1;
     }
     return ((size_t)(2 + 5 * spread->channels) * SPSI_CHUNK + (size_t)spread->channels + 1) * job->plane +
-           (size_t)spread->channels * spsi_spread_light_floats(&job->light[0]);
+           (size_t)spread->channels * spsi_spread_light_floats(&job->flow[0]);
 }
 
 /* Carries the light of all lamps. */
@@ -25636,7 +25668,7 @@ SPSI_COLD sps_result spsi_spreads_make(sps_context *context, const spsi_frame *f
     spsi_call_stage each = *part;
     if (!job || !shadows) return context->result;
     memset(shadows, 0, count * sizeof *shadows);
-    for (size_t i = 0; i < count; ++i) shadows[i].lamp = spreads->list[i].lamp;
+    for (size_t i = 0; i < count; ++i) shadows[i].light = spreads->list[i].light;
     if (spsi_depth_maps_build(context, frame, faces, 0, shadows, spreads->count) ||
         spsi_translucency_maps_build(context, frame, faces, shadows, spreads->count))
         return context->result;
@@ -25667,7 +25699,7 @@ SPSI_COLD sps_result spsi_spreads_make(sps_context *context, const spsi_frame *f
 /* Finds the light that spreads from each lamp which casts shadows, unless it is held from the last call. */
 SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                         const spsi_call_stage *part, spsi_spreads *spreads) {
-    const size_t count = (size_t)frame->lamps.shadow_count;
+    const size_t count = (size_t)frame->lights.shadow_count;
     const double start = spsi_clock(context);
     const uint64_t key = spsi_scattered_fingerprint(context, frame);
     size_t floats = 0;
@@ -25677,10 +25709,10 @@ SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *
     spreads->list = (spsi_spread *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, count, sizeof *spreads->list);
     if (!spreads->list) return context->result;
     memset(spreads->list, 0, count * sizeof *spreads->list);
-    for (int i = 0; i < frame->lamps.count; ++i) {
+    for (int i = 0; i < frame->lights.count; ++i) {
         spsi_spread *spread = &spreads->list[spreads->count];
-        if (!frame->lamps.list[i].shadows) continue;
-        if (spsi_spread_aim(context, frame, &frame->lamps.list[i], spread)) return context->result;
+        if (!frame->lights.list[i].shadows) continue;
+        if (spsi_spread_aim(context, frame, &frame->lights.list[i], spread)) return context->result;
         spreads->count += 1;
         floats += spsi_spread_floats(spread);
     }
@@ -25703,19 +25735,19 @@ SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *
 /* Upper bound of the bytes for all that. */
 SPSI_COLD size_t spsi_spreads_bytes(const spsi_frame *frame) {
     size_t floats = 0, most = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) {
+    for (int i = 0; i < frame->lights.count; ++i) {
         const int side = spsi_imax(16, 2 * frame->view.scattering_resolution);
         spsi_spread_job job;
         spsi_spread spread;
-        if (!frame->lamps.list[i].shadows) continue;
+        if (!frame->lights.list[i].shadows) continue;
         memset(&spread, 0, sizeof spread);
         memset(&job, 0, sizeof job);
-        spread.lamp = &frame->lamps.list[i];
+        spread.light = &frame->lights.list[i];
         spread.channels = frame->channels;
         spread.sheet_count = spsi_spread_sheets_most(side);
         spread.pitch = spsi_cell_pitch(side);
         spread.map.rays[0].width = spread.map.rays[0].height = side;
-        spread.map.face_count = spread.lamp->is_point ? SPSI_CUBE_FACES : 1;
+        spread.map.face_count = spread.light->is_point ? SPSI_CUBE_FACES : 1;
         spread.plane = (size_t)(spread.pitch * spread.map.face_count * side);
         floats += spsi_spread_floats(&spread) + sizeof spread / sizeof(float) + 1;
         size_t needed = spsi_spread_job_begin(frame, &spread, &job);
@@ -25796,9 +25828,9 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const int width = run->shader.frame->content->eye.width, height = run->shader.frame->content->eye.height;
     const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
-    const spsi_lights *lamps = &run->shader.frame->lamps;
+    const spsi_lights *lights = &run->shader.frame->lights;
     int points = 1; /* and those of all lights */
-    for (int i = 0; i < lamps->count; ++i) points += lamps->list[i].extent.exists ? lamps->list[i].point_count : 1;
+    for (int i = 0; i < lights->count; ++i) points += lights->list[i].extent.exists ? lights->list[i].point_count : 1;
     const int tick_rows = spsi_imax(8 * SPSI_TILE_HEIGHT / points, 1); /* a few milliseconds' work */
     uint64_t shaded = 0;
     int touched = 0;
@@ -25885,10 +25917,10 @@ static void spsi_polygon_range_task(void *data, int index) {
 /* Begins the shadow of the sweep's own lamp. */
 SPSI_COLD sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     const spsi_shader *shader = &run->shader;
-    run->has_sliced = shader->sweep->lamp && !shader->again.measures && spsi_holds_gas(context, shader->frame);
+    run->has_sliced = shader->sweep->light && !shader->again.measures && spsi_holds_gas(context, shader->frame);
     if (!run->has_sliced) return SPS_OK;
     for (int i = 0; i < shader->shadow_count; ++i) {
-        if (run->shadows[i].lamp != shader->sweep->lamp) continue;
+        if (run->shadows[i].light != shader->sweep->light) continue;
         run->shadows[i].kind = SPSI_SHADOW_SHEETS;
         run->shadows[i].sliced = &run->sliced;
     }
@@ -25979,7 +26011,7 @@ SPSI_COLD sps_result spsi_run_build(sps_context *context, const spsi_frame *fram
     shader->hits = faces->count > 0 ? visible->hits : NULL;
     shader->unshadowed = sweep->first && !shader->again.measures &&
                          (frame->has_ambient || frame->matter.emits || frame->content->cells ||
-                          frame->lamps.count > frame->lamps.shadow_count);
+                          frame->lights.count > frame->lights.shadow_count);
     shader->end_depth = spsi_scatters_forward(frame) || (spsi_scatters_fully(frame) && frame->matter.orders > 1)
                             ? SPSI_FORWARD_END
                             : (float)-log(frame->accuracy.threshold);
@@ -26094,34 +26126,34 @@ static const int spsi_cell_presets[SPSI_CELL_PRESETS] = {24, 48, 96, 192};
 
 /* Classified volumes have no use for thick slabs, nor tolerances: their lowest rungs are one. */
 static spsi_preset spsi_preset_of(const spsi_frame *frame, int rung) {
-    spsi_preset grade = spsi_presets[rung];
-    if (frame->matter.classifies) grade.slab_thickness = 0, grade.tolerance = 0;
-    return grade;
+    spsi_preset preset = spsi_presets[rung];
+    if (frame->matter.classifies) preset.slab_thickness = 0, preset.tolerance = 0;
+    return preset;
 }
 
 /* Whether a budget chooses the number of a light's points. */
-SPSI_COLD int spsi_light_is_open(const spsi_light *lamp) { return lamp->extent.exists && lamp->samples == 0; }
+SPSI_COLD int spsi_light_is_open(const spsi_light *light) { return light->extent.exists && light->samples == 0; }
 
 SPSI_COLD int spsi_lights_are_open(const spsi_frame *frame) {
-    for (int i = 0; i < frame->lamps.count; ++i)
-        if (spsi_light_is_open(&frame->lamps.list[i])) return 1;
+    for (int i = 0; i < frame->lights.count; ++i)
+        if (spsi_light_is_open(&frame->lights.list[i])) return 1;
     return 0;
 }
 
 /* Applies a setting to the frame. Lights' choices between sheets and tables are open then. */
 SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
-    const spsi_preset grade = spsi_preset_of(frame, setting->gas);
-    spsi_lights *lamps = &frame->lamps;
-    frame->view.quality = grade.quality;
+    const spsi_preset preset = spsi_preset_of(frame, setting->gas);
+    spsi_lights *lights = &frame->lights;
+    frame->view.quality = preset.quality;
     frame->view.slab_thickness = 0;
-    frame->view.tolerance = grade.tolerance;
+    frame->view.tolerance = preset.tolerance;
     frame->view.scattering_resolution = spsi_cell_presets[setting->cells];
     spsi_resolve_quality(frame);
-    if (grade.slab_thickness > 0) frame->view.slab_thickness = grade.slab_thickness, frame->accuracy.slab_pixels = 0;
+    if (preset.slab_thickness > 0) frame->view.slab_thickness = preset.slab_thickness, frame->accuracy.slab_pixels = 0;
     frame->accuracy.light_points = spsi_point_presets[setting->points];
-    for (int i = 0; i < lamps->whole_count; ++i)
-        if (lamps->whole[i].choice != SPSI_CHOICE_CALLER) spsi_light_take(&lamps->whole[i], 0, SPSI_CHOICE_OPEN);
-    spsi_lights_list(lamps, lamps->whole, lamps->whole_count);
+    for (int i = 0; i < lights->whole_count; ++i)
+        if (lights->whole[i].choice != SPSI_CHOICE_CALLER) spsi_light_take(&lights->whole[i], 0, SPSI_CHOICE_OPEN);
+    spsi_lights_list(lights, lights->whole, lights->whole_count);
     return spsi_resolve_points(context, frame);
 }
 
@@ -26151,7 +26183,7 @@ SPSI_COLD double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *swe
     double count;
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
     if (!spsi_sweep_place(frame, sweep)) return HUGE_VAL;
-    count = spsi_slabs_place(frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
+    count = spsi_slabs_place(frame, &sweep->eye, sweep->light, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
     return count <= SPSI_SLABS_MAX ? count : HUGE_VAL;
 }
 
@@ -26164,22 +26196,22 @@ SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
         spsi_sweep sweep;
         const double slabs = spsi_work_sweep(frame, n, &sweep);
         work->units[SPSI_STAGE_EYE] += (1 + covered) * (8 + slabs);
-        if (!sweep.lamp || !(slabs < HUGE_VAL)) continue;
+        if (!sweep.light || !(slabs < HUGE_VAL)) continue;
         const double texels = slabs * sweep.rays.width * sweep.rays.height;
         work->units[SPSI_STAGE_LIGHT] += texels;
         if (!sweep.soft) continue;
-        work->units[SPSI_STAGE_LIGHT] += SPSI_POINT_TEXEL_UNITS * texels * sweep.lamp->point_count;
+        work->units[SPSI_STAGE_LIGHT] += SPSI_POINT_TEXEL_UNITS * texels * sweep.light->point_count;
         if (frame->meshes.triangle_count > 0)
-            work->units[SPSI_STAGE_EYE] += SPSI_POINT_PIXEL_UNITS * pixels * sweep.lamp->point_count;
+            work->units[SPSI_STAGE_EYE] += SPSI_POINT_PIXEL_UNITS * pixels * sweep.light->point_count;
     }
 }
 
 /* Whether a light's table is held from an earlier call; `gas` is the fingerprint of the gas. */
-SPSI_COLD int spsi_table_is_held(sps_context *context, const spsi_frame *frame, const spsi_light *lamp, uint64_t gas) {
+SPSI_COLD int spsi_table_is_held(sps_context *context, const spsi_frame *frame, const spsi_light *light, uint64_t gas) {
     const sps_tmap *held = (const sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     sps_tmap map;
-    if (!gas || !spsi_has_shadow_table(lamp) || context->shadow_table_count == 0) return 0;
-    if (spsi_light_tmap_aim(context, frame, lamp, &map)) return 0;
+    if (!gas || !spsi_has_shadow_table(light) || context->shadow_table_count == 0) return 0;
+    if (spsi_light_tmap_aim(context, frame, light, &map)) return 0;
     const uint64_t key = spsi_shadow_table_key(frame, spsi_shadow_table_aim(&map), gas);
     for (int i = 0; i < context->shadow_table_count; ++i)
         if (held[i].key == key) return 1;
@@ -26188,17 +26220,17 @@ SPSI_COLD int spsi_table_is_held(sps_context *context, const spsi_frame *frame, 
 
 /* Tables and maps, except for those by which cells are lit, which are made with these. */
 SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, uint64_t gas, spsi_work *work) {
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_light *lamp = &frame->lamps.list[i];
-        const int is_empty = spsi_bounds_empty(spsi_light_bounds(frame, lamp)); /* volumes hold nothing */
+    for (int i = 0; i < frame->lights.count; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
+        const int is_empty = spsi_bounds_empty(spsi_light_bounds(frame, light)); /* volumes hold nothing */
         size_t side;
-        if (!lamp->has_map || spsi_scatters_fully(frame) || (is_empty && frame->particles.set_count == 0)) continue;
-        if (!is_empty && spsi_table_is_held(context, frame, lamp, gas)) {
+        if (!light->has_map || spsi_scatters_fully(frame) || (is_empty && frame->particles.set_count == 0)) continue;
+        if (!is_empty && spsi_table_is_held(context, frame, light, gas)) {
             work->tables_held = 1;
             continue;
         }
         work->units[SPSI_STAGE_LIGHT] +=
-            (double)spsi_light_tmap_texels(frame, lamp, &side) * (double)spsi_light_tmap_components(frame, lamp);
+            (double)spsi_light_tmap_texels(frame, light, &side) * (double)spsi_light_tmap_components(frame, light);
     }
 }
 
@@ -26221,13 +26253,13 @@ SPSI_COLD void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) 
     double *units = &work->units[SPSI_STAGE_SURFACES];
     const int shades_gas = frame->matter.scatters && !spsi_bounds_empty(&frame->content->bounds);
     *units += pixels + (double)frame->meshes.triangle_count;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_light *lamp = &frame->lamps.list[i];
+    for (int i = 0; i < frame->lights.count; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
         spsi_depth_map map;
-        if (!lamp->shadows) continue;
-        *units += pixels * lamp->point_count;
-        if (!shades_gas || lamp->extent.exists) continue;
-        spsi_depth_map_aim(frame, lamp, spsi_depth_map_size(frame), spsi_depth_map_texel(frame), &map);
+        if (!light->shadows) continue;
+        *units += pixels * light->point_count;
+        if (!shades_gas || light->extent.exists) continue;
+        spsi_depth_map_aim(frame, light, spsi_depth_map_size(frame), spsi_depth_map_texel(frame), &map);
         for (int face = 0; face < map.face_count; ++face)
             *units += SPSI_DEPTH_TEXEL_UNITS * (double)spsi_ray_count(&map.rays[face]);
     }
@@ -26264,15 +26296,15 @@ SPSI_COLD int spsi_stage_preset(spsi_stage stage, const spsi_setting *setting) {
 /* The rate of a stage: the context's own or, from the nearest rung that has one, in the proportion of start values. */
 SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
     const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
-    const int grade = spsi_stage_preset(stage, setting), cells = stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD;
+    const int preset = spsi_stage_preset(stage, setting), cells = stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD;
     for (int away = 0; away < SPSI_PRESETS; ++away) /* of two that are as near, the coarser one */
         for (int sign = -1; sign <= 1; sign += 2) {
-            const int at = grade + sign * away;
+            const int at = preset + sign * away;
             if (at < 0 || at >= SPSI_PRESETS || !(known[at] > 0)) continue;
             /* that of thick slabs which were splatted says nothing of others */
-            if (away == 0 || cells || !context->pace.splats[at]) return known[at] * (start[grade] / start[at]);
+            if (away == 0 || cells || !context->pace.splats[at]) return known[at] * (start[preset] / start[at]);
         }
-    return start[grade] / spsi_worker_count(context);
+    return start[preset] / spsi_worker_count(context);
 }
 
 /* --- how far it is off --- */
@@ -26289,12 +26321,12 @@ static const double spsi_cell_errors[SPSI_CELL_PRESETS] = {0.28, 0.13, 0.065, 0.
 
 /* What the points of a light are off by: their number is on a rung, or above one. Below the lowest, error is as their
    distance. */
-SPSI_COLD double spsi_light_error(const spsi_light *lamp, const spsi_setting *setting) {
+SPSI_COLD double spsi_light_error(const spsi_light *light, const spsi_setting *setting) {
     int at = 0;
-    if (!lamp->extent.exists || !lamp->shadows) return 0;
-    if (spsi_light_is_open(lamp)) return spsi_point_errors[setting->points];
-    while (at + 1 < SPSI_POINT_PRESETS && spsi_point_presets[at + 1] <= lamp->samples) ++at;
-    return spsi_point_errors[at] * spsi_dmax(1, sqrt((double)spsi_point_presets[0] / lamp->samples));
+    if (!light->extent.exists || !light->shadows) return 0;
+    if (spsi_light_is_open(light)) return spsi_point_errors[setting->points];
+    while (at + 1 < SPSI_POINT_PRESETS && spsi_point_presets[at + 1] <= light->samples) ++at;
+    return spsi_point_errors[at] * spsi_dmax(1, sqrt((double)spsi_point_presets[0] / light->samples));
 }
 
 /* Mean optical depth along the diameters of the particles that scatter light, by the light that each takes: what meets
@@ -26304,8 +26336,8 @@ SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
     for (int i = 0, n = 0; i < frame->particles.set_count && frame->content->particle_count > 0; ++i) {
         const spsi_particle_set *set = &frame->particles.sets[i];
         for (; n < frame->content->set_ends[i]; ++n) {
-            const sps_particle *ball = &frame->content->particles[n];
-            const double radius = (double)ball->radius, depth = spsi_particle_depth(ball, set);
+            const sps_particle *sphere = &frame->content->particles[n];
+            const double radius = (double)sphere->radius, depth = spsi_particle_depth(sphere, set);
             if (!frame->matter.materials[set->channel].scatters) continue;
             sum += radius * radius * spsi_dmin(depth, 1) * depth;
             weights += radius * radius * spsi_dmin(depth, 1);
@@ -26317,13 +26349,13 @@ SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
 /* Before black, gas that covers a share c of the pixels, and is off by e of its own mean, is off by e sqrt(c) in the
    picture, whose mean is c times as much: by e / sqrt(c). Gas that is out of sight may still shade polygons. `balls`:
    depth of particles that scatter light. */
-SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double balls) {
+SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double spheres) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     const double covered = spsi_dmin(spsi_covered_pixels(frame), pixels);
     const double shown = covered > 0 ? pixels / covered : frame->meshes.triangle_count > 0 ? 1 : 0;
     const int again = spsi_scatters_fully(frame) || spsi_scatters_aside(frame);
     const double cells = again ? spsi_cell_errors[setting->cells] : 0;
-    const double ball = frame->lamps.shadow_count > 0 ? spsi_sphere_errors[setting->gas] * balls : 0;
+    const double sphere = frame->lights.shadow_count > 0 ? spsi_sphere_errors[setting->gas] * spheres : 0;
     double gas = 0, points = 0, most = 0; /* depth of a voxel: puffs of 0.5 to 3.2 err 1.1 to 3.2 times the table's */
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
@@ -26332,9 +26364,9 @@ SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting
     }
     if (frame->matter.material_count > 0)
         gas = spsi_gas_errors[frame->matter.classifies][setting->gas] * spsi_dmax(1, pow(most / 0.3, 0.55));
-    for (int i = 0; i < frame->lamps.count; ++i)
-        points = spsi_dmax(points, spsi_light_error(&frame->lamps.list[i], setting));
-    return sqrt(points * points + (gas * gas + ball * ball + cells * cells) * shown);
+    for (int i = 0; i < frame->lights.count; ++i)
+        points = spsi_dmax(points, spsi_light_error(&frame->lights.list[i], setting));
+    return sqrt(points * points + (gas * gas + sphere * sphere + cells * cells) * shown);
 }
 
 /* --- the choice --- */
@@ -26384,33 +26416,33 @@ SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_fram
 
 /* Sets the seconds that are expected of a setting, and whether the rates of all stages are known. */
 static void spsi_candidate_time(const sps_context *context, const spsi_work *work, const spsi_setting *setting,
-                                spsi_candidate *offer) {
-    offer->is_known = 1;
+                                spsi_candidate *candidate) {
+    candidate->is_known = 1;
     for (int n = 0; n < SPSI_STAGE_COUNT; ++n) {
         const spsi_stage stage = (spsi_stage)n;
         if (!(work->units[n] > 0)) continue;
-        offer->seconds += work->units[n] * spsi_rate(context, stage, setting);
+        candidate->seconds += work->units[n] * spsi_rate(context, stage, setting);
         if (stage > SPSI_STAGE_PYRAMIDS) /* fields are alike at most rungs */
-            offer->is_known &= context->pace.rates[n][spsi_stage_preset(stage, setting)] > 0;
+            candidate->is_known &= context->pace.rates[n][spsi_stage_preset(stage, setting)] > 0;
     }
 }
 
 /* Offers of all numbers of cells of the frame's setting, from number `first` on. `work` has all but these. */
-SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, double spent, double balls,
-                                    spsi_work *work, int first, spsi_candidate *offers) {
+SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, double spent, double spheres,
+                                    spsi_work *work, int first, spsi_candidate *candidates) {
     const spsi_setting *only = context->pace.only;
     const int cells = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_CELL_PRESETS : 1;
     for (int n = 0; n < cells; ++n) {
         const spsi_setting setting = spsi_candidate_setting(first + n);
-        spsi_candidate *offer = &offers[first + n];
+        spsi_candidate *candidate = &candidates[first + n];
         if (only && n != only->cells) continue;
         frame->view.scattering_resolution = spsi_cell_presets[n];
         spsi_work_count_cells(context, frame, &setting, work);
-        spsi_candidate_time(context, work, &setting, offer);
-        offer->seconds += spent;
-        offer->error = spsi_expected_error(frame, &setting, balls);
-        offer->exists = offer->seconds < HUGE_VAL;
-        offer->is_held = work->tables_held || work->units[SPSI_STAGE_HELD] > 0;
+        spsi_candidate_time(context, work, &setting, candidate);
+        candidate->seconds += spent;
+        candidate->error = spsi_expected_error(frame, &setting, spheres);
+        candidate->exists = candidate->seconds < HUGE_VAL;
+        candidate->is_held = work->tables_held || work->units[SPSI_STAGE_HELD] > 0;
     }
 }
 
@@ -26431,21 +26463,21 @@ SPSI_COLD double spsi_candidate_bound(const double *bounds, int n, int sign) {
    two settings, the other's time is bounded by that, and where it knows neither, the coarser one's by the finer
    one's. Start values are of other scenes, in which work was shared out among stages otherwise. Thick slabs that were
    splatted bound nothing, since that may take longer than to gather thinner ones. */
-SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *offers) {
+SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *candidates) {
     double bounds[SPSI_CANDIDATES];
     for (int n = 0; n < SPSI_CANDIDATES; ++n) {
-        spsi_candidate *offer = &offers[n];
+        spsi_candidate *candidate = &candidates[n];
         bounds[n] = spsi_candidate_bound(bounds, n, 1);
-        if (!offer->exists) continue;
-        if (offer->is_known && !pace->splats[spsi_candidate_setting(n).gas]) bounds[n] = offer->seconds;
-        if (!offer->is_held) offer->seconds = spsi_dmax(offer->seconds, bounds[n]);
+        if (!candidate->exists) continue;
+        if (candidate->is_known && !pace->splats[spsi_candidate_setting(n).gas]) bounds[n] = candidate->seconds;
+        if (!candidate->is_held) candidate->seconds = spsi_dmax(candidate->seconds, bounds[n]);
     }
     for (int n = SPSI_CANDIDATES - 1; n >= 0; --n) {
-        spsi_candidate *offer = &offers[n];
+        spsi_candidate *candidate = &candidates[n];
         bounds[n] = spsi_candidate_bound(bounds, n, -1);
-        if (!offer->exists) continue;
-        if (!offer->is_known) offer->seconds = spsi_dmin(offer->seconds, bounds[n]);
-        if (!offer->is_held) bounds[n] = offer->seconds;
+        if (!candidate->exists) continue;
+        if (!candidate->is_known) candidate->seconds = spsi_dmin(candidate->seconds, bounds[n]);
+        if (!candidate->is_held) bounds[n] = candidate->seconds;
     }
 }
 
@@ -26470,30 +26502,31 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
                                         sps_budget_report *report) {
     const spsi_setting *only = context->pace.only;
     const uint64_t gas = spsi_gas_fingerprint(frame);
-    const double balls = spsi_spheres_depth(frame);
+    const double spheres = spsi_spheres_depth(frame);
     const int points = spsi_lights_are_open(frame) ? SPSI_POINT_PRESETS : 1;
-    spsi_candidate offers[SPSI_CANDIDATES];
+    spsi_candidate candidates[SPSI_CANDIDATES];
     spsi_work work;
     spsi_setting setting;
     int best = 0;
-    memset(offers, 0, sizeof offers);
+    memset(candidates, 0, sizeof candidates);
     for (int n = 0; n < SPSI_CANDIDATES; n += SPSI_CELL_PRESETS) {
         setting = spsi_candidate_setting(n);
         if (setting.points >= points) continue;
         if (only && (setting.gas != only->gas || setting.points != only->points)) continue;
         if (spsi_setting_apply(context, frame, &setting)) return context->result;
         spsi_work_count(context, frame, voxels, gas, &work);
-        spsi_cell_candidates(context, frame, spsi_dmax(spent, 0), balls, &work, n, offers); /* clocks may jump */
+        spsi_cell_candidates(context, frame, spsi_dmax(spent, 0), spheres, &work, n, candidates); /* clocks may jump */
     }
-    spsi_candidates_order(&context->pace, offers);
+    spsi_candidates_order(&context->pace, candidates);
     for (int n = 1; n < SPSI_CANDIDATES; ++n) /* of those that are alike, the coarsest */
-        if (offers[n].exists && (!offers[best].exists || spsi_candidate_beats(&frame->view, &offers[n], &offers[best])))
+        if (candidates[n].exists &&
+            (!candidates[best].exists || spsi_candidate_beats(&frame->view, &candidates[n], &candidates[best])))
             best = n;
     setting = spsi_candidate_setting(best);
     if (spsi_setting_apply(context, frame, &setting)) return context->result;
     spsi_work_count(context, frame, voxels, gas, &work);
     spsi_work_count_cells(context, frame, &setting, &work);
-    spsi_budget_report(frame, &offers[best], &setting, report);
+    spsi_budget_report(frame, &candidates[best], &setting, report);
     context->pace.counts = 1;
     context->pace.setting = setting;
     context->pace.work = work;
@@ -26743,28 +26776,28 @@ SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *
     memset(shadow, 0, (size_t)count * sizeof *shadow);
     picture->shadows = shadow;
     picture->shadow_count = count;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_light *lamp = &frame->lamps.list[i];
-        if (!(lamp->sliced ? lamp == sweep->lamp : sweep->first && lamp->shadows)) continue;
-        shadow->lamp = lamp;
-        shadow->soft = sweep->soft && lamp == sweep->lamp;
+    for (int i = 0; i < frame->lights.count; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
+        if (!(light->sliced ? light == sweep->light : sweep->first && light->shadows)) continue;
+        shadow->light = light;
+        shadow->soft = sweep->soft && light == sweep->light;
         for (int k = 0; k < picture->spreads.count; ++k)
-            if (picture->spreads.list[k].lamp == lamp) shadow->spread = &picture->spreads.list[k];
+            if (picture->spreads.list[k].light == light) shadow->spread = &picture->spreads.list[k];
         ++shadow;
     }
     if (!picture->visible.hits || count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i)
-        shares += spsi_visibility_floats(frame, picture->shadows[i].lamp, picture->shadows[i].soft);
+        shares += spsi_visibility_floats(frame, picture->shadows[i].light, picture->shadows[i].soft);
     uint64_t *rays = spsi_visibility_reserve(context, places, shares);
     if (!rays) return context->result;
     float *lit = (float *)(void *)(rays + spsi_worker_count(context));
     for (shadow = picture->shadows; shadow < picture->shadows + count; ++shadow) {
-        unsigned char *open = (unsigned char *)(lit + places * (size_t)spsi_lit_channels(frame, shadow->lamp));
+        unsigned char *open = (unsigned char *)(lit + places * (size_t)spsi_lit_channels(frame, shadow->light));
         if (!shadow->soft) open = NULL;
-        spsi_visibility(context, frame, &picture->faces, &picture->visible, shadow->lamp, rays, lit, open);
+        spsi_visibility(context, frame, &picture->faces, &picture->visible, shadow->light, rays, lit, open);
         shadow->lit = lit;
         shadow->open = open;
-        lit += places * (size_t)spsi_visibility_floats(frame, shadow->lamp, shadow->soft);
+        lit += places * (size_t)spsi_visibility_floats(frame, shadow->light, shadow->soft);
     }
     return SPS_OK;
 }
@@ -27005,11 +27038,11 @@ SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_f
 /* --- the choice between sheets and tables --- */
 
 /* Whether slabs about the camera's axis serve a directional light, wherever the gas is. */
-SPSI_COLD int spsi_axis_serves(const spsi_frame *frame, const spsi_light *lamp) {
+SPSI_COLD int spsi_axis_serves(const spsi_frame *frame, const spsi_light *light) {
     double axis[3], toward[3];
     spsi_sweep sweep;
-    if (lamp->is_point) return 0;
-    spsi_sweep_clear(frame, lamp, 0, &sweep);
+    if (light->is_point) return 0;
+    spsi_sweep_clear(frame, light, 0, &sweep);
     spsi_eye_axis(&frame->content->eye, axis);
     spsi_sweep_turn(frame, axis, &sweep);
     for (int i = 0; i < 3; ++i) toward[i] = sweep.back_to_front ? -sweep.slabs.normal[i] : sweep.slabs.normal[i];
@@ -27022,30 +27055,30 @@ SPSI_COLD void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
     int open = 0, sliced = 0;
     spsi_choose_shadows(context, frame);
     if (frame->particles.set_count == 0) return;
-    spsi_lights_list(&frame->lamps, frame->lamps.whole, frame->lamps.whole_count);
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_light *lamp = &frame->lamps.list[i];
-        const int is_known = lamp->choice == SPSI_CHOICE_CALLER ||
-                             ((open + sliced == 0 || lamp->extent.exists) && spsi_axis_serves(frame, lamp));
-        if (!is_known || lamp->choice == SPSI_CHOICE_OPEN)
-            lamp->choice = is_known ? SPSI_CHOICE_SHEETS : SPSI_CHOICE_OPEN;
-        lamp->has_map |= !is_known; /* as well as sheets */
-        if (lamp->extent.exists && lamp->has_map) lamp->tables = spsi_light_tables(lamp);
+    spsi_lights_list(&frame->lights, frame->lights.whole, frame->lights.whole_count);
+    for (int i = 0; i < frame->lights.count; ++i) {
+        spsi_light *light = &frame->lights.list[i];
+        const int is_known = light->choice == SPSI_CHOICE_CALLER ||
+                             ((open + sliced == 0 || light->extent.exists) && spsi_axis_serves(frame, light));
+        if (!is_known || light->choice == SPSI_CHOICE_OPEN)
+            light->choice = is_known ? SPSI_CHOICE_SHEETS : SPSI_CHOICE_OPEN;
+        light->has_map |= !is_known; /* as well as sheets */
+        if (light->extent.exists && light->has_map) light->tables = spsi_light_tables(light);
         open += !is_known;
-        sliced += is_known && lamp->sliced;
+        sliced += is_known && light->sliced;
     }
 }
 
 /* Number of tables that a light of the list has, if it has any. */
-static int spsi_plan_tables(const spsi_frame *frame, const spsi_light *lamp) {
-    return frame->lamps.list == frame->lamps.whole ? spsi_imax(1, lamp->tables) : 1;
+static int spsi_plan_tables(const spsi_frame *frame, const spsi_light *light) {
+    return frame->lights.list == frame->lights.whole ? spsi_imax(1, light->tables) : 1;
 }
 
 /* Number of lights that have sheets, or may. */
 SPSI_COLD int spsi_plan_sliced_count(const spsi_frame *frame) {
     int count = 0;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        count += frame->lamps.list[i].sliced || frame->lamps.list[i].choice == SPSI_CHOICE_OPEN;
+    for (int i = 0; i < frame->lights.count; ++i)
+        count += frame->lights.list[i].sliced || frame->lights.list[i].choice == SPSI_CHOICE_OPEN;
     return count;
 }
 
@@ -27054,8 +27087,8 @@ SPSI_COLD int spsi_plan_sliced_count(const spsi_frame *frame) {
 SPSI_COLD int spsi_plan_sweep_count(const spsi_frame *frame) {
     const int sliced = spsi_plan_sliced_count(frame);
     int parts = 0, part[4], sheets = 0;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        sheets |= frame->lamps.list[i].sliced && frame->lamps.list[i].choice != SPSI_CHOICE_OPEN;
+    for (int i = 0; i < frame->lights.count; ++i)
+        sheets |= frame->lights.list[i].sliced && frame->lights.list[i].choice != SPSI_CHOICE_OPEN;
     for (int n = 0; n < spsi_subslab_count(frame); ++n) {
         spsi_subslab_place(frame, n, part);
         parts += spsi_subslab_meets(part, frame->view.region);
@@ -27067,8 +27100,8 @@ SPSI_COLD int spsi_plan_sweep_count(const spsi_frame *frame) {
 /* Number of lights whose shadows the n-th sweep carries, at most. */
 SPSI_COLD int spsi_plan_shadow_count(const spsi_frame *frame, int n) {
     int open = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) open |= frame->lamps.list[i].choice == SPSI_CHOICE_OPEN;
-    return open && n == 0 ? frame->lamps.shadow_count : spsi_sweep_shadow_count(frame, n);
+    for (int i = 0; i < frame->lights.count; ++i) open |= frame->lights.list[i].choice == SPSI_CHOICE_OPEN;
+    return open && n == 0 ? frame->lights.shadow_count : spsi_sweep_shadow_count(frame, n);
 }
 
 /* --- sweeps --- */
@@ -27111,9 +27144,9 @@ SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_
     if (spsi_scatters_fully(frame))
         return spsi_cells_place(frame, &frame->content->bounds, &grid) &&
                spsi_cells_aim(&grid, spsi_samples_fineness(frame, 0.5 * grid.edge), rays, slabs);
-    for (int i = 0; i < frame->lamps.count && spsi_scatters_aside(frame); ++i)
-        if (frame->lamps.list[i].shadows)
-            return !spsi_spread_aim(context, frame, &frame->lamps.list[i], &spread) &&
+    for (int i = 0; i < frame->lights.count && spsi_scatters_aside(frame); ++i)
+        if (frame->lights.list[i].shadows)
+            return !spsi_spread_aim(context, frame, &frame->lights.list[i], &spread) &&
                    spsi_spread_aim_fine(&spread, 0, spsi_spread_fineness(frame, &spread), rays, slabs);
     return 0;
 }
@@ -27142,7 +27175,7 @@ SPSI_COLD sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_fram
     if (spsi_may_interpolate(frame))
         spsi_reserve(context, SPSI_BUFFER_EYE_SPENT, 1, spsi_spent_bytes(eye) + spsi_spent_bytes(&square));
     spsi_plan_take(context, report, SPS_PASS_EYE_SHEETS);
-    if (sweep->lamp) {
+    if (sweep->light) {
         spsi_reserve(context, SPSI_BUFFER_PLANES, side * side + spsi_list_starts(&square), SPSI_PLANES_TEXEL_BYTES);
         if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_LIGHT_SPHERES, &square, particles, &lists);
         spsi_plan_take(context, report, SPS_PASS_LIGHT_SHEETS);
@@ -27151,8 +27184,8 @@ SPSI_COLD sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_fram
     report->slab_count = spsi_imax(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
     spsi_plan_filling(frame, eye, &sweep->slabs, SPSI_TARGET_EYE, !sweep->first, &report->eye_gathered,
                       &report->eye_filling);
-    if (!sweep->lamp) return SPS_OK;
-    if (sweep->lamp->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report)) return context->result;
+    if (!sweep->light) return SPS_OK;
+    if (sweep->light->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report)) return context->result;
     spsi_plan_filling(frame, &sweep->rays, &sweep->slabs, SPSI_TARGET_SHEETS, !sweep->first, &report->light_gathered,
                       &report->light_filling);
     report->shadow_width = spsi_imax(report->shadow_width, frame->particles.set_count ? (int)side : sweep->rays.width);
@@ -27188,8 +27221,8 @@ SPSI_COLD const char *spsi_plan_map_reason(const spsi_frame *frame) {
                                           "a table: the light shares the sweep of another",
                                           "a table: it serves the light in the cells, too"};
     for (int choice = SPSI_CHOICE_OPEN; choice <= SPSI_CHOICE_TABLE_AGAIN; ++choice)
-        for (int i = 0; i < frame->lamps.count && choice != SPSI_CHOICE_SHEETS; ++i)
-            if ((int)frame->lamps.list[i].choice == choice) return reasons[choice];
+        for (int i = 0; i < frame->lights.count && choice != SPSI_CHOICE_SHEETS; ++i)
+            if ((int)frame->lights.list[i].choice == choice) return reasons[choice];
     return reasons[SPSI_CHOICE_CALLER];
 }
 
@@ -27197,17 +27230,17 @@ SPSI_COLD void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_p
     const int shade = frame->matter.extinguishes;
     const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
     int maps = 0, extended = 0;
-    report->light_points = frame->lamps.count > 0;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_light *lamp = &frame->lamps.list[i];
-        if (lamp->has_map) maps += spsi_plan_tables(frame, lamp);
-        extended |= lamp->extent.exists && lamp->shadows;
-        report->light_points = spsi_imax(report->light_points, lamp->point_count);
+    report->light_points = frame->lights.count > 0;
+    for (int i = 0; i < frame->lights.count; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
+        if (light->has_map) maps += spsi_plan_tables(frame, light);
+        extended |= light->extent.exists && light->shadows;
+        report->light_points = spsi_imax(report->light_points, light->point_count);
     }
     spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, spsi_plan_sliced_count(frame), "volumes or particles cast shadows",
-                   !shade                      ? nothing
-                   : frame->lamps.shadow_count ? "every light that casts shadows has a shadow_map or a table"
-                                               : "no light casts shadows on anything");
+                   !shade                       ? nothing
+                   : frame->lights.shadow_count ? "every light that casts shadows has a shadow_map or a table"
+                                                : "no light casts shadows on anything");
     spsi_plan_pass(report, SPS_PASS_LIGHT_MAPS, maps, spsi_plan_map_reason(frame),
                    !shade ? nothing : "no light that casts shadows has a shadow_map or a table");
     spsi_plan_pass(report, SPS_PASS_PENUMBRAE, report->pass[SPS_PASS_PENUMBRAE].runs, "lights have an extent",
@@ -27217,7 +27250,7 @@ SPSI_COLD void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_p
 }
 
 SPSI_COLD void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int held, sps_plan_report *report) {
-    const int polygons = frame->meshes.triangle_count > 0, shadows = polygons ? frame->lamps.shadow_count : 0;
+    const int polygons = frame->meshes.triangle_count > 0, shadows = polygons ? frame->lights.shadow_count : 0;
     const int hard = shadows - (polygons ? report->pass[SPS_PASS_PENUMBRAE].runs : 0);
     const int tree = polygons && spsi_needs_tree(frame);
     const char *nothing = polygons ? "no light casts shadows" : "no triangles";
@@ -27241,13 +27274,13 @@ SPSI_COLD void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int 
 SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                                 sps_plan_report *report) {
     const int gases = frame->medium_count > 0 || frame->particles.set_count > 0; /* that may be visible */
-    const int polygons = frame->meshes.triangle_count > 0, sweeps = report->sweep_count, lit = frame->lamps.count > 0;
+    const int polygons = frame->meshes.triangle_count > 0, sweeps = report->sweep_count, lit = frame->lights.count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
     const int again = frame->view.scattering != SPS_SCATTERING_AMBIENT;
     const char *once = report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is within the tolerance"
                                                  : "view.scattering is off";
     spsi_plan_gather_pass(frame, reading, report);
-    spsi_plan_pass(report, SPS_PASS_PROJECTORS, frame->lamps.image_count, "lights throw an image",
+    spsi_plan_pass(report, SPS_PASS_PROJECTORS, frame->lights.image_count, "lights throw an image",
                    lit ? "no light throws an image" : "no light");
     spsi_plan_polygon_passes(frame, gases, held, report);
     spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, gases ? sweeps + report->pass[SPS_PASS_EYE_SHEETS].runs : 0,
@@ -27263,17 +27296,17 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
                    "volumes or particles scatter light",
                    frame->matter.scatters ? "no light" : "nothing scatters: albedo 0 or no extinction");
     spsi_plan_pass(report, SPS_PASS_FORWARD, spsi_scatters_forward(frame), "view.scattering asks for it",
-                   !frame->matter.scatters                        ? "nothing scatters: albedo 0 or no extinction"
+                   !frame->matter.scatters                           ? "nothing scatters: albedo 0 or no extinction"
                    : frame->view.scattering == SPS_SCATTERING_SINGLE ? once
-                   : !again                                       ? "view.scattering does not ask for it"
-                   : !lit                                         ? "no light"
-                   : frame->lamps.shadow_count == 0               ? "no light casts shadows"
-                                                                  : "gases scatter evenly: cells have all of it");
-    spsi_plan_pass(report, SPS_PASS_SPREADING, spsi_scatters_aside(frame) ? frame->lamps.shadow_count : 0,
+                   : !again                                          ? "view.scattering does not ask for it"
+                   : !lit                                            ? "no light"
+                   : frame->lights.shadow_count == 0                 ? "no light casts shadows"
+                                                                     : "gases scatter evenly: cells have all of it");
+    spsi_plan_pass(report, SPS_PASS_SPREADING, spsi_scatters_aside(frame) ? frame->lights.shadow_count : 0,
                    "view.scattering asks for it",
-                   !frame->matter.scatters          ? "nothing scatters: albedo 0 or no extinction"
-                   : frame->lamps.shadow_count == 0 ? "no light casts shadows"
-                                                    : "view.scattering does not ask for it");
+                   !frame->matter.scatters           ? "nothing scatters: albedo 0 or no extinction"
+                   : frame->lights.shadow_count == 0 ? "no light casts shadows"
+                                                     : "view.scattering does not ask for it");
     spsi_plan_pass(report, SPS_PASS_CELLS, spsi_scatters_fully(frame),
                    frame->view.scattering == SPS_SCATTERING_AUTO
                        ? "view.scattering is auto: unless gas, which was not read yet, turns out to be thin"
@@ -27314,13 +27347,13 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
     spsi_plan_take(context, report, SPS_PASS_TEXTURES);
     if (spsi_needs_tree(frame)) spsi_faces_tree(context, &faces);
     spsi_plan_take(context, report, SPS_PASS_TRIANGLE_TREE);
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_light *lamp = &frame->lamps.list[i];
-        shares += spsi_plan_tables(frame, lamp) * spsi_visibility_floats(frame, lamp, lamp->extent.exists) - 1;
-        lights += (size_t)spsi_plan_tables(frame, lamp) - 1;
+    for (int i = 0; i < frame->lights.count; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
+        shares += spsi_plan_tables(frame, light) * spsi_visibility_floats(frame, light, light->extent.exists) - 1;
+        lights += (size_t)spsi_plan_tables(frame, light) - 1;
     }
-    if (spsi_scatters_fully(frame)) lights = (size_t)spsi_imax((int)lights, frame->lamps.shadow_count); /* of cells */
-    if (frame->lamps.shadow_count == 0) return;
+    if (spsi_scatters_fully(frame)) lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count); /* of cells */
+    if (frame->lights.shadow_count == 0) return;
     if (frame->matter.scatters)
         spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, lights,
                      spsi_depth_map_floats_most((size_t)spsi_depth_map_size(frame)) * sizeof(float));
@@ -27350,14 +27383,14 @@ SPSI_COLD void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const sp
 /* Bytes of the lights' maps, which are held at the same time, and of filling them one after the other. */
 SPSI_COLD void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_report *report) {
     size_t most = 0, prints = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_light *lamp = &frame->lamps.list[i];
+    for (int i = 0; i < frame->lights.count; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
         size_t held, filling;
-        if (!lamp->has_map) continue;
-        spsi_light_tmap_bytes(frame, lamp, &held, &filling);
-        report->pass[SPS_PASS_LIGHT_MAPS].bytes += (size_t)spsi_plan_tables(frame, lamp) * held;
+        if (!light->has_map) continue;
+        spsi_light_tmap_bytes(frame, light, &held, &filling);
+        report->pass[SPS_PASS_LIGHT_MAPS].bytes += (size_t)spsi_plan_tables(frame, light) * held;
         if (filling > most) most = filling;
-        if (spsi_has_shadow_table(lamp)) prints = (size_t)bricks * sizeof(uint64_t);
+        if (spsi_has_shadow_table(light)) prints = (size_t)bricks * sizeof(uint64_t);
     }
     report->pass[SPS_PASS_LIGHT_MAPS].bytes += most + prints;
 }
@@ -27375,9 +27408,9 @@ SPSI_COLD sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *fr
                 return context->result;
             report->pass[SPS_PASS_EYE_SHEETS].runs += part == 0 && spsi_sweep_measures(frame, &sweep);
         }
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        if (frame->lamps.list[i].choice != SPSI_CHOICE_OPEN || frame->lamps.list[i].sliced) continue;
-        spsi_sweep_clear(frame, &frame->lamps.list[i], 0, &sweep);
+    for (int i = 0; i < frame->lights.count; ++i) {
+        if (frame->lights.list[i].choice != SPSI_CHOICE_OPEN || frame->lights.list[i].sliced) continue;
+        spsi_sweep_clear(frame, &frame->lights.list[i], 0, &sweep);
         sweep.back_to_front = 1; /* it may be */
         report->pass[SPS_PASS_EYE_SHEETS].runs += spsi_sweep_measures(frame, &sweep);
         if (spsi_plan_sweep_bytes(context, frame, &sweep, 0, bricks, run, report)) return context->result;
@@ -27420,8 +27453,8 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
     for (int i = 0; i < frame->particles.set_count; ++i)
         report->particle_calls +=
             (frame->particles.sets[i].given.count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
-    for (int i = 0; i < frame->lamps.count; ++i)
-        report->projector_calls += (uint64_t)frame->lamps.list[i].projection.given.height;
+    for (int i = 0; i < frame->lights.count; ++i)
+        report->projector_calls += (uint64_t)frame->lights.list[i].projection.given.height;
     report->sweep_count = spsi_plan_sweep_count(frame);
     report->color_channels = frame->channels;
     report->sheet_channels = frame->matter.material_count;
@@ -27494,7 +27527,7 @@ typedef struct spsi_marcher {
     int forward;          /* 1: light scatters forward more than once, in closed form */
     double step;          /* maximum, in world length */
     spsi_bounds bounds;   /* of all gas */
-    int lamp_count;       /* for bounds: lights that volumes scatter */
+    int light_count;      /* for bounds: lights that volumes scatter */
     float *total;         /* the region's pixels, spsi_total_floats each */
     int first_row;        /* of the current batch, in the region */
     spsi_walker *walkers; /* of the region's pixels */
@@ -27512,7 +27545,7 @@ typedef struct spsi_marcher {
     /* Follows a ray through a step, halved `halvings` times already. Returns 0 if nothing behind it matters. */
     int (*follow)(const struct spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                   spsi_walker *walker);
-    spsi_enclosure (*shade)(const struct spsi_marcher *marcher, const spsi_light *lamp, const double point[3]);
+    spsi_enclosure (*shade)(const struct spsi_marcher *marcher, const spsi_light *light, const double point[3]);
 } spsi_marcher;
 
 SPSI_COLD spsi_enclosure spsi_enclosure_of(double low, double high) {
@@ -27697,7 +27730,7 @@ static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walk
 
 /* Share of a light's red, green and blue that polygons let pass to a point on face `own` (-1: on none). Returns 0 if
    they let nothing pass. */
-static int spsi_march_visibility(const spsi_faces *faces, const spsi_light *lamp, const double point[3], int own,
+static int spsi_march_visibility(const spsi_faces *faces, const spsi_light *light, const double point[3], int own,
                                  double passes[3]) {
     spsi_packet packet;
     spsi_walk walk;
@@ -27706,8 +27739,8 @@ static int spsi_march_visibility(const spsi_faces *faces, const spsi_light *lamp
     passes[0] = passes[1] = passes[2] = 1;
     if (faces->tree.count == 0) return 1;
     memcpy(ray.origin, point, sizeof ray.origin);
-    spsi_toward_light(lamp, point, ray.direction);
-    spsi_packet_begin(faces, !lamp->is_point, own >= 0, &packet);
+    spsi_toward_light(light, point, ray.direction);
+    spsi_packet_begin(faces, !light->is_point, own >= 0, &packet);
     spsi_packet_add(&faces->tree, 0, own, ray.origin, ray.direction, &packet);
     ray.low = 0;
     ray.high = packet.reach;
@@ -27747,11 +27780,11 @@ static spsi_ray spsi_march_part(const spsi_ray *ray, const double range[2], int 
 }
 
 /* The ray from a point to a light. Returns 0 if the light is there. */
-static int spsi_light_ray(const spsi_light *lamp, const double point[3], spsi_ray *ray) {
+static int spsi_light_ray(const spsi_light *light, const double point[3], spsi_ray *ray) {
     memcpy(ray->origin, point, sizeof ray->origin);
-    spsi_toward_light(lamp, point, ray->direction);
+    spsi_toward_light(light, point, ray->direction);
     ray->low = 0;
-    ray->high = lamp->is_point ? spsi_length(ray->direction) : HUGE_VAL;
+    ray->high = light->is_point ? spsi_length(ray->direction) : HUGE_VAL;
     return spsi_normalise(ray->direction);
 }
 
@@ -27767,10 +27800,10 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
 }
 
 /* Optical depth of all gas between a point and a light. */
-static spsi_enclosure spsi_march_light(const spsi_marcher *marcher, const spsi_light *lamp, const double point[3]) {
+static spsi_enclosure spsi_march_light(const spsi_marcher *marcher, const spsi_light *light, const double point[3]) {
     double range[2], depths[SPSI_SETS_MAX], depth;
     spsi_ray ray;
-    if (!spsi_light_ray(lamp, point, &ray)) return spsi_enclosure_of(0, 0);
+    if (!spsi_light_ray(light, point, &ray)) return spsi_enclosure_of(0, 0);
     depth = spsi_particles_depth(marcher, &ray, depths);
     const int count = marcher->frame->medium_count > 0 ? spsi_march_range(marcher, &ray, range) : 0;
     for (int i = 0; i < count; ++i) {
@@ -27852,24 +27885,24 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
 }
 
 /* Number of points by which the reference samples a light at each place. */
-SPSI_COLD int spsi_reference_points(const spsi_light *lamp) {
-    if (!lamp->extent.exists) return 1;
-    return lamp->samples > 0 ? lamp->samples : SPSI_REFERENCE_POINTS;
+SPSI_COLD int spsi_reference_points(const spsi_light *light) {
+    if (!light->extent.exists) return 1;
+    return light->samples > 0 ? light->samples : SPSI_REFERENCE_POINTS;
 }
 
 /* The n-th of these points: a low-discrepancy sequence [Roberts 2018, R2] that starts elsewhere at every place, by a
    hash of its bits, so that what the points miss is noise and averages out along a ray. */
-static void spsi_reference_point(const spsi_light *lamp, const double place[3], int n, spsi_light *point) {
+static void spsi_reference_point(const spsi_light *light, const double place[3], int n, spsi_light *point) {
     const uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, place, 3 * sizeof *place);
     const double x = 0.75487766624669276 * (n + 1) + (double)(hash >> 40) / 16777216;
     const double y = 0.56984029099805327 * (n + 1) + (double)(hash >> 16 & 0xffffff) / 16777216;
     const double u = x - floor(x), v = y - floor(y), turn = 2 * SPSI_PI * v;
-    if (!lamp->extent.exists)
-        *point = *lamp;
-    else if (lamp->extent.is_disc)
-        spsi_light_place(lamp, sqrt(u) * cos(turn), sqrt(u) * sin(turn), point);
+    if (!light->extent.exists)
+        *point = *light;
+    else if (light->extent.is_disc)
+        spsi_light_place(light, sqrt(u) * cos(turn), sqrt(u) * sin(turn), point);
     else
-        spsi_light_place(lamp, 2 * u - 1, 2 * v - 1, point);
+        spsi_light_place(light, 2 * u - 1, 2 * v - 1, point);
 }
 
 /* The mean of 1 / r^2 over a step, computed as the renderer does over a part of a slab, but in double precision. */
@@ -27886,17 +27919,17 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
 
 /* Irradiance at a point in gas from one point of a light, past all polygons but through no gas. Returns 0 if there is
    none. */
-static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *lamp,
+static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
                               double travel[3], double arrives[3]) {
     double image[3] = {1, 1, 1}, passes[3] = {1, 1, 1}, irradiance = 1;
-    spsi_light_direction(lamp, point->position, travel);
-    if (lamp->falls_off) irradiance *= spsi_point_inverse_square(point, lamp->position);
-    if (lamp->projection.exists) spsi_projection_at(marcher->frame, lamp, point->position, point->pixel, image);
+    spsi_light_direction(light, point->position, travel);
+    if (light->falls_off) irradiance *= spsi_point_inverse_square(point, light->position);
+    if (light->projection.exists) spsi_projection_at(marcher->frame, light, point->position, point->pixel, image);
     if (!(image[0] > 0 || image[1] > 0 || image[2] > 0)) return 0;
-    irradiance *= spsi_cone_at(&lamp->cone, spsi_versine(lamp, travel));
+    irradiance *= spsi_cone_at(&light->cone, spsi_versine(light, travel));
     if (!(irradiance > 0)) return 0;
-    if (lamp->shadows && !spsi_march_visibility(marcher->faces, lamp, point->position, -1, passes)) return 0;
-    for (int c = 0; c < 3; ++c) arrives[c] = irradiance * image[c] * passes[c] * (double)lamp->color[c];
+    if (light->shadows && !spsi_march_visibility(marcher->faces, light, point->position, -1, passes)) return 0;
+    for (int c = 0; c < 3; ++c) arrives[c] = irradiance * image[c] * passes[c] * (double)light->color[c];
     return 1;
 }
 
@@ -27947,18 +27980,18 @@ SPSI_COLD void spsi_march_forward(const spsi_material *material, const spsi_samp
 }
 
 /* Adds the radiance per unit of length that all gas at a point scatters from one point of a light. */
-SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *lamp,
+SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
                                     double weight, spsi_source *source) {
     double travel[3], arrives[3], response[3], depth = 0;
-    if (!spsi_point_arrival(marcher, point, lamp, travel, arrives)) return;
-    if (lamp->shadows) depth = spsi_march_light(marcher, lamp, point->position).low;
+    if (!spsi_point_arrival(marcher, point, light, travel, arrives)) return;
+    if (light->shadows) depth = spsi_march_light(marcher, light, point->position).low;
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_material_of(marcher->frame, m);
         const double share = point->extinction[m] * weight;
         if (!material->scatters || !(point->extinction[m] > 0)) continue;
         spsi_march_response(material, &point->samples[m], point->direction, travel, response);
         for (int c = 0; c < 3; ++c) source->once[c] += share * response[c] * exp(-depth) * arrives[c];
-        if (!marcher->forward || !lamp->shadows) continue;
+        if (!marcher->forward || !light->shadows) continue;
         spsi_march_forward(material, &point->samples[m], -spsi_dot(travel, point->direction), depth + point->gas,
                            response);
         for (int c = 0; c < 3; ++c) source->again[c] += share * response[c] * arrives[c];
@@ -27978,27 +28011,27 @@ SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *
             source->once[c] += point->value[m] * (double)material->emission[c];
         }
     }
-    for (int i = 0; i < frame->lamps.count && point->extinction_sum > 0; ++i)
-        for (int n = 0; n < spsi_reference_points(&frame->lamps.list[i]); ++n) {
+    for (int i = 0; i < frame->lights.count && point->extinction_sum > 0; ++i)
+        for (int n = 0; n < spsi_reference_points(&frame->lights.list[i]); ++n) {
             spsi_light at;
-            spsi_reference_point(&frame->lamps.list[i], point->position, n, &at);
-            spsi_point_add_light(marcher, point, &at, 1.0 / spsi_reference_points(&frame->lamps.list[i]), source);
+            spsi_reference_point(&frame->lights.list[i], point->position, n, &at);
+            spsi_point_add_light(marcher, point, &at, 1.0 / spsi_reference_points(&frame->lights.list[i]), source);
         }
 }
 
 /* Irradiance that reaches a surface from all points of a light, per unit of its color. */
-SPSI_COLD void spsi_march_arrival(const spsi_marcher *marcher, const spsi_light *lamp, int face,
+SPSI_COLD void spsi_march_arrival(const spsi_marcher *marcher, const spsi_light *light, int face,
                                   const spsi_surface *surface, spsi_enclosure arrives[3]) {
-    const int count = spsi_reference_points(lamp);
+    const int count = spsi_reference_points(light);
     memset(arrives, 0, 3 * sizeof *arrives);
     for (int n = 0; n < count; ++n) {
         spsi_light at;
         double irradiance[3], passes[3] = {1, 1, 1};
         spsi_enclosure through = {1, 1};
-        spsi_reference_point(lamp, surface->point, n, &at);
+        spsi_reference_point(light, surface->point, n, &at);
         if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
-        if (lamp->shadows && !spsi_march_visibility(marcher->faces, &at, surface->start, face, passes)) continue;
-        if (lamp->shadows) through = spsi_enclosure_transmittance(marcher->shade(marcher, &at, surface->point));
+        if (light->shadows && !spsi_march_visibility(marcher->faces, &at, surface->start, face, passes)) continue;
+        if (light->shadows) through = spsi_enclosure_transmittance(marcher->shade(marcher, &at, surface->point));
         for (int c = 0; c < 3; ++c) {
             const double arrives_all = irradiance[c] * passes[c] / count;
             spsi_enclosure_add(&arrives[c], arrives_all * through.low, arrives_all * through.high);
@@ -28020,12 +28053,12 @@ SPSI_COLD void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *h
         const double own = look.color[c] * ambient * (double)frame->given.ambient[c] + (double)look.emission[c];
         radiance[c] = spsi_enclosure_of(own, own);
     }
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_light *lamp = &frame->lamps.list[i];
+    for (int i = 0; i < frame->lights.count; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
         spsi_enclosure arrives[3];
-        spsi_march_arrival(marcher, lamp, hit->face, &surface, arrives);
+        spsi_march_arrival(marcher, light, hit->face, &surface, arrives);
         for (int c = 0; c < 3; ++c) {
-            const double reflected = look.color[c] / SPSI_PI * (double)lamp->color[c];
+            const double reflected = look.color[c] / SPSI_PI * (double)light->color[c];
             spsi_enclosure_add(&radiance[c], reflected * arrives[c].low, reflected * arrives[c].high);
         }
     }
@@ -28533,13 +28566,13 @@ typedef struct spsi_shade {
 } spsi_shade;
 
 /* Gas between a point and a light, with what else bounds its derivatives. */
-SPSI_COLD void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_light *lamp, const double point[3],
+SPSI_COLD void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_light *light, const double point[3],
                                   spsi_shade *shade) {
     const spsi_frame *frame = marcher->frame;
     double depths[SPSI_SETS_MAX], range[2];
     spsi_ray ray;
     memset(shade, 0, sizeof *shade);
-    if (!spsi_light_ray(lamp, point, &ray)) return;
+    if (!spsi_light_ray(light, point, &ray)) return;
     shade->depth.low = shade->depth.high = spsi_particles_depth(marcher, &ray, depths);
     const int count = spsi_march_range(marcher, &ray, range);
     for (int i = 0; i < count; ++i) {
@@ -28557,9 +28590,9 @@ SPSI_COLD void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_light 
 }
 
 /* Its optical depth alone. */
-static spsi_enclosure spsi_bracket_light(const spsi_marcher *marcher, const spsi_light *lamp, const double point[3]) {
+static spsi_enclosure spsi_bracket_light(const spsi_marcher *marcher, const spsi_light *light, const double point[3]) {
     spsi_shade shade;
-    spsi_bracket_shade(marcher, lamp, point, &shade);
+    spsi_bracket_shade(marcher, light, point, &shade);
     return shade.depth;
 }
 
@@ -28646,7 +28679,7 @@ SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray,
 /* Bounds of the integral over a step of a volume's value times what is left of it on the way to the eye, and times the
    light that is coming. */
 SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const spsi_step *step, int m,
-                                            const spsi_incoming *coming) {
+                                            const spsi_incoming *incoming) {
     const spsi_step_gas *gas = &step->gas[m];
     const double h = step->ray.high - step->ray.low;
     const double speed = spsi_vicinity_speed(&marcher->grids[m], step->ray.direction);
@@ -28660,47 +28693,47 @@ SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const s
         result.low = spsi_dmax(result.low, exp(-step->before.high) * -expm1(-step->depth.low) / extinction);
         result.high = spsi_dmin(result.high, exp(-step->before.low) * -expm1(-step->depth.high) / extinction);
     }
-    result.low *= coming->passes.low * coming->range.low;
-    result.high *= coming->passes.high * coming->range.high;
-    if (!step->smooth || !coming->smooth) return result;
+    result.low *= incoming->passes.low * incoming->range.low;
+    result.high *= incoming->passes.high * incoming->range.high;
+    if (!step->smooth || !incoming->smooth) return result;
     for (int j = 0; j < 3; ++j) {
-        const double weight = h * spsi_gauss_weights[j] * coming->falls[j];
-        const double low = step->before.low + step->within[j].low + coming->depth[j].low;
-        const double high = step->before.high + step->within[j].high + coming->depth[j].high;
+        const double weight = h * spsi_gauss_weights[j] * incoming->falls[j];
+        const double low = step->before.low + step->within[j].low + incoming->depth[j].low;
+        const double high = step->before.high + step->within[j].high + incoming->depth[j].high;
         points.low += weight * gas->value[j] * exp(-high);
         points.high += weight * (gas->value[j] + gas->tail) * exp(-low);
     }
     memset(&f, 0, sizeof f);
     spsi_series_add_field(1, speed, gas->half, gas->middle, marcher->grids[m].all_most, &f);
     f.term[0] = spsi_step_most(gas, marcher->grids[m].all_most);
-    for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) w.term[k] = step->passes.term[k] + coming->series.term[k];
+    for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) w.term[k] = step->passes.term[k] + incoming->series.term[k];
     w = spsi_series_exponential(&w);
     product = spsi_series_product(&f, &w);
-    product = spsi_series_product(&product, &coming->falloff);
-    double off = spsi_gauss_error(h, product.term[SPSI_BRACKET_ORDER]) * exp(-step->before.low) * coming->passes.high;
+    product = spsi_series_product(&product, &incoming->falloff);
+    double off = spsi_gauss_error(h, product.term[SPSI_BRACKET_ORDER]) * exp(-step->before.low) * incoming->passes.high;
     if (points.low - off > result.low) result.low = points.low - off;
     if (points.high + off < result.high) result.high = points.high + off;
     return result;
 }
 
 /* Light that comes from everywhere alike, as ambient light does, or from the gas itself. */
-SPSI_COLD void spsi_incoming_plain(spsi_incoming *coming) {
-    memset(coming, 0, sizeof *coming);
-    coming->passes = coming->range = spsi_enclosure_of(1, 1);
-    for (int j = 0; j < 3; ++j) coming->falls[j] = 1;
-    coming->falloff.term[0] = 1;
-    coming->smooth = 1;
+SPSI_COLD void spsi_incoming_plain(spsi_incoming *incoming) {
+    memset(incoming, 0, sizeof *incoming);
+    incoming->passes = incoming->range = spsi_enclosure_of(1, 1);
+    for (int j = 0; j < 3; ++j) incoming->falls[j] = 1;
+    incoming->falloff.term[0] = 1;
+    incoming->smooth = 1;
 }
 
 /* The falloff of a lamp along a step, 1 / r^2 as in >>reference. About a point at distance r, its series in the way t
    has terms of (k + 1) / r^(k + 2) at most [of 1 / (1 - x)^2]. */
-SPSI_COLD void spsi_incoming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *lamp,
-                                  spsi_incoming *coming) {
+SPSI_COLD void spsi_incoming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
+                                  spsi_incoming *incoming) {
     const spsi_rays *eye = &marcher->frame->content->eye;
     const double h = step->ray.high - step->ray.low, middle = 0.5 * (step->ray.low + step->ray.high);
     double offset[3], foot[3], depth[3] = {0}, beside[2], along, nearest, farthest;
-    if (!lamp->falls_off) return;
-    spsi_along(lamp->position, step->points[1], -1, offset);
+    if (!light->falls_off) return;
+    spsi_along(light->position, step->points[1], -1, offset);
     along = spsi_dot(offset, step->ray.direction);
     spsi_along(offset, step->ray.direction, -along, foot);
     spsi_to_rays(eye, step->ray.direction, depth);
@@ -28710,67 +28743,67 @@ SPSI_COLD void spsi_incoming_fall(const spsi_marcher *marcher, const spsi_step *
     }
     nearest = spsi_dmax(fabs(along) - 0.5 * h, 0);
     farthest = fabs(along) + 0.5 * h;
-    coming->range.high = 1 / (nearest * nearest + spsi_dmin(beside[0], beside[1]) * spsi_dmin(beside[0], beside[1]));
-    coming->range.low = 1 / (farthest * farthest + spsi_dmax(beside[0], beside[1]) * spsi_dmax(beside[0], beside[1]));
-    coming->smooth &= !(beside[0] < beside[1] || beside[1] < beside[0]);
+    incoming->range.high = 1 / (nearest * nearest + spsi_dmin(beside[0], beside[1]) * spsi_dmin(beside[0], beside[1]));
+    incoming->range.low = 1 / (farthest * farthest + spsi_dmax(beside[0], beside[1]) * spsi_dmax(beside[0], beside[1]));
+    incoming->smooth &= !(beside[0] < beside[1] || beside[1] < beside[0]);
     for (int j = 0; j < 3; ++j) {
         const double t = along - (spsi_gauss_places[j] - 0.5) * h;
-        coming->falls[j] = 1 / (t * t + beside[0] * beside[0]);
+        incoming->falls[j] = 1 / (t * t + beside[0] * beside[0]);
     }
     for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k)
-        coming->falloff.term[k] = (k + 1) * pow(coming->range.high, 0.5 * k + 1);
+        incoming->falloff.term[k] = (k + 1) * pow(incoming->range.high, 0.5 * k + 1);
 }
 
 /* Distance of a lamp from a step's middle; infinity: it is a directional light. */
-static double spsi_step_distance(const spsi_step *step, const spsi_light *lamp) {
+static double spsi_step_distance(const spsi_step *step, const spsi_light *light) {
     double offset[3];
-    spsi_along(lamp->position, step->points[1], -1, offset);
-    return lamp->is_point ? spsi_length(offset) : HUGE_VAL;
+    spsi_along(light->position, step->points[1], -1, offset);
+    return light->is_point ? spsi_length(offset) : HUGE_VAL;
 }
 
 /* Gas before a light along a step: its optical depth at the points, and how that may change. Towards a lamp at distance
    r, places near it move less, and r itself has a series of terms of r^(1 - k) at most. */
-SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *lamp,
-                                   spsi_incoming *coming) {
-    const double h = step->ray.high - step->ray.low, distance = spsi_step_distance(step, lamp);
+SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
+                                   spsi_incoming *incoming) {
+    const double h = step->ray.high - step->ray.low, distance = spsi_step_distance(step, light);
     spsi_shade middle;
-    spsi_bracket_shade(marcher, lamp, step->points[1], &middle);
-    coming->depth[1] = middle.depth;
-    for (int j = 0; j < 3; j += 2) coming->depth[j] = spsi_bracket_light(marcher, lamp, step->points[j]);
+    spsi_bracket_shade(marcher, light, step->points[1], &middle);
+    incoming->depth[1] = middle.depth;
+    for (int j = 0; j < 3; j += 2) incoming->depth[j] = spsi_bracket_light(marcher, light, step->points[j]);
     for (int m = 0; m < marcher->frame->medium_count; ++m)
         spsi_series_add_field((double)spsi_material_of(marcher->frame, m)->extinction,
                               spsi_vicinity_speed(&marcher->grids[m], step->ray.direction), middle.half[m],
-                              middle.middle[m], marcher->grids[m].all_most * middle.way, &coming->series);
-    if (lamp->is_point) {
+                              middle.middle[m], marcher->grids[m].all_most * middle.way, &incoming->series);
+    if (light->is_point) {
         spsi_series way;
-        coming->smooth &= distance > h;
+        incoming->smooth &= distance > h;
         way.term[0] = 1 + 0.5 * h / distance;
         for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) way.term[k] = way.term[0] / pow(distance - 0.5 * h, k);
-        coming->series.term[0] = middle.depth.high + 0.5 * h * coming->series.term[1];
-        coming->series = spsi_series_product(&coming->series, &way);
+        incoming->series.term[0] = middle.depth.high + 0.5 * h * incoming->series.term[1];
+        incoming->series = spsi_series_product(&incoming->series, &way);
     }
-    const double change = 0.5 * h * coming->series.term[1];
-    coming->series.term[0] = 0;
-    coming->passes = spsi_enclosure_of(0, 1);
+    const double change = 0.5 * h * incoming->series.term[1];
+    incoming->series.term[0] = 0;
+    incoming->passes = spsi_enclosure_of(0, 1);
     if (distance > h) {
-        coming->passes.low = exp(-middle.depth.high - change);
-        coming->passes.high = exp(-spsi_dmax(0, middle.depth.low - change));
+        incoming->passes.low = exp(-middle.depth.high - change);
+        incoming->passes.high = exp(-spsi_dmax(0, middle.depth.low - change));
     }
 }
 
 /* Angle by which light that comes to a step turns at most, from its middle. */
-SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_light *lamp) {
-    const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, lamp);
+SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_light *light) {
+    const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, light);
     return half < distance ? asin(half / distance) : 4;
 }
 
 /* Range of 1 - cos between light that comes to a step and the light's axis: at an angle a, its root is
    sqrt(2) sin(a / 2), and changes by at most 1 / sqrt(2) of what a does. */
-SPSI_COLD spsi_enclosure spsi_step_axis(const spsi_step *step, const spsi_light *lamp) {
-    const double turn = sqrt(0.5) * spsi_step_turn(step, lamp);
+SPSI_COLD spsi_enclosure spsi_step_axis(const spsi_step *step, const spsi_light *light) {
+    const double turn = sqrt(0.5) * spsi_step_turn(step, light);
     double travel[3], root;
-    spsi_light_direction(lamp, step->points[1], travel);
-    root = sqrt(spsi_versine(lamp, travel));
+    spsi_light_direction(light, step->points[1], travel);
+    root = sqrt(spsi_versine(light, travel));
     return spsi_enclosure_of(pow(spsi_dmax(root - turn, 0), 2), spsi_dmin(pow(root + turn, 2), 2));
 }
 
@@ -28783,17 +28816,17 @@ SPSI_COLD int spsi_cone_bends(const spsi_cone *cone, spsi_enclosure range) {
 /* What a light's cone lets pass on a step, in which 1 - cos from its axis is within `range`. Where it begins and where
    it ends it has corners, and between them it is the square of a linear function. */
 SPSI_COLD void spsi_incoming_cone(const spsi_cone *cone, const double versines[3], spsi_enclosure range,
-                                  const spsi_series *turning, spsi_incoming *coming) {
+                                  const spsi_series *turning, spsi_incoming *incoming) {
     spsi_series share = *turning;
-    for (int j = 0; j < 3; ++j) coming->falls[j] *= spsi_cone_at(cone, versines[j]);
-    coming->range.low *= spsi_cone_at(cone, range.high);
-    coming->range.high *= spsi_cone_at(cone, range.low);
+    for (int j = 0; j < 3; ++j) incoming->falls[j] *= spsi_cone_at(cone, versines[j]);
+    incoming->range.low *= spsi_cone_at(cone, range.high);
+    incoming->range.high *= spsi_cone_at(cone, range.low);
     if (!cone->exists || spsi_cone_at(cone, range.high) >= 1) return;
-    coming->smooth &= !spsi_cone_bends(cone, range);
+    incoming->smooth &= !spsi_cone_bends(cone, range);
     for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) share.term[k] /= cone->rim;
     share.term[0] = spsi_dmax((cone->none - range.low) / cone->rim, 0);
-    coming->falloff = spsi_series_product(&coming->falloff, &share);
-    coming->falloff = spsi_series_product(&coming->falloff, &share);
+    incoming->falloff = spsi_series_product(&incoming->falloff, &share);
+    incoming->falloff = spsi_series_product(&incoming->falloff, &share);
 }
 
 /* The series of one lobe, (1 - g^2) / (4 pi) * (1 + g^2 - 2 g cosine)^(-3/2), of which the parenthesis is at least
@@ -28813,22 +28846,22 @@ SPSI_COLD spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const
 /* What a gas sends to the eye of the light that comes to a step, per unit of optical depth and of albedo. A lobe rises
    or falls with the cosine, so that it is between its values at the ends. A lamp's light turns by less than the step
    seen from it, and its direction has a series of 2 / r^k at most. */
-SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *lamp, const spsi_material *material,
-                                   spsi_incoming *coming) {
-    const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, lamp);
-    const double distance = spsi_step_distance(step, lamp);
+SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *light, const spsi_material *material,
+                                   spsi_incoming *incoming) {
+    const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, light);
+    const double distance = spsi_step_distance(step, light);
     double cosines[3], axis[3], phases[3] = {0, 0, 0};
     spsi_enclosure range = {0, 0};
     spsi_series turning, series;
     for (int j = 0; j < 3; ++j) {
         double travel[3];
-        spsi_light_direction(lamp, step->points[j], travel);
+        spsi_light_direction(light, step->points[j], travel);
         cosines[j] = -spsi_dot(travel, step->ray.direction);
-        axis[j] = spsi_versine(lamp, travel);
+        axis[j] = spsi_versine(light, travel);
     }
-    coming->smooth &= distance > 2 * half;
+    incoming->smooth &= distance > 2 * half;
     memset(&series, 0, sizeof series);
-    for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) turning.term[k] = lamp->is_point ? 2 / pow(distance - half, k) : 0;
+    for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) turning.term[k] = light->is_point ? 2 / pow(distance - half, k) : 0;
     for (int i = 0; i < material->lobe_count; ++i) {
         const sps_lobe *lobe = &material->lobes[i];
         const double g = (double)lobe->asymmetry;
@@ -28838,11 +28871,11 @@ SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *lamp
         for (int j = 0; j < 3; ++j) phases[j] += spsi_lobe_at(lobe, cosines[j]);
         spsi_enclosure_add(&range, spsi_lobe_at(lobe, cosines[1] - (g > 0 ? turn : -turn)), spsi_lobe_at(lobe, most));
     }
-    for (int j = 0; j < 3; ++j) coming->falls[j] *= phases[j];
-    coming->range.low *= range.low;
-    coming->range.high *= range.high;
-    coming->falloff = spsi_series_product(&coming->falloff, &series);
-    if (lamp->is_point) spsi_incoming_cone(&lamp->cone, axis, spsi_step_axis(step, lamp), &turning, coming);
+    for (int j = 0; j < 3; ++j) incoming->falls[j] *= phases[j];
+    incoming->range.low *= range.low;
+    incoming->range.high *= range.high;
+    incoming->falloff = spsi_series_product(&incoming->falloff, &series);
+    if (light->is_point) spsi_incoming_cone(&light->cone, axis, spsi_step_axis(step, light), &turning, incoming);
 }
 
 /* What gas on a step sends to the eye. */
@@ -28853,26 +28886,26 @@ typedef struct spsi_step_light {
 } spsi_step_light;
 
 /* Adds what all volumes on a step scatter from a light. */
-SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *lamp,
+SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                    const spsi_enclosure passes[3], spsi_step_light *sum) {
     double source[3] = {0, 0, 0};
-    spsi_incoming coming;
-    spsi_incoming_plain(&coming);
-    spsi_incoming_fall(marcher, step, lamp, &coming);
-    if (lamp->shadows && step->lit)
-        spsi_incoming_shade(marcher, step, lamp, &coming);
-    else if (lamp->shadows)
-        coming.passes.low = 0, coming.smooth = 0;
+    spsi_incoming incoming;
+    spsi_incoming_plain(&incoming);
+    spsi_incoming_fall(marcher, step, light, &incoming);
+    if (light->shadows && step->lit)
+        spsi_incoming_shade(marcher, step, light, &incoming);
+    else if (light->shadows)
+        incoming.passes.low = 0, incoming.smooth = 0;
     for (int m = 0; m < marcher->frame->medium_count; ++m) {
         const spsi_material *material = spsi_material_of(marcher->frame, m);
-        spsi_incoming sent = coming;
+        spsi_incoming sent = incoming;
         if (!material->scatters) continue;
-        spsi_incoming_phase(step, lamp, material, &sent);
-        spsi_enclosure light = spsi_step_integral(marcher, step, m, &sent);
+        spsi_incoming_phase(step, light, material, &sent);
+        spsi_enclosure integral = spsi_step_integral(marcher, step, m, &sent);
         for (int c = 0; c < 3; ++c) {
-            const double share = (double)material->albedo[c] * (double)lamp->color[c];
-            spsi_enclosure_add(&sum->light[c], share * (double)material->extinction * light.low * passes[c].low,
-                               share * (double)material->extinction * light.high * passes[c].high);
+            const double share = (double)material->albedo[c] * (double)light->color[c];
+            spsi_enclosure_add(&sum->light[c], share * (double)material->extinction * integral.low * passes[c].low,
+                               share * (double)material->extinction * integral.high * passes[c].high);
             source[c] = spsi_dmax(source[c], share * sent.range.high);
         }
     }
@@ -28883,8 +28916,8 @@ SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step 
 SPSI_COLD void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *step, spsi_step_light *sum) {
     const spsi_frame *frame = marcher->frame;
     double source[3] = {0, 0, 0};
-    spsi_incoming coming;
-    spsi_incoming_plain(&coming);
+    spsi_incoming incoming;
+    spsi_incoming_plain(&incoming);
     for (int part = 0; part < marcher->part_count; ++part) {
         const spsi_material *material = spsi_material_of(frame, part);
         const int is_volume = part < frame->medium_count;
@@ -28892,7 +28925,7 @@ SPSI_COLD void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *s
         spsi_enclosure light =
             spsi_enclosure_of(taken * exp(-step->before.high - step->depth.high), taken * exp(-step->before.low));
         if (spsi_black(material->ambient) && !material->emits) continue;
-        if (is_volume) light = spsi_step_integral(marcher, step, part, &coming);
+        if (is_volume) light = spsi_step_integral(marcher, step, part, &incoming);
         for (int c = 0; c < 3; ++c) {
             const double extinction = is_volume ? (double)material->extinction : 1;
             const double share = extinction * (double)material->albedo[c] * (double)material->ambient[c] +
@@ -28916,13 +28949,13 @@ SPSI_COLD int spsi_plane_side(const double normal[3], const double on[3], const 
 }
 
 /* The normal of the plane in which light passes two points. */
-SPSI_COLD void spsi_light_plane(const spsi_light *lamp, const double a[3], const double b[3], double normal[3]) {
+SPSI_COLD void spsi_light_plane(const spsi_light *light, const double a[3], const double b[3], double normal[3]) {
     double u[3], v[3];
     spsi_along(b, a, -1, u);
-    if (lamp->is_point)
-        spsi_along(a, lamp->position, -1, v);
+    if (light->is_point)
+        spsi_along(a, light->position, -1, v);
     else
-        memcpy(v, lamp->direction, sizeof v);
+        memcpy(v, light->direction, sizeof v);
     spsi_cross(u, v, normal);
 }
 
@@ -28930,48 +28963,48 @@ typedef enum spsi_cover { SPSI_COVER_CLEAR, SPSI_COVER_BEHIND, SPSI_COVER_PARTLY
 
 /* Whether a face is before a light, seen from all points between two. Planes tell: that of the face, which must be
    between them and the light, and those in which light passes its edges; or that through both points and the light. */
-SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_light *lamp, const spsi_step *step) {
+SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_light *light, const spsi_step *step) {
     double normal[3], beyond[3];
     int side, sides[3], inside = 1;
     spsi_face_plane(face, normal);
-    spsi_along(face->position[0], lamp->direction, -1, beyond);
-    side = spsi_plane_side(normal, face->position[0], lamp->is_point ? lamp->position : beyond);
+    spsi_along(face->position[0], light->direction, -1, beyond);
+    side = spsi_plane_side(normal, face->position[0], light->is_point ? light->position : beyond);
     for (int i = 0; i < 2; ++i) sides[i] = spsi_plane_side(normal, face->position[0], step->ends[i]);
     if (side != 0 && sides[0] == side && sides[1] == side) return SPSI_COVER_CLEAR;
     inside = side != 0 && sides[0] == -side && sides[1] == -side;
     for (int k = 0; k < 3; ++k) {
-        spsi_light_plane(lamp, face->position[k], face->position[(k + 1) % 3], normal);
+        spsi_light_plane(light, face->position[k], face->position[(k + 1) % 3], normal);
         side = spsi_plane_side(normal, face->position[k], face->position[(k + 2) % 3]);
         for (int i = 0; i < 2; ++i) sides[i] = spsi_plane_side(normal, face->position[k], step->ends[i]);
         if (side != 0 && sides[0] == -side && sides[1] == -side) return SPSI_COVER_CLEAR;
         inside &= side != 0 && sides[0] == side && sides[1] == side;
     }
     if (inside) return SPSI_COVER_BEHIND;
-    spsi_light_plane(lamp, step->ends[0], step->ends[1], normal);
+    spsi_light_plane(light, step->ends[0], step->ends[1], normal);
     for (int k = 0; k < 3; ++k) sides[k] = spsi_plane_side(normal, step->ends[0], face->position[k]);
     return sides[0] != 0 && sides[0] == sides[1] && sides[1] == sides[2] ? SPSI_COVER_CLEAR : SPSI_COVER_PARTLY;
 }
 
 /* Bounds of the share of a light that polygons let pass to all points of a step. Returns 0 if a polygon is before the
    light for some of them only, so that a shorter step tells more. */
-SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_light *lamp, const spsi_step *step,
+SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_light *light, const spsi_step *step,
                               spsi_enclosure passes[3]) {
     int number, sure = 1;
     spsi_walk walk;
     spsi_ray ray;
     for (int c = 0; c < 3; ++c) passes[c] = spsi_enclosure_of(1, 1);
-    if (faces->tree.count == 0 || !lamp->shadows) return 1;
+    if (faces->tree.count == 0 || !light->shadows) return 1;
     for (int i = 0; i < 3; ++i) ray.origin[i] = 0.5 * (step->ends[0][i] + step->ends[1][i]);
-    spsi_toward_light(lamp, ray.origin, ray.direction);
+    spsi_toward_light(light, ray.origin, ray.direction);
     ray.low = 0;
-    ray.high = lamp->is_point ? 1 : HUGE_VAL;
+    ray.high = light->is_point ? 1 : HUGE_VAL;
     spsi_walk_begin(&faces->tree, &walk);
     for (int i = 0; i < 3; ++i)
         walk.half[i] = fabs(step->ends[1][i] - ray.origin[i]) +
                        SPSI_BRACKET_ROOM * (2 * faces->extent + fabs(ray.origin[i]));
     while ((number = spsi_walk_on(&walk, &ray)) >= 0) {
         const spsi_face *face = &faces->list[number];
-        const spsi_cover cover = spsi_face_cover(face, lamp, step);
+        const spsi_cover cover = spsi_face_cover(face, light, step);
         sure &= cover != SPSI_COVER_PARTLY;
         for (int c = 0; c < 3 && cover != SPSI_COVER_CLEAR; ++c) {
             passes[c].low *= (double)face->transmittance[c];
@@ -28991,11 +29024,11 @@ SPSI_COLD int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *s
     if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
     if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
         return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* else no halving is enough */
-    for (int i = 0; i < marcher->lamp_count && halvings < SPSI_BRACKET_EDGES; ++i) {
-        const spsi_light *lamp = &marcher->frame->lamps.list[i];
+    for (int i = 0; i < marcher->light_count && halvings < SPSI_BRACKET_EDGES; ++i) {
+        const spsi_light *light = &marcher->frame->lights.list[i];
         spsi_enclosure passes[3];
-        if (spsi_cone_bends(&lamp->cone, spsi_step_axis(step, lamp))) return 1;
-        if (!spsi_step_cover(marcher->faces, lamp, step, passes)) return 1;
+        if (spsi_cone_bends(&light->cone, spsi_step_axis(step, light))) return 1;
+        if (!spsi_step_cover(marcher->faces, light, step, passes)) return 1;
     }
     return 0;
 }
@@ -29008,10 +29041,10 @@ SPSI_COLD int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray,
     memset(sum, 0, sizeof *sum);
     spsi_step_build(marcher, ray, before, &step);
     if (spsi_step_too_long(marcher, &step, halvings)) return 0;
-    for (int i = 0; i < marcher->lamp_count; ++i) {
+    for (int i = 0; i < marcher->light_count; ++i) {
         spsi_enclosure passes[3] = {{0, 1}, {0, 1}, {0, 1}};
-        if (step.lit) spsi_step_cover(marcher->faces, &frame->lamps.list[i], &step, passes);
-        spsi_step_add_light(marcher, &step, &frame->lamps.list[i], passes, sum);
+        if (step.lit) spsi_step_cover(marcher->faces, &frame->lights.list[i], &step, passes);
+        spsi_step_add_light(marcher, &step, &frame->lights.list[i], passes, sum);
     }
     spsi_step_add_own(marcher, &step, sum);
     sum->depth = step.depth;
@@ -29059,13 +29092,13 @@ SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *
                                   0, "makes looks that have corners, and normals, of which no bounds are known");
     }
     for (int m = 0; m < frame->matter.material_count; ++m) scatters |= frame->matter.materials[m].scatters;
-    for (int i = 0; i < frame->lamps.count; ++i) {
-        const spsi_light *lamp = &frame->lamps.list[i];
-        if (lamp->extent.exists || lamp->projection.exists)
-            return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0,
+    for (int i = 0; i < frame->lights.count; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
+        if (light->extent.exists || light->projection.exists)
+            return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, light->index, "", 0,
                                   "has an extent or throws an image, for which no bounds are known");
     }
-    if (frame->particles.set_count > 0 && frame->lamps.count > 0 && scatters)
+    if (frame->particles.set_count > 0 && frame->lights.count > 0 && scatters)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_PARTICLES, frame->particles.sets[0].index, "",
                               0, "in light that gas scatters have no bounds: their shadows have edges");
     return SPS_OK;
@@ -29076,7 +29109,7 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
     const spsi_frame *frame = marcher->frame;
     double across[3];
     for (int m = 0; m < frame->medium_count; ++m)
-        if (spsi_material_of(frame, m)->scatters) marcher->lamp_count = frame->lamps.count;
+        if (spsi_material_of(frame, m)->scatters) marcher->light_count = frame->lights.count;
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_dense *grid = &marcher->grids[m];
         const size_t bricks = (size_t)grid->bricks[0] * (size_t)grid->bricks[1] * (size_t)grid->bricks[2];
@@ -29331,7 +29364,7 @@ static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marche
 
 /* Draws a point that emits, as a light with the color of its part, whose mean is 1: in a ball by its density; by the
    kernel of a voxel, which ends nowhere: 1e-6 of it lies beyond SPSI_REFERENCE_REACH, where nothing emits. */
-static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, spsi_light *lamp) {
+static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, spsi_light *light) {
     const spsi_frame *frame = marcher->frame;
     const double pick = (1 - DBL_EPSILON) * spsi_random(random) * marcher->glow_sum; /* rounded, it is below the sum */
     const spsi_material *material;
@@ -29345,8 +29378,8 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
             low = middle + 1;
     }
     double left = low > 0 ? pick - marcher->glow[low - 1] : pick;
-    memset(lamp, 0, sizeof *lamp);
-    lamp->is_point = lamp->falls_off = lamp->shadows = 1;
+    memset(light, 0, sizeof *light);
+    light->is_point = light->falls_off = light->shadows = 1;
     for (; m < frame->medium_count && low >= (rows = spsi_dense_rows(&marcher->grids[m])); ++m) low -= rows;
     if (m < frame->medium_count) {
         const spsi_dense *grid = &marcher->grids[m];
@@ -29357,7 +29390,7 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
         for (; at[0] + 1 < grid->size[0] && left >= (double)*value; at[0] += 1) left -= (double)*value++;
         for (int k = 0; k < 3; ++k)
             at[k] += SPSI_SIGMA * sqrt(2 * spsi_random_depth(random)) * cos(2 * SPSI_PI * spsi_random(random));
-        spsi_voxel_position(frame->media[m].lattice, at, lamp->position);
+        spsi_voxel_position(frame->media[m].lattice, at, light->position);
     } else {
         const spsi_particle_set *set = spsi_set_of(frame, (int)low);
         const sps_particle *particle = &frame->content->particles[low];
@@ -29368,9 +29401,9 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
         while (set->soft && spsi_random(random) < r * r);
         spsi_random_about(random, up, 2 * spsi_random(random) - 1, way);
         for (int i = 0; i < 3; ++i)
-            lamp->position[i] = (double)particle->position[i] + r * (double)particle->radius * way[i];
+            light->position[i] = (double)particle->position[i] + r * (double)particle->radius * way[i];
     }
-    for (int c = 0; c < 3; ++c) lamp->color[c] = (float)((double)material->emission[c] / spsi_emission_of(material));
+    for (int c = 0; c < 3; ++c) light->color[c] = (float)((double)material->emission[c] / spsi_emission_of(material));
 }
 
 /* Finds what all gas emits at a point per unit of length. `density`: per steradian, with which an event sends paths
@@ -29403,11 +29436,11 @@ static double spsi_emission_at(const spsi_marcher *marcher, const double event[3
 /* --- events --- */
 
 /* Estimate of the transmittance of all gas between a point and a light. */
-static double spsi_path_transmittance(const spsi_marcher *marcher, const spsi_light *lamp, const double point[3],
+static double spsi_path_transmittance(const spsi_marcher *marcher, const spsi_light *light, const double point[3],
                                       uint64_t *random) {
     double depths[SPSI_SETS_MAX], passes;
     spsi_ray ray;
-    if (!lamp->shadows || !spsi_light_ray(lamp, point, &ray)) return 1;
+    if (!light->shadows || !spsi_light_ray(light, point, &ray)) return 1;
     passes = exp(-spsi_particles_depth(marcher, &ray, depths));
     for (int m = 0; m < marcher->frame->medium_count; ++m) {
         spsi_tracker tracker;
@@ -29463,14 +29496,14 @@ static void spsi_path_turn(spsi_path *path, const double direction[3], int face,
 /* Adds the light that gas at a point scatters along the path: after the first event, none of lights without shadows. */
 static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *point, const spsi_material *material,
                                 spsi_path *path) {
-    const int lamps = path->scattered > 0 ? marcher->frame->lamps.count : 0; /* the first event's are marched */
-    for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lamps; ++i) { /* -1: what emits */
+    const int lights = path->scattered > 0 ? marcher->frame->lights.count : 0; /* the first event's are marched */
+    for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lights; ++i) {            /* -1: what emits */
         double travel[3], arrives[3], response[3], passes, density;
         spsi_light at;
         if (i < 0)
             spsi_emission_draw(marcher, &path->random, &at);
         else
-            spsi_reference_point(&marcher->frame->lamps.list[i], point->position, 0, &at);
+            spsi_reference_point(&marcher->frame->lights.list[i], point->position, 0, &at);
         if (!at.shadows || !spsi_point_arrival(marcher, point, &at, travel, arrives)) continue;
         passes = spsi_path_transmittance(marcher, &at, point->position, &path->random);
         density = spsi_path_density(material, -spsi_dot(travel, point->direction));
@@ -29516,14 +29549,14 @@ static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample 
    face's plane. */
 static void spsi_path_light_face(const spsi_marcher *marcher, int face, const double plane[3],
                                  const spsi_surface *surface, const double color[3], spsi_path *path) {
-    const int lamp_count = path->scattered > 0 ? marcher->frame->lamps.count : 0;
-    for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lamp_count; ++i) {
+    const int light_count = path->scattered > 0 ? marcher->frame->lights.count : 0;
+    for (int i = marcher->glow_sum > 0 ? -1 : 0; i < light_count; ++i) {
         double irradiance[3], passes[3] = {1, 1, 1}, toward[3], emitted[3], through, density;
         spsi_light at;
         if (i < 0)
             spsi_emission_draw(marcher, &path->random, &at);
         else
-            spsi_reference_point(&marcher->frame->lamps.list[i], surface->point, 0, &at);
+            spsi_reference_point(&marcher->frame->lights.list[i], surface->point, 0, &at);
         if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
         spsi_toward_light(&at, surface->point, toward);
         if (i < 0 && spsi_dot(toward, plane) * spsi_dot(path->ray.direction, plane) >= 0) continue;

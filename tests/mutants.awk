@@ -89,6 +89,7 @@ function pattern_of(n, pattern) {
     gsub(/^ +| +$/, "", pattern)
     gsub(/[][\\.*+?(){}|^$\/]/, "\\\\&", pattern)
     gsub(/ +/, "[ \n]+", pattern)
+    gsub(/\\[({]/, "&[ \n]*", pattern)
     return pattern
 }
 

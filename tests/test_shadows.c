@@ -318,7 +318,7 @@ static void random_town(check_scene *s, check_random *random, int kind) {
 /* Compares a tile with rays, if none are needed there. Returns whether they are not. */
 static int open_tile(const spsi_visibility_job *job, int x0, int y0, int *wrong) {
     static float lit[3 * VIEW * VIEW];
-    const int channels = spsi_lit_channels(job->frame, job->lamp);
+    const int channels = spsi_lit_channels(job->frame, job->light);
     const size_t bytes = (size_t)(channels * VIEW * VIEW) * sizeof(float);
     uint64_t rays;
     job->rays[0] = 0;
@@ -356,7 +356,7 @@ static void test_tiles_without_rays(void) {
             !CHECK_OK(context, spsi_eye_polygons(context, frame, &faces, &visible)))
             return;
         memset(&job, 0, sizeof job), memset(lit, 0, sizeof lit);
-        job.frame = frame, job.faces = &faces, job.visible = &visible, job.lamp = &frame->lamps.list[0];
+        job.frame = frame, job.faces = &faces, job.visible = &visible, job.light = &frame->lights.list[0];
         job.lit = lit, job.rays = &rays;
         for (int y = 0; y < VIEW; y += SPSI_VISIBILITY_TILE)
             for (int x = 0; x < VIEW; x += SPSI_VISIBILITY_TILE) open += open_tile(&job, x, y, &wrong);

@@ -687,7 +687,7 @@ static void test_narrow_cones(void) {
             const double x = i % rays->width, y = i / rays->width;
             double ray[3];
             spsi_ray_direction(rays, x, y, ray);
-            sum += spsi_spread_cone(spread_of(context, 0)->lamp, rays, x, y, 1) / pow(vec_length(ray), 3);
+            sum += spsi_spread_cone(spread_of(context, 0)->light, rays, x, y, 1) / pow(vec_length(ray), 3);
         }
         vec_cross(rays->a, rays->b, normal);
         sum *= fabs(vec_dot(normal, rays->c));

@@ -113,7 +113,7 @@ static void check_links(const plane *wall) {
             for (at[0] = 0; at[0] < grid->size[0]; ++at[0])
                 for (int link = 0; link < 27; ++link) {
                     const int from[3] = {at[0] - (link % 3 - 1), at[1] - (link / 3 % 3 - 1), at[2] - (link / 9 - 1)};
-                    const int is = job_of(context)->walls.closed[cell_at(grid, at)] >> link & 1;
+                    const int is = job_of(context)->blockers.closed[cell_at(grid, at)] >> link & 1;
                     double here[3], there[3];
                     int inside = link != 13;
                     for (int k = 0; k < 3; ++k) inside &= from[k] >= 0 && from[k] < grid->size[k];
@@ -143,7 +143,7 @@ static void test_links(void) {
         s.mesh[0].revision = (uint64_t)n + 1;
         check_render(context, &s, image_a);
         for (size_t i = 0; i < grid_of(context)->count; ++i)
-            if (job_of(context)->walls.closed[i]) CHECK(!"panes close links");
+            if (job_of(context)->blockers.closed[i]) CHECK(!"panes close links");
     }
 }
 

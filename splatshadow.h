@@ -46,19 +46,19 @@ CONTENTS (search for the tag)
     >>transfer      7  transfer functions, phase     >>transmittance 8  curves of transmittance
     >>scene         9  checking and resolving        >>gather        10 voxels, particles into lists
     >>trees         11 trees of boxes, for rays      >>polygons      12 triangles, rasterised
-    >>layers        13 panes and edges, by pixel     >>surfaces      14 their looks, shadow rays
-    >>lamps         15 lights and their rays         >>projectors    16 images that lights throw
-    >>depthmaps     17 polygons before gas           >>balls         18 particles as rays see them
+    >>layers        13 translucent layers, edges     >>surfaces      14 appearance, shadow rays
+    >>lights        15 lights and their rays         >>projectors    16 projected textures
+    >>depthmaps     17 polygons in front of gas      >>spheres       18 particles as spheres
     >>slicing       19 slabs and sweeps              >>splat         20 footprints into sheets
-    >>taps          21 the field, pixel by pixel     >>targets       22 filling sheets, by tile
+    >>sampler       21 volumes sampled by pixel      >>targets       22 filling sheets, by tile
     >>lightsheets   23 sheets as optical depth       >>tmaps         24 transmittance maps
-    >>penumbrae     25 light of many points          >>spreading     26 light that spreads sideways
-    >>shadows       27 shadows on gas, surfaces      >>scattering    28 scattered more than once
-    >>cells         29 light from cell to cell       >>flights       30 light of small sources
-    >>shading       31 light leaving a sheet         >>lighting      32 filling, lighting cells
-    >>sweep         33 chunks of slabs, tiles        >>budget        34 what time or error buys
-    >>frame         35 sweeps, then the image        >>plan          36 what a scene calls for
-    >>reference     37 brute-force ray marching      >>brackets      38 bounds of what is marched
+    >>penumbrae     25 area lights                   >>spreading     26 convolution in sheets
+    >>shadows       27 shadows on gas, surfaces      >>scattering    28 forward multiple scattering
+    >>cells         29 light from cell to cell       >>flights       30 unscattered light, by geometry
+    >>shading       31 radiance of a sheet           >>lighting      32 lighting the cells
+    >>sweep         33 chunks of slabs, tiles        >>budget        34 settings for time or error
+    >>frame         35 sweeps, then the image        >>plan          36 cost before rendering
+    >>reference     37 brute-force ray marching      >>bounds        38 guaranteed bounds of it
     >>paths         39 random paths                  >>public        40 the public functions
     >>licence
 
@@ -1962,12 +1962,12 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_BRICKS,
     SPSI_BUFFER_BRICK_FINGERPRINTS, /* fingerprints of the bricks, for shadow tables */
     SPSI_BUFFER_SEGMENTS,           /* the list of voxel segments */
-    SPSI_BUFFER_PYRAMIDS,           /* weights of taps, and what is known of each field, >>taps */
+    SPSI_BUFFER_PYRAMIDS,           /* weights of taps, and what is known of each field, >>sampler */
     SPSI_BUFFER_PYRAMID_GRIDS,      /* where their bricks are */
     SPSI_BUFFER_PYRAMID_VALUES,     /* of their bricks */
     SPSI_BUFFER_LEVEL_GRIDS,        /* the same of their coarser levels */
     SPSI_BUFFER_LEVEL_VALUES,
-    SPSI_BUFFER_THIRDS,    /* how much fields bend, >>taps */
+    SPSI_BUFFER_THIRDS,    /* how much fields bend, >>sampler */
     SPSI_BUFFER_EYE_SPENT, /* of a tolerance, >>targets */
     SPSI_BUFFER_LIGHT_SPENT,
     SPSI_BUFFER_FACES,         /* triangles, >>polygons */
@@ -4334,11 +4334,11 @@ typedef struct spsi_flights {
     float to_cells, to_polygons; /* fractions of what the emitters send: the rest is swept from cell to cell */
 } spsi_flights;
 
-#define SPSI_SAMPLER_STEPS   1024 /* places between two voxels for which there are weights, >>taps */
+#define SPSI_SAMPLER_STEPS   1024 /* places between two voxels for which there are weights, >>sampler */
 #define SPSI_PYRAMID_REACHES 3    /* about what is shown, in which samples are taken */
 #define SPSI_LEVELS        12   /* coarser levels of a volume: voxels of each are twice as large */
 
-/* Values of a volume, by which its sheets are filled pixel by pixel, >>taps. */
+/* Values of a volume, by which its sheets are filled pixel by pixel, >>sampler. */
 typedef struct spsi_pyramid_level {
     int low[3], size[3];  /* its bricks: the first, and their number along each axis */
     int first, end;       /* the volume's bricks of relevant voxels */
@@ -4353,7 +4353,7 @@ typedef struct spsi_pyramid_level {
     uint64_t *shown;      /* per brick held: which of its own voxels are, a bit each, layer by layer of 8 x 8 */
     uint32_t (
         *cells[SPSI_PYRAMID_REACHES])[2]; /* per brick: a bit for each of its cells of 2^3 voxels; by their reach */
-    float *bends; /* how much it bends, >>taps, as a grid of the eighths of all bricks: at most, in 2^3 from each on */
+    float *bends; /* how much it bends, >>sampler, as a grid of the eighths of all bricks: at most, in 2^3 from each on */
 } spsi_pyramid_level;
 
 /* Those of all volumes. */
@@ -4371,7 +4371,7 @@ typedef struct spsi_pyramid {
 /* Results of reading a frame's data. Before that, bounds are those of the volumes' boxes. */
 typedef struct spsi_content {
     spsi_bounds bounds;            /* of gas */
-    double beyond[3];              /* length that levels, >>taps, add to these on each side */
+    double beyond[3];              /* length that levels, >>sampler, add to these on each side */
     spsi_bounds outer;             /* of the volumes' boxes and the particles, by which shadows are chosen, >>shadows */
     int parts[2], cut[2];          /* columns and rows, 1 or 2, that the image is cut into, and where, >>slicing */
     spsi_bounds mesh_bounds;       /* of polygons */
@@ -4383,8 +4383,8 @@ typedef struct spsi_content {
     double particle_spread;        /* root mean square distance of the particles from their mean */
     double particle_extinction;    /* mean of their gas, in a particle or where they overlap, whichever is larger */
     const spsi_image *images;      /* that lights throw, >>projectors */
-    spsi_pyramid *fields;          /* of the volumes; NULL: they are splatted, >>taps */
-    float levels[SPSI_VOLUMES_MAX]; /* by medium: for all targets, with a fraction of the next; -1: splatted, >>taps */
+    spsi_pyramid *fields;          /* of the volumes; NULL: they are splatted, >>sampler */
+    float levels[SPSI_VOLUMES_MAX]; /* by medium: for all targets, with a fraction of the next; -1: splatted, >>sampler */
     const spsi_cell_grid *cells;   /* grids of them; NULL: light is not followed from cell to cell */
     int cell_grid_count;
     const spsi_flights *flights; /* light of what glows; NULL: nothing does, or cells carry it */
@@ -8590,7 +8590,7 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
     return SPS_OK;
 }
 
-/* ================================================================================================ >>lamps
+/* ================================================================================================ >>lights
    15 Lights: where their light comes from, and grids of rays that cover what it may reach. */
 
 #define SPSI_PARTICLE_EDGE 0.7 /* in radii, >>slicing */
@@ -9524,7 +9524,7 @@ static void spsi_translucency_map_filter(const spsi_translucency_map *map, const
     }
 }
 
-/* ================================================================================================ >>balls
+/* ================================================================================================ >>spheres
    18 Particles as a set of rays sees them. The ray with direction e meets a ball of radius r about C in a chord about
    t = C.e / e.e, of half length sqrt(1 - d^2) r, where d r = |C x e| / |e|. All of this is relative to the ball's own
    centre, in pixels and in t, which makes it short polynomials without differences of large numbers, so floats suffice.
@@ -11440,7 +11440,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
         spsi_splat_sphere(&p, 0);
 }
 
-/* ================================================================================================ >>taps
+/* ================================================================================================ >>sampler
    21 Filling sheets from the pixels' side. The field at a point is the sum of 4^3 or 6^3 voxels about it, weighted
    along each axis by the kernel; weights add up to 1, and are for 1025 places between voxels. Voxels lie in bricks of
    8^3 with an apron, so that all taps of a point are in one; a brick is held if any voxel is within reach, and has a
@@ -28386,7 +28386,7 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
     return spsi_march_particles(context, frame, &marcher->particles);
 }
 
-/* ============================================================================================= >>brackets
+/* ============================================================================================= >>bounds
    38 Bounds of light that scatters once, along the rays of >>reference: not an estimate, but limits that the exact
    integral cannot pass. On a step of length h, three Gauss points integrate F with an error of at most
    h^7 / 2016000 * |F^(6)|. F is the field times exp(-optical depth from the eye and from the light) times the light's

@@ -4353,7 +4353,7 @@ typedef struct spsi_pyramid_level {
     uint64_t *shown;      /* per brick held: which of its own voxels are, a bit each, layer by layer of 8 x 8 */
     uint32_t (
         *cells[SPSI_PYRAMID_REACHES])[2]; /* per brick: a bit for each of its cells of 2^3 voxels; by their reach */
-    float *bends; /* how much it bends, >>sampler, as a grid of the eighths of all bricks: at most, in 2^3 from each on */
+    float *bends; /* bounds of third differences, >>sampler: per eighth of a brick, the maximum of 2^3 from each on */
 } spsi_pyramid_level;
 
 /* Those of all volumes. */
@@ -4384,7 +4384,7 @@ typedef struct spsi_content {
     double particle_extinction;    /* mean of their gas, in a particle or where they overlap, whichever is larger */
     const spsi_image *images;      /* that lights throw, >>projectors */
     spsi_pyramid *fields;          /* of the volumes; NULL: they are splatted, >>sampler */
-    float levels[SPSI_VOLUMES_MAX]; /* by medium: for all targets, with a fraction of the next; -1: splatted, >>sampler */
+    float levels[SPSI_VOLUMES_MAX]; /* by medium: level of all targets, with a fraction of the next; -1: splatted */
     const spsi_cell_grid *cells;   /* grids of them; NULL: light is not followed from cell to cell */
     int cell_grid_count;
     const spsi_flights *flights; /* light of what glows; NULL: nothing does, or cells carry it */

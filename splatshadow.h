@@ -19522,41 +19522,38 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 }
 
 /* ============================================================================================== >>flights
-   30 First flights: light that comes straight from what is small and bright, to cells and to surfaces. Few directions
-   carry light well once it has scattered; from a small source they make a star of rays. So emission is not swept with
-   the rest: it goes into a tree of emitters, and a receiver takes
-     irradiance = I E(direction) T(way) / distance^2
-   from each node that it sees under a small angle, I being the sum of radiance times area; it opens the others. T is
-   marched through a pyramid of the cells' extinction, in steps that grow with the distance from either end; E is what
-   gets past the node's own gas, marched when the tree is built. What arrives is given to the cells, which are solved
-   for what scatters afterwards: a first-collision source. Cost: some 10 nodes of 10 to 30 steps for a vector of cells;
-   the same and a few rays for a point of a polygon. [Lathrop 1968] */
+   30 First flights: unscattered light of small, bright sources, which a sweep in few directions would draw as stars. It
+   goes into a tree of emitters. A receiver opens nodes until each subtends a small angle, and sums I E(direction)
+   T(path) / distance^2. I is radiance times area; T is marched through mip levels of the cells' extinction. E, the
+   fraction that escapes a node's own medium, is marched when the tree is built. Cells then solve for the scattered
+   rest: a first-collision source. Cost: about 10 nodes of 10 to 30 steps per vector of cells; per point of a polygon,
+   also a few rays. [Lathrop 1968] */
 
-#define SPSI_EMITTERS_MOST 32768 /* where more voxels glow, blocks of 2^3, 4^3 or 8^3 of them are one emitter */
-#define SPSI_EMITTERS_EACH 4096  /* where more particles of a set glow, those of a block of cells are one emitter */
-#define SPSI_EMITTER_BLOCKS 26   /* along each edge of a grid, at most: sums fit in the nodes of so many particles */
-#define SPSI_FLIGHT_NODES  64    /* of a tree that a receiver takes, at most */
-#define SPSI_FLIGHT_BLOCK  4     /* cells along each edge of a cube that shares its nodes */
-#define SPSI_FLIGHT_STEP   0.15f /* length of a step per distance from the nearer end; at least a cell's edge */
+#define SPSI_EMITTERS_MOST 32768 /* most emitting voxels; beyond, blocks of 2^3, 4^3 or 8^3 merge */
+#define SPSI_EMITTERS_EACH 4096  /* most emitting particles of a set; beyond, each block of cells merges */
+#define SPSI_EMITTER_BLOCKS 26   /* most along an edge of a grid: sums fit in the nodes of so many particles */
+#define SPSI_FLIGHT_NODES  64    /* most per tree and receiver */
+#define SPSI_FLIGHT_BLOCK  4     /* cells along an edge of a cube with one list of nodes */
+#define SPSI_FLIGHT_STEP   0.15f /* step per distance from the nearer end; at least a cell's edge */
 
-/* Whether a light may be a narrow beam, which cells are too wide for: a cone of up to 0.8 is, close to a polygon. */
+/* True if a light may be too narrow for cells; a cone of 0.8 radians is, close to a polygon. */
 static int spsi_light_has_beam(const spsi_light *light) {
     return light->is_point && light->cone.exists && !light->extent.exists && light->cone.none < 0.3;
 }
 
-/* Whether first flights reach cells: from what glows, narrow beams, or lit polygons. */
+/* True if first flights from emission, beams or lit polygons reach cells. */
 static int spsi_flies_to_cells(const spsi_frame *frame) {
     int some = frame->matter.emits || (frame->meshes.count > 0 && frame->lights.count > 0);
     for (int i = 0; i < frame->lights.count; ++i) some |= spsi_light_has_beam(&frame->lights.list[i]);
     return frame->matter.scatters && some;
 }
 
-/* Whether they reach anything: polygons, too, from what glows. */
+/* True if they reach anything; polygons receive emission alone. */
 static int spsi_cells_fly(const spsi_frame *frame) {
     return spsi_flies_to_cells(frame) || (frame->meshes.count > 0 && frame->matter.emits);
 }
 
-/* How many cells may be emitters at most: those near lamps or what glows are. */
+/* Upper bound of the cells near lights or emission that become emitters. */
 static size_t spsi_emitting_cells(const spsi_frame *frame) {
     const size_t side = (size_t)frame->view.scattering_resolution;
     int some = frame->matter.emits;
@@ -19566,7 +19563,7 @@ static size_t spsi_emitting_cells(const spsi_frame *frame) {
 
 /* --- emitters --- */
 
-/* The cell that holds a point, or the nearest one. Returns 0 if the point is outside. */
+/* Finds the cell at a point, or the nearest one. Returns 0 outside. */
 static int spsi_cell_containing(const spsi_cell_grid *grid, const double point[3], size_t *at) {
     int inside = 1;
     *at = 0;
@@ -19579,32 +19576,31 @@ static int spsi_cell_containing(const spsi_cell_grid *grid, const double point[3
     return inside;
 }
 
-/* What leaves an even ball of glowing gas, over what it sends: x is its optical depth along a radius. */
+/* Escape probability of a uniform emitting sphere of optical radius x. */
 static double spsi_sphere_escape(double x) {
     const double half = 0.5 / spsi_dmax(x * x, DBL_MIN);
     return x > 0.01 ? 0.75 / x * (1 - half + (1 / x + half) * exp(-2 * x)) : 1 - 0.75 * x;
 }
 
-/* A pyramid of extinction: number 0 has all gas, 1 + m what material m has. */
+/* Pyramid of extinction. 0: all media; 1 + m: material m. */
 static float *spsi_cell_mips(const spsi_cell_grid *grid, int number) {
     return grid->pyramid + (size_t)number * grid->pyramid_rows * (size_t)grid->pitch;
 }
 
-/* Length from an emitter's centre up to which it knows what gas hides. */
+/* Distance within which an emitter accounts for absorption itself. */
 static float spsi_emitter_reach(const spsi_emitter *emitter) {
     return emitter->clear > 0 ? emitter->clear : 0.75f * emitter->radius + emitter->ahead;
 }
 
-/* By how many radii the way from an even ball is shorter than that from its middle, which is u radii: the mean of ways
-   from all of it, weighted by 1 / way^2, is half a radius anywhere within, two thirds at its rim. */
+/* By how many radii the mean path from a sphere, weighted by 1 / length^2, is shorter than u, its centre's distance:
+   1/2 within, 2/3 at the rim. */
 static spsi_v spsi_sphere_nearer(spsi_v u) {
     const spsi_v part = spsi_div(spsi_set(1), u), third = spsi_set(2.0f / 15), fifth = spsi_set(0.2f);
     return spsi_min(spsi_mul(part, spsi_fma(spsi_mul(part, part), third, fifth)), spsi_add(u, spsi_set(-0.5f)));
 }
 
-/* Lets less leave an emitter: it hides itself as a ball of the gas in the cells about it, the mean of those of six
-   places. sqrt(0.6) of a radius away along each axis, these have a ball's mean of what is of degree 2. As much of the
-   gas as does not go on twice as far away ends with the ball: from there on, nothing of it is in the way. */
+/* Self-absorption in the cells around an emitter, averaged over six points sqrt(0.6) radii out: exact to degree 2.
+   Points twice as far out tell how much of the medium ends at the sphere. */
 static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];
@@ -19627,10 +19623,9 @@ static void spsi_emitter_hide(const spsi_flights *flights, const double point[3]
     }
 }
 
-/* Sets how a ball of material m hides itself; `own` is its optical depth along a radius. Cells hold its gas up to two
-   edges beyond its rim: there, that gas does not count as being in its way. The denser it is, the nearer to the
-   receiver light leaves it: 0.2 radii before its middle per optical depth, two thirds of a radius at most. Half of the
-   other gas within counts, too. */
+/* Self-absorption of a sphere of material m and optical radius `own`. Cells spread its medium by two edges; the march
+   leaves that out. Light leaves 0.2 radii before the centre per optical depth, at most 2/3. Half of the other media
+   counts, too. */
 static void spsi_emitter_clear(const spsi_flights *flights, const double point[3], double radius, double own, int m,
                                spsi_emitter *emitter) {
     emitter->clear = (float)(radius + 2 * flights->grids->edge);
@@ -19645,8 +19640,8 @@ static void spsi_emitter_clear(const spsi_flights *flights, const double point[3
     emitter->ahead = (float)(0.6 * radius * own / sqrt(9 + 0.81 * own * own));
 }
 
-/* Adds an emitter at a point that sends so many times what `like` does, unless it is black. own: its optical depth
-   along a radius; negative: that of the gas about it. */
+/* Adds an emitter of `amount` times the radiance of `like`, unless black. own: optical radius; negative: from the
+   cells. */
 static void spsi_emitters_add(spsi_flights *flights, const double point[3], double amount, double own,
                               const spsi_emitter *like, spsi_tree_item *items) {
     spsi_emitter *emitter = &flights->emitters[flights->count];
@@ -19663,12 +19658,12 @@ static void spsi_emitters_add(spsi_flights *flights, const double point[3], doub
     for (int c = 0; c < 3; ++c)
         emitter->sent[c] =
             (float)spsi_dmin(amount * (double)like->sent[c] * (double)emitter->leaves[c], (double)SPSI_RADIANCE_MAX);
-    if (spsi_black(emitter->sent)) return; /* also where the product is too small for a float */
+    if (spsi_black(emitter->sent)) return; /* also on underflow */
     items[flights->count].number = flights->count;
     spsi_tree_item_add(&items[flights->count++], flights->centre, low, high);
 }
 
-/* Number of voxels along the edge of the blocks that are emitters, and an upper bound of the number of these. */
+/* Edge of the blocks of voxels that become emitters. `count` receives an upper bound of their number. */
 static int spsi_emitter_blocks(const sps_context *context, const spsi_frame *frame, size_t *count) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     int edge = 1;
@@ -19683,12 +19678,11 @@ static int spsi_emitter_blocks(const sps_context *context, const spsi_frame *fra
     }
 }
 
-/* Sums over voxels: value, value times place, and times its square, in the volume's grid. */
+/* Voxel sums in the volume's grid. */
 typedef struct spsi_emitter_sum {
     double value, place[3], square[3];
 } spsi_emitter_sum;
 
-/* Adds a brick's voxels to the sums of its blocks. */
 static void spsi_emitter_sum_brick(const sps_context *context, const spsi_brick *brick, int edge,
                                    spsi_emitter_sum *sums) {
     const spsi_segment *segment = ((spsi_segment *const *)context->buffers[SPSI_BUFFER_SEGMENTS].data)[brick->segment];
@@ -19706,8 +19700,8 @@ static void spsi_emitter_sum_brick(const sps_context *context, const spsi_brick 
     }
 }
 
-/* Finds the centre of voxels in the world, and the radius of an even ball of their spread. A voxel has that of its
-   kernel. Returns how large an even ellipsoid of their spread along each axis looks on the mean, over pi. */
+/* Centre and radius of a uniform sphere of equal spread, kernels included. Returns the mean projected area, over pi, of
+   the ellipsoid of equal spread. */
 static double spsi_emitter_sum_sphere(const spsi_lattice *lattice, const spsi_emitter_sum *sum, double point[3],
                                       spsi_emitter *like) {
     double at[3], square[3];
@@ -19722,7 +19716,7 @@ static double spsi_emitter_sum_sphere(const spsi_lattice *lattice, const spsi_em
     return 5 * sqrt((square[0] * square[1] + square[1] * square[2] + square[2] * square[0]) / 3);
 }
 
-/* Adds the blocks of a brick, as even balls of the same spread, unless all of its glow always flies. */
+/* Adds a brick's blocks, less the emission that always flies. */
 static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame *frame, const spsi_brick *brick,
                                     int edge, spsi_flights *flights, spsi_tree_item *items) {
     const spsi_lattice *lattice = &frame->lattices[brick->lattice];
@@ -19743,10 +19737,9 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
     }
 }
 
-/* Sets what leaves an even glowing ball, and the light that stays in it, times `part`. x: optical depth along a radius.
-   A fraction p of what is sent leaves at once. Of what has scattered, less leaves, and the rest scatters again: within
-   1 % up to an x of 10. Lobes count as even ones of less gas. p is above 0; of albedo 1, all leaves. The eye sees the
-   light that stays through what `peak` leaves of the gas, where it passes on. */
+/* Escaping and trapped light of a uniform emitting sphere, for `part` of its emission. A fraction p escapes
+   unscattered, less of the scattered light. Within 1 % up to an optical radius x of 10. Anisotropic lobes count as
+   isotropic ones of less extinction. Trapped light reaches the eye through the extinction left without `peak`. */
 static void spsi_emitter_trap(const spsi_material *material, double peak, double x, double part, spsi_emitter *like) {
     const double once = spsi_sphere_escape(x);
     for (int c = 0; c < 3; ++c) {
@@ -19763,8 +19756,7 @@ static void spsi_emitter_trap(const spsi_material *material, double peak, double
     }
 }
 
-/* How crowded particles are: the volume of all but the largest, divided by that of an even ball that is spread as wide
-   as all of them. 0 without particles. */
+/* Volume of all particles but the largest, over that of the uniform sphere of their spread. */
 static double spsi_particles_crowd(const sps_particle *list, int count) {
     double cubes = 0, largest = 0, at[3] = {0, 0, 0}, square = 0;
     for (int n = 0; n < count; ++n) {
@@ -19782,9 +19774,9 @@ static double spsi_particles_crowd(const sps_particle *list, int count) {
     return (cubes - largest) / spsi_dmax(pow(spsi_dmax(5.0 / 3 * square, 0), 1.5), DBL_MIN);
 }
 
-/* Sets the fraction of each set's glow that always flies. Cells cannot resolve how dense particles hide themselves:
-   below an optical depth of 0.5 none fly, from 1.5 on all do. Up to 32 particles fly at any depth, and part of up to
-   64. Where particles overlap, cells know what hides them, and fewer fly. */
+/* Fraction of a set's emission that always flies: cells cannot resolve self-absorption of dense particles. It rises
+   from 0 to 1 between optical depths 0.5 and 1.5, and is 1 for up to 32 particles, fading until 64. Cells resolve
+   overlapping particles. */
 static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     const double few = spsi_dmax(0, spsi_dmin(2 - (double)content->particle_count / 32, 1));
@@ -19805,8 +19797,8 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* Sets the fraction of each volume's glow that always flies: all of it if its optical depth is 0.5 or more and its
-   voxels, with their kernels, are up to 6 cells wide; part of it up to 12 cells. */
+/* Fraction of a volume's emission that always flies. 1 for optical depths from 0.5 on and up to 6 cells of width with
+   kernels; 0 from 12 cells. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     float top[SPSI_VOLUMES_MAX] = {0};
@@ -19828,9 +19820,8 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
     }
 }
 
-/* Sets where a particle is, its radius, and its optical depth along it: a soft one has the spread of an even ball of
-   0.845 of its radius, and lets out what one of 0.75 of its depth does, within 4 % up to a depth of 10. Returns the
-   volume of its gas times extinction. */
+/* Position, radius and optical radius of a uniform sphere. Soft particles: 0.845 of their radius for equal spread, 0.75
+   of their depth for equal escape, within 4 % up to 10. Returns volume times extinction. */
 static double spsi_emitter_particle(const sps_particle *particle, const spsi_particle_set *set, double point[3],
                                     double *own, spsi_emitter *like) {
     const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
@@ -19840,9 +19831,8 @@ static double spsi_emitter_particle(const sps_particle *particle, const spsi_par
     return (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth;
 }
 
-/* Adds part of the glow of many particles: those of a block of cells are one even ball of their spread. It hides itself
-   as even gas does. Each particle hides its own light more than that, as far as it is not all of the block, nor of the
-   gas about it. Sums take the place of the tree's nodes, which follow: value, place, then square, value^2 and depth. */
+/* Adds part of many particles' emission: a uniform sphere per block of cells, and each particle's self-absorption. Sums
+   borrow the tree's nodes: value, position, then square, value^2 and depth. */
 static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_set *set, const sps_particle *list,
                                      int count, double part, spsi_emitter *like, spsi_tree_item *items) {
     spsi_emitter_sum *sum, *sums = (spsi_emitter_sum *)(void *)flights->nodes;
@@ -19877,8 +19867,7 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
     }
 }
 
-/* Adds all particles: to `flights` or, as far as they always fly, to the next tree. There, what a particle hides of
-   itself follows from its own depth: its gas in the cells about it is not counted. */
+/* Adds particles to `flights`, or to the next tree as far as they always fly. */
 static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights,
                                         spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_content *content = frame->content;
@@ -19908,7 +19897,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
     }
 }
 
-/* Sums up emitters: their centre and spread are weighted by what they send. */
+/* Centre and spread are weighted by power. */
 static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter *sum) {
     double all = 0, at[3] = {0, 0, 0}, square = 0, sent[3] = {0, 0, 0}, axis[3] = {0, 0, 0}, thick = 0;
     sum->own = list[0].own;
@@ -19939,9 +19928,8 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     if (sum->cut > 0) sum->cut = sum->radius;
 }
 
-/* Adds the glow of a volume that always flies, as one even ball of the voxels' mass and spread, of a kernel's radius at
-   least. It hides as much of itself as an ellipsoid does on the mean of all directions: if that is 1:3:1, it sends 10 %
-   too little across and 40 % too much along. */
+/* Adds the part of a volume's emission that always flies as one uniform sphere. Self-absorption is an ellipsoid's mean:
+   at 1:3:1 it sends 10 % too little across, 40 % too much along. */
 static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
                                      spsi_flights *flights, spsi_tree_item *items) {
     const int m = frame->media[lattice->medium].channel;
@@ -19961,7 +19949,6 @@ static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice
     spsi_emitters_add(flights, point, flies * amount, own, &like, items);
 }
 
-/* Lists all that glows. */
 static void spsi_emitters_list(const sps_context *context, const spsi_frame *frame, int blocks, spsi_flights *flights,
                                spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
@@ -19981,7 +19968,7 @@ static void spsi_emitters_list(const sps_context *context, const spsi_frame *fra
     spsi_emitters_add_particles(frame, flights, items);
 }
 
-/* Marks emitters that polygons may be within. */
+/* Marks emitters that polygons may cut. */
 static void spsi_emitters_cut(const spsi_faces *faces, const spsi_flights *flights) {
     for (int i = 0; i < flights->count && faces->count > 0; ++i) {
         spsi_emitter *emitter = &flights->emitters[i];
@@ -19992,7 +19979,6 @@ static void spsi_emitters_cut(const spsi_faces *faces, const spsi_flights *fligh
     }
 }
 
-/* Begins all trees, with room for so many emitters. */
 static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid *grids, int grid_count,
                                      const size_t most[SPSI_FLIGHT_TREES], spsi_flights trees[SPSI_FLIGHT_TREES]) {
     size_t all = 0, nodes = 0;
@@ -20020,10 +20006,10 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
     return SPS_OK;
 }
 
-/* --- optical depth on the way --- */
+/* --- optical depth along a path --- */
 
-/* Sets the levels of a pyramid of extinction above its first: optical depth along an edge, levels of half as many
-   cells one after the other, in rows of the same pitch. */
+/* Fills the coarser levels of a pyramid, one after the other, in rows of equal pitch. Values are optical depth along an
+   edge. */
 static void spsi_cell_mips_fill(const spsi_cell_grid *grid, float *to) {
     const size_t pitch = (size_t)grid->pitch;
     int size[3] = {grid->size[0], grid->size[1], grid->size[2]};
@@ -20046,12 +20032,12 @@ static void spsi_cell_mips_fill(const spsi_cell_grid *grid, float *to) {
     }
 }
 
-/* A level of pyramids per lane: the width of its cells, its first row, and the rows of a layer. */
+/* Mip level per lane: width of its cells, first row, rows per layer. */
 typedef struct spsi_extinction_mip {
     spsi_v edge, first, rows;
 } spsi_extinction_mip;
 
-/* The levels whose cells are as wide as possible, but at most `width`; the finest if none are. */
+/* Coarsest levels of cells up to `width`, or the finest. */
 static spsi_extinction_mip spsi_extinction_mip_of(const spsi_cell_grid *grid, spsi_v width) {
     spsi_extinction_mip level = {spsi_set(1), spsi_set(0), spsi_set((float)grid->size[1])};
     size_t row = 0;
@@ -20069,7 +20055,6 @@ static spsi_extinction_mip spsi_extinction_mip_of(const spsi_cell_grid *grid, sp
     return level;
 }
 
-/* Looks up pyramids at a vector of places. Numbers are as above. */
 static spsi_v spsi_extinction_mip_at(const spsi_cell_grid *grid, spsi_v number, const spsi_v at[3],
                                      const spsi_extinction_mip *level) {
     const spsi_v first = spsi_fma(number, spsi_set((float)grid->pyramid_rows), level->first);
@@ -20081,22 +20066,22 @@ static spsi_v spsi_extinction_mip_at(const spsi_cell_grid *grid, spsi_v number, 
     return spsi_lookup(grid->pyramid, grid->pitch, cell[0], spsi_fma(cell[2], level->rows, spsi_add(first, cell[1])));
 }
 
-/* A vector of ways from emitters to receivers, in cells' edges. */
+/* Paths from emitters to receivers, in cell edges. */
 typedef struct spsi_segments {
-    spsi_v from[3], unit[3], length; /* unit: of direction */
-    spsi_v begin, end;               /* lengths between which gas is in the way */
-    spsi_v clear, own; /* up to `clear`, cells of pyramid `own` hold gas of its own; farther out only others' */
+    spsi_v from[3], unit[3], length; /* unit: direction */
+    spsi_v begin, end;               /* attenuating range */
+    /* clear: distance up to which cells of pyramid `own` contain the emitter's medium */
+    spsi_v clear, own;
 } spsi_segments;
 
-/* Optical depth on a vector of ways. Near both ends, steps are as long as a cell. Farther off, a step crosses one cell
-   of a coarser level along the axis that the way follows most: layers across that axis keep their depth, however thin.
-   Cells as wide as a step hold an emitter's own gas up to 1.3 times as far as it reaches. Nearer than that, its pyramid
-   is in the way no more than there: that is others' gas. */
+/* Steps are a cell's edge near both ends. Farther out, they cross one coarser cell along the dominant axis, so that
+   thin layers keep their depth. Coarse cells spread an emitter's medium to 1.3 times its radius. Within, its pyramid
+   counts only with the value out there: other media. */
 static spsi_v spsi_segments_depth(const spsi_cell_grid *grid, const spsi_segments *ways) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), own_end = spsi_mul(ways->clear, spsi_set(1.3f));
     const spsi_v rounded = spsi_set(1.001f);
     spsi_v at = ways->begin, rim = spsi_set(SPSI_INFINITY), end, depth = zero, most = zero, start = zero;
-    for (int k = 0; k < 3; ++k) { /* cut to the grid; a direction has at least 1e-9 along each axis */
+    for (int k = 0; k < 3; ++k) { /* clip to the grid; |unit| is at least 1e-9 per axis */
         const spsi_v size = spsi_set((float)grid->size[k]), tiny = spsi_set(1e-9f), speed = spsi_abs(ways->unit[k]);
         const spsi_m follows = spsi_less(most, speed), back = spsi_less(ways->unit[k], zero);
         start = spsi_select(follows, spsi_select(back, spsi_sub(zero, ways->from[k]), ways->from[k]), start);
@@ -20112,7 +20097,7 @@ static spsi_v spsi_segments_depth(const spsi_cell_grid *grid, const spsi_segment
         const spsi_v nearer = spsi_min(at, spsi_sub(ways->length, at)), left = spsi_max(spsi_sub(end, at), zero);
         const spsi_v width = spsi_mul(nearer, spsi_mul(most, spsi_set(SPSI_FLIGHT_STEP)));
         const spsi_extinction_mip level = spsi_extinction_mip_of(grid, width);
-        const spsi_v axis = spsi_div(spsi_fma(at, most, start), level.edge); /* in cells; most is 0.57 to 1 */
+        const spsi_v axis = spsi_div(spsi_fma(at, most, start), level.edge); /* cells; most: 0.57 to 1 */
         const spsi_v cell = spsi_sub(spsi_floor(spsi_add(axis, rounded)), axis), coarse = spsi_div(level.edge, most);
         const spsi_v taken = spsi_min(spsi_select(spsi_less(one, level.edge), spsi_mul(cell, coarse), one), left);
         const spsi_v middle = spsi_fma(taken, spsi_set(0.5f), at);
@@ -20133,8 +20118,7 @@ static spsi_v spsi_segments_depth(const spsi_cell_grid *grid, const spsi_segment
     return depth;
 }
 
-/* Transmittance of a vector of ways between places in the world, through all grids, by channel. Places are relative to
-   the centre of the trees. */
+/* Paths in the world, relative to the trees' centre. */
 typedef struct spsi_flight_segments {
     float from[3][SPSI_LANES], unit[3][SPSI_LANES];
     float length[SPSI_LANES], begin[SPSI_LANES], end[SPSI_LANES], clear[SPSI_LANES], own[SPSI_LANES];
@@ -20163,9 +20147,9 @@ static void spsi_flight_segments_pass(const spsi_flights *flights, const spsi_fl
     }
 }
 
-/* --- their tree --- */
+/* --- tree --- */
 
-/* Sets a direction: 0 to 5 along an axis, then four in each plane of two axes. */
+/* Direction 0 to 5 along an axis, then four per plane of two axes. */
 static void spsi_flight_way(int number, float unit[3]) {
     memset(unit, 0, 3 * sizeof *unit);
     if (number < 6) {
@@ -20177,12 +20161,12 @@ static void spsi_flight_way(int number, float unit[3]) {
     }
 }
 
-/* Length up to which cells hold gas of its own about an emitter, or about a node all of whose gas is in one pyramid. */
+/* Distance up to which cells contain the own medium of an emitter, or of a node of one pyramid. */
 static float spsi_flight_clear(const spsi_emitter *emitter, const spsi_flight_node *node) {
     return node && emitter->own > 0 ? node->reach : emitter->clear;
 }
 
-/* Adds to what leaves a node what a child of it does. `own` is NULL for an emitter. */
+/* Adds a child's escaping light to a node's. `own` is NULL for an emitter. */
 static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *child, const spsi_flight_node *own,
                                spsi_flight_node *node, float leaves[3][SPSI_FLIGHT_SEGMENTS]) {
     for (int first = 0; first < SPSI_FLIGHT_SEGMENTS; first += SPSI_LANES) {
@@ -20214,8 +20198,8 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
     }
 }
 
-/* Radius of a ball about what a node sends: the 16th power's mean over its parts, which is close to the largest and
-   does not see those that send next to nothing. In nodes smaller than `edge`, parts are as one: the mean of theirs. */
+/* Radius around a node's emission: the parts' 16th power mean, near the maximum but blind to weak parts. Nodes smaller
+   than `edge` take the mean. */
 static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_node *const *own, int count, double edge,
                                 const spsi_emitter *sum) {
     double reach[SPSI_TREE_LEAF], weight[SPSI_TREE_LEAF], most = DBL_MIN, mean = 0, each = 0, all = 0;
@@ -20234,7 +20218,7 @@ static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_nod
     return (float)spsi_dmax(most * pow(mean / all, 1.0 / 16), edge);
 }
 
-/* Sums up a node and those below it. Recursion is as deep as the tree, which is at most SPSI_TREE_STACK. */
+/* Recursion is at most SPSI_TREE_STACK deep. */
 static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights, int number) {
     const spsi_tree_node *node = &tree->nodes[number];
     const float edge = (float)flights->grids->edge;
@@ -20263,7 +20247,6 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
     sum->breadth = 2 * sum->sum.radius * spsi_fmin(1 - logf(spsi_fmax(mean, FLT_MIN)), 4) * (1 + 8 * bent);
 }
 
-/* Builds a tree of its emitters, which are also items of it. Leaves hold their numbers. */
 static sps_result spsi_flights_build(sps_context *context, spsi_tree_item *items, spsi_flights *flights) {
     const size_t nodes = spsi_tree_nodes((size_t)flights->count);
     spsi_tree tree;
@@ -20280,30 +20263,27 @@ static sps_result spsi_flights_build(sps_context *context, spsi_tree_item *items
     return SPS_OK;
 }
 
-/* --- which nodes a receiver takes --- */
+/* --- choice of nodes --- */
 
-/* An emitter or a node that a receiver takes. */
 typedef struct spsi_flight {
     const spsi_emitter *emitter;
     const spsi_flight_node *node; /* NULL: an emitter */
 } spsi_flight;
 
-/* All that a receiver takes, of all trees. */
 typedef struct spsi_flight_list {
     spsi_flight entry[SPSI_FLIGHT_TREES * SPSI_FLIGHT_NODES];
     int count;
 } spsi_flight_list;
 
-/* Places within `reach` of one, and the nodes that they take. */
+/* Positions within `reach` of a place. */
 typedef struct spsi_flight_choice {
     const spsi_flights *flights;
     const double *place;
-    double reach, per_angle; /* 1 / the angle under which they may see a node */
-    int first, most;         /* of the list's entries that belong to these flights */
+    double reach, per_angle; /* 1 / a node's largest angle */
+    int first, most;         /* the list's entries for these flights */
 } spsi_flight_choice;
 
-/* Whether a node is opened: some of the places may see it under too wide an angle, or lie in it. With a `scale` below
-   1, angles may be wider. */
+/* True if a node is too wide for some position, or around it. A `scale` below 1 allows wider angles. */
 static int spsi_flights_opens(const spsi_flight_choice *choice, double scale, const spsi_flight_node *node) {
     const double wide = scale * (double)node->breadth * choice->per_angle, own = (double)node->reach;
     const double least = (scale < 0.25 ? 4 * scale : 1) * (choice->reach + (wide > own ? wide : own));
@@ -20312,7 +20292,7 @@ static int spsi_flights_opens(const spsi_flight_choice *choice, double scale, co
     return spsi_dot(toward, toward) < least * least;
 }
 
-/* Opens the nodes of a list, and those that come out of them. Returns 0 if the list would get too long. */
+/* Opens nodes and their children. Returns 0 if the list would get too long. */
 static int spsi_flights_open(const spsi_flight_choice *choice, double scale, spsi_flight_list *list) {
     const spsi_flights *flights = choice->flights;
     for (int i = choice->first; i < list->count;) {
@@ -20331,8 +20311,8 @@ static int spsi_flights_open(const spsi_flight_choice *choice, double scale, sps
     return 1;
 }
 
-/* Adds to a list the nodes that all places within `reach` of one see under an angle of at most `angle`; wider ones
-   where these would be more than `most`: the widest are opened first. */
+/* Lists nodes that subtend at most `angle` for all positions within `reach`. At most `most`: the widest are opened
+   first. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
                                 int most, spsi_flight_list *list) {
     const spsi_flight_choice choice = {flights, place, reach, 1 / angle, list->count, most};
@@ -20347,10 +20327,9 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
     }
 }
 
-/* The fraction of a node's light that gets past its own gas in some directions, for a channel: T, a polynomial of
-   degree 4 in the cosines through the directions that were marched. An emitter's light has lost that already. If only
-   `part` of the gas is in the way, T^part gets past; near it is the mean of T / (T + part (1 - T)) and 1 - part (1 -
-   T). */
+/* Fraction T of light that escapes a node's medium: a polynomial of degree 4 in the cosines, through the marched
+   directions. An emitter's light has lost that already. `part` of the medium passes about T^part: the mean of T / (T +
+   part (1 - T)) and 1 - part (1 - T). */
 static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const spsi_v unit[3], spsi_v part) {
     const spsi_flight_node *node = flight->node;
     const spsi_v one = spsi_set(1);
@@ -20378,9 +20357,8 @@ static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const s
     return node ? low : spsi_div(low, sum);
 }
 
-/* The share of its own gas that a node or an emitter puts in the way of receivers at some distances: all of it far
-   away, less for a receiver within. In even gas the ways are those above; where the gas ends with the ball, they grow
-   from 0.5 radii to 0.75. */
+/* Fraction of its own medium between a node or emitter and a receiver: 1 far away, less within, by spsi_sphere_nearer.
+   Where it ends at the sphere, paths grow from 0.5 radii to 0.75. */
 static spsi_v spsi_flight_part(const spsi_flight *flight, spsi_v length) {
     const float known = flight->node ? flight->node->reach : 0;
     const float radius = spsi_fmax(spsi_fmax(flight->emitter->radius, 1e-3f * known), FLT_MIN);
@@ -20391,8 +20369,7 @@ static spsi_v spsi_flight_part(const spsi_flight *flight, spsi_v length) {
     return spsi_mul(spsi_sub(spsi_min(u, spsi_set(own)), spsi_sphere_nearer(u)), spsi_set(1 / own));
 }
 
-/* Distance from its centre at which the march through gas begins, for ways of some lengths. A particle's own escape
-   leaves out other gas within it, which the march has to cross. */
+/* Distance from the centre where the march begins; it crosses other media within a particle. */
 static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
     const spsi_emitter *emitter = flight->emitter;
     const spsi_v radius = spsi_set(spsi_fmax(emitter->radius, FLT_MIN)), u = spsi_div(length, radius);
@@ -20402,18 +20379,17 @@ static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
     return spsi_min(spsi_set(flight->node ? flight->node->reach : spsi_emitter_reach(emitter)), length);
 }
 
-/* --- what arrives --- */
+/* --- receivers --- */
 
-/* What first flights reach: a point of a polygon, or a cell. */
 typedef struct spsi_flight_place {
     const spsi_frame *frame;
-    const spsi_faces *faces;              /* NULL: none are in the way */
-    const double *point, *start, *normal; /* start: of rays; normal: a unit vector; NULL: a cell */
-    int face; /* that the point is on; -1: none, it is a cell's, which takes only what flies to cells */
+    const spsi_faces *faces;              /* NULL: no occluders */
+    const double *point, *start, *normal; /* start: of rays; normal: unit vector; NULL: a cell */
+    int face; /* face of the point; -1: none, in a cell, which takes only light for cells */
 } spsi_flight_place;
 
-/* Moves a place in an even ball of radius 1 toward the receiver, from which the unit vector `away` points: the denser
-   the ball, the nearer to its rim light leaves it. Returns the weight of the chord through the place. */
+/* Moves a point of a unit sphere against `away`, a unit vector from the receiver: denser spheres emit nearer the rim.
+   Returns the weight of its chord. */
 static double spsi_sphere_rim(double thick, const double away[3], double place[3]) {
     const double along = spsi_dot(place, away), aside = spsi_dot(place, place) - along * along;
     const double half = sqrt(spsi_dmax(1 - aside, 0.01)), dense = thick / sqrt(11 + thick * thick);
@@ -20421,15 +20397,14 @@ static double spsi_sphere_rim(double thick, const double away[3], double place[3
     return 1 + dense * (2.0 / 3 / half - 1);
 }
 
-/* What polygons let pass of a vector of rays, by color. A ray to a ball of radius `cut` that polygons may cut stands
-   for 16 places in it, whose heights along each axis are those of its sixteenths. It gets their mean, weighted by how
-   much they light the receiver: a cell, or a surface below the whole ball. */
+/* Transmittance of polygons for a vector of rays. Spheres of radius `cut` take 16 points, stratified per axis and
+   weighted by their light at the receiver: a cell, or a surface below the sphere. */
 static void spsi_flights_unblocked(const spsi_flight_place *place, int lanes, double origin[SPSI_LANES][3],
                                    double toward[SPSI_LANES][3], const float cut[SPSI_LANES],
                                    const float thick[SPSI_LANES], spsi_v passes[3]) {
     static const double places[8][3] = {{-0.62, -0.49, 0.04}, {0.77, 0.13, 0.49},   {0.3, -0.21, -0.79},
                                         {-0.4, 0.63, -0.41},  {-0.5, 0.05, -0.19},  {-0.22, -0.39, 0.63},
-                                        {-0.13, 0.3, 0.3},    {0.05, -0.78, -0.13}}; /* and opposite ones */
+                                        {-0.13, 0.3, 0.3},    {0.05, -0.78, -0.13}}; /* and their opposites */
     const double *normal = place->normal;
     float out[3][SPSI_LANES] = {{0}}, all[SPSI_LANES] = {0}, weight[SPSI_LANES] = {0};
     for (int n = 0; n < 16 && lanes; ++n) {
@@ -20464,24 +20439,23 @@ static void spsi_flights_unblocked(const spsi_flight_place *place, int lanes, do
     for (int c = 0; c < 3; ++c) passes[c] = spsi_div(spsi_load(out[c]), spsi_max(spsi_load(all), spsi_set(FLT_MIN)));
 }
 
-/* The cells that first flights are sent to, and where their moments are added up. */
 typedef struct spsi_flight_job {
     const spsi_frame *frame;
     const spsi_flights *flights;
     const spsi_faces *faces;
     const spsi_cell_grid *grid;
     int tree_count;
-    int coarse;             /* how many times as wide as for a polygon a cube of cells may see a node */
+    int coarse;             /* largest angle of a node, relative to a polygon's */
     const float *scattered; /* as in spsi_cell_job */
     float *emitted;
 } spsi_flight_job;
 
-/* A vector of cells, at most four along x, the others along y. */
+/* At most four cells along x, the others along y. */
 typedef struct spsi_flight_cells {
-    int at[3], lanes; /* of the first one; bit mask of those that are in the grid and hold gas */
+    int at[3], lanes; /* first cell; bit mask of cells that contain a medium */
     spsi_v centre[3], depth, sum[3][SPSI_CELL_TERMS];
-    spsi_v gas;                /* of emitters, weighted by 1 / distance^2, up to two edges beyond their rims */
-    spsi_v own[3], trapped[3]; /* times it, light that flew, and all light within */
+    spsi_v gas;                /* emitters' own, weighted by 1 / distance^2, up to two edges beyond their rims */
+    spsi_v own[3], trapped[3]; /* times `gas`: light by first flights, and all light within */
 } spsi_flight_cells;
 
 #define SPSI_FLIGHT_ALONG spsi_imin(SPSI_LANES, SPSI_FLIGHT_BLOCK)
@@ -20507,9 +20481,8 @@ static void spsi_flight_cells_build(const spsi_flight_job *job, const int first[
     cells->depth = spsi_load(lanes[3]);
 }
 
-/* What polygons let pass between a node and a vector of cells. Rays end at its middle. Where polygons bulge, rays end
-   before them: a cap of a sphere, of mean normal a and spread r, has its middle 0.55 r sqrt(1 - |a|) below its top. At
-   a cube's edge it lies twice as deep. */
+/* Transmittance of polygons between a node's centre and cells. Rays end in front of convex polygons: a cap of mean
+   normal a and spread r has its centre 0.55 r sqrt(1 - |a|) below its top, twice that at a cube's edge. */
 static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_flight_cells *cells,
                                         const spsi_emitter *node, spsi_v passes[3]) {
     const spsi_flight_place place = {job->frame, job->faces, NULL, NULL, NULL, -1};
@@ -20528,9 +20501,8 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
     spsi_flights_unblocked(&place, cells->lanes, origin, toward, cut, thick, passes);
 }
 
-/* The square of the distance whose inverse is the mean of 1 / distance^2 over a cell of edge 1 and over an even ball of
-   a radius r, given those of the distance d between their centres and of r. To the second order it is d^2 - r^2 / 5 - 1
-   / 12; within, from r^2 / 3 on; about the centre of a cell, 0.13. */
+/* Inverse of the mean of 1 / distance^2 between a cell of edge 1 and a uniform sphere, from d^2 and r^2. To second
+   order d^2 - r^2 / 5 - 1 / 12; within, from r^2 / 3 on; at the cell's centre 0.13. */
 static spsi_v spsi_sphere_square(spsi_v square, spsi_v radius) {
     const spsi_v u = spsi_max(spsi_div(square, spsi_max(radius, spsi_set(FLT_MIN))), spsi_set(0.1f));
     const spsi_v most = spsi_min(u, spsi_set(1)), cube = spsi_mul(u, spsi_mul(u, u));
@@ -20540,9 +20512,8 @@ static spsi_v spsi_sphere_square(spsi_v square, spsi_v radius) {
     return spsi_max(spsi_sub(square, rim), within);
 }
 
-/* Adds a fraction of what a node sends to a vector of cells. What crosses a plane is 1 / distance^2, within a ball as
-   much as its inner part sends [Newton's shells]: their ratio is the mean cosine of a lobe about the direction to the
-   centre. */
+/* Adds a fraction of a node's light to cells. Net flux over irradiance is a lobe's mean cosine. The flux is 1 /
+   distance^2, within a sphere from the inner part alone [Newton's shells]. */
 static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight *flight, float fraction, int blocked,
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
@@ -20593,13 +20564,13 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
         cells->own[c] = spsi_fma(light, gas, cells->own[c]);
         cells->trapped[c] = spsi_fma(spsi_set(fraction * node->trapped[c]), gas, cells->trapped[c]);
         for (int t = 1; t < grid->terms; ++t) {
-            if (t == 1 || t == 4 || t == 9) light = spsi_mul(light, bent); /* of the next degree */
+            if (t == 1 || t == 4 || t == 9) light = spsi_mul(light, bent); /* next degree */
             cells->sum[c][t] = spsi_fma(light, harmonic[t], cells->sum[c][t]);
         }
     }
 }
 
-/* Takes from a vector of cells what emitters' own gas scatters of their own light: it was sent already. */
+/* Subtracts emitters' light scattered by their own medium: `sent` includes it. */
 static void spsi_flight_cells_trap(const spsi_flight_job *job, const spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_v per_gas = spsi_div(spsi_set(1), spsi_max(cells->gas, spsi_set(FLT_MIN)));
@@ -20618,7 +20589,7 @@ static void spsi_flight_cells_trap(const spsi_flight_job *job, const spsi_flight
     }
 }
 
-/* Whether polygons may be between a cube of cells and a node. */
+/* True if polygons may lie between a cube of cells and a node. */
 static int spsi_flight_blocked(const spsi_flight_job *job, const double centre[3], double half,
                                const spsi_emitter *node) {
     double middle[3], reach[3];
@@ -20632,7 +20603,6 @@ static int spsi_flight_blocked(const spsi_flight_job *job, const double centre[3
     return spsi_faces_near(job->faces, middle, reach);
 }
 
-/* Sends first flights to a cube of cells. */
 static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[3]) {
     const spsi_cell_grid *grid = job->grid;
     const double half = 0.5 * SPSI_FLIGHT_BLOCK * grid->edge;
@@ -20668,7 +20638,6 @@ static void spsi_flights_light_cube(const spsi_flight_job *job, const int first[
         }
 }
 
-/* Sends first flights to a row of cubes. */
 static void spsi_flights_light_task(void *data, int index) {
     const spsi_flight_job *job = (const spsi_flight_job *)data;
     const int *size = job->grid->size, rows = (size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
@@ -20676,16 +20645,15 @@ static void spsi_flights_light_task(void *data, int index) {
     for (; first[0] < size[0]; first[0] += SPSI_FLIGHT_BLOCK) spsi_flights_light_cube(job, first);
 }
 
-/* What a node sends in the direction from a point to it, turned round, over the mean of all directions. */
+/* Radiance of a node towards a point, over its mean. */
 static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3], double distance) {
     const double axis[3] = {(double)node->axis[0], (double)node->axis[1], (double)node->axis[2]};
     return 1 - spsi_length(axis) + 4 * spsi_dmax(-spsi_dot(axis, toward) / spsi_dmax(distance, DBL_MIN), 0);
 }
 
-/* Irradiance of a surface by an even ball that sends 1, from how far away and how high above the surface's plane its
-   middle is. What is below the plane does not count: a ball that polygons cut has sides. The integral over directions
-   at an angle from that of the middle is a closed form; a ball that is all above acts as a point [Newton's shells].
-   `thick`: its optical depth along a radius; 0: thin. */
+/* Irradiance by a uniform sphere of power 1, `height` above the surface's plane. Parts below do not count, since a
+   sphere cut by polygons has sides. The integral about the centre's direction is closed-form; spheres wholly above act
+   as points [Newton's shells]. `thick`: optical radius; 0: thin. */
 static double spsi_sphere_lights(double distance, double height, double radius, double thick) {
     const int steps = 32;
     const double far_off = distance / spsi_dmax(radius, 1e-60), away = spsi_dmax(distance, 1e-60);
@@ -20705,8 +20673,8 @@ static double spsi_sphere_lights(double distance, double height, double radius, 
     return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius) / spsi_sphere_escape(thick);
 }
 
-/* Adds a fraction of the irradiance by nodes n to n + SPSI_LANES - 1 of a list. Rays to what the surface's plane cuts
-   go to the middle of what is above it. */
+/* Adds a fraction of the irradiance by SPSI_LANES nodes, from n. Rays to spheres that the surface's plane cuts go to
+   the middle of the part above. */
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights, float fraction,
                                        const spsi_flight_list *list, int n, double irradiance[3], double *nearest) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
@@ -20752,7 +20720,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
                 const spsi_flight *flight = &list->entry[n + i];
                 const spsi_v unit[3] = {spsi_set(ways.unit[0][i]), spsi_set(ways.unit[1][i]),
                                         spsi_set(ways.unit[2][i])};
-                const int exact = thick[i] > 0 && !flight->node; /* its share is what it does not hide of itself */
+                const int exact = thick[i] > 0 && !flight->node; /* its escape counts already */
                 const spsi_v length = spsi_set(ways.length[i]);
                 const spsi_v part = exact ? spsi_set(1) : spsi_flight_part(flight, length);
                 const float own = spsi_one(spsi_flight_leaves(flight, c, unit, part));
@@ -20762,8 +20730,8 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
 }
 
-/* Adds the irradiance of a point of a polygon by first flights. Where cells serve, too, and for a cell's polygons,
-   nodes may be wider. Returns how far it is to the nearest node, or the radius of one about it. */
+/* Adds irradiance, with wider nodes where light is also swept or for cells' polygons. Returns the distance of the
+   nearest node, or its radius. */
 static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights trees[SPSI_FLIGHT_TREES],
                                       double irradiance[3]) {
     double nearest = HUGE_VAL;
@@ -20781,62 +20749,58 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
 }
 
 /* ============================================================================================== >>shading
-   31 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
-   a sheet of optical depth t, light has passed optical depth A0 + x (A1 - A0), and what is scattered there passes x t
-   (front to back) or (1 - x) t on its way out. Both are linear in x, so the sheet sends c t spsi_mean_transmittance(..)
-   for either compositing order. A polygon between light and sheet ends the range of x; one between eye and sheet cuts
-   the slab (>>splat), and the range of x with it.
-   A transfer function is not linear, so a slab's mean value is not enough: what is classified is shaded in
-   SPSI_SUBSLABS parts, whose means come from the parabola through the means of three slabs; x is then a share of
-   optical depth. */
+   31 Radiance of slabs and surfaces towards the eye. Fraction x of a ray's path through a slab, in the light's order,
+   has optical depth A0 + x (A1 - A0) from the light. To the eye it has x t front to back, or (1 - x) t. Both are
+   linear, so the slab sends c t spsi_mean_transmittance(..) in either order. A polygon towards the light ends the range
+   of x; one towards the eye cuts the slab (>>splat). Transfer functions are not linear. Classified volumes have
+   SPSI_SUBSLABS parts per slab, with means from the parabola through three slabs; there x is a fraction of optical
+   depth. */
 
-/* One light at the current slab of a vector of pixels. */
+/* One light at the current slab. */
 typedef struct spsi_arrival {
-    /* optical depth from the light to the start and end of the ray's path through the group, and where slabs meet */
+    /* optical depth from the light to where rays enter and leave the group, and where slabs meet */
     spsi_v light[SPSI_GROUP_MOST + 1];
-    int plane;              /* plane of the last lookup; -1: none */
-    spsi_v plane_light;     /* optical depth found there */
-    spsi_row_linears courses;  /* arguments of spsi_shadow_lookup along these pixels' rays */
-    spsi_row_linears ahead;    /* along those of a row further down */
-    spsi_v lit[SPSI_SUBSLABS]; /* share of each part that polygons leave lit; of an undivided slab, lit[0] */
+    int plane;              /* last plane looked up; -1: none */
+    spsi_v plane_light;     /* optical depth there */
+    spsi_row_linears courses;  /* arguments of spsi_shadow_lookup */
+    spsi_row_linears ahead;    /* for a row further down */
+    spsi_v lit[SPSI_SUBSLABS]; /* lit fraction of each part by polygons; undivided: lit[0] */
 } spsi_arrival;
 
-/* What is scattered forward more than once depends on all gas between light and eye. Front to back, that is known, and
-   its radiance joins the rest. Back to front, a first pass over the slabs measures all of it, and radiance is kept by
-   itself, since gas in front of it is counted already. */
+/* Multiple forward scattering depends on all of the medium between light and eye. Front to back it is known. Back to
+   front, a first pass measures it, and this radiance is kept apart, since the medium before it counts already. */
 typedef struct spsi_multiple {
-    int measures;       /* 1: this is the first pass */
-    float *gas;         /* per pixel: optical depth of gas so far; NULL: front to back */
-    float *whole;       /* of all gas */
-    float *radiance[3]; /* grey: all one buffer */
+    int measures;       /* 1: the first pass */
+    float *gas;         /* per pixel: optical depth so far; NULL: front to back */
+    float *whole;       /* per pixel: total optical depth */
+    float *radiance[3]; /* grey: three times one buffer */
 } spsi_multiple;
 
 typedef struct spsi_shader {
     const spsi_frame *frame;
     const spsi_rays *eye;
-    const spsi_target *target; /* the eye's sheets */
+    const spsi_target *target;
     const spsi_sweep *sweep;
     spsi_multiple again;
     const spsi_faces *faces;
-    const spsi_shadow *shadows; /* of the lights that the sweep carries */
+    const spsi_shadow *shadows;
     int shadow_count;
     const spsi_visible *visible;
-    const spsi_hit *hits;                 /* those of `visible`, unless there are no polygons: NULL */
-    spsi_linear slab;                     /* slab coordinate */
-    spsi_linear position[3];              /* world position, relative to `position_origin` */
-    double position_origin[3];            /* in the world */
-    spsi_linear cell[SPSI_CELL_GRIDS][3]; /* place in the grids of cells, if any: whole numbers are cells' centres */
-    int unshadowed;         /* 1: the sweep also carries ambient light, emission, and lights that cast no shadows */
-    int first_slab;         /* of the current chunk */
-    int x_origin, y_origin; /* first pixel of the buffers below */
-    int pitch;              /* pixels per row of the buffers */
+    const spsi_hit *hits;                 /* hits of `visible`; NULL: no polygons */
+    spsi_linear slab;
+    spsi_linear position[3];              /* relative to `position_origin` */
+    double position_origin[3];
+    spsi_linear cell[SPSI_CELL_GRIDS][3]; /* in the grids of cells; integers are cells' centres */
+    int unshadowed;         /* 1: also ambient light, emission and lights without shadows */
+    int first_slab;
+    int x_origin, y_origin; /* first pixel of the buffers */
+    int pitch;
     float *depth;           /* optical depth so far */
-    float *radiance[3];     /* radiance so far; grey: three times the same buffer */
-    float *distance;        /* distance so far, weighted by coverage; NULL: not wanted */
-    float end_depth;        /* optical depth of early ray termination */
+    float *radiance[3];     /* grey: three times one buffer */
+    float *distance;        /* weighted by coverage; NULL: not wanted */
+    float end_depth;        /* optical depth that ends a ray */
 } spsi_shader;
 
-/* The linear quantities that shading evaluates along the eye's rays. */
 SPSI_COLD void spsi_shader_linears(const spsi_slabs *slabs, spsi_shader *shader) {
     const spsi_rays *eye = shader->eye;
     const spsi_content *content = shader->frame->content;
@@ -20853,46 +20817,42 @@ SPSI_COLD void spsi_shader_linears(const spsi_slabs *slabs, spsi_shader *shader)
     }
 }
 
-/* Where the rays of a vector of pixels cross the slabs, and where they end. */
 typedef struct spsi_line {
-    int x, y;           /* first pixel */
-    spsi_v at;          /* x of each pixel */
-    spsi_v base, scale; /* plane k of the chunk lies at depth d = (k - base) * scale */
-    spsi_v slabs;       /* number of slabs per unit of d: 1 / |scale| */
+    int x, y;
+    spsi_v at;
+    spsi_v base, scale; /* plane k of the chunk has depth d = (k - base) * scale */
+    spsi_v slabs;
     spsi_v polygon;     /* d of the polygon; infinity: none */
 } spsi_line;
 
-/* Rays of a vector of pixels. */
 typedef struct spsi_pixels {
     spsi_line line;
     spsi_v length;       /* world length per unit of t */
-    spsi_v polygon_slab; /* slab coordinate of the polygon, counted from the sweep's first slab */
+    spsi_v polygon_slab; /* slab coordinate of the polygon, from the sweep's first slab */
     spsi_v toward[3];    /* unit direction from the eye */
 } spsi_pixels;
 
-/* Sums of a vector of rays so far. */
 typedef struct spsi_gathered {
     spsi_v depth; /* optical depth */
     spsi_v radiance[3];
-    spsi_v distance; /* weighted by coverage */
-    spsi_v gas[2];   /* spsi_multiple: optical depth so far, and of all gas that is seen */
-    spsi_v again[3]; /* spsi_multiple */
+    spsi_v distance;
+    spsi_v gas[2];   /* optical depth so far, and in total */
+    spsi_v again[3]; /* see spsi_multiple */
 } spsi_gathered;
 
-/* One material's part of a sheet. */
+/* One material in a part of a slab. */
 typedef struct spsi_sample {
     spsi_v depth;        /* optical depth */
     spsi_v value_length; /* integral of value over world length */
     spsi_v color[3];     /* albedo or reflectance */
-    spsi_v surface;      /* 0: gas .. 1: surface */
-    spsi_v normal[3];    /* of unit length */
+    spsi_v surface;      /* 0: medium .. 1: surface */
+    spsi_v normal[3];    /* unit vector */
     int has_normal;
 } spsi_sample;
 
-#define SPSI_VECTOR_ALIGNMENT 64 /* of the widest vectors */
+#define SPSI_VECTOR_ALIGNMENT 64 /* widest vectors */
 
-/* Reserves `count` structs of vectors for each worker, which are too large for the stacks of some job systems. Returns
-   NULL after a failure. */
+/* Structs per worker, too large for the stacks of some job systems. Returns NULL on failure. */
 SPSI_COLD void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, int count, size_t size) {
     size_t bytes = SPSI_VECTOR_ALIGNMENT;
     char *memory;
@@ -20931,8 +20891,7 @@ static inline spsi_v spsi_plane_depth(const spsi_line *line, int k) {
     return spsi_mul(spsi_sub(spsi_set((float)k), line->base), line->scale);
 }
 
-/* The depths at which a ray enters and leaves slabs from k on, nearer first, clamped to the polygon and the near
-   plane. */
+/* Depths of entry and exit of slabs from k on, clamped to near plane and polygon. */
 static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, int group, spsi_v *enter,
                                    spsi_v *leave) {
     const spsi_rays *eye = shader->eye;
@@ -20942,50 +20901,47 @@ static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *l
     *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), line->polygon));
 }
 
-/* Where a tile's channels hold slab k of a line, counted from the chunk's first. */
 static inline size_t spsi_tile_at(const spsi_tile *tile, const spsi_line *line, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     return (size_t)(k + margin) * tile->sheet_size +
            (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
 }
 
-/* A slab on a vector of rays, or a group of slabs (spsi_slabs) that differ only in depth and light. If any volume is
-   classified it is shaded in parts, in the light's order. */
+/* A slab, or a group of slabs (spsi_slabs) that differ only in depth and light. Classified volumes divide it into
+   parts, in the light's order. */
 typedef struct spsi_slab {
     int k, group, part_count, material_count;
-    int open;                      /* the rays that have not ended, as bits */
+    int open;                      /* bit mask of rays */
     spsi_sample *samples;          /* material_count per part */
     spsi_v enter, leave;           /* depths along the ray */
-    spsi_v first, last;            /* range of the slab that the ray crosses, as shares of it in the light's order */
-    spsi_arrival *arrivals;        /* one for each of the shader's shadows */
-    spsi_v depth;                  /* optical depth of all samples */
-    spsi_v part_depth[SPSI_SUBSLABS]; /* the same for each part */
-    spsi_v share[SPSI_GROUP_MOST]; /* of a group: the share of this in each slab */
-    int filled;                    /* the slabs that hold anything, as bits; both or none of a pair */
+    spsi_v first, last;            /* range that rays cross, as fractions in the light's order */
+    spsi_arrival *arrivals;        /* one per shadow */
+    spsi_v depth;                  /* total optical depth */
+    spsi_v part_depth[SPSI_SUBSLABS];
+    spsi_v share[SPSI_GROUP_MOST]; /* fraction of `depth` in each slab of a group */
+    int filled;                    /* bit mask of slabs with matter; pairs have equal bits */
 } spsi_slab;
 
-/* One part of a slab. */
 typedef struct spsi_subslab {
     const spsi_sample *samples;
-    spsi_v middle;      /* depth of its middle along the ray */
-    spsi_v half;        /* half of its extent in depth */
-    spsi_v ends[2];     /* depths of its ends in the light's order, to the bit those of its neighbours */
+    spsi_v middle;
+    spsi_v half;
+    spsi_v ends[2];     /* depths in the light's order, bit-identical to neighbours' */
     spsi_v depth;       /* optical depth */
-    spsi_v first, last; /* shares of the slab's optical depth at which it begins and ends */
+    spsi_v first, last; /* fractions of the slab's optical depth */
     int number;         /* in the light's order */
-    int is_cut;         /* 1: a layer cuts it: it is only the shares from cut[0] to cut[1] of a part, in that order */
+    int is_cut;         /* 1: cut by a layer to the fractions `cut`, in the light's order */
     spsi_v cut[2];
-    spsi_v before, after; /* optical depth from the eye to its beginning and end, in the light's order */
+    spsi_v before, after; /* optical depth from the eye to both ends, in the light's order */
 } spsi_subslab;
 
-/* The depth at which what a slab holds of a classified volume is seen, on average. Returns the rays that see any of it,
-   as bits. */
+/* Mean visible depth of a classified volume in a slab. Returns the bit mask of rays that see any. */
 static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int channel, spsi_v *depth) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v way = spsi_sub(slab->leave, slab->enter), zero = spsi_set(0);
     const float share = 1 / (float)slab->part_count;
     spsi_v before = zero, weight = zero, sum = zero;
-    for (int i = 0; i < slab->part_count; ++i) { /* away from the eye */
+    for (int i = 0; i < slab->part_count; ++i) { /* front to back */
         const int part = backwards ? slab->part_count - 1 - i : i;
         const spsi_v own = slab->samples[part * slab->material_count + channel].depth, after = spsi_add(before, own);
         const spsi_v seen = spsi_mul(own, spsi_mean_transmittance(before, after));
@@ -20997,12 +20953,11 @@ static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int 
     return slab->open & spsi_bits(spsi_less(zero, weight));
 }
 
-/* Sets the normal of a classified volume in a slab, and how much of a surface it is, by the gradient of its field: all
-   parts have that of the place where it is seen. */
+/* Normal and surface fraction of all parts, from the gradient at their mean visible depth. */
 static void spsi_samples_gradient(const spsi_shader *shader, const spsi_sampler *t, const spsi_pixels *p, int channel,
                                   spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
-    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: squares stay finite */
+    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: finite squares */
     spsi_v depth, place[3], g[3], size, surface;
     int lanes = spsi_slab_seen(shader, slab, channel, &depth);
     if (!lanes) return;
@@ -21021,7 +20976,6 @@ static void spsi_samples_gradient(const spsi_shader *shader, const spsi_sampler 
     }
 }
 
-/* Fills the parts of a slab for a gas, which is constant within the slab. */
 static void spsi_samples_gas(const spsi_material *material, spsi_v value_length, int channel, spsi_slab *slab) {
     const spsi_v sum = spsi_mul(value_length, spsi_set(1.0f / (float)slab->part_count));
     for (int part = 0; part < slab->part_count; ++part) {
@@ -21035,8 +20989,7 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
     }
 }
 
-/* Fills the parts of a slab for a classified volume, along a parabola. Most parts that hold values have no
-   extinction anywhere: they cost neither colors nor gradients. */
+/* Values follow a parabola. Transparent parts need neither colors nor gradients. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
@@ -21061,14 +21014,12 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
     }
-    /* gradients decide how much of a surface it is, and its normal */
     if (shader->frame->has_gradients && material->shading == SPS_SHADING_SURFACE &&
         shader->frame->content->fields->list[material->medium].count > 0)
         spsi_samples_gradient(shader, &target->samplers[material->medium], p, channel, slab);
 }
 
-/* Blinn-Phong highlight (n + 8) / (8 pi) (n.h)^n, normalised to reflect about what arrives: at perpendicular incidence
-   at most 7.5 % more, if the exponent is 9. */
+/* Blinn-Phong highlight (n + 8) / (8 pi) (n.h)^n, about normalised: at normal incidence up to 7.5 % more, for n = 9. */
 static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
     float lanes[SPSI_LANES];
     spsi_store(lanes, cosine);
@@ -21078,8 +21029,7 @@ static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
     return spsi_load(lanes);
 }
 
-/* Radiance that a sample sends towards the eye per unit of its optical depth and of irradiance travelling along
-   `travel`. */
+/* Radiance per unit of a sample's optical depth and of irradiance along `travel`. */
 static void spsi_sample_response(const spsi_material *material, const spsi_sample *sample, const spsi_v toward[3],
                                  const spsi_v travel[3], spsi_v response[3]) {
     const spsi_v cosine = spsi_sub(spsi_set(0), spsi_dot_v(travel, toward));
@@ -21117,26 +21067,23 @@ static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
     return spsi_select(spsi_less(x, spsi_set(0)), spsi_sub(spsi_set((float)SPSI_PI), p), p);
 }
 
-/* The mean of 1 / r^2 along a segment of a ray, r being the distance from a point: the angle that the segment subtends
-   at the point, divided by its length 2 h and by the ray's distance q from the point. If s is the distance along the
-   ray from its nearest point to the segment's middle, this is the angle of the vector (q^2 + s^2 - h^2, 2 h q). Small
-   angles use their series, which does not divide by q. [d(angle) = q ds / r^2] */
+/* Mean of 1 / r^2 along a segment of length 2 h: the angle that it subtends, over 2 h and the ray's distance q. With s
+   from the ray's nearest point to the middle, this is the angle of (q^2 + s^2 - h^2, 2 h q). Small angles use a series,
+   without division by q. [d(angle) = q ds / r^2] */
 static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
     const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
-    const spsi_v tangent = spsi_div(y, spsi_max(x, y)); /* of small angles */
+    const spsi_v tangent = spsi_div(y, spsi_max(x, y));
     const spsi_m narrow = spsi_less(y, spsi_mul(spsi_set(0.1f), x));
     const spsi_v series = spsi_div(spsi_fma(spsi_mul(tangent, tangent), spsi_set(-1.0f / 3), spsi_set(1)), x);
     if (spsi_bits(narrow) == spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) return series;
     return spsi_select(narrow, series, spsi_div(spsi_angle(x, y), y));
 }
 
-/* A point light's 1 / r^2 is infinite on a ray through the light, and its mean over a part grows as 1 / q. A pixel's
-   area makes that finite: over a square pixel around the light, 1 / q has the mean 4 log(1 + sqrt 2). So a ray that
-   passes nearer than the reciprocal of this, in pixels, is treated as passing at that distance. */
+/* The mean of 1 / r^2 grows without limit, as 1 / q. A square pixel around the light has the mean 4 log(1 + sqrt 2) of
+   1 / q. So rays pass no nearer than the reciprocal, in pixels. */
 #define SPSI_LIGHT_PIXELS 0.28364f
 
-/* World size of a pixel at depth d. */
 static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
     const spsi_v size = spsi_set((float)spsi_pixel_size_at(rays, 1));
     return rays->perspective
@@ -21146,19 +21093,20 @@ static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
 
 /* Light at a part of a slab, before any shadow. */
 typedef struct spsi_incident {
-    spsi_v travel[3];     /* unit direction in which it travels */
-    spsi_v irradiance[3]; /* mean over the part, per unit of the light's color; all the same without an image */
+    spsi_v travel[3];
+    spsi_v irradiance[3]; /* mean per unit of the light's color; equal without a cookie */
 } spsi_incident;
 
-/* A part of a slab as seen from a light. */
+/* A part of a slab, relative to a light. */
 typedef struct spsi_reach {
-    spsi_v middle[3]; /* from the light */
-    spsi_v half;      /* half of its length along the eye's ray */
+    spsi_v middle[3];
+    spsi_v half;
     spsi_v pixel;     /* world size of a pixel */
-    /* with a cone or an image, in the light's frame: */
-    spsi_v ends[2][3], normal[3]; /* normal: of the plane that the light and the ray span, about which it swings */
-    spsi_v centre[3], lit[2];     /* of what is lit, which begins and ends at these shares of it */
-    spsi_v width;                 /* lit[1] - lit[0], precise */
+    /* with a cone or cookie, in the light's frame: */
+    spsi_v ends[2][3], normal[3]; /* normal of the plane of light and ray */
+    /* centre of the lit range; the range, as fractions of the part */
+    spsi_v centre[3], lit[2];
+    spsi_v width;                 /* precise lit[1] - lit[0] */
 } spsi_reach;
 
 static void spsi_reach_build(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
@@ -21171,8 +21119,7 @@ static void spsi_reach_build(const spsi_shader *shader, const spsi_light *light,
     }
 }
 
-/* The direction in which light travels at a part. To a light with a position, equal angles along the part have equal
-   weight, so the ray that halves the angle stands for all. */
+/* Direction of light at a part: the bisector of its angle, since 1 / r^2 weights angles equally. */
 static void spsi_light_travel(const spsi_light *light, const spsi_pixels *p, const spsi_reach *reach,
                               spsi_v travel[3]) {
     spsi_v ends[2][3], square;
@@ -21192,7 +21139,6 @@ static void spsi_light_travel(const spsi_light *light, const spsi_pixels *p, con
     for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
 }
 
-/* The mean of 1 / r^2 over a part, with a pixel's area taken into account. */
 static spsi_v spsi_light_falloff(const spsi_pixels *p, const spsi_reach *reach) {
     const spsi_v s = spsi_dot_v(reach->middle, p->toward), beside = spsi_mul(reach->pixel, spsi_set(SPSI_LIGHT_PIXELS));
     spsi_v foot[3];
@@ -21200,7 +21146,7 @@ static spsi_v spsi_light_falloff(const spsi_pixels *p, const spsi_reach *reach) 
     return spsi_mean_inverse_square(spsi_max(beside, spsi_sqrt(spsi_dot_v(foot, foot))), s, reach->half);
 }
 
-/* Sets a part's ends in a light's frame. Small offsets from the axis are small in floats, too. */
+/* Ends of a part in a light's frame, precise near the axis. */
 static void spsi_reach_place(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                              const spsi_subslab *part, spsi_reach *reach) {
     const spsi_rays *eye = shader->eye;
@@ -21234,15 +21180,15 @@ static void spsi_reach_place(const spsi_shader *shader, const spsi_light *light,
     reach->lit[1] = reach->width = spsi_set(1);
 }
 
-/* A segment as a spotlight sees it. Directions to its points are at angles phi from the one that is nearest to the
-   axis: u = tan(phi / 2) stays precise in narrow cones. phi has the tangent s / z, both linear in the point. */
+/* A segment relative to a spotlight. phi is a point's angle from the direction nearest to the axis; tan(phi) is s / z.
+   u = tan(phi / 2) stays precise in narrow cones. */
 typedef struct spsi_spot_segment {
     spsi_v axial, versine; /* cosine between the axis and the plane of light and segment; 1 - cos */
-    spsi_v s, z, ds, dz;   /* at the beginning, and changes */
-    spsi_v area;           /* z ds - s dz */
+    spsi_v s, z, ds, dz;   /* at the beginning, and differences */
+    spsi_v area;
 } spsi_spot_segment;
 
-/* Where along the segment u is, 0..1. `across`: by how much phi changes there, times q r^2. */
+/* Fraction 0..1 of the segment at u. `across`: derivative of phi there, times q r^2. */
 static spsi_v spsi_spot_segment_fraction(const spsi_spot_segment *g, spsi_v u, spsi_v *across) {
     const spsi_v c = spsi_sub(spsi_set(1), spsi_mul(u, u)), s = spsi_add(u, u);
     const spsi_v way = spsi_sub(spsi_mul(s, g->z), spsi_mul(c, g->s));
@@ -21250,8 +21196,8 @@ static spsi_v spsi_spot_segment_fraction(const spsi_spot_segment *g, spsi_v u, s
     return spsi_clamp(spsi_div(way, *across), spsi_set(0), spsi_set(1));
 }
 
-/* Integral of a cone's light from u = a to b over half of phi, or where light does not fall off, over the share of the
-   segment. [Gauss and Legendre] */
+/* Integral of a cone's light from a to b over phi / 2, or without falloff over the segment's fraction. [Gauss and
+   Legendre] */
 static spsi_v spsi_spot_segment_sum(const spsi_spot_segment *g, const spsi_light *light, spsi_v a, spsi_v b) {
     const spsi_v way = spsi_sub(b, a), one = spsi_set(1);
     spsi_v sum = spsi_set(0);
@@ -21269,7 +21215,6 @@ static spsi_v spsi_spot_segment_sum(const spsi_spot_segment *g, const spsi_light
     return spsi_mul(way, sum);
 }
 
-/* Moves a part's centre to u, in lanes. */
 static void spsi_spot_segment_centre(const spsi_spot_segment *g, const spsi_v n[3], spsi_v u, spsi_m lanes,
                                      spsi_reach *reach) {
     const spsi_v one = spsi_set(1), square = spsi_mul(u, u), c = spsi_sub(one, square);
@@ -21284,8 +21229,8 @@ static void spsi_spot_segment_centre(const spsi_spot_segment *g, const spsi_v n[
     for (int k = 0; k < 3; ++k) reach->centre[k] = spsi_select(lanes, at[k], reach->centre[k]);
 }
 
-/* Mean of what a cone lets pass to a part, weighted by 1 / r^2 if light falls off, and where that is. Parts that lie in
-   one direction from the light, or behind it, take the light of their middle. */
+/* Mean of a cone over a part, weighted by 1 / r^2 with falloff. Also sets the lit range. Parts along a ray of the
+   light, or behind it, take their middle's value. */
 static spsi_v spsi_cone_mean(const spsi_light *light, spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), tiny = spsi_set(FLT_MIN);
     const spsi_v size = spsi_sqrt(spsi_max(spsi_dot_v(reach->normal, reach->normal), tiny));
@@ -21335,8 +21280,8 @@ static spsi_v spsi_cone_mean(const spsi_light *light, spsi_reach *reach) {
     return spsi_select(lit, spsi_min(sum, one), even);
 }
 
-/* What a cone lets pass to a part, along which optical depth changes by `change`: what is lit of it is attenuated by
-   less or more than all of it is. `travel` receives the direction of the light at its centre. */
+/* Transmission of a cone, given the `change` of optical depth along the part: its lit range is attenuated less or more
+   than the whole. `travel` receives the direction at its centre. */
 static spsi_v spsi_cone_over(const spsi_light *light, spsi_v change, spsi_reach *reach, spsi_v travel[3]) {
     const spsi_v mean = spsi_cone_mean(light, reach), less = spsi_max(spsi_sub(spsi_set(0), change), spsi_set(0));
     const spsi_v first = spsi_fma(change, reach->lit[0], less), last = spsi_fma(change, reach->lit[1], less);
@@ -21351,8 +21296,8 @@ static spsi_v spsi_cone_over(const spsi_light *light, spsi_v change, spsi_reach 
     return spsi_mul(mean, spsi_div(spsi_mean_transmittance(first, last), all));
 }
 
-/* Whether a cone's light covers a vector of parts, 1, none of them, -1, or may end in one, 0. At an angle a from the
-   axis, the root of 1 - cos is sqrt(2) sin(a / 2). */
+/* Returns 1 if a cone covers all parts, -1 if it misses them, 0 otherwise. At an angle a from the axis, the root of 1 -
+   cos is sqrt(2) sin(a / 2). */
 static int spsi_cone_meets(const spsi_light *light, const spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), error = spsi_set(4e-6f), *middle = reach->middle;
     const spsi_v r = spsi_sqrt(spsi_max(spsi_dot_v(middle, middle), spsi_set(FLT_MIN)));
@@ -21368,10 +21313,10 @@ static int spsi_cone_meets(const spsi_light *light, const spsi_reach *reach) {
     return spsi_bits(spsi_less(spsi_mul(whole, whole), spsi_add(versine, error))) ? 0 : 1;
 }
 
-#define SPSI_IMAGE_STEPS 4 /* lookups of an image along a part of a slab */
+#define SPSI_IMAGE_STEPS 4 /* cookie lookups along a part */
 
-/* Colors the light at a part by the mean of the light's image along it, weighted by its cone. [Gauss and Legendre]
-   Pixels are at least as large as a step across the light's rays: what lies between lookups would show as moire. */
+/* Multiplies by the mean cookie along a part, weighted by the cone. [Gauss and Legendre] The footprint is at least a
+   step wide, against moire. */
 static void spsi_incident_color(const spsi_frame *frame, const spsi_light *light, const spsi_pixels *p,
                                 const spsi_reach *reach, spsi_incident *incident) {
     static const float places[] = {-0.430568156f, -0.169990522f, 0.169990522f, 0.430568156f};
@@ -21393,8 +21338,7 @@ static void spsi_incident_color(const spsi_frame *frame, const spsi_light *light
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(incident->irradiance[c], spsi_div(color[c], sum));
 }
 
-/* Irradiance from a point of a light at a part of a slab. `incident` holds the direction in which light travels, and
-   gets that of what a cone lights. Returns 0 if there is none. */
+/* Irradiance of a part by a point of a light. A cone replaces the direction in `incident`. Returns 0 if dark. */
 static int spsi_light_point_at(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                                const spsi_subslab *part, spsi_v change, spsi_reach *reach, spsi_incident *incident) {
     const int rim = spsi_cone_meets(light, reach);
@@ -21407,8 +21351,8 @@ static int spsi_light_point_at(const spsi_shader *shader, const spsi_light *ligh
     return rim >= 0;
 }
 
-/* Light at a part of a slab, along which optical depth changes by `change` on its way: from a light with an extent the
-   direction from its centre, and the mean irradiance of its points. Returns 0 if there is none. */
+/* Light at a part along which optical depth changes by `change`. An area light takes its centre's direction and the
+   mean irradiance of its points. Returns 0 if dark. */
 static int spsi_light_at(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                          const spsi_subslab *part, spsi_v change, spsi_incident *incident) {
     const spsi_v share = spsi_set(1.0f / (float)light->few_count), zero = spsi_set(0);
@@ -21416,7 +21360,7 @@ static int spsi_light_at(const spsi_shader *shader, const spsi_light *light, con
     spsi_reach reach;
     int any = 0;
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_set(1);
-    if (!light->is_point && !light->projection.exists) { /* the same everywhere */
+    if (!light->is_point && !light->projection.exists) {
         spsi_set3(light->direction, incident->travel);
         return 1;
     }
@@ -21433,22 +21377,21 @@ static int spsi_light_at(const spsi_shader *shader, const spsi_light *light, con
     return any;
 }
 
-/* Where a part adds the radiance that it sends, by color. */
+/* Targets of a part's radiance. */
 typedef struct spsi_sent {
-    spsi_v *once, *again; /* again: light scattered forward more than once; front to back, the same array as once */
-    spsi_v ahead;         /* back to front: optical depth of gas that is nearer to the eye */
+    spsi_v *once, *again; /* again: multiple forward scattering; front to back, the same array */
+    spsi_v ahead;         /* back to front: optical depth towards the eye */
 } spsi_sent;
 
-/* What of a light passes to a part and on to the eye. */
+/* Light between a light, a part and the eye. */
 typedef struct spsi_carried {
-    spsi_v passes[3];  /* mean transmittance between light and eye, times the lit share, by color */
-    spsi_v lit[3];     /* the lit share alone; if light spreads, times the mean transmittance from the light */
-    spsi_v start, end; /* optical depth between light and eye at the part's ends; if light spreads, from the part on */
-    int is_attenuated; /* 0: by nothing, and it is not scattered again; lit is not set */
+    spsi_v passes[3];  /* transmittance between light and eye, times the lit fraction */
+    spsi_v lit[3];     /* lit fraction; if light spreads, times transmittance from the light */
+    spsi_v start, end; /* optical depth between light and eye at both ends; if light spreads, from the part on */
+    int is_attenuated; /* 0: neither attenuation nor multiple scattering; lit is unused */
 } spsi_carried;
 
-/* Radiance of light scattered forward more than once, per unit of the sample's optical depth and of irradiance without
-   gas. */
+/* Multiple forward scattering per unit of optical depth and of unattenuated irradiance. */
 static void spsi_sample_forward(const spsi_shader *shader, const spsi_material *material, const spsi_sample *sample,
                                 const spsi_forward_part *part, spsi_v sent[3]) {
     const int alike = !material->table && material->forward->level_count == 1;
@@ -21459,20 +21402,18 @@ static void spsi_sample_forward(const spsi_shader *shader, const spsi_material *
     }
 }
 
-/* Light that has scattered on its way from a light, where it reaches a part. */
 typedef struct spsi_spread_light_at {
     int channel;
-    spsi_v flux, depth;        /* depth: of the gas that it has passed */
-    spsi_forward_part ways[2]; /* with that gas, and without */
+    spsi_v flux, depth;        /* depth: optical depth traversed so far */
+    spsi_forward_part ways[2]; /* with `depth`, and without */
 } spsi_spread_light_at;
 
-/* Adds what a unit of a light's color would make of one channel of radiance. */
+/* Adds one channel, per unit of a light's color. */
 static inline void spsi_add_light(const spsi_light *light, int c, spsi_v share, spsi_v radiance[3]) {
     radiance[c] =
         spsi_add(radiance[c], spsi_min(spsi_mul(share, spsi_set(light->color[c])), spsi_set(SPSI_RADIANCE_MAX)));
 }
 
-/* Adds one light's contribution from all samples of a part. */
 static void spsi_shade_by_light(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part,
                                 const spsi_light *light, const spsi_carried *carried, const spsi_sent *sent) {
     const int forward = carried->is_attenuated && spsi_scatters_forward(shader->frame);
@@ -21502,8 +21443,7 @@ static void spsi_shade_by_light(const spsi_shader *shader, const spsi_pixels *p,
     }
 }
 
-/* Adds what one gas sends of one channel of light that has scattered on its way: per unit of its flux, what X has more
-   of the whole way than of light that comes straight, of which exp(-t) arrives. */
+/* Per unit of scattered flux: X of the whole path less exp(-t) of X of the part alone, the direct light's. */
 static void spsi_add_spread_sample(const spsi_shader *shader, const spsi_shadow *shadow,
                                    const spsi_spread_light_at *arriving, int m, const spsi_sample *sample,
                                    const spsi_sent *sent) {
@@ -21520,7 +21460,7 @@ static void spsi_add_spread_sample(const spsi_shader *shader, const spsi_shadow 
     spsi_add_light(shadow->light, c, spsi_mul(more, sample->depth), sent->again);
 }
 
-/* Adds what a part sends of one of the lights that the sweep carries, of what has scattered on its way and spread. */
+/* Adds the radiance from one light's spread, scattered light. */
 static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                             const spsi_subslab *part, const spsi_sent *sent) {
     const spsi_light *light = shadow->light;
@@ -21549,8 +21489,7 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
     }
 }
 
-/* The share of each part of a ray's path through a slab that polygons leave lit. A shadow's edge may cross the path at
-   a slant, so one lookup for all of it would not do. */
+/* Lit fraction of each part. A shadow's edge may cross the path at a slant, so one lookup is not enough. */
 static void spsi_lit_fractions(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
                                const spsi_slab *slab, spsi_v lit[SPSI_SUBSLABS]) {
     const int backwards = shader->sweep->back_to_front;
@@ -21569,7 +21508,6 @@ static void spsi_lit_fractions(const spsi_shader *shader, const spsi_depth_map *
     lit[0] = spsi_mul(lit[0], spsi_set(1.0f / SPSI_SUBSLABS));
 }
 
-/* Optical depth from a light to the rays' points at depth d, on plane k. */
 static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
     spsi_row_linears courses;
     spsi_v at[3];
@@ -21578,7 +21516,7 @@ static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pi
     return spsi_shadow_lookup(shadow, at, k);
 }
 
-/* Rows of pixels from which light is prefetched: far enough for memory, near enough for a level-2 cache. */
+/* Prefetch distance in rows: enough for memory latency, few enough for a level-2 cache. */
 #define SPSI_PREFETCH_ROWS 8
 
 static void spsi_arrival_begin(const spsi_shadow *shadow, const spsi_pixels *p, spsi_arrival *arrival) {
@@ -21588,8 +21526,8 @@ static void spsi_arrival_begin(const spsi_shadow *shadow, const spsi_pixels *p, 
     spsi_row_linears_build(shadow->along, p->line.at, y + SPSI_PREFETCH_ROWS, &arrival->ahead);
 }
 
-/* Optical depth from a light to where the rays meet plane k. Planes are too large for a cache, and a row of pixels
-   crosses them at a slant: what a row further down will need is prefetched. */
+/* Optical depth from a light to where rays meet plane k. Planes exceed the cache and rows cross them at a slant: a row
+   further down is prefetched. */
 static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, const spsi_arrival *arrival, int k) {
     const spsi_v d = spsi_plane_depth(&p->line, k);
     spsi_v at[3];
@@ -21603,7 +21541,6 @@ static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, 
     return spsi_shadow_lookup(shadow, at, k);
 }
 
-/* Looks up one light where the ray enters and leaves a slab, or each of a group. */
 static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                             const spsi_slab *slab, spsi_arrival *arrival) {
     const spsi_v count = spsi_set((float)slab->group), zero = spsi_set(0), one = spsi_set(1);
@@ -21623,7 +21560,7 @@ static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow
     spsi_lit_fractions(shader, &shadow->depth_map, p, slab, arrival->lit);
 }
 
-/* The share of a part that opaque polygons leave lit. */
+/* Fraction of a part that opaque polygons leave lit. */
 static spsi_v spsi_subslab_lit(const spsi_arrival *arrival, const spsi_subslab *part) {
     const spsi_v lit = arrival->lit[part->number], way = spsi_sub(part->cut[1], part->cut[0]);
     if (!part->is_cut) return lit;
@@ -21631,8 +21568,7 @@ static spsi_v spsi_subslab_lit(const spsi_arrival *arrival, const spsi_subslab *
                       spsi_set(1));
 }
 
-/* What translucent polygons let pass from a light to a part, by color: the mean over the light's points, and over steps
-   along a part that is a whole slab. */
+/* Transmittance of translucent polygons: mean over the light's points, and over steps along an undivided slab. */
 static void spsi_subslab_filter(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                                 const spsi_subslab *part, spsi_v filter[3]) {
     const int steps = shader->frame->matter.classifies ? 1 : SPSI_SUBSLABS;
@@ -21650,7 +21586,7 @@ static void spsi_subslab_filter(const spsi_shader *shader, const spsi_shadow *sh
         filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->translucency_map_count * steps)));
 }
 
-/* The fraction of what gas lets pass to a part that opaque polygons stop on the way from a light's points. */
+/* Fraction of the medium's transmittance that opaque polygons block from the light's points. */
 static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
                                   const spsi_pixels *p, const spsi_subslab *part) {
     const int count = shader->frame->matter.classifies ? 1 : SPSI_SUBSLABS;
@@ -21665,7 +21601,6 @@ static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *
     return spsi_mul(sum, spsi_set(1.0f / (float)count));
 }
 
-/* Multiplies by what polygons let pass from a light to a part: translucent ones, and opaque ones from its points. */
 static void spsi_subslab_pass(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
                               const spsi_pixels *p, const spsi_subslab *part, spsi_v filter[3]) {
     if (shadow->translucency_map_count > 0) spsi_subslab_filter(shader, shadow, p, part, filter);
@@ -21675,10 +21610,9 @@ static void spsi_subslab_pass(const spsi_shader *shader, const spsi_shadow *shad
     }
 }
 
-/* What passes from a light through a group of slabs to the eye, as a mean over all that the group holds. `eye`: whether
-   the way to the eye counts. Within a slab, depth is taken to be linear in the share of matter. That errs by the square
-   of the slab's depth. The same sum over pairs of slabs errs by four times that, so a third of the difference is added
-   (Richardson). Pairs that hold nothing are left out: their light is not looked up. */
+/* Mean transmittance from a light over a group's matter, to the eye if `eye`. Optical depth is taken as linear in a
+   slab; the error is quadratic in it. Pairs of slabs have four times that, so a third of the difference is added
+   (Richardson). Empty pairs are skipped. */
 static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arrival, const spsi_subslab *part, int eye) {
     const spsi_v zero = spsi_set(0), own = spsi_sub(part->after, part->before);
     spsi_v sum = zero, pairs = zero, passed = zero;
@@ -21700,15 +21634,14 @@ static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arriv
     return spsi_clamp(spsi_fma(spsi_sub(sum, pairs), spsi_set(1.0f / 3), sum), zero, spsi_set(1));
 }
 
-/* Adds one of the lights that the sweep carries, attenuated by its planes or its map, cut off by opaque polygons and
-   filtered by translucent ones. Within a slab, optical depth towards the light and towards the eye grow in proportion:
-   both come from the same matter. */
+/* Adds one light with shadows. Within a slab, optical depths towards light and eye grow in proportion: they come from
+   the same matter. */
 static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_slab *slab,
                               const spsi_arrival *arrival, const spsi_pixels *p, const spsi_subslab *part,
                               const spsi_sent *sent) {
     const spsi_v lit = spsi_subslab_lit(arrival, part), end_share = spsi_mix(part->first, part->last, lit);
     const spsi_v *ends = arrival->light, last = ends[slab->group];
-    /* neither layers nor the edge of a polygon's shadow cut it */
+    /* not cut by layers or shadow edges */
     const spsi_m whole = spsi_less(spsi_set(0.9999995f), spsi_min(lit, spsi_sub(part->last, part->first)));
     const spsi_v lit_depth[2] = {spsi_mix(ends[0], last, part->first), spsi_mix(ends[0], last, end_share)};
     const spsi_v eye[2] = {part->before, spsi_mix(part->before, part->after, lit)};
@@ -21735,16 +21668,14 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
     spsi_shade_by_light(shader, p, part, shadow->light, &carried, sent);
 }
 
-/* Points of a part among a grid of cells. */
 typedef struct spsi_cell_place {
     const spsi_cell_grid *grid;
     spsi_v at[3];
-    spsi_m here, left; /* which of them are in this grid; which are in none so far */
+    spsi_m here, left; /* points in this grid; points in none so far */
 } spsi_cell_place;
 
-/* Adds what one material of a part sends of the light in the cells, at a place in their grid. Extinction is scaled on
-   the way to the eye, too: more emission reaches it, and exp(-k t) - exp(-t) in all of the ambient light behind, where
-   there is no polygon. */
+/* Adds one material's radiance from cells. Extinction is scaled towards the eye, too. So more emission reaches it, and
+   exp(-k t) - exp(-t) of the ambient light behind, without a polygon. */
 static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part, int m,
                                     const spsi_cell_place *place, const spsi_sent *into) {
     const spsi_frame *frame = shader->frame;
@@ -21773,8 +21704,7 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
     }
 }
 
-/* Finds the n-th grid's place where a part has its middle: which of its points are there, and in no grid before. Gas
-   beyond all grids, by round-off, belongs to the last. */
+/* Middle of a part in the n-th grid, for points in no grid before. Round-off beyond all grids goes to the last. */
 static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part, int n,
                                   spsi_cell_place *place) {
     const spsi_content *content = shader->frame->content;
@@ -21791,7 +21721,6 @@ static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *
                             spsi_set(0.5f));
 }
 
-/* The same for all materials, in all grids. */
 static void spsi_add_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part,
                            const spsi_sent *into) {
     spsi_cell_place place;
@@ -21806,7 +21735,6 @@ static void spsi_add_cells(const spsi_shader *shader, const spsi_pixels *p, cons
     }
 }
 
-/* Adds ambient light, emission, and the lights that cast no shadows. */
 static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part,
                                 const spsi_sent *into) {
     const spsi_v mean = spsi_mean_transmittance(part->before, part->after), one = spsi_set(1);
@@ -21830,11 +21758,10 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
     if (shader->frame->content->cells) spsi_add_cells(shader, p, part, into);
 }
 
-/* --- which polygons are lit: per place, in double precision --- */
+/* --- direct light on polygons: per place, in double precision --- */
 
-/* Irradiance on a surface per unit of a light's color, before any shadow: all three numbers are the same without an
-   image. Only the shading normal decides which side is lit; testing the facet as well would draw its outline where
-   light grazes a curved mesh. Returns 0 if there is none. */
+/* Irradiance per unit of a light's color, before shadows. Only the shading normal decides the lit side: facets would
+   show their outlines at grazing light. Returns 0 if dark. */
 static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_light *light, const spsi_surface *surface,
                                          double irradiance[3]) {
     double toward[3], square, cosine;
@@ -21853,41 +21780,39 @@ static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_lig
     return irradiance[0] > 0 || irradiance[1] > 0 || irradiance[2] > 0;
 }
 
-#define SPSI_VISIBILITY_BLOCK 4 /* pixels along a side of a block, whose rays form a packet */
+#define SPSI_VISIBILITY_BLOCK 4 /* pixels along an edge of a packet's block */
 #define SPSI_VISIBILITY_TILE                                                                                           \
-    32 /* pixels along a side of a task's tile, whose rays meet much the same boxes and faces */
+    32 /* pixels along an edge of a task's tile, whose rays meet similar faces */
 
 typedef struct spsi_visibility_job {
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_visible *visible;
     const spsi_light *light;
-    float *lit;     /* per place: spsi_lit_channels shares of a light's irradiance that polygons let pass */
-    unsigned char *open; /* per place and point: 255 times the root of what they let pass, for gas; NULL: not needed */
-    uint64_t *rays; /* per worker: number of rays */
+    float *lit;     /* spsi_lit_channels fractions per place */
+    unsigned char *open; /* per place and point: 255 sqrt(transmittance); NULL: not needed */
+    uint64_t *rays; /* per worker */
 } spsi_visibility_job;
 
-/* Places whose rays form a packet: those of a block of pixels, or of layers that follow each other. */
+/* A packet: a block of pixels, or successive layers. */
 typedef struct spsi_visibility_surfaces {
-    int facing; /* bit mask of places */
+    int facing;
     size_t index[SPSI_PACKET];
     spsi_surface at[SPSI_PACKET];
     int face[SPSI_PACKET];
-    double all[SPSI_PACKET][3], seen[SPSI_PACKET][3]; /* irradiance without polygons' shadows, and with them */
+    double all[SPSI_PACKET][3], seen[SPSI_PACKET][3]; /* irradiance without and with shadows of polygons */
 } spsi_visibility_surfaces;
 
-/* Shares per place that a light's sight needs: where each point of it throws the image to a place of its own, a polygon
-   keeps off a share of each color, as translucent ones do. */
+/* 3 with translucent polygons, or with cookies of several points, whose colors are blocked differently. */
 static int spsi_lit_channels(const spsi_frame *frame, const spsi_light *light) {
     return frame->meshes.translucent || (light->projection.exists && light->point_count > 1) ? 3 : 1;
 }
 
-/* What shadow rays find at a place, in floats. */
 static int spsi_visibility_floats(const spsi_frame *frame, const spsi_light *light, int soft) {
     return spsi_lit_channels(frame, light) + (soft ? (light->point_count + 3) / 4 : 0);
 }
 
-/* Traces rays from a block's polygons to the n-th point of the light. Returns their number. */
+/* Returns the number of rays. */
 static int spsi_visibility_point(const spsi_visibility_job *job, int n, spsi_visibility_surfaces *block) {
     const spsi_light *point = &job->light->points[n];
     const size_t pitch = (size_t)job->light->point_count;
@@ -21918,7 +21843,7 @@ static int spsi_visibility_point(const spsi_visibility_job *job, int n, spsi_vis
     return rays;
 }
 
-/* Stores the shares that are lit at a place. A single point is seen or not, whatever its color. */
+/* A single point is visible or not, in all colors. */
 static void spsi_visibility_store(const spsi_visibility_job *job, size_t index, const double all[3],
                                   const double seen[3]) {
     const int channels = spsi_lit_channels(job->frame, job->light);
@@ -21930,7 +21855,6 @@ static void spsi_visibility_store(const spsi_visibility_job *job, size_t index, 
     for (int c = 0; c < channels; ++c) lit[c] = seen[c] > 0 ? (float)(seen[c] / all[c]) : 0;
 }
 
-/* Adds a place to a block. */
 static void spsi_visibility_add(const spsi_visibility_job *job, const spsi_shading_point *place, int at,
                                 spsi_visibility_surfaces *block) {
     spsi_surface_at(&job->frame->content->eye, job->faces, place->hit, place->at[0], place->at[1], &block->at[at]);
@@ -21939,7 +21863,6 @@ static void spsi_visibility_add(const spsi_visibility_job *job, const spsi_shadi
     block->facing |= 1 << at;
 }
 
-/* Traces the shadow rays of a block. Returns their number. */
 static int spsi_visibility_trace(const spsi_visibility_job *job, spsi_visibility_surfaces *block) {
     int rays = 0;
     for (int i = 0; i < job->light->point_count && block->facing; ++i) rays += spsi_visibility_point(job, i, block);
@@ -21948,7 +21871,6 @@ static int spsi_visibility_trace(const spsi_visibility_job *job, spsi_visibility
     return rays;
 }
 
-/* The same for a block of pixels, as far as they are in the region. */
 static int spsi_visibility_block(const spsi_visibility_job *job, int x0, int y0) {
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
     const int x1 = spsi_imin(region[0] + region[2], x0 + SPSI_VISIBILITY_BLOCK);
@@ -21965,7 +21887,6 @@ static int spsi_visibility_block(const spsi_visibility_job *job, int x0, int y0)
     return spsi_visibility_trace(job, &block);
 }
 
-/* The same for layers that follow each other. */
 static void spsi_visibility_layers_task(void *data, int index, int worker) {
     const spsi_visibility_job *job = (const spsi_visibility_job *)data;
     const size_t first = (size_t)index * SPSI_PACKET;
@@ -21981,31 +21902,29 @@ static void spsi_visibility_layers_task(void *data, int index, int worker) {
     job->rays[worker] += (uint64_t)spsi_visibility_trace(job, &block);
 }
 
-/* Number of tiles of the image that a region's columns or rows touch. */
 static int spsi_visibility_tiles(int first, int pixels) {
     return (first + pixels - 1) / SPSI_VISIBILITY_TILE - first / SPSI_VISIBILITY_TILE + 1;
 }
 
-/* --- tiles that no polygon can shade --- */
+/* --- tiles without shadows of polygons --- */
 
-#define SPSI_VISIBILITY_FACES 8 /* most that such a tile shows */
+#define SPSI_VISIBILITY_FACES 8
 
-/* What a tile shows. */
 typedef struct spsi_visibility_view {
-    int x0, y0, x1, y1; /* its first and last pixels */
+    int x0, y0, x1, y1; /* first and last pixels */
     int face[SPSI_VISIBILITY_FACES], count;
     int points[SPSI_VISIBILITY_FACES]; /* of the light that each faces */
-    float low, high;              /* range of depths */
+    float low, high;              /* depths */
 } spsi_visibility_view;
 
-/* The place of a face in the list; that beyond its end if it is not there. */
+/* Index of a face, or `count`. */
 static int spsi_visibility_find(const spsi_visibility_view *view, int face) {
     int at = 0;
     while (at < view->count && view->face[at] != face) ++at;
     return at;
 }
 
-/* Lists the faces that a tile shows. Returns 0 if they are too many. */
+/* Returns 0 if they are too many. */
 static int spsi_visibility_list(const spsi_visibility_job *job, spsi_visibility_view *view) {
     int last = -1;
     view->count = 0;
@@ -22027,8 +21946,8 @@ static int spsi_visibility_list(const spsi_visibility_job *job, spsi_visibility_
     return 1;
 }
 
-/* The side of a face that the tile's rays see: 1: that which its plane's normal points to, -1: the other; 0: some
-   graze it, so that round-off may move what they see by more than a box is widened. */
+/* Visible side of a face: 1: its plane's normal, -1: the other; 0: some rays graze it, with more round-off than a box's
+   margin. */
 static int spsi_visibility_side(const spsi_rays *eye, const spsi_visibility_view *view, const double plane[3]) {
     int front = 0, back = 0;
     for (int i = 0; i < 4; ++i) {
@@ -22042,8 +21961,8 @@ static int spsi_visibility_side(const spsi_rays *eye, const spsi_visibility_view
     return (front == 4) - (back == 4);
 }
 
-/* Whether all of a face faces a point of the light (1), or none of it (0); -1: neither is certain, or the face is not
-   flat, so that its rays do not begin on it. */
+/* Returns 1 if all of a face faces a point of the light, 0 if none does. -1: uncertain, or not flat, so that rays may
+   begin elsewhere. */
 static int spsi_visibility_faces(const spsi_visibility_job *job, const spsi_visibility_view *view,
                                  const spsi_face *face, const spsi_light *point) {
     double plane[3], normal[3];
@@ -22063,7 +21982,7 @@ static int spsi_visibility_faces(const spsi_visibility_job *job, const spsi_visi
     return lit == 3 ? 1 : dark == 3 ? 0 : -1;
 }
 
-/* The shaft from all that a tile shows to a point of the light, or as far towards it as there are polygons. */
+/* Shaft from a tile's surfaces to a point of the light, at most as far as polygons reach. */
 static void spsi_visibility_shaft(const spsi_visibility_job *job, const spsi_visibility_view *view,
                                   const spsi_light *point, spsi_shaft *shaft) {
     const spsi_rays *eye = &job->frame->content->eye;
@@ -22083,8 +22002,7 @@ static void spsi_visibility_shaft(const spsi_visibility_job *job, const spsi_vis
     spsi_shaft_build(job->faces, &from, &to, shaft);
 }
 
-/* Whether no polygon can shade what a tile shows from a point of the light. Counts the point for faces that it is
-   on the eye's side of. */
+/* True if no polygon can shade a tile. Counts the point for faces that it lights. */
 static int spsi_visibility_is_clear(const spsi_visibility_job *job, const spsi_light *point,
                                     spsi_visibility_view *view) {
     int lit[SPSI_VISIBILITY_FACES], count = 0;
@@ -22100,9 +22018,8 @@ static int spsi_visibility_is_clear(const spsi_visibility_job *job, const spsi_l
     return spsi_shaft_is_clear(job->faces, &shaft, lit, count, NULL, 0);
 }
 
-/* Finds what is lit of a tile without tracing any ray, where it shows a few flat polygons, and none can be in the way
-   of their light; returns 0 elsewhere. The whole tile decides, whatever the region. A light that throws an image counts
-   as unseen where the image is black, which only rays find. */
+/* Lights a tile without rays, if it shows few flat polygons and none can block their light; otherwise returns 0. All of
+   the tile decides, whatever the region. Cookies need rays: black texels count as shadow. */
 static int spsi_visibility_open(const spsi_visibility_job *job, int x0, int y0, int worker) {
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
     const int channels = spsi_lit_channels(job->frame, job->light),
@@ -22126,8 +22043,8 @@ static int spsi_visibility_open(const spsi_visibility_job *job, int x0, int y0, 
     return 1;
 }
 
-/* Traces a tile, block by block. Blocks are aligned to the image, not to the region, since within round-off the rays
-   that share a packet decide which faces each is tested against. */
+/* Blocks are aligned to the image, not to the region: within round-off, a packet's rays decide which faces are
+   tested. */
 static void spsi_visibility_task(void *data, int index, int worker) {
     const spsi_visibility_job *job = (const spsi_visibility_job *)data;
     const int *region = job->frame->view.region;
@@ -22140,9 +22057,8 @@ static void spsi_visibility_task(void *data, int index, int worker) {
             job->rays[worker] += (uint64_t)spsi_visibility_block(job, x, y);
 }
 
-/* Finds the share of a light that reaches each place: an exact ray for each point of the light that the polygon faces.
-   All pixels have the same points: turning them from pixel to pixel would trade the steps of a penumbra
-   for noise, which neither a filter nor the next frame of an animation could tell from the picture. */
+/* Fraction of a light that reaches each place: an exact ray per point of the light. All pixels use equal points: noise
+   is worse than steps in the penumbra, because no filter can tell it from the image. */
 SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                const spsi_visible *visible, const spsi_light *light, uint64_t *rays, float *lit,
                                unsigned char *open) {
@@ -22161,15 +22077,15 @@ SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, co
     context->stats.seconds_shadow_rays += spsi_clock(context) - start;
 }
 
-/* The sweep's shadow of a light; NULL: it belongs to another sweep, or the light casts none. */
+/* NULL: another sweep's, or the light casts none. */
 static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_light *light) {
     for (int i = 0; i < shader->shadow_count; ++i)
         if (shader->shadows[i].light == light) return &shader->shadows[i];
     return NULL;
 }
 
-/* What gas of an optical depth lets pass of a light to surfaces, or of what they send to the eye (`lamp`, `to`: NULL).
-   What a phase function's peak scatters goes straight on; to surfaces outside of the cells, patches may send it. */
+/* Transmittance from a light to surfaces, or from surfaces to the eye (`light`, `to`: NULL). Phase functions' peaks go
+   straight on; patches may send them to surfaces outside of the cells. */
 static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *light, int c, spsi_v depth,
                                    const spsi_points *to) {
     const spsi_content *content = frame->content;
@@ -22185,11 +22101,11 @@ static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *li
     return spsi_exp(spsi_mul(depth, spsi_load(scales)));
 }
 
-/* --- what pixels' polygons receive from cells and by first flights --- */
+/* --- irradiance of pixels by cells and first flights --- */
 
-#define SPSI_RECEIVED_TILE  32 /* pixels along a side of a task's tile */
+#define SPSI_RECEIVED_TILE  32 /* pixels along an edge of a task's tile */
 #define SPSI_RECEIVED_KNOTS (SPSI_RECEIVED_TILE + 1)
-#define SPSI_TICK_RECEIVED  64 /* pixels between two looks at the clock: a few milliseconds' work */
+#define SPSI_TICK_RECEIVED  64 /* pixels between looks at the clock: a few milliseconds */
 
 static const int spsi_receive_whole[2] = {SPSI_RECEIVED_TILE, SPSI_RECEIVED_TILE};
 
@@ -22198,27 +22114,26 @@ typedef struct spsi_receive_job {
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_visible *visible;
-    spsi_bounds from[2]; /* about all that sends light: cells; first flights */
-    float *received;     /* as spsi_visible's */
-    struct spsi_receive_tile *tiles; /* by worker */
+    spsi_bounds from[2]; /* bounds of the sources: cells; first flights */
+    float *received;
+    struct spsi_receive_tile *tiles; /* per worker */
 } spsi_receive_job;
 
-/* What a face's plane receives at a place. */
 typedef struct spsi_received {
-    float irradiance[3], reach; /* reach: across which light changes smoothly; 0: not known */
+    float irradiance[3], reach; /* reach: length across which light is smooth; 0: unknown */
 } spsi_received;
 
-/* A tile of pixels, and places of a plane at each. */
+/* A tile of pixels, and irradiance of a plane at each. */
 typedef struct spsi_receive_tile {
     const spsi_receive_job *job;
-    int x0, y0, flown;                                           /* its first pixel; 0: from cells, 1: by flights */
-    const spsi_hit *hit;                                         /* of the plane */
-    unsigned char shows[SPSI_RECEIVED_TILE][SPSI_RECEIVED_TILE]; /* 0: it is done, 1: flat, 2: on the plane */
-    double least[3]; /* that first flights bring to any of the knots: what comes from cells is small beside it */
+    int x0, y0, flown;                                           /* first pixel; 0: light of cells, 1: first flights */
+    const spsi_hit *hit;                                         /* defines the plane */
+    unsigned char shows[SPSI_RECEIVED_TILE][SPSI_RECEIVED_TILE]; /* 0: done, 1: flat, 2: on the plane */
+    double least[3]; /* least first flights at the knots: light of cells is small against it */
     spsi_received knots[SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS], edge[4];
 } spsi_receive_tile;
 
-/* Adds what cells of a grid send to a surface, by channel. Returns a length across which that changes smoothly. */
+/* Returns a length across which irradiance is smooth. */
 static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_grid *grid, const spsi_surface *surface,
                                        int face, float irradiance[3]) {
     float patches[SPSI_CELL_SHEET];
@@ -22232,7 +22147,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     return sqrt(16 * grid->edge * grid->edge + distance * distance);
 }
 
-/* What a hit's plane receives where a ray meets it. `clear`: polygons are in no way. */
+/* Irradiance of a hit's plane at a place. `clear`: no polygon blocks it. */
 static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, const double at[2], int flown, int clear,
                          spsi_received *to) {
     const spsi_content *content = job->frame->content;
@@ -22251,7 +22166,7 @@ static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, const
     to->reach = (float)spsi_dmin(reach, (double)FLT_MAX);
 }
 
-/* What a place of a block receives, from -1 to 1 along each side, by the quadratic through nine knots. */
+/* Quadratic through nine knots, at -1..1 along each edge of a block. */
 static float spsi_received_between(const spsi_received *const knots[9], size_t c, const float at[2]) {
     float share[2][3], sum = 0;
     for (int k = 0; k < 2; ++k) {
@@ -22263,7 +22178,6 @@ static float spsi_received_between(const spsi_received *const knots[9], size_t c
     return sum;
 }
 
-/* Adds what pixels of a tile's block that show its plane receive: each by itself, or between knots. */
 static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, const int size[2],
                                 const spsi_received *const knots[9]) {
     const spsi_frame *frame = tile->job->frame;
@@ -22283,13 +22197,12 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, c
     }
 }
 
-/* Tests whether a block's light can be interpolated. It must be nearly linear along six lines of three knots, and come
-   from farther away than the block is wide. No polygon may be in the way, except of blocks of up to 16 pixels; shadows
-   of gas are seen by the knots alone. Returns -1 if so. Otherwise returns the axis to halve the block along, the longer
-   one on the plane, or 2 beside polygons, where each pixel is by itself. */
+/* Returns -1 if a block can be interpolated. Its light must be nearly linear along six lines of three knots, and come
+   from farther away than the block is wide. Polygons may block it only in blocks of up to 16 pixels; media are sampled
+   at knots alone. Otherwise returns the axis to halve, or 2: pixel by pixel, near polygons. */
 static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int size[2],
                              const spsi_received *knots[9]) {
-    static const int order[9] = {4, 0, 2, 6, 8, 1, 3, 5, 7}; /* edges are last */
+    static const int order[9] = {4, 0, 2, 6, 8, 1, 3, 5, 7}; /* edges last */
     const spsi_receive_job *job = tile->job;
     double point[4][3], across[3], edge[2][3];
     spsi_bounds bounds = spsi_nowhere;
@@ -22329,8 +22242,6 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int 
     return -1;
 }
 
-/* Adds what pixels of a block that show the plane receive: between its knots if light is linear there, or else by
-   halves. */
 static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, const int size[2]) {
     const spsi_received *knots[9];
     int count = 0, longer = 0, half[2] = {size[0], size[1]};
@@ -22347,7 +22258,7 @@ static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, const in
         spsi_receive_block(tile, x0 + (longer ? 0 : i * half[0]), y0 + (longer ? i * half[1] : 0), half);
 }
 
-/* Whether a flat face lies on another's plane, and has its normal. */
+/* True if a flat face has the plane and normal of another. */
 static int spsi_faces_share_plane(const spsi_face *face, const spsi_face *other) {
     double plane[3], apart = 0;
     spsi_face_plane(face, plane);
@@ -22359,7 +22270,7 @@ static int spsi_faces_share_plane(const spsi_face *face, const spsi_face *other)
     return !(apart > 0) && memcmp(face->normal[0], other->normal[0], sizeof face->normal[0]) == 0;
 }
 
-/* Adds what a tile's pixels receive that show the same plane as its hit. The search for them begins at `first`. */
+/* Adds irradiance to pixels on the plane of the tile's hit, from pixel `first` on. */
 static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
     const spsi_receive_job *job = tile->job;
     const spsi_content *content = job->frame->content;
@@ -22388,7 +22299,6 @@ static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
         if ((&tile->shows[0][0])[n] == 2) (&tile->shows[0][0])[n] = 0;
 }
 
-/* Finds what a tile's pixels receive, unless none of them is in the region. */
 static void spsi_receive_task(void *data, int index, int worker) {
     const spsi_receive_job *job = (const spsi_receive_job *)data;
     const spsi_frame *frame = job->frame;
@@ -22418,7 +22328,6 @@ static void spsi_receive_task(void *data, int index, int worker) {
     }
 }
 
-/* Returns 0 on failure. */
 static int spsi_receive_reserve(sps_context *context, const spsi_frame *frame, spsi_receive_job *job) {
     const size_t floats = spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
     job->received = (float *)spsi_reserve(context, SPSI_BUFFER_RECEIVED, floats, sizeof(float));
@@ -22427,8 +22336,7 @@ static int spsi_receive_reserve(sps_context *context, const spsi_frame *frame, s
     return job->received && job->tiles;
 }
 
-/* Finds what the region's pixels receive. Tiles are aligned to the image: all of a tile decides where places of a plane
-   are looked at, whatever the region. */
+/* Tiles are aligned to the image, so that knots do not depend on the region. */
 static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                    spsi_visible *visible) {
     const spsi_content *content = frame->content;
@@ -22455,7 +22363,7 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* Adds what a place reflects of the light that cells send; of ambient light they lack some. */
+/* Adds reflected light of cells. As a correction of ambient light it may be negative. */
 static void spsi_add_flux(const spsi_shader *shader, const spsi_shading_point *place, const double color[3],
                           float radiance[3]) {
     const spsi_content *content = shader->frame->content;
@@ -22477,8 +22385,7 @@ static void spsi_add_flux(const spsi_shader *shader, const spsi_shading_point *p
     }
 }
 
-/* Adds what a surface reflects of light that has scattered on its way from a light. It is looked up a sheet before the
-   surface, which stops it. */
+/* Adds reflected light that spread in the medium. */
 static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_shading_point *on,
                                const double color[3], float radiance[3]) {
     const spsi_spread *spread = shadow->spread;
@@ -22504,28 +22411,26 @@ static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *sha
     }
 }
 
-/* --- light leaving polygons: up to a vector of places at a time ---
-   Where they are, and how far from lights, is double precision; cosines, distances in a unit near them, transmittance
-   and colors are floats, within 1e-6 of what a place reflects. */
+/* --- radiance of polygons: up to a vector of places --- Positions are doubles. Cosines, distances in units,
+   transmittance and colors are floats, within 1e-6 of the reflected light. */
 
-/* What places on a face share. */
 typedef struct spsi_facet {
-    int number;                 /* of the face; -1: none */
-    double corner[3], plane[3]; /* its first corner, and its normal */
-    int flat;                   /* 1: light is reflected by the same normal everywhere */
-    float normal[3], turn;      /* the last place's, of unit length; turn: 1: on the plane's side, -1: on the other */
+    int number;
+    double corner[3], plane[3]; /* first corner, and normal */
+    int flat;                   /* 1: one normal for the whole face */
+    float normal[3], turn;      /* unit vector; turn: 1: on the plane's side, -1: on the other */
     int plain;                  /* 1: all corners have this albedo */
     float albedo[3];
 } spsi_facet;
 
 typedef struct spsi_surfaces {
-    spsi_shading_point place[SPSI_LANES]; /* of the lanes in use */
-    spsi_facet facet;             /* of the last one */
+    spsi_shading_point place[SPSI_LANES];
+    spsi_facet facet;             /* of the last place */
     spsi_intersections meetings;
     spsi_points points;
-    float normal[3][SPSI_LANES], turn[SPSI_LANES]; /* of unit length; turn: as a facet's, before they face the eye */
+    float normal[3][SPSI_LANES], turn[SPSI_LANES]; /* unit vectors; turn: a facet's, before they face the eye */
     float albedo[3][SPSI_LANES], emission[3][SPSI_LANES];
-    float radiance[3][SPSI_LANES]; /* that they send towards the eye; 0 in other lanes */
+    float radiance[3][SPSI_LANES]; /* towards the eye; 0 in other lanes */
 } spsi_surfaces;
 
 static void spsi_surfaces_begin(spsi_surfaces *list) {
@@ -22534,7 +22439,6 @@ static void spsi_surfaces_begin(spsi_surfaces *list) {
     memset((char *)list + offsetof(spsi_surfaces, normal), 0, sizeof *list - offsetof(spsi_surfaces, normal));
 }
 
-/* Sets a facet's unit normal, and on which side of its plane that is. */
 static void spsi_normal_set(const double normal[3], spsi_facet *facet) {
     const double size = spsi_length(normal);
     for (int i = 0; i < 3; ++i) facet->normal[i] = size > 0 ? (float)(normal[i] / size) : 0;
@@ -22555,7 +22459,6 @@ static void spsi_facet_build(const spsi_faces *faces, int number, spsi_facet *fa
     spsi_normal_set(normal, facet);
 }
 
-/* Adds the place of a lane, which is set. */
 static void spsi_surfaces_add(const spsi_shader *shader, int n, spsi_surfaces *list) {
     const spsi_shading_point *place = &list->place[n];
     const sps_surface *set = spsi_surface_set(shader->frame, shader->visible->set, place);
@@ -22588,7 +22491,7 @@ static void spsi_surfaces_add(const spsi_shader *shader, int n, spsi_surfaces *l
     }
 }
 
-/* Finds where all places are, and turns their normals towards the eye. */
+/* Finds positions, and turns normals towards the eye. */
 static void spsi_surfaces_place(const spsi_shader *shader, spsi_surfaces *list) {
     double facing[SPSI_LANES];
     spsi_intersections_fill(&list->meetings);
@@ -22599,15 +22502,13 @@ static void spsi_surfaces_place(const spsi_shader *shader, spsi_surfaces *list) 
     }
 }
 
-/* World sizes of the pixels at the places. */
 static spsi_v spsi_surfaces_pixels(const spsi_shader *shader, const spsi_surfaces *list) {
     float pixel[SPSI_LANES];
     for (int n = 0; n < SPSI_LANES; ++n) pixel[n] = (float)spsi_pixel_size_at(shader->eye, list->meetings.t[n]);
     return spsi_load(pixel);
 }
 
-/* A power of two near the largest distance of a light from the places, in which squares of distances stay in range;
-   1 for directional light. */
+/* Power of two near the light's largest distance, so that squares stay in range. */
 static double spsi_surfaces_unit(const spsi_light *light, const spsi_surfaces *list) {
     double largest = 1e-100;
     int power;
@@ -22619,7 +22520,7 @@ static double spsi_surfaces_unit(const spsi_light *light, const spsi_surfaces *l
     return ldexp(1, power);
 }
 
-/* The ways from a point to the places, in a unit. */
+/* Vectors from a point, in units. */
 static void spsi_surfaces_ways(const spsi_surfaces *list, const double from[3], double unit, spsi_v ways[3]) {
     const double per_unit = 1 / unit;
     for (int i = 0; i < 3; ++i) {
@@ -22629,7 +22530,6 @@ static void spsi_surfaces_ways(const spsi_surfaces *list, const double from[3], 
     }
 }
 
-/* The places in a light's frame. */
 static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_light *light, spsi_v place[3]) {
     float lanes[3][SPSI_LANES];
     for (int n = 0; n < SPSI_LANES; ++n) {
@@ -22641,8 +22541,8 @@ static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_light *li
     for (int i = 0; i < 3; ++i) place[i] = spsi_load(lanes[i]);
 }
 
-/* Adds the irradiance from a point of a light per unit of the light's color, before any shadow; where light falls off,
-   times the square of the unit. Only the shading normal decides which side is lit, as for spsi_visibility. */
+/* Adds the irradiance by a point of a light per unit of its color, before shadows. With falloff: times the unit's
+   square. */
 static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light *point, const spsi_surfaces *list,
                                     double unit, spsi_v irradiance[3]) {
     const spsi_v zero = spsi_set(0);
@@ -22664,7 +22564,7 @@ static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light 
     for (int c = 0; c < 3; ++c) irradiance[c] = spsi_fma(share, image[c], irradiance[c]);
 }
 
-/* The shares of a light's irradiance that polygons let pass to the places. Returns 0 if there are none. */
+/* Returns 0 if none is lit. */
 static int spsi_surfaces_lit(const spsi_frame *frame, const spsi_shadow *shadow, const spsi_surfaces *list,
                              spsi_v lit[3]) {
     const size_t channels = (size_t)spsi_lit_channels(frame, shadow->light);
@@ -22680,7 +22580,6 @@ static int spsi_surfaces_lit(const spsi_frame *frame, const spsi_shadow *shadow,
     return any;
 }
 
-/* Optical depth of gas between the places and the n-th point of a light, where `weight` is not 0. */
 static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces *list, int n, spsi_v weight) {
     const spsi_penumbra *penumbra = &shadow->sliced->penumbra;
     float lanes[SPSI_LANES] = {0};
@@ -22693,8 +22592,7 @@ static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces
     return spsi_load(lanes);
 }
 
-/* Multiplies by the mean of what gas lets pass from the points of a light, each of which counts as much as the
-   irradiance that polygons let pass from it. */
+/* Points of the light are weighted by their irradiance after polygons. */
 static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_shadow *shadow,
                                          const spsi_surfaces *list, spsi_v lit[3]) {
     const spsi_light *light = shadow->light;
@@ -22718,7 +22616,6 @@ static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_s
     for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_div(sum[c], all));
 }
 
-/* Multiplies by what gas between a light and the places lets pass, with light that goes straight on. */
 static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list,
                                     spsi_v lit[3]) {
     float lanes[SPSI_LANES];
@@ -22732,7 +22629,6 @@ static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow
             spsi_mul(lit[c], spsi_straight_passes(shader->frame, shadow->light, c, spsi_load(lanes), &list->points));
 }
 
-/* Adds what the places reflect of a light. */
 static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light *light, const spsi_v lit[3],
                                     spsi_surfaces *list) {
     const double unit = spsi_surfaces_unit(light, list), scale = light->falls_off ? 1 / (unit * unit) : 1;
@@ -22748,8 +22644,7 @@ static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light 
     }
 }
 
-/* Adds, place by place, what they reflect of light that has scattered: from cells, or beside a light's own rays
-   (`shadow`; NULL: none). */
+/* Adds reflected scattered light: from cells (`shadow`: NULL), or of a light that spreads. */
 static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_shadow *shadow, spsi_surfaces *list) {
     for (int n = 0; list->points.lanes >> n; ++n) {
         const spsi_shading_point *place = &list->place[n];
@@ -22765,7 +22660,6 @@ static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_sh
     }
 }
 
-/* Finds what the places send towards the eye, of the light that the sweep carries. */
 static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) {
     const spsi_frame *frame = shader->frame;
     if (!list->meetings.lanes) return;
@@ -22785,22 +22679,20 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
     }
 }
 
-/* The layers of a vector of pixels that the sweep has not yet reached. */
+/* Layers that the sweep has not reached. */
 typedef struct spsi_pending {
     const spsi_layer *list;
-    uint32_t first[SPSI_LANES], end[SPSI_LANES]; /* of each pixel's list, in order of depth */
-    int nearest[SPSI_LANES];                     /* 1: `first` is the nearest of all to the eye */
-    float depth[SPSI_LANES];                     /* of the next one, t - depth_reference; infinity: none */
-    float filter[3][SPSI_LANES];                 /* what layers in front let pass of light from here */
-    spsi_v slab;                                 /* slab coordinate of the next one; infinity: none */
+    uint32_t first[SPSI_LANES], end[SPSI_LANES]; /* range of each pixel's list */
+    int nearest[SPSI_LANES];                     /* 1: `first` is nearest to the eye */
+    float depth[SPSI_LANES];                     /* next layer's t - depth_reference; infinity: none */
+    float filter[3][SPSI_LANES];                 /* transmittance of the layers in front */
+    spsi_v slab;                                 /* next layer's coordinate; infinity: none */
 } spsi_pending;
 
-/* The number of a pixel's next layer. */
 static size_t spsi_pending_next(const spsi_shader *shader, const spsi_pending *ahead, int lane) {
     return shader->sweep->back_to_front ? ahead->end[lane] - 1 : ahead->first[lane];
 }
 
-/* Looks at a pixel's next layer, and at what those in front of it let pass. */
 static void spsi_pending_look(const spsi_shader *shader, int lane, spsi_pending *ahead) {
     const int backwards = shader->sweep->back_to_front, left = ahead->first[lane] < ahead->end[lane];
     const int filtered = backwards ? left : !ahead->nearest[lane];
@@ -22813,7 +22705,6 @@ static void spsi_pending_look(const spsi_shader *shader, int lane, spsi_pending 
     }
 }
 
-/* Goes on to the layer after the next one. */
 static void spsi_pending_pass(const spsi_shader *shader, int lane, spsi_pending *ahead) {
     if (shader->sweep->back_to_front)
         ahead->end[lane] -= 1;
@@ -22822,19 +22713,17 @@ static void spsi_pending_pass(const spsi_shader *shader, int lane, spsi_pending 
     spsi_pending_look(shader, lane, ahead);
 }
 
-/* Finds the slab coordinates of the next layers. */
 static void spsi_pending_measure(const spsi_shader *shader, const spsi_pixels *p, spsi_pending *ahead) {
     const spsi_v d = spsi_load(ahead->depth), at = p->line.at, infinity = spsi_set(SPSI_INFINITY);
     ahead->slab = spsi_linear_find(&shader->slab, at, (float)p->line.y, d);
     ahead->slab = spsi_select(spsi_less(d, infinity), ahead->slab, infinity);
 }
 
-/* Bit mask of the pixels whose next layer lies before a slab coordinate. */
+/* Bit mask of pixels whose next layer lies before a slab coordinate. */
 static int spsi_pending_before(const spsi_pending *ahead, float slab) {
     return spsi_bits(spsi_less(ahead->slab, spsi_set(slab)));
 }
 
-/* Begins with the layers at or behind a slab coordinate, in the sweep's order. */
 static void spsi_pending_begin(const spsi_shader *shader, const spsi_pixels *p, int width, float low,
                                spsi_pending *ahead) {
     const spsi_layers *layers = &shader->visible->layers;
@@ -22854,27 +22743,24 @@ static void spsi_pending_begin(const spsi_shader *shader, const spsi_pixels *p, 
     }
 }
 
-/* What layers in front let pass of light from here: the mean of colors. */
+/* Mean over colors. */
 static spsi_v spsi_pending_mean(const spsi_pending *ahead) {
     const spsi_v sum = spsi_add(spsi_load(ahead->filter[0]), spsi_load(ahead->filter[1]));
     return spsi_mul(spsi_add(sum, spsi_load(ahead->filter[2])), spsi_set(1.0f / 3));
 }
 
-/* A vector of pixels that is being shaded. */
 typedef struct spsi_row {
     spsi_pixels pixels;
     spsi_slab slab;
     spsi_pending ahead;
     int has_layers; /* 1: `ahead` is in use */
-    int width;      /* number of pixels */
+    int width;
     spsi_gathered sum;
 } spsi_row;
 
-/* NULL without layers. */
 static const spsi_pending *spsi_row_pending(const spsi_row *row) { return row->has_layers ? &row->ahead : NULL; }
 
-/* Adds what peaks of phase functions scatter straight on to the eye of light from surfaces behind gas of optical depth
-   t: exp(-k t) - exp(-t) of it. */
+/* Adds light from surfaces that phase functions' peaks scatter straight to the eye: exp(-k t) - exp(-t) of it. */
 static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANES], spsi_gathered *sum) {
     const int backwards = shader->again.gas != NULL;
     const spsi_v gas = backwards ? spsi_sub(sum->gas[1], sum->gas[0]) : sum->depth;
@@ -22886,8 +22772,7 @@ static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANE
     }
 }
 
-/* Composites what surfaces send towards the eye, of which `share` is the part of what is behind that they cover, at
-   depth d. */
+/* Composites surfaces at depth d, with their coverage. */
 static void spsi_add_sent(const spsi_shader *shader, float sent[3][SPSI_LANES], spsi_v open, spsi_v share, spsi_v d,
                           spsi_row *row) {
     spsi_gathered *sum = &row->sum;
@@ -22899,8 +22784,8 @@ static void spsi_add_sent(const spsi_shader *shader, float sent[3][SPSI_LANES], 
     sum->distance = spsi_fma(share, way, sum->distance);
 }
 
-/* Composites the next layers of some pixels, given as a bit mask, and passes them. Front to back, a ray that its last
-   layer has covered in all colors becomes opaque. */
+/* Composites the next layers of a bit mask of pixels. Front to back, a last layer that blocks all colors makes the ray
+   opaque. */
 static void spsi_add_layers(const spsi_shader *shader, int bits, spsi_row *row) {
     spsi_pending *ahead = &row->ahead;
     const int backwards = shader->sweep->back_to_front;
@@ -22931,8 +22816,7 @@ static void spsi_add_layers(const spsi_shader *shader, int bits, spsi_row *row) 
     spsi_pending_measure(shader, &row->pixels, ahead);
 }
 
-/* Composites the opaque polygons of a vector of pixels whose slab coordinate lies in [low, high), which makes their
-   rays opaque. */
+/* Composites opaque polygons at slab coordinates in [low, high). */
 static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
     const spsi_pending *ahead = spsi_row_pending(row);
@@ -22960,18 +22844,15 @@ static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, 
     row->sum.depth = spsi_min(spsi_add(row->sum.depth, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
 }
 
-/* --- a tile --- */
 
-/* A worker's scratch memory for shading. */
 typedef struct spsi_scratch {
-    spsi_sample *samples;   /* one per material and part, and one per material of a part that is cut */
-    spsi_arrival *arrivals; /* one per shadow */
+    spsi_sample *samples;   /* one per material and part, and per material of a cut part */
+    spsi_arrival *arrivals;
 } spsi_scratch;
 
-/* Number of samples of a worker's scratch memory. */
 static int spsi_scratch_samples(const spsi_frame *frame) { return frame->matter.material_count * (SPSI_SUBSLABS + 1); }
 
-/* Sums what a slab holds, or each of a group, one sum for each material. Returns 0 if there is nothing. */
+/* Returns 0 if empty. */
 static int spsi_group_sum(const spsi_tile *tile, size_t at, spsi_v length, spsi_slab *slab) {
     const spsi_v zero = spsi_set(0);
     spsi_v any = zero;
@@ -22985,12 +22866,11 @@ static int spsi_group_sum(const spsi_tile *tile, size_t at, spsi_v length, spsi_
     return spsi_bits(spsi_less(zero, any)) != 0;
 }
 
-/* The shares of optical depth that slabs of a group have. */
 static void spsi_group_fractions(const spsi_shader *shader, const spsi_tile *tile, size_t at, spsi_v length,
                                  spsi_slab *slab) {
     const spsi_v zero = spsi_set(0);
     spsi_v whole = zero;
-    slab->filled = spsi_scatters_forward(shader->frame) ? ~0 : 0; /* then light at all planes is used */
+    slab->filled = spsi_scatters_forward(shader->frame) ? ~0 : 0; /* uses light at all planes */
     for (int i = 0; i < slab->group; ++i, at += tile->sheet_size) {
         slab->share[i] = zero;
         for (int m = 0; m < slab->material_count; ++m) {
@@ -23006,7 +22886,7 @@ static void spsi_group_fractions(const spsi_shader *shader, const spsi_tile *til
     for (int i = 0; i < slab->group; ++i) slab->share[i] = spsi_mul(slab->share[i], whole);
 }
 
-/* Reads slab k of a vector of pixels, or a group from there on. Returns 0 if it holds nothing. */
+/* Reads slab or group k. Returns 0 if empty. */
 static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                            spsi_slab *slab) {
     const int count = slab->material_count;
@@ -23043,8 +22923,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     return 1;
 }
 
-/* The i-th part of a slab. `depth` is the optical depth that the ray has accumulated: front to back, that in front of
-   the part. The share of it begins where that of the part before ended, which `part` still holds. */
+/* `depth` is the ray's optical depth so far. `part` must contain the part before, at whose end this one begins. */
 static void spsi_subslab_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth,
                                spsi_subslab *part) {
     const int backwards = shader->sweep->back_to_front;
@@ -23065,8 +22944,8 @@ static void spsi_subslab_build(const spsi_shader *shader, const spsi_slab *slab,
     part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
 }
 
-/* Cuts a part to the shares from cut[0] to cut[1] of its slab's way. Within a part, matter is even. `samples` receives
-   what is left of its samples. Returns 0 if nothing is left. */
+/* Cuts a part to fractions of the slab; matter is uniform within. `samples` receives the rest. Returns 0 if nothing is
+   left. */
 static int spsi_subslab_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], spsi_sample *samples,
                             spsi_v depth, spsi_subslab *part) {
     const int backwards = shader->sweep->back_to_front;
@@ -23097,8 +22976,7 @@ static int spsi_subslab_cut(const spsi_shader *shader, const spsi_slab *slab, co
     return 1;
 }
 
-/* Where a part adds what it sends: to the sums, or, if layers filter it, to `filtered`. No more gas of a part counts
-   than hides what is behind it, so that sums stay precise. */
+/* Layers filter radiance in `filtered`. A part's optical depth counts up to SPSI_FORWARD_END, to keep sums precise. */
 static spsi_sent spsi_subslab_sent(const spsi_shader *shader, const spsi_subslab *part, spsi_v filtered[2][3],
                                    spsi_gathered *sum) {
     spsi_sent sent;
@@ -23112,7 +22990,6 @@ static spsi_sent spsi_subslab_sent(const spsi_shader *shader, const spsi_subslab
     return sent;
 }
 
-/* Composites one part of a slab. */
 static void spsi_add_subslab(const spsi_shader *shader, const spsi_subslab *part, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
     const spsi_pending *ahead = spsi_row_pending(row);
@@ -23132,7 +23009,7 @@ static void spsi_add_subslab(const spsi_shader *shader, const spsi_subslab *part
         sum->radiance[c] = spsi_fma(filtered[0][c], spsi_load(ahead->filter[c]), sum->radiance[c]);
         sum->again[c] = spsi_fma(filtered[1][c], spsi_load(ahead->filter[c]), sum->again[c]);
     }
-    if (shader->distance) { /* the part is seen there with weight T (1 - exp(-depth)) */
+    if (shader->distance) { /* visible here with weight T (1 - exp(-depth)) */
         const spsi_v ahead_of = spsi_sub(spsi_mean_length(part->depth), spsi_set(0.5f));
         const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead_of, part->middle);
         const spsi_v t = spsi_add(seen, spsi_set((float)shader->eye->depth_reference));
@@ -23143,8 +23020,7 @@ static void spsi_add_subslab(const spsi_shader *shader, const spsi_subslab *part
     sum->depth = spsi_min(spsi_add(sum->depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
 }
 
-/* A chunk of slabs, or polygons only (slab_count 0), in a tile that is being shaded. Its polygons are those between the
-   slab coordinates `low` and `high`, counted from the sweep's first slab. */
+/* A chunk of a tile, or polygons only (slab_count 0), between slab coordinates `low` and `high`. */
 typedef struct spsi_shading {
     const spsi_shader *shader;
     const spsi_tile *tile;
@@ -23153,13 +23029,13 @@ typedef struct spsi_shading {
     float low, high;
 } spsi_shading;
 
-/* Composites the parts of a slab; of its way the shares from cut[0] to cut[1], or all (NULL). */
+/* Composites a slab's parts, cut unless NULL. */
 static void spsi_add_subslabs(const spsi_shading *shading, const spsi_v *cut, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     spsi_sample *samples = shading->scratch.samples + SPSI_SUBSLABS * row->slab.material_count;
     spsi_subslab part;
     for (int i = 0; i < row->slab.part_count; ++i) {
-        spsi_v last; /* where the next part's share begins */
+        spsi_v last;
         spsi_subslab_build(shader, &row->slab, i, row->sum.depth, &part);
         last = part.last;
         if ((!cut || spsi_subslab_cut(shader, &row->slab, cut, samples, row->sum.depth, &part)) &&
@@ -23169,8 +23045,7 @@ static void spsi_add_subslabs(const spsi_shading *shading, const spsi_v *cut, sp
     }
 }
 
-/* Composites the layers before slab coordinate `high`, and between them the slab that they lie in, if it holds
-   anything. */
+/* Composites the layers before slab coordinate `high`, and the slab between them. */
 static void spsi_add_layered(const spsi_shading *shading, int held, float high, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const int backwards = shader->sweep->back_to_front;
@@ -23193,8 +23068,7 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
     }
 }
 
-/* Composites slab k of a vector of pixels, or a group from there on, and the polygons in it, which are all that a range
-   without slabs has. Returns 0 if it held nothing else. */
+/* Returns 0 if there is no matter. */
 static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
@@ -23231,9 +23105,8 @@ static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi
     spsi_store(shader->again.gas + to, sum->gas[0]);
 }
 
-/* Early ray termination before plane k. A ray whose transmittance is below the threshold becomes opaque, so that no
-   bright background shines through and nothing added later counts; what it let through counts as seen at the plane.
-   Returns 0 if all rays have ended. */
+/* Early ray termination before plane k. A ray below the threshold becomes opaque, so that no bright background shines
+   through. Its transmittance counts as visible at the plane. Returns 0 if all rays have ended. */
 static int spsi_end_rays(const spsi_shader *shader, int k, spsi_row *row) {
     const spsi_line *line = &row->pixels.line;
     spsi_gathered *sum = &row->sum;
@@ -23251,14 +23124,13 @@ static int spsi_end_rays(const spsi_shader *shader, int k, spsi_row *row) {
     return bits != 0;
 }
 
-/* Whether any of a vector of pixels has layers. */
 static int spsi_pixels_layered(const spsi_shader *shader, int x, int y, int width) {
     const uint32_t *first = shader->visible->layers.first;
     const size_t pixel = (size_t)y * (size_t)shader->eye->width + (size_t)x;
     return shader->hits && first && !shader->again.measures && first[pixel] < first[pixel + (size_t)width];
 }
 
-/* Composites a chunk on a vector of `width` pixels. Returns the number of slabs that held something, times pixels. */
+/* Returns the number of nonempty slabs, times pixels. */
 static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int width) {
     const spsi_shader *shader = shading->shader;
     const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);

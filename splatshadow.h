@@ -19522,16 +19522,16 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 }
 
 /* ============================================================================================== >>flights
-   30 First flights: unscattered light of small, bright sources, which a sweep in few directions would draw as stars. It
-   goes into a tree of emitters. A receiver opens nodes until each subtends a small angle, and sums I E(direction)
-   T(path) / distance^2. I is radiance times area; T is marched through mip levels of the cells' extinction. E, the
-   fraction that escapes a node's own medium, is marched when the tree is built. Cells then solve for the scattered
-   rest: a first-collision source. Cost: about 10 nodes of 10 to 30 steps per vector of cells; per point of a polygon,
-   also a few rays. [Lathrop 1968] */
+   30 First flights: unscattered light of small, bright sources, which a sweep in few directions would draw as stars.
+   Emitters form a tree. A receiver opens nodes until each subtends a small angle, and sums I E(direction) T(path) /
+   distance^2. I is radiance times area; T is marched through mip levels of the cells' extinction. E, the escape from a
+   node's own medium, is marched when the tree is built. Cells then solve for the scattered rest: a first-collision
+   source. Cost: about 10 nodes of 10 to 30 steps per vector of cells; per point of a polygon, also a few rays. [Lathrop
+   1968] */
 
 #define SPSI_EMITTERS_MOST 32768 /* most emitting voxels; beyond, blocks of 2^3, 4^3 or 8^3 merge */
 #define SPSI_EMITTERS_EACH 4096  /* most emitting particles of a set; beyond, each block of cells merges */
-#define SPSI_EMITTER_BLOCKS 26   /* most along an edge of a grid: sums fit in the nodes of so many particles */
+#define SPSI_EMITTER_BLOCKS 26   /* most along a grid's edge: sums fit in the nodes of so many particles */
 #define SPSI_FLIGHT_NODES  64    /* most per tree and receiver */
 #define SPSI_FLIGHT_BLOCK  4     /* cells along an edge of a cube with one list of nodes */
 #define SPSI_FLIGHT_STEP   0.15f /* step per distance from the nearer end; at least a cell's edge */
@@ -19541,19 +19541,18 @@ static int spsi_light_has_beam(const spsi_light *light) {
     return light->is_point && light->cone.exists && !light->extent.exists && light->cone.none < 0.3;
 }
 
-/* True if first flights from emission, beams or lit polygons reach cells. */
 static int spsi_flies_to_cells(const spsi_frame *frame) {
     int some = frame->matter.emits || (frame->meshes.count > 0 && frame->lights.count > 0);
     for (int i = 0; i < frame->lights.count; ++i) some |= spsi_light_has_beam(&frame->lights.list[i]);
     return frame->matter.scatters && some;
 }
 
-/* True if they reach anything; polygons receive emission alone. */
+/* True if first flights reach anything; polygons receive emission alone. */
 static int spsi_cells_fly(const spsi_frame *frame) {
     return spsi_flies_to_cells(frame) || (frame->meshes.count > 0 && frame->matter.emits);
 }
 
-/* Upper bound of the cells near lights or emission that become emitters. */
+/* Upper bound of cells that become emitters. */
 static size_t spsi_emitting_cells(const spsi_frame *frame) {
     const size_t side = (size_t)frame->view.scattering_resolution;
     int some = frame->matter.emits;
@@ -19563,7 +19562,7 @@ static size_t spsi_emitting_cells(const spsi_frame *frame) {
 
 /* --- emitters --- */
 
-/* Finds the cell at a point, or the nearest one. Returns 0 outside. */
+/* Finds the cell at a point, or the nearest. Returns 0 outside. */
 static int spsi_cell_containing(const spsi_cell_grid *grid, const double point[3], size_t *at) {
     int inside = 1;
     *at = 0;
@@ -19592,15 +19591,15 @@ static float spsi_emitter_reach(const spsi_emitter *emitter) {
     return emitter->clear > 0 ? emitter->clear : 0.75f * emitter->radius + emitter->ahead;
 }
 
-/* By how many radii the mean path from a sphere, weighted by 1 / length^2, is shorter than u, its centre's distance:
-   1/2 within, 2/3 at the rim. */
+/* Centre's distance u less the mean path from a sphere, in radii, weighted by 1 / length^2. 1/2 within, 2/3 at the
+   rim. */
 static spsi_v spsi_sphere_nearer(spsi_v u) {
     const spsi_v part = spsi_div(spsi_set(1), u), third = spsi_set(2.0f / 15), fifth = spsi_set(0.2f);
     return spsi_min(spsi_mul(part, spsi_fma(spsi_mul(part, part), third, fifth)), spsi_add(u, spsi_set(-0.5f)));
 }
 
-/* Self-absorption in the cells around an emitter, averaged over six points sqrt(0.6) radii out: exact to degree 2.
-   Points twice as far out tell how much of the medium ends at the sphere. */
+/* Self-absorption in the cells around an emitter: mean of six points sqrt(0.6) radii out, exact to degree 2. Six
+   farther points tell how much of the medium ends at the sphere. */
 static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];
@@ -19624,8 +19623,7 @@ static void spsi_emitter_hide(const spsi_flights *flights, const double point[3]
 }
 
 /* Self-absorption of a sphere of material m and optical radius `own`. Cells spread its medium by two edges; the march
-   leaves that out. Light leaves 0.2 radii before the centre per optical depth, at most 2/3. Half of the other media
-   counts, too. */
+   leaves that out. Light leaves 0.2 radii before the centre per optical depth, at most 2/3. */
 static void spsi_emitter_clear(const spsi_flights *flights, const double point[3], double radius, double own, int m,
                                spsi_emitter *emitter) {
     emitter->clear = (float)(radius + 2 * flights->grids->edge);
@@ -19663,7 +19661,7 @@ static void spsi_emitters_add(spsi_flights *flights, const double point[3], doub
     spsi_tree_item_add(&items[flights->count++], flights->centre, low, high);
 }
 
-/* Edge of the blocks of voxels that become emitters. `count` receives an upper bound of their number. */
+/* Edge of the voxel blocks that become emitters. `count` receives an upper bound. */
 static int spsi_emitter_blocks(const sps_context *context, const spsi_frame *frame, size_t *count) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     int edge = 1;
@@ -19700,8 +19698,8 @@ static void spsi_emitter_sum_brick(const sps_context *context, const spsi_brick 
     }
 }
 
-/* Centre and radius of a uniform sphere of equal spread, kernels included. Returns the mean projected area, over pi, of
-   the ellipsoid of equal spread. */
+/* Centre and radius of a uniform sphere of equal spread, kernels included. Returns the mean projected area of the
+   ellipsoid of equal spread, over pi. */
 static double spsi_emitter_sum_sphere(const spsi_lattice *lattice, const spsi_emitter_sum *sum, double point[3],
                                       spsi_emitter *like) {
     double at[3], square[3];
@@ -19716,7 +19714,6 @@ static double spsi_emitter_sum_sphere(const spsi_lattice *lattice, const spsi_em
     return 5 * sqrt((square[0] * square[1] + square[1] * square[2] + square[2] * square[0]) / 3);
 }
 
-/* Adds a brick's blocks, less the emission that always flies. */
 static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame *frame, const spsi_brick *brick,
                                     int edge, spsi_flights *flights, spsi_tree_item *items) {
     const spsi_lattice *lattice = &frame->lattices[brick->lattice];
@@ -19738,8 +19735,8 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
 }
 
 /* Escaping and trapped light of a uniform emitting sphere, for `part` of its emission. A fraction p escapes
-   unscattered, less of the scattered light. Within 1 % up to an optical radius x of 10. Anisotropic lobes count as
-   isotropic ones of less extinction. Trapped light reaches the eye through the extinction left without `peak`. */
+   unscattered. Within 1 % up to an optical radius x of 10. Anisotropic lobes count as isotropic ones of less
+   extinction. Trapped light reaches the eye through the extinction without `peak`. */
 static void spsi_emitter_trap(const spsi_material *material, double peak, double x, double part, spsi_emitter *like) {
     const double once = spsi_sphere_escape(x);
     for (int c = 0; c < 3; ++c) {
@@ -19756,7 +19753,7 @@ static void spsi_emitter_trap(const spsi_material *material, double peak, double
     }
 }
 
-/* Volume of all particles but the largest, over that of the uniform sphere of their spread. */
+/* Volume of all particles but the largest, over the uniform sphere of their spread. */
 static double spsi_particles_crowd(const sps_particle *list, int count) {
     double cubes = 0, largest = 0, at[3] = {0, 0, 0}, square = 0;
     for (int n = 0; n < count; ++n) {
@@ -19775,8 +19772,8 @@ static double spsi_particles_crowd(const sps_particle *list, int count) {
 }
 
 /* Fraction of a set's emission that always flies: cells cannot resolve self-absorption of dense particles. It rises
-   from 0 to 1 between optical depths 0.5 and 1.5, and is 1 for up to 32 particles, fading until 64. Cells resolve
-   overlapping particles. */
+   from optical depth 0.5 to 1.5, and is 1 for up to 32 particles, fading until 64. Cells resolve overlapping
+   particles. */
 static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     const double few = spsi_dmax(0, spsi_dmin(2 - (double)content->particle_count / 32, 1));
@@ -19797,8 +19794,8 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* Fraction of a volume's emission that always flies. 1 for optical depths from 0.5 on and up to 6 cells of width with
-   kernels; 0 from 12 cells. */
+/* Fraction of a volume's emission that always flies. It rises up to an optical depth of 0.5 and falls from 6 to 12
+   cells of width. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     float top[SPSI_VOLUMES_MAX] = {0};
@@ -19820,8 +19817,8 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
     }
 }
 
-/* Position, radius and optical radius of a uniform sphere. Soft particles: 0.845 of their radius for equal spread, 0.75
-   of their depth for equal escape, within 4 % up to 10. Returns volume times extinction. */
+/* Position, radius and optical radius of a uniform sphere. Soft: 0.845 of the radius for equal spread, 0.75 of the
+   depth for equal escape, within 4 % up to 10. Returns volume times extinction. */
 static double spsi_emitter_particle(const sps_particle *particle, const spsi_particle_set *set, double point[3],
                                     double *own, spsi_emitter *like) {
     const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
@@ -19928,8 +19925,8 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     if (sum->cut > 0) sum->cut = sum->radius;
 }
 
-/* Adds the part of a volume's emission that always flies as one uniform sphere. Self-absorption is an ellipsoid's mean:
-   at 1:3:1 it sends 10 % too little across, 40 % too much along. */
+/* Adds the part of a volume's emission that always flies as one sphere. Self-absorption is an ellipsoid's mean: at
+   1:3:1 it sends 10 % too little across, 40 % too much along. */
 static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
                                      spsi_flights *flights, spsi_tree_item *items) {
     const int m = frame->media[lattice->medium].channel;
@@ -19968,7 +19965,6 @@ static void spsi_emitters_list(const sps_context *context, const spsi_frame *fra
     spsi_emitters_add_particles(frame, flights, items);
 }
 
-/* Marks emitters that polygons may cut. */
 static void spsi_emitters_cut(const spsi_faces *faces, const spsi_flights *flights) {
     for (int i = 0; i < flights->count && faces->count > 0; ++i) {
         spsi_emitter *emitter = &flights->emitters[i];
@@ -20008,8 +20004,7 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
 
 /* --- optical depth along a path --- */
 
-/* Fills the coarser levels of a pyramid, one after the other, in rows of equal pitch. Values are optical depth along an
-   edge. */
+/* Coarser levels follow each other, in rows of equal pitch. Values are optical depth along an edge. */
 static void spsi_cell_mips_fill(const spsi_cell_grid *grid, float *to) {
     const size_t pitch = (size_t)grid->pitch;
     int size[3] = {grid->size[0], grid->size[1], grid->size[2]};
@@ -20074,9 +20069,9 @@ typedef struct spsi_segments {
     spsi_v clear, own;
 } spsi_segments;
 
-/* Steps are a cell's edge near both ends. Farther out, they cross one coarser cell along the dominant axis, so that
-   thin layers keep their depth. Coarse cells spread an emitter's medium to 1.3 times its radius. Within, its pyramid
-   counts only with the value out there: other media. */
+/* Steps are a cell's edge near both ends. Farther out, they cross one coarser cell along the dominant axis: thin layers
+   keep their depth. Coarse cells spread an emitter's medium to 1.3 times its radius. Within, its pyramid counts with
+   the value out there: other media. */
 static spsi_v spsi_segments_depth(const spsi_cell_grid *grid, const spsi_segments *ways) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), own_end = spsi_mul(ways->clear, spsi_set(1.3f));
     const spsi_v rounded = spsi_set(1.001f);
@@ -20161,12 +20156,12 @@ static void spsi_flight_way(int number, float unit[3]) {
     }
 }
 
-/* Distance up to which cells contain the own medium of an emitter, or of a node of one pyramid. */
+/* Cells contain an emitter's own medium up to here, or a node's of one pyramid. */
 static float spsi_flight_clear(const spsi_emitter *emitter, const spsi_flight_node *node) {
     return node && emitter->own > 0 ? node->reach : emitter->clear;
 }
 
-/* Adds a child's escaping light to a node's. `own` is NULL for an emitter. */
+/* `own` is NULL for an emitter. */
 static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *child, const spsi_flight_node *own,
                                spsi_flight_node *node, float leaves[3][SPSI_FLIGHT_SEGMENTS]) {
     for (int first = 0; first < SPSI_FLIGHT_SEGMENTS; first += SPSI_LANES) {
@@ -20198,8 +20193,8 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
     }
 }
 
-/* Radius around a node's emission: the parts' 16th power mean, near the maximum but blind to weak parts. Nodes smaller
-   than `edge` take the mean. */
+/* Radius around a node's emission: the parts' 16th power mean, near the maximum but blind to weak parts. Below `edge`,
+   their mean. */
 static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_node *const *own, int count, double edge,
                                 const spsi_emitter *sum) {
     double reach[SPSI_TREE_LEAF], weight[SPSI_TREE_LEAF], most = DBL_MIN, mean = 0, each = 0, all = 0;
@@ -20218,7 +20213,7 @@ static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_nod
     return (float)spsi_dmax(most * pow(mean / all, 1.0 / 16), edge);
 }
 
-/* Recursion is at most SPSI_TREE_STACK deep. */
+/* At most SPSI_TREE_STACK deep. */
 static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights, int number) {
     const spsi_tree_node *node = &tree->nodes[number];
     const float edge = (float)flights->grids->edge;
@@ -20292,7 +20287,7 @@ static int spsi_flights_opens(const spsi_flight_choice *choice, double scale, co
     return spsi_dot(toward, toward) < least * least;
 }
 
-/* Opens nodes and their children. Returns 0 if the list would get too long. */
+/* Returns 0 if the list would get too long. */
 static int spsi_flights_open(const spsi_flight_choice *choice, double scale, spsi_flight_list *list) {
     const spsi_flights *flights = choice->flights;
     for (int i = choice->first; i < list->count;) {
@@ -20311,7 +20306,7 @@ static int spsi_flights_open(const spsi_flight_choice *choice, double scale, sps
     return 1;
 }
 
-/* Lists nodes that subtend at most `angle` for all positions within `reach`. At most `most`: the widest are opened
+/* Lists nodes that subtend at most `angle` for all positions within `reach`; at most `most`, the widest opened
    first. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
                                 int most, spsi_flight_list *list) {
@@ -20357,8 +20352,8 @@ static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const s
     return node ? low : spsi_div(low, sum);
 }
 
-/* Fraction of its own medium between a node or emitter and a receiver: 1 far away, less within, by spsi_sphere_nearer.
-   Where it ends at the sphere, paths grow from 0.5 radii to 0.75. */
+/* Fraction of its own medium between a node and a receiver: 1 far away, less within, by spsi_sphere_nearer. Where it
+   ends at the sphere, paths grow from 0.5 radii to 0.75. */
 static spsi_v spsi_flight_part(const spsi_flight *flight, spsi_v length) {
     const float known = flight->node ? flight->node->reach : 0;
     const float radius = spsi_fmax(spsi_fmax(flight->emitter->radius, 1e-3f * known), FLT_MIN);
@@ -20385,11 +20380,11 @@ typedef struct spsi_flight_place {
     const spsi_frame *frame;
     const spsi_faces *faces;              /* NULL: no occluders */
     const double *point, *start, *normal; /* start: of rays; normal: unit vector; NULL: a cell */
-    int face; /* face of the point; -1: none, in a cell, which takes only light for cells */
+    int face; /* face of the point; -1: in a cell, which takes only light for cells */
 } spsi_flight_place;
 
 /* Moves a point of a unit sphere against `away`, a unit vector from the receiver: denser spheres emit nearer the rim.
-   Returns the weight of its chord. */
+   Returns its chord's weight. */
 static double spsi_sphere_rim(double thick, const double away[3], double place[3]) {
     const double along = spsi_dot(place, away), aside = spsi_dot(place, place) - along * along;
     const double half = sqrt(spsi_dmax(1 - aside, 0.01)), dense = thick / sqrt(11 + thick * thick);
@@ -20397,8 +20392,8 @@ static double spsi_sphere_rim(double thick, const double away[3], double place[3
     return 1 + dense * (2.0 / 3 / half - 1);
 }
 
-/* Transmittance of polygons for a vector of rays. Spheres of radius `cut` take 16 points, stratified per axis and
-   weighted by their light at the receiver: a cell, or a surface below the sphere. */
+/* Spheres of radius `cut` that polygons may cut take 16 points, stratified per axis. They are weighted by their light
+   at the receiver: a cell, or a surface below the sphere. */
 static void spsi_flights_unblocked(const spsi_flight_place *place, int lanes, double origin[SPSI_LANES][3],
                                    double toward[SPSI_LANES][3], const float cut[SPSI_LANES],
                                    const float thick[SPSI_LANES], spsi_v passes[3]) {
@@ -20446,11 +20441,11 @@ typedef struct spsi_flight_job {
     const spsi_cell_grid *grid;
     int tree_count;
     int coarse;             /* largest angle of a node, relative to a polygon's */
-    const float *scattered; /* as in spsi_cell_job */
+    const float *scattered; /* see spsi_cell_job */
     float *emitted;
 } spsi_flight_job;
 
-/* At most four cells along x, the others along y. */
+/* Four cells along x, the others along y. */
 typedef struct spsi_flight_cells {
     int at[3], lanes; /* first cell; bit mask of cells that contain a medium */
     spsi_v centre[3], depth, sum[3][SPSI_CELL_TERMS];
@@ -20481,8 +20476,8 @@ static void spsi_flight_cells_build(const spsi_flight_job *job, const int first[
     cells->depth = spsi_load(lanes[3]);
 }
 
-/* Transmittance of polygons between a node's centre and cells. Rays end in front of convex polygons: a cap of mean
-   normal a and spread r has its centre 0.55 r sqrt(1 - |a|) below its top, twice that at a cube's edge. */
+/* Rays end at a node's centre, or in front of convex polygons. A cap of mean normal a and spread r has its centre 0.55
+   r sqrt(1 - |a|) below its top. At a cube's edge it is twice that. */
 static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_flight_cells *cells,
                                         const spsi_emitter *node, spsi_v passes[3]) {
     const spsi_flight_place place = {job->frame, job->faces, NULL, NULL, NULL, -1};
@@ -20501,8 +20496,8 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
     spsi_flights_unblocked(&place, cells->lanes, origin, toward, cut, thick, passes);
 }
 
-/* Inverse of the mean of 1 / distance^2 between a cell of edge 1 and a uniform sphere, from d^2 and r^2. To second
-   order d^2 - r^2 / 5 - 1 / 12; within, from r^2 / 3 on; at the cell's centre 0.13. */
+/* Inverse mean of 1 / distance^2 between a cell of edge 1 and a uniform sphere, from d^2 and r^2. To second order d^2 -
+   r^2 / 5 - 1 / 12; within, from r^2 / 3 on; at the cell's centre 0.13. */
 static spsi_v spsi_sphere_square(spsi_v square, spsi_v radius) {
     const spsi_v u = spsi_max(spsi_div(square, spsi_max(radius, spsi_set(FLT_MIN))), spsi_set(0.1f));
     const spsi_v most = spsi_min(u, spsi_set(1)), cube = spsi_mul(u, spsi_mul(u, u));
@@ -20512,8 +20507,8 @@ static spsi_v spsi_sphere_square(spsi_v square, spsi_v radius) {
     return spsi_max(spsi_sub(square, rim), within);
 }
 
-/* Adds a fraction of a node's light to cells. Net flux over irradiance is a lobe's mean cosine. The flux is 1 /
-   distance^2, within a sphere from the inner part alone [Newton's shells]. */
+/* Net flux is 1 / distance^2, within a sphere from the inner part alone [Newton's shells]. Its ratio to irradiance is a
+   lobe's mean cosine. */
 static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight *flight, float fraction, int blocked,
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
@@ -20589,7 +20584,6 @@ static void spsi_flight_cells_trap(const spsi_flight_job *job, const spsi_flight
     }
 }
 
-/* True if polygons may lie between a cube of cells and a node. */
 static int spsi_flight_blocked(const spsi_flight_job *job, const double centre[3], double half,
                                const spsi_emitter *node) {
     double middle[3], reach[3];
@@ -20651,9 +20645,9 @@ static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3]
     return 1 - spsi_length(axis) + 4 * spsi_dmax(-spsi_dot(axis, toward) / spsi_dmax(distance, DBL_MIN), 0);
 }
 
-/* Irradiance by a uniform sphere of power 1, `height` above the surface's plane. Parts below do not count, since a
-   sphere cut by polygons has sides. The integral about the centre's direction is closed-form; spheres wholly above act
-   as points [Newton's shells]. `thick`: optical radius; 0: thin. */
+/* Irradiance by a uniform sphere of power 1, `height` above the surface's plane. Parts below do not count, since
+   polygons cut it. The integral about the centre's direction is closed-form; spheres wholly above act as points
+   [Newton's shells]. `thick`: optical radius; 0: thin. */
 static double spsi_sphere_lights(double distance, double height, double radius, double thick) {
     const int steps = 32;
     const double far_off = distance / spsi_dmax(radius, 1e-60), away = spsi_dmax(distance, 1e-60);
@@ -20673,8 +20667,8 @@ static double spsi_sphere_lights(double distance, double height, double radius, 
     return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius) / spsi_sphere_escape(thick);
 }
 
-/* Adds a fraction of the irradiance by SPSI_LANES nodes, from n. Rays to spheres that the surface's plane cuts go to
-   the middle of the part above. */
+/* Adds a fraction of the irradiance by SPSI_LANES nodes, from n. If the plane cuts a sphere, rays go to the middle of
+   the part above. */
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights, float fraction,
                                        const spsi_flight_list *list, int n, double irradiance[3], double *nearest) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
@@ -20730,8 +20724,8 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
 }
 
-/* Adds irradiance, with wider nodes where light is also swept or for cells' polygons. Returns the distance of the
-   nearest node, or its radius. */
+/* Nodes are wider where light is also swept, and for cells' polygons. Returns the distance of the nearest node, or its
+   radius. */
 static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights trees[SPSI_FLIGHT_TREES],
                                       double irradiance[3]) {
     double nearest = HUGE_VAL;
@@ -20752,23 +20746,22 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
    31 Radiance of slabs and surfaces towards the eye. Fraction x of a ray's path through a slab, in the light's order,
    has optical depth A0 + x (A1 - A0) from the light. To the eye it has x t front to back, or (1 - x) t. Both are
    linear, so the slab sends c t spsi_mean_transmittance(..) in either order. A polygon towards the light ends the range
-   of x; one towards the eye cuts the slab (>>splat). Transfer functions are not linear. Classified volumes have
-   SPSI_SUBSLABS parts per slab, with means from the parabola through three slabs; there x is a fraction of optical
-   depth. */
+   of x; one towards the eye cuts the slab (>>splat). Transfer functions are not linear: classified volumes have
+   SPSI_SUBSLABS parts per slab, from the parabola through three slabs. There x is a fraction of optical depth. */
 
 /* One light at the current slab. */
 typedef struct spsi_arrival {
-    /* optical depth from the light to where rays enter and leave the group, and where slabs meet */
+    /* optical depth from the light to the ends of the ray's path, and where slabs meet */
     spsi_v light[SPSI_GROUP_MOST + 1];
     int plane;              /* last plane looked up; -1: none */
     spsi_v plane_light;     /* optical depth there */
     spsi_row_linears courses;  /* arguments of spsi_shadow_lookup */
-    spsi_row_linears ahead;    /* for a row further down */
+    spsi_row_linears ahead;    /* along a row further down */
     spsi_v lit[SPSI_SUBSLABS]; /* lit fraction of each part by polygons; undivided: lit[0] */
 } spsi_arrival;
 
-/* Multiple forward scattering depends on all of the medium between light and eye. Front to back it is known. Back to
-   front, a first pass measures it, and this radiance is kept apart, since the medium before it counts already. */
+/* Multiple forward scattering depends on the whole medium between light and eye. Back to front, a first pass measures
+   it, and this radiance is kept apart: the medium in front counts already. */
 typedef struct spsi_multiple {
     int measures;       /* 1: the first pass */
     float *gas;         /* per pixel: optical depth so far; NULL: front to back */
@@ -20779,7 +20772,7 @@ typedef struct spsi_multiple {
 typedef struct spsi_shader {
     const spsi_frame *frame;
     const spsi_rays *eye;
-    const spsi_target *target;
+    const spsi_target *target; /* the eye's sheets */
     const spsi_sweep *sweep;
     spsi_multiple again;
     const spsi_faces *faces;
@@ -20790,9 +20783,9 @@ typedef struct spsi_shader {
     spsi_linear slab;
     spsi_linear position[3];              /* relative to `position_origin` */
     double position_origin[3];
-    spsi_linear cell[SPSI_CELL_GRIDS][3]; /* in the grids of cells; integers are cells' centres */
-    int unshadowed;         /* 1: also ambient light, emission and lights without shadows */
-    int first_slab;
+    spsi_linear cell[SPSI_CELL_GRIDS][3]; /* position in the grids of cells; integers are centres */
+    int unshadowed;         /* 1: also ambient light, emission, lights without shadows */
+    int first_slab;         /* the chunk's first */
     int x_origin, y_origin; /* first pixel of the buffers */
     int pitch;
     float *depth;           /* optical depth so far */
@@ -20819,7 +20812,7 @@ SPSI_COLD void spsi_shader_linears(const spsi_slabs *slabs, spsi_shader *shader)
 
 typedef struct spsi_line {
     int x, y;
-    spsi_v at;
+    spsi_v at;          /* x of each pixel */
     spsi_v base, scale; /* plane k of the chunk has depth d = (k - base) * scale */
     spsi_v slabs;
     spsi_v polygon;     /* d of the polygon; infinity: none */
@@ -20840,7 +20833,7 @@ typedef struct spsi_gathered {
     spsi_v again[3]; /* see spsi_multiple */
 } spsi_gathered;
 
-/* One material in a part of a slab. */
+/* One material in a part. */
 typedef struct spsi_sample {
     spsi_v depth;        /* optical depth */
     spsi_v value_length; /* integral of value over world length */
@@ -20891,7 +20884,7 @@ static inline spsi_v spsi_plane_depth(const spsi_line *line, int k) {
     return spsi_mul(spsi_sub(spsi_set((float)k), line->base), line->scale);
 }
 
-/* Depths of entry and exit of slabs from k on, clamped to near plane and polygon. */
+/* Depths of entry and exit, clamped to near plane and polygon. */
 static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, int group, spsi_v *enter,
                                    spsi_v *leave) {
     const spsi_rays *eye = shader->eye;
@@ -20914,7 +20907,7 @@ typedef struct spsi_slab {
     int open;                      /* bit mask of rays */
     spsi_sample *samples;          /* material_count per part */
     spsi_v enter, leave;           /* depths along the ray */
-    spsi_v first, last;            /* range that rays cross, as fractions in the light's order */
+    spsi_v first, last;            /* crossed range, as fractions in the light's order */
     spsi_arrival *arrivals;        /* one per shadow */
     spsi_v depth;                  /* total optical depth */
     spsi_v part_depth[SPSI_SUBSLABS];
@@ -20928,9 +20921,9 @@ typedef struct spsi_subslab {
     spsi_v half;
     spsi_v ends[2];     /* depths in the light's order, bit-identical to neighbours' */
     spsi_v depth;       /* optical depth */
-    spsi_v first, last; /* fractions of the slab's optical depth */
-    int number;         /* in the light's order */
-    int is_cut;         /* 1: cut by a layer to the fractions `cut`, in the light's order */
+    spsi_v first, last; /* range, as fractions of the slab's optical depth */
+    int number;         /* position in the light's order */
+    int is_cut;         /* 1: cut by a layer to the fractions `cut` */
     spsi_v cut[2];
     spsi_v before, after; /* optical depth from the eye to both ends, in the light's order */
 } spsi_subslab;
@@ -20989,7 +20982,7 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
     }
 }
 
-/* Values follow a parabola. Transparent parts need neither colors nor gradients. */
+/* Values follow a parabola. Transparent parts need no colors. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
@@ -21067,9 +21060,9 @@ static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
     return spsi_select(spsi_less(x, spsi_set(0)), spsi_sub(spsi_set((float)SPSI_PI), p), p);
 }
 
-/* Mean of 1 / r^2 along a segment of length 2 h: the angle that it subtends, over 2 h and the ray's distance q. With s
-   from the ray's nearest point to the middle, this is the angle of (q^2 + s^2 - h^2, 2 h q). Small angles use a series,
-   without division by q. [d(angle) = q ds / r^2] */
+/* Mean of 1 / r^2 from a point to a segment of length 2 h: its angle, over 2 h and the ray's distance q. With s from
+   the ray's nearest point to the middle, this is the angle of (q^2 + s^2 - h^2, 2 h q). Small angles use a series,
+   without division by q. */
 static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
     const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
@@ -21080,8 +21073,8 @@ static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     return spsi_select(narrow, series, spsi_div(spsi_angle(x, y), y));
 }
 
-/* The mean of 1 / r^2 grows without limit, as 1 / q. A square pixel around the light has the mean 4 log(1 + sqrt 2) of
-   1 / q. So rays pass no nearer than the reciprocal, in pixels. */
+/* The mean of 1 / r^2 grows as 1 / q. Over a square pixel around the light, 1 / q has the mean 4 log(1 + sqrt 2). Rays
+   pass no nearer than its reciprocal, in pixels. */
 #define SPSI_LIGHT_PIXELS 0.28364f
 
 static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
@@ -21091,13 +21084,13 @@ static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
                : size;
 }
 
-/* Light at a part of a slab, before any shadow. */
+/* Light at a part, before shadows. */
 typedef struct spsi_incident {
     spsi_v travel[3];
     spsi_v irradiance[3]; /* mean per unit of the light's color; equal without a cookie */
 } spsi_incident;
 
-/* A part of a slab, relative to a light. */
+/* A part, relative to a light. */
 typedef struct spsi_reach {
     spsi_v middle[3];
     spsi_v half;
@@ -21119,7 +21112,7 @@ static void spsi_reach_build(const spsi_shader *shader, const spsi_light *light,
     }
 }
 
-/* Direction of light at a part: the bisector of its angle, since 1 / r^2 weights angles equally. */
+/* The direction that bisects a part's angle: 1 / r^2 weights angles equally. */
 static void spsi_light_travel(const spsi_light *light, const spsi_pixels *p, const spsi_reach *reach,
                               spsi_v travel[3]) {
     spsi_v ends[2][3], square;
@@ -21146,7 +21139,7 @@ static spsi_v spsi_light_falloff(const spsi_pixels *p, const spsi_reach *reach) 
     return spsi_mean_inverse_square(spsi_max(beside, spsi_sqrt(spsi_dot_v(foot, foot))), s, reach->half);
 }
 
-/* Ends of a part in a light's frame, precise near the axis. */
+/* Ends in the light's frame, precise near the axis. */
 static void spsi_reach_place(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                              const spsi_subslab *part, spsi_reach *reach) {
     const spsi_rays *eye = shader->eye;
@@ -21196,8 +21189,7 @@ static spsi_v spsi_spot_segment_fraction(const spsi_spot_segment *g, spsi_v u, s
     return spsi_clamp(spsi_div(way, *across), spsi_set(0), spsi_set(1));
 }
 
-/* Integral of a cone's light from a to b over phi / 2, or without falloff over the segment's fraction. [Gauss and
-   Legendre] */
+/* Integral of a cone's light over phi / 2, or without falloff over the segment's fraction. [Gauss and Legendre] */
 static spsi_v spsi_spot_segment_sum(const spsi_spot_segment *g, const spsi_light *light, spsi_v a, spsi_v b) {
     const spsi_v way = spsi_sub(b, a), one = spsi_set(1);
     spsi_v sum = spsi_set(0);
@@ -21229,8 +21221,8 @@ static void spsi_spot_segment_centre(const spsi_spot_segment *g, const spsi_v n[
     for (int k = 0; k < 3; ++k) reach->centre[k] = spsi_select(lanes, at[k], reach->centre[k]);
 }
 
-/* Mean of a cone over a part, weighted by 1 / r^2 with falloff. Also sets the lit range. Parts along a ray of the
-   light, or behind it, take their middle's value. */
+/* Mean of a cone over a part, weighted by 1 / r^2 with falloff. Also sets the lit range. Parts along or behind the
+   light's rays take their middle's value. */
 static spsi_v spsi_cone_mean(const spsi_light *light, spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), tiny = spsi_set(FLT_MIN);
     const spsi_v size = spsi_sqrt(spsi_max(spsi_dot_v(reach->normal, reach->normal), tiny));
@@ -21280,8 +21272,8 @@ static spsi_v spsi_cone_mean(const spsi_light *light, spsi_reach *reach) {
     return spsi_select(lit, spsi_min(sum, one), even);
 }
 
-/* Transmission of a cone, given the `change` of optical depth along the part: its lit range is attenuated less or more
-   than the whole. `travel` receives the direction at its centre. */
+/* Transmission of a cone, if optical depth changes by `change` along the part: the lit range is attenuated differently.
+   `travel` receives the direction at its centre. */
 static spsi_v spsi_cone_over(const spsi_light *light, spsi_v change, spsi_reach *reach, spsi_v travel[3]) {
     const spsi_v mean = spsi_cone_mean(light, reach), less = spsi_max(spsi_sub(spsi_set(0), change), spsi_set(0));
     const spsi_v first = spsi_fma(change, reach->lit[0], less), last = spsi_fma(change, reach->lit[1], less);
@@ -21315,8 +21307,8 @@ static int spsi_cone_meets(const spsi_light *light, const spsi_reach *reach) {
 
 #define SPSI_IMAGE_STEPS 4 /* cookie lookups along a part */
 
-/* Multiplies by the mean cookie along a part, weighted by the cone. [Gauss and Legendre] The footprint is at least a
-   step wide, against moire. */
+/* Multiplies by a part's mean cookie, weighted by the cone. [Gauss and Legendre] The footprint is at least a step wide,
+   against moire. */
 static void spsi_incident_color(const spsi_frame *frame, const spsi_light *light, const spsi_pixels *p,
                                 const spsi_reach *reach, spsi_incident *incident) {
     static const float places[] = {-0.430568156f, -0.169990522f, 0.169990522f, 0.430568156f};
@@ -21338,7 +21330,7 @@ static void spsi_incident_color(const spsi_frame *frame, const spsi_light *light
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(incident->irradiance[c], spsi_div(color[c], sum));
 }
 
-/* Irradiance of a part by a point of a light. A cone replaces the direction in `incident`. Returns 0 if dark. */
+/* Irradiance by a point of a light. A cone replaces the direction in `incident`. Returns 0 if dark. */
 static int spsi_light_point_at(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                                const spsi_subslab *part, spsi_v change, spsi_reach *reach, spsi_incident *incident) {
     const int rim = spsi_cone_meets(light, reach);
@@ -21351,8 +21343,8 @@ static int spsi_light_point_at(const spsi_shader *shader, const spsi_light *ligh
     return rim >= 0;
 }
 
-/* Light at a part along which optical depth changes by `change`. An area light takes its centre's direction and the
-   mean irradiance of its points. Returns 0 if dark. */
+/* Area lights take their centre's direction and the mean irradiance of their points. `change`: in optical depth along
+   the part. Returns 0 if dark. */
 static int spsi_light_at(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                          const spsi_subslab *part, spsi_v change, spsi_incident *incident) {
     const spsi_v share = spsi_set(1.0f / (float)light->few_count), zero = spsi_set(0);
@@ -21377,13 +21369,11 @@ static int spsi_light_at(const spsi_shader *shader, const spsi_light *light, con
     return any;
 }
 
-/* Targets of a part's radiance. */
 typedef struct spsi_sent {
     spsi_v *once, *again; /* again: multiple forward scattering; front to back, the same array */
     spsi_v ahead;         /* back to front: optical depth towards the eye */
 } spsi_sent;
 
-/* Light between a light, a part and the eye. */
 typedef struct spsi_carried {
     spsi_v passes[3];  /* transmittance between light and eye, times the lit fraction */
     spsi_v lit[3];     /* lit fraction; if light spreads, times transmittance from the light */
@@ -21391,7 +21381,7 @@ typedef struct spsi_carried {
     int is_attenuated; /* 0: neither attenuation nor multiple scattering; lit is unused */
 } spsi_carried;
 
-/* Multiple forward scattering per unit of optical depth and of unattenuated irradiance. */
+/* Multiple forward scattering per unit of optical depth and unattenuated irradiance. */
 static void spsi_sample_forward(const spsi_shader *shader, const spsi_material *material, const spsi_sample *sample,
                                 const spsi_forward_part *part, spsi_v sent[3]) {
     const int alike = !material->table && material->forward->level_count == 1;
@@ -21460,7 +21450,6 @@ static void spsi_add_spread_sample(const spsi_shader *shader, const spsi_shadow 
     spsi_add_light(shadow->light, c, spsi_mul(more, sample->depth), sent->again);
 }
 
-/* Adds the radiance from one light's spread, scattered light. */
 static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                             const spsi_subslab *part, const spsi_sent *sent) {
     const spsi_light *light = shadow->light;
@@ -21489,7 +21478,7 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
     }
 }
 
-/* Lit fraction of each part. A shadow's edge may cross the path at a slant, so one lookup is not enough. */
+/* Lit fraction of each part: a shadow's edge may cross the path at a slant. */
 static void spsi_lit_fractions(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
                                const spsi_slab *slab, spsi_v lit[SPSI_SUBSLABS]) {
     const int backwards = shader->sweep->back_to_front;
@@ -21526,8 +21515,7 @@ static void spsi_arrival_begin(const spsi_shadow *shadow, const spsi_pixels *p, 
     spsi_row_linears_build(shadow->along, p->line.at, y + SPSI_PREFETCH_ROWS, &arrival->ahead);
 }
 
-/* Optical depth from a light to where rays meet plane k. Planes exceed the cache and rows cross them at a slant: a row
-   further down is prefetched. */
+/* Planes exceed the cache and rows cross them at a slant, so the texels of a row further down are prefetched. */
 static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, const spsi_arrival *arrival, int k) {
     const spsi_v d = spsi_plane_depth(&p->line, k);
     spsi_v at[3];
@@ -21560,7 +21548,6 @@ static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow
     spsi_lit_fractions(shader, &shadow->depth_map, p, slab, arrival->lit);
 }
 
-/* Fraction of a part that opaque polygons leave lit. */
 static spsi_v spsi_subslab_lit(const spsi_arrival *arrival, const spsi_subslab *part) {
     const spsi_v lit = arrival->lit[part->number], way = spsi_sub(part->cut[1], part->cut[0]);
     if (!part->is_cut) return lit;
@@ -21611,8 +21598,8 @@ static void spsi_subslab_pass(const spsi_shader *shader, const spsi_shadow *shad
 }
 
 /* Mean transmittance from a light over a group's matter, to the eye if `eye`. Optical depth is taken as linear in a
-   slab; the error is quadratic in it. Pairs of slabs have four times that, so a third of the difference is added
-   (Richardson). Empty pairs are skipped. */
+   slab; the error is quadratic. Pairs of slabs have four times that, so a third of the difference is added
+   (Richardson). */
 static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arrival, const spsi_subslab *part, int eye) {
     const spsi_v zero = spsi_set(0), own = spsi_sub(part->after, part->before);
     spsi_v sum = zero, pairs = zero, passed = zero;
@@ -21634,8 +21621,7 @@ static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arriv
     return spsi_clamp(spsi_fma(spsi_sub(sum, pairs), spsi_set(1.0f / 3), sum), zero, spsi_set(1));
 }
 
-/* Adds one light with shadows. Within a slab, optical depths towards light and eye grow in proportion: they come from
-   the same matter. */
+/* Within a slab, optical depths towards light and eye grow in proportion: they come from the same matter. */
 static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_slab *slab,
                               const spsi_arrival *arrival, const spsi_pixels *p, const spsi_subslab *part,
                               const spsi_sent *sent) {
@@ -21674,8 +21660,8 @@ typedef struct spsi_cell_place {
     spsi_m here, left; /* points in this grid; points in none so far */
 } spsi_cell_place;
 
-/* Adds one material's radiance from cells. Extinction is scaled towards the eye, too. So more emission reaches it, and
-   exp(-k t) - exp(-t) of the ambient light behind, without a polygon. */
+/* Extinction is scaled towards the eye, too. So more emission reaches it, and exp(-k t) - exp(-t) of the ambient light
+   behind, without a polygon. */
 static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part, int m,
                                     const spsi_cell_place *place, const spsi_sent *into) {
     const spsi_frame *frame = shader->frame;
@@ -21704,7 +21690,7 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
     }
 }
 
-/* Middle of a part in the n-th grid, for points in no grid before. Round-off beyond all grids goes to the last. */
+/* Middle of a part in the n-th grid, if in none before. Round-off beyond all grids goes to the last. */
 static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part, int n,
                                   spsi_cell_place *place) {
     const spsi_content *content = shader->frame->content;
@@ -21758,10 +21744,10 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
     if (shader->frame->content->cells) spsi_add_cells(shader, p, part, into);
 }
 
-/* --- direct light on polygons: per place, in double precision --- */
+/* --- direct light on polygons, in double precision --- */
 
-/* Irradiance per unit of a light's color, before shadows. Only the shading normal decides the lit side: facets would
-   show their outlines at grazing light. Returns 0 if dark. */
+/* Irradiance per unit of a light's color, before shadows. Only the shading normal decides: facets would show their
+   outlines at grazing light. Returns 0 if dark. */
 static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_light *light, const spsi_surface *surface,
                                          double irradiance[3]) {
     double toward[3], square, cosine;
@@ -21782,7 +21768,7 @@ static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_lig
 
 #define SPSI_VISIBILITY_BLOCK 4 /* pixels along an edge of a packet's block */
 #define SPSI_VISIBILITY_TILE                                                                                           \
-    32 /* pixels along an edge of a task's tile, whose rays meet similar faces */
+    32 /* pixels along an edge of a task's tile */
 
 typedef struct spsi_visibility_job {
     const spsi_frame *frame;
@@ -21800,7 +21786,7 @@ typedef struct spsi_visibility_surfaces {
     size_t index[SPSI_PACKET];
     spsi_surface at[SPSI_PACKET];
     int face[SPSI_PACKET];
-    double all[SPSI_PACKET][3], seen[SPSI_PACKET][3]; /* irradiance without and with shadows of polygons */
+    double all[SPSI_PACKET][3], seen[SPSI_PACKET][3]; /* irradiance without and with shadows */
 } spsi_visibility_surfaces;
 
 /* 3 with translucent polygons, or with cookies of several points, whose colors are blocked differently. */
@@ -21913,7 +21899,7 @@ static int spsi_visibility_tiles(int first, int pixels) {
 typedef struct spsi_visibility_view {
     int x0, y0, x1, y1; /* first and last pixels */
     int face[SPSI_VISIBILITY_FACES], count;
-    int points[SPSI_VISIBILITY_FACES]; /* of the light that each faces */
+    int points[SPSI_VISIBILITY_FACES]; /* number of the light's points that each faces */
     float low, high;              /* depths */
 } spsi_visibility_view;
 
@@ -21946,7 +21932,7 @@ static int spsi_visibility_list(const spsi_visibility_job *job, spsi_visibility_
     return 1;
 }
 
-/* Visible side of a face: 1: its plane's normal, -1: the other; 0: some rays graze it, with more round-off than a box's
+/* Visible side of a face: 1: its normal's, -1: the other; 0: some rays graze it, with round-off beyond a box's
    margin. */
 static int spsi_visibility_side(const spsi_rays *eye, const spsi_visibility_view *view, const double plane[3]) {
     int front = 0, back = 0;
@@ -21961,8 +21947,8 @@ static int spsi_visibility_side(const spsi_rays *eye, const spsi_visibility_view
     return (front == 4) - (back == 4);
 }
 
-/* Returns 1 if all of a face faces a point of the light, 0 if none does. -1: uncertain, or not flat, so that rays may
-   begin elsewhere. */
+/* Returns 1 if a face faces a point of the light, 0 if it does not. -1: uncertain, or not flat, so that rays may begin
+   elsewhere. */
 static int spsi_visibility_faces(const spsi_visibility_job *job, const spsi_visibility_view *view,
                                  const spsi_face *face, const spsi_light *point) {
     double plane[3], normal[3];
@@ -21982,7 +21968,7 @@ static int spsi_visibility_faces(const spsi_visibility_job *job, const spsi_visi
     return lit == 3 ? 1 : dark == 3 ? 0 : -1;
 }
 
-/* Shaft from a tile's surfaces to a point of the light, at most as far as polygons reach. */
+/* Shaft from a tile to a point of the light, at most as far as polygons reach. */
 static void spsi_visibility_shaft(const spsi_visibility_job *job, const spsi_visibility_view *view,
                                   const spsi_light *point, spsi_shaft *shaft) {
     const spsi_rays *eye = &job->frame->content->eye;
@@ -22018,8 +22004,8 @@ static int spsi_visibility_is_clear(const spsi_visibility_job *job, const spsi_l
     return spsi_shaft_is_clear(job->faces, &shaft, lit, count, NULL, 0);
 }
 
-/* Lights a tile without rays, if it shows few flat polygons and none can block their light; otherwise returns 0. All of
-   the tile decides, whatever the region. Cookies need rays: black texels count as shadow. */
+/* Lights a tile without rays if it shows few flat polygons and none can block their light; otherwise returns 0. The
+   whole tile decides, whatever the region. Black texels of cookies count as shadow, so cookies need rays. */
 static int spsi_visibility_open(const spsi_visibility_job *job, int x0, int y0, int worker) {
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
     const int channels = spsi_lit_channels(job->frame, job->light),
@@ -22043,8 +22029,7 @@ static int spsi_visibility_open(const spsi_visibility_job *job, int x0, int y0, 
     return 1;
 }
 
-/* Blocks are aligned to the image, not to the region: within round-off, a packet's rays decide which faces are
-   tested. */
+/* Blocks are aligned to the image, not to the region, because a packet's rays decide which faces are tested. */
 static void spsi_visibility_task(void *data, int index, int worker) {
     const spsi_visibility_job *job = (const spsi_visibility_job *)data;
     const int *region = job->frame->view.region;
@@ -22057,8 +22042,8 @@ static void spsi_visibility_task(void *data, int index, int worker) {
             job->rays[worker] += (uint64_t)spsi_visibility_block(job, x, y);
 }
 
-/* Fraction of a light that reaches each place: an exact ray per point of the light. All pixels use equal points: noise
-   is worse than steps in the penumbra, because no filter can tell it from the image. */
+/* An exact ray per point of the light, with equal points for all pixels. Noise is worse than steps in the penumbra: no
+   filter can tell it from the image. */
 SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                const spsi_visible *visible, const spsi_light *light, uint64_t *rays, float *lit,
                                unsigned char *open) {
@@ -22084,7 +22069,7 @@ static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_l
     return NULL;
 }
 
-/* Transmittance from a light to surfaces, or from surfaces to the eye (`light`, `to`: NULL). Phase functions' peaks go
+/* Transmittance from a light to surfaces, or from these to the eye (`light`, `to`: NULL). Phase functions' peaks go
    straight on; patches may send them to surfaces outside of the cells. */
 static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *light, int c, spsi_v depth,
                                    const spsi_points *to) {
@@ -22101,7 +22086,7 @@ static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *li
     return spsi_exp(spsi_mul(depth, spsi_load(scales)));
 }
 
-/* --- irradiance of pixels by cells and first flights --- */
+/* --- irradiance by cells and first flights --- */
 
 #define SPSI_RECEIVED_TILE  32 /* pixels along an edge of a task's tile */
 #define SPSI_RECEIVED_KNOTS (SPSI_RECEIVED_TILE + 1)
@@ -22123,7 +22108,6 @@ typedef struct spsi_received {
     float irradiance[3], reach; /* reach: length across which light is smooth; 0: unknown */
 } spsi_received;
 
-/* A tile of pixels, and irradiance of a plane at each. */
 typedef struct spsi_receive_tile {
     const spsi_receive_job *job;
     int x0, y0, flown;                                           /* first pixel; 0: light of cells, 1: first flights */
@@ -22147,7 +22131,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     return sqrt(16 * grid->edge * grid->edge + distance * distance);
 }
 
-/* Irradiance of a hit's plane at a place. `clear`: no polygon blocks it. */
+/* Irradiance of a hit's plane. `clear`: no polygon blocks it. */
 static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, const double at[2], int flown, int clear,
                          spsi_received *to) {
     const spsi_content *content = job->frame->content;
@@ -22166,7 +22150,7 @@ static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, const
     to->reach = (float)spsi_dmin(reach, (double)FLT_MAX);
 }
 
-/* Quadratic through nine knots, at -1..1 along each edge of a block. */
+/* Quadratic through nine knots, at -1..1 along each edge. */
 static float spsi_received_between(const spsi_received *const knots[9], size_t c, const float at[2]) {
     float share[2][3], sum = 0;
     for (int k = 0; k < 2; ++k) {
@@ -22198,8 +22182,8 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, c
 }
 
 /* Returns -1 if a block can be interpolated. Its light must be nearly linear along six lines of three knots, and come
-   from farther away than the block is wide. Polygons may block it only in blocks of up to 16 pixels; media are sampled
-   at knots alone. Otherwise returns the axis to halve, or 2: pixel by pixel, near polygons. */
+   from farther away than the block is wide. Polygons may block it only in blocks of up to 16 pixels. Otherwise returns
+   the axis to halve, or 2: pixel by pixel, near polygons. */
 static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int size[2],
                              const spsi_received *knots[9]) {
     static const int order[9] = {4, 0, 2, 6, 8, 1, 3, 5, 7}; /* edges last */
@@ -22258,7 +22242,7 @@ static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, const in
         spsi_receive_block(tile, x0 + (longer ? 0 : i * half[0]), y0 + (longer ? i * half[1] : 0), half);
 }
 
-/* True if a flat face has the plane and normal of another. */
+/* True if a flat face has another's plane and normal. */
 static int spsi_faces_share_plane(const spsi_face *face, const spsi_face *other) {
     double plane[3], apart = 0;
     spsi_face_plane(face, plane);
@@ -22270,7 +22254,6 @@ static int spsi_faces_share_plane(const spsi_face *face, const spsi_face *other)
     return !(apart > 0) && memcmp(face->normal[0], other->normal[0], sizeof face->normal[0]) == 0;
 }
 
-/* Adds irradiance to pixels on the plane of the tile's hit, from pixel `first` on. */
 static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
     const spsi_receive_job *job = tile->job;
     const spsi_content *content = job->frame->content;
@@ -22363,7 +22346,7 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* Adds reflected light of cells. As a correction of ambient light it may be negative. */
+/* Adds reflected light of cells, a correction of ambient light that may be negative. */
 static void spsi_add_flux(const spsi_shader *shader, const spsi_shading_point *place, const double color[3],
                           float radiance[3]) {
     const spsi_content *content = shader->frame->content;
@@ -22425,7 +22408,7 @@ typedef struct spsi_facet {
 
 typedef struct spsi_surfaces {
     spsi_shading_point place[SPSI_LANES];
-    spsi_facet facet;             /* of the last place */
+    spsi_facet facet;             /* the last place's */
     spsi_intersections meetings;
     spsi_points points;
     float normal[3][SPSI_LANES], turn[SPSI_LANES]; /* unit vectors; turn: a facet's, before they face the eye */
@@ -22491,7 +22474,6 @@ static void spsi_surfaces_add(const spsi_shader *shader, int n, spsi_surfaces *l
     }
 }
 
-/* Finds positions, and turns normals towards the eye. */
 static void spsi_surfaces_place(const spsi_shader *shader, spsi_surfaces *list) {
     double facing[SPSI_LANES];
     spsi_intersections_fill(&list->meetings);
@@ -22508,7 +22490,7 @@ static spsi_v spsi_surfaces_pixels(const spsi_shader *shader, const spsi_surface
     return spsi_load(pixel);
 }
 
-/* Power of two near the light's largest distance, so that squares stay in range. */
+/* Power of two near the light's largest distance: squares stay in range. */
 static double spsi_surfaces_unit(const spsi_light *light, const spsi_surfaces *list) {
     double largest = 1e-100;
     int power;
@@ -22541,8 +22523,7 @@ static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_light *li
     for (int i = 0; i < 3; ++i) place[i] = spsi_load(lanes[i]);
 }
 
-/* Adds the irradiance by a point of a light per unit of its color, before shadows. With falloff: times the unit's
-   square. */
+/* Irradiance per unit of the light's color, before shadows. With falloff: times the unit's square. */
 static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light *point, const spsi_surfaces *list,
                                     double unit, spsi_v irradiance[3]) {
     const spsi_v zero = spsi_set(0);
@@ -22592,7 +22573,7 @@ static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces
     return spsi_load(lanes);
 }
 
-/* Points of the light are weighted by their irradiance after polygons. */
+/* The light's points are weighted by their irradiance after polygons. */
 static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_shadow *shadow,
                                          const spsi_surfaces *list, spsi_v lit[3]) {
     const spsi_light *light = shadow->light;
@@ -22679,7 +22660,6 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
     }
 }
 
-/* Layers that the sweep has not reached. */
 typedef struct spsi_pending {
     const spsi_layer *list;
     uint32_t first[SPSI_LANES], end[SPSI_LANES]; /* range of each pixel's list */
@@ -22719,7 +22699,7 @@ static void spsi_pending_measure(const spsi_shader *shader, const spsi_pixels *p
     ahead->slab = spsi_select(spsi_less(d, infinity), ahead->slab, infinity);
 }
 
-/* Bit mask of pixels whose next layer lies before a slab coordinate. */
+/* Returns a bit mask of pixels. */
 static int spsi_pending_before(const spsi_pending *ahead, float slab) {
     return spsi_bits(spsi_less(ahead->slab, spsi_set(slab)));
 }
@@ -22753,14 +22733,14 @@ typedef struct spsi_row {
     spsi_pixels pixels;
     spsi_slab slab;
     spsi_pending ahead;
-    int has_layers; /* 1: `ahead` is in use */
+    int has_layers;
     int width;
     spsi_gathered sum;
 } spsi_row;
 
 static const spsi_pending *spsi_row_pending(const spsi_row *row) { return row->has_layers ? &row->ahead : NULL; }
 
-/* Adds light from surfaces that phase functions' peaks scatter straight to the eye: exp(-k t) - exp(-t) of it. */
+/* Adds surfaces' light that phase functions' peaks scatter straight to the eye: exp(-k t) - exp(-t) of it. */
 static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANES], spsi_gathered *sum) {
     const int backwards = shader->again.gas != NULL;
     const spsi_v gas = backwards ? spsi_sub(sum->gas[1], sum->gas[0]) : sum->depth;
@@ -22772,7 +22752,6 @@ static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANE
     }
 }
 
-/* Composites surfaces at depth d, with their coverage. */
 static void spsi_add_sent(const spsi_shader *shader, float sent[3][SPSI_LANES], spsi_v open, spsi_v share, spsi_v d,
                           spsi_row *row) {
     spsi_gathered *sum = &row->sum;
@@ -22784,8 +22763,7 @@ static void spsi_add_sent(const spsi_shader *shader, float sent[3][SPSI_LANES], 
     sum->distance = spsi_fma(share, way, sum->distance);
 }
 
-/* Composites the next layers of a bit mask of pixels. Front to back, a last layer that blocks all colors makes the ray
-   opaque. */
+/* Front to back, a last layer that blocks all colors makes the ray opaque. */
 static void spsi_add_layers(const spsi_shader *shader, int bits, spsi_row *row) {
     spsi_pending *ahead = &row->ahead;
     const int backwards = shader->sweep->back_to_front;
@@ -22816,7 +22794,7 @@ static void spsi_add_layers(const spsi_shader *shader, int bits, spsi_row *row) 
     spsi_pending_measure(shader, &row->pixels, ahead);
 }
 
-/* Composites opaque polygons at slab coordinates in [low, high). */
+/* Takes slab coordinates in [low, high). */
 static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
     const spsi_pending *ahead = spsi_row_pending(row);
@@ -22846,7 +22824,7 @@ static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, 
 
 
 typedef struct spsi_scratch {
-    spsi_sample *samples;   /* one per material and part, and per material of a cut part */
+    spsi_sample *samples;   /* one per material and part, and per material cut */
     spsi_arrival *arrivals;
 } spsi_scratch;
 
@@ -22923,7 +22901,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     return 1;
 }
 
-/* `depth` is the ray's optical depth so far. `part` must contain the part before, at whose end this one begins. */
+/* `depth`: the ray's optical depth so far. `part` must contain the part before, whose end is the beginning. */
 static void spsi_subslab_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth,
                                spsi_subslab *part) {
     const int backwards = shader->sweep->back_to_front;
@@ -22944,8 +22922,7 @@ static void spsi_subslab_build(const spsi_shader *shader, const spsi_slab *slab,
     part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
 }
 
-/* Cuts a part to fractions of the slab; matter is uniform within. `samples` receives the rest. Returns 0 if nothing is
-   left. */
+/* Cuts a part to fractions of the slab. `samples` receives the rest. Returns 0 if nothing is left. */
 static int spsi_subslab_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], spsi_sample *samples,
                             spsi_v depth, spsi_subslab *part) {
     const int backwards = shader->sweep->back_to_front;
@@ -23045,7 +23022,7 @@ static void spsi_add_subslabs(const spsi_shading *shading, const spsi_v *cut, sp
     }
 }
 
-/* Composites the layers before slab coordinate `high`, and the slab between them. */
+/* Composites layers before slab coordinate `high`, and the slab between them. */
 static void spsi_add_layered(const spsi_shading *shading, int held, float high, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const int backwards = shader->sweep->back_to_front;
@@ -23087,7 +23064,7 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
 
 static void spsi_gathered_load(const spsi_shader *shader, size_t from, spsi_gathered *sum) {
     sum->depth = spsi_load(shader->depth + from);
-    for (int c = 0; c < 3; ++c) sum->radiance[c] = spsi_load(shader->radiance[c] + from); /* grey: all one buffer */
+    for (int c = 0; c < 3; ++c) sum->radiance[c] = spsi_load(shader->radiance[c] + from);
     sum->distance = shader->distance ? spsi_load(shader->distance + from) : spsi_set(0);
     for (int c = 0; c < 3; ++c) sum->again[c] = spsi_set(0);
     if (!shader->again.gas) return;
@@ -23106,7 +23083,7 @@ static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi
 }
 
 /* Early ray termination before plane k. A ray below the threshold becomes opaque, so that no bright background shines
-   through. Its transmittance counts as visible at the plane. Returns 0 if all rays have ended. */
+   through; its transmittance counts as visible at the plane. Returns 0 if all rays have ended. */
 static int spsi_end_rays(const spsi_shader *shader, int k, spsi_row *row) {
     const spsi_line *line = &row->pixels.line;
     spsi_gathered *sum = &row->sum;

@@ -19547,7 +19547,7 @@ static int spsi_flies_to_cells(const spsi_frame *frame) {
     return frame->matter.scatters && some;
 }
 
-/* True if first flights reach anything; polygons receive emission alone. */
+/* True if first flights reach cells, or polygons from emission. */
 static int spsi_cells_fly(const spsi_frame *frame) {
     return spsi_flies_to_cells(frame) || (frame->meshes.count > 0 && frame->matter.emits);
 }
@@ -20113,7 +20113,7 @@ static spsi_v spsi_segments_depth(const spsi_cell_grid *grid, const spsi_segment
     return depth;
 }
 
-/* Paths in the world, relative to the trees' centre. */
+/* Relative to the trees' centre. */
 typedef struct spsi_flight_segments {
     float from[3][SPSI_LANES], unit[3][SPSI_LANES];
     float length[SPSI_LANES], begin[SPSI_LANES], end[SPSI_LANES], clear[SPSI_LANES], own[SPSI_LANES];
@@ -20161,7 +20161,7 @@ static float spsi_flight_clear(const spsi_emitter *emitter, const spsi_flight_no
     return node && emitter->own > 0 ? node->reach : emitter->clear;
 }
 
-/* `own` is NULL for an emitter. */
+/* Adds a child's escaping light. `own`: NULL for an emitter. */
 static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *child, const spsi_flight_node *own,
                                spsi_flight_node *node, float leaves[3][SPSI_FLIGHT_SEGMENTS]) {
     for (int first = 0; first < SPSI_FLIGHT_SEGMENTS; first += SPSI_LANES) {
@@ -20507,8 +20507,8 @@ static spsi_v spsi_sphere_square(spsi_v square, spsi_v radius) {
     return spsi_max(spsi_sub(square, rim), within);
 }
 
-/* Net flux is 1 / distance^2, within a sphere from the inner part alone [Newton's shells]. Its ratio to irradiance is a
-   lobe's mean cosine. */
+/* Net flux is 1 / distance^2, within a sphere from the inner part alone [Newton's shells]. Its ratio to the fluence is
+   a lobe's mean cosine. */
 static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight *flight, float fraction, int blocked,
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
@@ -20645,9 +20645,9 @@ static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3]
     return 1 - spsi_length(axis) + 4 * spsi_dmax(-spsi_dot(axis, toward) / spsi_dmax(distance, DBL_MIN), 0);
 }
 
-/* Irradiance by a uniform sphere of power 1, `height` above the surface's plane. Parts below do not count, since
-   polygons cut it. The integral about the centre's direction is closed-form; spheres wholly above act as points
-   [Newton's shells]. `thick`: optical radius; 0: thin. */
+/* Irradiance by a uniform sphere of power 1, `height` above the surface's plane. Only the part above counts: polygons
+   may cut it. The integral about the centre's direction is closed-form; spheres wholly above act as points [Newton's
+   shells]. `thick`: optical radius; 0: thin. */
 static double spsi_sphere_lights(double distance, double height, double radius, double thick) {
     const int steps = 32;
     const double far_off = distance / spsi_dmax(radius, 1e-60), away = spsi_dmax(distance, 1e-60);
@@ -20746,8 +20746,9 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
    31 Radiance of slabs and surfaces towards the eye. Fraction x of a ray's path through a slab, in the light's order,
    has optical depth A0 + x (A1 - A0) from the light. To the eye it has x t front to back, or (1 - x) t. Both are
    linear, so the slab sends c t spsi_mean_transmittance(..) in either order. A polygon towards the light ends the range
-   of x; one towards the eye cuts the slab (>>splat). Transfer functions are not linear: classified volumes have
-   SPSI_SUBSLABS parts per slab, from the parabola through three slabs. There x is a fraction of optical depth. */
+   of x; one towards the eye cuts the slab (>>splat).
+   Transfer functions are not linear: classified volumes have SPSI_SUBSLABS parts per slab, from the parabola through
+   three slabs. There x is a fraction of optical depth. */
 
 /* One light at the current slab. */
 typedef struct spsi_arrival {
@@ -21060,9 +21061,9 @@ static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
     return spsi_select(spsi_less(x, spsi_set(0)), spsi_sub(spsi_set((float)SPSI_PI), p), p);
 }
 
-/* Mean of 1 / r^2 from a point to a segment of length 2 h: its angle, over 2 h and the ray's distance q. With s from
-   the ray's nearest point to the middle, this is the angle of (q^2 + s^2 - h^2, 2 h q). Small angles use a series,
-   without division by q. */
+/* Mean of 1 / r^2 from a point to a segment of length 2 h. It is the segment's angle, over 2 h and the ray's distance
+   q. With s from the ray's nearest point to the middle, this is the angle of (q^2 + s^2 - h^2, 2 h q). Small angles use
+   a series, without division by q. */
 static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
     const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
@@ -21398,7 +21399,6 @@ typedef struct spsi_spread_light_at {
     spsi_forward_part ways[2]; /* with `depth`, and without */
 } spsi_spread_light_at;
 
-/* Adds one channel, per unit of a light's color. */
 static inline void spsi_add_light(const spsi_light *light, int c, spsi_v share, spsi_v radiance[3]) {
     radiance[c] =
         spsi_add(radiance[c], spsi_min(spsi_mul(share, spsi_set(light->color[c])), spsi_set(SPSI_RADIANCE_MAX)));
@@ -21988,7 +21988,7 @@ static void spsi_visibility_shaft(const spsi_visibility_job *job, const spsi_vis
     spsi_shaft_build(job->faces, &from, &to, shaft);
 }
 
-/* True if no polygon can shade a tile. Counts the point for faces that it lights. */
+/* Counts the point for faces that it lights. */
 static int spsi_visibility_is_clear(const spsi_visibility_job *job, const spsi_light *point,
                                     spsi_visibility_view *view) {
     int lit[SPSI_VISIBILITY_FACES], count = 0;
@@ -22029,7 +22029,8 @@ static int spsi_visibility_open(const spsi_visibility_job *job, int x0, int y0, 
     return 1;
 }
 
-/* Blocks are aligned to the image, not to the region, because a packet's rays decide which faces are tested. */
+/* Blocks are aligned to the image, not to the region: within round-off, a packet's rays decide which faces are
+   tested. */
 static void spsi_visibility_task(void *data, int index, int worker) {
     const spsi_visibility_job *job = (const spsi_visibility_job *)data;
     const int *region = job->frame->view.region;
@@ -22182,8 +22183,8 @@ static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, c
 }
 
 /* Returns -1 if a block can be interpolated. Its light must be nearly linear along six lines of three knots, and come
-   from farther away than the block is wide. Polygons may block it only in blocks of up to 16 pixels. Otherwise returns
-   the axis to halve, or 2: pixel by pixel, near polygons. */
+   from farther away than the block is wide. Polygons may block it only in blocks of up to 16 pixels; media are sampled
+   at knots alone. Otherwise returns the axis to halve, or 2: pixel by pixel, near polygons. */
 static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int size[2],
                              const spsi_received *knots[9]) {
     static const int order[9] = {4, 0, 2, 6, 8, 1, 3, 5, 7}; /* edges last */
@@ -22394,8 +22395,9 @@ static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *sha
     }
 }
 
-/* --- radiance of polygons: up to a vector of places --- Positions are doubles. Cosines, distances in units,
-   transmittance and colors are floats, within 1e-6 of the reflected light. */
+/* --- radiance of polygons: up to a vector of places ---
+   Positions are doubles. Cosines, distances in units, transmittance and colors are floats, within 1e-6 of the reflected
+   light. */
 
 typedef struct spsi_facet {
     int number;
@@ -22822,9 +22824,10 @@ static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, 
     row->sum.depth = spsi_min(spsi_add(row->sum.depth, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
 }
 
+/* --- a tile --- */
 
 typedef struct spsi_scratch {
-    spsi_sample *samples;   /* one per material and part, and per material cut */
+    spsi_sample *samples;   /* one per material and part, and per material for cuts */
     spsi_arrival *arrivals;
 } spsi_scratch;
 
@@ -22901,7 +22904,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     return 1;
 }
 
-/* `depth`: the ray's optical depth so far. `part` must contain the part before, whose end is the beginning. */
+/* `depth`: the ray's optical depth so far. `part` must contain the part before, at whose end this one begins. */
 static void spsi_subslab_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth,
                                spsi_subslab *part) {
     const int backwards = shader->sweep->back_to_front;
@@ -23006,7 +23009,7 @@ typedef struct spsi_shading {
     float low, high;
 } spsi_shading;
 
-/* Composites a slab's parts, cut unless NULL. */
+/* `cut` may be NULL. */
 static void spsi_add_subslabs(const spsi_shading *shading, const spsi_v *cut, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     spsi_sample *samples = shading->scratch.samples + SPSI_SUBSLABS * row->slab.material_count;

@@ -63,25 +63,25 @@ CONTENTS (search for the tag)
     >>licence
 
 NOT INCLUDED
-    No files, no windows, no threads of its own, no GPU. Light scatters as often as the scene calls for
-    (SPS_SCATTERING_AUTO, the default): once in thin gas, otherwise fully (SPS_SCATTERING_MULTIPLE), in gas and between
-    gas and polygons; never from polygon to polygon. SPS_SCATTERING_SINGLE and AMBIENT, once, are fastest; FORWARD and
-    CONVOLUTION lie between. Ambient light has no shadows but those of gas under SPS_SCATTERING_MULTIPLE. No refraction,
-    no mirrors: light passes translucent polygons straight on. Edges of polygons are sampled if
-    sps_view.coverage_samples is set; edges of their shadows, and those of a classified volume whose voxels are smaller
-    than pixels, are not: render larger and downsample where they matter. Gas is filtered: a pixel shows its mean.
+    No files, no windows, no threads of its own, no GPU. No refraction and no mirrors: light passes translucent polygons
+    in a straight line. No light from polygon to polygon.
+    By default (SPS_SCATTERING_AUTO) light scatters once in a thin medium. In any other it scatters multiply, within
+    media and between media and polygons (SPS_SCATTERING_MULTIPLE). SPS_SCATTERING_SINGLE and AMBIENT are fastest;
+    FORWARD and CONVOLUTION lie between. Ambient light is unshadowed, except by gas under SPS_SCATTERING_MULTIPLE.
+    sps_view.coverage_samples smooths the edges of polygons. It does not smooth the edges of their shadows, nor
+    classified volumes whose voxels are smaller than pixels: render larger and downsample where they matter. Gas is
+    filtered: a pixel shows its mean.
 
 CONVENTIONS
-    World space is right-handed in the examples, but nothing depends on handedness. Lengths are in the caller's unit.
-    Angles are in radians. Matrices are row-major and multiply column vectors.
+    World space is right-handed in the examples, but nothing depends on handedness. Lengths are in the caller's unit,
+    angles in radians. Matrices are row-major and multiply column vectors.
     Row 0 of an image is its top row. Pixel (x,y) is the ray through its centre. Colors are linear RGB radiance.
-    A directional light's `direction` is the direction in which the light travels; its color is the irradiance on a
-    plane facing it.
+    A directional light's `direction` is its direction of travel; its color is the irradiance on a plane facing it.
     A point light's color is its intensity: irradiance = intensity / distance^2, unless its falloff is none.
     Extinction is per unit length at value 1. Phase functions integrate to 1 over the sphere (isotropic: 1 / 4 pi).
     A surface of reflectance r reflects a radiance of r / pi * irradiance * cosine towards the eye.
-    Voxel (i,j,k) sits at the centre of its cell; x runs fastest. Outside its box a volume's value is 0; since kernels
-    reach beyond the box, the field fades out within 2.5 voxels of it.
+    Voxel (i,j,k) sits at the centre of its cell; x runs fastest. Values outside the box are 0. Kernels reach beyond the
+    box, so the field fades out within 2.5 voxels of it.
     A volume stands for the field f(p) = sum of value * kernel(p - centre), where the kernel is a normalised Gaussian
     with a standard deviation of 0.65 voxels. sps_reference marches through exactly this sum; sps_render cuts the
     kernels at 1.8 to 2.5 voxels, depending on quality.
@@ -89,62 +89,45 @@ CONVENTIONS
 BUILD OPTIONS (define before the implementation is included; none changes a public type)
 
     SPLATSHADOW_IMPLEMENTATION   compiles the implementation; define it in exactly one source file
-    SPLATSHADOW_NO_REFERENCE     leaves out sps_reference, which then returns SPS_ERROR_UNSUPPORTED: a fifth of the time
-                                 to compile
-    SPS_API                      default extern; may be an export attribute; or `static`, which leaves out what the
-                                 source file does not call
+    SPLATSHADOW_NO_REFERENCE     leaves out sps_reference, a fifth of the compile time; calls of it return
+                                 SPS_ERROR_UNSUPPORTED
+    SPS_API                      default extern; may be an export attribute; or `static`, which drops unused functions
     SPS_ASSERT(c)                default assert(c); catches bugs in the library and in parallel_for_fn. Bad input
                                  returns an sps_result instead
     SPS_MALLOC(n), SPS_FREE(p)   default malloc, free; used if the config has no allocator (define both or neither)
     SPS_SNPRINTF                 default snprintf; writes the error sentences
-    SPS_CLOCK()                  default clock() in seconds; below 0: there is no clock, and progress_fn is called after
-                                 and amid every task; used for that alone, if the config has no clock_fn
-    SPS_ALLOW_FAST_MATH          allows -ffast-math, -ffinite-math-only and /fp:fast, which are an #error otherwise:
-                                 with them invalid data goes unnoticed, and polygons may show gaps
+    SPS_CLOCK()                  default clock() in seconds; paces progress_fn if the config has no clock_fn. Below 0:
+                                 no clock, so progress_fn is called after and amid every task
+    SPS_ALLOW_FAST_MATH          allows -ffast-math, -ffinite-math-only and /fp:fast, otherwise an #error: invalid data
+                                 then goes unnoticed, and polygons may show gaps
     SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs about
-    20 bytes per relevant voxel, those of bricks where it is gathered (sps_filling: 12 to 16 more per voxel of dense
-    gas, twice that at high and ultra), 32 per particle and 264 more for those in the fullest 16 slabs, 176 per triangle
-    and 68 more if lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
-    sheets (0.3 MB per kind of gas or classified volume), two with more than 8192 particles.
-    Each light that casts shadows adds 18 bytes per texel of its depth map if polygons shade gas, 4 per pixel of the
-    image if there are polygons, and its map or table; those of lights that share a sweep are held at the same time.
-    Shadow tables stay for the next call: 4 bytes per entry, and 4 per entry of 64 rows while one is made or updated, by
-    default up to 256^3 entries per face; if all volumes have a revision, also 8 per patch of 8 x 8 texels, and 8 per
-    brick of 8^3 voxels. A light with an extent adds 64 bytes per texel of its shadow buffer (320 if there are
-    polygons), 4 per texel and point (8 if there are polygons), 1 per point and pixel of the image if there are
-    polygons, and 12 per texel and worker. An image that a light throws takes 16 bytes per texel, and 8 per pixel more
-    if the light has an extent. Meshes that have a shade_fn add 28 bytes per triangle of theirs, 24 per pixel of the
-    region, and 0.9 MB. Translucent polygons and coverage_samples add 4 bytes per pixel, 80 per layer of a pixel and
-    more per light, and a band of samples per worker. SPS_SCATTERING_MULTIPLE, which the default is where gas calls for
-    it, adds 130 to 840 bytes per cell, by colors and phase functions, 200 to 360 more beside polygons or 60 where gas
-    glows, up to 300 more if lamps light both, and a shadow table per light; SPS_SCATTERING_CONVOLUTION adds 12 per
-    texel and sheet of a light, by channel of color. Reading volumes takes 1.1 MB per worker, 0.3 MB if there is only
-    one. sps_plan returns an upper bound beforehand, without these layers and the lists that maps are made from, which
-    may be several times as much; memory_limit is never exceeded.
-ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
-    same as data. After a failure the image is untouched and the context can be used again.
-THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
-    query a finished map. Work is distributed by parallel_for_fn. All other callbacks (read, range, eval, shade, sample,
-    background, progress, message, allocator) must not call into the same context, and run on the calling thread, one at
-    a time, with two exceptions: workers call read_fn, range_fn and eval_fn of volumes that are `concurrent`, several at
-    once (in sps_plan, the calling thread does); and with both parallel_for_fn and progress_fn, several workers may call
-    clock_fn at once. No callback may leave a call by an exception or by longjmp. If one does, and C code is compiled
-    with unwind tables (-fexceptions), its context and maps can only be destroyed, which returns all their memory:
-    further calls are SPS_ERROR_CALLBACK. So are calls from within a callback, and the call that they interrupt; after
-    these the context can be used.
-REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
-    it does on different machines if they have the same C library and all threads use the same rounding mode and the
-    same treatment of denormal numbers. Only a budget (sps_view) chooses settings by the clock, by what the context
-    has rendered before, the region and the number of workers.
-LIMITS   Images and shadow buffers up to 16384 on a side, images that lights throw up to 4096; 2^28 entries of a shadow
+    20 bytes per relevant voxel, 32 per particle, 176 per triangle, 24 to 60 per pixel and 68 per texel of shadow
+    buffer. Shadow tables take 4 bytes per entry, by default up to 256^3 entries per face. Multiple scattering takes 130
+    to 840 bytes per cell. docs/manual.md, section 10, lists the rest. sps_plan returns an upper bound beforehand,
+    except for layers of pixels and the lists behind deep and compressed maps. memory_limit is never exceeded.
+ERRORS   Calls return sps_result. sps_error returns one sentence that names the field and its value; sps_get_error
+    returns the same facts as data. After a failure the image is untouched and the context can be used again.
+THREADS   A context serves one call at a time. Any number of contexts can run at once, and any number of threads may
+    query a finished map. parallel_for_fn distributes the work. All other callbacks, the allocator included, run on the calling
+    thread, one at a time, and must not call into the same context. Two exceptions: workers call read_fn, range_fn and eval_fn of
+    `concurrent` volumes, several at once (in sps_plan, the calling thread does); and with both parallel_for_fn and
+    progress_fn, several workers may call clock_fn at once.
+    No callback may leave a call by an exception or by longjmp. If one does, and C code is compiled with unwind tables
+    (-fexceptions), further calls return SPS_ERROR_CALLBACK. The context and its maps can then only be destroyed, which
+    frees all their memory. A callback that calls into its own context gets SPS_ERROR_CALLBACK, and so does the
+    interrupted call; afterwards the context can be used.
+REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. On
+    different machines this needs the same C library, rounding mode and treatment of denormal numbers in all threads.
+    Only a budget (sps_view) depends on the clock, earlier frames, the region and the number of workers.
+LIMITS   Images and shadow buffers up to 16384 on a side; projected textures up to 4096; 2^28 entries of a shadow
     table; 2^20 slabs. Coordinates and matrices must lie within 1e15.
-    Voxels are resolved from 1e-14 to 1e10 world units, polygons from 1e-20 up, and shadows of polygons in gas for
-    point lights up to 1e7 times as far away as the gas is wide. A polygon shades only what lies farther behind it than
-    the round-off of its corners, which are floats: 1.2e-7 of their distance from the mesh's origin.
-    Values above 1e18 are an error, values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is
+    Voxels may measure 1e-14 to 1e10 world units, polygons 1e-20 and more. Polygons cast shadows into gas from point
+    lights up to 1e7 times as far away as the gas is wide. A polygon shades only what lies farther behind it than the
+    round-off of its corners: 1.2e-7 of their distance from the mesh's origin.
+    Values above 1e18 are an error; values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is
     exactly 0; a polygon has an optical depth of 1e15. Where a volume's optical depth is well above 1 per voxel, its
     silhouette shrinks by a fraction of a voxel, because kernels are cut. Classified volumes need slabs of 0.7 voxels
     or less.
@@ -196,55 +179,51 @@ typedef enum sps_result {
     SPS_OK = 0,
     SPS_ERROR_ARGUMENT,    /* a field is missing or outside its documented range */
     SPS_ERROR_MEMORY,      /* the allocator returned NULL, or memory_limit would be exceeded */
-    SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero; or one called into its context, or threw */
+    SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero, called into its context, or threw */
     SPS_ERROR_DATA,        /* a callback delivered a value that is not finite, negative or above 1e18 */
-    SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light, and the light is to shade by sheets
-                              (sps_light); or sps_reference has no paths for the view's scattering; or numbers
-                              exceed the range of floats */
+    SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light (SPS_SHADOW_SHEETS); or sps_reference needs
+                              paths for the view's scattering; or numbers exceed the range of floats */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
 
 /* The struct that caused a failure. */
 typedef enum sps_object {
     SPS_OBJECT_NONE = 0, /* out of memory, cancelled, or no failure */
-    SPS_OBJECT_CALL,     /* an argument of the call, which `field` names */
+    SPS_OBJECT_CALL,     /* an argument of the call, named by `field` */
     SPS_OBJECT_CONFIG,
     SPS_OBJECT_SCENE,
     SPS_OBJECT_VIEW,
     SPS_OBJECT_IMAGE,
     SPS_OBJECT_VOLUME,    /* volume number `index` of the scene */
     SPS_OBJECT_MESH,      /* mesh number `index` */
-    SPS_OBJECT_LIGHT,     /* light number `index`; others' fields are "shadow_map.components", "projector.width" */
+    SPS_OBJECT_LIGHT,     /* light number `index`; includes "shadow_map.components", "projector.width" */
     SPS_OBJECT_PARTICLES, /* set number `index` */
-    SPS_OBJECT_TMAP,      /* a transmittance map itself, not what it was made from */
+    SPS_OBJECT_TMAP,      /* a transmittance map itself, not its light or settings */
     SPS_OBJECT_TMAP_LIGHT,
     SPS_OBJECT_TMAP_SETTINGS,
     SPS_OBJECT_REFERENCE_SETTINGS
 } sps_object;
 
-/* A failure, as data; `sentence` says the same for people. */
+/* A failure, as data. */
 typedef struct sps_error_info {
     sps_result result;
     sps_object object;
-    /* Of the volume, mesh, light or set of particles in the scene's array; from sps_tmap_finish, counted through all
-       scenes added to the map. -1 for other objects. */
+    /* Position of the volume, mesh, light or set of particles in the scene's array; -1 for other objects. After
+       sps_tmap_finish, counted through all scenes added to the map. */
     int index;
-    /* The member of the object in C syntax ("transfer.points[2].value", "placement.origin[2]"; colors and directions as
-       a whole), the callback that failed, or, for SPS_ERROR_DATA, what a callback delivered ("value",
-       "particle[7].radius"). Of arrays that the library reads itself: "grid.scale", "arrays.positions". "": the object
-       as a whole. */
+    /* Member of the object in C syntax ("transfer.points[2].value", "placement.origin[2]"; colors and directions as a
+       whole), or the callback that failed. For SPS_ERROR_DATA, the value delivered ("value", "particle[7].radius"). For
+       arrays that the library reads itself: "grid.scale", "arrays.positions". "": the object as a whole. */
     char field[64];
-    double value;       /* the field's value, what the callback returned, or another number that the sentence names; 0
-                           if there is none */
-    char sentence[256]; /* what sps_error returns */
+    double value;       /* the field's value, the callback's result, or another number in the sentence; 0: none */
+    char sentence[256]; /* the text that sps_error returns */
 } sps_error_info;
 
-/* Runs a loop in parallel. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on
-   any threads, and return when all calls have returned and their writes are visible to the caller. Tasks that were left
-   out are run afterwards by the calling thread, as worker 0. `worker` is 0..worker_count-1 and never the same for two
-   calls that run at the same time. Tasks do not block, and use up to 16 KB of stack (24 KB with AVX-512). They call no
-   callback except for clock_fn, and read_fn, range_fn and eval_fn of volumes that are `concurrent`, whose blocking and
-   stack come on top. */
+/* Runs a loop in parallel: call task(task_data, index, worker) once for each index 0..count-1, in any order, on any
+   threads. Return when all calls have returned and their writes are visible to the caller. The calling thread runs
+   omitted tasks afterwards, as worker 0. `worker` is 0..worker_count-1 and differs between calls that run at the same
+   time. Tasks do not block and use up to 16 KB of stack (24 KB with AVX-512). The only callbacks they call are clock_fn
+   and, for `concurrent` volumes, read_fn, range_fn and eval_fn, whose blocking and stack come on top. */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);
 typedef void (*sps_parallel_for_fn)(void *user, int count, sps_task_fn task, void *task_data);
 
@@ -255,12 +234,11 @@ typedef struct sps_config {
     void (*free_fn)(void *user, void *pointer, size_t size); /* `size` is the one passed to alloc_fn */
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: everything runs on the calling thread */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
-    /* `fraction` is 0..1 and never decreases. Returning non-zero cancels, though not at once. Called on the calling
-       thread when all is done, and every 10 ms by clock_fn, or by SPS_CLOCK without one; later if a task takes longer,
-       mostly up to 20 ms. With parallel_for_fn, set clock_fn too: otherwise all workers wait for each other after every
-       few tasks, which costs up to a sixth of a frame's time. */
+    /* Called on the calling thread at the end, and about every 10 ms by clock_fn (else SPS_CLOCK); during long tasks
+       less often. `fraction` is 0..1 and never decreases. Returning non-zero cancels the call soon. With
+       parallel_for_fn, set clock_fn too: without it, pausing for progress costs up to a sixth of a frame's time. */
     int (*progress_fn)(void *user, float fraction);
-    /* One line without newline: errors (except for SPS_ERROR_CANCELLED), and warnings. */
+    /* Receives one line without newline: errors (except for SPS_ERROR_CANCELLED), and warnings. */
     void (*message_fn)(void *user, const char *text);
     /* Returns seconds. With progress_fn, several workers may call it at once. NULL: no times in sps_get_stats. */
     double (*clock_fn)(void *user);
@@ -269,25 +247,25 @@ typedef struct sps_config {
     uint32_t end_canary; /* leave 0 */
 } sps_config;
 
-/* An affine map from local to world space: local (0,0,0) maps to origin, the local unit vectors along x, y, z map to
+/* An affine map from local to world space: local (0,0,0) maps to origin, and the unit vectors along x, y, z map to
    axis[0], axis[1], axis[2]. All axes zero: the identity. A zero determinant is an error. */
 typedef struct sps_placement {
     double origin[3];
     double axis[3][3];
 } sps_placement;
 
-/* One Henyey-Greenstein lobe: p(c) = (1 - g^2) / (4 pi (1 + g^2 - 2 g c)^1.5), where c is the cosine of the angle
-   between the directions of travel before and after scattering. [Henyey & Greenstein 1941] */
+/* One Henyey-Greenstein lobe: p(c) = (1 - g^2) / (4 pi (1 + g^2 - 2 g c)^1.5). c is the cosine of the angle between
+   the directions of travel before and after scattering. [Henyey & Greenstein 1941] */
 typedef struct sps_lobe {
     float asymmetry; /* g, -0.99..0.99; positive scatters forward */
     float weight;    /* > 0; weights are divided by their sum */
 } sps_lobe;
 
-/* A transfer function maps values to color and extinction, by points or by a callback. Linear between points, constant
-   before the first and after the last. Sampled once per call into a table of 2048 entries over 0..value_max. Value 0
-   (everything outside the data) is always empty. */
+/* A transfer function maps values to albedo and extinction, by points or by a callback. It is linear between points
+   and constant beyond the first and the last. Each call samples it into a table of 2048 entries over 0..value_max.
+   Value 0 (everything outside the data) is always empty. */
 typedef struct sps_transfer_point {
-    float value;      /* strictly increasing from point to point, >= 0 */
+    float value;      /* >= 0; strictly increasing from point to point */
     float albedo[3];  /* albedo (gas) or reflectance (surface), 0..1 */
     float extinction; /* per world unit, >= 0 */
 } sps_transfer_point;
@@ -295,7 +273,7 @@ typedef struct sps_transfer_point {
 typedef struct sps_transfer {
     const sps_transfer_point *points; /* NULL with point_count 0: use eval_fn */
     int point_count;
-    /* Writes color and extinction for `count` values. `out` is zeroed beforehand. Returns non-zero on failure. */
+    /* Writes albedo and extinction for `count` values. `out` is zeroed beforehand. Returns non-zero on failure. */
     int (*eval_fn)(void *user, size_t count, const float *values, sps_transfer_point *out);
     void *user;
     float value_max; /* largest value of interest; 0 means the last point's value, or 1 with eval_fn */
@@ -303,44 +281,44 @@ typedef struct sps_transfer {
 
 typedef enum sps_shading {
     SPS_SHADING_GAS = 0, /* scatters by the phase function */
-    SPS_SHADING_SURFACE  /* diffuse and specular where the gradient, its normal, is strong; gas elsewhere */
+    SPS_SHADING_SURFACE  /* diffuse and specular where the gradient is strong, which is the normal; gas elsewhere */
 } sps_shading;
 
 /* A grid of voxels in the world. Values come from read_fn or eval_fn, in blocks of at most 38^3 voxels. Without a
    transfer function it is a gas: extinction = value * `extinction`, scattering = `albedo` * that. */
 typedef struct sps_volume {
     uint32_t start_canary;   /* leave 0 */
-    int size[3];             /* voxels along x, y, z, at most 65536 each; no volume if any of them is 0 */
+    int size[3];             /* voxels along x, y, z, at most 65536 each; any of them 0: no volume */
     sps_placement placement; /* maps the unit cube to the volume's box; may rotate, scale and shear */
 
     /* Writes the size[0]*size[1]*size[2] values, >= 0, of the block of voxels that begins at lo, x fastest. `out` is
        zeroed beforehand. Returns non-zero on failure. */
     int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);
-    /* Optional: bounds of the values in a block, so that it can be skipped without reading. They may be too wide, never
-       too narrow; if data may be invalid, write 0..1e18, and reading detects it. Returns non-zero on failure. */
+    /* Optional: bounds the values in a block, so that it can be skipped without reading. Bounds may be too wide, never
+       too narrow. If data may be invalid, write 0..1e18, and reading detects it. Returns non-zero on failure. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
-    /* Instead of read_fn: the values at world positions (packed triples), which are the voxels' centres. `out` is
+    /* Instead of read_fn: writes the values at world positions (packed triples), the centres of voxels. `out` is
        zeroed beforehand. Returns non-zero on failure. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
-    /* Non-zero: read_fn, range_fn and eval_fn may be called by several workers at once, in any order, each for a block
-       and an `out` of its own: they only read what they share, or lock it. 0: the calling thread calls them, block by
-       block. Where read_fn is sps_grid_read, and range_fn NULL or sps_grid_range, it counts as set. */
+    /* Non-zero: several workers may call read_fn, range_fn and eval_fn at once, in any order, each with its own block
+       and `out`. The callbacks must lock any state that they change. 0: the calling thread calls them, block by block.
+       Counts as set if read_fn is sps_grid_read and range_fn is NULL or sps_grid_range. */
     int concurrent;
-    /* Non-zero: the voxels of all volumes are kept for the next call, provided that every volume has a revision and
-       none has changed; otherwise all are read again. */
+    /* Non-zero: keeps the voxels for the next call, if every volume has a revision and none has changed. Otherwise all
+       volumes are read anew. */
     uint64_t revision;
 
     float extinction;      /* gas: per world unit at value 1, >= 0 */
     float albedo[3];       /* gas: 0..1; all zero: absorbs only */
     float emission[3];     /* gas: radiance per world unit at value 1, >= 0 */
-    float ambient[3];      /* radiance from all directions, >= 0, besides the scene's; SPS_SCATTERING_AMBIENT only */
+    float ambient[3];      /* radiance from all directions, >= 0, added to the scene's; SPS_SCATTERING_AMBIENT only */
     const sps_lobe *lobes; /* NULL: isotropic */
     int lobe_count;        /* 0..8 */
 
-    const sps_transfer *transfer; /* NULL: gas; otherwise, of the above, only lobes and ambient count */
+    const sps_transfer *transfer; /* NULL: gas; otherwise replaces extinction, albedo and emission */
     sps_shading shading;          /* with a transfer function */
-    float gradient_full;          /* change of value per voxel from which on shading is all surface; 0 means 0.05 */
+    float gradient_full;          /* change of value per voxel above which shading is all surface; 0 means 0.05 */
     float specular;               /* strength of the highlight, 0..1 */
     float shininess;              /* Blinn-Phong exponent, 0 means 32 */
     uint32_t end_canary;          /* leave 0 */
@@ -380,12 +358,12 @@ typedef struct sps_triangle {
 /* The point of a mesh that a pixel shows, for shade_fn. */
 typedef struct sps_surface_point {
     double position[3]; /* world */
-    double uv[2];       /* interpolated between the corners' in perspective */
-    /* Change of uv from this pixel to the next one to the right, and to the next one below, in the plane of the
-       triangle: a texture is filtered over them. Large where the triangle is seen edge-on, but finite. */
+    double uv[2];       /* the corners' uv, interpolated in perspective */
+    /* Change of uv to the next pixel on the right, and to the next one below, in the plane of the triangle: the
+       footprint for texture filtering. Large but finite at grazing angles. */
     float uv_dx[2], uv_dy[2];
-    float normal[3];  /* in the world, of unit length, on the eye's side: light is reflected by it */
-    float weights[3]; /* of the triangle's corners, to interpolate the caller's own data; their sum is 1 */
+    float normal[3];  /* shading normal: world, unit length, on the eye's side */
+    float weights[3]; /* barycentric, to interpolate the caller's own data; their sum is 1 */
     size_t triangle;  /* number in the mesh */
     int mesh;         /* number in the scene's array */
     int x, y;         /* pixel of the whole image */
@@ -394,48 +372,42 @@ typedef struct sps_surface_point {
 /* Appearance of such a point. */
 typedef struct sps_surface {
     float albedo[3];   /* reflectance, 0..1 */
-    float emission[3]; /* the point's own radiance, 0..1e18; seen by the eye, lights nothing else */
+    float emission[3]; /* the point's own radiance, 0..1e18; visible to the eye, lights nothing else */
 } sps_surface;
 
-/* Triangles, lit on both sides: what is seen of them is lit from the eye's side. Their shadows on each other are found
-   by exact rays to the light; the sharpness of their shadows in gas is set by sps_view.shadow_resolution. Degenerate
-   triangles are skipped; non-finite ones are an error. */
+/* Triangles, lit from the eye's side, whichever that is. Exact shadow rays find their shadows on each other;
+   sps_view.shadow_resolution sets the sharpness of their shadows in gas. Degenerate triangles are skipped; non-finite
+   ones are an error. */
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
     size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
-    /* Writes `count` triangles, beginning with number `first`. Called for blocks of 256, once each per call, or not at
-       all if `revision` shows that all are held. `out` is zeroed beforehand. Returns non-zero on failure. */
+    /* Writes `count` triangles, beginning with number `first`. Called for blocks of 256, once each per call, or never
+       if `revision` shows that all are cached. `out` is zeroed beforehand. Returns non-zero on failure. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);
     void *user;
     sps_placement placement;
     float albedo[3]; /* reflectance, 0..1 */
     int has_normals, has_albedos;
-    /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096. Each pixel of the
-       region that shows the mesh, even through gas, is passed once, in rows from the top, whatever the number of
-       workers; where it shows several of its triangles (through translucent ones, or at sampled edges), once for each.
-       Light is added later. `out` holds the mesh's own color beforehand, or that of the corners, and no emission. A
-       point's appearance must not depend on the other points of a call, which depend on the region. Values out of the
-       ranges of sps_surface are SPS_ERROR_DATA. Maps do not call it. Returns non-zero on failure. */
+    /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096. Each pixel of the region
+       that shows the mesh passes one point per visible triangle, in rows from the top. `out` holds the mesh's or the
+       corners' albedo beforehand, and no emission. A point's appearance must not depend on the other points of a call,
+       whose number depends on the region. Values out of range are SPS_ERROR_DATA. Transmittance maps do not call it.
+       Returns non-zero on failure. */
     int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out);
     void *shade_user;
-    /* Share of red, green and blue that passes straight through, at any angle, 0..1; all 0: opaque. The rest of what
-       arrives is reflected, by `color`, or absorbed; for energy to be conserved, the two add up to at most 1. A pixel
-       shows any number of translucent triangles, in order with each other and with gas, and light that passes them
-       colors what it falls on. Cost: of the eye's pixels and, if gas scatters, of the texels of lights' depth maps, 24
-       to 80 bytes per triangle on the ray; each that a pixel shows is shaded, and found by shadow rays, as an opaque
-       one is. From a light with an extent, gas receives the mean of what translucent polygons let pass times the mean
-       of what everything else does. Transmittance maps use the mean of the three colors. */
+    /* Fraction of red, green and blue that passes straight through, at any angle, 0..1; all 0: opaque. The rest is
+       reflected by `albedo` or absorbed. To conserve energy, keep their sum within 1. Layers and gas are composited in
+       depth order, and shadows are colored. Transmittance maps use the mean of the three colors. */
     float transmittance[3];
-    /* Non-zero: the triangles of all meshes, and the tree through which their shadows are traced, are kept for the next
-       call, provided that every mesh has a revision and nothing about any of them has changed; otherwise all are read
-       again. */
+    /* Non-zero: keeps the triangles and their shadow tree for the next call, if every mesh has a revision and none has
+       changed. Otherwise all meshes are read anew. */
     uint64_t revision;
     uint32_t end_canary; /* leave 0 */
 } sps_mesh;
 
 /* Triangles over vertices in the caller's memory, for meshes that need no callback of their own:
        mesh.read_fn = sps_indexed_mesh_read, mesh.user = &indexed, mesh.triangle_count = indexed.triangle_count;
-   The caller owns the struct and its arrays, on the terms of sps_grid. The arrays need not be aligned. */
+   The caller owns the struct and its arrays, under the rules of sps_grid. The arrays need not be aligned. */
 typedef struct sps_indexed_mesh {
     uint32_t start_canary;  /* leave 0 */
     size_t vertex_count;    /* above 0 */
@@ -453,19 +425,17 @@ typedef struct sps_indexed_mesh {
     uint32_t end_canary; /* leave 0 */
 } sps_indexed_mesh;
 
-/* A ball of gas. */
+/* A sphere of gas. */
 typedef struct sps_particle {
     float position[3];   /* world */
     float radius;        /* world units, >= 0; 0: nothing */
     float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
 } sps_particle;
 
-/* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, and such particles
-   stop as much light as before. Up to 8/3 pixels (1 texel) a thin particle keeps its mass wherever it lies; from 4
-   pixels (1.5 texels) on, optical depth along rays is exact, for slabs of any thickness. Light within a ball is
-   resolved by slabs (sps_view.slab_thickness) and by the texels of the light's sheets, which are 0.35 radii wide at
-   medium quality. Both are up to 8 times finer where particles are dense. A particle that overlaps a polygon ends at
-   it. */
+/* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, at equal mass.
+   From 4 pixels (1.5 texels) on, optical depth along rays is exact, for slabs of any thickness. Slabs
+   (sps_view.slab_thickness) and the texels of the light's sheets resolve the light within a sphere. Where a particle
+   overlaps a polygon, it ends at the polygon. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */

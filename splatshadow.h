@@ -111,10 +111,10 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
 ERRORS   Calls return sps_result. sps_error returns one sentence that names the field and its value; sps_get_error
     returns the same facts as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time. Any number of contexts can run at once, and any number of threads may
-    query a finished map. parallel_for_fn distributes the work. All other callbacks, the allocator included, run on the calling
-    thread, one at a time, and must not call into the same context. Two exceptions: workers call read_fn, range_fn and eval_fn of
-    `concurrent` volumes, several at once (in sps_plan, the calling thread does); and with both parallel_for_fn and
-    progress_fn, several workers may call clock_fn at once.
+    query a finished map. parallel_for_fn distributes the work. All other callbacks, the allocator included, run on the
+    calling thread, one at a time, and must not call into the same context. Two exceptions: workers call read_fn,
+    range_fn and eval_fn of `concurrent` volumes, several at once (in sps_plan, the calling thread does); and with both
+    parallel_for_fn and progress_fn, several workers may call clock_fn at once.
     No callback may leave a call by an exception or by longjmp. If one does, and C code is compiled with unwind tables
     (-fexceptions), further calls return SPS_ERROR_CALLBACK. The context and its maps can then only be destroyed, which
     frees all their memory. A callback that calls into its own context gets SPS_ERROR_CALLBACK, and so does the
@@ -388,11 +388,11 @@ typedef struct sps_mesh {
     sps_placement placement;
     float albedo[3]; /* reflectance, 0..1 */
     int has_normals, has_albedos;
-    /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096. Each pixel of the region
-       that shows the mesh passes one point per visible triangle, in rows from the top. `out` holds the mesh's or the
-       corners' albedo beforehand, and no emission. A point's appearance must not depend on the other points of a call,
-       whose number depends on the region. Values out of range are SPS_ERROR_DATA. Transmittance maps do not call it.
-       Returns non-zero on failure. */
+    /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096. Each pixel of the
+       region that shows the mesh passes one point per visible triangle, in rows from the top. `out` holds the mesh's or
+       the corners' albedo beforehand, and no emission. A point's appearance must not depend on the other points of a
+       call, whose number depends on the region. Values out of range are SPS_ERROR_DATA. Transmittance maps do not call
+       it. Returns non-zero on failure. */
     int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out);
     void *shade_user;
     /* Fraction of red, green and blue that passes straight through, at any angle, 0..1; all 0: opaque. The rest is

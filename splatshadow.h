@@ -454,62 +454,49 @@ typedef struct sps_particles {
 } sps_particles;
 
 /* How a transmittance map stores optical depth along the ray of each texel. u runs from 0 at near_depth to 1 at
-   far_depth. The order in which occluders are added does not matter except for round-off. Deep and compressed maps are
-   made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. n stands for `components`;
-   docs/shadow_maps.md helps to choose. */
+   far_depth; n stands for `components`. The order of occluders matters only by round-off. Deep and compressed maps are
+   made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. docs/shadow_maps.md helps to choose.
+   */
 typedef enum sps_tmap_technique {
     /* SPS_TMAP_DEEP_OPACITY with `cubic`: small errors on most gases for few floats. As a light's shadow_map:
        SPS_TMAP_TABLE, less than half the error in less time, but more memory. */
     SPS_TMAP_DEFAULT = 0,
-    /* Every interval of every occluder: exact along the texels' own rays, as a reference for the others. (In all maps,
-       particles with a radius up to one texel are weighted so that their mass is right wherever they lie between
-       texels; from 1.5 texels on they are unchanged. Volumes are exact except for the cut of their kernels, which
-       `quality` sets: see sps_tmap_bounds.) 16 bytes per interval and 4 per texel; a query sums the intervals that
-       begin before it. No components. */
+    /* Every interval of every occluder: exact along the texels' rays, a reference for the other techniques. 16 bytes
+       per interval and 4 per texel; a query sums the intervals that begin before it. No components. */
     SPS_TMAP_DEEP,
-    /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance that is nowhere more than `epsilon` off along
-       a texel's own ray; the one technique whose error the caller sets. (Between four texels, the mean of their optical
-       depths may be farther off where some of them are nearly black.) Or, if n is 4, 6 .. 64, at most n / 2 nodes: that
-       whose removal changes the area least is removed until so few are left [after Salvi et al. 2010]. There is no
-       error bound then; the rms error is 1.3 to 1.5 times that of the best nodes. 8 bytes per node and 4 per texel; a
-       query searches. Default: no components. */
+    /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance with an error of at most `epsilon` along each
+       texel's ray, the one technique whose error the caller sets. If n is 4, 6 .. 64: at most n / 2 nodes and no error
+       bound [after Salvi et al. 2010]. 8 bytes per node and 4 per texel; a query searches. Default: no components. */
     SPS_TMAP_COMPRESSED,
     /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]. Exact there; in between, the
-       neighbouring planes bracket the true value. n 1..65, default 8. Insertion costs the planes that an interval
-       passes through, a query 2 lookups (cubic: 4), and a comparison with each plane if `planes` is set. */
+       neighbouring planes bracket the true value. n 1..65, default 8. Inserting an interval costs the planes that it
+       crosses, a query 2 lookups (cubic: 4), with `planes` a comparison per plane. */
     SPS_TMAP_OPACITY,
-    /* Deep opacity map, after [Yuksel & Keyser 2008]: the same with planes between the texel's own first and last
-       occluder, which are stored before them. (In the paper, the first number is the depth of the first occluder, and
-       n - 1 planes of equal thickness, the same for all texels, follow it: with n = 8 its errors are 1.2 to 2.7 times
-       as large in five of the six scenes of docs/maps.md.) Thin shells stay sharp; two clumps far apart gain nothing.
-       n 3..65, default 8; occluders are processed twice. */
+    /* Deep opacity map, after [Yuksel & Keyser 2008]: planes lie between the texel's first and last occluder, which are
+       stored before them. Sharp for thin shells; no gain for two distant clumps. n 3..65, default 8; processes
+       occluders twice. */
     SPS_TMAP_DEEP_OPACITY,
-    /* A Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that it rings,
-       by up to 9 % of a step. The series is periodic, with u = 0 next to u = 1: leave room before the
-       first occluder and behind the last, or set texel_range. n 3, 5 .. 65, default 7, and two more with texel_range;
-       insertion and query cost n. */
+    /* Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that it rings by
+       up to 9 % of a step. It is periodic: leave room at both ends of the range, or set texel_range. n 3, 5 .. 65,
+       default 7, and two more with texel_range; insertion and query cost n. */
     SPS_TMAP_FOURIER,
     /* 4 or 6 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z .. z^(n-1)
-       with z = 2u - 1. A query returns the middle of the narrowest bracket that they allow. Soft, never rings, exact at
-       u = 1. n 5 or 7, default 5; insertion costs n; a query solves a small matrix and finds the roots of a polynomial,
-       ten times the cost of others. */
+       with z = 2u - 1. A query returns the middle of the bounds that they imply. Soft, never rings, exact at u = 1.
+       n 5 or 7, default 5; insertion costs n, a query ten times as much as in other maps. */
     SPS_TMAP_MOMENT,
-    /* Beer shadow map, as engines have it: a deep opacity map of one plane, u where gas begins, u where it ends, and
-       the total. Exact for a single uniform interval, and behind everything; gas in several clumps is spread over the
-       gaps between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106 against
-       0.170, worse in the other five scenes of docs/maps.md.) 3 components; insertion costs least of all. */
+    /* Beer shadow map: u where gas begins, u where it ends, and the total; a deep opacity map of one plane. Exact for a
+       single uniform interval, and behind everything; several clumps blur over their gaps. 3 components; cheapest
+       insertion. */
     SPS_TMAP_BEER,
-    /* For sps_light.shadow_map only. A shadow table, after [Ebert & Parent 1990]: optical depth at n even planes and
-       interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark
-       (SPS_SCATTERING_FORWARD: 64, and steps four times as large). By default entries are as wide as a texel of the
-       light's sheets, or wider if more than 256 would be needed on a side. n 8..1024; the default makes entries as long
-       as they are wide, but at most 256 planes. At most 2^28 entries. 4 bytes per texel and plane, and 4 more
-       for those of 64 rows while it is made; cheapest of all maps to look up. Held for the next call, and updated there
-       where gas has changed (sps_light.shadow_map). */
+    /* Only for sps_light.shadow_map: a shadow table, after [Ebert & Parent 1990]. It stores optical depth at n even
+       planes, interpolated linearly, in steps of 16 / 65535. Beyond 16 all is dark (SPS_SCATTERING_FORWARD: 64, and
+       steps four times as large). n 8..1024. By default entries are as wide as a texel of the light's sheets and as
+       long as wide, with at most 256 along each side. At most 2^28 entries of 4 bytes. Cheapest map to look up; cached
+       and updated from call to call (sps_light.shadow_map). */
     SPS_TMAP_TABLE,
-    /* Shadow map [Williams 1978]: only the depth of the first opaque surface, which the other maps hold beside their
-       texels (sps_tmap_surfaces). Gas and surfaces that let light pass do not count, so sps_light.shadow_map cannot be
-       one. No components. */
+    /* Shadow map [Williams 1978]: only the depth of the first opaque surface, which other maps store beside their
+       texels (sps_tmap_surfaces). Ignores gas and translucent polygons; an error in sps_light.shadow_map. No
+       components. */
     SPS_TMAP_DEPTH
 } sps_tmap_technique;
 
@@ -520,19 +507,17 @@ typedef struct sps_tmap_settings {
     sps_tmap_technique technique;
     int components;     /* floats per texel; 0: the technique's default, or fewer to stay within byte_budget */
     size_t byte_budget; /* maximum size of the finished map, including surfaces; 0: no limit */
-    /* Range of depths along the light's axis (six faces: the nearest coordinate axis) or its direction, 0 <= near <
-       far, which should contain all gas. Gas before or behind it counts as if at its near or far end, where Fourier
-       maps confuse it with that of the other end. Opaque surfaces shade from where they are, outside the range too; but
-       points before near_depth are lit. */
+    /* Depths along the light's axis or direction (six faces: the nearest coordinate axis), 0 <= near < far. They should
+       contain all gas: gas outside counts as if at the near or far end, and Fourier maps confuse the two ends. Opaque
+       surfaces outside the range cast shadows from where they are, but points before near_depth are lit. */
     double near_depth, far_depth;
-    /* Opacity: u of each plane, increasing from above 0 to 1; copied. There are `components` of them (deep opacity: two
-       fewer), which must be set. NULL: even steps. A technique ignores those of the fields from here to epsilon that
-       are not meant for it. */
+    /* Opacity: u of each plane, increasing from above 0 to 1; copied. Needs `components`, the number of planes (deep
+       opacity: two more). NULL: even steps. Techniques ignore members from here to epsilon that are for another. */
     const float *planes;
     int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
     int texel_range;        /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
-    /* Compressed: maximum error of T, up to 0.5; 0 means 0.01; kept to 1e-6 (soft particles: 0.001). With components,
-       that of the line whose nodes are removed; 0 means 1 / 1024. */
+    /* Compressed: maximum error of transmittance, up to 0.5; 0 means 0.01; kept to 1e-6 (soft particles: 0.001). With
+       components: error of the polyline before nodes are removed; 0 means 1 / 1024. */
     float epsilon;
     double surface_bias; /* world units behind an opaque surface at which its shadow begins; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
@@ -545,108 +530,87 @@ typedef enum sps_light_kind {
     SPS_LIGHT_RECTANGLE
 } sps_light_kind;
 
-/* How the irradiance from a light with a position falls with the distance from it. */
+/* Falloff of a light that has a position. */
 typedef enum sps_falloff {
     SPS_FALLOFF_INVERSE_SQUARE = 0, /* irradiance = color / distance^2 */
     SPS_FALLOFF_NONE                /* irradiance = color, at any distance */
 } sps_falloff;
 
-/* How gas is shaded from a light without a shadow_map. Sheets are filled slab by slab as the eye's are, in a sweep of
-   their own; a table is looked up in any slab. */
+/* Shadows in gas of a light without a shadow_map. Sheets follow the light slab by slab, in a sweep of their own; a
+   table is made first and looked up in any slab. */
 typedef enum sps_shadow_source {
-    /* Sheets where slabs can serve light and camera, a table where none can. Further lights take a table too, and share
-       the first one's sweep, as does any light under SPS_SCATTERING_MULTIPLE, which needs tables, if that costs no
-       detail: nothing is classified, the table is as fine as the light's sheets (within its default size of 256 entries
-       each way), and it fits into memory_limit beside everything that the scene may need. Known before anything is
-       read, from the volumes' boxes; only with particles not until they are. */
+    /* Sheets where slabs can serve both light and camera, else a table. Further lights, and all lights under
+       SPS_SCATTERING_MULTIPLE, also take tables if that costs no detail and fits into memory_limit. The choice depends
+       on the volumes' boxes, not on their voxels; with particles it is made once they are read. */
     SPS_SHADOW_AUTO = 0,
-    SPS_SHADOW_SHEETS, /* refused where no slabs serve light and camera */
+    SPS_SHADOW_SHEETS, /* SPS_ERROR_UNSUPPORTED where no slabs serve light and camera */
     SPS_SHADOW_TABLE   /* a table with default settings, of shadow_map_resolution */
 } sps_shadow_source;
 
-/* An image that a light throws, like a slide: its light is multiplied by the image's color, and there is none beyond
-   the edges, over which the image fades within a texel. Lookups are bilinear, in a pyramid of halved images where
-   pixels are larger than texels. Every point of a light with an extent throws the image. Cost: 3 floats per texel and
-   1/3 more; for each of the light's points, 12 to 24 lookups per pixel of a polygon, and four times as many per part of
-   a slab that the image reaches. */
+/* Projected texture (cookie): multiplies the light's color, and fades to nothing within a texel of its edges. Lookups
+   are bilinear, in mip levels where pixels are larger than texels. Every point of an area light projects the image. */
 typedef struct sps_projector {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* texels, 1..4096 each */
-    /* Color at places of the image, given by pairs from (0, 0), the image's top left corner as seen along the light's
-       direction, to (1, 1), the opposite one: the centres of a row of texels per call, from the top row down, in every
-       call that uses the light. out_rgb: packed triples, 0..1e18. Returns non-zero on failure. */
+    /* Writes the colors at `count` texel centres: one row per call, from the top, in every call that uses the light. uv
+       are pairs from (0, 0), top left as seen along the light's direction, to (1, 1). out_rgb: packed triples, 0..1e18.
+       Returns non-zero on failure. */
     int (*sample_fn)(void *user, size_t count, const float *uv, float *out_rgb);
     void *user;
-    /* The image's edges, left < right and bottom < top, to the right of and above sps_light.direction: as tangents of
-       angles from it (-1, 1, -1, 1: a square of 90 degrees); of a directional light, in world units from
-       sps_light.position. */
+    /* Edges, left < right and bottom < top, to the right of and above sps_light.direction, as tangents of angles from
+       it (-1, 1, -1, 1: a square of 90 degrees). Directional light: in world units from sps_light.position. */
     double left, right, bottom, top;
     double up[3]; /* towards the image's top row; zero or along the direction: an axis across it is chosen */
-    /* Disc, rectangle: the distance, along the direction, at which all points of the extent throw the image to the same
-       place; it must be beyond the extent. 0: infinity. At distance d the image is blurred by the extent, |1 - d /
-       focus| times. A directional light with an angular_diameter is in focus at sps_light.position. Where shadows of
-       gas fall into the blur, each is averaged over the extent by itself, which is several percent off. */
+    /* Disc, rectangle: distance along the direction, beyond the light itself, at which the image is sharp; 0: infinity.
+       At distance d the blur is |1 - d / focus| times the light's size. A directional light with an angular_diameter
+       focuses at sps_light.position. */
     double focus;
     uint32_t end_canary; /* leave 0 */
 } sps_projector;
 
-/* A light. One with an extent casts penumbrae: it shines as points spread evenly over it would, except that gas
-   scatters its light as if it came from the centre. Where the extent is 0, shadows are sharp, to the same bits as those
-   of a point. Where gas cannot cast or receive a penumbra of half a texel of the light's sheets, by the bounds of all
-   gas and polygons, its shadows are left sharp. Shadows of volumes and particles by sheets come from slabs
-   perpendicular to the half-way vector between eye and light, so every eye ray and every light ray through the volumes
-   must cross those slabs with a cosine of at least 0.1. Where that cannot be (a point light inside or close to a
-   volume, a very wide camera), the light takes a table (shadow_source). The points of a light with an extent share 5, 8
-   from 32 points on, or 13 from 64 on, unless memory_limit calls for fewer: its penumbrae have as many steps in gas.
-   Where no light shades by sheets, slabs are perpendicular to the eye's central ray; the image of a camera that sees
-   volumes across more than 139 degrees (2.42) from corner to corner is rendered in two or four parts, each with slabs
-   of its own. Polygons have no such limit. */
+/* A light. Area lights cast penumbrae: they shine as points spread evenly over them, but gas scatters their light as if
+   it came from the centre. A size of 0 gives the bits of a point light. Shadows of gas by sheets come from slabs
+   perpendicular to the half-way vector between eye and light. Every ray of both through gas must cross them with a
+   cosine of at least 0.1. Otherwise (a point light inside or close to a volume, a very wide camera) the light takes a
+   table, see shadow_source. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
-    /* Directional: the direction in which the light travels. With a cone or a projector: its axis. Of any length except
-       for 0. */
+    /* Directional: direction of travel. Cone or projector: its axis. Any length except 0. */
     double direction[3];
-    double position[3]; /* the point, or the centre; directional: of a projector's image, otherwise unused */
+    double position[3]; /* the point or centre; directional: of a projector's image, otherwise unused */
     float color[3];     /* >= 0; directional: irradiance, otherwise intensity; all zero: no light */
-    /* Directional: extent, as the angle that the light subtends, in radians, 0..2 (the sun: 0.0093): a disc of even
-       radiance, infinitely far away. */
+    /* Directional: angle that the light subtends, in radians, 0..2 (the sun: 0.0093): a disc of even radiance,
+       infinitely far away. */
     double angular_diameter;
-    /* Disc, rectangle: extent, as two vectors from the centre to the rim, in world units. Perpendicular vectors of
-       equal length make a disc or a square, others an ellipse, a rectangle or a parallelogram. Each of its points
-       shines with the same intensity in all directions, unless there is a cone. */
+    /* Disc, rectangle: two vectors from the centre to the rim, in world units. Unequal or oblique vectors make an
+       ellipse, a rectangle or a parallelogram. Without a cone, each point emits the same intensity in all directions.
+       */
     double axes[2][3];
     /* All but directional: makes a spotlight. Angles from `direction`, in radians, 0 <= inner < outer <= pi; outer 0:
-       no cone. Intensity is `color` within the inner angle and 0 beyond the outer; in between it is s^2 color, s rising
-       from 0 to 1 in proportion to the cosine [KHR_lights_punctual]. Each point of an extent has this cone. */
+       no cone. Intensity is `color` within the inner angle and 0 beyond the outer. In between it is s^2 color, where s
+       rises from 0 to 1 with the cosine [KHR_lights_punctual]. Each point of an area light has this cone. */
     double inner_cone, outer_cone;
     sps_falloff falloff; /* all but directional; with SPS_FALLOFF_NONE, `color` is irradiance */
-    /* NULL: none. Otherwise an image that the light throws along `direction`, with or without a cone. Borrowed for the
-       call. */
+    /* NULL: none. Otherwise a texture projected along `direction`, with or without a cone. Borrowed for the call. */
     const sps_projector *projector;
-    /* Number of points that stand for an extent, up to 256; 0: from quality (draft 8, medium 16, high 32, ultra 64).
-       The error of a penumbra falls nearly in proportion. Cost: per point and pixel of polygons, a shadow ray and, in
-       gas, up to 17 lookups; in gas, three lookups per point, slab and texel that has gas. sps_reference uses this
-       number of points for each sample, 64 if this is 0, and other ones. */
+    /* Points that stand for an area light, up to 256; 0: 8, 16, 32 or 64 by quality. Penumbra error falls nearly in
+       proportion; cost rises in proportion. sps_reference draws this many points for each sample, 64 if this is 0. */
     int samples;
     int no_shadow; /* 1: shines through everything, and scatters once in gas */
-    /* NULL: see shadow_source. Otherwise from a transmittance map made with these settings, which has no
-       slicing limit: around a point light amid what it lights, the map has six faces. Its depth range is fitted to the
-       gas, and shadows of polygons are the same as without it: near_depth, far_depth and surface_bias must be 0. By
-       default it is a table. If all volumes have a revision, a table is held for the next call, and used there if
-       nothing that it was made from has changed; the camera is not part of that. If only gas has changed, and as a
-       whole reaches as far as before, the table is updated, to the same bits as a new one: only patches of 8 x 8 texels
-       are filled whose rays pass bricks of 8^3 voxels, or particles, that have changed. Volumes are read and compared
-       as a whole: a revision need not say where. A call that fails may release it. Volumes that are shaded
-       as surfaces, or dense, show the errors of maps of few components as blotches near the terminator. A light with an
-       extent cannot have one, but shadow_source SPS_SHADOW_TABLE. Borrowed for the call. */
+    /* NULL: see shadow_source. Otherwise shadows in gas come from a map with these settings (all zero: a table), which
+       has no slicing limit; around a point light amid gas it has six faces. near_depth, far_depth and surface_bias must
+       be 0: depths are fitted to the gas, and polygons cast shadows as without a map. An error for area lights. If all
+       volumes have a revision, the next call reuses a table, or updates it where gas has changed, to the bits of a new
+       one. A failing call may release it. Maps of few components blotch near the terminator of surfaces and dense
+       volumes. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
-    /* How gas is shaded where shadow_map is NULL. SPS_SHADOW_SHEETS beside a shadow_map is an error, and so is
-       SPS_SHADOW_TABLE beside one of another technique. */
+    /* Shadows in gas where shadow_map is NULL. With a shadow_map, SPS_SHADOW_SHEETS is an error, and SPS_SHADOW_TABLE
+       requires a table. */
     sps_shadow_source shadow_source;
-    /* Texels on the map's, or a face's, longer side, up to 16384; 0: shadow_resolution, or from quality. */
+    /* Texels on the longer side of the map or of a face, up to 16384; 0: shadow_resolution, or from quality. */
     int shadow_map_resolution;
-    /* Point: 1: six faces wherever the light is; 0: only if it is amid what it lights. */
+    /* Point light: 1: six faces wherever the light is; 0: only if it is amid the gas. */
     int shadow_map_omnidirectional;
     uint32_t end_canary; /* leave 0 */
 } sps_light;
@@ -655,18 +619,18 @@ typedef struct sps_light {
 typedef struct sps_scene {
     uint32_t start_canary; /* leave 0 */
     const sps_volume *volumes;
-    int volume_count; /* up to 64 that hold voxels */
+    int volume_count; /* up to 64 that contain voxels */
     const sps_mesh *meshes;
     int mesh_count;
     const sps_light *lights;
     int light_count;
-    float ambient[3];    /* radiance from all directions, >= 0, unshadowed, but by gas under SPS_SCATTERING_MULTIPLE */
+    float ambient[3];    /* radiance from all directions, >= 0; unshadowed, except by gas with multiple scattering */
     float background[3]; /* radiance behind everything, >= 0; not part of alpha */
     /* Instead of `background`: radiance along unit directions (packed triples), one row of pixels per call. Returns
        non-zero on failure. */
     int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *background_user;
-    /* 1: values of volumes, particles and projectors that would be SPS_ERROR_DATA become 0 and are counted. */
+    /* 1: invalid values of volumes, particles and projectors (SPS_ERROR_DATA) become 0 and are counted. */
     int replace_invalid;
     const sps_particles *particles;
     int particle_set_count; /* sets of particles, up to 64 that are not empty */
@@ -675,12 +639,10 @@ typedef struct sps_scene {
 
 /* Settings of a quality:    slab (voxels) of a   shadow texels per   rays end at     kernels end   ripple of a constant
                              gas, classified      voxel; classified   transmittance   at (voxels)   (rms, maximum)
-   At medium, the kernels of classified volumes end at 1.82 voxels in shadow buffers, where their ripple is small
-   compared with the error of the texels; the price is that flat voxels ripple more.
-   Small pictures need less: from draft to ultra, slabs are at least 1, 0.5, 0.25 and 0.125 pixels thick, and texels of
-   lights' sheets at least 0.9, 0.6, 0.3 and 0.3 pixels wide, where the eye is nearest to the gas. If anything is
-   classified, slabs are at least 0.3 pixels thick and texels 0.5 wide at draft and medium; at high and ultra, both are
-   as voxels call for, at any size. */
+   At medium, the kernels of classified volumes end at 1.82 voxels in shadow buffers. Where pixels are wider than voxels,
+   slabs are at least 1, 0.5, 0.25 and 0.125 pixels thick, and texels of lights' sheets at least 0.9, 0.6, 0.3 and 0.3
+   pixels wide, measured at the nearest gas. With classified volumes these minima are 0.3 and 0.5 pixels at draft and
+   medium, and none at high and ultra. */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
     SPS_QUALITY_DRAFT,       /*  2     1.4         0.75  1            0.01            1.82          0.5 %   1.5 %  */

@@ -639,10 +639,10 @@ typedef struct sps_scene {
 
 /* Settings of a quality:    slab (voxels) of a   shadow texels per   rays end at     kernels end   ripple of a constant
                              gas, classified      voxel; classified   transmittance   at (voxels)   (rms, maximum)
-   At medium, the kernels of classified volumes end at 1.82 voxels in shadow buffers. Where pixels are wider than voxels,
-   slabs are at least 1, 0.5, 0.25 and 0.125 pixels thick, and texels of lights' sheets at least 0.9, 0.6, 0.3 and 0.3
-   pixels wide, measured at the nearest gas. With classified volumes these minima are 0.3 and 0.5 pixels at draft and
-   medium, and none at high and ultra. */
+   At medium, the kernels of classified volumes end at 1.82 voxels in shadow buffers. Where pixels are wider than
+   voxels, slabs are at least 1, 0.5, 0.25 and 0.125 pixels thick, and texels of lights' sheets at least 0.9, 0.6, 0.3
+   and 0.3 pixels wide, measured at the nearest gas. With classified volumes these minima are 0.3 and 0.5 pixels at
+   draft and medium; high and ultra have none. */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
     SPS_QUALITY_DRAFT,       /*  2     1.4         0.75  1            0.01            1.82          0.5 %   1.5 %  */
@@ -651,91 +651,62 @@ typedef enum sps_quality {
     SPS_QUALITY_ULTRA        /*  0.25  0.2         4     4            0.00005         2.5           0.07 %  0.2 %  */
 } sps_quality;
 
-/* Where rays start and where they go. Exactly one of field_of_view, ortho_height and world_to_clip must be set: none or
-   several is an error. */
+/* The camera. Exactly one of field_of_view, ortho_height and world_to_clip must be set: none or several is an error. */
 typedef struct sps_camera {
     double position[3], target[3], up[3]; /* up zero or along the view: an axis across the view is chosen */
     double field_of_view;                 /* perspective: the vertical angle, above 0, up to 3.1 */
     double ortho_height;                  /* orthographic: world height of the image, above 0 */
     /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. In perspective,
-       depth may run either way and over any range; row 2 is not needed, except that a matrix which looks more like a
-       camera's when transposed is an error (with 0 0 0 2 there it never does). In an orthographic matrix depth must
-       increase away from the eye; distances are measured from the plane of clip depth -1, which is the near plane if
-       depth is -1..1, lies far - near in front of it if depth is 0..1, and is replaced by a plane across the world's
-       origin if there is none within 1e12 pixels. Borrowed for the call. */
+       depth may have any direction and range, and row 2 may be 0 0 0 2; a matrix that seems transposed is an error.
+       Orthographic: depth must increase away from the eye, and distances count from the plane of clip depth -1 (without
+       one within 1e12 pixels, from a plane through the world's origin). Borrowed for the call. */
     const double *world_to_clip;
 } sps_camera;
 
-/* How often light scatters in gas on its way to the eye. What scatters once keeps phase function and angle exactly,
-   whatever is added to it. */
+/* Scattering of light in gas on its way to the eye. Single scattering always keeps its exact phase function and angle.
+ */
 typedef enum sps_scattering {
-    /* MULTIPLE if the gas calls for it, SINGLE if not: once gas is read, the densest way through it gives a bound on
-       what scatters again, see sps_view.scattering_tolerance. Costs a look at each voxel. */
+    /* MULTIPLE if the gas calls for it, else SINGLE, by a bound from its largest optical depth: see
+       sps_view.scattering_tolerance. Costs a test of each voxel. */
     SPS_SCATTERING_AUTO = 0,
-    SPS_SCATTERING_SINGLE, /* once */
-    /* Once, and each volume and set of particles receives its own `ambient` besides the scene's, which stands for light
-       that has scattered more often: by hand, at no cost. [Ebert & Parent] */
+    SPS_SCATTERING_SINGLE, /* single scattering */
+    /* Single scattering, plus an `ambient` per volume and set of particles that stands for multiple scattering, at no
+       cost. [Ebert & Parent] */
     SPS_SCATTERING_AMBIENT,
-    /* Any number of times, each time by a small angle, so that light keeps to the straight way there and on to the eye:
-       a closed form in the optical depth of that way and the angle where it bends, with the gas's own phase function
-       and albedo. Right where gas scatters forward and light has not lost its direction; what comes back after many
-       turns is mostly left out. Lights and rays are followed to an optical depth of 64, the whole way, where this light
-       ends; a shadow_map that holds transmittance (compressed) knows less far, and gas behind is lit
-       as if it were there. Lights without shadows are not scattered again, and polygons receive none of it. Cost: a
-       table per gas, and a lookup of it beside each one of a shadow. */
+    /* Multiple scattering by small angles, along straight paths from light to point to eye: a closed form in optical
+       depth and angle, with the gas's own phase function and albedo. Right where gas scatters forward; light that turns
+       back is mostly missing. Ends at an optical depth of 64 along the whole path. Lights without shadows scatter once,
+       and polygons receive none of it. Cost: a table per gas and a lookup beside each one of a shadow. */
     SPS_SCATTERING_FORWARD,
-    /* As FORWARD, but what scatters on its way from a light spreads sideways as it goes, from sheet to sheet across the
-       light's rays, so that a beam has a halo, and light reaches what lies beside it. The kernels are Gaussian; their
-       variance follows from the gas's phase function, whatever the number of sheets. Polygons receive this light, and
-       stop it. See sps_view.scattering_resolution; the light in the sheets is held for the next call like that of
-       MULTIPLE. A light with an extent spreads from its centre, and lights without shadows scatter once. Cost: sheets
-       filled once more per light, a pass over them per channel of color, and one more lookup per light beside those of
-       FORWARD. [Zhang & Crawfis; Eyges 1948] */
+    /* As FORWARD, but light spreads sideways on its way from a light, from sheet to sheet: beams have halos. Kernels
+       are Gaussian; their variance follows from the phase function. Polygons receive this light and stop it. Area
+       lights spread from their centre; lights without shadows scatter once. Cached like MULTIPLE. Cost: sheets once
+       more per light, a pass over them per color channel, and a lookup per light. [Zhang & Crawfis; Eyges 1948] */
     SPS_SCATTERING_CONVOLUTION,
-    /* Any number of times in every direction, on a grid of cubic cells about all gas, or up to four about gas that is
-       far apart, for all lights at once: what comes back, what leaves by the sides, what goes from gas to gas, and
-       emission and ambient light that is scattered. What keeps to the straight way is added as by FORWARD, and lights
-       without shadows scatter once in gas: every place has all of their light already. See
-       sps_view.scattering_resolution. The light in the cells does not depend on the camera. It is held, and the next
-       call uses it if nothing that it was made from has changed. That takes a revision of every volume and mesh; a
-       light that throws an image prevents it. Opaque polygons stop what goes from cell to cell and send it back in all
-       directions, as they do with what lights and ambient light send them; they reflect it in the picture, too, where
-       ambient light is less by what gas keeps off. All that by the mesh's own color, which shade_fn does not change,
-       and not from polygon to polygon. Panes let it pass as if they were not there. A light with an extent lights the
-       cells from its centre. Cost: filling the cells and a table per light, and some five sweeps over them per channel
-       of color, twice as many and rays through the polygons where there are any; then a lookup of them per gas and
-       channel beside those of shadows, and one per surface. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
+    /* Multiple scattering in every direction, on a grid of cubic cells around all gas (up to four grids if gas is far
+       apart): adds light that turns back or goes from gas to gas, and scattered emission and ambient light. Straight
+       paths as in FORWARD; lights without shadows scatter once in gas. Opaque polygons stop and reflect light between
+       cells by their mesh's albedo, not by shade_fn; translucent ones let it pass. Area lights light cells from their
+       centre. The cells do not depend on the camera. The next call reuses them if nothing has changed, every volume and
+       mesh has a revision, and no light has a projector. Cost: the cells and a table per light, about five sweeps per
+       color channel (ten with polygons), and lookups. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
     SPS_SCATTERING_MULTIPLE
 } sps_scattering;
 
-/* How voxels fill the sheets of the eye, of lights, and of maps' faces, and, of classified volumes, the samples from
-   which cells are made and the sheets in which light spreads. The field is the same either way. Particles are always
-   splatted. */
+/* How voxels fill the sheets of the eye, of lights and of maps' faces, and how classified voxels fill cells and the
+   sheets of CONVOLUTION. The field is the same either way. Particles are always splatted. */
 typedef enum sps_filling {
-    /* Each volume, in each pass, as costs less by the number and size of its footprints, and the number of its samples.
-       The same in every build and for any number of workers; but from frame to frame it may change, and the picture
-       with it by what the two are apart: mostly 0.1 % of a gas, 1 % of a classified one (CHECK_FIGURES=1 of
-       tests/test_filling.c), less at high quality, and more where voxels are smaller than pixels: footprints blur them
-       more than rays do. memory_limit is not looked at: where bricks do not fit, ask for SPLAT. */
+    /* The cheaper one for each volume and pass, by footprints and samples: the same in every build, for any number of
+       workers. It may change from frame to frame, and the picture with it, mostly by 0.1 % for a gas and 1 % for a
+       classified volume. It ignores memory_limit: if bricks do not fit, ask for SPLAT. */
     SPS_FILLING_AUTO = 0,
-    /* Voxel by voxel: cost is proportional to the number of relevant voxels. Surfaces' normals need GATHER's memory. */
+    /* Voxel by voxel: cost is proportional to the number of relevant voxels. Surface shading needs GATHER's memory, for
+       normals. */
     SPS_FILLING_SPLAT,
-    /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3
-       per voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per
-       slab. Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where a gas's voxels
-       are smaller than 0.55 pixels, a pixel has two rays, or four if they are smaller than 0.38, and where they are
-       smaller than 0.27, voxels of a coarser level are sampled, by 9 rays. From 0.38 pixels on, that level fades in, so
-       that nothing jumps as a camera recedes. One level serves a whole volume, in the picture, its shadows and its
-       cells, and its voxels are no longer than 0.77 pixels where the eye is nearest: if distances differ too much for
-       that, or the lengths of a voxel's edges, a pixel has 9 to 64 rays on a finer level. A level keeps all mass, and
-       spreads it over about a pixel, also behind a polygon, or before an orthographic eye's plane, that is nearer to it
-       than that. At high and ultra there are no levels if voxels are more than twice as long as wide. A texel of a
-       light's sheets has one ray, if that serves. Through classified voxels of any size, there is one ray. Volumes are
-       splatted nevertheless, one by one and in each pass, if 64 rays are not enough, if any of their voxels is nearer
-       to the eye or the light than 16 times a kernel's reach (26 of its longest edges at high), if rays cross more than
-       15 voxels in a slab (11 at high and ultra), or if they are scattered too thinly. Cost besides: 5900 bytes per
-       brick of 8^3 voxels within reach of one, 10900 at high and ultra, and roughly an eighth as many on each coarser
-       level. */
+    /* Pixel by pixel: cost is proportional to pixels times slabs, and to memory: 5900 bytes per brick of 8^3 voxels
+       (10900 at high and ultra). Mostly faster unless voxels are scattered. Small voxels are sampled by several rays
+       per pixel or from coarser levels. Volumes for which that does not work are splatted: see docs/manual.md, section
+       4. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -743,71 +714,61 @@ typedef struct sps_view {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* pixels of the whole image, 1..16384 each */
     sps_camera camera;
-    /* Along the camera's axis, >= 0. Nothing nearer is seen; 0 with an orthographic matrix: no near plane. */
+    /* Along the camera's axis, >= 0; nothing nearer is visible. 0 with an orthographic matrix: no near plane. */
     double near_distance;
     int region[4]; /* x, y, width, height of the part to render; all 0: the whole image */
     sps_quality quality;
     /* Slab thickness in voxels, the main trade of speed for error: error is proportional to its square. 0: from
        quality, and more where pixels are wide (sps_quality). Particles count as voxels of 0.7 times their geometric
-       mean radius, but no smaller than about 1/500 of their cloud; with voxels too, the smaller of the two counts.
-       Where particles are dense or voxels of gas long, slabs are up to 8 times thinner, for values up to 2. */
+       mean radius, at least about 1/500 of their cloud; the smaller of particles and voxels counts. Dense particles or
+       long voxels make slabs up to 8 times thinner, for values up to 2. */
     double slab_thickness;
-    /* Texels on the longer side of a light's sheets, and of the depth map by which polygons shade gas, up to 16384; 0:
-       from quality, and fewer where pixels are wide (sps_quality): a shadow need not be sharper than the picture. Where
-       there are polygons, that counts pixels in which one of them could show the gas's shadow, even if nearer to the
-       eye than the gas. The depth map, which is fitted to the gas, has at least 512, 1024, 2048 or 4096 by quality, or
-       texels half as wide as those of sheets may be in gas; sheets of particles alone have at most that many. Shadows
-       on polygons have no texels. */
+    /* Texels on the longer side of a light's sheets, and of the depth map of polygons' shadows in gas, up to 16384. 0:
+       from quality, and fewer where pixels are wide (sps_quality). That depth map is fitted to the gas and has at least
+       512, 1024, 2048 or 4096 texels by quality, except in small images. Sheets of particles alone have at most that
+       many. Shadows on polygons have no texels. */
     int shadow_resolution;
     int no_shadows; /* 1: as no_shadow on every light */
-    /* Samples of polygons' edges along each side of a pixel, up to 8; 0 or 1: one per pixel, at its centre. With N, a
-       pixel shows the polygons that N x N points see, weighted by their number, before gas that is sampled once: a
-       straight edge covers a pixel to within 1 / 2N of the area, 0.5 / N^1.5 rms. Cost: all of the image, whatever the
-       region, is rasterised at N x N times as many pixels, twice; every polygon beyond one that a pixel shows is
-       shaded by itself. */
+    /* Edge samples of polygons along each side of a pixel, up to 8; 0 or 1: one per pixel, at its centre. With N, a
+       pixel blends the polygons hit by N x N samples; gas is sampled once. A straight edge's coverage is exact to 1 /
+       2N, 0.5 / N^1.5 rms. Cost: the whole image is rasterised twice at N x N times the pixels, whatever the region,
+       and each further polygon of a pixel is shaded. */
     int coverage_samples;
-    /* Optical depth, along any ray of the eye or of a light's sheets, by which gas may be off so that fewer rays are
-       followed through it where it is smooth, 0..1. 0: all are. Slab by slab, sixteen rays stand for a patch of 8 x 8
-       pixels or texels, and fewer samples for a thick slab or for many thin ones, where the third differences of voxels
-       prove that this keeps within it. What they prove is far more than a picture is off by: errors of either sign are
-       added as if they had one. Sharp or noisy gas remains as it is, as do particles, classified volumes, what emits,
-       voxels smaller than 0.14 pixels, shadow tables, and all that is splatted; kernels' own ripple (sps_quality) is
-       not part of it. What was used of it is in the statistics, eye_bound and light_bound. Cost: 256 bytes per tile of
-       64 x 64 pixels or texels, 32 per brick of 8^3 voxels of the gas's box, and once, after these are read, some 10
-       operations per voxel. */
+    /* Error of optical depth, along any ray of the eye or of a light's sheets, that fewer samples of smooth gas may
+       cause, 0..1. 0: samples everything. The bound is conservative: mostly the error is far smaller. eye_bound and
+       light_bound report its use. Only gathered gas without emission, with voxels of at least 0.14 pixels, is
+       simplified. */
     float tolerance;
-    sps_scattering scattering; /* 0, the default: SPS_SCATTERING_AUTO, as often as the scene calls for */
-    /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256. 0: from quality, 24, 48, 64 or 96.
-       Error is proportional to the optical depth of a cell where gas is dense. SPS_SCATTERING_CONVOLUTION: half the
-       texels across a light's rays. */
+    sps_scattering scattering; /* 0: SPS_SCATTERING_AUTO, as the gas calls for */
+    /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256. 0: 24, 48, 64 or 96 by quality. In
+       dense gas, error is proportional to a cell's optical depth. SPS_SCATTERING_CONVOLUTION: half the texels across a
+       light's sheets. */
     int scattering_resolution;
-    /* SPS_SCATTERING_AUTO: light scatters once if what scatters again carries at most this share of its energy, 0..1.
-       0: 0.01. The bound is x / (1 - x), x = a (1 - exp(-t)), with the largest albedo a, 1 if there is ambient light,
-       and an upper bound t of the optical depth on any straight way through the gas, mostly 3 to 5 times the largest.
-       Beside polygons, which send light to gas and receive it, there is none: MULTIPLE. */
+    /* SPS_SCATTERING_AUTO: single scattering if further scattering carries at most this fraction of its energy, 0..1.
+       0: 0.01. The bound is x / (1 - x), x = a (1 - exp(-t)): a is the largest albedo (1 with ambient light), t an
+       upper bound of optical depth, mostly 3 to 5 times the largest. Scattering or emitting gas with polygons:
+       MULTIPLE. */
     float scattering_tolerance;
-    sps_filling filling; /* 0, the default: SPS_FILLING_AUTO */
-    /* Instead of quality, slab, tolerance and scattering_resolution, which must be 0 then, and of the number of points
-       of lights whose `samples` is 0: what a picture may cost, or how far it may be off, one of both; 0: neither. See
-       sps_budget_report. Seconds are those of clock_fn, for the whole call. The setting with the least expected error
-       that fits is chosen; if none fits, the one expected to take least, and message_fn is told. */
+    sps_filling filling; /* 0: SPS_FILLING_AUTO */
+    /* Time or error of a picture, set one or neither (0), instead of quality, slab_thickness, tolerance and
+       scattering_resolution, which must be 0, and of open `samples` of lights. See sps_budget_report. Seconds count by
+       clock_fn, for the whole call. Chooses the setting with the least expected error that fits; if none fits, the
+       fastest, with a message. */
     double budget_seconds;
-    /* Largest root mean square error of radiance, relative to the picture's mean radiance. The cheapest setting that is
-       expected to keep it is chosen; UNSUPPORTED if none is. An estimate from a list of scenes (docs/budget.md), no
-       guarantee: gas that is small in its box, or close to a lamp, and light scattered again in very dense gas may be
-       further off. Not part of it: edges of polygons, detail finer than voxels or pixels, shadow_resolution and shadow
-       maps as the caller sets them, and what AMBIENT, FORWARD and CONVOLUTION leave out. */
+    /* Largest root mean square error of radiance, relative to the picture's mean radiance. Chooses the cheapest setting
+       expected to keep it; UNSUPPORTED if there is none. An estimate without guarantee, from the scenes of
+       docs/budget.md, which also lists what it leaves out. */
     double budget_error;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
 
 /* The caller's buffers: for a region of W x H pixels, (H - 1) * row_pixels + W of them. Written on SPS_OK only. */
 typedef struct sps_image {
-    /* Four floats per pixel: radiance, including the background, at most FLT_MAX, and coverage (1 - transmittance),
-       without it. On a black background that is premultiplied alpha. */
+    /* Four floats per pixel: radiance with the background, at most FLT_MAX, then coverage (1 - transmittance) without
+       it. On a black background that is premultiplied alpha. */
     float *rgba;
     /* Optional, one float per pixel: mean distance from the eye along the ray, in world units, weighted by coverage;
-       infinity where nothing is seen. Orthographic: from the plane through camera.position, or see world_to_clip. */
+       infinity where it is 0. Orthographic: from the plane through camera.position, or see world_to_clip. */
     float *depth;
     size_t row_pixels; /* pixels from one row to the next, in both; 0 means the region's width */
 } sps_image;
@@ -815,71 +776,62 @@ typedef struct sps_image {
 /* How sps_reference computes an image. */
 typedef struct sps_reference_settings {
     uint32_t start_canary; /* leave 0 */
-    /* Length of a step along a ray, > 0, in voxels, or in units of 0.7 times the particles' geometric mean radius if
-       that is less. The error is second order in it. */
+    /* Step along a ray, > 0, in voxels, or in units of 0.7 times the particles' geometric mean radius if that is less.
+       The error is second order in it. */
     double step;
-    /* Random paths per pixel, up to 2^20. 0: light scatters as sps_view.scattering says, in its closed form, and
-       ambient light is shadowed by nothing. AUTO, the default, MULTIPLE and CONVOLUTION have no such form. They are
-       SPS_ERROR_UNSUPPORTED: AUTO and MULTIPLE if gas scatters light, or emits or shades light on polygons, CONVOLUTION
-       if gas scatters light and a light casts shadows; say SINGLE. Otherwise, whatever that says, light scatters any
-       number of times, in gas and between gas and polygons, though not from polygon to polygon, and ambient light comes
-       from infinity, through the gas and past the polygons. What the eye sees of light that has scattered once is
-       marched; the rest is an unbiased estimate, whose error falls with the square root of their number. Small flames
-       are no harder than lights: paths look for what emits, too. Polygons that only paths meet show the colors of their
-       meshes, without shade_fn. Of translucent triangles in one plane, a path that has passed one does not meet the
-       others. */
+    /* Random paths per pixel, up to 2^20. 0: light scatters as sps_view.scattering says, and ambient light is
+       unshadowed. Then AUTO and MULTIPLE are SPS_ERROR_UNSUPPORTED if gas scatters light, or emits or shades light on
+       polygons, and CONVOLUTION if gas scatters light that casts shadows. Above 0: full multiple scattering in gas and
+       between gas and polygons, whatever the view says, and ambient light shadowed by both. Single scattering is
+       marched, the rest an unbiased estimate; its noise falls with the square root of the number. Paths do not call
+       shade_fn; they use the mesh's albedo. */
     int samples;
-    uint64_t seed; /* of the paths: the same one gives the same image, whatever the number of workers */
-    /* Optional, with 2 samples or more: three floats per pixel, pixels laid out as in the image: the standard error of
-       the radiance, estimated from the variance of the paths. Written on SPS_OK only. */
+    uint64_t seed; /* seed of the paths; the same seed gives the same image for any number of workers */
+    /* Optional, with 2 samples or more: standard error of radiance, three floats per pixel, laid out as the image.
+       Estimated from the variance of the paths. Written on SPS_OK only. */
     float *error;
-    /* Optional, both or neither, each of its own: three floats per pixel, pixels laid out as in the image: bounds
-       between which the radiance lies, whatever the step; the image is their middle, and steps are at most 0.75 voxels
-       along each axis. Bounded is light that scatters once in the field of kernels that nothing cuts up to 4 voxels
-       from a volume's box, beyond which it has no gas; at pixels' centres, or at the points of coverage_samples; up to
-       the rounding of floats, which is allowed for; with polygons' looks and normals as they are without bounds. Bounds
-       approach each other with the sixth power of the step, except at edges of polygons' and gas's shadows in gas, near
-       lamps, at the rims of their cones, and in very dense gas, where steps are halved, but not without end. Without
-       samples.
-       SPS_ERROR_UNSUPPORTED for what has no bounds: light that scatters again, transfer functions, lights that have an
-       extent or a projector, particles in light that gas scatters. Written on SPS_OK only. */
+    /* Optional, both or neither, two buffers of three floats per pixel, laid out as the image: bounds of the radiance
+       for single scattering, whatever the step. The image is their middle. Needs `samples` 0; steps are at most 0.75
+       voxels along each axis. SPS_ERROR_UNSUPPORTED for multiple scattering, transfer functions, area lights,
+       projectors, and particles in scattered light. docs/manual.md, section 11, says what they include. Written on
+       SPS_OK only. */
     float *lower, *upper;
     uint32_t end_canary; /* leave 0 */
 } sps_reference_settings;
 
-/* What was chosen for a budget, and what is expected of it; all 0 without one. Time is the work of each stage, counted
-   in pixels, slabs, texels, points and cells, times what the context took for such work in its last frames with a
-   budget; until there is one, and without clock_fn, what two cores of an AMD EPYC with vectors of 16 floats took. Error
-   is twice the worst that was found in a list of scenes, by what the scene has (docs/budget.md). */
+/* The setting that a budget chose, and its expected time and error; all 0 without a budget. Time counts pixels, slabs,
+   texels, points and cells, times the context's measured rates of earlier frames with a budget. Before these, and
+   without clock_fn, rates are of two cores of an AMD EPYC with vectors of 16 floats. Error is twice the worst in a list
+   of scenes with such contents (docs/budget.md). */
 typedef struct sps_budget_report {
     int is_met;          /* 1: a budget is set, and expected to be met */
     double seconds;      /* of the whole call; in sps_render, with the measured time until everything was read */
     double error;        /* expected upper limit, as in sps_view.budget_error */
-    sps_quality quality; /* chosen, as in sps_view; slab 0: as quality has it */
+    sps_quality quality; /* chosen, as in sps_view; slab_thickness 0: from quality */
     double slab_thickness;
     float tolerance;
-    int samples, scattering_resolution; /* 0: no light with an extent leaves them open; light does not scatter again */
+    int samples, scattering_resolution; /* 0: no area light with open samples; no multiple scattering */
 } sps_budget_report;
 
 typedef enum sps_pass {
     SPS_PASS_GATHER = 0,     /* reads relevant voxels into bricks, and particles */
-    SPS_PASS_PROJECTORS,     /* reads the images that lights throw */
+    SPS_PASS_PROJECTORS,     /* reads projected textures */
     SPS_PASS_EYE_POLYGONS,   /* rasterises triangles for the eye */
-    SPS_PASS_LAYERS,         /* lists translucent polygons, and what edges show, pixel by pixel */
-    SPS_PASS_TEXTURES,       /* calls shade_fn for the points of polygons that pixels show */
+    SPS_PASS_LAYERS,         /* lists translucent polygons, and polygons at edges, pixel by pixel */
+    SPS_PASS_TEXTURES,       /* calls shade_fn for the visible points of polygons */
     SPS_PASS_LIGHT_POLYGONS, /* rasterises triangles into depth maps, for gas that scatters, per shadowing light without
-                                penumbrae; counts maps that no triangle turns out to reach */
+                                penumbrae; includes maps that turn out empty */
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree of triangles for shadow rays */
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
-    SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets with volumes and particles, once per sweep; twice if light
-                                scatters forward that comes from behind and shades by sheets */
+    SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets with volumes and particles, once per sweep; twice with forward
+                                scattering from a light behind that shades by sheets */
     SPS_PASS_LIGHT_SHEETS,   /* fills the sheets of each shadowing light without a map */
-    SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map or a table; counts
-                                tables that turn out to be held */
-    SPS_PASS_PENUMBRAE,      /* follows the points of lights with an extent through the sheets */
-    SPS_PASS_GRADIENT,       /* gradients of what is shaded as a surface, from its voxels */
+    SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map or a table; includes
+                                tables that turn out to be cached */
+    SPS_PASS_PENUMBRAE,      /* follows the points of area lights through the sheets */
+    SPS_PASS_GRADIENT,       /* gradients of surface-shaded volumes, from their voxels */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
-    SPS_PASS_FORWARD,        /* tabulates, for each gas, what is scattered forward any number of times */
+    SPS_PASS_FORWARD,        /* tabulates forward multiple scattering, for each gas */
     SPS_PASS_SPREADING,      /* convolves light from sheet to sheet, per light */
     SPS_PASS_CELLS,          /* follows light from cell to cell */
     SPS_PASS_EMISSION,       /* emission of volumes and particles */
@@ -891,7 +843,7 @@ typedef enum sps_pass {
 typedef struct sps_pass_report {
     int runs;           /* number of times that the pass runs; 0: skipped */
     const char *reason; /* why it runs or is skipped; a static string */
-    size_t bytes;       /* upper bound held for this pass, without the lists that maps are made from, and layers */
+    size_t bytes;       /* upper bound for this pass, without layers of pixels and the lists of maps */
 } sps_pass_report;
 
 typedef struct sps_plan_report {

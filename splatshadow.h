@@ -848,58 +848,51 @@ typedef struct sps_pass_report {
 
 typedef struct sps_plan_report {
     sps_pass_report pass[SPS_PASS_COUNT];
-    /* Passes over the slabs: one per light that shades by sheets; without such lights, one per part of the image that
-       has pixels in the region, but at least one. With particles, the choice between sheets and tables, and parts, may
-       depend on where they are: then an upper bound, as are runs of the passes that depend on it. */
+    /* Passes over the slabs: one per light that shades by sheets; without such lights, one per part of the image with
+       pixels in the region, at least one. With particles, an upper bound, as are the runs of passes that depend on it.
+     */
     int sweep_count;
     int color_channels;              /* 3, or 1 if every color that plays a part is grey */
     int sheet_channels;              /* values per pixel and slab of the eye's sheets */
-    int slab_count;                  /* of the longest sweep */
-    int shadow_width, shadow_height; /* of the largest shadow buffer */
-    int light_points; /* maximum number of points that stand for a light: 1 without an extent; 0: no light */
-    /* Volumes that are gathered into the eye's sheets, into any light's, and into the samples from which cells are
-       made, or the sheets in which light spreads (the first light's), and a static string that says why the first
-       volume is gathered or splatted there; of lights, for the one with most. Before voxels are read, as if all that
-       may be relevant were and filled the volumes' boxes, so that what is near a limit may turn out otherwise; cells as
-       if there were one grid of them. Gas fills cells with the mass of its voxels, of which samples would not keep all:
-       it is splatted or, where voxels are small against cells, deposited: shared out among the nearest. */
+    int slab_count;                  /* slabs of the longest sweep */
+    int shadow_width, shadow_height; /* texels of the largest shadow buffer */
+    int light_points; /* maximum number of points that stand for a light: 1 without area lights; 0: no light */
+    /* Number of volumes gathered into the eye's sheets, into any light's, and into the samples of cells or of spreading
+       light. The strings, static, say why the first volume is gathered or splatted there. Before voxels are read,
+       volumes count as full boxes, and cells as one grid. */
     int eye_gathered, light_gathered, cells_gathered;
     const char *eye_filling, *light_filling, *cells_filling;
-    /* SPS_SCATTERING_AUTO: as in sps_stats_report beside polygons, or if all gas is held from the last call; otherwise
-       -1, and cells are planned. */
+    /* SPS_SCATTERING_AUTO: as in sps_stats_report if all gas is cached, or with polygons; otherwise -1, and cells are
+       planned. */
     double scatter_bound;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read;     /* exact, borders of blocks counted each time */
-    /* Before anything is read. sps_render may choose otherwise, and meet an error that is not met here, as
-       SPS_SCATTERING_AUTO counts as MULTIPLE until gas is read; or not meet one that is: gas may be smaller than its
-       volume's box, and particles, of which only the number is known, count as nothing here. */
+    /* Chosen before anything is read: unread gas fills its box and scatters multiply under AUTO, and particles count as
+       nothing. sps_render may choose otherwise, or find an error met or unmet that is not so here. */
     sps_budget_report budget;
-    /* Upper bound of all that the context will hold, with image.depth, but without layers (of pixels, and of texels of
-       lights) and the lists that maps are made from, which may be several times as much. Often 2 or 3 times the actual
-       size. With particles, whose extents are not known, lights' sheets and maps count with their maximum size, and the
-       bound is far higher, unless shadow_resolution or shadow_map_resolution sets it. For lights with an extent it
-       holds if, from none of their points, gas looks more than twice as wide as their sheets. With a budget, it is that
-       of the setting which `budget` names, and not of what sps_render may choose instead. */
+    /* Upper bound of the context's memory, with image.depth, without layers (of pixels, and of lights' texels) and the
+       lists of maps, which may be several times as much. Often 2 or 3 times the actual use. With particles it is far
+       higher, unless shadow_resolution or shadow_map_resolution is set. With area lights it holds unless some point
+       sees gas more than twice as wide as their sheets. With a budget, it is that of the setting in `budget`. */
     size_t bytes;
 } sps_plan_report;
 
 typedef struct sps_stats_report {
-    /* By clock_fn, in this order: reading voxels, particles and triangles; rasterising triangles; passing their points
-       to shade_fn; building their tree; tracing shadow rays through it; binning bricks and particles; the lights'
-       sheets; light from cell to cell, or spreading from sheet to sheet; the eye's sheets, shading and the image; all
-       of the call. What gathering needs beyond voxels is made by the stage that first needs it. Set by sps_render;
-       sps_reference and sps_tmap_finish set only seconds_total. */
+    /* By clock_fn, in this order: reading voxels, particles and triangles; rasterising triangles; shade_fn; building
+       the shadow tree; tracing shadow rays; binning bricks and particles; lights' sheets; cells, or spreading light;
+       the eye's sheets, shading and the image; the whole call. Preparing bricks counts in the stage that first needs
+       them. sps_reference and sps_tmap_finish set only seconds_total. */
     double seconds_gather, seconds_polygons, seconds_textures, seconds_tree, seconds_shadow_rays;
     double seconds_bin, seconds_light, seconds_cells, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls, background_calls;
     uint64_t shade_calls;
-    uint64_t blocks_skipped; /* not read, because range_fn showed that nothing in them matters */
+    uint64_t blocks_skipped; /* not read, because range_fn showed nothing relevant in them */
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
     uint64_t surface_points; /* passed to shade_fn */
-    uint64_t layers;         /* of pixels: translucent polygons, and those at edges if coverage_samples is set */
-    uint64_t shadow_rays;    /* from pixels' polygons towards lights, with those whose way is known to be clear */
-    uint64_t particles;      /* that have a radius and an optical depth */
+    uint64_t layers;         /* layers of pixels: translucent polygons, and with coverage_samples polygons at edges */
+    uint64_t shadow_rays;    /* from pixels' polygons to lights, including rays known to be clear */
+    uint64_t particles;      /* particles that have a radius and an optical depth */
     /* Transmittance maps: particles that reach beyond near_depth or far_depth. message_fn is told of these, and of such
        voxels. */
     uint64_t particles_outside;
@@ -908,25 +901,24 @@ typedef struct sps_stats_report {
        (particles: the pixels of their boxes). */
     uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
-    uint64_t eye_samples, light_samples; /* of volumes that are gathered */
-    /* Optical depth by which any ray of the eye, or of a light's sheets, may be off for sps_view.tolerance, beside
-       kernels' own ripple, of which fewer rays may show another part. */
+    uint64_t eye_samples, light_samples; /* samples of gathered volumes */
+    /* Bound of the error of optical depth that sps_view.tolerance caused on any ray of the eye, or of a light's sheets,
+       without the kernels' own ripple. */
     float eye_bound, light_bound;
-    uint64_t tables_made, tables_held; /* shadow tables that were made or updated, and taken over from the last call */
-    /* Of all these tables: patches of up to 8 x 8 texels, of the whole depth range, that were filled, and that were
-       kept from the last call. */
+    uint64_t tables_made, tables_held; /* shadow tables made or updated, and reused from the last call */
+    /* Patches of these tables, up to 8 x 8 texels over the whole depth range: filled, and kept from the last call. */
     uint64_t table_patches_made, table_patches_held;
-    /* Cells in which light was followed; SPS_SCATTERING_CONVOLUTION: texels of all lights' sheets. 0: that light was
-       held from the last call, or not asked for. */
+    /* Cells in which light was followed; SPS_SCATTERING_CONVOLUTION: texels of all lights' sheets. 0: cached from the
+       last call, or not asked for. */
     uint64_t cells;
-    double scatter_bound; /* SPS_SCATTERING_AUTO: of what scatters again, per unit of what scatters once; at most 1e6 */
-    /* Texels times planes times points of lights whose penumbrae gas is shaded by; 0: all light on gas was hard. */
+    double scatter_bound; /* SPS_SCATTERING_AUTO: bound of multiple relative to single scattering; at most 1e6 */
+    /* Texels times planes times points of lights that cast penumbrae on gas; 0: all light on gas was hard. */
     uint64_t soft_texels;
-    uint64_t pixels_shaded;   /* pixels times slabs that held something */
+    uint64_t pixels_shaded;   /* pixels times slabs that contain something */
     uint64_t tiles_finished;  /* tiles that became opaque before the last slab */
-    sps_budget_report budget; /* seconds_total is what the call took */
+    sps_budget_report budget; /* as chosen; seconds_total is the time that the call took */
     uint64_t allocations;
-    size_t bytes, bytes_peak; /* held now; maximum since sps_create */
+    size_t bytes, bytes_peak; /* in use now; maximum since sps_create */
 } sps_stats_report;
 
 /* The view of a light's transmittance map: perspective for a point light or a spot light, orthographic for a
@@ -935,11 +927,11 @@ typedef struct sps_tmap_light {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* texels of the map, or of each of six faces, 1..16384 each; six faces are square */
     sps_camera camera;     /* copied, matrix and all */
-    /* 1: six faces around camera.position, the only field of camera used then. 0: one view. If a light with one view
-       lies amid voxels, those outside its view count as lit, and message_fn is told. */
+    /* 1: six faces around camera.position, the only member of camera used then. 0: one view; if the light lies amid
+       voxels, points outside its view count as lit, and message_fn is told. */
     int omnidirectional;
-    sps_quality quality; /* of volumes: cut of the kernels, and slabs; as in sps_view */
-    double slab_thickness; /* of volumes: thickness in voxels, as in sps_view */
+    sps_quality quality; /* volumes: cut of the kernels, and slabs; as in sps_view */
+    double slab_thickness; /* volumes: thickness in voxels, as in sps_view */
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_light;
 
@@ -951,16 +943,16 @@ typedef struct sps_tmap_info {
     int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per interval or node */
     size_t texel_count; /* of all faces; also the length of sps_tmap_surfaces; sps_tmap_starts has one more */
     size_t float_count; /* length of sps_tmap_texels; deep, compressed: 0 before sps_tmap_finish */
-    /* Held by the map, besides up to 32 per allocation. Before sps_tmap_finish, what it will hold, except for what
-       depends on the occluders: intervals or nodes, and 4 per texel if anything is opaque. */
+    /* Memory of the map, without up to 32 bytes per allocation. Before sps_tmap_finish, without intervals or nodes, and
+       without 4 bytes per texel if anything is opaque. */
     size_t bytes;
     sps_tmap_settings settings; /* resolved: never SPS_TMAP_DEFAULT, actual components; planes belong to the map */
 } sps_tmap_info;
 
-/* Constants that a shader needs for a face of a map: a std140 block or constant buffer, 128 bytes to copy as they are.
+/* Constants for a shader that reads a face of a map: a std140 block or constant buffer, 128 bytes to copy as they are.
    struct tmap in examples/shaders/ begins with the same members. The texel of a world point p = (x, y, z, 1) is
-   (row_x . p, row_y . p) / (row_w . p), where whole numbers are texel centres; row_distance . p is its distance from
-   the light as measured by near_depth. The rows are the matrix of sps_tmap_get_projection in floats. */
+   (row_x . p, row_y . p) / (row_w . p); whole numbers are texel centres. row_distance . p is the distance that
+   near_depth counts. The rows are the matrix of sps_tmap_get_projection in floats. */
 typedef struct sps_tmap_constants {
     float row_x[4], row_y[4], row_w[4], row_distance[4]; /* at bytes 0, 16, 32, 48 */
     int32_t technique, components;                       /* sps_tmap_technique; 0 components: intervals or nodes */
@@ -970,7 +962,7 @@ typedef struct sps_tmap_constants {
     int32_t has_surfaces;        /* 1: sps_tmap_surfaces is not NULL */
     int32_t width, height;       /* texels of a face */
     float near_depth, far_depth; /* u = (distance - near_depth) / (far_depth - near_depth) */
-    /* A surface shades what is farther behind it than bias + bias_per_distance * distance. */
+    /* A surface shades points farther behind it than bias + bias_per_distance * distance. */
     float bias, bias_per_distance;
     int32_t face, face_count;
     int32_t padding_0, padding_1; /* 0 */
@@ -991,120 +983,108 @@ SPS_API int sps_version(void);
    memory_limit is less than a context needs). */
 SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why);
 
-/* Frees everything that the context holds. Its maps must have been destroyed before (SPS_ASSERT). NULL is allowed. */
+/* Frees the context and its memory. Its maps must have been destroyed before (SPS_ASSERT). NULL is allowed. */
 SPS_API void sps_destroy(sps_context *context);
 
 /* Returns one sentence about the last call on the context if that failed, "" otherwise. Never NULL. Valid until the
    next call on the context. */
 SPS_API const char *sps_error(const sps_context *context);
 
-/* The same as data. `info` is the caller's and always filled: if the last call succeeded, `result` is SPS_OK, `object`
-   SPS_OBJECT_NONE, and strings are empty. If context is NULL, `result` is SPS_ERROR_ARGUMENT. */
+/* Writes the same error as data. If the last call succeeded, `result` is SPS_OK, `object` SPS_OBJECT_NONE, and strings
+   are empty. If context is NULL, `result` is SPS_ERROR_ARGUMENT. */
 SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 
 /* Reports what sps_render would run for this scene and view, and why. Calls range_fn, but reads no voxels, triangles or
    particles: slab_count is that of the volumes alone, and with particles shadow_width and shadow_height are upper
-   bounds. `report` is filled on SPS_OK and zeroed otherwise. How lights shade gas is chosen as by sps_render. Volumes
-   count with their whole boxes, so UNSUPPORTED (of lights without that choice), or too many slabs, may be reported
-   where sps_render, which knows the voxels, succeeds. Errors: ARGUMENT, MEMORY, CALLBACK (range_fn), UNSUPPORTED. */
+   bounds. Volumes count as full boxes, so it may report UNSUPPORTED (SPS_SHADOW_SHEETS) or too many slabs where
+   sps_render succeeds. `report` is filled on SPS_OK and zeroed otherwise. Errors: ARGUMENT, MEMORY, CALLBACK
+   (range_fn), UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report);
 
-/* Renders the view's region into the caller's image. Time for the eye is about (relevant voxels) * (footprint area in
-   pixels) * (slabs that a voxel touches) of volumes that are splatted, and pixels * (slabs in gas) of those that are
-   gathered; the same again for each shadowing light, by its texels; a little per pixel and slab; and that of the cells,
-   where light scatters in every direction (sps_view.scattering), by default wherever gas calls for it. The image is
-   written only if SPS_OK is returned. Any sps_result can occur. */
+/* Renders the view's region into the caller's image, which is written only if SPS_OK is returned. Time is about
+   (relevant voxels) * (footprint area in pixels) * (slabs that a voxel touches) for splatted volumes, pixels * (slabs
+   in gas) for gathered ones. Each shadowing light adds as much, by its texels. Multiple scattering adds the cells. Any
+   sps_result can occur. */
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image);
 
-/* Renders the same scene by brute force, in double precision, as a reference to measure against. Marches f(p) along
-   each pixel's ray with a shadow ray per light at every sample, and intersects polygons and particles exactly: a step
-   has the optical depth of the balls along it, lit as at its middle. With settings->samples, light that has scattered
-   more than once is added by random paths, which SPS_SCATTERING_AUTO, MULTIPLE and CONVOLUTION need. No slicing limit:
-   any light, any camera. Quality, slab, tolerance and budgets have no effect. Holds all voxels, triangles and particles
-   in memory, 68 bytes per particle, 144 bytes per pixel of the region, 48 more with samples, and 192 more with lower
-   and upper; with samples, 8 per particle and row of voxels, too. Particles smaller than a pixel are not widened. With
-   coverage_samples, each of a pixel's rays is marched by itself, through gas as well; only the background is that at
-   the pixel's centre. shade_fn is called for the nearest polygons of all pixels, then for those seen through these, and
-   so on; all of it again for each sample. The image is written only if SPS_OK is returned. Any sps_result can occur. */
+/* Renders the same scene by brute-force ray marching in double precision, as a reference to measure against. Each
+   sample of f(p) traces a shadow ray per light; polygons and particles are intersected exactly. With settings->samples,
+   random paths add multiple scattering, which SPS_SCATTERING_AUTO, MULTIPLE and CONVOLUTION need. No slicing limit: any
+   light, any camera. Quality, slab_thickness, tolerance and budgets have no effect. All voxels, triangles and particles
+   are in memory at once (docs/manual.md, section 11). The image is written only if SPS_OK is returned. Any sps_result
+   can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
                                  const sps_reference_settings *settings, const sps_image *image);
 
-/* Fills a report of what the last sps_render, sps_reference, sps_plan or sps_tmap_create, _add, _finish did, even if it
+/* Reports the work of the last sps_render, sps_reference, sps_plan or sps_tmap_create, _add, _finish, even if it
    failed. Footprints splatted into maps are not counted. If context is NULL, all of the report is 0. */
 SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report);
 
 /* Returns a short lower-case name of a pass ("light sheets"), a static string; never NULL. */
 SPS_API const char *sps_pass_name(sps_pass pass);
 
-/* The read_fn and range_fn of a volume whose `user` is an sps_grid. sps_grid_range looks at each voxel of the block,
-   and writes 0..1e18 if one is not finite, negative or above 1e18. Threads: see sps_grid. Where read_fn is
-   sps_grid_read, the library checks the grid first and fails with ARGUMENT and a field such as "grid.scale"; the codes
-   below are for callbacks that wrap these functions. Both return 0, or 1: grid or its voxels are NULL, a canary is not
-   0, a size is below 1, the format is unknown, or scale or offset is not finite; 2: the block reaches beyond the grid.
- */
+/* The read_fn and range_fn of a volume whose `user` is an sps_grid. sps_grid_range tests each voxel of the block, and
+   writes 0..1e18 if one is not finite, negative or above 1e18. Threads: see sps_grid. If read_fn is sps_grid_read, the
+   library checks the grid first: errors are ARGUMENT with a field such as "grid.scale". For callbacks that wrap these
+   functions, both return 0, or 1: grid or its voxels are NULL, a canary is not 0, a size is below 1, the format is
+   unknown, or scale or offset is not finite; 2: the block reaches beyond the grid. */
 SPS_API int sps_grid_read(void *grid, const int lo[3], const int size[3], float *out);
 SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float out_min_max[2]);
 
-/* The read_fn of a mesh whose `user` is an sps_indexed_mesh. Leaves normals and colors that it does not have as they
-   are in `out`. Threads: see sps_grid. Where this is read_fn, the library checks everything except for the indices
-   first and fails with ARGUMENT and a field such as "arrays.positions"; codes 1 and 2 are for callbacks that wrap this
-   function. Returns 0, or 1: indexed or its positions are NULL, a canary is not 0, vertex_count is 0, or both kinds of
-   indices are set; 2: it has fewer triangles than are to be read; 3, with which the call fails as CALLBACK: an index is
-   not below vertex_count. */
+/* The read_fn of a mesh whose `user` is an sps_indexed_mesh. Missing normals and colors keep their values in `out`.
+   Threads: see sps_grid. If this is read_fn, the library checks all but the indices first: errors are ARGUMENT with a
+   field such as "arrays.positions". Returns 0, or 1: indexed or its positions are NULL, a canary is not 0, vertex_count
+   is 0, or both kinds of indices are set; 2: it has fewer triangles than are to be read (1 and 2 only reach callbacks
+   that wrap this function); 3: an index is not below vertex_count, and the call fails as CALLBACK. */
 SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps_triangle *out);
 
 /* Creates a transmittance map, in which an engine looks up shadows: add occluders, finish, query. The caller must free
-   it with sps_tmap_destroy. Everything that settings and light point to is copied. A call on a map counts as a call on
-   its context, except for queries and others that only read the map. Errors: ARGUMENT, MEMORY (also byte_budget); *map
-   is NULL then. */
+   it with sps_tmap_destroy. settings and light are copied with all that they point to. A call on a map counts as a call
+   on its context, unless it only reads the map, as queries do. Errors: ARGUMENT, MEMORY (also byte_budget); *map is
+   NULL then. */
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,
                                    sps_tmap **map);
 
-/* Adds the volumes, meshes and particles of a scene; its lights and background are checked but not used. These structs
-   are copied; what they point to is borrowed until sps_tmap_finish, which reads it. May be called any number of times
-   before that. Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
+/* Adds the volumes, meshes and particles of a scene; its lights and background are checked but not used. The structs
+   are copied; their callbacks and arrays are borrowed until sps_tmap_finish, which reads them. May be called any number
+   of times before that. Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 
-/* Reads the occluders' data and makes the map: along each texel's ray, every particle at its chord, every voxel's
-   kernel cut at slabs perpendicular to the light's axis, every triangle where it is. Time is about occluders * texels
-   under them * components. Memory, on top of the map's: 160 bytes per particle, and 4 bytes per component of 64 rows of
-   texels, or 16 bytes for every interval in these; growing lists need up to one and a half times their size in
-   addition. Techniques made from lists need, per worker, 0.1 KB for each interval of the fullest texel (0.5 KB if
-   particles are soft), and 18 KB for a compressed map. After a failure the map can only be destroyed. Errors: ARGUMENT
-   (finished already), and all those of sps_render. */
+/* Reads the occluders' data and makes the map. Each texel's ray receives every particle at its chord, every voxel's
+   kernel cut at slabs perpendicular to the light's axis, and every triangle where it is. Time is about occluders *
+   texels under them * components; docs/manual.md, section 12, lists the memory. After a failure the map can only be
+   destroyed. Errors: ARGUMENT (finished already), and all those of sps_render. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
 /* Writes the optical depth between the light and each of `count` world positions (packed triples), and exp(-that);
    either array may be NULL. Gas is interpolated between four texels; surfaces shade by the fraction of these that they
    cover. Optical depth is 0, and transmittance 1, outside the map, behind the light, before near_depth, and for a
    position that is not finite; 1e15 and 0 behind surfaces that cover all four texels. May be called from many threads,
-   and therefore records no error in the context. Errors, which leave both arrays untouched: ARGUMENT (map is NULL or
-   not finished; positions is NULL and count is not 0). */
+   and so records no error in the context. Errors, which leave both arrays untouched: ARGUMENT (map is NULL or not
+   finished; positions is NULL and count is not 0). */
 SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
                                   float *transmittances);
 
-/* The same for positions in floats, as in vertex buffers: x, y, z, with `stride` bytes from one position to the next
-   (0: 12, packed). They need not be aligned. */
+/* sps_tmap_query for positions in floats, as in vertex buffers: x, y, z, with `stride` bytes from one position to the
+   next (0: 12, packed). They need not be aligned. */
 SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, const float *positions, size_t stride,
                                          float *optical_depths, float *transmittances);
 
-/* Writes bounds of the true optical depth along the rays of the texels, certain except for round-off: for deep,
-   opacity, deep opacity, moment and Beer maps, and for compressed ones without components. 0 and 1e15 for the others,
-   which have no bounds. Of volumes they bound the field of the kernels as `quality` cuts them, slab by slab. It differs
-   from f(p) itself by what lies beyond the cut: at medium up to 0.9 % of the optical depth through the fullest voxels
-   near the ray and 0.5 % of its own (draft 3 and 2 %, high and ultra 0.2 and 0.1 %). No bracket includes that: choose a
-   higher quality. least or most may be NULL. Threads and errors as for sps_tmap_query. */
+/* Writes conservative bounds of the optical depth along the texels' rays, up to round-off: for deep, opacity, deep
+   opacity, moment and Beer maps, and for compressed ones without components. 0 and 1e15 for the others. Volumes count
+   as fields of kernels cut by `quality`; at medium the cut changes optical depth by up to 0.9 % of the fullest voxels'
+   and 0.5 % of its own (docs/manual.md, section 12). least or most may be NULL. Threads and errors as for
+   sps_tmap_query. */
 SPS_API sps_result sps_tmap_bounds(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most);
 
-/* Returns the texels for an engine to upload, rows from the top. `components` floats each; for a deep map intervals
-   (u0, u1, optical depth, 1 if densest in the middle), for a compressed map nodes (u, transmittance), texel after
-   texel. An interval may begin before 0 or end behind 1, since a particle that is cut keeps its shape: what is before 0
-   counts at 0, and at u = 1 all of it counts. If the light is inside a soft particle, the fourth number is less than 1:
-   only the last part of its chord, that fraction of it, counts, and u0 is where that begins. Six faces follow each
-   other, +x -x +y -y +z -z, columns and rows along the next two axes, y z, z x or x y; the centres of the outermost
+/* Returns the texels for an engine to upload, rows from the top, `components` floats each. Deep maps have intervals
+   (u0, u1, optical depth, softness), compressed maps nodes (u, transmittance), texel after texel. Softness is 0 for
+   even density, 1 for a chord that is densest in the middle, less for its last part if the light is inside. An interval
+   may begin before u = 0, and that part counts at 0, or end behind 1, where all of it counts. Six faces follow each
+   other, +x -x +y -y +z -z, columns and rows along the next two axes, y z, z x or x y. The centres of the outermost
    texels lie on the cube's edges, so this is not a hardware cube map. Valid until sps_tmap_destroy; NULL before
    sps_tmap_finish. examples/shaders/ has the code that samples them as sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
@@ -1118,10 +1098,10 @@ SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map);
 SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
 
 /* Writes the projection of world points onto a face of the map (0, or 0..5): row-major, (X, Y, D, W) = matrix * (x, y,
-   z, 1). The texel is (X / W, Y / W), where whole numbers are texel centres. D is the distance from the light as
-   measured by near_depth; the point lies behind the light unless W > 0. A surface shades what is more than bias[0] +
-   bias[1] * D behind it, in the same units. matrix or bias may be NULL. Errors, which leave both untouched: ARGUMENT
-   (map is NULL or not finished, or has no such face). */
+   z, 1). The texel is (X / W, Y / W), where whole numbers are texel centres. D is the distance that near_depth counts;
+   the point lies behind the light unless W > 0. A surface shades points more than bias[0] + bias[1] * D behind it, in
+   the same units. matrix or bias may be NULL. Errors, which leave both untouched: ARGUMENT (map is NULL or not
+   finished, or has no such face). */
 SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]);
 
 /* Fills the constants for a shader that reads a face of the map (0, or 0..5). Only the rows and `face` depend on the

@@ -63,28 +63,26 @@ CONTENTS (search for the tag)
     >>licence
 
 NOT INCLUDED
-    No files, no windows, no threads of its own, no GPU. No refraction and no mirrors: light passes translucent polygons
-    in a straight line. No light from polygon to polygon.
-    By default (SPS_SCATTERING_AUTO) light scatters once in a thin medium. In any other it scatters multiply, within
-    media and between media and polygons (SPS_SCATTERING_MULTIPLE). SPS_SCATTERING_SINGLE and AMBIENT are fastest;
-    FORWARD and CONVOLUTION lie between. Ambient light is unshadowed, except by gas under SPS_SCATTERING_MULTIPLE.
-    sps_view.coverage_samples smooths the edges of polygons. It does not smooth the edges of their shadows, nor
-    classified volumes whose voxels are smaller than pixels: render larger and downsample where they matter. Gas is
-    filtered: a pixel shows its mean.
+    No files, no windows, no threads of its own, no GPU. No refraction, no mirrors, no light from polygon to polygon.
+    Light scatters once in thin gas and multiply in other gas (SPS_SCATTERING_AUTO). SPS_SCATTERING_SINGLE and AMBIENT
+    are fastest; FORWARD and CONVOLUTION lie between. Ambient light is unshadowed, except by gas under
+    SPS_SCATTERING_MULTIPLE. Edges of polygons are smooth with sps_view.coverage_samples. Edges of their shadows, and of
+    classified volumes with voxels smaller than pixels, are not: render larger and downsample. Gas is filtered: a pixel
+    shows its mean.
 
 CONVENTIONS
-    World space is right-handed in the examples, but nothing depends on handedness. Lengths are in the caller's unit,
-    angles in radians. Matrices are row-major and multiply column vectors.
-    Row 0 of an image is its top row. Pixel (x,y) is the ray through its centre. Colors are linear RGB radiance.
+    Nothing depends on handedness. Lengths are in the caller's unit, angles in radians. Matrices are row-major and
+    multiply column vectors. Row 0 of an image is its top row. Pixel (x,y) is the ray through its centre. Colors are
+    linear RGB radiance.
     A directional light's `direction` is its direction of travel; its color is the irradiance on a plane facing it.
     A point light's color is its intensity: irradiance = intensity / distance^2, unless its falloff is none.
     Extinction is per unit length at value 1. Phase functions integrate to 1 over the sphere (isotropic: 1 / 4 pi).
     A surface of reflectance r reflects a radiance of r / pi * irradiance * cosine towards the eye.
-    Voxel (i,j,k) sits at the centre of its cell; x runs fastest. Values outside the box are 0. Kernels reach beyond the
-    box, so the field fades out within 2.5 voxels of it.
-    A volume stands for the field f(p) = sum of value * kernel(p - centre), where the kernel is a normalised Gaussian
-    with a standard deviation of 0.65 voxels. sps_reference marches through exactly this sum; sps_render cuts the
-    kernels at 1.8 to 2.5 voxels, depending on quality.
+    Voxel (i,j,k) sits at the centre of its cell; x runs fastest. A volume stands for the field f(p) = sum of value *
+    kernel(p - centre). The kernel is a normalised Gaussian with a standard deviation of 0.65 voxels. Values outside the
+    box are 0, so the field fades out within 2.5 voxels of it. sps_reference marches through exactly this sum;
+    sps_render cuts the kernels at 1.8 to 2.5 voxels, depending on quality.
+    A scene's callbacks return 0, or non-zero on failure; read_fn, eval_fn and sample_fn find their outputs zeroed.
 
 BUILD OPTIONS (define before the implementation is included; none changes a public type)
 
@@ -92,8 +90,7 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
     SPLATSHADOW_NO_REFERENCE     leaves out sps_reference, a fifth of the compile time; calls of it return
                                  SPS_ERROR_UNSUPPORTED
     SPS_API                      default extern; may be an export attribute; or `static`, which drops unused functions
-    SPS_ASSERT(c)                default assert(c); catches bugs in the library and in parallel_for_fn. Bad input
-                                 returns an sps_result instead
+    SPS_ASSERT(c)                default assert(c); catches bugs in the library and in parallel_for_fn, not bad input
     SPS_MALLOC(n), SPS_FREE(p)   default malloc, free; used if the config has no allocator (define both or neither)
     SPS_SNPRINTF                 default snprintf; writes the error sentences
     SPS_CLOCK()                  default clock() in seconds; paces progress_fn if the config has no clock_fn. Below 0:
@@ -104,33 +101,28 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs about
-    20 bytes per relevant voxel, 32 per particle, 176 per triangle, 24 to 60 per pixel and 68 per texel of shadow
-    buffer. Shadow tables take 4 bytes per entry, by default up to 256^3 entries per face. Multiple scattering takes 130
-    to 840 bytes per cell. docs/manual.md, section 10, lists the rest. sps_plan returns an upper bound beforehand,
-    except for layers of pixels and the lists behind deep and compressed maps. memory_limit is never exceeded.
+    20 bytes per relevant voxel, 32 per particle, 176 per triangle, 24 to 60 per pixel, 68 per texel of shadow buffer,
+    4 per entry of a shadow table and 130 to 840 per cell of multiple scattering; docs/manual.md, section 10, has the
+    rest. sps_plan returns an upper bound beforehand. memory_limit is never exceeded.
 ERRORS   Calls return sps_result. sps_error returns one sentence that names the field and its value; sps_get_error
-    returns the same facts as data. After a failure the image is untouched and the context can be used again.
+    returns the same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time. Any number of contexts can run at once, and any number of threads may
-    query a finished map. parallel_for_fn distributes the work. All other callbacks, the allocator included, run on the
-    calling thread, one at a time, and must not call into the same context. Two exceptions: workers call read_fn,
-    range_fn and eval_fn of `concurrent` volumes, several at once (in sps_plan, the calling thread does); and with both
-    parallel_for_fn and progress_fn, several workers may call clock_fn at once.
-    No callback may leave a call by an exception or by longjmp. If one does, and C code is compiled with unwind tables
-    (-fexceptions), further calls return SPS_ERROR_CALLBACK. The context and its maps can then only be destroyed, which
-    frees all their memory. A callback that calls into its own context gets SPS_ERROR_CALLBACK, and so does the
-    interrupted call; afterwards the context can be used.
+    query a finished map. parallel_for_fn distributes the work. All other callbacks run on the calling thread, one at a
+    time, except that workers call read_fn, range_fn and eval_fn of `concurrent` volumes at once (not in sps_plan), and
+    with progress_fn also clock_fn. A callback that calls into its own context gets SPS_ERROR_CALLBACK, as does the
+    interrupted call; then the context can be used. No callback may leave by an exception or longjmp. If one does, and C
+    code has unwind tables (-fexceptions), later calls return SPS_ERROR_CALLBACK, and destroying the context and its
+    maps still frees all memory.
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. On
     different machines this needs the same C library, rounding mode and treatment of denormal numbers in all threads.
     Only a budget (sps_view) depends on the clock, earlier frames, the region and the number of workers.
 LIMITS   Images and shadow buffers up to 16384 on a side; projected textures up to 4096; 2^28 entries of a shadow
-    table; 2^20 slabs. Coordinates and matrices must lie within 1e15.
-    Voxels may measure 1e-14 to 1e10 world units, polygons 1e-20 and more. Polygons cast shadows into gas from point
-    lights up to 1e7 times as far away as the gas is wide. A polygon shades only what lies farther behind it than the
-    round-off of its corners: 1.2e-7 of their distance from the mesh's origin.
-    Values above 1e18 are an error; values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is
-    exactly 0; a polygon has an optical depth of 1e15. Where a volume's optical depth is well above 1 per voxel, its
-    silhouette shrinks by a fraction of a voxel, because kernels are cut. Classified volumes need slabs of 0.7 voxels
-    or less.
+    table; 2^20 slabs. Coordinates and matrices within 1e15; voxels of 1e-14 to 1e10 world units, polygons from 1e-20
+    up. Polygons shadow gas from point lights up to 1e7 times as far away as the gas is wide. They shade only points
+    farther behind them than the round-off of their corners, 1.2e-7 of the distance from the mesh's origin. Values above
+    1e18 are an error; values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is exactly 0; a
+    polygon has an optical depth of 1e15. Where a voxel's optical depth is well above 1, silhouettes shrink by a
+    fraction of a voxel, because kernels are cut. Classified volumes need slabs of 0.7 voxels or less.
 
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
@@ -212,18 +204,18 @@ typedef struct sps_error_info {
        sps_tmap_finish, counted through all scenes added to the map. */
     int index;
     /* Member of the object in C syntax ("transfer.points[2].value", "placement.origin[2]"; colors and directions as a
-       whole), or the callback that failed. For SPS_ERROR_DATA, the value delivered ("value", "particle[7].radius"). For
-       arrays that the library reads itself: "grid.scale", "arrays.positions". "": the object as a whole. */
+       whole), or the callback that failed, or for SPS_ERROR_DATA the value ("particle[7].radius"). Arrays that the
+       library reads itself: "grid.scale", "arrays.positions". "": the object as a whole. */
     char field[64];
     double value;       /* the field's value, the callback's result, or another number in the sentence; 0: none */
     char sentence[256]; /* the text that sps_error returns */
 } sps_error_info;
 
 /* Runs a loop in parallel: call task(task_data, index, worker) once for each index 0..count-1, in any order, on any
-   threads. Return when all calls have returned and their writes are visible to the caller. The calling thread runs
-   omitted tasks afterwards, as worker 0. `worker` is 0..worker_count-1 and differs between calls that run at the same
-   time. Tasks do not block and use up to 16 KB of stack (24 KB with AVX-512). The only callbacks they call are clock_fn
-   and, for `concurrent` volumes, read_fn, range_fn and eval_fn, whose blocking and stack come on top. */
+   threads. Return when all calls have returned and their writes are visible to the caller. `worker` is
+   0..worker_count-1, and no two concurrent calls have the same. The calling thread then runs omitted tasks as worker 0.
+   Tasks do not block and use up to 16 KB of stack (24 KB with AVX-512), besides that of clock_fn and of a `concurrent`
+   volume's callbacks. */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);
 typedef void (*sps_parallel_for_fn)(void *user, int count, sps_task_fn task, void *task_data);
 
@@ -234,9 +226,9 @@ typedef struct sps_config {
     void (*free_fn)(void *user, void *pointer, size_t size); /* `size` is the one passed to alloc_fn */
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: everything runs on the calling thread */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
-    /* Called on the calling thread at the end, and about every 10 ms by clock_fn (else SPS_CLOCK); during long tasks
-       less often. `fraction` is 0..1 and never decreases. Returning non-zero cancels the call soon. With
-       parallel_for_fn, set clock_fn too: without it, pausing for progress costs up to a sixth of a frame's time. */
+    /* Called on the calling thread at the end and about every 10 ms by clock_fn (else SPS_CLOCK). `fraction` is 0..1
+       and never decreases. Returning non-zero cancels the call soon. With parallel_for_fn, set clock_fn too: pausing
+       without it costs up to a sixth of a frame's time. */
     int (*progress_fn)(void *user, float fraction);
     /* Receives one line without newline: errors (except for SPS_ERROR_CANCELLED), and warnings. */
     void (*message_fn)(void *user, const char *text);
@@ -261,9 +253,9 @@ typedef struct sps_lobe {
     float weight;    /* > 0; weights are divided by their sum */
 } sps_lobe;
 
-/* A transfer function maps values to albedo and extinction, by points or by a callback. It is linear between points
-   and constant beyond the first and the last. Each call samples it into a table of 2048 entries over 0..value_max.
-   Value 0 (everything outside the data) is always empty. */
+/* A transfer function maps values to albedo and extinction: by points, linear between them and constant beyond, or by a
+   callback. Each call samples it into a table of 2048 entries over 0..value_max. Value 0 (everything outside the data)
+   is always empty. */
 typedef struct sps_transfer_point {
     float value;      /* >= 0; strictly increasing from point to point */
     float albedo[3];  /* albedo (gas) or reflectance (surface), 0..1 */
@@ -273,7 +265,7 @@ typedef struct sps_transfer_point {
 typedef struct sps_transfer {
     const sps_transfer_point *points; /* NULL with point_count 0: use eval_fn */
     int point_count;
-    /* Writes albedo and extinction for `count` values. `out` is zeroed beforehand. Returns non-zero on failure. */
+    /* Writes albedo and extinction for `count` values. */
     int (*eval_fn)(void *user, size_t count, const float *values, sps_transfer_point *out);
     void *user;
     float value_max; /* largest value of interest; 0 means the last point's value, or 1 with eval_fn */
@@ -291,19 +283,17 @@ typedef struct sps_volume {
     int size[3];             /* voxels along x, y, z, at most 65536 each; any of them 0: no volume */
     sps_placement placement; /* maps the unit cube to the volume's box; may rotate, scale and shear */
 
-    /* Writes the size[0]*size[1]*size[2] values, >= 0, of the block of voxels that begins at lo, x fastest. `out` is
-       zeroed beforehand. Returns non-zero on failure. */
+    /* Writes the size[0]*size[1]*size[2] values, >= 0, of the block of voxels that begins at lo, x fastest. */
     int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);
-    /* Optional: bounds the values in a block, so that it can be skipped without reading. Bounds may be too wide, never
-       too narrow. If data may be invalid, write 0..1e18, and reading detects it. Returns non-zero on failure. */
+    /* Optional: bounds the values in a block, to skip it without reading. Bounds may be too wide, never too narrow. If
+       data may be invalid, write 0..1e18: reading detects it. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
-    /* Instead of read_fn: writes the values at world positions (packed triples), the centres of voxels. `out` is
-       zeroed beforehand. Returns non-zero on failure. */
+    /* Instead of read_fn: writes the values at world positions (packed triples), the centres of voxels. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
     /* Non-zero: several workers may call read_fn, range_fn and eval_fn at once, in any order, each with its own block
-       and `out`. The callbacks must lock any state that they change. 0: the calling thread calls them, block by block.
-       Counts as set if read_fn is sps_grid_read and range_fn is NULL or sps_grid_range. */
+       and `out`; the callbacks lock whatever they change. 0: the calling thread calls them, block by block. Counts as
+       set if read_fn is sps_grid_read and range_fn is NULL or sps_grid_range. */
     int concurrent;
     /* Non-zero: keeps the voxels for the next call, if every volume has a revision and none has changed. Otherwise all
        volumes are read anew. */
@@ -382,22 +372,21 @@ typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
     size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
     /* Writes `count` triangles, beginning with number `first`. Called for blocks of 256, once each per call, or never
-       if `revision` shows that all are cached. `out` is zeroed beforehand. Returns non-zero on failure. */
+       if `revision` shows that all are cached. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);
     void *user;
     sps_placement placement;
     float albedo[3]; /* reflectance, 0..1 */
     int has_normals, has_albedos;
     /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096. Each pixel of the
-       region that shows the mesh passes one point per visible triangle, in rows from the top. `out` holds the mesh's or
-       the corners' albedo beforehand, and no emission. A point's appearance must not depend on the other points of a
-       call, whose number depends on the region. Values out of range are SPS_ERROR_DATA. Transmittance maps do not call
-       it. Returns non-zero on failure. */
+       region passes a point per visible triangle, in rows from the top. `out` holds the albedo of mesh or corners, and
+       no emission. A point must not depend on the others of its call, whose number depends on the region. Values out of
+       range are SPS_ERROR_DATA. Transmittance maps do not call it. */
     int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out);
     void *shade_user;
     /* Fraction of red, green and blue that passes straight through, at any angle, 0..1; all 0: opaque. The rest is
-       reflected by `albedo` or absorbed. To conserve energy, keep their sum within 1. Layers and gas are composited in
-       depth order, and shadows are colored. Transmittance maps use the mean of the three colors. */
+       reflected by `albedo` or absorbed; their sum should be at most 1. Composited in depth order with gas; casts
+       colored shadows. Transmittance maps use the mean of the three. */
     float transmittance[3];
     /* Non-zero: keeps the triangles and their shadow tree for the next call, if every mesh has a revision and none has
        changed. Otherwise all meshes are read anew. */
@@ -432,15 +421,14 @@ typedef struct sps_particle {
     float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
 } sps_particle;
 
-/* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, at equal mass.
-   From 4 pixels (1.5 texels) on, optical depth along rays is exact, for slabs of any thickness. Slabs
-   (sps_view.slab_thickness) and the texels of the light's sheets resolve the light within a sphere. Where a particle
-   overlaps a polygon, it ends at the polygon. */
+/* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, at equal mass. From
+   4 pixels (1.5 texels) on, optical depth along rays is exact, at any slab_thickness. Slabs and texels of the light's
+   sheets resolve light within a sphere. Polygons cut particles. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
     /* Writes `count` particles, beginning with number `first`. Called for blocks of at most 4096, once each per call.
-       `out` is zeroed beforehand. Returns non-zero on failure. */
+       */
     int (*read_fn)(void *user, size_t first, size_t count, sps_particle *out);
     void *user;
     int soft;              /* 0: uniform density; 1: density falls as 1 - (r / radius)^2, to nothing at the rim */
@@ -453,50 +441,44 @@ typedef struct sps_particles {
     uint32_t end_canary;   /* leave 0 */
 } sps_particles;
 
-/* How a transmittance map stores optical depth along the ray of each texel. u runs from 0 at near_depth to 1 at
-   far_depth; n stands for `components`. The order of occluders matters only by round-off. Deep and compressed maps are
-   made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. docs/shadow_maps.md helps to choose.
-   */
+/* How a transmittance map stores optical depth along each texel's ray. u runs from 0 at near_depth to 1 at far_depth; n
+   stands for `components`. The order of occluders matters only by round-off. Deep and compressed maps take 3 to 33
+   times as long to make as SPS_TMAP_DEFAULT. docs/shadow_maps.md helps to choose. */
 typedef enum sps_tmap_technique {
     /* SPS_TMAP_DEEP_OPACITY with `cubic`: small errors on most gases for few floats. As a light's shadow_map:
        SPS_TMAP_TABLE, less than half the error in less time, but more memory. */
     SPS_TMAP_DEFAULT = 0,
-    /* Every interval of every occluder: exact along the texels' rays, a reference for the other techniques. 16 bytes
-       per interval and 4 per texel; a query sums the intervals that begin before it. No components. */
+    /* Every interval of every occluder: exact along the texels' rays, a reference. 16 bytes per interval and 4 per
+       texel. No components. */
     SPS_TMAP_DEEP,
     /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance with an error of at most `epsilon` along each
-       texel's ray, the one technique whose error the caller sets. If n is 4, 6 .. 64: at most n / 2 nodes and no error
-       bound [after Salvi et al. 2010]. 8 bytes per node and 4 per texel; a query searches. Default: no components. */
+       texel's ray. If n is 4, 6 .. 64: at most n / 2 nodes, no error bound [after Salvi et al. 2010]. 8 bytes per node
+       and 4 per texel. Default: no components. */
     SPS_TMAP_COMPRESSED,
-    /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]. Exact there; in between, the
-       neighbouring planes bracket the true value. n 1..65, default 8. Inserting an interval costs the planes that it
-       crosses, a query 2 lookups (cubic: 4), with `planes` a comparison per plane. */
+    /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]: exact there, bracketed
+       between. n 1..65, default 8. */
     SPS_TMAP_OPACITY,
-    /* Deep opacity map, after [Yuksel & Keyser 2008]: planes lie between the texel's first and last occluder, which are
-       stored before them. Sharp for thin shells; no gain for two distant clumps. n 3..65, default 8; processes
-       occluders twice. */
+    /* Deep opacity map, after [Yuksel & Keyser 2008]: planes between the texel's first and last occluder, stored before
+       them. Sharp for thin shells; no gain for two distant clumps. n 3..65, default 8. */
     SPS_TMAP_DEEP_OPACITY,
-    /* Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that it rings by
-       up to 9 % of a step. It is periodic: leave room at both ends of the range, or set texel_range. n 3, 5 .. 65,
-       default 7, and two more with texel_range; insertion and query cost n. */
+    /* Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; rings before by up to 9
+       % of a step. Periodic: leave room at both ends of the range, or set texel_range. n 3, 5 .. 65, default 7; two
+       more with texel_range. */
     SPS_TMAP_FOURIER,
     /* 4 or 6 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z .. z^(n-1)
-       with z = 2u - 1. A query returns the middle of the bounds that they imply. Soft, never rings, exact at u = 1.
-       n 5 or 7, default 5; insertion costs n, a query ten times as much as in other maps. */
+       with z = 2u - 1. Queries return the middle of the implied bounds, and take ten times as long as others. Soft,
+       never rings, exact at u = 1. n 5 or 7, default 5. */
     SPS_TMAP_MOMENT,
-    /* Beer shadow map: u where gas begins, u where it ends, and the total; a deep opacity map of one plane. Exact for a
-       single uniform interval, and behind everything; several clumps blur over their gaps. 3 components; cheapest
-       insertion. */
+    /* Beer shadow map: u where gas begins, u where it ends, and the total. Exact for one uniform interval, and behind
+       everything; fills gaps between clumps. 3 components. */
     SPS_TMAP_BEER,
-    /* Only for sps_light.shadow_map: a shadow table, after [Ebert & Parent 1990]. It stores optical depth at n even
-       planes, interpolated linearly, in steps of 16 / 65535. Beyond 16 all is dark (SPS_SCATTERING_FORWARD: 64, and
-       steps four times as large). n 8..1024. By default entries are as wide as a texel of the light's sheets and as
-       long as wide, with at most 256 along each side. At most 2^28 entries of 4 bytes. Cheapest map to look up; cached
-       and updated from call to call (sps_light.shadow_map). */
+    /* Only for sps_light.shadow_map: a shadow table, after [Ebert & Parent 1990]. Optical depth at n even planes,
+       interpolated linearly, in steps of 16 / 65535; beyond 16 all is dark (FORWARD: 64). n 8..1024. By default entries
+       are as wide as a texel of the light's sheets and as long as wide, up to 256 along each side. At most 2^28 entries
+       of 4 bytes. Cached and updated from call to call. */
     SPS_TMAP_TABLE,
-    /* Shadow map [Williams 1978]: only the depth of the first opaque surface, which other maps store beside their
-       texels (sps_tmap_surfaces). Ignores gas and translucent polygons; an error in sps_light.shadow_map. No
-       components. */
+    /* Shadow map [Williams 1978]: only the depth of the first opaque surface (sps_tmap_surfaces), without gas and
+       translucent polygons. An error in sps_light.shadow_map. No components. */
     SPS_TMAP_DEPTH
 } sps_tmap_technique;
 
@@ -508,16 +490,16 @@ typedef struct sps_tmap_settings {
     int components;     /* floats per texel; 0: the technique's default, or fewer to stay within byte_budget */
     size_t byte_budget; /* maximum size of the finished map, including surfaces; 0: no limit */
     /* Depths along the light's axis or direction (six faces: the nearest coordinate axis), 0 <= near < far. They should
-       contain all gas: gas outside counts as if at the near or far end, and Fourier maps confuse the two ends. Opaque
-       surfaces outside the range cast shadows from where they are, but points before near_depth are lit. */
+       contain all gas: gas outside counts at the near or far end, which Fourier maps confuse. Opaque surfaces cast
+       shadows from anywhere, but points before near_depth are lit. */
     double near_depth, far_depth;
-    /* Opacity: u of each plane, increasing from above 0 to 1; copied. Needs `components`, the number of planes (deep
-       opacity: two more). NULL: even steps. Techniques ignore members from here to epsilon that are for another. */
+    /* Opacity: u of each plane, increasing from above 0 to 1; copied. Needs `components`: the number of planes (deep
+       opacity: two more). NULL: even steps. Members from here to epsilon are ignored by other techniques. */
     const float *planes;
     int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
     int texel_range;        /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
     /* Compressed: maximum error of transmittance, up to 0.5; 0 means 0.01; kept to 1e-6 (soft particles: 0.001). With
-       components: error of the polyline before nodes are removed; 0 means 1 / 1024. */
+       components: error before nodes are removed; 0 means 1 / 1024. */
     float epsilon;
     double surface_bias; /* world units behind an opaque surface at which its shadow begins; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
@@ -539,22 +521,21 @@ typedef enum sps_falloff {
 /* Shadows in gas of a light without a shadow_map. Sheets follow the light slab by slab, in a sweep of their own; a
    table is made first and looked up in any slab. */
 typedef enum sps_shadow_source {
-    /* Sheets where slabs can serve both light and camera, else a table. Further lights, and all lights under
-       SPS_SCATTERING_MULTIPLE, also take tables if that costs no detail and fits into memory_limit. The choice depends
-       on the volumes' boxes, not on their voxels; with particles it is made once they are read. */
+    /* Sheets where slabs serve both light and camera, else a table. Further lights, and all lights under
+       SPS_SCATTERING_MULTIPLE, take tables if that costs no detail and fits into memory_limit. The choice depends on
+       volumes' boxes, not voxels; with particles it is made once they are read. */
     SPS_SHADOW_AUTO = 0,
     SPS_SHADOW_SHEETS, /* SPS_ERROR_UNSUPPORTED where no slabs serve light and camera */
     SPS_SHADOW_TABLE   /* a table with default settings, of shadow_map_resolution */
 } sps_shadow_source;
 
 /* Projected texture (cookie): multiplies the light's color, and fades to nothing within a texel of its edges. Lookups
-   are bilinear, in mip levels where pixels are larger than texels. Every point of an area light projects the image. */
+   are bilinear, in mip levels where pixels are larger than texels. Each point of an area light projects it. */
 typedef struct sps_projector {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* texels, 1..4096 each */
-    /* Writes the colors at `count` texel centres: one row per call, from the top, in every call that uses the light. uv
-       are pairs from (0, 0), top left as seen along the light's direction, to (1, 1). out_rgb: packed triples, 0..1e18.
-       Returns non-zero on failure. */
+    /* Writes the colors at `count` texel centres: one row per call, from the top, in every call that uses the light.
+       uv: pairs from (0, 0), top left along the light's direction, to (1, 1). out_rgb: packed triples, 0..1e18. */
     int (*sample_fn)(void *user, size_t count, const float *uv, float *out_rgb);
     void *user;
     /* Edges, left < right and bottom < top, to the right of and above sps_light.direction, as tangents of angles from
@@ -562,17 +543,16 @@ typedef struct sps_projector {
     double left, right, bottom, top;
     double up[3]; /* towards the image's top row; zero or along the direction: an axis across it is chosen */
     /* Disc, rectangle: distance along the direction, beyond the light itself, at which the image is sharp; 0: infinity.
-       At distance d the blur is |1 - d / focus| times the light's size. A directional light with an angular_diameter
-       focuses at sps_light.position. */
+       At distance d the blur is |1 - d / focus| times the light's size. A directional light is sharp at
+       sps_light.position. */
     double focus;
     uint32_t end_canary; /* leave 0 */
 } sps_projector;
 
-/* A light. Area lights cast penumbrae: they shine as points spread evenly over them, but gas scatters their light as if
-   it came from the centre. A size of 0 gives the bits of a point light. Shadows of gas by sheets come from slabs
-   perpendicular to the half-way vector between eye and light. Every ray of both through gas must cross them with a
-   cosine of at least 0.1. Otherwise (a point light inside or close to a volume, a very wide camera) the light takes a
-   table, see shadow_source. Polygons have no such limit. */
+/* A light. An area light shines as points spread over it, with penumbrae, but gas scatters its light as if from the
+   centre; size 0 gives the bits of a point. Sheets shadow gas in slabs perpendicular to the half-way vector of eye and
+   light, which all their rays through gas must cross at a cosine of 0.1 or more. Otherwise (a point light in or near a
+   volume, a very wide camera) see shadow_source. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
@@ -583,27 +563,25 @@ typedef struct sps_light {
     /* Directional: angle that the light subtends, in radians, 0..2 (the sun: 0.0093): a disc of even radiance,
        infinitely far away. */
     double angular_diameter;
-    /* Disc, rectangle: two vectors from the centre to the rim, in world units. Unequal or oblique vectors make an
-       ellipse, a rectangle or a parallelogram. Without a cone, each point emits the same intensity in all directions.
-       */
+    /* Disc, rectangle: two vectors from the centre to the rim, in world units; unequal or oblique ones make an ellipse,
+       a rectangle or a parallelogram. Emits evenly in all directions, unless there is a cone. */
     double axes[2][3];
     /* All but directional: makes a spotlight. Angles from `direction`, in radians, 0 <= inner < outer <= pi; outer 0:
-       no cone. Intensity is `color` within the inner angle and 0 beyond the outer. In between it is s^2 color, where s
-       rises from 0 to 1 with the cosine [KHR_lights_punctual]. Each point of an area light has this cone. */
+       no cone. Intensity is `color` within the inner angle and 0 beyond the outer; between, it is s^2 color, s rising
+       from 0 to 1 with the cosine [KHR_lights_punctual]. Each point of an area light has this cone. */
     double inner_cone, outer_cone;
     sps_falloff falloff; /* all but directional; with SPS_FALLOFF_NONE, `color` is irradiance */
     /* NULL: none. Otherwise a texture projected along `direction`, with or without a cone. Borrowed for the call. */
     const sps_projector *projector;
-    /* Points that stand for an area light, up to 256; 0: 8, 16, 32 or 64 by quality. Penumbra error falls nearly in
-       proportion; cost rises in proportion. sps_reference draws this many points for each sample, 64 if this is 0. */
+    /* Points that stand for an area light, up to 256; 0: 8, 16, 32 or 64 by quality. Cost is proportional, error nearly
+       inversely. sps_reference draws this many points for each sample, 64 if this is 0. */
     int samples;
     int no_shadow; /* 1: shines through everything, and scatters once in gas */
-    /* NULL: see shadow_source. Otherwise shadows in gas come from a map with these settings (all zero: a table), which
-       has no slicing limit; around a point light amid gas it has six faces. near_depth, far_depth and surface_bias must
-       be 0: depths are fitted to the gas, and polygons cast shadows as without a map. An error for area lights. If all
-       volumes have a revision, the next call reuses a table, or updates it where gas has changed, to the bits of a new
-       one. A failing call may release it. Maps of few components blotch near the terminator of surfaces and dense
-       volumes. Borrowed for the call. */
+    /* NULL: see shadow_source. Otherwise shadows in gas come from a map with these settings (all zero: a table). It has
+       no slicing limit; a point light amid gas gets six faces. near_depth, far_depth and surface_bias must be 0: depths
+       are fitted. An error for area lights. If all volumes have a revision, the next call reuses a table, or updates it
+       where gas has changed; a failing call may release it. Few components blotch near the terminator of surfaces and
+       dense volumes. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
     /* Shadows in gas where shadow_map is NULL. With a shadow_map, SPS_SHADOW_SHEETS is an error, and SPS_SHADOW_TABLE
        requires a table. */
@@ -626,8 +604,7 @@ typedef struct sps_scene {
     int light_count;
     float ambient[3];    /* radiance from all directions, >= 0; unshadowed, except by gas with multiple scattering */
     float background[3]; /* radiance behind everything, >= 0; not part of alpha */
-    /* Instead of `background`: radiance along unit directions (packed triples), one row of pixels per call. Returns
-       non-zero on failure. */
+    /* Instead of `background`: radiance along unit directions (packed triples), one row of pixels per call. */
     int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *background_user;
     /* 1: invalid values of volumes, particles and projectors (SPS_ERROR_DATA) become 0 and are counted. */
@@ -656,57 +633,54 @@ typedef struct sps_camera {
     double position[3], target[3], up[3]; /* up zero or along the view: an axis across the view is chosen */
     double field_of_view;                 /* perspective: the vertical angle, above 0, up to 3.1 */
     double ortho_height;                  /* orthographic: world height of the image, above 0 */
-    /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. In perspective,
-       depth may have any direction and range, and row 2 may be 0 0 0 2; a matrix that seems transposed is an error.
-       Orthographic: depth must increase away from the eye, and distances count from the plane of clip depth -1 (without
-       one within 1e12 pixels, from a plane through the world's origin). Borrowed for the call. */
+    /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Perspective: depth
+       may have any direction and range; row 2 may be 0 0 0 2; a matrix that seems transposed is an error. Orthographic:
+       depth must increase away from the eye; distances count from the plane of clip depth -1, or from the world's
+       origin if that is not within 1e12 pixels. Borrowed for the call. */
     const double *world_to_clip;
 } sps_camera;
 
 /* Scattering of light in gas on its way to the eye. Single scattering always keeps its exact phase function and angle.
  */
 typedef enum sps_scattering {
-    /* MULTIPLE if the gas calls for it, else SINGLE, by a bound from its largest optical depth: see
-       sps_view.scattering_tolerance. Costs a test of each voxel. */
+    /* MULTIPLE if the gas calls for it, else SINGLE, by sps_view.scattering_tolerance. Costs a test of each voxel. */
     SPS_SCATTERING_AUTO = 0,
     SPS_SCATTERING_SINGLE, /* single scattering */
     /* Single scattering, plus an `ambient` per volume and set of particles that stands for multiple scattering, at no
        cost. [Ebert & Parent] */
     SPS_SCATTERING_AMBIENT,
-    /* Multiple scattering by small angles, along straight paths from light to point to eye: a closed form in optical
-       depth and angle, with the gas's own phase function and albedo. Right where gas scatters forward; light that turns
-       back is mostly missing. Ends at an optical depth of 64 along the whole path. Lights without shadows scatter once,
-       and polygons receive none of it. Cost: a table per gas and a lookup beside each one of a shadow. */
+    /* Multiple scattering by small angles along straight paths from light to eye: a closed form in optical depth and
+       angle, with the gas's phase function and albedo. Right for forward scattering; light that turns back is mostly
+       missing. Ends at an optical depth of 64. Lights without shadows scatter once; polygons receive none of it. Cost:
+       few percent. */
     SPS_SCATTERING_FORWARD,
-    /* As FORWARD, but light spreads sideways on its way from a light, from sheet to sheet: beams have halos. Kernels
-       are Gaussian; their variance follows from the phase function. Polygons receive this light and stop it. Area
-       lights spread from their centre; lights without shadows scatter once. Cached like MULTIPLE. Cost: sheets once
-       more per light, a pass over them per color channel, and a lookup per light. [Zhang & Crawfis; Eyges 1948] */
+    /* As FORWARD, but light spreads sideways from sheet to sheet of its light: beams have halos, and polygons receive
+       this light and stop it. Gaussian kernels; the phase function sets their variance. Area lights spread from their
+       centre; lights without shadows scatter once. Cached like MULTIPLE. Cost: sheets once more per light. [Zhang &
+       Crawfis; Eyges 1948] */
     SPS_SCATTERING_CONVOLUTION,
-    /* Multiple scattering in every direction, on a grid of cubic cells around all gas (up to four grids if gas is far
-       apart): adds light that turns back or goes from gas to gas, and scattered emission and ambient light. Straight
-       paths as in FORWARD; lights without shadows scatter once in gas. Opaque polygons stop and reflect light between
-       cells by their mesh's albedo, not by shade_fn; translucent ones let it pass. Area lights light cells from their
-       centre. The cells do not depend on the camera. The next call reuses them if nothing has changed, every volume and
-       mesh has a revision, and no light has a projector. Cost: the cells and a table per light, about five sweeps per
-       color channel (ten with polygons), and lookups. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
+    /* Multiple scattering in every direction, on one to four grids of cubic cells around all gas. Adds light that turns
+       back or goes from gas to gas, and scattered emission and ambient light; straight paths are as in FORWARD. Opaque
+       polygons stop and reflect light between cells by the mesh's albedo; translucent ones let it pass. Area lights
+       light cells from their centre; lights without shadows scatter once in gas. The next call reuses the cells for any
+       camera if nothing else has changed, every volume and mesh has a revision, and no light has a projector. [Discrete
+       ordinates: Lebedev 1976, Wiscombe 1977] */
     SPS_SCATTERING_MULTIPLE
 } sps_scattering;
 
 /* How voxels fill the sheets of the eye, of lights and of maps' faces, and how classified voxels fill cells and the
    sheets of CONVOLUTION. The field is the same either way. Particles are always splatted. */
 typedef enum sps_filling {
-    /* The cheaper one for each volume and pass, by footprints and samples: the same in every build, for any number of
-       workers. It may change from frame to frame, and the picture with it, mostly by 0.1 % for a gas and 1 % for a
-       classified volume. It ignores memory_limit: if bricks do not fit, ask for SPLAT. */
+    /* The cheaper one for each volume and pass, for any number of workers. It may change from frame to frame, and the
+       picture with it, mostly by 0.1 % for a gas and 1 % if classified. Ignores memory_limit: if bricks do not fit, ask
+       for SPLAT. */
     SPS_FILLING_AUTO = 0,
     /* Voxel by voxel: cost is proportional to the number of relevant voxels. Surface shading needs GATHER's memory, for
        normals. */
     SPS_FILLING_SPLAT,
-    /* Pixel by pixel: cost is proportional to pixels times slabs, and to memory: 5900 bytes per brick of 8^3 voxels
-       (10900 at high and ultra). Mostly faster unless voxels are scattered. Small voxels are sampled by several rays
-       per pixel or from coarser levels. Volumes for which that does not work are splatted: see docs/manual.md, section
-       4. */
+    /* Pixel by pixel: cost is proportional to pixels times slabs; 5900 bytes per brick of 8^3 voxels (10900 at high and
+       ultra). Mostly faster unless voxels are scattered. Small voxels take several rays per pixel or coarser levels;
+       volumes that this cannot serve are splatted (docs/manual.md, section 4). */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -718,46 +692,42 @@ typedef struct sps_view {
     double near_distance;
     int region[4]; /* x, y, width, height of the part to render; all 0: the whole image */
     sps_quality quality;
-    /* Slab thickness in voxels, the main trade of speed for error: error is proportional to its square. 0: from
+    /* Slab thickness in voxels, the main trade of speed for error, which is proportional to its square. 0: from
        quality, and more where pixels are wide (sps_quality). Particles count as voxels of 0.7 times their geometric
-       mean radius, at least about 1/500 of their cloud; the smaller of particles and voxels counts. Dense particles or
-       long voxels make slabs up to 8 times thinner, for values up to 2. */
+       mean radius, at least about 1/500 of their cloud, if no voxels are smaller. Dense particles and long voxels make
+       slabs up to 8 times thinner. */
     double slab_thickness;
     /* Texels on the longer side of a light's sheets, and of the depth map of polygons' shadows in gas, up to 16384. 0:
-       from quality, and fewer where pixels are wide (sps_quality). That depth map is fitted to the gas and has at least
-       512, 1024, 2048 or 4096 texels by quality, except in small images. Sheets of particles alone have at most that
-       many. Shadows on polygons have no texels. */
+       from quality, and fewer where pixels are wide (sps_quality). That depth map has at least 512, 1024, 2048 or 4096
+       by quality, except in small images; sheets of particles alone have at most that many. Shadows on polygons have no
+       texels. */
     int shadow_resolution;
     int no_shadows; /* 1: as no_shadow on every light */
-    /* Edge samples of polygons along each side of a pixel, up to 8; 0 or 1: one per pixel, at its centre. With N, a
-       pixel blends the polygons hit by N x N samples; gas is sampled once. A straight edge's coverage is exact to 1 /
-       2N, 0.5 / N^1.5 rms. Cost: the whole image is rasterised twice at N x N times the pixels, whatever the region,
-       and each further polygon of a pixel is shaded. */
+    /* Edge samples of polygons along each side of a pixel, up to 8; 0 or 1: its centre. N x N samples weight the
+       polygons of a pixel; gas is sampled once. A straight edge's coverage is exact to 1 / 2N, 0.5 / N^1.5 rms. Cost:
+       the whole image is rasterised twice at N x N times the pixels; each polygon of a pixel is shaded. */
     int coverage_samples;
-    /* Error of optical depth, along any ray of the eye or of a light's sheets, that fewer samples of smooth gas may
-       cause, 0..1. 0: samples everything. The bound is conservative: mostly the error is far smaller. eye_bound and
-       light_bound report its use. Only gathered gas without emission, with voxels of at least 0.14 pixels, is
-       simplified. */
+    /* Error of optical depth, along any ray of the eye or of a light's sheets, allowed for saving samples of smooth
+       gas, 0..1; 0: none. Conservative: the error is mostly far smaller; eye_bound and light_bound report the bound.
+       Applies to gathered gas without transfer function or emission, with voxels of at least 0.14 pixels. */
     float tolerance;
     sps_scattering scattering; /* 0: SPS_SCATTERING_AUTO, as the gas calls for */
-    /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256. 0: 24, 48, 64 or 96 by quality. In
-       dense gas, error is proportional to a cell's optical depth. SPS_SCATTERING_CONVOLUTION: half the texels across a
-       light's sheets. */
+    /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256; 0: 24, 48, 64 or 96 by quality. In
+       dense gas, error is proportional to a cell's optical depth. CONVOLUTION: half the texels across a light's
+       sheets. */
     int scattering_resolution;
-    /* SPS_SCATTERING_AUTO: single scattering if further scattering carries at most this fraction of its energy, 0..1.
-       0: 0.01. The bound is x / (1 - x), x = a (1 - exp(-t)): a is the largest albedo (1 with ambient light), t an
-       upper bound of optical depth, mostly 3 to 5 times the largest. Scattering or emitting gas with polygons:
-       MULTIPLE. */
+    /* SPS_SCATTERING_AUTO: single scattering if further scattering carries at most this fraction of its energy, 0..1;
+       0: 0.01. Its bound follows from the largest albedo and a bound of optical depth. Scattering or emitting gas with
+       polygons is always MULTIPLE. */
     float scattering_tolerance;
     sps_filling filling; /* 0: SPS_FILLING_AUTO */
-    /* Time or error of a picture, set one or neither (0), instead of quality, slab_thickness, tolerance and
-       scattering_resolution, which must be 0, and of open `samples` of lights. See sps_budget_report. Seconds count by
-       clock_fn, for the whole call. Chooses the setting with the least expected error that fits; if none fits, the
-       fastest, with a message. */
+    /* Time or error of a picture (set one, or none: 0) instead of quality, slab_thickness, tolerance and
+       scattering_resolution, which must be 0, and of `samples` of lights where that is 0. Seconds of clock_fn for the
+       whole call: chooses the least expected error that fits, or the fastest setting, with a message, if none does. */
     double budget_seconds;
-    /* Largest root mean square error of radiance, relative to the picture's mean radiance. Chooses the cheapest setting
-       expected to keep it; UNSUPPORTED if there is none. An estimate without guarantee, from the scenes of
-       docs/budget.md, which also lists what it leaves out. */
+    /* Largest root mean square error of radiance, relative to the picture's mean: chooses the cheapest setting expected
+       to keep it; UNSUPPORTED if there is none. An estimate without guarantee; docs/budget.md lists what it leaves
+       out. */
     double budget_error;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
@@ -776,33 +746,30 @@ typedef struct sps_image {
 /* How sps_reference computes an image. */
 typedef struct sps_reference_settings {
     uint32_t start_canary; /* leave 0 */
-    /* Step along a ray, > 0, in voxels, or in units of 0.7 times the particles' geometric mean radius if that is less.
-       The error is second order in it. */
+    /* Step along a ray, > 0, in voxels (particles: 0.7 times their geometric mean radius, if that is less). The error
+       is second order in it. */
     double step;
-    /* Random paths per pixel, up to 2^20. 0: light scatters as sps_view.scattering says, and ambient light is
-       unshadowed. Then AUTO and MULTIPLE are SPS_ERROR_UNSUPPORTED if gas scatters light, or emits or shades light on
-       polygons, and CONVOLUTION if gas scatters light that casts shadows. Above 0: full multiple scattering in gas and
-       between gas and polygons, whatever the view says, and ambient light shadowed by both. Single scattering is
-       marched, the rest an unbiased estimate; its noise falls with the square root of the number. Paths do not call
-       shade_fn; they use the mesh's albedo. */
+    /* Random paths per pixel, up to 2^20. 0: scattering as in sps_view, and ambient light unshadowed. Then AUTO and
+       MULTIPLE are SPS_ERROR_UNSUPPORTED if gas scatters, or emits or shades light on polygons; so is CONVOLUTION if
+       gas scatters and a light casts shadows. Above 0: multiple scattering in gas and between gas and polygons, and
+       ambient light shadowed by both, whatever the view says. Unbiased; noise falls with the square root. Paths use the
+       mesh's albedo, not shade_fn. */
     int samples;
     uint64_t seed; /* seed of the paths; the same seed gives the same image for any number of workers */
     /* Optional, with 2 samples or more: standard error of radiance, three floats per pixel, laid out as the image.
        Estimated from the variance of the paths. Written on SPS_OK only. */
     float *error;
-    /* Optional, both or neither, two buffers of three floats per pixel, laid out as the image: bounds of the radiance
-       for single scattering, whatever the step. The image is their middle. Needs `samples` 0; steps are at most 0.75
-       voxels along each axis. SPS_ERROR_UNSUPPORTED for multiple scattering, transfer functions, area lights,
-       projectors, and particles in scattered light. docs/manual.md, section 11, says what they include. Written on
-       SPS_OK only. */
+    /* Optional, both or neither, two buffers of three floats per pixel, laid out as the image: bounds of singly
+       scattered radiance, for any step; the image is their middle. Needs `samples` 0. SPS_ERROR_UNSUPPORTED for
+       multiple scattering, transfer functions, area lights, projectors, and particles in scattered light. See
+       docs/manual.md, section 11. Written on SPS_OK only. */
     float *lower, *upper;
     uint32_t end_canary; /* leave 0 */
 } sps_reference_settings;
 
-/* The setting that a budget chose, and its expected time and error; all 0 without a budget. Time counts pixels, slabs,
-   texels, points and cells, times the context's measured rates of earlier frames with a budget. Before these, and
-   without clock_fn, rates are of two cores of an AMD EPYC with vectors of 16 floats. Error is twice the worst in a list
-   of scenes with such contents (docs/budget.md). */
+/* The setting that a budget chose, with its expected time and error; all 0 without a budget. Expectations follow from
+   the context's earlier frames with a budget (at first: of two AMD EPYC cores with AVX-512) and from a list of scenes.
+   See docs/budget.md. */
 typedef struct sps_budget_report {
     int is_met;          /* 1: a budget is set, and expected to be met */
     double seconds;      /* of the whole call; in sps_render, with the measured time until everything was read */
@@ -826,8 +793,8 @@ typedef enum sps_pass {
     SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets with volumes and particles, once per sweep; twice with forward
                                 scattering from a light behind that shades by sheets */
     SPS_PASS_LIGHT_SHEETS,   /* fills the sheets of each shadowing light without a map */
-    SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map or a table; includes
-                                tables that turn out to be cached */
+    SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map or a table; counts
+                                cached tables */
     SPS_PASS_PENUMBRAE,      /* follows the points of area lights through the sheets */
     SPS_PASS_GRADIENT,       /* gradients of surface-shaded volumes, from their voxels */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
@@ -857,9 +824,9 @@ typedef struct sps_plan_report {
     int slab_count;                  /* slabs of the longest sweep */
     int shadow_width, shadow_height; /* texels of the largest shadow buffer */
     int light_points; /* maximum number of points that stand for a light: 1 without area lights; 0: no light */
-    /* Number of volumes gathered into the eye's sheets, into any light's, and into the samples of cells or of spreading
-       light. The strings, static, say why the first volume is gathered or splatted there. Before voxels are read,
-       volumes count as full boxes, and cells as one grid. */
+    /* Number of volumes gathered into the eye's sheets, any light's, and cells' or spreading light's samples; and why
+       the first volume is gathered or splatted there (static strings). Unread volumes count as full boxes, cells as one
+       grid. */
     int eye_gathered, light_gathered, cells_gathered;
     const char *eye_filling, *light_filling, *cells_filling;
     /* SPS_SCATTERING_AUTO: as in sps_stats_report if all gas is cached, or with polygons; otherwise -1, and cells are
@@ -867,21 +834,20 @@ typedef struct sps_plan_report {
     double scatter_bound;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read;     /* exact, borders of blocks counted each time */
-    /* Chosen before anything is read: unread gas fills its box and scatters multiply under AUTO, and particles count as
-       nothing. sps_render may choose otherwise, or find an error met or unmet that is not so here. */
+    /* As known before reading: volumes fill their boxes, AUTO means MULTIPLE, and particles count as nothing.
+       sps_render may choose otherwise, and judge an error budget otherwise. */
     sps_budget_report budget;
-    /* Upper bound of the context's memory, with image.depth, without layers (of pixels, and of lights' texels) and the
-       lists of maps, which may be several times as much. Often 2 or 3 times the actual use. With particles it is far
-       higher, unless shadow_resolution or shadow_map_resolution is set. With area lights it holds unless some point
-       sees gas more than twice as wide as their sheets. With a budget, it is that of the setting in `budget`. */
+    /* Upper bound of the context's memory, with image.depth, without layers (of pixels, of lights' texels) and the
+       lists of maps, which may be several times as much. Often 2 or 3 times the use; with particles far more, unless
+       shadow_resolution and shadow_map_resolution are set. With a budget: of the setting in `budget`. */
     size_t bytes;
 } sps_plan_report;
 
 typedef struct sps_stats_report {
-    /* By clock_fn, in this order: reading voxels, particles and triangles; rasterising triangles; shade_fn; building
-       the shadow tree; tracing shadow rays; binning bricks and particles; lights' sheets; cells, or spreading light;
-       the eye's sheets, shading and the image; the whole call. Preparing bricks counts in the stage that first needs
-       them. sps_reference and sps_tmap_finish set only seconds_total. */
+    /* By clock_fn: reading voxels, particles and triangles; rasterising; shade_fn; building the shadow tree; shadow
+       rays; binning bricks and particles; lights' sheets; cells or spreading light; the eye's sheets, shading and the
+       image; the whole call. Preparing bricks counts in the stage that first needs them. sps_reference and
+       sps_tmap_finish set only seconds_total. */
     double seconds_gather, seconds_polygons, seconds_textures, seconds_tree, seconds_shadow_rays;
     double seconds_bin, seconds_light, seconds_cells, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls, background_calls;
@@ -902,11 +868,11 @@ typedef struct sps_stats_report {
     uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
     uint64_t eye_samples, light_samples; /* samples of gathered volumes */
-    /* Bound of the error of optical depth that sps_view.tolerance caused on any ray of the eye, or of a light's sheets,
-       without the kernels' own ripple. */
+    /* Bound of the error of optical depth by sps_view.tolerance, on any ray of the eye or of a light's sheets, without
+       kernel ripple. */
     float eye_bound, light_bound;
     uint64_t tables_made, tables_held; /* shadow tables made or updated, and reused from the last call */
-    /* Patches of these tables, up to 8 x 8 texels over the whole depth range: filled, and kept from the last call. */
+    /* Patches of these tables, up to 8 x 8 texels over the whole depth range: filled, and kept. */
     uint64_t table_patches_made, table_patches_held;
     /* Cells in which light was followed; SPS_SCATTERING_CONVOLUTION: texels of all lights' sheets. 0: cached from the
        last call, or not asked for. */
@@ -995,26 +961,23 @@ SPS_API const char *sps_error(const sps_context *context);
 SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 
 /* Reports what sps_render would run for this scene and view, and why. Calls range_fn, but reads no voxels, triangles or
-   particles: slab_count is that of the volumes alone, and with particles shadow_width and shadow_height are upper
-   bounds. Volumes count as full boxes, so it may report UNSUPPORTED (SPS_SHADOW_SHEETS) or too many slabs where
-   sps_render succeeds. `report` is filled on SPS_OK and zeroed otherwise. Errors: ARGUMENT, MEMORY, CALLBACK
-   (range_fn), UNSUPPORTED. */
+   particles: slab_count is of the volumes alone, and with particles shadow_width and shadow_height are bounds. Volumes
+   count as full boxes, so UNSUPPORTED (SPS_SHADOW_SHEETS) or too many slabs may occur where sps_render succeeds.
+   `report` is filled on SPS_OK and zeroed otherwise. Errors: ARGUMENT, MEMORY, CALLBACK (range_fn), UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report);
 
-/* Renders the view's region into the caller's image, which is written only if SPS_OK is returned. Time is about
-   (relevant voxels) * (footprint area in pixels) * (slabs that a voxel touches) for splatted volumes, pixels * (slabs
-   in gas) for gathered ones. Each shadowing light adds as much, by its texels. Multiple scattering adds the cells. Any
-   sps_result can occur. */
+/* Renders the view's region into the caller's image, which is written only if SPS_OK is returned. Time is about voxels
+   * footprint pixels * slabs of each for splatted volumes, pixels * slabs in gas for gathered ones; as much for each
+   shadowing light, by its texels; and the cells of multiple scattering. Any sps_result can occur. */
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image);
 
-/* Renders the same scene by brute-force ray marching in double precision, as a reference to measure against. Each
-   sample of f(p) traces a shadow ray per light; polygons and particles are intersected exactly. With settings->samples,
-   random paths add multiple scattering, which SPS_SCATTERING_AUTO, MULTIPLE and CONVOLUTION need. No slicing limit: any
-   light, any camera. Quality, slab_thickness, tolerance and budgets have no effect. All voxels, triangles and particles
-   are in memory at once (docs/manual.md, section 11). The image is written only if SPS_OK is returned. Any sps_result
-   can occur. */
+/* Renders the same scene by brute-force ray marching in double precision, a reference to measure against. Each sample
+   of f(p) traces a shadow ray per light; polygons and particles are intersected exactly. Random paths
+   (settings->samples) add multiple scattering. No slicing limit: any light, any camera. Quality, slab_thickness,
+   tolerance and budgets have no effect. Keeps all voxels, triangles and particles in memory (docs/manual.md, section
+   11). The image is written only if SPS_OK is returned. Any sps_result can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
                                  const sps_reference_settings *settings, const sps_image *image);
 
@@ -1052,18 +1015,18 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *l
    of times before that. Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 
-/* Reads the occluders' data and makes the map. Each texel's ray receives every particle at its chord, every voxel's
-   kernel cut at slabs perpendicular to the light's axis, and every triangle where it is. Time is about occluders *
-   texels under them * components; docs/manual.md, section 12, lists the memory. After a failure the map can only be
-   destroyed. Errors: ARGUMENT (finished already), and all those of sps_render. */
+/* Reads the occluders' data and makes the map: every particle at its chord along each texel's ray, every voxel's kernel
+   cut at slabs perpendicular to the light's axis, every triangle where it is. Time is about occluders * texels under
+   them * components; memory: docs/manual.md, section 12. After a failure the map can only be destroyed. Errors:
+   ARGUMENT (finished already), and all of sps_render's. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
 /* Writes the optical depth between the light and each of `count` world positions (packed triples), and exp(-that);
-   either array may be NULL. Gas is interpolated between four texels; surfaces shade by the fraction of these that they
-   cover. Optical depth is 0, and transmittance 1, outside the map, behind the light, before near_depth, and for a
-   position that is not finite; 1e15 and 0 behind surfaces that cover all four texels. May be called from many threads,
-   and so records no error in the context. Errors, which leave both arrays untouched: ARGUMENT (map is NULL or not
-   finished; positions is NULL and count is not 0). */
+   either array may be NULL. Gas is interpolated between four texels; surfaces count by the fraction of these that they
+   cover. Outside the map, behind the light, before near_depth and at positions that are not finite: 0 and 1. Behind
+   surfaces that cover all four texels: 1e15 and 0. May be called from many threads, and so records no error in the
+   context. Errors, which leave both arrays untouched: ARGUMENT (map is NULL or not finished; positions is NULL and
+   count is not 0). */
 SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
                                   float *transmittances);
 
@@ -1073,20 +1036,18 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
                                          float *optical_depths, float *transmittances);
 
 /* Writes conservative bounds of the optical depth along the texels' rays, up to round-off: for deep, opacity, deep
-   opacity, moment and Beer maps, and for compressed ones without components. 0 and 1e15 for the others. Volumes count
-   as fields of kernels cut by `quality`; at medium the cut changes optical depth by up to 0.9 % of the fullest voxels'
-   and 0.5 % of its own (docs/manual.md, section 12). least or most may be NULL. Threads and errors as for
-   sps_tmap_query. */
+   opacity, moment and Beer maps, and for compressed ones without components. 0 and 1e15 for the others. Kernels count
+   as cut by `quality`, an error of optical depth of up to 1 % at medium (docs/manual.md, section 12). least or most may
+   be NULL. Threads and errors as for sps_tmap_query. */
 SPS_API sps_result sps_tmap_bounds(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most);
 
-/* Returns the texels for an engine to upload, rows from the top, `components` floats each. Deep maps have intervals
-   (u0, u1, optical depth, softness), compressed maps nodes (u, transmittance), texel after texel. Softness is 0 for
-   even density, 1 for a chord that is densest in the middle, less for its last part if the light is inside. An interval
-   may begin before u = 0, and that part counts at 0, or end behind 1, where all of it counts. Six faces follow each
-   other, +x -x +y -y +z -z, columns and rows along the next two axes, y z, z x or x y. The centres of the outermost
-   texels lie on the cube's edges, so this is not a hardware cube map. Valid until sps_tmap_destroy; NULL before
-   sps_tmap_finish. examples/shaders/ has the code that samples them as sps_tmap_query does. */
+/* Returns the texels to upload, rows from the top, `components` floats each. Deep maps have intervals (u0, u1, optical
+   depth, softness), compressed maps nodes (u, transmittance), texel after texel. Softness is 0 for even density, 1 for
+   a chord that is densest in the middle, less for its last part if the light is inside. What an interval has before u =
+   0 counts at 0; at u = 1 all of it counts. Six faces follow each other, +x -x +y -y +z -z, columns and rows along the
+   next two axes, y z, z x or x y. Centres of outermost texels lie on the cube's edges: not a hardware cube map. Valid
+   until sps_tmap_destroy; NULL before sps_tmap_finish. examples/shaders/ samples them as sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
 
 /* Deep and compressed maps: returns the index of each texel's first interval or node, followed by the number of all.
